@@ -28,6 +28,9 @@ class MavlinkHost {
     return {bytes, bytes + size};
   }
 
+  // From now on packets are of the older format.
+  void speak_mavlink_1() { numbering_.flags |= MAVLINK_STATUS_FLAG_OUT_MAVLINK1; }
+
   std::string heartbeat() {
     mavlink_heartbeat_t content{};
     content.type = MAV_TYPE_GCS;
@@ -44,12 +47,14 @@ class MavlinkHost {
     return pack(mavlink_msg_command_long_encode_status, content);
   }
 
-  // Forward and to the left, of 1000.
-  std::string stick(std::int16_t forward, std::int16_t left = 0) {
+  // Forward and to the right, of 1000; the other stick stands anywhere.
+  std::string stick(std::int16_t forward, std::int16_t right = 0) {
     mavlink_manual_control_t content{};
     content.target = 1;
     content.x = forward;
-    content.r = left;
+    content.y = right;
+    content.z = 500;
+    content.r = -300;
     return pack(mavlink_msg_manual_control_encode_status, content);
   }
 

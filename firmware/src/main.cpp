@@ -29,15 +29,13 @@ bool store_log(void*) { return car().firmware.store_log(); }
 
 // begin() turns the outputs off, which may still be driving from before a reset, before it does anything else.
 //
-// The oscillator's frequency is a parameter, so the servos are ready only behind begin(). If they are not, the first pulse
+// The oscillator's frequency is a parameter, so the servos are ready only behind apply(). If they are not, the first pulse
 // is a bus fault.
 void setup() {
   Car& me = car();
   me.board.begin(kBaud);
   me.firmware.begin(foldcar::read_stored_design(me.board.logs.present()));
-  const foldcar::Parameters& parameters = me.firmware.parameters();
-  if (parameters.get(foldcar::Parameter::kOeWired) == 1.0f) me.board.servos.use_output_enable();
-  me.board.servos.set_oscillator_hz(parameters.get(foldcar::Parameter::kPwmOscHz));
+  me.board.apply(me.firmware.parameters());
   if (!foldcar::start_background_task(store_log, nullptr)) me.board.logs.give_up();
   me.board.board.start_watchdog();
 }

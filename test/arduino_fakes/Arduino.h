@@ -10,15 +10,19 @@
 // The calibrated voltage (mV) at a pin; the core returns 0 if the conversion fails.
 inline std::uint32_t analogReadMilliVolts(std::uint8_t pin) { return fake_esp32.pin_mv[pin]; }
 
-constexpr int LOW = 0, HIGH = 1, OUTPUT = 3;
-inline void digitalWrite(std::uint8_t pin, std::uint8_t level) {
-  fake_esp32.written_levels[pin] = level;
-  if (fake_esp32.pin_levels.count(pin) > 0) fake_esp32.pin_levels[pin] = level;
-}
-// A pin that becomes an output has the level last written, low if none was.
+#define IRAM_ATTR
+constexpr int LOW = 0, HIGH = 1, INPUT = 1, OUTPUT = 3, INPUT_PULLUP = 5;
+// A pin that becomes an output has the level of its register.
 inline void pinMode(std::uint8_t pin, std::uint8_t mode) {
+  fake_esp32.pin_modes[pin] = mode;
   if (mode == OUTPUT) fake_esp32.pin_levels[pin] = fake_esp32.written_levels[pin];
 }
+// As in Arduino-ESP32 3.x, nothing happens before pinMode.
+inline void digitalWrite(std::uint8_t pin, std::uint8_t level) {
+  if (fake_esp32.pin_modes.count(pin) > 0) write_fake_pin(pin, level);
+}
+// An input with a pull-up is high unless something connects it to ground.
+inline int digitalRead(std::uint8_t pin) { return fake_esp32.grounded_pins.count(pin) > 0 ? LOW : HIGH; }
 
 inline void delay(std::uint32_t ms) { pass_fake_time(1000 * static_cast<std::int64_t>(ms)); }
 

@@ -26,13 +26,15 @@ struct OpenFile {
     commit();
     --fake_esp32.flash.open_count[path];
   }
-  // A file system that is full keeps what it has; nothing reports that.
+  // A file system that fails keeps what it has; nothing reports that. Without a free block, LittleFS divides by zero.
   void commit() {
     FakeFlash& flash = fake_esp32.flash;
-    if (!writes || !flash.is_mounted) return;
-    std::size_t others = 0;
-    for (const auto& [name, stored] : flash.files) others += name == path ? 0 : stored.size();
-    if (others + content.size() <= flash.capacity) flash.files[path] = content;
+    if (!writes || !flash.is_mounted || flash.write_fails) return;
+    const std::string before = flash.files[path];
+    flash.files[path] = content;
+    if (used_fake_bytes(flash) < flash.capacity) return;
+    flash.divided_by_zero = true;
+    flash.files[path] = before;
   }
 };
 
@@ -93,6 +95,7 @@ class FS {
       for (const auto& [name, content] : flash.files) file->entries.push_back(name);
     } else if (std::string(mode) == FILE_WRITE) {
       file->writes = true;
+      flash.divided_by_zero = flash.divided_by_zero || used_fake_bytes(flash) >= flash.capacity;
       flash.files.emplace(path, "");
     } else if (flash.files.count(path) == 0) {
       return File();

@@ -17,6 +17,8 @@ class LittleFSFS : public FS {
     }
     return flash.is_mounted = flash.is_formatted;
   }
+  std::size_t totalBytes() { return fake_esp32.flash.capacity; }
+  std::size_t usedBytes() { return used_fake_bytes(fake_esp32.flash); }
 };
 
 }  // namespace fs

@@ -13,7 +13,7 @@ class Preferences {
   // False if it is open already, the name is longer than 15 characters, or NVS cannot be opened.
   bool begin(const char* name, bool read_only = false) {
     if (is_open_ || std::strlen(name) > kLongestName || fake_esp32.flash.nvs_is_broken) return false;
-    is_open_ = true;
+    is_open_ = fake_esp32.flash.nvs_is_open = true;
     read_only_ = read_only;
     name_ = name;
     return true;

@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <deque>
 #include <map>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -48,15 +49,26 @@ struct FakeUart {
 
 struct FakeFlash {
   bool nvs_is_broken = false;
+  bool nvs_is_open = false;
   bool nvs_is_full = false;
   std::map<std::string, std::map<std::string, std::vector<std::uint8_t>>> nvs;  // by namespace and key
   bool is_formatted = true;   // the partition holds a file system
   bool is_mounted = false;
+  bool write_fails = false;  // nothing is stored any more
   bool read_fails = false;  // a file gives fewer bytes than it has
-  std::size_t capacity = 1400000;            // bytes
+  std::size_t capacity = 1441792;            // bytes
+  bool divided_by_zero = false;  // something was to be written where no block was free: the board has crashed
   std::map<std::string, std::string> files;  // what is committed, by path
   std::map<std::string, int> open_count;     // open handles, by path
 };
+
+// Bytes of the blocks in use: those of each file, and two of the file system's own.
+inline std::size_t used_fake_bytes(const FakeFlash& flash) {
+  constexpr std::size_t kBlock = 4096;
+  std::size_t blocks = 2;
+  for (const auto& file : flash.files) blocks += (file.second.size() + kBlock - 1) / kBlock;
+  return blocks * kBlock;
+}
 
 struct FakeTask {
   void (*function)(void*) = nullptr;  // null: none was made
@@ -81,6 +93,8 @@ constexpr esp_err_t ESP_OK = 0;
 struct FakeEsp32 {
   std::int64_t time_us = 0;
   std::uint32_t pin_mv[40] = {};  // voltage (mV) at each analogue input
+  std::map<int, int> pin_modes;       // by pin, of those that were set
+  std::set<int> grounded_pins;        // by something outside, such as a button
   std::map<int, int> written_levels;  // by pin
   std::map<int, int> pin_levels;      // of the pins that are outputs
   std::deque<FakeTimer> timers;    // their handles point here
@@ -97,6 +111,12 @@ struct FakeEsp32 {
 };
 
 inline FakeEsp32 fake_esp32;
+
+// Sets a pin's register, and its level if it is an output.
+inline void write_fake_pin(int pin, int level) {
+  fake_esp32.written_levels[pin] = level;
+  if (fake_esp32.pin_levels.count(pin) > 0) fake_esp32.pin_levels[pin] = level;
+}
 
 // Lets time pass in which loop() does nothing: timers go on.
 inline void pass_fake_time(std::int64_t us) {

@@ -12,6 +12,11 @@ class FakeLsm6dsox : public I2cChip {
   std::array<double, 3> acceleration_m_s2{};
   std::array<double, 3> rate_rad_s{};
 
+  // A dip of its supply: every register is as after power-on, and both sensors are off.
+  void dip() {
+    for (std::uint8_t& value : registers_) value = 0;
+  }
+
   bool write(const std::vector<std::uint8_t>& bytes) override {
     if (bytes.empty()) return true;
     pointer_ = bytes[0];

@@ -157,3 +157,49 @@ TEST(an_imu_that_falls_silent_leaves_the_sample_alone) {
   TEST_ASSERT_EQUAL_FLOAT(7.0f, sample.rate_rad_s[2]);
   TEST_ASSERT_TRUE(bench.hal.imu.present());
 }
+
+// It would hold the attitude, and with it the protection against tilting, for ever.
+TEST(an_imu_that_was_switched_off_by_a_dip_of_its_supply_does_not_answer) {
+  BegunBench bench(true);
+  ImuSample sample;
+  TEST_ASSERT_TRUE(bench.hal.imu.read(sample));
+  bench.imu_chip.dip();
+  sample.rate_rad_s[2] = 7.0f;
+  TEST_ASSERT_FALSE(bench.hal.imu.read(sample));
+  TEST_ASSERT_EQUAL_FLOAT(7.0f, sample.rate_rad_s[2]);
+}
+
+// With 20 and 10 kOhm at A2.
+TEST(the_servos_battery_is_measured_where_it_is_wired) {
+  FeatherBench bench;
+  Parameters parameters;
+  fake_esp32.pin_mv[34] = 1643;
+  bench.hal.begin(115200);
+  bench.hal.apply(parameters);
+  TEST_ASSERT_FLOAT_IS_NAN(bench.hal.servo_battery.voltage_v());
+  parameters.set(Parameter::kServoDivider, 3.0f);
+  bench.hal.apply(parameters);
+  TEST_ASSERT_FLOAT_WITHIN(1e-3f, 4.929f, bench.hal.servo_battery.voltage_v());
+  fake_esp32.pin_mv[34] = 142;
+  TEST_ASSERT_FLOAT_IS_NAN(bench.hal.servo_battery.voltage_v());
+}
+
+TEST(the_button_connects_its_pin_to_ground_and_the_led_is_the_boards) {
+  FeatherBench bench;
+  Parameters parameters;
+  bench.hal.begin(115200);
+  fake_esp32.grounded_pins = {32};
+  bench.hal.apply(parameters);
+  TEST_ASSERT_FALSE(bench.hal.board.button_is_pressed());
+  TEST_ASSERT_EQUAL_UINT_MESSAGE(0, fake_esp32.pin_modes.count(32), "the pin is left alone");
+  parameters.set(Parameter::kButtonWired, 1.0f);
+  bench.hal.apply(parameters);
+  TEST_ASSERT_EQUAL_INT(INPUT_PULLUP, fake_esp32.pin_modes.at(32));
+  TEST_ASSERT_TRUE(bench.hal.board.button_is_pressed());
+  fake_esp32.grounded_pins.clear();
+  TEST_ASSERT_FALSE(bench.hal.board.button_is_pressed());
+  for (const bool on : {true, false}) {
+    bench.hal.board.set_led(on);
+    TEST_ASSERT_EQUAL_INT(on ? HIGH : LOW, fake_esp32.pin_levels.at(13));
+  }
+}

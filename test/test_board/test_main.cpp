@@ -19,7 +19,7 @@ struct WatchedChip : FakePca9685 {
   bool write(const std::vector<std::uint8_t>& bytes) override {
     if (!is_off) {
       const FakeFlash& flash = fake_esp32.flash;
-      others_came_first = fake_esp32.uart.baud != 0 || flash.is_mounted || !flash.nvs.empty() || fake_esp32.time_us != 0 ||
+      others_came_first = fake_esp32.uart.baud != 0 || flash.is_mounted || flash.nvs_is_open || fake_esp32.time_us != 0 ||
                           fake_esp32.task.function != nullptr || fake_esp32.watchdog_s != 0;
     }
     const bool taken = FakePca9685::write(bytes);
@@ -39,6 +39,11 @@ static void start_board() {
   servo_chip.is_off = true;
   drive_from_before(servo_chip);
   servo_chip.is_off = false;
+  servo_chip.oscillator_hz = 26e6;
+  for (const auto& [name, value] : {std::pair("OE_WIRED", 1.0f), std::pair("PWM_OSC_HZ", 26e6f)}) {
+    const auto* bytes = reinterpret_cast<const std::uint8_t*>(&value);
+    fake_esp32.flash.nvs["foldcar"][name].assign(bytes, bytes + sizeof value);
+  }
   setup();
 }
 
@@ -49,6 +54,8 @@ TEST(the_board_turns_its_outputs_off_first_and_drives_and_stores_in_two_tasks) {
   TEST_ASSERT_TRUE(servo_chip.transmissions.front() == all_off);
   TEST_ASSERT_FALSE(servo_chip.has_driven);
   TEST_ASSERT_FALSE_MESSAGE(servo_chip.others_came_first, "serial port, flash or a task before the outputs are off");
+  TEST_ASSERT_FLOAT_WITHIN(50.0f, 20000.0f, static_cast<float>(servo_chip.period_us()));
+  TEST_ASSERT_EQUAL_INT_MESSAGE(HIGH, fake_esp32.pin_levels.at(27), "output enable is wired, and off");
   TEST_ASSERT_EQUAL_UINT32(1, fake_esp32.watchdog_s);
   TEST_ASSERT_TRUE(fake_esp32.watchdog_panics && fake_esp32.watchdog_guards_loop);
 
@@ -76,6 +83,7 @@ TEST(the_board_turns_its_outputs_off_first_and_drives_and_stores_in_two_tasks) {
   run(60, host.command(MAV_CMD_FOLDCAR_START_TRIAL, {0.2f, 0, 1, 1, 7}), true);
   TEST_ASSERT_EQUAL_UINT(MAV_RESULT_ACCEPTED, host.acks().back().result);
   TEST_ASSERT_TRUE(servo_chip.pulse_us(0) > 0);
+  TEST_ASSERT_EQUAL_INT(LOW, fake_esp32.pin_levels.at(27));
   run(1100, "", false);
   TEST_ASSERT_EQUAL_UINT8(FOLDCAR_LOG_OPEN, host.trials().back().log);
   TEST_ASSERT_TRUE_MESSAGE(fake_esp32.flash.files.empty(), "loop() has written to flash");

@@ -7,6 +7,9 @@
 
 using namespace foldcar;
 
+extern "C" void __wrap_esp_panic_handler(void* info);
+extern "C" [[noreturn]] void __wrap_esp_restart_noos();
+
 static PulsesUs pulse_on(std::size_t channel, float pulse_us) {
   PulsesUs pulses_us{};
   pulses_us[channel] = pulse_us;
@@ -71,20 +74,27 @@ TEST(a_write_to_a_bus_that_fails_is_told) {
 
 // As when flash is erased, which stops both cores in the middle of a transfer.
 TEST(one_transfer_that_fails_is_repeated) {
-  for (int transfer = 0; transfer < 8; ++transfer) {
-    BegunBench bench(true);
-    fake_esp32.i2c.fails_at = transfer;
-    TEST_ASSERT_TRUE(bench.hal.servos.write_pulses(pulse_on(7, 1700.0f)));
-    TEST_ASSERT_EQUAL_INT_MESSAGE(-1, fake_esp32.i2c.fails_at, "none has failed");
-    TEST_ASSERT_FLOAT_WITHIN(2.5f, 1700.0f, static_cast<float>(bench.servo_chip.pulse_us(7)));
-    fake_esp32.i2c.fails_at = 0;
-    TEST_ASSERT_TRUE(bench.hal.servos.write_pulses(PulsesUs{}));
-    TEST_ASSERT_TRUE(bench.servo_chip.pulse_us(7) == 0);
-    fake_esp32.i2c.fails_at = 0;
-    ImuSample sample;
-    TEST_ASSERT_TRUE(bench.hal.imu.read(sample));
-    TEST_ASSERT_FLOAT_WITHIN(0.01f, 9.81f, sample.acceleration_m_s2[2]);
-  }
+  BegunBench bench(true);
+  fake_esp32.i2c.fails_at = 0;
+  TEST_ASSERT_TRUE(bench.hal.servos.write_pulses(pulse_on(7, 1700.0f)));
+  TEST_ASSERT_EQUAL_INT_MESSAGE(-1, fake_esp32.i2c.fails_at, "none has failed");
+  TEST_ASSERT_FLOAT_WITHIN(2.5f, 1700.0f, static_cast<float>(bench.servo_chip.pulse_us(7)));
+  fake_esp32.i2c.fails_at = 0;
+  TEST_ASSERT_TRUE(bench.hal.servos.write_pulses(PulsesUs{}));
+  TEST_ASSERT_TRUE(bench.servo_chip.pulse_us(7) == 0);
+  fake_esp32.i2c.fails_at = 0;
+  ImuSample sample;
+  TEST_ASSERT_TRUE(bench.hal.imu.read(sample));
+  TEST_ASSERT_FLOAT_WITHIN(0.01f, 9.81f, sample.acceleration_m_s2[2]);
+}
+
+TEST(all_outputs_change_in_one_transfer) {
+  BegunBench bench;
+  const std::size_t before = bench.servo_chip.transmissions.size();
+  PulsesUs pulses_us;
+  pulses_us.fill(1500.0f);
+  TEST_ASSERT_TRUE(bench.hal.servos.write_pulses(pulses_us));
+  TEST_ASSERT_EQUAL_UINT(before + 1, bench.servo_chip.transmissions.size());
 }
 
 // The chip, or the bus, was not there at the start; nothing is set up, even if it answers later.
@@ -127,6 +137,7 @@ TEST(a_transfer_that_fails_while_the_rate_is_set_never_leads_to_wrong_pulses) {
 
 // With a wire, pulses end when they are turned off, and 150 ms after the last write of a loop that hangs.
 TEST(output_enable_is_low_only_while_pulses_are_written) {
+  TEST_ASSERT_EQUAL_UINT64(150000, OutputGate::kHoldUs);  // docs/firmware.md
   BegunBench bench;
   TEST_ASSERT_TRUE(bench.hal.servos.use_output_enable());
   const int& level = fake_esp32.pin_levels[27];
@@ -145,6 +156,58 @@ TEST(output_enable_is_low_only_while_pulses_are_written) {
   fake_esp32.i2c.bus_hangs = true;
   TEST_ASSERT_FALSE(bench.hal.servos.write_pulses(PulsesUs{}));
   TEST_ASSERT_EQUAL_INT_MESSAGE(HIGH, level, "the pulses end although the driver does not answer");
+}
+
+// Notes output enable's level while the chip is written to.
+struct GatedChip : FakePca9685 {
+  std::vector<int> levels;
+  bool write(const std::vector<std::uint8_t>& bytes) override {
+    levels.push_back(fake_esp32.pin_levels[27]);
+    return FakePca9685::write(bytes);
+  }
+};
+
+TEST(pulses_are_let_through_after_they_are_written_and_held_back_before_they_are_turned_off) {
+  BegunBench bench;
+  GatedChip chip;
+  for (const auto& bytes : bench.servo_chip.transmissions) chip.write(bytes);
+  fake_esp32.i2c.chips[0x40] = &chip;
+  TEST_ASSERT_TRUE(bench.hal.servos.use_output_enable());
+  const int& level = fake_esp32.pin_levels[27];
+  chip.levels.clear();
+  TEST_ASSERT_TRUE(bench.hal.servos.write_pulses(pulse_on(0, 1500.0f)));
+  TEST_ASSERT_EQUAL_INT(HIGH, chip.levels.at(0));
+  TEST_ASSERT_EQUAL_INT(LOW, level);
+  TEST_ASSERT_TRUE(bench.hal.servos.write_pulses(PulsesUs{}));
+  TEST_ASSERT_EQUAL_INT(HIGH, chip.levels.at(1));
+  fake_esp32.i2c.bus_hangs = true;
+  TEST_ASSERT_FALSE(bench.hal.servos.write_pulses(pulse_on(0, 1500.0f)));
+  TEST_ASSERT_EQUAL_INT_MESSAGE(HIGH, level, "pulses that may be wrong are not let through");
+}
+
+static int level_in_the_sdks_handler = LOW;
+extern "C" void __real_esp_panic_handler(void*) { level_in_the_sdks_handler = fake_esp32.pin_levels[27]; }
+
+extern "C" [[noreturn]] void __real_esp_restart_noos() { throw FakeRestart(); }
+
+// The SDK's handler prints and restarts the processors, which leaves the pins as they are.
+TEST(a_crash_and_a_dip_of_the_supply_end_the_pulses_first) {
+  for (const bool crashes : {true, false}) {
+    BegunBench bench;
+    TEST_ASSERT_TRUE(bench.hal.servos.use_output_enable());
+    TEST_ASSERT_TRUE(bench.hal.servos.write_pulses(pulse_on(0, 1500.0f)));
+    TEST_ASSERT_EQUAL_INT(LOW, fake_esp32.pin_levels[27]);
+    if (crashes) {
+      __wrap_esp_panic_handler(nullptr);
+      TEST_ASSERT_EQUAL_INT(HIGH, level_in_the_sdks_handler);
+    } else {
+      try {
+        __wrap_esp_restart_noos();
+      } catch (const FakeRestart&) {
+      }
+    }
+    TEST_ASSERT_EQUAL_INT(HIGH, fake_esp32.pin_levels[27]);
+  }
 }
 
 TEST(without_a_timer_output_enable_stays_high_and_no_pulse_is_written) {

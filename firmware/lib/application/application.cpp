@@ -27,6 +27,7 @@ void Application::begin(const DesignResult& design) {
   report_start_fault();
   last_tick_us_ = hal_.clock.now_us();
   battery_v_ = hal_.battery.voltage_v();
+  servo_battery_v_ = hal_.servo_battery.voltage_v();
 }
 
 void Application::tick() {
@@ -34,6 +35,8 @@ void Application::tick() {
   const auto step_us = static_cast<std::uint32_t>(std::min(now_us - last_tick_us_, kLongestStepUs));
   last_tick_us_ = now_us;
   battery_v_ = hal_.battery.voltage_v();
+  servo_battery_v_ = hal_.servo_battery.voltage_v();
+  read_button(now_us);
   const bool imu_lost = !read_imu(step_us);
   supervisor_.tick({now_us, battery_v_, imu_lost, attitude_.known ? tilt_rad(attitude_) : 0.0f});
   if (supervisor_.pulses_enabled()) {
@@ -55,6 +58,7 @@ Refusal Application::disarm() {
 }
 
 Refusal Application::start(const TrialRequest& request) {
+  if (request.waits_for_button && parameters_.get(Parameter::kButtonWired) == 0.0f) return Refusal::kNoButton;
   const std::uint64_t now_us = hal_.clock.now_us();
   const Refusal refusal = supervisor_.start(request, now_us);
   if (refusal != Refusal::kNone) return refusal;
@@ -137,7 +141,8 @@ bool Application::reset_parameters() {
 }
 
 Status Application::status() const {
-  return {supervisor_.state(), supervisor_.fault(), supervisor_.trial_elapsed_us(), battery_v_, pulses_us_};
+  return {supervisor_.state(), supervisor_.fault(), supervisor_.trial_elapsed_us(), battery_v_,
+          pulses_us_,          servo_battery_v_,    supervisor_.countdown_us()};
 }
 
 // The servos' current may have caused the reset, so a person must acknowledge it before the car drives again.
@@ -179,6 +184,14 @@ void Application::refuse_design() {
 void Application::report_start_fault() {
   const auto found = std::find_if(start_faults_.begin(), start_faults_.end(), [](Fault f) { return f != Fault::kNone; });
   if (found != start_faults_.end()) supervisor_.report(*found);
+}
+
+// A contact that bounces for less than a tick is seen pressed once only. It acts once for each time it is pressed.
+void Application::read_button(std::uint64_t now_us) {
+  constexpr std::uint32_t kPressedTicks = 2;
+  const bool is_pressed = parameters_.get(Parameter::kButtonWired) == 1.0f && hal_.board.button_is_pressed();
+  pressed_ticks_ = is_pressed ? pressed_ticks_ + 1 : 0;
+  if (pressed_ticks_ == kPressedTicks) supervisor_.press_button(now_us);
 }
 
 bool Application::read_imu(std::uint32_t step_us) {

@@ -28,6 +28,8 @@ struct Status {
   std::uint64_t trial_elapsed_us;
   float battery_v;
   PulsesUs pulses_us;
+  float servo_battery_v;         // NaN if it is not measured
+  std::uint64_t countdown_us;  // how long the car still counts before its wheels start
 };
 
 class Application {
@@ -46,7 +48,8 @@ class Application {
   Refusal disarm();
   // Starts a trial with the controller's parameters as they are now; one that changes during the trial acts on the next.
   Refusal start(const TrialRequest& request);
-  // Drives at the fraction forward (-1 to 1) of the largest speed and left (-1 to 1) of the largest yaw rate.
+  // Drives at the fraction forward (-1 to 1) of the largest speed and left (-1 to 1) of the largest yaw rate. Only this
+  // call keeps manual driving alive, refresh_command() does not.
   Refusal drive_manually(float forward, float left);
   // Sends one output of a disarmed car (channel from 0) a pulse of pulse_us (1000 to 2000 µs, or kNoPulse) for time_s (s).
   Refusal test(std::size_t channel, float pulse_us, float time_s);
@@ -66,7 +69,8 @@ class Application {
   bool reset_parameters();
 
   Status status() const;
-  bool is_driving() const { return supervisor_.pulses_enabled(); }
+  // Whether wheels are driven, or will be without a further request.
+  bool is_driving() const { return supervisor_.is_driving(); }
   bool is_armed() const { return supervisor_.state() == State::kArmed || is_driving(); }
   // Whether the car has disarmed because its host was silent, and has not been armed since.
   bool host_timed_out() const { return supervisor_.host_timed_out(); }
@@ -85,6 +89,7 @@ class Application {
   void refuse_design();
   // Reports the first fault of the start that nobody has acknowledged.
   void report_start_fault();
+  void read_button(std::uint64_t now_us);
   bool read_imu(std::uint32_t step_us);  // false if there is an IMU and it does not answer
   PulsesUs pulses(std::uint32_t step_us);
   void apply_parameters(std::uint64_t now_us);
@@ -105,6 +110,8 @@ class Application {
   ImuSample imu_sample_;
   std::uint64_t last_tick_us_ = 0;
   float battery_v_ = 0.0f;
+  float servo_battery_v_ = 0.0f;
+  std::uint32_t pressed_ticks_ = 0;  // for how long the button is pressed
   bool servos_answer_ = false;
   PulsesUs pulses_us_{};
 };

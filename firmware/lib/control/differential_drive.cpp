@@ -31,7 +31,7 @@ WheelSpeeds wheel_speeds(const Calibration& calibration, const SetPoint& set_poi
 
 PulsesUs drive(const Calibration& calibration, DriveState& state, const SetPoint& set_point,
                std::uint32_t step_us) {
-  state.elapsed_us += step_us;
+  state.elapsed_us += std::min(step_us, UINT32_MAX - state.elapsed_us);
   const WheelSpeeds speeds = wheel_speeds(calibration, set_point);
   PulsesUs pulses_us{};
   for (std::size_t channel = 0; channel < kChannelCount; ++channel) {

@@ -26,7 +26,7 @@ struct WheelSpeeds {
 
 // The controller's state; a new object is that at the start of a trial.
 struct DriveState {
-  std::uint32_t elapsed_us = 0;  // since the start; 32 bits last 71 minutes, the longest trial 60
+  std::uint32_t elapsed_us = 0;  // since the start; stands still after 71 minutes, when 32 bits are full
   std::array<float, kChannelCount> excess_us{};  // pulse width beyond the deadband (µs), positive drives forward
 };
 

@@ -17,9 +17,10 @@ extern "C" void __wrap_esp_core_dump_init() {}  // NOLINT(bugprone-reserved-iden
 namespace foldcar {
 namespace {
 
-constexpr std::uint8_t kBatteryPin = 35;  // A13
-constexpr float kBatteryDivider = 2.0f;   // 100 kΩ over 100 kΩ
-// No cell that supplies the board has so little (V): the divider is broken. A pin without voltage reads 142 mV, 0.28 V.
+constexpr std::uint8_t kLedPin = 13;
+constexpr std::uint8_t kButtonPin = 32;
+// No battery that works has so little (V): the divider is broken, or the battery switched off. A pin without voltage reads
+// 142 mV, 0.28 V behind a divider by 2.
 constexpr float kLowestCellV = 1.0f;
 constexpr std::uint32_t kWatchdogS = 1;
 // Bytes; more than a host sends between two polls. A PARAM_SET packet has 37.
@@ -30,7 +31,8 @@ constexpr std::size_t kReceiveBufferSize = 1024;
 std::uint64_t FeatherClock::now_us() const { return static_cast<std::uint64_t>(esp_timer_get_time()); }
 
 float FeatherBattery::voltage_v() {
-  const float volts = kBatteryDivider * 0.001f * static_cast<float>(analogReadMilliVolts(kBatteryPin));
+  if (divider_ == 0.0f) return NAN;
+  const float volts = divider_ * 0.001f * static_cast<float>(analogReadMilliVolts(pin_));
   return volts < kLowestCellV ? NAN : volts;
 }
 
@@ -63,6 +65,19 @@ void Esp32Board::start_watchdog() {
   esp_task_wdt_init(kWatchdogS, true);
 #endif
   enableLoopWDT();  // the core feeds it after every loop()
+}
+
+void Esp32Board::use_button() {
+  pinMode(kButtonPin, INPUT_PULLUP);
+  has_button_ = true;
+}
+
+bool Esp32Board::button_is_pressed() { return has_button_ && digitalRead(kButtonPin) == LOW; }
+
+void Esp32Board::set_led(bool on) {
+  if (!led_is_output_) pinMode(kLedPin, OUTPUT);
+  led_is_output_ = true;
+  digitalWrite(kLedPin, on ? HIGH : LOW);
 }
 
 ResetReason Esp32Board::reset_reason() const {

@@ -13,10 +13,17 @@ class FeatherClock : public Clock {
   std::uint64_t now_us() const override;
 };
 
-// The board's LiPo cell, measured through the divider of 100 kΩ and 100 kΩ at A13.
+// A battery at an analogue pin, through two resistors.
 class FeatherBattery : public Battery {
  public:
+  // divider: the battery's voltage divided by the pin's; 0: nothing is wired there.
+  FeatherBattery(std::uint8_t pin, float divider) : pin_(pin), divider_(divider) {}
+  void set_divider(float divider) { divider_ = divider; }
   float voltage_v() override;
+
+ private:
+  std::uint8_t pin_;
+  float divider_;
 };
 
 class SerialLink : public ByteLink {
@@ -31,9 +38,17 @@ class Esp32Board : public Board {
  public:
   // Restarts the board whenever loop() takes longer than 1 s: the servo driver would continue with its pulses.
   void start_watchdog();
+  // From now on there is a button, between GPIO32 and ground.
+  void use_button();
+  void set_led(bool on) override;
+  bool button_is_pressed() override;
   ResetReason reset_reason() const override;
   void restart() override;
   bool is_simulated() const override { return false; }
+
+ private:
+  bool has_button_ = false;
+  bool led_is_output_ = false;
 };
 
 }  // namespace foldcar

@@ -1,5 +1,6 @@
 #include "feather_imu.h"
 
+#include <algorithm>
 #include <cstdint>
 
 #include <Arduino.h>
@@ -49,6 +50,8 @@ bool FeatherImu::read(ImuSample& sample) {
   const auto answers = [&] { return device_->write_then_read(&kFirstOutput, 1, bytes, sizeof bytes); };
   // The second attempt is for a transfer that an erasure of flash has interrupted.
   if (device_ == nullptr || !(answers() || answers())) return false;
+  // After a dip of its supply the chip is switched off: it answers zeros, which no working one does on six axes.
+  if (std::all_of(bytes, bytes + sizeof bytes, [](std::uint8_t byte) { return byte == 0; })) return false;
   for (std::size_t axis = 0; axis < 3; ++axis) {
     sample.rate_rad_s[axis] = kRatePerBit * value_at(bytes + 2 * axis);
     sample.acceleration_m_s2[axis] = kAccelerationPerBit * value_at(bytes + 6 + 2 * axis);

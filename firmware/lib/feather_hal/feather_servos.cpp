@@ -13,7 +13,7 @@ constexpr std::uint8_t kAddress = 0x40;
 constexpr int kSdaPin = 23;
 constexpr int kSclPin = 22;
 constexpr std::uint32_t kBusHz = 400000;
-// A write takes 0.2 ms. A bus that fails should not delay the loop by more than half a tick, in kAttempts. The SDK's driver
+// A write takes 0.8 ms. A bus that fails should not delay the loop by more than half a tick, in kAttempts. The SDK's driver
 // may wait for up to 1 s all the same where its own state machine hangs; the watchdog then restarts the board.
 constexpr std::uint16_t kBusTimeOutMs = 5;
 // Erasing flash stops both cores of the ESP32 for about 45 ms. A transfer that it interrupts times out.
@@ -21,6 +21,9 @@ constexpr int kAttempts = 2;
 constexpr float kPulseRateHz = 50.0f;
 constexpr std::uint16_t kTicksPerPeriod = 4096;
 
+// LED0_ON_L. Each output has four registers: on and off time, low byte first. The driver's setPWMFreq() has set the bit by
+// which the register address increments.
+constexpr std::uint8_t kFirstOutputRegister = 0x06;
 // ALL_LED_OFF_H with its full-off bit: this one register turns every output off, whatever its pulse.
 constexpr std::uint8_t kAllOffRegister = 0xFD;
 constexpr std::uint8_t kFullOff = 0x10;
@@ -64,29 +67,28 @@ bool FeatherServos::write_pulses(const PulsesUs& pulses_us) {
     if (!(pulse_us >= 0.0f && pulse_us <= kLongestOutputUs)) return false;
   }
   if (us_per_tick_ == 0.0f) return false;
+  // One transfer, at whose end the chip changes all outputs together.
+  std::uint8_t bytes[1 + 4 * kChannelCount] = {kFirstOutputRegister};
   for (std::size_t channel = 0; channel < kChannelCount; ++channel) {
     const float pulse_us = pulses_us[channel];
     // An off time of a whole period is the chip's full-off bit.
     const std::uint16_t ticks =
         pulse_us == kNoPulse ? kTicksPerPeriod : static_cast<std::uint16_t>(pulse_us / us_per_tick_ + 0.5f);
-    if (!write_ticks(static_cast<std::uint8_t>(channel), ticks)) return false;
+    bytes[3 + 4 * channel] = static_cast<std::uint8_t>(ticks);
+    bytes[4 + 4 * channel] = static_cast<std::uint8_t>(ticks >> 8);
   }
-  return gate_.open();
-}
-
-bool FeatherServos::write_ticks(std::uint8_t channel, std::uint16_t ticks) {
-  for (int attempt = 0; attempt < kAttempts; ++attempt) {
-    if (driver_.setPWM(channel, 0, ticks) == 0) return true;
-  }
-  return false;
+  return write(bytes, sizeof bytes) && gate_.open();
 }
 
 bool FeatherServos::write_off() {
-  for (int attempt = 0; bus_open_ && attempt < kAttempts; ++attempt) {
+  const std::uint8_t bytes[] = {kAllOffRegister, kFullOff};
+  return bus_open_ && write(bytes, sizeof bytes);
+}
+
+bool FeatherServos::write(const std::uint8_t* bytes, std::size_t size) {
+  for (int attempt = 0; attempt < kAttempts; ++attempt) {
     Wire.beginTransmission(kAddress);
-    Wire.write(kAllOffRegister);
-    Wire.write(kFullOff);
-    if (Wire.endTransmission() == 0) return true;
+    if (Wire.write(bytes, size) == size && Wire.endTransmission() == 0) return true;
   }
   return false;
 }

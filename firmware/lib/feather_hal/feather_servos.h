@@ -30,8 +30,9 @@ class FeatherServos : public WheelServos {
   bool write_pulses(const PulsesUs& pulses_us) override;
 
  private:
-  bool write_ticks(std::uint8_t channel, std::uint16_t ticks);
   bool write_off();
+  // One transfer: a register's address and the bytes from there on.
+  bool write(const std::uint8_t* bytes, std::size_t size);
 
   Adafruit_PWMServoDriver driver_;
   OutputGate gate_;

@@ -15,6 +15,11 @@ namespace {
 constexpr const char* kLogPrefix = "log_";
 // LittleFS copies a file's last block, and so erases another, after every flush.
 constexpr std::size_t kFlushedBytes = 32 * 1024;
+// Bytes of the file system that logs leave free: what a flush copies, and blocks of LittleFS's own. Where none is free, the
+// LittleFS of Arduino-ESP32 2.0.17 divides by zero (littlefs pull request 966).
+constexpr std::size_t kReserve = 32 * 1024;
+
+bool has_room_for(std::size_t size) { return LittleFS.usedBytes() + size + kReserve <= LittleFS.totalBytes(); }
 
 struct LogPath {
   explicit LogPath(std::uint16_t id) {
@@ -43,7 +48,7 @@ void FlashLogs::give_up() {
 }
 
 bool FlashLogs::create(std::uint16_t id) {
-  if (!mounted_ || id == 0) return false;
+  if (!mounted_ || id == 0 || !has_room_for(0)) return false;
   close_reading();
   written_ = LittleFS.open(LogPath(id).text, FILE_WRITE);
   written_size_ = flushed_size_ = 0;
@@ -53,10 +58,11 @@ bool FlashLogs::create(std::uint16_t id) {
   return true;
 }
 
-// What follows the last flush is lost in a brown-out. flush() reports no error: that the file system is full shows in the
-// size that it has stored.
+// What follows the last flush is lost in a brown-out. flush() reports no error: that storage has failed shows in the size
+// that it has stored.
 bool FlashLogs::append(const std::uint8_t* data, std::size_t size) {
-  if (!written_ || written_.write(data, size) != size) return false;
+  if (!written_ || !has_room_for(written_size_ - flushed_size_ + size)) return false;
+  if (written_.write(data, size) != size) return false;
   written_size_ += size;
   if (written_size_ - flushed_size_ < kFlushedBytes) return true;
   written_.flush();

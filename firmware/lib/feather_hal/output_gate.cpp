@@ -1,21 +1,27 @@
 #include "output_gate.h"
 
 #include <Arduino.h>
+#include <soc/gpio_struct.h>
 
 namespace foldcar {
 namespace {
 
-void disable_output(void*) { digitalWrite(OutputGate::kPin, HIGH); }
+constexpr std::uint32_t kPinBit = 1u << OutputGate::kPin;
+
+// The GPIO register itself: it holds its level before the pin is an output, through a crash and through a restart of the
+// processors, and can be written while flash is off.
+inline __attribute__((always_inline)) void disable_output() { GPIO.out_w1ts = kPinBit; }
+
+void disable_output_late(void*) { disable_output(); }
 
 }  // namespace
 
-// The level is set first, so that the pin is never driven low here.
 bool OutputGate::begin() {
   is_used_ = true;
-  disable_output(nullptr);
+  disable_output();  // before the pin is an output, so that it is never driven low here
   pinMode(kPin, OUTPUT);
   esp_timer_create_args_t settings{};
-  settings.callback = disable_output;
+  settings.callback = disable_output_late;
   settings.name = "output gate";
   return esp_timer_create(&settings, &timer_) == ESP_OK;
 }
@@ -25,14 +31,32 @@ bool OutputGate::open() {
   if (timer_ == nullptr) return false;
   esp_timer_stop(timer_);  // fails if it does not run
   if (esp_timer_start_once(timer_, kHoldUs) != ESP_OK) return false;
-  digitalWrite(kPin, LOW);
+  GPIO.out_w1tc = kPinBit;
   return true;
 }
 
 void OutputGate::close() {
   if (!is_used_) return;
-  disable_output(nullptr);
+  disable_output();
   if (timer_ != nullptr) esp_timer_stop(timer_);
 }
 
 }  // namespace foldcar
+
+// In the place of the SDK's, by the linker (platformio.ini): the SDK restarts the processors without a reset of the pins,
+// after a crash or a watchdog's time-out, which print first, and at a dip of the supply. In RAM, because flash may be off.
+// Without a wire the pin is no output, and its level has no effect.
+// NOLINTBEGIN(bugprone-reserved-identifier)
+extern "C" void __real_esp_panic_handler(void* info);
+extern "C" [[noreturn]] void __real_esp_restart_noos();
+
+extern "C" IRAM_ATTR void __wrap_esp_panic_handler(void* info) {
+  foldcar::disable_output();
+  __real_esp_panic_handler(info);
+}
+
+extern "C" [[noreturn]] IRAM_ATTR void __wrap_esp_restart_noos() {
+  foldcar::disable_output();
+  __real_esp_restart_noos();
+}
+// NOLINTEND(bugprone-reserved-identifier)

@@ -1,7 +1,7 @@
 // The servo driver's output enable (#OE), for boards on which it is wired to GPIO27 with a pull-up (docs/firmware.md).
 //
-// Low lets pulses through. Whatever does not hold it low ends them: a reset of the ESP32, whose pin floats then and is
-// pulled up, and, by a timer of the other core than loop()'s, a loop that no longer writes pulses.
+// Low lets pulses through. Pulses end with a reset of the chip, whose pin floats then and is pulled up; with a crash and
+// a dip of the supply, whose handlers set the pin high; and, by a timer of the other core than loop()'s, with a loop that no longer writes pulses.
 #pragma once
 
 #include <esp_timer.h>

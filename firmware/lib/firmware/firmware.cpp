@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "led.h"
+
 namespace foldcar {
 
 namespace {
@@ -39,6 +41,7 @@ void Firmware::tick(std::uint64_t now_us) {
   }
   application_.tick();
   link_.run();
+  hal_.board.set_led(led_is_on(application_.status().state, link_.log_state(), now_us));
   ++loop_.tick_count;
   loop_.last_us = static_cast<std::uint32_t>(hal_.clock.now_us() - now_us);
   loop_.worst_us = std::max(loop_.worst_us, loop_.last_us);

@@ -124,6 +124,10 @@ class Board {
   virtual ResetReason reset_reason() const = 0;
   // Restarts the board. A simulated board returns from this call; its stepper restarts the firmware.
   virtual void restart() = 0;
+  // The board's light-emitting diode.
+  virtual void set_led(bool on) = 0;
+  // Whether the car's button is pressed, without debouncing; false on a car without one.
+  virtual bool button_is_pressed() = 0;
   // Whether this is a simulator and no board: whoever keeps results must be able to tell them apart.
   virtual bool is_simulated() const = 0;
 };
@@ -132,7 +136,8 @@ class Board {
 struct Hal {
   Clock& clock;
   WheelServos& servos;
-  Battery& battery;
+  Battery& battery;        // supplies the board
+  Battery& servo_battery;  // NaN also on a car that does not measure it
   ByteLink& link;
   Storage& storage;
   Imu& imu;

@@ -63,7 +63,9 @@ mavlink_foldcar_trial_t trial(const CarView& car) {
   content.state = static_cast<std::uint8_t>(status.state);
   content.end = static_cast<std::uint8_t>(car.application.trial_end());
   content.fault = static_cast<std::uint8_t>(status.fault);
-  content.flags = request.untethered ? FOLDCAR_TRIAL_FLAGS_UNTETHERED : 0;
+  content.flags = static_cast<std::uint8_t>((request.untethered ? FOLDCAR_TRIAL_FLAGS_UNTETHERED : 0) |
+                                            (request.waits_for_button ? FOLDCAR_TRIAL_FLAGS_BUTTON : 0));
+  content.countdown_ms = static_cast<std::uint32_t>(status.countdown_us / 1000);
   content.log = static_cast<std::uint8_t>(car.log.state);
   content.log_lost = car.log.lost_bytes;
   return content;
@@ -186,8 +188,22 @@ void pack_own(const CarView& car, PacketNumbers& numbers, mavlink_message_t& mes
   kEncode(kCarSystem, kOwnComponent, &numbers.own, &message, &content);
 }
 
+// By values in aligned arrays: the struct's last array stands at an odd address, which the ESP32 cannot read as words.
+void pack_servo_battery(const CarView& car, PacketNumbers& numbers, mavlink_message_t& message) {
+  constexpr std::uint16_t kNone = UINT16_MAX;
+  const float millivolts = std::clamp(1000.0f * car.application.status().servo_battery_v, 0.0f, 65534.0f);
+  const std::uint16_t cells_mv[10] = {static_cast<std::uint16_t>(std::lround(millivolts)),
+                                      kNone, kNone, kNone, kNone, kNone, kNone, kNone, kNone, kNone};
+  const std::uint16_t more_cells_mv[4] = {};
+  mavlink_msg_battery_status_pack_status(kCarSystem, kCarComponent, &numbers.car, &message, FOLDCAR_BATTERY_SERVOS,
+                                         MAV_BATTERY_FUNCTION_PROPULSION, MAV_BATTERY_TYPE_UNKNOWN, INT16_MAX, cells_mv,
+                                         -1, -1, -1, -1, 0, MAV_BATTERY_CHARGE_STATE_UNDEFINED, more_cells_mv,
+                                         MAV_BATTERY_MODE_UNKNOWN, 0);
+}
+
 bool always(const CarView&) { return true; }
 bool has_imu(const CarView& car) { return car.hal.imu.present(); }
+bool measures_servo_battery(const CarView& car) { return !std::isnan(car.application.status().servo_battery_v); }
 
 struct Row {
   MessageInfo info;
@@ -204,6 +220,7 @@ constexpr Row kRows[] = {
      always,
      pack<mavlink_msg_servo_output_raw_encode_status, servo_output>},
     {{MAVLINK_MSG_ID_SYS_STATUS, 500000}, always, pack<mavlink_msg_sys_status_encode_status, system_status>},
+    {{MAVLINK_MSG_ID_BATTERY_STATUS, 500000}, measures_servo_battery, pack_servo_battery},
     {{MAVLINK_MSG_ID_ATTITUDE, 100000}, has_imu, pack<mavlink_msg_attitude_encode_status, attitude>},
     {{MAVLINK_MSG_ID_SCALED_IMU, 100000}, has_imu, pack<mavlink_msg_scaled_imu_encode_status, scaled_imu>},
     {{MAVLINK_MSG_ID_SYSTEM_TIME, 1000000}, always, pack<mavlink_msg_system_time_encode_status, system_time>},

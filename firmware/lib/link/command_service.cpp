@@ -1,7 +1,9 @@
 #include "command_service.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <iterator>
 
 namespace foldcar {
 namespace {
@@ -19,6 +21,7 @@ MAV_RESULT result_of(Refusal refusal) {
     case Refusal::kSpeedLimit:
     case Refusal::kYawRateLimit:
     case Refusal::kTimeLimit:
+    case Refusal::kDelay:
     case Refusal::kTest:
     case Refusal::kMessage: return MAV_RESULT_DENIED;
     case Refusal::kUnknownCommand: return MAV_RESULT_UNSUPPORTED;
@@ -86,6 +89,8 @@ void CommandService::report(const mavlink_command_long_t& command, const Host& h
     status_text_.send(MAV_SEVERITY_WARNING, "refused:", HeldBy(controlling_host).text);
   } else if (answer.refusal == Refusal::kDesign) {
     status_text_.send(MAV_SEVERITY_WARNING, "refused:", application_.design().problem);
+  } else if (command.command == MAV_CMD_REQUEST_MESSAGE && answer.refusal == Refusal::kMessage) {
+    // Ground stations try which messages a vehicle has. The acknowledgement tells them.
   } else if (answer.refusal != Refusal::kNone) {
     status_text_.send(MAV_SEVERITY_WARNING, "refused:", text(answer.refusal));
   } else if (command.command == MAV_CMD_COMPONENT_ARM_DISARM && was_armed != application_.is_armed()) {
@@ -110,6 +115,8 @@ CommandService::Answer CommandService::execute(const mavlink_command_long_t& com
   const auto answer = [](Refusal refusal) { return Answer{result_of(refusal), refusal}; };
   if (moves(command) && !sender.known) return answer(Refusal::kUnknownHost);
   if (controls(command) && application_.is_armed() && sender.host != controlling_host) return answer(Refusal::kHeld);
+  // A step of storing stops both cores for up to 0.6 s.
+  if (moves(command) && !trial_log_.is_idle()) return answer(Refusal::kStoring);
   switch (command.command) {
     case MAV_CMD_COMPONENT_ARM_DISARM: return arm_or_disarm(command.param1);
     case MAV_CMD_FOLDCAR_START_TRIAL: return start(command);
@@ -151,16 +158,19 @@ CommandService::Answer CommandService::test(const mavlink_command_long_t& comman
 }
 
 CommandService::Answer CommandService::start(const mavlink_command_long_t& command) {
-  const bool whole =
-      is_whole(command.param4, FOLDCAR_TRIAL_FLAGS_UNTETHERED) && is_whole(command.param5, kLargestTrialId);
-  if (!whole) return {MAV_RESULT_DENIED, Refusal::kNotANumber};
+  // The button is for a car without a cable.
+  constexpr float kFlags[] = {0, FOLDCAR_TRIAL_FLAGS_UNTETHERED, FOLDCAR_TRIAL_FLAGS_UNTETHERED | FOLDCAR_TRIAL_FLAGS_BUTTON};
+  const bool has_flags = std::find(std::begin(kFlags), std::end(kFlags), command.param4) != std::end(kFlags);
+  if (!has_flags || !is_whole(command.param5, kLargestTrialId)) return {MAV_RESULT_DENIED, Refusal::kNotANumber};
   TrialRequest request;
   request.speed_m_s = command.param1;
   request.yaw_rate_rad_s = command.param2;
   request.time_limit_s = command.param3;
   request.untethered = command.param4 != 0.0f;
+  request.waits_for_button = command.param4 > FOLDCAR_TRIAL_FLAGS_UNTETHERED;
+  request.delay_s = command.param6;
   request.id = static_cast<std::uint32_t>(command.param5);
-  const bool lacks_log = request.untethered && !trial_log_.is_ready();
+  const bool lacks_log = request.untethered && !hal_.logs.present();
   const Refusal refusal = lacks_log ? Refusal::kNoLog : application_.start(request);
   return {result_of(refusal), refusal};
 }

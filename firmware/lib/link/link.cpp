@@ -83,10 +83,11 @@ void Link::run() {
 }
 
 void Link::handle(const mavlink_message_t& message, bool late) {
+  if (message.magic == MAVLINK_STX_MAVLINK1) return complain("MAVLink 1: set the host to MAVLink 2");
   if (late) return handle_late(message);
   const Host host{message.sysid, message.compid};
   const Sender sender{host, note_host(host.system), false};
-  // Any packet of the host that armed or drives shows that it is still there.
+  // Any packet of the host that armed or drives shows that it is still there; in manual driving only its stick does.
   if (!is_controlled_by_other(sender)) application_.refresh_command();
   switch (message.msgid) {
     case MAVLINK_MSG_ID_COMMAND_LONG: {
@@ -107,6 +108,7 @@ void Link::handle(const mavlink_message_t& message, bool late) {
       return;
     }
     case MAVLINK_MSG_ID_PARAM_SET: return set_parameter(message, sender);
+    case MAVLINK_MSG_ID_MISSION_REQUEST_LIST: return answer_mission_list(message);
     case MAVLINK_MSG_ID_TIMESYNC: return answer_timesync(message);
     case MAVLINK_MSG_ID_PING: return answer_ping(message);
     case MAVLINK_MSG_ID_COMMAND_INT:
@@ -121,10 +123,11 @@ void Link::handle(const mavlink_message_t& message, bool late) {
 }
 
 void Link::handle_late(const mavlink_message_t& message) {
+  const Sender sender{{message.sysid, message.compid}, false, true};
+  if (message.msgid == MAVLINK_MSG_ID_PARAM_SET) return set_parameter(message, sender);
   if (message.msgid != MAVLINK_MSG_ID_COMMAND_LONG) return;
   const auto command = decoded<mavlink_command_long_t>(mavlink_msg_command_long_decode, message);
-  if (!is_for_car(command)) return;
-  commands_.handle(command, {{message.sysid, message.compid}, false, true}, view(), controlling_host_);
+  if (is_for_car(command)) commands_.handle(command, sender, view(), controlling_host_);
 }
 
 void Link::handle_log_request(const mavlink_message_t& message, const Sender& sender) {
@@ -157,8 +160,9 @@ void Link::handle_log_request(const mavlink_message_t& message, const Sender& se
 void Link::set_parameter(const mavlink_message_t& message, const Sender& sender) {
   const auto request = decoded<mavlink_param_set_t>(mavlink_msg_param_set_decode, message);
   if (!is_for_car(request)) return;
-  const HeldBy held(controlling_host_);
-  parameters_.set(request, is_controlled_by_other(sender) ? held.text : nullptr);
+  if (sender.late) return parameters_.refuse(request, Refusal::kLate, text(Refusal::kLate));
+  if (is_controlled_by_other(sender)) return parameters_.refuse(request, Refusal::kHeld, HeldBy(controlling_host_).text);
+  parameters_.set(request);
 }
 
 // What ground stations send to vehicles that have modes and a radio control.
@@ -203,14 +207,27 @@ void Link::drive_manually(const mavlink_message_t& message, const Sender& sender
   const auto axis = [](std::int16_t value) {
     return std::abs(value) <= 1000 ? 0.001f * static_cast<float>(value) : 0.0f;
   };
-  const float forward = axis(stick.x), left = axis(stick.r);
+  // As ground stations steer a rover with one stick: y to the right, as on the stick. z is left alone, because a throttle
+  // at rest may be anything from 0 to 500; so is r, whose sign depends on the age of MAVLink's definition.
+  const float forward = axis(stick.x), left = -axis(stick.y);
   const bool moves = forward != 0.0f || left != 0.0f;
   if (is_controlled_by_other(sender)) {
     if (moves) complain(HeldBy(controlling_host_).text);
     return;
   }
-  const Refusal refusal = application_.drive_manually(forward, left);
+  const Refusal refusal = trial_log_.is_idle() ? application_.drive_manually(forward, left) : Refusal::kStoring;
   if (moves && refusal != Refusal::kNone) complain(text(refusal));
+}
+
+// A ground station asks every vehicle for its mission, and waits.
+void Link::answer_mission_list(const mavlink_message_t& message) {
+  const auto request = decoded<mavlink_mission_request_list_t>(mavlink_msg_mission_request_list_decode, message);
+  if (!is_for_car(request)) return;
+  mavlink_mission_count_t answer{};
+  answer.target_system = message.sysid;
+  answer.target_component = message.compid;
+  answer.mission_type = request.mission_type;
+  outbox_.send(mavlink_msg_mission_count_encode_status, answer, Priority::kAnswer);
 }
 
 void Link::answer_timesync(const mavlink_message_t& message) {

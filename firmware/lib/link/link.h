@@ -40,6 +40,8 @@ class Link {
   // For another task: stores a part of a trial's log. Returns whether there is more to do at once.
   bool store_log() { return trial_log_.store(); }
 
+  LogState log_state() const { return trial_log_.status().state; }
+
   // Whether a host has requested a restart of the board, and all is stored.
   bool restart_is_due() const;
 
@@ -59,6 +61,7 @@ class Link {
   // Says that a control which a host sends many times a second is refused, once in a while.
   void complain(const char* why);
   void drive_manually(const mavlink_message_t& message, const Sender& sender);
+  void answer_mission_list(const mavlink_message_t& message);
   void answer_timesync(const mavlink_message_t& message);
   void answer_ping(const mavlink_message_t& message);
   void report_changes();

@@ -12,6 +12,7 @@ static_assert(kStampSize + MAVLINK_NUM_NON_PAYLOAD_BYTES + kLargestContent <= kL
 static_assert(1 + 10 + (kLargestContent + 7) / 8 + kLargestContent <= kLargestPacked, "and a packed one");
 static_assert(MAVLINK_MSG_ID_FOLDCAR_TRIAL_LEN <= kLargestContent && MAVLINK_MSG_ID_SYS_STATUS_LEN <= kLargestContent &&
                   MAVLINK_MSG_ID_SERVO_OUTPUT_RAW_LEN <= kLargestContent &&
+                  MAVLINK_MSG_ID_BATTERY_STATUS_LEN <= kLargestContent &&
                   MAVLINK_MSG_ID_ATTITUDE_LEN <= kLargestContent && MAVLINK_MSG_ID_SCALED_IMU_LEN <= kLargestContent,
               "it is the longest");
 

@@ -15,9 +15,10 @@
 namespace foldcar {
 
 // The messages of a log: first the car's design, then these, again and again.
-constexpr std::array<std::uint32_t, 6> kLogged = {MAVLINK_MSG_ID_FOLDCAR_DESIGN,   MAVLINK_MSG_ID_FOLDCAR_TRIAL,
+constexpr std::array<std::uint32_t, 7> kLogged = {MAVLINK_MSG_ID_FOLDCAR_DESIGN,   MAVLINK_MSG_ID_FOLDCAR_TRIAL,
                                                   MAVLINK_MSG_ID_SERVO_OUTPUT_RAW, MAVLINK_MSG_ID_SYS_STATUS,
-                                                  MAVLINK_MSG_ID_ATTITUDE,         MAVLINK_MSG_ID_SCALED_IMU};
+                                                  MAVLINK_MSG_ID_ATTITUDE,         MAVLINK_MSG_ID_SCALED_IMU,
+                                                  MAVLINK_MSG_ID_BATTERY_STATUS};
 
 // The longest of their contents.
 constexpr std::size_t kLargestContent = MAVLINK_MSG_ID_FOLDCAR_DESIGN_LEN;

@@ -7,39 +7,51 @@ namespace foldcar {
 namespace {
 
 constexpr std::size_t kHeaderSize = 10;
+constexpr std::size_t kHeaderSize1 = 6;  // of MAVLink 1
 constexpr std::size_t kChecksumSize = 2;
 // The bytes of a packet come without a pause: one that is incomplete after this time (µs) is a false start.
 constexpr std::uint64_t kPauseUs = 100000;
 
-std::uint32_t message_id(const std::uint8_t* packet) {
-  return packet[7] | (static_cast<std::uint32_t>(packet[8]) << 8) | (static_cast<std::uint32_t>(packet[9]) << 16);
-}
+bool is_start(std::uint8_t byte) { return byte == MAVLINK_STX || byte == MAVLINK_STX_MAVLINK1; }
 
-// The message whose header this can be; null if there is none.
-const mavlink_msg_entry_t* message_entry(const std::uint8_t* packet) {
-  const bool is_signed_or_new = packet[2] != 0;
-  if (is_signed_or_new) return nullptr;
-  const mavlink_msg_entry_t* entry = mavlink_get_msg_entry(message_id(packet));
-  return entry != nullptr && packet[1] <= entry->max_msg_len ? entry : nullptr;
-}
+// What the first bytes of a packet say; entry is null if they are no header of a known message.
+struct Header {
+  std::size_t size;
+  std::uint32_t message_id = 0;
+  const mavlink_msg_entry_t* entry = nullptr;
 
-bool checksum_is_right(const std::uint8_t* packet, const mavlink_msg_entry_t& entry) {
-  const std::size_t end = kHeaderSize + packet[1];
+  explicit Header(const std::uint8_t* packet) : size(packet[0] == MAVLINK_STX ? kHeaderSize : kHeaderSize1) {
+    const bool is_new = size == kHeaderSize;
+    const bool is_signed_or_newer = is_new && packet[2] != 0;
+    if (is_signed_or_newer) return;
+    message_id = is_new ? packet[7] | (static_cast<std::uint32_t>(packet[8]) << 8) |
+                              (static_cast<std::uint32_t>(packet[9]) << 16)
+                        : packet[5];
+    entry = mavlink_get_msg_entry(message_id);
+    if (entry == nullptr) return;
+    // MAVLink 2 leaves zeros at the end away, MAVLink 1 the fields that were added later.
+    const bool fits = is_new ? packet[1] <= entry->max_msg_len : packet[1] == entry->min_msg_len;
+    if (!fits) entry = nullptr;
+  }
+};
+
+bool checksum_is_right(const std::uint8_t* packet, const Header& header) {
+  const std::size_t end = header.size + packet[1];
   std::uint16_t checksum = crc_calculate(packet + 1, static_cast<std::uint16_t>(end - 1));
-  crc_accumulate(entry.crc_extra, &checksum);
+  crc_accumulate(header.entry->crc_extra, &checksum);
   return packet[end] == (checksum & 0xFF) && packet[end + 1] == (checksum >> 8);
 }
 
-void copy_packet(const std::uint8_t* packet, mavlink_message_t& message) {
+void copy_packet(const std::uint8_t* packet, const Header& header, mavlink_message_t& message) {
+  const std::uint8_t* sender = packet + (header.size == kHeaderSize ? 4 : 2);
   message = mavlink_message_t{};
   message.magic = packet[0];
   message.len = packet[1];
-  message.compat_flags = packet[3];
-  message.seq = packet[4];
-  message.sysid = packet[5];
-  message.compid = packet[6];
-  message.msgid = message_id(packet);
-  std::memcpy(_MAV_PAYLOAD_NON_CONST(&message), packet + kHeaderSize, packet[1]);
+  message.seq = sender[0];
+  message.sysid = sender[1];
+  message.compid = sender[2];
+  message.msgid = header.message_id;
+  std::memcpy(_MAV_PAYLOAD_NON_CONST(&message), packet + header.size, packet[1]);
 }
 
 }  // namespace
@@ -55,12 +67,14 @@ std::size_t PacketParser::feed(const std::uint8_t* data, std::size_t size, std::
 bool PacketParser::next(mavlink_message_t& message, std::uint64_t now_us) {
   for (;;) {
     drop_noise();
-    const mavlink_msg_entry_t* entry = size_ >= kHeaderSize ? message_entry(bytes_.data()) : nullptr;
-    const std::size_t whole = entry != nullptr ? kHeaderSize + bytes_[1] + kChecksumSize : kHeaderSize;
+    // What is behind the bytes that have arrived is ignored until enough have.
+    const Header header(bytes_.data());
+    const bool is_known = size_ >= header.size && header.entry != nullptr;
+    const std::size_t whole = is_known ? header.size + bytes_[1] + kChecksumSize : header.size;
     if (size_ < whole) {
       if (size_ == 0 || now_us - fed_us_ < kPauseUs) return false;
-    } else if (entry != nullptr && checksum_is_right(bytes_.data(), *entry)) {
-      copy_packet(bytes_.data(), message);
+    } else if (is_known && checksum_is_right(bytes_.data(), header)) {
+      copy_packet(bytes_.data(), header, message);
       drop(whole);
       ++packet_count_;
       return true;
@@ -79,7 +93,7 @@ void PacketParser::drop(std::size_t count) {
 // Drops the bytes before the next one that can start a packet.
 void PacketParser::drop_noise() {
   const auto end = bytes_.begin() + static_cast<std::ptrdiff_t>(size_);
-  const auto noise = static_cast<std::size_t>(std::find(bytes_.begin(), end, MAVLINK_STX) - bytes_.begin());
+  const auto noise = static_cast<std::size_t>(std::find_if(bytes_.begin(), end, is_start) - bytes_.begin());
   if (noise == 0) return;
   drop(noise);
   bad_byte_count_ += static_cast<std::uint32_t>(noise);

@@ -1,6 +1,7 @@
-// Finds MAVLink 2 packets in a stream of bytes, any of which may be missing or wrong.
+// Finds MAVLink packets in a stream of bytes, any of which may be missing or wrong.
 //
-// Input: bytes as they arrive. Output: complete packets of known messages whose checksum is correct. After a false start the
+// Input: bytes as they arrive. Output: complete packets of known messages whose checksum is correct; those of MAVLink 1 too,
+// so that their host can be told. After a false start the
 // search continues at the next byte, so that no packet behind it is lost. No heap; many parsers may exist.
 #pragma once
 

@@ -15,6 +15,20 @@ struct Name {
   char text[kIdSize + 1] = "";
 };
 
+Refusal refusal_of(SetResult result) {
+  switch (result) {
+    case SetResult::kOk: return Refusal::kNone;
+    case SetResult::kUnknownName: return Refusal::kUnknownParameter;
+    case SetResult::kNotANumber: return Refusal::kNotANumber;
+    case SetResult::kBelowMinimum: return Refusal::kBelowMinimum;
+    case SetResult::kAboveMaximum: return Refusal::kAboveMaximum;
+    case SetResult::kNotAnInteger: return Refusal::kNotAnInteger;
+    case SetResult::kNotASign: return Refusal::kNotASign;
+    case SetResult::kFixed: return Refusal::kFixed;
+  }
+  return Refusal::kNone;
+}
+
 }  // namespace
 
 void ParameterService::list() { next_index_ = 0; }
@@ -26,26 +40,28 @@ void ParameterService::read(const mavlink_param_request_read_t& request) {
   }
   const Name name(request.param_id);
   const std::optional<Parameter> parameter = find_parameter(name.text);
-  if (!parameter) return report_refusal(name.text, text(SetResult::kUnknownName));
+  if (!parameter) return report_refusal(name.text, Refusal::kUnknownParameter, text(SetResult::kUnknownName));
   send(static_cast<std::size_t>(*parameter));
 }
 
-void ParameterService::set(const mavlink_param_set_t& request, const char* obstacle) {
+void ParameterService::set(const mavlink_param_set_t& request) {
+  // Writing to flash would delay the loop.
+  if (application_.is_driving()) return refuse(request, Refusal::kRunning, "wheels are driven");
   const Name name(request.param_id);
   const std::optional<Parameter> parameter = find_parameter(name.text);
-  if (!parameter) return report_refusal(name.text, text(SetResult::kUnknownName));
-  if (obstacle != nullptr) {
-    char why[64];
-    std::snprintf(why, sizeof why, "is not set: %s", obstacle);
-    report_refusal(name.text, why);
-  } else if (application_.is_driving()) {
-    // Writing to flash would delay the loop.
-    report_refusal(name.text, "cannot be set while wheels are driven");
-  } else {
-    const SetResult result = application_.set_parameter(*parameter, request.param_value);
-    if (result != SetResult::kOk) report_refusal(name.text, text(result));
-  }
-  send(static_cast<std::size_t>(*parameter));
+  const SetResult result =
+      parameter ? application_.set_parameter(*parameter, request.param_value) : SetResult::kUnknownName;
+  if (result != SetResult::kOk) report_refusal(name.text, refusal_of(result), text(result));
+  if (parameter) send(static_cast<std::size_t>(*parameter));
+}
+
+void ParameterService::refuse(const mavlink_param_set_t& request, Refusal refusal, const char* why) {
+  const Name name(request.param_id);
+  char sentence[64];
+  std::snprintf(sentence, sizeof sentence, "is not set: %s", why);
+  report_refusal(name.text, refusal, sentence);
+  const std::optional<Parameter> parameter = find_parameter(name.text);
+  if (parameter) send(static_cast<std::size_t>(*parameter));
 }
 
 void ParameterService::run(bool may_save) {
@@ -57,7 +73,7 @@ void ParameterService::run(bool may_save) {
 void ParameterService::save_one() {
   const std::optional<Parameter> parameter = application_.unsaved_parameter();
   if (!parameter || application_.save_parameter(*parameter)) return;
-  report_refusal(parameter_info(*parameter).name, "is set, but could not be saved");
+  report_refusal(parameter_info(*parameter).name, Refusal::kNotSaved, "is set, but could not be saved");
 }
 
 bool ParameterService::send(std::size_t index) {
@@ -71,7 +87,13 @@ bool ParameterService::send(std::size_t index) {
   return outbox_.send(mavlink_msg_param_value_encode_status, content, Priority::kAnswer);
 }
 
-void ParameterService::report_refusal(const char* name, const char* why) {
+void ParameterService::report_refusal(const char* name, Refusal refusal, const char* why) {
+  mavlink_foldcar_param_refused_t content{};
+  std::copy_n(name, std::min(std::strlen(name), kIdSize), content.param_id);
+  content.reason = static_cast<std::uint8_t>(refusal);
+  mavlink_message_t message;
+  mavlink_msg_foldcar_param_refused_encode_status(kCarSystem, kOwnComponent, &outbox_.numbers().own, &message, &content);
+  outbox_.send(message, Priority::kAnswer);
   status_text_.send(MAV_SEVERITY_WARNING, name, why);
 }
 

@@ -20,8 +20,9 @@ class ParameterService {
   // Each handles a message for this car.
   void list();
   void read(const mavlink_param_request_read_t& request);
-  // obstacle: why no parameter can be set now; null if they can.
-  void set(const mavlink_param_set_t& request, const char* obstacle);
+  void set(const mavlink_param_set_t& request);
+  // Answers a setting that is not allowed now; why: for people.
+  void refuse(const mavlink_param_set_t& request, Refusal refusal, const char* why);
 
   // Continues a list, as far as the outbox has room, and saves a parameter that was set. may_save: whether flash may be
   // written now; what was set waits until then.
@@ -30,7 +31,8 @@ class ParameterService {
  private:
   void save_one();
   bool send(std::size_t index);
-  void report_refusal(const char* name, const char* why);
+  // Sends the refusal for programs and, as "NAME why", for people.
+  void report_refusal(const char* name, Refusal refusal, const char* why);
 
   Application& application_;
   Outbox& outbox_;

@@ -20,9 +20,8 @@ constexpr std::size_t kFrameSize = 8 + MAVLINK_NUM_NON_PAYLOAD_BYTES;
 }  // namespace
 
 void TrialLog::run(std::uint64_t now_us, const CarView& car) {
-  writer_.set_wheels_turn(car.application.is_driving());
   const bool runs = car.application.status().state == State::kRunning && car.application.trial().untethered;
-  if (runs && !is_recording_ && is_ready()) open(now_us, car);
+  if (runs && !is_recording_) open(now_us, car);
   if (!is_recording_) return report();
   if (!runs) return close(car);
   if (now_us < next_us_) return;
@@ -32,6 +31,7 @@ void TrialLog::run(std::uint64_t now_us, const CarView& car) {
 
 void TrialLog::open(std::uint64_t now_us, const CarView& car) {
   is_recording_ = writer_.begin();
+  if (!is_recording_) return;
   packer_.begin();
   next_us_ = now_us;
   period_us_ = kPeriodUs * static_cast<std::uint64_t>(std::ceil(car.application.trial().time_limit_s / kWholeRateS));

@@ -18,17 +18,15 @@ namespace foldcar {
 class TrialLog {
  public:
   TrialLog(LogStorage& storage, StatusText& status_text)
-      : storage_(storage), writer_(storage, unpacker_), status_text_(status_text) {}
+      : writer_(storage, unpacker_), status_text_(status_text) {}
 
   // now_us: time since start (µs).
   void run(std::uint64_t now_us, const CarView& car);
   // As LogWriter::work().
   bool store() { return writer_.work(); }
 
-  // Whether no log is being recorded or stored: only then may others use the storage.
+  // Whether no log is being recorded or stored: only then may others use the storage, and may wheels start.
   bool is_idle() const { return writer_.is_idle(); }
-  // Whether a trial can be recorded.
-  bool is_ready() const { return storage_.present() && is_idle(); }
   LogStatus status() const { return writer_.status(); }
 
  private:
@@ -38,7 +36,6 @@ class TrialLog {
   // reserve: bytes that the log keeps free behind the record.
   void record(std::uint32_t message_id, const CarView& car, std::size_t reserve);
 
-  LogStorage& storage_;
   LogPacker packer_;
   LogUnpacker unpacker_;
   LogWriter writer_;

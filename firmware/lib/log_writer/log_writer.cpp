@@ -25,7 +25,6 @@ LogStatus LogWriter::status() const {
 bool LogWriter::work() {
   // Of a finished log, all records are seen.
   if (phase_.load(std::memory_order_acquire) != Phase::kFinished) return false;
-  if (wheels_turn_.load(std::memory_order_acquire)) return false;
   if (unpacked_bytes_ == put_bytes_) return close();
   if (is_open_ || has_failed_) {
     store();

@@ -1,8 +1,8 @@
 // Stores a trial's log in flash from another task than the one that drives the car.
 //
 // Writing and above all erasing flash takes 65 to 600 ms. So the tick only puts records into RAM, and a worker of
-// low priority calls work() again and again, which leaves flash alone until the log is complete and wheels stand. A record
-// that does not fit, or cannot be stored, is counted.
+// low priority calls work() again and again, which leaves flash alone until the log is complete. Wheels stand then, and do
+// not start before all is stored. A record that does not fit, or cannot be stored, is counted.
 #pragma once
 
 #include <algorithm>
@@ -75,8 +75,6 @@ class LogWriter {
   // The log is complete; the worker stores and closes it.
   void finish() { phase_.store(Phase::kFinished, std::memory_order_release); }
   LogStatus status() const;
-  // Tells the worker whether wheels turn.
-  void set_wheels_turn(bool turn) { wheels_turn_.store(turn, std::memory_order_release); }
 
   // The worker's side: does one thing with the storage, which may take long. Returns whether there is more to do at once.
   bool work();
@@ -94,7 +92,6 @@ class LogWriter {
   // The tick's until the log is finished, then the worker's.
   std::array<std::uint8_t, kSize> packed_;  // what is in it is set when it is put
   std::size_t put_bytes_ = 0;
-  std::atomic<bool> wheels_turn_{false};
   std::atomic<std::uint32_t> unstored_bytes_{0};  // the storage did not take them
   // The tick's.
   bool has_begun_ = false;

@@ -52,6 +52,13 @@ constexpr Row<Parameter> kCarRows[] = {
     {Parameter::kOeWired,
      {"OE_WIRED", "", 0.0f, 1.0f, 0.0f, kInteger,
       "1 if the servo driver's output enable is wired to GPIO27; read when the board starts"}},
+    {Parameter::kButtonWired,
+     {"BUTTON_WIRED", "", 0.0f, 1.0f, 0.0f, kInteger,
+      "1 if a button connects GPIO32 to ground; read when the board starts"}},
+    {Parameter::kServoDivider,
+     {"SERVO_DIVIDER", "", 0.0f, 10.0f, 0.0f, kReal,
+      "voltage of the servos' battery divided by that at GPIO34, 3 with 20 and 10 kOhm; 0 if it is not wired; "
+      "read when the board starts"}},
 };
 
 constexpr Row<ChannelParameter> kChannelRows[] = {

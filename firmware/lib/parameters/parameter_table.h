@@ -45,6 +45,8 @@ enum class Parameter : std::uint8_t {
   kTiltMs,
   kPwmOscHz,
   kOeWired,
+  kButtonWired,
+  kServoDivider,
   kCount
 };
 

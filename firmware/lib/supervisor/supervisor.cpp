@@ -1,5 +1,6 @@
 #include "supervisor.h"
 
+#include <algorithm>
 #include <cmath>
 #include <initializer_list>
 
@@ -18,22 +19,23 @@ bool has_wheel_on(const Parameters& parameters, Side side) {
 enum class Request : std::uint8_t { kArm, kDisarm, kStart, kDrive, kTest, kRefresh, kAcknowledge };
 
 // Why the state alone refuses a request; kNone where it does not. Columns are in the order of State.
-constexpr Refusal kRefusals[][7] = {
-    // disarmed, armed, running, finished, fault, manual, testing
+constexpr Refusal kRefusals[][8] = {
+    // disarmed, armed, running, finished, fault, manual, testing, counting
     /* arm */ {Refusal::kNone, Refusal::kNone, Refusal::kRunning, Refusal::kNone, Refusal::kFaultLatched,
-               Refusal::kRunning, Refusal::kRunning},
+               Refusal::kRunning, Refusal::kRunning, Refusal::kRunning},
     /* disarm */ {Refusal::kNone, Refusal::kNone, Refusal::kNone, Refusal::kNone, Refusal::kFaultLatched,
-                  Refusal::kNone, Refusal::kNone},
+                  Refusal::kNone, Refusal::kNone, Refusal::kNone},
     /* start */ {Refusal::kNotArmed, Refusal::kNone, Refusal::kRunning, Refusal::kNotArmed, Refusal::kFaultLatched,
-                 Refusal::kRunning, Refusal::kRunning},
+                 Refusal::kRunning, Refusal::kRunning, Refusal::kRunning},
     /* drive */ {Refusal::kNotArmed, Refusal::kNone, Refusal::kRunning, Refusal::kNotArmed, Refusal::kFaultLatched,
-                 Refusal::kNone, Refusal::kRunning},
+                 Refusal::kNone, Refusal::kRunning, Refusal::kRunning},
     /* test */ {Refusal::kNone, Refusal::kNotDisarmed, Refusal::kRunning, Refusal::kNone, Refusal::kFaultLatched,
-                Refusal::kRunning, Refusal::kNone},
+                Refusal::kRunning, Refusal::kNone, Refusal::kRunning},
+    // The stick alone keeps manual driving alive.
     /* refresh */ {Refusal::kNotRunning, Refusal::kNone, Refusal::kNone, Refusal::kNotRunning, Refusal::kFaultLatched,
-                   Refusal::kNone, Refusal::kNone},
+                   Refusal::kNotRunning, Refusal::kNone, Refusal::kNone},
     /* acknowledge */ {Refusal::kNoFault, Refusal::kNoFault, Refusal::kNoFault, Refusal::kNoFault, Refusal::kNone,
-                       Refusal::kNoFault, Refusal::kNoFault},
+                       Refusal::kNoFault, Refusal::kNoFault, Refusal::kNoFault},
 };
 
 Refusal refusal_in(State state, Request request) {
@@ -49,7 +51,7 @@ Refusal Supervisor::arm(float battery_v, std::uint64_t now_us) {
   if (refusal != Refusal::kNone) return refusal;
   refreshed_us_ = now_us;
   host_timed_out_ = false;
-  state_ = State::kArmed;
+  set_state(State::kArmed, TrialEnd::kStopped);
   return refusal;
 }
 
@@ -65,12 +67,27 @@ Refusal Supervisor::start(const TrialRequest& request, std::uint64_t now_us) {
   if (refusal != Refusal::kNone) return refusal;
   trial_ = request;
   trial_end_ = TrialEnd::kNone;
-  trial_started_us_ = now_us;
   trial_elapsed_us_ = 0;
   trial_limit_us_ = static_cast<std::uint64_t>(1e6 * static_cast<double>(request.time_limit_s));
   refreshed_us_ = now_us;
-  state_ = State::kRunning;
+  waits_for_button_ = request.waits_for_button;
+  if (!waits_for_button_) start_count(now_us);
   return Refusal::kNone;
+}
+
+void Supervisor::start_count(std::uint64_t now_us) {
+  waits_for_button_ = false;
+  countdown_us_ = from_ms(1000.0f * trial_.delay_s);
+  counts_until_us_ = trial_started_us_ = now_us + countdown_us_;
+  state_ = countdown_us_ > 0 ? State::kCounting : State::kRunning;
+}
+
+void Supervisor::press_button(std::uint64_t now_us) {
+  if (is_driving()) {
+    stop();
+  } else if (state_ == State::kArmed && waits_for_button_) {
+    start_count(now_us);
+  }
 }
 
 Refusal Supervisor::drive_manually(bool moves, std::uint64_t now_us) {
@@ -78,7 +95,7 @@ Refusal Supervisor::drive_manually(bool moves, std::uint64_t now_us) {
   if (refusal != Refusal::kNone) return refusal;
   if (state_ == State::kArmed && !moves) return Refusal::kNone;
   refreshed_us_ = now_us;
-  state_ = State::kManual;
+  set_state(State::kManual, TrialEnd::kStopped);
   return Refusal::kNone;
 }
 
@@ -95,10 +112,12 @@ Refusal Supervisor::test(float time_s, float battery_v, std::uint64_t now_us) {
 }
 
 Refusal Supervisor::stop() {
-  if (state_ == State::kRunning) {
+  if (state_ == State::kRunning || state_ == State::kCounting) {
     set_state(State::kFinished, TrialEnd::kStopped);
   } else if (pulses_enabled()) {
     state_ = State::kDisarmed;
+  } else if (waits_for_button_) {
+    set_state(State::kArmed, TrialEnd::kStopped);
   }
   return Refusal::kNone;
 }
@@ -126,23 +145,30 @@ void Supervisor::report(Fault fault) {
 void Supervisor::tick(const SupervisorInputs& inputs) {
   const bool battery_low = battery_low_for_long(inputs);
   const bool tilted = tilted_for_long(inputs);
-  if (state_ != State::kArmed && !pulses_enabled()) return;
+  if (state_ != State::kArmed && !is_driving()) return;
   if (std::isnan(inputs.battery_v)) return report(Fault::kBatteryUnreadable);
   if (battery_low) return report(Fault::kBatteryLow);
   if (inputs.imu_lost) return report(Fault::kImu);
   const std::uint64_t silent_us = inputs.now_us - refreshed_us_;
   if (state_ == State::kArmed) {
-    host_timed_out_ = silent_us > from_ms(1000.0f * parameters_.get(Parameter::kArmTimeoutS));
-    if (host_timed_out_) state_ = State::kDisarmed;
+    // A car that waits for its button needs no host, but does not wait for ever.
+    const Parameter limit_s = waits_for_button_ ? Parameter::kTrialMaxS : Parameter::kArmTimeoutS;
+    host_timed_out_ = silent_us > from_ms(1000.0f * parameters_.get(limit_s));
+    if (host_timed_out_) set_state(State::kDisarmed, TrialEnd::kDisarmed);
     return;
   }
-  if (tilted && state_ != State::kTesting) return report(Fault::kTilt);
+  if (state_ == State::kCounting) {
+    countdown_us_ = counts_until_us_ - std::min(counts_until_us_, inputs.now_us);
+    if (countdown_us_ == 0) state_ = State::kRunning;
+  }
+  // A car that counts may still be in someone's hands.
+  if (tilted && (state_ == State::kRunning || state_ == State::kManual)) return report(Fault::kTilt);
 
   if (state_ == State::kRunning) {
     trial_elapsed_us_ = inputs.now_us - trial_started_us_;
     if (trial_elapsed_us_ >= trial_limit_us_) return set_state(State::kFinished, TrialEnd::kTimeLimit);
-    if (trial_.untethered) return;
   }
+  if ((state_ == State::kRunning || state_ == State::kCounting) && trial_.untethered) return;
   if (state_ == State::kTesting && inputs.now_us >= test_until_us_) {
     state_ = State::kDisarmed;
     return;
@@ -152,7 +178,7 @@ void Supervisor::tick(const SupervisorInputs& inputs) {
 }
 
 Refusal Supervisor::check(const TrialRequest& request) const {
-  for (const float value : {request.speed_m_s, request.yaw_rate_rad_s, request.time_limit_s}) {
+  for (const float value : {request.speed_m_s, request.yaw_rate_rad_s, request.time_limit_s, request.delay_s}) {
     if (std::isnan(value)) return Refusal::kNotANumber;
   }
   if (std::fabs(request.speed_m_s) > kSpeedLimitMS) return Refusal::kSpeedLimit;
@@ -160,6 +186,7 @@ Refusal Supervisor::check(const TrialRequest& request) const {
   if (request.time_limit_s <= 0.0f || request.time_limit_s > parameters_.get(Parameter::kTrialMaxS)) {
     return Refusal::kTimeLimit;
   }
+  if (request.delay_s < 0.0f || request.delay_s > kLongestDelayS) return Refusal::kDelay;
   const bool drivable = has_wheel_on(parameters_, Side::kLeft) && has_wheel_on(parameters_, Side::kRight);
   return drivable ? Refusal::kNone : Refusal::kNoWheels;
 }
@@ -186,7 +213,9 @@ bool Supervisor::tilted_for_long(const SupervisorInputs& inputs) {
 }
 
 void Supervisor::set_state(State state, TrialEnd end) {
-  if (state_ == State::kRunning) trial_end_ = end;
+  if (state_ == State::kRunning || state_ == State::kCounting || waits_for_button_) trial_end_ = end;
+  waits_for_button_ = false;
+  countdown_us_ = 0;
   state_ = state;
 }
 

@@ -11,7 +11,7 @@
 namespace foldcar {
 
 // The values of these enums are those of the MAVLink dialect and of docs/link.md.
-enum class State : std::uint8_t { kDisarmed, kArmed, kRunning, kFinished, kFault, kManual, kTesting };
+enum class State : std::uint8_t { kDisarmed, kArmed, kRunning, kFinished, kFault, kManual, kTesting, kCounting };
 
 // A fault stays until it is acknowledged; later ones do not replace it.
 enum class Fault : std::uint8_t {
@@ -33,7 +33,7 @@ enum class Fault : std::uint8_t {
 // How the last trial ended; kNone before the first and while one runs.
 enum class TrialEnd : std::uint8_t { kNone, kTimeLimit, kStopped, kDisarmed, kFault };
 
-// Why a request changed nothing; kNone if it was accepted.
+// Why a request changed nothing; kNone if it was accepted. From kUnknownParameter on: why a parameter was not set or saved.
 enum class Refusal : std::uint8_t {
   kNone,
   kNotArmed,
@@ -58,7 +58,16 @@ enum class Refusal : std::uint8_t {
   kNoDesign,
   kUnknownCommand,
   kNoLog,
-  kStoring
+  kStoring,
+  kNoButton,
+  kDelay,
+  kUnknownParameter,
+  kBelowMinimum,
+  kAboveMaximum,
+  kNotAnInteger,
+  kNotASign,
+  kFixed,
+  kNotSaved
 };
 
 const char* text(State state);
@@ -69,16 +78,21 @@ const char* text(Refusal refusal);
 constexpr float kSpeedLimitMS = 5.0f;
 constexpr float kYawRateLimitRadS = 100.0f;
 
+// Longest delay (s) between a start and the first pulse.
+constexpr float kLongestDelayS = 60.0f;
+
 // Longest test of an output, the limit of MAV_CMD_ACTUATOR_TEST.
 constexpr float kLongestTestS = 3.0f;
 
-// A trial: constant speed and yaw rate (positive to the left) for at most time_limit_s.
+// A trial: constant speed and yaw rate (positive to the left) for at most time_limit_s, which count from the first pulse.
 struct TrialRequest {
   float speed_m_s = 0.0f;
   float yaw_rate_rad_s = 0.0f;
   float time_limit_s = 0.0f;
   bool untethered = false;  // drives without refresh_command, as on the floor without a cable
   std::uint32_t id = 0;     // the host's number of the trial, which telemetry repeats
+  float delay_s = 0.0f;     // the car counts so long before its wheels start
+  bool waits_for_button = false;  // the car stays armed, without a host, until its button starts the count
 };
 
 // What the supervisor needs at each tick. battery_v: V, NaN if unreadable.
@@ -105,8 +119,10 @@ class Supervisor {
   Refusal drive_manually(bool moves, std::uint64_t now_us);
   // Enables pulses for the test of an output of a disarmed car, for time_s (0 to kLongestTestS). 0 ends a test.
   Refusal test(float time_s, float battery_v, std::uint64_t now_us);
-  // Ends a trial, manual driving or a test.
+  // Ends a trial, its count, manual driving or a test; a trial that waits for the button is forgotten.
   Refusal stop();
+  // The car's button: stops whatever drives or counts, and starts the count of a trial that waits for it.
+  void press_button(std::uint64_t now_us);
   Refusal acknowledge();
   // Notes that the host that armed or drives is still there.
   Refusal refresh_command(std::uint64_t now_us);
@@ -119,6 +135,8 @@ class Supervisor {
   bool pulses_enabled() const {
     return state_ == State::kRunning || state_ == State::kManual || state_ == State::kTesting;
   }
+  // Whether pulses are on, or will be without a further request.
+  bool is_driving() const { return pulses_enabled() || state_ == State::kCounting; }
   State state() const { return state_; }
   Fault fault() const { return fault_; }
   // Whether the car has disarmed because its host was silent, and has not been armed since.
@@ -126,6 +144,8 @@ class Supervisor {
 
   // Elapsed time (µs), request and end of the current trial, else of the last one.
   std::uint64_t trial_elapsed_us() const { return trial_elapsed_us_; }
+  // How long (µs) the car still counts; 0 unless it counts.
+  std::uint64_t countdown_us() const { return countdown_us_; }
   const TrialRequest& trial() const { return trial_; }
   TrialEnd trial_end() const { return trial_end_; }
 
@@ -134,7 +154,8 @@ class Supervisor {
   Refusal check_battery(float battery_v) const;
   bool battery_low_for_long(const SupervisorInputs& inputs);
   bool tilted_for_long(const SupervisorInputs& inputs);
-  // Changes the state; end is kept as the end of a trial that runs.
+  void start_count(std::uint64_t now_us);
+  // Changes the state; end is kept as the end of a trial that runs, counts or waits for the button.
   void set_state(State state, TrialEnd end);
 
   const Parameters& parameters_;
@@ -149,6 +170,9 @@ class Supervisor {
   bool tilted_ = false;
   std::uint64_t tilted_since_us_ = 0;
   std::uint64_t test_until_us_ = 0;
+  bool waits_for_button_ = false;
+  std::uint64_t counts_until_us_ = 0;
+  std::uint64_t countdown_us_ = 0;
   std::uint64_t trial_started_us_ = 0;
   std::uint64_t trial_elapsed_us_ = 0;
   std::uint64_t trial_limit_us_ = 0;

@@ -12,6 +12,7 @@ const char* text(State state) {
     case State::kFault: return "fault";
     case State::kManual: return "manual";
     case State::kTesting: return "testing";
+    case State::kCounting: return "counting";
   }
   return "?";
 }
@@ -59,8 +60,17 @@ const char* text(Refusal refusal) {
     case Refusal::kLate: return "it waited while the car stood still";
     case Refusal::kNoDesign: return "no car.json, and its absence is not confirmed";
     case Refusal::kUnknownCommand: return "not a command of this car";
-    case Refusal::kNoLog: return "a log cannot be stored, or the last one is being stored";
+    case Refusal::kNoLog: return "no log can be stored: flash memory cannot be read";
     case Refusal::kStoring: return "the log of the last trial is being stored";
+    case Refusal::kNoButton: return "BUTTON_WIRED is 0";
+    case Refusal::kDelay: return "delay below 0 or above 60 s";
+    case Refusal::kUnknownParameter: return "not a parameter";
+    case Refusal::kBelowMinimum: return "below the parameter's minimum";
+    case Refusal::kAboveMaximum: return "above the parameter's maximum";
+    case Refusal::kNotAnInteger: return "not a whole number";
+    case Refusal::kNotASign: return "neither -1 nor 1";
+    case Refusal::kFixed: return "set by car.json";
+    case Refusal::kNotSaved: return "set, but not saved";
   }
   return "?";
 }

@@ -11,6 +11,8 @@ from foldcar.errors import FoldcarError
 from foldcar.study.limits import MAX_ENVIRONMENTS
 
 MAX_COUNTDOWN_S = 60
+# The untethered one has time for pulling the cable.
+COUNTDOWN_S, UNTETHERED_COUNTDOWN_S = 3, 8
 
 
 def log(
@@ -47,10 +49,14 @@ def log(
     ] = None,
     operator: Annotated[str, typer.Option(metavar="NAME", help="The driver's name, stored with each trial.")] = "",
     countdown: Annotated[
-        int, typer.Option(metavar="S", min=0, max=MAX_COUNTDOWN_S, help="Seconds before the start.")
-    ] = 3,
+        int | None,
+        typer.Option(metavar="S", min=0, max=MAX_COUNTDOWN_S, help="Seconds before the start; default: 3, untethered 8."),
+    ] = None,
     untethered: Annotated[
-        bool, typer.Option("--untethered", help="Drive without the USB cable; the car keeps the log.")
+        bool, typer.Option("--untethered", help="Drive without the USB cable; the car counts and keeps the log.")
+    ] = False,
+    button: Annotated[
+        bool, typer.Option("--button", help="Untethered, and the car counts when its button is pressed.")
     ] = False,
     any_build: Annotated[
         bool, typer.Option("--any-build", help="Drive even if the firmware's build differs from the simulated one.")
@@ -84,6 +90,7 @@ def log(
     if media is not None and not media.is_dir():
         raise FoldcarError(f"--media {media}: not a folder")
     store = store or Path(f"{listing.stem}.db")
+    is_untethered = untethered or button
     options = SessionOptions(
         listing=listing,
         experiment=experiment,
@@ -96,8 +103,9 @@ def log(
         note=note,
         operator=operator,
         car=None if car is None else checked_name(car, "--car"),
-        countdown_s=countdown,
-        untethered=untethered,
+        countdown_s=countdown if countdown is not None else (UNTETHERED_COUNTDOWN_S if is_untethered else COUNTDOWN_S),
+        untethered=is_untethered,
+        button=button,
         any_build=any_build,
         yes=yes,
         course=None if course is None else read_course(course),

@@ -161,6 +161,8 @@ def _log_lines(log_summary: "LogFeatures") -> list[str]:
         lines.append(f"log: heading changed by {turn:+.1f}° (±{turn_error:.1f}°)")
     if log_summary.shocks_s:
         lines.append(f"log: shocks at {', '.join(f'{time_s:.1f}' for time_s in log_summary.shocks_s)} s")
+    if log_summary.servo_battery_v is not None:
+        lines.append(f"log: servos' battery {log_summary.servo_battery_v:.2f} V while driving")
     if log_summary.battery_sag_v is not None:
         lines.append(f"log: battery voltage dropped by up to {log_summary.battery_sag_v:.2f} V while driving")
     return lines

@@ -24,35 +24,6 @@ ANSWER_S = 0.6
 TRIES = 5
 OTHER_FIRMWARE = "it may have other firmware: `foldcar flash` loads foldcar's"
 
-# Texts by the value of result_param2 in COMMAND_ACK (Refusal of firmware/lib/supervisor/supervisor.h).
-REASONS = (
-    "accepted",
-    "it is not armed",
-    "its wheels are driven already",
-    "no trial is running",
-    "a fault is not acknowledged",
-    "there is no fault",
-    "the battery's voltage cannot be read",
-    "the battery is low",
-    "there is no wheel on the left or on the right",
-    "a value is not a number",
-    "the speed is beyond ±5 m/s",
-    "the turn rate is beyond ±100 rad/s",
-    "the time limit is not above 0 or above TRIAL_MAX_S",
-    "its car.json is refused",
-    "there is no such output, value or time-out",
-    "there is no such message, or the interval is too short",
-    "it is not disarmed",
-    "it has received no heartbeat of this host in the last 2 s",
-    "another host has armed it",
-    "the command waited while the car stood still",
-    "it has no car.json: load a design with `foldcar flash`, or `foldcar params confirm` that it drives without",
-    "it does not know this command",
-    "it cannot store a log now: it stores the last one, or its flash cannot be read",
-    "it stores the log of the last trial",
-)
-FAULT_LATCHED, REFUSED_DESIGN, OTHER_HOST = 4, 13, 18
-
 
 class NoCarError(FoldcarError):
     """The device at the port does not answer as a car."""
@@ -115,6 +86,14 @@ class Car:
         status = self.connection.latest.get("SYS_STATUS") or self.request("SYS_STATUS")
         return None if status.voltage_battery == 0xFFFF else status.voltage_battery / 1000
 
+    def servo_battery_v(self) -> float | None:
+        """Return the voltage (V) of the servos' battery; None if the car cannot measure it."""
+        try:
+            status = self.connection.latest.get("BATTERY_STATUS") or self.request("BATTERY_STATUS")
+        except NoCarError:
+            return None
+        return float(status.voltages[0]) / 1000
+
     def enter_scene(self, scene_id: str) -> bool:
         """Move a disarmed simulated car to the scene with this id; return whether it has moved."""
         for _ in range(TRIES):
@@ -143,15 +122,31 @@ class Car:
         self._command("disarm", self.dialect.MAV_CMD_COMPONENT_ARM_DISARM, 0.0)
 
     def start_trial(
-        self, speed_m_s: float, yaw_rate_rad_s: float, time_limit_s: float, trial: int, untethered: bool = False
+        self,
+        speed_m_s: float,
+        yaw_rate_rad_s: float,
+        time_limit_s: float,
+        trial: int,
+        untethered: bool = False,
+        delay_s: float = 0.0,
+        button: bool = False,
     ) -> None:
         """Start driving at constant speed and yaw rate; the car stops itself at the time limit.
 
-        Raises CommandRefusedError.
+        The car counts for ``delay_s`` first; with ``button``, from the moment at which its button is pressed. Raises
+        CommandRefusedError.
         """
         flags = self.dialect.FOLDCAR_TRIAL_FLAGS_UNTETHERED if untethered else 0
-        command = self.dialect.MAV_CMD_FOLDCAR_START_TRIAL
-        self._command("start", command, speed_m_s, yaw_rate_rad_s, time_limit_s, float(flags), float(trial))
+        flags |= self.dialect.FOLDCAR_TRIAL_FLAGS_BUTTON if button else 0
+        values = speed_m_s, yaw_rate_rad_s, time_limit_s, float(flags), float(trial), delay_s
+        self._command("start", self.dialect.MAV_CMD_FOLDCAR_START_TRIAL, *values)
+
+    def is_under_way(self, trial: Any) -> bool:
+        """Return whether a FOLDCAR_TRIAL says that its trial drives, counts, or waits for the car's button."""
+        d = self.dialect
+        if trial.state == d.FOLDCAR_STATE_ARMED:
+            return bool(trial.flags & d.FOLDCAR_TRIAL_FLAGS_BUTTON and trial.end == d.FOLDCAR_END_NONE)
+        return trial.state in (d.FOLDCAR_STATE_RUNNING, d.FOLDCAR_STATE_COUNTING)
 
     def stop_trial(self) -> None:
         """Stop a trial or an output test. Raises CommandRefusedError if neither is running."""
@@ -185,6 +180,7 @@ class Car:
 
     def _command(self, action: str, command: int, *values: float) -> None:
         """Send a command until the car acknowledges it. Raises CommandRefusedError if it refuses or stays silent."""
+        self.connection.warning_text = None
         for repetition in range(TRIES):
             self._send_command(command, values, repetition)
             ack = self.connection.wait_for(lambda m: self._answers(m, command), ANSWER_S)
@@ -203,14 +199,23 @@ class Car:
 
     def _reason(self, ack: Any) -> str:
         """Return why the car refused a command, in words."""
-        reason = ack.result_param2
-        if not 0 < reason < len(REASONS):
-            return f"result {ack.result}, reason {reason}"
-        status_text = self.connection.status_text
-        if reason in (REFUSED_DESIGN, OTHER_HOST) and status_text is not None and status_text.startswith("refused: "):
-            return status_text.removeprefix("refused: ")
-        fault = self.fault_text() if reason == FAULT_LATCHED else None
-        return f"{REASONS[reason]} ({fault})" if fault else REASONS[reason]
+        dialect, reason = self.dialect, ack.result_param2
+        detail = None
+        if reason == dialect.FOLDCAR_REFUSAL_FAULT_LATCHED:
+            detail = self.fault_text()
+        elif reason in (dialect.FOLDCAR_REFUSAL_DESIGN, dialect.FOLDCAR_REFUSAL_HELD):
+            # Before it acknowledges, the car says which host, or what is wrong with car.json.
+            detail = (self.connection.warning_text or "").removeprefix("refused: ")
+        text = self.refusal_text(reason) or f"result {ack.result}, reason {reason}"
+        return f"{text} ({detail})" if detail else text
+
+    def refusal_text(self, reason: int) -> str | None:
+        """Return the dialect's description of a FOLDCAR_REFUSAL, to complete a sentence; None for an unknown one."""
+        entry = self.dialect.enums["FOLDCAR_REFUSAL"].get(reason)
+        if entry is None or reason == self.dialect.FOLDCAR_REFUSAL_NONE:
+            return None
+        text = str(entry.description).rstrip(".")
+        return text[0].lower() + text[1:]
 
     def _send_command(self, command: int, values: tuple[float, ...], repetition: int) -> None:
         padded = (*values, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)[:7]

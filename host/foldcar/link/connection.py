@@ -30,9 +30,10 @@ LONGEST_LINE = 1000
 class Connection:
     """A connection. Create it with :func:`connect`. ``latest`` has the car's last message of each type, by name.
 
-    ``status_text`` is the car's last status text (STATUSTEXT), joined from its parts; None before the first. ``log``, if
-    set, gets every packet of both directions. ``received`` counts the car's packets, ``lost`` the gaps in their sequence
-    numbers, ``damaged`` data that is not a valid packet or has impossible numbers. ``clock_rate`` is the car's.
+    ``status_text`` is the car's last status text (STATUSTEXT), joined from its parts; None before the first;
+    ``warning_text`` is the last one that is a warning or an error. ``log``, if set, gets every packet of both directions.
+    ``received`` counts the car's packets, ``lost`` the gaps in their sequence numbers, ``damaged`` data that is not a
+    valid packet or has impossible numbers. ``clock_rate`` is the car's.
     """
 
     def __init__(self, stream: Stream) -> None:
@@ -40,6 +41,7 @@ class Connection:
         self.dialect = load_dialect()
         self.latest: dict[str, Any] = {}
         self.status_text: str | None = None
+        self.warning_text: str | None = None
         self.log: TlogWriter | None = None
         self.received = 0
         self.lost = 0
@@ -91,9 +93,10 @@ class Connection:
             self.last_received_s = time.monotonic()
             self.latest[message.get_type()] = message
             if message.get_type() == "STATUSTEXT":
-                self.status_text = (
-                    ((self.status_text or "") + message.text)[-LONGEST_LINE:] if message.chunk_seq else message.text
-                )
+                start = (self.status_text or "") if message.chunk_seq else ""
+                self.status_text = (start + message.text)[-LONGEST_LINE:]
+                if message.severity <= self.dialect.MAV_SEVERITY_WARNING:
+                    self.warning_text = self.status_text
             if message.get_type() == "FOLDCAR_TRIAL":
                 self.clock_rate.add(message.time_boot_ms / 1000, self.last_received_s)
             messages.append(message)

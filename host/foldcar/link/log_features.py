@@ -40,7 +40,8 @@ class LogFeatures:
 
     ``max_roll_rad`` (left side up) and ``max_pitch_rad`` (nose up) have the largest absolute values;
     ``heading_change_rad`` (to the left) is that at the end. ``shocks_s`` are the times of shocks. ``battery_sag_v`` is
-    the voltage before the start minus the lowest voltage of the drive.
+    the voltage before the start minus the lowest voltage of the drive. ``servo_battery_v`` is the mean voltage of the
+    servos' battery during the drive.
     """
 
     elapsed_time_s: float | None = None
@@ -51,6 +52,7 @@ class LogFeatures:
     heading_error_rad: float | None = None
     shocks_s: tuple[float, ...] | None = None
     battery_sag_v: float | None = None
+    servo_battery_v: float | None = None
 
 
 def log_features(file: Path) -> LogFeatures:
@@ -65,10 +67,11 @@ def log_features(file: Path) -> LogFeatures:
     tilts, heading, shocks = _motion(messages, start_s, end_s)
     roll, pitch = (None, None) if tilts is None else (float(max(column, key=abs)) for column in tilts.T)
     sag_v = _sag_v(messages, start_s, end_s)
+    servo_v = _servo_battery_v(messages, start_s, end_s)
     if roll is None or pitch is None:
-        return LogFeatures(elapsed_s, battery_sag_v=sag_v)
+        return LogFeatures(elapsed_s, battery_sag_v=sag_v, servo_battery_v=servo_v)
     heading_error = HEADING_ERROR_RAD + HEADING_ERROR_FACTOR * abs(roll * pitch)
-    return LogFeatures(elapsed_s, roll, pitch, TILT_ERROR_RAD, heading, heading_error, shocks, sag_v)
+    return LogFeatures(elapsed_s, roll, pitch, TILT_ERROR_RAD, heading, heading_error, shocks, sag_v, servo_v)
 
 
 def _motion(messages: Sequence[Any], start_s: float, end_s: float) -> tuple[Any, float | None, tuple[float, ...] | None]:
@@ -99,17 +102,31 @@ def _motion(messages: Sequence[Any], start_s: float, end_s: float) -> tuple[Any,
 
 
 def _sag_v(messages: Sequence[Any], start_s: float, end_s: float) -> float | None:
-    """Return the drop of the battery voltage (V); SYS_STATUS has no time, so that of the message before it is used."""
+    """Return the drop of the battery voltage (V)."""
+    readings = [
+        (time_s, message.voltage_battery / 1000)
+        for time_s, message in _timed(messages, start_s, "SYS_STATUS")
+        if 0 < message.voltage_battery < UNREADABLE_MV
+    ]
+    before = [volts for time_s, volts in readings if time_s <= 0]
+    during = [volts for time_s, volts in readings if 0 < time_s <= end_s]
+    return round(before[-1] - min(during), 3) if before and during else None
+
+
+def _servo_battery_v(messages: Sequence[Any], start_s: float, end_s: float) -> float | None:
+    """Return the mean voltage (V) of the servos' battery during the drive."""
+    readings = _timed(messages, start_s, "BATTERY_STATUS")
+    during = [message.voltages[0] / 1000 for time_s, message in readings if 0 < time_s <= end_s]
+    return round(sum(during) / len(during), 3) if during else None
+
+
+def _timed(messages: Sequence[Any], start_s: float, kind: str) -> list[tuple[float, Any]]:
+    """Return the messages of a kind that has no time, each with that of the last message before it that has one."""
     time_s = -math.inf
-    before: float | None = None
-    lowest: float | None = None
+    timed = []
     for message in messages:
         if hasattr(message, "time_boot_ms"):
             time_s = message.time_boot_ms / 1000 - start_s
-        if message.get_type() == "SYS_STATUS" and 0 < message.voltage_battery < UNREADABLE_MV:
-            volts = message.voltage_battery / 1000
-            if time_s <= 0:
-                before = volts
-            elif time_s <= end_s:
-                lowest = volts if lowest is None else min(lowest, volts)
-    return None if before is None or lowest is None else round(before - lowest, 3)
+        if message.get_type() == kind:
+            timed.append((time_s, message))
+    return timed

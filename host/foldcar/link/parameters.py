@@ -21,6 +21,8 @@ QUIET_S = 0.4
 # The largest 32-bit floating-point number, and the longest name that a packet holds, in bytes.
 MAX_FLOAT32 = (2 - 2**-23) * 2.0**127
 MAX_NAME_BYTES = 16
+# What answers a setting.
+ANSWERS = ("PARAM_VALUE", "FOLDCAR_PARAM_REFUSED")
 # Requests per burst: a car's receive buffer is small.
 BURST = 4
 
@@ -60,18 +62,18 @@ def set_parameter(car: Car, name: str, value: float) -> None:
     if not fits_float32(value):
         raise FoldcarError(f"{name}: {value:g} cannot be stored as a 32-bit floating-point number")
     d = car.dialect
-    car.connection.status_text = None
     for _ in range(TRIES):
         car.connection.send(
             d.MAVLink_param_set_message(CAR_SYSTEM, CAR_COMPONENT, name.encode(), value, d.MAV_PARAM_TYPE_REAL32)
         )
-        answer = car.connection.wait_for(lambda m: m.get_type() == "PARAM_VALUE" and m.param_id == name, ANSWER_S)
-        if answer is not None:
-            if equal_float32(answer.param_value, value):
-                return
-            raise FoldcarError(f"{name}: the car refuses {value:g}{_reason(car, name)}; it stays {answer.param_value:g}")
-        if _reason(car, name):
-            raise FoldcarError(f"{name}: the car refuses {value:g}{_reason(car, name)}")
+        answer = car.connection.wait_for(lambda m: m.get_type() in ANSWERS and m.param_id == name, ANSWER_S)
+        if answer is None:
+            continue
+        if answer.get_type() == "FOLDCAR_PARAM_REFUSED":
+            raise FoldcarError(f"{name}: the car refuses {value:g}: {car.refusal_text(answer.reason)}")
+        if equal_float32(answer.param_value, value):
+            return
+        raise FoldcarError(f"{name}: the car refuses {value:g}; it stays {answer.param_value:g}")
     raise FoldcarError(f"{name}: the car does not answer")
 
 
@@ -126,9 +128,3 @@ def write_file(file: Path, values: Mapping[str, float], head: str) -> None:
     lines = [f"# {head}", *(f"{name:<16} {value_text(value)}" for name, value in values.items())]
     with atomic_file(file) as binary:
         binary.write(("\n".join(lines) + "\n").encode())
-
-
-def _reason(car: Car, name: str) -> str:
-    """Return the car's status text about the parameter, in brackets; "" if there is none."""
-    status_text = car.connection.status_text
-    return f" ({status_text})" if status_text is not None and status_text.startswith(f"{name} ") else ""

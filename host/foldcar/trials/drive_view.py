@@ -13,6 +13,7 @@ from rich.text import Text
 from foldcar.car.body import CHANNELS
 from foldcar.link.car import Car
 from foldcar.shown_console import shown_console
+from foldcar.trials.person import print_line
 
 REFRESH_HZ = 10
 PASSED, STOPS = "p", ("s", " ", "\n", "\r", "q", "\x1b")
@@ -28,6 +29,7 @@ class DriveView:
     def __init__(self, countdown_s: int, time_limit_s: float, other_input: Any) -> None:
         self.other_input = other_input
         self.passed = False
+        self._announced = False
         self._countdown_s, self._time_limit_s = countdown_s, time_limit_s
         self._pressed: Callable[[], str | None] = lambda: None
         self._begun_s: float | None = None
@@ -57,16 +59,31 @@ class DriveView:
         """Show the car's state at most REFRESH_HZ times a second."""
         now_s = time.monotonic()
         self._begun_s = now_s if self._begun_s is None else self._begun_s
+        self._announce(car)
         if self._live.is_started and now_s - self._shown_at_s >= 1 / REFRESH_HZ:
             self._shown_at_s = now_s
             self._live.update(self._panel(car, max(0.0, self._begun_s + self._countdown_s - now_s)), refresh=True)
+
+    def _announce(self, car: Car) -> None:
+        """Print once that the cable can be pulled, when the car itself counts or waits for its button."""
+        trial, dialect = car.connection.latest.get("FOLDCAR_TRIAL"), car.dialect
+        if self._announced or trial is None or not trial.flags & dialect.FOLDCAR_TRIAL_FLAGS_UNTETHERED:
+            return
+        if trial.state == dialect.FOLDCAR_STATE_COUNTING:
+            print_line(f"Pull the cable now: the wheels start in {trial.countdown_ms / 1000:.0f} s.")
+            self._announced = True
+        elif trial.state == dialect.FOLDCAR_STATE_ARMED and car.is_under_way(trial):
+            print_line(f"Pull the cable now, put the car in its place. Its button starts the {self._countdown_s} s.")
+            self._announced = True
 
     def _panel(self, car: Car, remaining_s: float) -> Group:
         """Return the car's last reported state."""
         latest, link = car.connection.latest, car.connection
         trial, pulses, status = (latest.get(name) for name in ("FOLDCAR_TRIAL", "SERVO_OUTPUT_RAW", "SYS_STATUS"))
         head = Text(f"ARMED    {remaining_s:5.1f} s  stand clear", style="bold yellow")
-        if trial is not None and trial.state == car.dialect.FOLDCAR_STATE_RUNNING:
+        if trial is not None and trial.state == car.dialect.FOLDCAR_STATE_COUNTING:
+            head = Text(f"COUNTING {trial.countdown_ms / 1000:5.1f} s  stand clear", style="bold yellow")
+        elif trial is not None and trial.state == car.dialect.FOLDCAR_STATE_RUNNING:
             head = Text(f"DRIVING  {trial.elapsed_ms / 1000:5.1f} s  {self._time_limit_s:g} s at most", style="bold red")
         table = Table.grid(padding=(0, 2))
         if pulses is not None:

@@ -5,6 +5,7 @@ known. The log that an untethered car keeps is merged into the host's log. This 
 """
 
 import contextlib
+import math
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -23,6 +24,7 @@ SILENCE_S = 2.0
 AFTERWARDS_S = 0.3
 # Ending of an untethered drive: the cable is unplugged and the car drives on.
 DRIVES_ON = "drives on untethered"
+STILL_PLUGGED_IN = "the cable was still plugged in when the wheels started"
 CTRL_C = "Ctrl-C"
 # After a trial the car writes its log from RAM to flash: at most 256 KiB, whose 64 sectors take about 0.1 s each.
 STORING_S = 30.0
@@ -44,12 +46,19 @@ class DriveEnd:
 
 
 def drive(
-    car: Car, settings: Mapping[str, Any], trial: int, countdown_s: int, view: DriveView, untethered: bool = False
+    car: Car,
+    settings: Mapping[str, Any],
+    trial: int,
+    countdown_s: int,
+    view: DriveView,
+    untethered: bool = False,
+    button: bool = False,
 ) -> DriveEnd:
     """Drive one trial. Errors of car, cable and disk, and Ctrl-C, are returned in the result instead of raised.
 
-    ``settings`` has ``speed_m_s``, ``yaw_rate_rad_s`` and ``time_limit_s``. If the cable of an ``untethered`` drive is
-    unplugged, the result is DRIVES_ON and the car is not stopped.
+    ``settings`` has ``speed_m_s``, ``yaw_rate_rad_s`` and ``time_limit_s``. For an ``untethered`` drive the car itself
+    counts down, with ``button`` from the moment at which its button is pressed. When its cable is unplugged, the result
+    is DRIVES_ON and the car is not stopped.
     """
     started = host_timed_out = False
 
@@ -61,16 +70,21 @@ def drive(
         with contextlib.suppress(CommandRefusedError):
             # End an earlier drive. If the car's state forbids driving, arming fails with the reason.
             car.stop_trial()
+        # Until then the car refuses to start.
+        _wait_for_storage(car)
         car.arm()
-        stop = _count_down(car, countdown_s, view)
+        stop = None if untethered else _count_down(car, countdown_s, view)
         if stop is not None:
             return DriveEnd(f"{stop} before the start", "aborted", None)
         if car.connection.silence_s() > SILENCE_S:
             # The start command would wait in a buffer and start the car later.
             raise LinkLostError(f"{car.port}: the car is silent for {SILENCE_S:g} s")
-        car.start_trial(settings["speed_m_s"], settings["yaw_rate_rad_s"], settings["time_limit_s"], trial, untethered)
+        delay_s = countdown_s if untethered else 0
+        values = settings["speed_m_s"], settings["yaw_rate_rad_s"], settings["time_limit_s"]
+        car.start_trial(*values, trial, untethered, delay_s, button)
         started = True
-        return _watch(car, trial, view, time.monotonic() + MAX_DELAY * settings["time_limit_s"] + STORING_S)
+        longest_s = math.inf if button else MAX_DELAY * (delay_s + settings["time_limit_s"]) + STORING_S
+        return _watch(car, trial, view, time.monotonic() + longest_s, untethered and _has_cable(car))
     except LinkLostError as error:
         host_timed_out = untethered and started
         if host_timed_out:
@@ -103,13 +117,22 @@ def _count_down(car: Car, countdown_s: int, view: DriveView) -> str | None:
     return None
 
 
-def _watch(car: Car, trial: int, view: DriveView, end_s: float) -> DriveEnd:
-    """Wait for the end of the drive. Raises LinkLostError if the car is silent or does not end."""
+def _has_cable(car: Car) -> bool:
+    """Return whether the car is a board, whose cable would disturb an untethered drive. A simulated car has none."""
+    design = car.connection.latest.get("FOLDCAR_DESIGN")
+    return design is not None and design.hardware == car.dialect.FOLDCAR_HARDWARE_BOARD
+
+
+def _watch(car: Car, trial: int, view: DriveView, end_s: float, must_be_unplugged: bool = False) -> DriveEnd:
+    """Wait for the end of the drive. Raises LinkLostError if the car is silent or does not end.
+
+    If it ``must_be_unplugged``, it is stopped when its wheels start while the cable is still plugged in.
+    """
     dialect, connection = car.dialect, car.connection
     booted_ms = 0
 
     def has_ended(message: Any) -> bool:
-        return _is_of(message, trial) and message.state != dialect.FOLDCAR_STATE_RUNNING
+        return _is_of(message, trial) and not car.is_under_way(message)
 
     while True:
         for message in connection.receive(STEP_S, view.other_input):
@@ -120,6 +143,9 @@ def _watch(car: Car, trial: int, view: DriveView, end_s: float) -> DriveEnd:
                 booted_ms = message.time_boot_ms
                 if has_ended(message):
                     return _car_ended(car, message)
+                if must_be_unplugged and _is_of(message, trial) and message.state == dialect.FOLDCAR_STATE_RUNNING:
+                    car.stop_trial()
+                    return DriveEnd(STILL_PLUGGED_IN, "aborted", message.elapsed_ms / 1000)
             elif kind == "FOLDCAR_TRUTH" and message.trial_id == trial and message.outcome:
                 return _simulated_outcome(car, message)
         view.look(car)
@@ -197,8 +223,7 @@ def collect(car: Car, trial: int, log: Path) -> DriveEnd:
     if first is None:
         raise FoldcarError(f"{log}: contains no message of trial {trial} from before the cable was unplugged")
     offset_us = first[0] - 1000 * first[1].time_boot_ms
-    is_open = car.dialect.FOLDCAR_LOG_OPEN
-    status = car.connection.wait_for(lambda m: m.get_type() == "FOLDCAR_TRIAL" and m.log != is_open, STORING_S)
+    status = _wait_for_storage(car)
     if status is None:
         raise FoldcarError(f"{car.port}: the car is still storing its log after {STORING_S:g} s")
     lost_bytes = status.log_lost if status.trial_id == trial else 0
@@ -212,6 +237,12 @@ def collect(car: Car, trial: int, log: Path) -> DriveEnd:
     raise FoldcarError(
         f"{car.port}: the car has no log of trial {trial}: it restarted while it drove, or its flash is full"
     )
+
+
+def _wait_for_storage(car: Car) -> Any | None:
+    """Return the first FOLDCAR_TRIAL after the car has stored its last log; None if it still stores it after 30 s."""
+    is_open = car.dialect.FOLDCAR_LOG_OPEN
+    return car.connection.wait_for(lambda m: m.get_type() == "FOLDCAR_TRIAL" and m.log != is_open, STORING_S)
 
 
 def _is_of(message: Any, trial: int) -> bool:

@@ -27,7 +27,7 @@ SIMULATED_TEXT = "SIMULATED CAR"
 RECONNECT_TIMEOUT_S = 60.0
 
 # Suffixes of parameters that may differ from the design's, because they depend on servos and board.
-CALIBRATED = ("_NEUTRAL_US", "_DEADBAND_US", "_GAIN_US", "PWM_OSC_HZ", "OE_WIRED")
+CALIBRATED = ("_NEUTRAL_US", "_DEADBAND_US", "_GAIN_US", "PWM_OSC_HZ", "OE_WIRED", "BUTTON_WIRED", "SERVO_DIVIDER")
 
 
 class PluggedCar:
@@ -74,8 +74,8 @@ class PluggedCar:
             try:
                 self.connect_again(typed)
                 require_same_car(self.connected, identity)
-                if self.connected.state() == self.connected.dialect.FOLDCAR_STATE_RUNNING:
-                    raise LinkLostError("the car still drives")
+                if self.connected.is_under_way(self.connected.request("FOLDCAR_TRIAL")):
+                    raise LinkLostError("the car still drives, counts or waits for its button")
                 return collect(self.connected, number, log)
             except FoldcarError as error:
                 if answers is not None:
@@ -107,7 +107,9 @@ def welcome(
     _end_earlier_trial(car)
     _clear_fault(car, answers)
     values, table = read_parameters(car), carsim.parameter_table()
-    settings = experiment.settings(design, body_json(design), table)
+    body = body_json(design)
+    print_line(f"servos    {_servo_battery_text(car, values, body['supply_v'])}")
+    settings = experiment.settings(design, body, table)
     expected = {name: row.default for name, row in table.items()} | settings["parameters"]
     limit_s = settings["time_limit_s"]
     if values.get(TRIAL_LIMIT, limit_s) < limit_s:
@@ -123,6 +125,14 @@ def welcome(
         calibrated = "  (calibrated)" if name.endswith(CALIBRATED) else ""
         print_line(f"  {name:<16} {values[name]:g} instead of {expected_value:g}{calibrated}")
     return identity, design
+
+
+def _servo_battery_text(car: Car, parameters: Mapping[str, float], assumed_v: float) -> str:
+    """Return the voltage of the servos' battery, on which the speed depends, or that it is assumed."""
+    if not parameters.get("SERVO_DIVIDER"):
+        return f"battery not measured: the simulated speed assumes {assumed_v:g} V"
+    volts = car.servo_battery_v()
+    return "battery unreadable: is it switched on?" if volts is None else f"{volts:.2f} V, simulated with {assumed_v:g} V"
 
 
 def require_same_car(car: Car, identity: CarIdentity) -> None:
@@ -146,7 +156,7 @@ def _end_earlier_trial(car: Car) -> None:
     Otherwise it would latch the fault of a silent host at the next long pause, after faults were checked.
     """
     car.connection.catch_up()
-    if car.request("FOLDCAR_TRIAL").state == car.dialect.FOLDCAR_STATE_RUNNING:
+    if car.is_under_way(car.request("FOLDCAR_TRIAL")):
         car.stop_trial()
         print_line("driving   an earlier trial; it is stopped now")
         car.connection.catch_up()

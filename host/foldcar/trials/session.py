@@ -65,6 +65,7 @@ class SessionOptions:
     operator: str
     countdown_s: int
     untethered: bool
+    button: bool
     any_build: bool
     yes: bool
     course: Course | None = None
@@ -265,14 +266,16 @@ class Session:
         self._standing = standing(scene, things, deviations)
         end = self._drive(settings, trial_number, log, identity)
         if end.ending == DRIVES_ON:
-            end = self._plugged.collect(trial_number, log, settings["time_limit_s"], self._questions, identity)
+            longest_s = options.countdown_s + settings["time_limit_s"]
+            end = self._plugged.collect(trial_number, log, longest_s, self._questions, identity)
         stored = record_outcome(writer, trial_number, end, log, options.outcome, options.note, self._questions, mark)
         return _Driven(trial_number, sample, log, stored, end)
 
     def _drive(self, settings: dict[str, Any], number: int, log: Path, identity: CarIdentity) -> DriveEnd:
         """Drive one trial with its log, and return how it ended."""
         car, options, limit_s = self._plugged.connected, self._options, settings["time_limit_s"]
-        print_line(f"Countdown {options.countdown_s} s, then {limit_s:g} s at most. Ctrl-C stops.")
+        begins = "From the car's button on, it counts" if options.button else "Countdown"
+        print_line(f"{begins} {options.countdown_s} s, then {limit_s:g} s at most. Ctrl-C stops.")
         try:
             with contextlib.closing(TlogWriter(log)) as writer:
                 car.connection.catch_up()
@@ -284,7 +287,7 @@ class Session:
                 read_parameters(car)
                 view = DriveView(options.countdown_s, limit_s, self._answers.waitable)
                 with self._answers.keys() as pressed, view.watching(pressed):
-                    end = drive(car, settings, number, options.countdown_s, view, options.untethered)
+                    end = drive(car, settings, number, options.countdown_s, view, options.untethered, options.button)
                 return replace(end, outcome="passed") if view.passed and end.outcome is None else end
         except FoldcarError as error:
             ending = "link lost before the start" if isinstance(error, LinkLostError) else "not begun"

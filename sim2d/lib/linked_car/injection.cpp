@@ -15,7 +15,7 @@ constexpr Limits kDuration_s{0, 3600};
 Injection read_injection(const nlohmann::json& line) {
   using Kind = Injection::Kind;
   const std::vector<std::string> names = {"battery", "battery_unreadable", "bus_error", "imu_error", "brown_out",
-                                          "watchdog", "unplug", "corrupt", "drop", "put_back"};
+                                          "watchdog", "button", "unplug", "corrupt", "drop", "put_back"};
   JsonReader reader(line, "line");
   Injection injection;
   injection.kind = static_cast<Kind>(reader.choice("inject", names));

@@ -16,6 +16,7 @@ struct Injection {
     kImuError,
     kBrownOut,
     kWatchdog,
+    kButton,  // someone presses it
     kUnplug,
     kCorrupt,            // value: fraction of the bytes that arrive wrong
     kDrop,               // value: fraction of the bytes that are lost

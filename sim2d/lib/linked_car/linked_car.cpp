@@ -71,6 +71,7 @@ void LinkedCar::inject(const Injection& injection) {
     case Injection::Kind::kImuError: imu_until_us_ = until_us; break;
     case Injection::Kind::kBrownOut: restart(ResetReason::kBrownOut); break;
     case Injection::Kind::kWatchdog: restart(ResetReason::kTaskWatchdog); break;
+    case Injection::Kind::kButton: button_until_us_ = until_us; break;
     case Injection::Kind::kUnplug: unplugged_until_us_ = until_us; break;
     case Injection::Kind::kCorrupt:
     case Injection::Kind::kDrop: {
@@ -92,6 +93,10 @@ std::vector<std::uint8_t> LinkedCar::step() {
     firmware_->begin(options_.design);
   }
   if (!booting_) {
+    // The pack without a load, on a car that is wired to measure it.
+    const bool is_measured = firmware_->parameters().get(Parameter::kServoDivider) > 0.0f;
+    hal_.servo_battery.volts =
+        is_measured ? static_cast<float>(world_->body.supply_v) : std::numeric_limits<float>::quiet_NaN();
     firmware_->poll();
     firmware_->store_log();
   }
@@ -162,6 +167,7 @@ void LinkedCar::apply_faults() {
   }
   hal_.servos.answers = now_us_ >= bus_until_us_;
   hal_.imu.answers = now_us_ >= imu_until_us_;
+  hal_.board.button = now_us_ < button_until_us_;
 }
 
 void LinkedCar::update_outcome() {

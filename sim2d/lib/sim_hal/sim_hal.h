@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <map>
 #include <string>
 #include <vector>
@@ -32,7 +33,8 @@ class SimServos : public WheelServos {
 
 // The cell that supplies the board; the servos do not load it, so its voltage (V) is what it is set to.
 struct SimBattery : Battery {
-  float volts = 4.0f;
+  explicit SimBattery(float volts_v = 4.0f) : volts(volts_v) {}
+  float volts;
   float voltage_v() override { return volts; }
 };
 
@@ -85,8 +87,12 @@ struct SimLogs : LogStorage {
 struct SimBoard : Board {
   ResetReason reason = ResetReason::kPowerOn;
   bool restart_is_requested = false;
+  bool led_is_on = false;
+  bool button = false;
   ResetReason reset_reason() const override { return reason; }
   void restart() override { restart_is_requested = true; }
+  void set_led(bool on) override { led_is_on = on; }
+  bool button_is_pressed() override { return button; }
   bool is_simulated() const override { return true; }
 };
 
@@ -100,13 +106,14 @@ struct BasicSimHal {
   SimClock clock;
   Servos servos;
   SimBattery battery;
+  SimBattery servo_battery{std::numeric_limits<float>::quiet_NaN()};  // most cars do not measure it
   Link link;
   SimStorage storage;
   SimImu imu;
   SimLogs logs;
   SimBoard board;
 
-  Hal hal() { return {clock, servos, battery, link, storage, imu, logs, board}; }
+  Hal hal() { return {clock, servos, battery, servo_battery, link, storage, imu, logs, board}; }
 };
 
 using SimHal = BasicSimHal<SimServos, SimLink>;

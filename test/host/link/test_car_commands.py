@@ -51,8 +51,8 @@ def test_parameters_are_saved_compared_and_restored(tmp_path: Path, foldcar: Any
         assert foldcar("params", "set", "CH1_NEUTRAL_US", "1512", *port).stdout.split() == ["CH1_NEUTRAL_US", "1512"]
         differing = foldcar("params", "diff", "p.parm", *port).stdout
         for name, value, why in (
-            ("CH1_NEUTRAL_US", "9999", "it stays 1512"),
-            ("CH1_SIDE", "2", "is set by car.json"),
+            ("CH1_NEUTRAL_US", "9999", "refuses 9999: the value is above the parameter's maximum"),
+            ("CH1_SIDE", "2", "its car.json sets this parameter"),
             ("NO_SUCH", "2", "NO_SUCH: the car refuses 2"),
             ("TRIAL_MAX_S", "1e39", "TRIAL_MAX_S: 1e+39 cannot be stored as a 32-bit floating-point number"),
             # A packet would hold the first 16 characters only.

@@ -19,7 +19,7 @@ from live_car import car_at_port, greeted
 
 ARM, START = mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_CMD_FOLDCAR_START_TRIAL
 ACCEPTED, NOT_NOW = mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_TEMPORARILY_REJECTED
-HELD, LATE, NO_DESIGN = 18, 19, 20
+HELD, LATE = mavlink.FOLDCAR_REFUSAL_HELD, mavlink.FOLDCAR_REFUSAL_LATE
 
 
 def test_two_hosts_at_once_and_only_the_one_that_armed_drives() -> None:
@@ -54,9 +54,11 @@ def test_two_hosts_at_once_and_only_the_one_that_armed_drives() -> None:
         assert ours.connection.status_text == "stopped by host 200/7"
 
         assert command(ARM, 1).result == ACCEPTED
-        with pytest.raises(CommandRefusedError, match=r"the car refuses to arm: host 200/7 holds the car$"):
+        with pytest.raises(
+            CommandRefusedError, match=r"refuses to arm: another host has armed it \(host 200/7 holds the car\)$"
+        ):
             ours.arm()
-        with pytest.raises(FoldcarError, match=r"STAGGER_MS: .*is not set: host 200/7 holds the car\); it stays 40"):
+        with pytest.raises(FoldcarError, match=r"STAGGER_MS: the car refuses 50: another host has armed it$"):
             set_parameter(ours, "STAGGER_MS", 50.0)
         ours.disarm()
         assert ours.connection.status_text == f"disarmed by host {HOST_SYSTEM}/{HOST_COMPONENT}"
@@ -126,7 +128,9 @@ def test_a_refused_design_is_named_when_arming_is_refused(start: Callable[..., C
             assert reply is not None and reply.text == "car.json: is not a JSON object"
         car.acknowledge_fault()
 
-        with pytest.raises(CommandRefusedError, match=r"the car refuses to arm: car.json: is not a JSON object$"):
+        with pytest.raises(
+            CommandRefusedError, match=r"refuses to arm: its car.json is refused \(car.json: is not a JSON object\)$"
+        ):
             car.arm()
 
 
@@ -137,7 +141,7 @@ def test_while_wheels_turn_a_car_says_why_it_lists_no_logs_and_sets_nothing(star
 
         with pytest.raises(FoldcarError, match="does not list its logs; it says: refused: logs are not read or erased"):
             list_logs(car)
-        with pytest.raises(FoldcarError, match=r"refuses 50 \(.*while wheels are driven\); it stays 40"):
+        with pytest.raises(FoldcarError, match=r"refuses 50: its wheels are driven already$"):
             set_parameter(car, "STAGGER_MS", 50.0)
 
         car.stop_trial()

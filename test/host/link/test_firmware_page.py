@@ -13,7 +13,7 @@ REQUESTS = {
 
 
 def test_requests_are_accepted_in_the_states_that_the_page_names() -> None:
-    table = SOURCE.read_text(encoding="utf-8").partition("kRefusals[][7] = {")[2].partition("};")[0]
+    table = SOURCE.read_text(encoding="utf-8").partition("kRefusals[][8] = {")[2].partition("};")[0]
     states = re.findall(r"\w+", table.partition("//")[2].partition("\n")[0])
     accepted = {
         request: [state for state, refusal in zip(states, re.findall(r"k\w+", row), strict=True) if refusal == "kNone"]
@@ -26,3 +26,12 @@ def test_requests_are_accepted_in_the_states_that_the_page_names() -> None:
         cell = rows[words]
         named = [state for state in states if state != "fault"] if cell == "all but fault" else cell.split(", ")
         assert sorted(named) == sorted(accepted[request]), request
+
+
+def test_the_page_has_the_patterns_of_the_led() -> None:
+    source = (PROJECT / "firmware" / "lib" / "led" / "led.cpp").read_text(encoding="utf-8")
+    page = (PROJECT / "docs" / "firmware.md").read_text(encoding="utf-8").partition("### What the LED shows")[2]
+
+    patterns = re.findall(r'\{\w+, "([#.]+)"\}', source)
+
+    assert len(patterns) == 6 and re.findall(r"^\|`([#.]+)`\|", page, re.MULTILINE) == patterns

@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import re
 import subprocess
 import sys
 import threading
@@ -25,7 +26,7 @@ class Station:
     def __init__(self, port: str, folder: Path) -> None:
         options = [f"--master={port}", f"--logfile={folder / 'mav.tlog'}", f"--state-basedir={folder}"]
         self.process = subprocess.Popen(
-            [sys.executable, MAVPROXY, *options, "--default-modules=param,arm,link,mode,rc"],
+            [sys.executable, MAVPROXY, *options, "--default-modules=param,arm,link,mode,rc,message"],
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
             # Which dialect it speaks is its own choice, not that of foldcar in this process. What it prints into a pipe
             # would else wait there for its next prompt.
@@ -80,6 +81,41 @@ class Station:
     def end(self) -> None:
         self.process.kill()
         self.process.wait(timeout=100)
+
+
+def test_mavproxys_stick_drives_forward_and_to_the_right(tmp_path: Path, carsim_binary: Path) -> None:
+    design = compose("W_B_W", {"width": 95.0})
+    body, worlds = body_json(design), [({**empty_scene(goal_x_m=None), "id": "flat"}, {})]
+    with simulated_car([str(carsim_binary)], body, worlds, car_json(design), 1.0, None, subprocess.PIPE) as car:
+        station = Station(car.port, tmp_path)
+
+        def pulses_us(stick: str) -> list[int]:
+            """The pulses of the left and of the right wheels, after a second of MANUAL_CONTROL."""
+            for _ in range(20):
+                station.types(f"message MANUAL_CONTROL 1 {stick} 0")
+                time.sleep(0.05)
+            station.types("status SERVO_OUTPUT_RAW")
+            station.sees("SERVO_OUTPUT_RAW {")
+            station.sees("servo3_raw")
+            row = station.text[: station.position].rpartition("SERVO_OUTPUT_RAW {")[2]
+            return [int(value) for value in re.findall(r"servo[12]_raw : (\d+)", row)]
+
+        try:
+            station.sees("online system 1")
+            station.types("arm throttle")
+            station.sees("ARMED")
+            # x, y, z, r as QGroundControl sends them: y to the right; the throttle z rests at 500 with some settings.
+            left_us, right_us = pulses_us("600 0 500 0")
+            assert left_us - 1500 == 1500 - right_us > 50
+            # The right wheels' servos are mounted mirrored: less than 1500 µs drives forward.
+            left_us, right_us = pulses_us("600 300 500 0")
+            assert left_us - 1500 > 1500 - right_us > 0
+            left_us, right_us = pulses_us("0 1000 500 0")
+            assert left_us > 1550 and right_us > 1550
+            # MAVProxy still sends its heartbeats: they do not replace the stick.
+            station.sees("fault: no command from the host")
+        finally:
+            station.end()
 
 
 def test_mavproxy_lists_sets_and_saves_parameters_and_arms(tmp_path: Path, carsim_binary: Path) -> None:

@@ -5,20 +5,19 @@ import json
 import math
 import os
 import pty
-import re
 import resource
 import signal
 import struct
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
 from foldcar.car.body import car_json, design_hash, design_name
 from foldcar.car.design import compose
 from foldcar.errors import FoldcarError
-from foldcar.link.car import REASONS
+from foldcar.link.car import Car
 from foldcar.link.connection import Connection
 from foldcar.link.dialect import load_dialect
 from foldcar.link.parameters import differences, equal_float32, read_file, value_text, write_file
@@ -256,13 +255,16 @@ def test_messages_that_come_together_are_all_read() -> None:
         os.close(theirs)
 
 
-def test_every_reason_of_a_refusal_has_words() -> None:
-    header = Path(__file__).resolve().parents[3] / "firmware" / "lib" / "supervisor" / "supervisor.h"
-    listed = re.search(r"enum class Refusal[^{]*\{([^}]*)\}", header.read_text())
+def test_every_reason_of_a_refusal_has_words_that_complete_a_sentence() -> None:
+    dialect = load_dialect()
+    car = Car(cast(Any, SimpleNamespace(dialect=dialect)))
+    reasons = [value for value, entry in dialect.enums["FOLDCAR_REFUSAL"].items() if "ENUM_END" not in entry.name]
 
-    assert listed is not None
-    names = re.findall(r"\bk[A-Z]\w*", re.sub(r"//.*", "", listed[1]))
-    assert len(REASONS) == len(names) and len(set(REASONS)) == len(REASONS)
+    texts = [car.refusal_text(reason) for reason in reasons if reason]
+
+    assert all(text and not text.endswith(".") and text[0].islower() for text in texts)
+    assert len(set(texts)) == len(texts) > 30
+    assert car.refusal_text(0) is None and car.refusal_text(250) is None
 
 
 def test_a_log_that_breaks_off_or_lacks_bytes_is_told() -> None:

@@ -3,6 +3,7 @@
 import hashlib
 import json
 import os
+import re
 import subprocess
 import sys
 import time
@@ -14,9 +15,12 @@ import pytest
 
 from foldcar.car.body import body_json
 from foldcar.car.design import compose
+from foldcar.link.log_features import log_features
 from foldcar.link.mcap_export import export_mcap
 from foldcar.link.tlog import read_tlog
-from live_car import LOG, car_at_port, inject, moving, trials_in
+from foldcar.trials.drive_view import DriveView
+from foldcar.trials.driving import drive
+from live_car import LOG, car_at_port, greeted, inject, moving, trials_in
 from test_mcap_export import conforms
 from typist import Typist
 
@@ -138,3 +142,41 @@ def test_an_untethered_car_brings_its_log_home(tmp_path: Path, free_course: Path
     # The times of the car's log, converted to the host's clock, agree with those of the live messages.
     offsets = [t / 1e6 - m.elapsed_ms / 1000 for t, m in drive]
     assert max(offsets) - min(offsets) < 0.5
+
+
+def test_a_car_counts_says_when_to_pull_the_cable_and_is_stopped_if_it_is_not_pulled(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with car_at_port(goal_x_m=None) as simulated, greeted(simulated.port) as car:
+        # As a board, which has a cable; a simulated car has none.
+        monkeypatch.setattr("foldcar.trials.driving._has_cable", lambda _: True)
+        view = DriveView(2, 5.0, None)
+        settings = {"speed_m_s": 0.3, "yaw_rate_rad_s": 0.0, "time_limit_s": 5.0}
+
+        end = drive(car, settings, 7, 2, view, untethered=True)
+
+    assert (end.ending, end.outcome) == ("the cable was still plugged in when the wheels started", "aborted")
+    assert end.elapsed_time_s is not None and end.elapsed_time_s < 1.0
+    assert "Pull the cable now: the wheels start in 2 s." in capsys.readouterr().out
+
+
+def test_the_button_starts_a_trial_without_a_cable_from_start_to_report(
+    tmp_path: Path, free_course: Path, foldcar: Any
+) -> None:
+    with car_at_port(goal_x_m=None, tcp=True) as car:
+        for name, value in (("BUTTON_WIRED", "1"), ("SERVO_DIVIDER", "3")):
+            assert foldcar("params", "set", name, value, "--port", car.port).returncode == 0
+        words = (*LOG, "--port", car.port, "--countdown", "2", "--yes", "--button")
+        with Typist(tmp_path, *words) as person:
+            person.sees("Pull the cable now, put the car in its place. Its button starts the 2 s.")
+            inject(car, inject="unplug", for_s=8)
+            inject(car, inject="button", for_s=0.2)
+            assert person.ends() == 0, person.output
+            assert re.search(r"servos    \d\.\d\d V, simulated with", person.output)
+
+    (trial,) = trials_in(tmp_path / "s.db")
+    assert (trial.outcome, trial.ending) == ("timeout", "time limit, untethered")
+    assert trial.elapsed_time_s == pytest.approx(3, abs=0.05)
+    features = log_features(tmp_path / str(trial.log))
+    assert features.servo_battery_v == pytest.approx(body_json(compose("W_B_W", {"width": 95.0}))["supply_v"], abs=1e-3)
+    assert foldcar("report", "s.db", "-o", "report", "--simulated-trials").returncode == 0

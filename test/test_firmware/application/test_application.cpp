@@ -58,6 +58,11 @@ TEST(pulses_come_only_while_a_trial_runs) {
   TEST_ASSERT_TRUE_MESSAGE(pulses_after_tick(), "running");
   car.stop();
   TEST_ASSERT_FALSE_MESSAGE(any_pulse(bench.last_us()), "stop acts at once");
+  car.arm();
+  car.start(kTrial);
+  TEST_ASSERT_TRUE(pulses_after_tick());
+  car.disarm();
+  TEST_ASSERT_FALSE_MESSAGE(any_pulse(bench.last_us()), "disarming acts at once");
   TEST_ASSERT_FALSE_MESSAGE(pulses_after_tick(), "finished");
   car.arm();
   car.start(kTrial);
@@ -163,7 +168,9 @@ TEST(outputs_are_off_before_parameters_are_loaded) {
   storage.values["TRACK_M"] = 0.25f;
   Parameters parameters;
   Application application(
-      {board.clock, board.servos, board.battery, board.link, storage, board.imu, board.logs, board.board}, parameters);
+      {board.clock, board.servos, board.battery, board.servo_battery, board.link, storage, board.imu, board.logs,
+       board.board},
+      parameters);
 
   application.begin();
 

@@ -194,3 +194,16 @@ TEST(yaw_counts_turns_to_the_left_and_wraps) {
   for (int i = 0; i < 100; ++i) attitude = updated(attitude, sample, kStepS);
   TEST_ASSERT_FLOAT_WITHIN(1e-3f, 4.0f - 2.0f * 3.14159265f, attitude.yaw_rad);
 }
+
+// Without saturation the time since the start would begin again, and the rear axle wait for its turn.
+TEST(after_71_minutes_of_driving_every_wheel_still_obeys) {
+  const Calibration calibration = calibrate(Parameters());
+  DriveState state;
+  state.elapsed_us = UINT32_MAX - 10000;
+  for (int i = 0; i < 50; ++i) drive(calibration, state, {0.3f, 0.0f}, 20000);
+  TEST_ASSERT_TRUE(state.excess_us[2] > 1.0f);
+  const float before_us = state.excess_us[2];
+  state.elapsed_us = UINT32_MAX - 10000;
+  drive(calibration, state, {0.0f, 0.0f}, 20000);
+  TEST_ASSERT_TRUE(state.excess_us[2] < before_us);
+}

@@ -45,7 +45,7 @@ TEST(every_enum_of_the_firmware_has_the_dialects_values) {
       {FOLDCAR_STATE_DISARMED, State::kDisarmed}, {FOLDCAR_STATE_ARMED, State::kArmed},
       {FOLDCAR_STATE_RUNNING, State::kRunning}, {FOLDCAR_STATE_FINISHED, State::kFinished},
       {FOLDCAR_STATE_FAULT, State::kFault}, {FOLDCAR_STATE_MANUAL, State::kManual},
-      {FOLDCAR_STATE_TESTING, State::kTesting}});
+      {FOLDCAR_STATE_TESTING, State::kTesting}, {FOLDCAR_STATE_COUNTING, State::kCounting}});
   expect_same<FOLDCAR_FAULT, Fault>({
       {FOLDCAR_FAULT_BUS, Fault::kBus}, {FOLDCAR_FAULT_BATTERY_UNREADABLE, Fault::kBatteryUnreadable},
       {FOLDCAR_FAULT_BATTERY_LOW, Fault::kBatteryLow}, {FOLDCAR_FAULT_COMMAND_STALE, Fault::kCommandStale},
@@ -60,8 +60,23 @@ TEST(every_enum_of_the_firmware_has_the_dialects_values) {
       {FOLDCAR_DESIGN_SOURCE_FILE, DesignSource::kFile}, {FOLDCAR_DESIGN_SOURCE_REFUSED, DesignSource::kRefused},
       {FOLDCAR_DESIGN_SOURCE_MISSING, DesignSource::kMissing},
       {FOLDCAR_DESIGN_SOURCE_UNREADABLE, DesignSource::kUnreadable}});
-  // docs/link.md names the last of the reasons by these numbers.
-  expect_same<int, Refusal>({{12, Refusal::kTimeLimit}, {17, Refusal::kUnknownHost}, {21, Refusal::kUnknownCommand}});
+  expect_same<FOLDCAR_REFUSAL, Refusal>({
+      {FOLDCAR_REFUSAL_NONE, Refusal::kNone}, {FOLDCAR_REFUSAL_NOT_ARMED, Refusal::kNotArmed},
+      {FOLDCAR_REFUSAL_RUNNING, Refusal::kRunning}, {FOLDCAR_REFUSAL_NOT_RUNNING, Refusal::kNotRunning},
+      {FOLDCAR_REFUSAL_FAULT_LATCHED, Refusal::kFaultLatched}, {FOLDCAR_REFUSAL_NO_FAULT, Refusal::kNoFault},
+      {FOLDCAR_REFUSAL_BATTERY_UNREADABLE, Refusal::kBatteryUnreadable}, {FOLDCAR_REFUSAL_BATTERY_LOW, Refusal::kBatteryLow},
+      {FOLDCAR_REFUSAL_NO_WHEELS, Refusal::kNoWheels}, {FOLDCAR_REFUSAL_NOT_A_NUMBER, Refusal::kNotANumber},
+      {FOLDCAR_REFUSAL_SPEED_LIMIT, Refusal::kSpeedLimit}, {FOLDCAR_REFUSAL_YAW_RATE_LIMIT, Refusal::kYawRateLimit},
+      {FOLDCAR_REFUSAL_TIME_LIMIT, Refusal::kTimeLimit}, {FOLDCAR_REFUSAL_DESIGN, Refusal::kDesign},
+      {FOLDCAR_REFUSAL_TEST, Refusal::kTest}, {FOLDCAR_REFUSAL_MESSAGE, Refusal::kMessage},
+      {FOLDCAR_REFUSAL_NOT_DISARMED, Refusal::kNotDisarmed}, {FOLDCAR_REFUSAL_UNKNOWN_HOST, Refusal::kUnknownHost},
+      {FOLDCAR_REFUSAL_HELD, Refusal::kHeld}, {FOLDCAR_REFUSAL_LATE, Refusal::kLate},
+      {FOLDCAR_REFUSAL_NO_DESIGN, Refusal::kNoDesign}, {FOLDCAR_REFUSAL_UNKNOWN_COMMAND, Refusal::kUnknownCommand},
+      {FOLDCAR_REFUSAL_NO_LOG, Refusal::kNoLog}, {FOLDCAR_REFUSAL_STORING, Refusal::kStoring},
+      {FOLDCAR_REFUSAL_NO_BUTTON, Refusal::kNoButton}, {FOLDCAR_REFUSAL_DELAY, Refusal::kDelay}, {FOLDCAR_REFUSAL_UNKNOWN_PARAMETER, Refusal::kUnknownParameter},
+      {FOLDCAR_REFUSAL_BELOW_MINIMUM, Refusal::kBelowMinimum}, {FOLDCAR_REFUSAL_ABOVE_MAXIMUM, Refusal::kAboveMaximum},
+      {FOLDCAR_REFUSAL_NOT_AN_INTEGER, Refusal::kNotAnInteger}, {FOLDCAR_REFUSAL_NOT_A_SIGN, Refusal::kNotASign},
+      {FOLDCAR_REFUSAL_FIXED, Refusal::kFixed}, {FOLDCAR_REFUSAL_NOT_SAVED, Refusal::kNotSaved}});
 }
 
 TEST(a_repeated_command_is_answered_again_and_not_obeyed_twice) {

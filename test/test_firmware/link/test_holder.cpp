@@ -137,3 +137,36 @@ TEST(the_heartbeat_claims_no_mode_of_another_autopilot) {
   TEST_ASSERT_EQUAL_UINT8(MAV_MODE_FLAG_SAFETY_ARMED, beats.back().base_mode);
   TEST_ASSERT_EQUAL_UINT32(FOLDCAR_STATE_ARMED, beats.back().custom_mode);
 }
+
+// As QGroundControl does with every vehicle: PROTOCOL_VERSION, COMPONENT_INFORMATION, COMPONENT_METADATA, AVAILABLE_MODES.
+TEST(a_ground_stations_questions_are_answered_without_a_warning) {
+  LinkBench bench;
+  for (const float message_id : {300.0f, 395.0f, 397.0f, 435.0f}) {
+    bench.expect(MAV_RESULT_DENIED, Refusal::kMessage, MAV_CMD_REQUEST_MESSAGE, {message_id});
+  }
+  mavlink_mission_request_list_t request{};
+  request.target_system = request.target_component = 1;
+  request.mission_type = MAV_MISSION_TYPE_RALLY;
+  bench.run(40, bench.host.pack(mavlink_msg_mission_request_list_encode_status, request));
+  const auto counts =
+      bench.host.all<mavlink_mission_count_t>(MAVLINK_MSG_ID_MISSION_COUNT, mavlink_msg_mission_count_decode);
+  TEST_ASSERT_EQUAL_UINT(1, counts.size());
+  TEST_ASSERT_EQUAL_UINT(0, counts[0].count);
+  TEST_ASSERT_EQUAL_UINT8(MAV_MISSION_TYPE_RALLY, counts[0].mission_type);
+  TEST_ASSERT_EQUAL_UINT8(255, counts[0].target_system);
+  TEST_ASSERT_EQUAL_UINT(0, bench.host.texts().size());
+}
+
+TEST(a_host_that_speaks_mavlink_1_is_told_and_not_obeyed) {
+  LinkBench bench;
+  MavlinkHost host(255, 190);
+  host.speak_mavlink_1();
+  for (int i = 0; i < 20; ++i) {
+    bench.run(100, host.heartbeat() + host.command(MAV_CMD_COMPONENT_ARM_DISARM, {1}) + host.set_parameter("TRACK_M", 0.2f));
+  }
+  TEST_ASSERT_EQUAL_UINT(1, bench.host.texts().size());
+  TEST_ASSERT_EQUAL_STRING("refused: MAVLink 1: set the host to MAVLink 2", bench.last_text().c_str());
+  TEST_ASSERT_TRUE(bench.state() == State::kDisarmed);
+  TEST_ASSERT_EQUAL_UINT(0, bench.host.acks().size());
+  TEST_ASSERT_EQUAL_UINT(0, bench.host.parameters().size());
+}

@@ -55,13 +55,26 @@ TEST(the_stick_drives_and_its_silence_stops) {
   TEST_ASSERT_TRUE(bench.state() == State::kManual);
   for (int i = 0; i < 10; ++i) bench.run(100, bench.host.stick(500));
   TEST_ASSERT_FLOAT_WITHIN(0.1f, 1500.0f + 45.0f + 77.5f, bench.last_us()[0]);
-  for (int i = 0; i < 10; ++i) bench.run(100, bench.host.stick(0, 1000));  // left wheels backward, right ones forward
-  TEST_ASSERT_FLOAT_WITHIN(0.1f, 1300.0f, bench.last_us()[0]);
-  TEST_ASSERT_FLOAT_WITHIN(0.1f, 1300.0f, bench.last_us()[1]);
+  for (int i = 0; i < 10; ++i) bench.run(100, bench.host.stick(0, 1000));  // left wheels forward, right ones backward
+  TEST_ASSERT_FLOAT_WITHIN(0.1f, 1700.0f, bench.last_us()[0]);
+  TEST_ASSERT_FLOAT_WITHIN(0.1f, 1700.0f, bench.last_us()[1]);
   for (int i = 0; i < 10; ++i) bench.run(100, bench.host.stick(INT16_MAX));  // "axis is invalid"
   TEST_ASSERT_EQUAL_FLOAT(1500.0f, bench.last_us()[0]);
   bench.run(500);
   TEST_ASSERT_TRUE(bench.state() == State::kFault);
+  TEST_ASSERT_TRUE(bench.last_us() == kOff);
+}
+
+// A ground station whose joystick was pulled out still sends its heartbeats, and asks for parameters.
+TEST(only_the_stick_keeps_manual_driving_alive) {
+  LinkBench bench;
+  bench.answer(MAV_CMD_COMPONENT_ARM_DISARM, {1});
+  bench.run(20, bench.host.stick(1000));
+  TEST_ASSERT_TRUE(bench.state() == State::kManual);
+  for (int i = 0; i < 4; ++i) bench.run(100, bench.host.heartbeat() + bench.host.request_list());
+  TEST_ASSERT_TRUE(bench.state() == State::kManual);
+  bench.run(100, bench.host.heartbeat());
+  TEST_ASSERT_TRUE(bench.fault() == Fault::kCommandStale);
   TEST_ASSERT_TRUE(bench.last_us() == kOff);
 }
 
@@ -120,6 +133,15 @@ TEST(a_late_stick_and_late_signs_of_life_count_for_nothing) {
   bench.run(2100);
   bench.run(20, bench.host.command(MAV_CMD_FOLDCAR_START_TRIAL, kStart));
   TEST_ASSERT_TRUE(bench.last_refusal() == Refusal::kUnknownHost);
+}
+
+TEST(a_late_setting_is_answered_and_not_obeyed) {
+  LinkBench bench;
+  bench.run(20, bench.host.heartbeat());
+  stand_still(bench, 600, bench.host.set_parameter("TRACK_M", 0.2f));
+  TEST_ASSERT_EQUAL_UINT(1, bench.host.parameters().size());
+  TEST_ASSERT_EQUAL_FLOAT(0.111f, bench.host.parameters()[0].param_value);
+  TEST_ASSERT_EQUAL_STRING("TRACK_M is not set: it waited while the car stood still", bench.last_text().c_str());
 }
 
 TEST(a_late_stop_and_a_late_disarm_are_executed) {

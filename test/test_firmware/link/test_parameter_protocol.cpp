@@ -96,7 +96,32 @@ TEST(a_parameter_is_set_or_the_value_that_holds_comes_back_with_the_reason) {
   TEST_ASSERT_EQUAL_STRING("NO_SUCH_NAME_16X is not a parameter", bench.last_text().c_str());
   bench.start(kStart);
   TEST_ASSERT_EQUAL_FLOAT(0.3f, value_after("TRACK_M", 0.1f));
-  TEST_ASSERT_EQUAL_STRING("TRACK_M cannot be set while wheels are driven", bench.last_text().c_str());
+  TEST_ASSERT_EQUAL_STRING("TRACK_M is not set: wheels are driven", bench.last_text().c_str());
+}
+
+TEST(a_program_is_told_the_reason_of_a_refused_setting_by_its_number) {
+  LinkBench bench;
+  const auto reason_after = [&bench](const char* name, float value) {
+    bench.host.received.clear();
+    bench.run(20, bench.host.set_parameter(name, value));
+    const auto refusals = bench.host.all<mavlink_foldcar_param_refused_t>(MAVLINK_MSG_ID_FOLDCAR_PARAM_REFUSED,
+                                                                          mavlink_msg_foldcar_param_refused_decode);
+    if (refusals.empty()) return Refusal::kNone;
+    TEST_ASSERT_EQUAL_UINT(1, refusals.size());
+    TEST_ASSERT_EQUAL_STRING_LEN(name, refusals[0].param_id, 16);
+    return static_cast<Refusal>(refusals[0].reason);
+  };
+  TEST_ASSERT_TRUE(reason_after("TRACK_M", 0.2f) == Refusal::kNone);
+  TEST_ASSERT_TRUE(reason_after("TRACK_M", -1.0f) == Refusal::kBelowMinimum);
+  TEST_ASSERT_TRUE(reason_after("TRACK_M", 9.0f) == Refusal::kAboveMaximum);
+  TEST_ASSERT_TRUE(reason_after("TRACK_M", NAN) == Refusal::kNotANumber);
+  TEST_ASSERT_TRUE(reason_after("CH1_SIDE", 1.5f) == Refusal::kNotAnInteger);
+  TEST_ASSERT_TRUE(reason_after("CH1_DIRECTION", 0.5f) == Refusal::kNotASign);
+  TEST_ASSERT_TRUE(reason_after("NO_SUCH_NAME_16X", 1.0f) == Refusal::kUnknownParameter);
+  bench.board.storage.accepts = false;
+  TEST_ASSERT_TRUE(reason_after("TRACK_M", 0.3f) == Refusal::kNotSaved);
+  bench.start(kStart);
+  TEST_ASSERT_TRUE(reason_after("TRACK_M", 0.1f) == Refusal::kRunning);
 }
 
 TEST(one_parameter_is_read_by_index_or_by_name) {

@@ -71,7 +71,9 @@ struct SlowBench {
   RecordingHal board;
   SlowLogs logs{board.clock};
   SlowStorage storage{board.clock};
-  Firmware firmware{Hal{board.clock, board.servos, board.battery, board.link, storage, board.imu, logs, board.board},
+  Firmware firmware{Hal{board.clock,  board.servos, board.battery, board.servo_battery,
+                        board.link,   storage,      board.imu,     logs,
+                        board.board},
                     kBuild};
   MavlinkHost host;
   bool erasing_stops_both_cores = false;  // as on the ESP32; else the task that writes is alone in waiting
@@ -228,24 +230,53 @@ TEST(no_tick_is_late_while_wheels_turn_whatever_a_host_asks) {
   }
 }
 
-TEST(a_log_waits_to_be_stored_while_wheels_turn_again) {
+// A step of storing stops both cores for up to 0.6 s.
+TEST(wheels_do_not_start_before_the_log_is_stored) {
   SlowBench bench;
   bench.erasing_stops_both_cores = true;
   bench.drive(60.0f);
-  bench.longest_gap_while_driving_us = 0;
-  bench.run(20, bench.host.command(MAV_CMD_COMPONENT_ARM_DISARM, {1}) + bench.host.set_parameter("STAGGER_MS", 7));
+  bench.run(20, bench.host.set_parameter("STAGGER_MS", 7) +
+                    bench.host.command(MAV_CMD_ACTUATOR_TEST, {0, 1, 0, 0, ACTUATOR_OUTPUT_FUNCTION_SERVO1}));
+  TEST_ASSERT_EQUAL_INT(static_cast<int>(Refusal::kStoring), bench.host.acks().back().result_param2);
+  bench.run(20, bench.host.command(MAV_CMD_COMPONENT_ARM_DISARM, {1}));
   TEST_ASSERT_EQUAL_UINT8(FOLDCAR_LOG_OPEN, bench.told().log);
   TEST_ASSERT_EQUAL_UINT(MAV_RESULT_TEMPORARILY_REJECTED, bench.answer(MAV_CMD_PREFLIGHT_STORAGE, {2}));
   TEST_ASSERT_EQUAL_INT(static_cast<int>(Refusal::kStoring), bench.host.acks().back().result_param2);
-  TEST_ASSERT_EQUAL_UINT(MAV_RESULT_ACCEPTED, bench.answer(MAV_CMD_FOLDCAR_START_TRIAL, {0.3f, 0, 5, 0, 9}));
-  bench.run(4900);
-  TEST_ASSERT_TRUE(bench.firmware.application().is_driving());
-  TEST_ASSERT_EQUAL_INT(0, bench.writes_while_driving);
-  TEST_ASSERT_TRUE(bench.longest_gap_while_driving_us <= 40000);
+  for (const float flags : {0.0f, 1.0f}) {
+    TEST_ASSERT_EQUAL_UINT(MAV_RESULT_TEMPORARILY_REJECTED,
+                           bench.answer(MAV_CMD_FOLDCAR_START_TRIAL, {0.3f, 0, 5, flags, 9}));
+    TEST_ASSERT_EQUAL_INT(static_cast<int>(Refusal::kStoring), bench.host.acks().back().result_param2);
+  }
+  bench.run(100, bench.host.stick(500));
+  TEST_ASSERT_FALSE(bench.firmware.application().is_driving());
+  TEST_ASSERT_EQUAL_STRING("refused: the log of the last trial is being stored", bench.host.texts().back().c_str());
   TEST_ASSERT_EQUAL_INT_MESSAGE(0, bench.storage.save_count, "nor is a parameter saved, as long as the log is not stored");
   TEST_ASSERT_EQUAL_UINT8(FOLDCAR_LOG_STORED, bench.closed().log);
   bench.run(100);
   TEST_ASSERT_EQUAL_FLOAT(7.0f, bench.storage.values["STAGGER_MS"]);
+  bench.run(20, bench.host.command(MAV_CMD_COMPONENT_ARM_DISARM, {1}));
+  bench.longest_gap_while_driving_us = 0;
+  TEST_ASSERT_EQUAL_UINT(MAV_RESULT_ACCEPTED, bench.answer(MAV_CMD_FOLDCAR_START_TRIAL, {0.3f, 0, 5, 0, 9}));
+  bench.run(4900);
+  TEST_ASSERT_TRUE(bench.firmware.application().is_driving());
+  TEST_ASSERT_TRUE(bench.longest_gap_while_driving_us <= 20000);
+}
+
+// They were set just before a tethered trial, which keeps no log. Saving takes up to 0.1 s.
+TEST(no_parameter_is_saved_in_a_tethered_trial) {
+  SlowBench bench;
+  bench.run(20, bench.host.command(MAV_CMD_COMPONENT_ARM_DISARM, {1}));
+  bench.run(5, bench.host.set_parameter("STAGGER_MS", 7) + bench.host.set_parameter("BATT_LOW_MS", 400) +
+                   bench.host.set_parameter("TILT_MS", 300) +
+                   bench.host.command(MAV_CMD_FOLDCAR_START_TRIAL, {0.3f, 0, 5, 0, 9}));
+  TEST_ASSERT_TRUE(bench.firmware.application().is_driving());
+  const int saved = bench.storage.save_count;
+  TEST_ASSERT_TRUE(saved < 3);
+  bench.run(4000);
+  TEST_ASSERT_TRUE(bench.firmware.application().is_driving());
+  TEST_ASSERT_EQUAL_INT(saved, bench.storage.save_count);
+  bench.run(1200);
+  TEST_ASSERT_EQUAL_INT(3, bench.storage.save_count);
 }
 
 // Each takes up to 0.6 s, and a loop that stands still for a second is reset.
@@ -299,7 +330,7 @@ TEST(a_log_is_closed_when_all_is_stored) {
   TEST_ASSERT_EQUAL_UINT(MAV_RESULT_ACCEPTED, bench.answer(MAV_CMD_COMPONENT_ARM_DISARM, {1}));
   TEST_ASSERT_EQUAL_UINT(MAV_RESULT_TEMPORARILY_REJECTED,
                          bench.answer(MAV_CMD_FOLDCAR_START_TRIAL, {0.3f, 0, 5, 1, 9}));
-  TEST_ASSERT_EQUAL_INT(static_cast<int>(Refusal::kNoLog), bench.host.acks().back().result_param2);
+  TEST_ASSERT_EQUAL_INT(static_cast<int>(Refusal::kStoring), bench.host.acks().back().result_param2);
   bench.run(40, bench.host.request_log_list());
   TEST_ASSERT_EQUAL_UINT(0, count_of(bench.host, MAVLINK_MSG_ID_LOG_ENTRY));
   TEST_ASSERT_EQUAL_STRING("refused: the log of the last trial is being stored", bench.host.texts().back().c_str());

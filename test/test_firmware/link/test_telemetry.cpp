@@ -120,3 +120,30 @@ TEST(clocks_are_compared_and_pings_answered) {
   TEST_ASSERT_EQUAL_UINT(42, pings[0].seq);
   TEST_ASSERT_EQUAL_UINT(255, pings[0].target_system);
 }
+
+// MAVLink's axes point forward, right, down: turning left is negative.
+TEST(the_attitude_has_mavlinks_signs) {
+  LinkBench bench;
+  bench.board.fit_imu();
+  bench.board.imu.now.rate_rad_s = {0.0f, 0.0f, 1.0f};
+  bench.run(1000);
+  const auto attitudes = bench.host.all<mavlink_attitude_t>(MAVLINK_MSG_ID_ATTITUDE, mavlink_msg_attitude_decode);
+  TEST_ASSERT_FLOAT_WITHIN(0.1f, -1.0f, attitudes.back().yaw);
+  TEST_ASSERT_FLOAT_WITHIN(1e-3f, -1.0f, attitudes.back().yawspeed);
+  bench.board.imu.now.rate_rad_s = {};
+  bench.board.imu.now.acceleration_m_s2 = {4.9f, 0.0f, 8.5f};  // nose up
+  bench.run(3000);
+  const auto pitched = bench.host.all<mavlink_attitude_t>(MAVLINK_MSG_ID_ATTITUDE, mavlink_msg_attitude_decode);
+  TEST_ASSERT_FLOAT_WITHIN(0.02f, 0.52f, pitched.back().pitch);
+}
+
+// A loop that comes round every 7 ms finds each tick up to 6 ms late, and makes none of the next later.
+TEST(ticks_do_not_drift) {
+  LinkBench bench;
+  const std::size_t before = bench.board.servos.writes.size();
+  for (int i = 0; i < 2000; ++i) {
+    bench.board.clock.time_us += 7000;
+    bench.firmware.poll();
+  }
+  TEST_ASSERT_UINT_WITHIN(1, 700, bench.board.servos.writes.size() - before);
+}

@@ -69,7 +69,8 @@ void expect_refused(const char* key, const json& value, const char* problem) {
 
 TEST(the_design_comes_before_the_flash_where_it_must_and_behind_it_where_it_may) {
   SimStorage storage;
-  storage.values = {{"TRACK_M", 0.3f}, {"WHEEL_MAX_RAD_S", 8.0f}, {"CH2_SIDE", 1.0f}};
+  storage.values = {{"TRACK_M", 0.3f}, {"WHEEL_MAX_RAD_S", 8.0f}, {"CH2_SIDE", 1.0f},
+                    {"CH1_DIRECTION", 1.0f}, {"CH6_DIRECTION", -1.0f}};
   Parameters parameters;
   const DesignResult result = read_car_json(good().dump());
   TEST_ASSERT_EQUAL_STRING("", result.problem);
@@ -86,7 +87,13 @@ TEST(the_design_comes_before_the_flash_where_it_must_and_behind_it_where_it_may)
     TEST_ASSERT_EQUAL_FLOAT(sides[i], parameters.get(i, ChannelParameter::kSide));
     TEST_ASSERT_TRUE(parameters.set(channel_parameter(i, ChannelParameter::kSide), 1.0f) == SetResult::kFixed);
   }
+  // Both differ from the table's defaults, and from a value that was saved.
   TEST_ASSERT_EQUAL_FLOAT(-1.0f, parameters.get(0, ChannelParameter::kDirection));
+  TEST_ASSERT_EQUAL_FLOAT(1.0f, parameters.get(5, ChannelParameter::kDirection));
+  for (const std::size_t channel : {0u, 5u}) {
+    const Parameter direction = channel_parameter(channel, ChannelParameter::kDirection);
+    TEST_ASSERT_TRUE(parameters.set(direction, 1.0f) == SetResult::kFixed);
+  }
   Parameters without_design;
   configure(without_design, DesignResult{}, storage);
   TEST_ASSERT_EQUAL_FLOAT(0.3f, without_design.get(Parameter::kTrackM));

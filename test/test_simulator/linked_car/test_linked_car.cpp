@@ -200,3 +200,26 @@ TEST(test_a_wrong_record_is_refused_by_its_line) {
     TEST_ASSERT_TRUE_MESSAGE(message.find(wrong.words) != std::string::npos, message.c_str());
   }
 }
+
+// As a person who drives alone: the cable is pulled, the car put down, its button pressed.
+TEST(the_simulated_boards_button_starts_a_trial_without_a_cable) {
+  Bench bench;
+  bench.options.stored_parameters = {{"BUTTON_WIRED", 1.0f}, {"SERVO_DIVIDER", 3.0f}};
+  bench.car = std::make_unique<LinkedCar>(bench.engine, bench.worlds, bench.options, kFirmware);
+  bench.run(0.5);
+  bench.send(bench.host.command(MAV_CMD_COMPONENT_ARM_DISARM, {1}));
+  bench.run(0.1);
+  bench.send(bench.host.command(MAV_CMD_FOLDCAR_START_TRIAL, {0.5f, 0, 2, 3, 7, 1}));
+  bench.run(0.3);
+  const auto batteries = bench.host.all<mavlink_battery_status_t>(MAVLINK_MSG_ID_BATTERY_STATUS,
+                                                                  mavlink_msg_battery_status_decode);
+  TEST_ASSERT_UINT_WITHIN(1, static_cast<unsigned>(1000 * bench.worlds[0].body.supply_v), batteries.back().voltages[0]);
+  bench.inject(R"({"inject": "unplug", "for_s": 14})");
+  bench.run(10);
+  bench.inject(R"({"inject": "button", "for_s": 0.2})");
+  bench.run(4.5);
+  TEST_ASSERT_EQUAL_UINT8(FOLDCAR_STATE_FINISHED, bench.trial().state);
+  TEST_ASSERT_EQUAL_UINT8(FOLDCAR_END_TIME_LIMIT, bench.trial().end);
+  TEST_ASSERT_EQUAL_UINT8(FOLDCAR_LOG_STORED, bench.trial().log);
+  TEST_ASSERT_TRUE(bench.x_m() > 0.5f);
+}

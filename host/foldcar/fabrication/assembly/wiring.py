@@ -14,6 +14,10 @@ from foldcar.figures.page import page_template
 # that holds the enable off while the pin floats, against the wing's 10 kΩ to ground. The chip needs 0.7 of its supply.
 OE_GPIO, OE_PULL_UP_OHM = 27, 2200.0
 OE_PULL_DOWN_OHM, LOGIC_V, OE_OFF_SHARE = 10e3, 3.3, 0.7
+# Options: a button to ground, and two resistors from the servos' battery to an analogue pin, as in feather_board.cpp and
+# feather_hal.h. Four fresh alkaline cells have the highest voltage.
+BUTTON_GPIO, SERVO_GPIO = 32, 34
+DIVIDER_UPPER_OHM, DIVIDER_LOWER_OHM, HIGHEST_SERVO_V = 20e3, 10e3, 6.4
 CARRIES = {"signal": "signal", "supply": "supply", "stack": "plugged together", "usb": "USB"}
 OUTPUTS = 8
 
@@ -40,6 +44,12 @@ def wiring_text(folded: FoldedCar, title: str) -> str:
         pull_up_ohm=OE_PULL_UP_OHM,
         off_v=LOGIC_V * OE_PULL_DOWN_OHM / (OE_PULL_DOWN_OHM + OE_PULL_UP_OHM),
         least_off_v=OE_OFF_SHARE * LOGIC_V,
+        button_gpio=BUTTON_GPIO,
+        servo_gpio=SERVO_GPIO,
+        divider_upper_ohm=DIVIDER_UPPER_OHM,
+        divider_lower_ohm=DIVIDER_LOWER_OHM,
+        divider=(DIVIDER_UPPER_OHM + DIVIDER_LOWER_OHM) / DIVIDER_LOWER_OHM,
+        divider_v=HIGHEST_SERVO_V * DIVIDER_LOWER_OHM / (DIVIDER_UPPER_OHM + DIVIDER_LOWER_OHM),
     )
 
 

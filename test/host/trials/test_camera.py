@@ -84,7 +84,7 @@ def test_a_film_gives_path_start_and_outcome(trial: Any) -> None:
     # Without a log the replay is of the film.
     with Store.open(folder / "s.db") as store:
         shown, kept = trial_path(store, store.trial(1)), store.track(1)
-    assert shown.path is not None and abs(shown.end_s - path[-1, 0]) < 1e-3
+    assert shown.rows is not None and abs(shown.rows[-1, 0] - path[-1, 0]) < 1e-3
     assert kept is not None and len(kept.rows) == len(rows) and kept.film == "trial.mp4"
 
 

@@ -26,8 +26,8 @@ RELEASE_LOCK := host/requirements-release.txt
 
 CARSIM := .pio/build/carsim/program
 CARSIM_MUJOCO := .pio/build/carsim_mujoco/program
-# The simulator in WebAssembly, for pages and for systems without a native one.
-CARSIM_WASM := .pio/build/carsim_wasm/carsim.wasm
+# The simulator in WebAssembly, for pages and for systems without a native one. PlatformIO empties its build folder now and then.
+CARSIM_WASM := .pio/wasm/carsim.wasm
 # The pages' scripts with three.js and charts; the notice is written last.
 BUNDLES := host/foldcar/bundles/NOTICE.txt
 # Folders are among the prerequisites so that a removed file counts as a change.

@@ -50,7 +50,7 @@ class BuildWithPrograms(build_py):
         package = Path(self.build_lib) / "foldcar"
         for name in () if FOR_ANY_SYSTEM else names:
             shutil.copy(folder / name / "program", package / name)
-        module = folder / "carsim_wasm" / WASM
+        module = folder.parent / "wasm" / WASM
         if module.is_file():
             shutil.copy(module, package / WASM)
         elif FOR_ANY_SYSTEM:
@@ -86,7 +86,7 @@ def build(names: tuple[str, ...]) -> Path:
         if subprocess.run(command, cwd=ROOT, check=False).returncode != 0:
             raise SetupError(f"carsim was not built: see the message of {Path(command[1]).name} above")
     built = Path(os.environ.get("PLATFORMIO_BUILD_DIR") or ROOT / ".pio" / "build")
-    if subprocess.run([sys.executable, "tools/carsim_build.py", str(built / "carsim_wasm")], cwd=ROOT).returncode != 0:
+    if subprocess.run([sys.executable, "tools/carsim_build.py", str(built.parent / "wasm")], cwd=ROOT).returncode != 0:
         raise SetupError("carsim.wasm was not built: see the message above")
     return built
 

@@ -31,7 +31,7 @@ NUMERICS = (
     *("firmware/lib/parameters", "firmware/lib/supervisor", "sim2d/lib/engine", "sim2d/lib/model", "sim2d/lib/multibody"),
     *("sim2d/lib/side_view", "sim2d/lib/sim_hal", "sim2d/lib/terrain", "sim2d/lib/trial"),
 )
-WASM = ROOT / ".pio/build/carsim_wasm/carsim.wasm"
+WASM = ROOT / ".pio/wasm/carsim.wasm"
 
 
 def golden_answers() -> str:

@@ -56,9 +56,9 @@ def write_report(
     if any(shown["drives"] for shown in data["experiments"]):
         module = find_wasm()
         if module is None:
-            data["engine_notes"].append(f"The page cannot simulate: {NO_MODULE}.")
             for shown in data["experiments"]:
                 shown["drives"] = None
+                shown["remarks"].append(f"The page cannot simulate: {NO_MODULE}.")
         else:
             blobs |= {"carsim": deflated(module.read_bytes()), "worker": bundle("worker.js")}
     try:

@@ -98,7 +98,7 @@ def find_wasm() -> Path | None:
     """Return carsim.wasm of the wheel or of the checkout; None if there is none."""
     project = source_tree()
     packaged = packaged_program(WASM)
-    built = project / ".pio" / "build" / "carsim_wasm" / WASM if project else None
+    built = project / ".pio" / "wasm" / WASM if project else None
     return packaged or (built if built is not None and built.is_file() else None)
 
 

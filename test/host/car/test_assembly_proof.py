@@ -10,11 +10,12 @@ from shapely.affinity import scale
 
 from foldcar.car.design import DesignError
 from foldcar.car.design import compose as compose_design
+from foldcar.car.fits import check_fits
 from foldcar.car.folded.model import FoldedCar, Hole, Mount, Pose, Solid
 from foldcar.car.folded.pose import compose, inverse, translation
 from foldcar.car.folded.pose import folded as folded_poses
 from foldcar.car.folded_car import folded_car
-from foldcar.car.parts.catalogue import DEFAULT_CHOICES
+from foldcar.car.parts.catalogue import DEFAULT_CHOICES, catalogue_of
 from foldcar.car.proof.plan import plan_assembly
 from foldcar.car.proof.prove import assembly_steps, prove, prove_steps, service_steps
 from foldcar.car.proof.step import AssemblyStep
@@ -156,6 +157,28 @@ def test_screws_under_the_module_or_under_a_part_of_the_board_are_found() -> Non
         findings = assembly_findings(spoiled)
         for number in (1, 2):
             assert any("does not fit" in finding and f"board screw {number}" in finding for finding in findings), findings
+
+
+def test_headers_whose_legs_reach_the_cell_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    parts = catalogue_of(DEFAULT_CHOICES)
+    # The legs of stacking headers. The board lies 5 mm over the bridge's film, the LiPo 2.4 mm below the film.
+    leg = parts.headers.leg_mm.model_copy(update={"value": 10.5})
+    stacking = parts.model_copy(update={"headers": parts.headers.model_copy(update={"leg_mm": leg})})
+    plain = folded_car(compose_design("W_B_W", {"width": 97}))
+    monkeypatch.setattr("foldcar.car.design.catalogue_of", lambda _: stacking)
+    spoiled = folded_car(compose_design("W_B_W", {"width": 98}))
+
+    def deepest_mm(folded: FoldedCar) -> float:
+        """How far the Feather's pins reach below the LiPo's top, if positive."""
+        feather, lipo = (mount_of(folded, part.name) for part in (folded.parts.feather, folded.parts.lipo))
+        low = min(compose(feather.pose, solid.pose)[2][3] - solid.size_mm[2] / 2 for solid in feather.solids)
+        return lipo.pose[2][3] + lipo.half_mm(2) - low
+
+    assert deepest_mm(plain) < -5
+    assert deepest_mm(spoiled) == pytest.approx(1.25, abs=0.01)
+    assert assembly_findings(plain) == []
+    assert any("HUZZAH32 Feather does not fit: at its place it runs into bridge" in text for text in assembly_findings(spoiled))
+    assert any(str(finding).startswith("fit: Feather's pins over the bridge: lacks") for finding in check_fits(spoiled))
 
 
 def face_pose(car: FoldedCar, name: str) -> Pose:

@@ -145,13 +145,13 @@ def _put_boards(shape: Shape, on: str, under: Pose, holes: Sequence[str]) -> Non
         feather,
         on,
         under,
-        feather.standing,
+        (*feather.standing, *feather.joints(parts.headers)),
         [plug("usb", usb_plug_pose), plug("battery", battery_plug_pose)],
         holes,
     )
     # The servos' plugs stand upright with their leads bent over them: each is one solid with its header.
     plugs_top_mm, plugs_bottom_mm = wing.plug_top_mm.value + wing.plug_bend_mm.value, wing.board_mm.value
-    solids, clearances = [*wing.headers, wing.terminal_block, wing.reset], []
+    solids, clearances = [*wing.headers, *wing.pins, wing.terminal_block, wing.reset], []
     for header in wing.servo_headers:
         (x, y, _), size = header.at_mm, (*header.size_mm[:2], plugs_top_mm - plugs_bottom_mm)
         solids.append(header.model_copy(update={"at_mm": (x, y, (plugs_top_mm + plugs_bottom_mm) / 2), "size_mm": size}))

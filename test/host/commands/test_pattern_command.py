@@ -13,6 +13,7 @@ from typing import Any
 import ezdxf
 import pytest
 
+from foldcar.commands.pattern import car_command
 from foldcar.fabrication.patterns.options import OptionError, options
 from sheet_reader import read_svg
 from test_shown_text import ASCII
@@ -39,6 +40,8 @@ def test_a_car_is_made_with_what_its_manifest_names_but_never_over_other_files(
     assert (done.returncode, done.stderr) == (0, "")
     files = files_of(tmp_path / "car")
     manifest = json.loads(files["pattern.json"])
+    # Sheets are handed on: they name no folder.
+    assert "/" not in car_command(tmp_path / "listing.json", "one", ["width=95"], options("laser"), [tmp_path / "tail.py"])
     assert set(files) == set(manifest["files"]) and manifest["parameters"]["width"] == 95
     assert {"sheet_1.svg", "sheet_1.dxf", "sheet_1.lbrn2", "sheets.pdf", "assembly.html", "parts.csv"} <= set(files)
     (tmp_path / "car" / "notes.txt").write_text("mine")
@@ -92,6 +95,7 @@ def test_every_car_is_made_and_its_own_command_makes_it_anew_alike_but_never_ove
         assert f"  {word} " in anew.stdout
     assert f"open {Path('car', 'assembly.html')} first" in anew.stdout
     assert set(files) == set(manifest["files"]) and manifest["command"] in files["how_to_cut.md"].decode()
+    assert "LightBurn" not in files["how_to_cut.md"].decode()
     wanted = {"how_to_cut.md", "sheet_1.svg", "sheet_1.dxf", "sheets.pdf", "coupon.svg", "car.stl", "wiring.md"}
     assert {*wanted, "parts.csv", "sheets.png"} <= set(files)
     assert manifest["type"] == "W_B" and manifest["warnings"] == []

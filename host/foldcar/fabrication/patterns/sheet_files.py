@@ -24,7 +24,7 @@ from reportlab.lib.units import mm
 from reportlab.pdfgen.canvas import Canvas
 
 from foldcar.car.components.shape import on_circle
-from foldcar.fabrication.patterns.drawing import LAYERS, Circle, Path, Point, Shape, Sheet
+from foldcar.fabrication.patterns.drawing import LAYERS, Circle, Path, Point, Shape, Sheet, bounds
 from foldcar.figures.style import drawing_style
 
 # Files have a resolution of 1 µm.
@@ -86,7 +86,7 @@ def _svg_number(value: float) -> str:
 
 
 def dxf(sheet: Sheet) -> str:
-    """Return the DXF file's text: LWPOLYLINEs and CIRCLEs on named layers, $INSUNITS 4, the sheet's limits set."""
+    """Return the DXF file's text: LWPOLYLINEs and CIRCLEs on named layers, $INSUNITS 4, limits of the sheet, extents of the drawing."""
     # Fixed dates and ids, so that the same sheet gives the same bytes.
     fixed = dxf_options.write_fixed_meta_data_for_testing
     dxf_options.write_fixed_meta_data_for_testing = True
@@ -111,7 +111,9 @@ def dxf(sheet: Sheet) -> str:
             if layer.aci != colors.BLACK:
                 made.rgb = layer.rgb
         space = document.modelspace()
-        space.reset_extents((0, 0, 0), (sheet.width_mm, sheet.height_mm, 0))
+        x0, y0, x1, y1 = bounds(sheet.shapes)
+        document.header["$EXTMIN"], document.header["$EXTMAX"] = (x0, y0, 0.0), (x1, y1, 0.0)
+        space.reset_extents((x0, y0, 0), (x1, y1, 0))
         space.reset_limits((0, 0), (sheet.width_mm, sheet.height_mm))
         for layer, groups in sheet.layers:
             attributes: dict[str, object] = {"layer": layer.name}

@@ -95,7 +95,6 @@ def test_every_car_is_made_and_its_own_command_makes_it_anew_alike_but_never_ove
         assert f"  {word} " in anew.stdout
     assert f"open {Path('car', 'assembly.html')} first" in anew.stdout
     assert set(files) == set(manifest["files"]) and manifest["command"] in files["how_to_cut.md"].decode()
-    assert "LightBurn" not in files["how_to_cut.md"].decode()
     wanted = {"how_to_cut.md", "sheet_1.svg", "sheet_1.dxf", "sheets.pdf", "coupon.svg", "car.stl", "wiring.md"}
     assert {*wanted, "parts.csv", "sheets.png"} <= set(files)
     assert manifest["type"] == "W_B" and manifest["warnings"] == []

@@ -70,7 +70,8 @@ def test_operations_are_those_of_pieces_joins_parts_and_wires(car: FoldedCar) ->
     assert work.screw == screws
     # Two at each servo and at the boards; those of horns have none.
     assert work.nut == 2 * wheels + 2
-    assert work.plug == sum(wire.carries != "usb" for wire in car.wires)
+    # The battery's lead is soldered to the switch.
+    assert work.plug == sum(wire.carries != "usb" for wire in car.wires) - 1
     # A wheel is put on as one, and so is every other unit.
     units = {(step.unit, add.body) for step in assembly_steps(car) if step.unit for add in step.adds}
     wiring = sum(mount.part == car.parts.wiring.name for mount in car.mounts)

@@ -16,7 +16,7 @@ Point = tuple[float, float]
 Pose = tuple[tuple[float, float, float, float], ...]
 IDENTITY: Pose = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 
-HoleKind = Literal["opening", "screw", "slot", "slit", "axle", "vent"]
+HoleKind = Literal["opening", "screw", "slot", "slit", "axle", "mark"]
 JoinKind = Literal["lap", "tab", "tab_slot", "lock", "tuck", "laminate", "rim"]
 
 

@@ -145,9 +145,13 @@ class Horn(Bought):
         return min(xs), min(ys), max(xs), max(ys)
 
 
-class Cells(PartData):
-    """The cells in the battery's holder: voltage without load, resistance with holder, leads and switch."""
+class Cells(Bought):
+    """The cells in the battery's holder, four: voltage without load, and fresh; resistance with holder, leads and switch.
 
+    ``cell`` is what to buy; their mass is in the battery's.
+    """
+
+    cell: str
     supply_v: Quantity
     supply_resistance_ohm: Quantity
 
@@ -240,6 +244,22 @@ class FeatherWing(BoxPart):
     outputs: Places
     terminal_block: Box
     reset: Box
+
+
+class Gauge(Data):
+    """A gauge of wire, and the current it bears in a device."""
+
+    awg: int
+    area_mm2: float
+    current_a: float
+    ohm_m: float
+    source: str
+
+
+class Wiring(BoxPart):
+    """The wires as a part; ``gauges``, the thinnest first."""
+
+    gauges: tuple[Gauge, ...]
 
 
 class Plugs(PartData):

@@ -25,6 +25,7 @@ from foldcar.car.parts.bought import (
     Spacer,
     Tools,
     Tyre,
+    Wiring,
 )
 from foldcar.car.parts.quantity import Bought, BoxPart, Data, PartData, Quantity
 from foldcar.errors import FoldcarError
@@ -116,7 +117,7 @@ class Catalogue(Data):
     board_pad: BoxPart
     switch: BoxPart
     plugs: Plugs
-    wiring: BoxPart
+    wiring: Wiring
     extensions: Extensions
     screw: Screw
     board_screw: Screw

@@ -156,12 +156,25 @@ def closing(step: AssemblyStep, before: Mapping[str, Mapping[str, float]], piece
 
 
 def plugs_in(car: FoldedCar, step: AssemblyStep) -> list[Wire]:
-    """Return the wires plugged in a step: the boards' stack with the upper board, all others with the wires."""
-    parts = {mount.name: mount.part for mount in car.mounts}
-    added = {parts[add.name] for add in step.adds if add.kind == "mount"}
-    steps = {"stack": car.parts.featherwing.name}
-    wires = [wire for wire in car.wires if wire.carries in PLUGGED]
+    """Return the wires plugged in a step: the boards' stack with the upper board, all others with the wires.
+
+    A wire that ends at the switch is soldered (``soldered_in``); it is plugged in if its other end is a terminal.
+    """
+    steps, switch, added = {"stack": car.parts.featherwing.name}, car.parts.switch.name, _added_parts(car, step)
+    wires = [wire for wire in car.wires if wire.carries in PLUGGED and not wire.b.startswith(switch)]
     return [wire for wire in wires if steps.get(wire.carries, car.parts.wiring.name) in added]
+
+
+def soldered_in(car: FoldedCar, step: AssemblyStep) -> list[Wire]:
+    """Return the wires soldered in a step: those of the switch, with the switch."""
+    switch = car.parts.switch.name
+    wires = [wire for wire in car.wires if wire.a.startswith(switch) or wire.b.startswith(switch)]
+    return wires if switch in _added_parts(car, step) else []
+
+
+def _added_parts(car: FoldedCar, step: AssemblyStep) -> set[str]:
+    parts = {mount.name: mount.part for mount in car.mounts}
+    return {parts[add.name] for add in step.adds if add.kind == "mount"}
 
 
 def is_wound(piece: Piece) -> bool:

@@ -33,7 +33,7 @@ class Hole:
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """The place of the mount ``name``: its outline on the printed side, counter-clockwise in the face's frame."""
+    """An outline on the printed side, counter-clockwise in the face's frame: the place of ``name``, or an arrow."""
 
     name: str
     outline_mm: tuple[Point, ...]

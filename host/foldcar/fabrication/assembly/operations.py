@@ -127,6 +127,8 @@ def operations_by_step(car: FoldedCar) -> list[tuple[AssemblyStep, Operations]]:
         folded = [pieces[name] for name in step.folds]
         joins = [join for join in car.joins if join.number in step.joins for _ in range(_repetitions(car, join))]
         parts = [mounts[added.name] for added in step.adds if added.kind == "mount"]
+        # Caps count by their tabs' tape, whether they carry a switch or not.
+        taped = {name for join in joins if join.kind == "tab" for name in (join.piece_a, join.piece_b)}
         # Of the parts, only the LiPo needs tape: pads are adhesive. Wires count as plugs.
         done = Operations(
             fold=sum(piece.count * len(closing(step, before, piece)) for piece in folded),
@@ -135,7 +137,7 @@ def operations_by_step(car: FoldedCar) -> list[tuple[AssemblyStep, Operations]]:
             tongue=sum(join.kind in PUSHED for join in joins),
             turn=sum(_repetitions(car, join) for join in disc_turns(car, step)),
             part=sum(not is_screw(car.parts, mount) and mount.part != car.parts.wiring.name for mount in parts)
-            + sum(added.kind == "unit" for added in step.adds),
+            + sum(added.kind == "unit" and added.name not in taped for added in step.adds),
             screw=sum(is_screw(car.parts, mount) for mount in parts),
             nut=sum(mount.part in nutted for mount in parts),
             plug=len(plugs_in(car, step)),

@@ -52,7 +52,7 @@ def test_the_name_of_a_repeated_piece_says_how_often_it_is_needed(monkeypatch: p
     for piece in car("w95").pieces:
         piece_shapes(flat_piece(piece, options("laser")), options("laser"), [])
 
-    assert {"servo doubler x4", "wheel hub x4", "switch doubler x3", "front cap", "rear cap"} <= set(written)
+    assert {"servo doubler (x4)", "wheel hub (x4)", "switch doubler (x3)", "front cap", "rear cap"} <= set(written)
 
 
 @pytest.mark.parametrize("name", ["w65", "w95", "hinged", "six"])

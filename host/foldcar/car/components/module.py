@@ -193,9 +193,9 @@ class ElectronicsModule(BrainModule):
         shape.part(parts.pad, "beam.lid", (x, y, -(film + parts.pad.height_mm.value) / 2), turned=True)
         up = film / 2 + parts.pad.height_mm.value + battery.height_mm.value / 2
         hole = self._lead_hole(shape, x + battery.width_mm.value / 2)
-        # The leads go from the holder's middle through the hole, as one round of two wires.
-        wire = parts.wiring.wire_diameter_mm.value
-        lead = cylinder(2 * wire, 0.0, up + film / 2 + wire, hole[0] - x, hole[1] - y)
+        # The leads pass the hole as one round of two wires.
+        wire, lid = parts.wiring.wire_diameter_mm.value, up - film / 2
+        lead = cylinder(2 * wire, lid - 2 * wire, lid + film + wire, hole[0] - x, hole[1] - y)
         size = (battery.width_mm.value, battery.length_mm.value, battery.height_mm.value)
         solids = (Solid("box", size, IDENTITY), lead)
         pose = translation(x, y, -up)

@@ -203,7 +203,8 @@ def _plugs(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
             yield "Lead cables between segments through the openings of the caps, with a loop at each hinge."
     for wire in wires:
         if wire.carries != "signal":
-            yield f"{wire.a[0].upper()}{wire.a[1:]} to {wire.b}: {wire.note}."
+            start = "The switch's free wire" if wire.a.startswith(car.parts.switch.name) else wire.a
+            yield f"{start[0].upper()}{start[1:]} to {wire.b}: {wire.note}."
 
 
 def _solder(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
@@ -217,14 +218,14 @@ def _solder(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
         f"Solder now, before the {car.parts.lipo.name} is in the car and with no cells in the holder. Push heat-shrink "
         "tube over each wire first, and shrink it over the joint with a hot-air gun or a lighter's side, away from the film."
     )
-    for wire in wires:
-        more = f": {remedies[wire.a]}" if remedies.get(wire.a) else ""
-        end = "its other end stays free" if wire.a.startswith(car.parts.switch.name) else ""
-        joint = f"{wire.a} to its terminal" if end else f"{wire.a} lead to {wire.b}"
-        yield f"{joint[0].upper()}{joint[1:]}{more}{'; ' + end if end else ''}."
-    minus = f"{car.parts.battery.name} -"
-    if remedies.get(minus):
-        yield f"{minus[0].upper()}{minus[1:]} lead: {remedies[minus]}."
+    battery, switch = car.parts.battery.name, car.parts.switch.name
+    longer = {sign: remedies.get(f"{battery} {sign}", "") for sign in "+-"}
+    first = f", after you {longer['+']}" if longer["+"] else ""
+    yield f"One terminal of the switch: the + lead of the {battery} (red){first}."
+    if any(wire.a.startswith(switch) for wire in wires):
+        yield f"The other terminal: {remedies[f'{switch} 2']}, solder one end to it, and leave the other end free."
+    if longer["-"]:
+        yield f"The - lead of the {battery} (black): {longer['-']}."
 
 
 def _preparation(step: AssemblyStep, before: State) -> Iterator[str]:
@@ -243,10 +244,11 @@ def _preparation(step: AssemblyStep, before: State) -> Iterator[str]:
 
 def _board_preparation(parts: Catalogue) -> Iterator[str]:
     """Yield how the boards are soldered and tried before they go in."""
+    deep_mm = parts.headers.leg_mm.max_value - parts.feather.board_mm.value
     yield (
         f"Before: solder the {parts.headers.name} onto the {parts.feather.name}'s upper side, with which the "
-        f"{parts.featherwing.name}'s pins mate; shorten the legs below to {parts.headers.leg_mm.max_value:g} mm at most. Never "
-        "use stacking headers: their legs would reach the LiPo."
+        f"{parts.featherwing.name}'s pins mate. Their legs end at most {deep_mm:.1f} mm below the board. Never use stacking "
+        "headers: their legs would reach the LiPo."
     )
     yield (
         f"Plug the {parts.feather.name} into the computer and load the firmware (`foldcar flash`, see the step below): a "

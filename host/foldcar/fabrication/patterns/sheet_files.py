@@ -224,6 +224,8 @@ DPI = 100
 HEADING_PX = 45
 MARGIN_PX = 30
 LEGEND_PX = 60
+# Width of a layer's name in the legend (px).
+KEY_PX = 260
 # Thicker than a layer's line, so that names can be read.
 LINE_PT = 0.9
 FACETS = 32
@@ -263,7 +265,7 @@ def preview(sheets: Sequence[Sheet], title: str) -> bytes:
             axes.add_collection(LineCollection(lines, colors=layer.hex, linewidths=points, capstyle=cap))
     used = {shape.layer for sheet in sheets for shape in sheet.shapes}
     keys = [Line2D([], [], color=layer.hex, lw=3, label=layer.name) for layer in LAYERS.values() if layer.name in used]
-    across = len(keys) if columns > 1 else math.ceil(len(keys) / 2)
+    across = len(keys) if len(keys) * KEY_PX <= wide else math.ceil(len(keys) / 2)
     corner = MARGIN_PX / wide, 0.0
     figure.legend(handles=keys, loc="lower left", bbox_to_anchor=corner, ncols=across, fontsize=14, frameon=False)
     binary = io.BytesIO()

@@ -18,6 +18,7 @@ from foldcar.car.proof.step import Added, AssemblyStep, Folds, ToolUse
 INNER = ("wheel inner disc", "wheel hub")
 # Parts closer than this along the car are on the same axle.
 SAME_MM = 1e-6
+SHUT = "Shut the lid"
 OPEN = "Push the levers outwards and lift the lid by its pull tab"
 USES = {"plug": "Plug a cable into", "finger": "Press", "driver": "Press, with a screwdriver,"}
 
@@ -116,7 +117,7 @@ def _shut_lids(roles: Roles, building: Building) -> None:
     folds = {name: dict.fromkeys(lid.creases, 1.0) for name, lid in sorted(roles.lids.items()) if lid.creases}
     if folds:
         shutting = sorted({number for lid in roles.lids.values() for number in lid.joins})
-        building.steps.append(AssemblyStep("Shut the lid", folds, (), tuple(shutting)))
+        building.steps.append(AssemblyStep(SHUT, folds, (), tuple(shutting)))
 
 
 def _segments(roles: Roles, building: Building) -> None:

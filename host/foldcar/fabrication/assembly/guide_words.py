@@ -15,6 +15,7 @@ from foldcar.car.components.hooked_strip import WheelSize, turn_rad
 from foldcar.car.folded.model import FoldedCar, Join, Mount
 from foldcar.car.leads import leads
 from foldcar.car.parts.catalogue import Catalogue
+from foldcar.car.proof.plan import SHUT
 from foldcar.car.proof.step import Added, AssemblyStep, Vector
 from foldcar.fabrication.assembly.guide_state import State
 from foldcar.fabrication.assembly.operations import closing, disc_turns, is_screw, is_wound, plugs_in, soldered_in
@@ -239,7 +240,14 @@ def _preparation(step: AssemblyStep, before: State) -> Iterator[str]:
         )
     if before.car.parts.feather.name in {before.mounts[a.name].part for a in step.adds if a.kind == "mount"}:
         yield from _board_preparation(before.car.parts)
+    if step.title == SHUT and before.car.parts.battery_place == "floor":
+        yield _put_cells_in(before.car.parts)
     yield from _cut_lengths(before.car, step, before)
+
+
+def _put_cells_in(parts: Catalogue) -> str:
+    """Return which cells are put into the holder."""
+    return f"Turn the switch off, and put four charged cells of one kind into the holder: {parts.cells.cell}."
 
 
 def _board_preparation(parts: Catalogue) -> Iterator[str]:
@@ -251,7 +259,7 @@ def _board_preparation(parts: Catalogue) -> Iterator[str]:
         "headers: their legs would reach the LiPo."
     )
     yield (
-        f"Plug the {parts.feather.name} into the computer and load the firmware (`foldcar flash`, see the step below): a "
+        f"Plug the {parts.feather.name} into the computer and load the firmware, as \"Load the firmware\" below says: a "
         "board that does not answer is easy to change now."
     )
 
@@ -353,7 +361,7 @@ def driving_steps(car: FoldedCar) -> Iterator[tuple[str, tuple[str, ...]]]:
     """Yield titles and lines of the steps after the assembly: firmware, neutrals, one metre."""
     feather = car.parts.feather.name
     yield "Load the firmware", (
-        f"Put charged cells into the holder: four of the kind {car.parts.cells.cell}. Leave the switch off.",
+        *([_put_cells_in(car.parts)] if car.parts.battery_place == "roof" else []),
         f"Connect the {feather} to the computer with a USB cable that carries data, and run `foldcar flash LISTING "
         "--experiment ID` with the listing and experiment of this car. It loads the firmware and the car's design.",
         "If no board is found, try another cable; `foldcar doctor` says what is missing.",
@@ -361,8 +369,8 @@ def driving_steps(car: FoldedCar) -> Iterator[tuple[str, tuple[str, ...]]]:
     yield "Find the neutrals", (
         "Stand the car on a box so that no wheel touches anything, and turn the switch on.",
         "Run `foldcar calibrate-servos`. It asks how each wheel turns, and saves neutral and dead band of each servo.",
-        "A wheel turns backwards: compare its lead's mark with the wiring, as it is on another wheel's output. If the mark is "
-        "right, change the sign of its output's direction, as in `foldcar params set CH2_DIRECTION 1`.",
+        "A wheel turns backwards: look whether its plug is on the output that its lead is marked with. If it is, change the "
+        "sign of that output's direction, as in `foldcar params set CH2_DIRECTION 1`.",
         "A wheel does not turn: is the switch on, are the cells charged, is the plug's brown lead at GND?",
     )
     yield "Drive a metre", (

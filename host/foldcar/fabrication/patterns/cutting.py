@@ -64,7 +64,7 @@ def coupon(chosen: Options, parts: Catalogue) -> Sheet:
         [(_piece("window", window), _text("kerf", 15, 28.5))],
     ]
     margin = chosen.margin_mm
-    lines = wrapped([f"Coupon: {parts.film.title}, {chosen.machine}, kerf {chosen.kerf_mm:g} mm", BAR])
+    lines = wrapped([f"Coupon: {parts.film.title}, {chosen.machine}, kerf {chosen.kerf_mm:g} mm, {BAR}"])
     groups: list[tuple[Shape, ...]] = [tuple(shape.moved(Motion(0, (margin, margin))) for shape in title_shapes(lines))]
     y, right = margin + title_size_mm(len(lines))[1] + chosen.gap_mm, margin
     for row in rows:

@@ -1,7 +1,7 @@
 """The servos' supply: the current of stalled servos, and the switch, fuse, wire and capacitor that suit it.
 
-Input: a FoldedCar. Output: a Supply; findings. The largest current flows while all servos are stalled at the cells' voltage
-without load.
+Input: a FoldedCar. Output: a Supply; findings. The largest current flows while all servos are stalled at the cells'
+voltage without load.
 """
 
 from collections.abc import Iterator
@@ -59,4 +59,6 @@ def fresh_cells_warning(parts: Catalogue) -> str:
     most_v, fresh_v = parts.servo.operating_points[-1].voltage_v, parts.cells.fresh_v.value
     if fresh_v <= most_v:
         return ""
-    return f"{parts.cells.name} have {fresh_v:g} V when fresh, more than the {most_v:g} V that the servos may get: use NiMH"
+    return (
+        f"{parts.cells.name} have {fresh_v:g} V when fresh, more than the {most_v:g} V that the servos may get: use NiMH"
+    )

@@ -61,7 +61,8 @@ def test_leads_of_a_battery_on_the_roof_pass_the_lid_before_they_are_soldered() 
     battery, switch = folded.parts.battery.name, folded.parts.switch.name
     steps = list(assembly_steps(folded))
     on_lid, soldered = (
-        next(n for n, step in enumerate(steps) if any(add.name == part for add in step.adds)) for part in (battery, switch)
+        next(n for n, step in enumerate(steps) if any(add.name == part for add in step.adds))
+        for part in (battery, switch)
     )
 
     assert assembly_findings(folded) == []
@@ -208,7 +209,9 @@ def test_headers_whose_legs_reach_the_cell_are_found(monkeypatch: pytest.MonkeyP
     assert deepest_mm(plain) < -5
     assert deepest_mm(spoiled) == pytest.approx(1.25, abs=0.01)
     assert assembly_findings(plain) == []
-    assert any("HUZZAH32 Feather does not fit: at its place it runs into bridge" in text for text in assembly_findings(spoiled))
+    assert any(
+        "HUZZAH32 Feather does not fit: at its place it runs into bridge" in text for text in assembly_findings(spoiled)
+    )
     assert any(str(finding).startswith("fit: Feather's pins over the bridge: lacks") for finding in check_fits(spoiled))
 
 

@@ -1,4 +1,4 @@
-"""Marks that help to build: the arrow to the front, hinge strips' glued ends, counts on repeated pieces, feet to press."""
+"""Marks that help to build: arrow to the front, ends of hinge strips, counts on repeated pieces; feet to press."""
 
 import numpy as np
 import pytest
@@ -32,7 +32,9 @@ def test_an_arrow_on_each_floor_points_to_the_front(name: str, segments: int) ->
 
 def test_marks_on_a_hinge_s_strip_lie_along_the_ends_of_the_floors() -> None:
     placed = faces(car("hinged"))
-    ends = sorted(x for face in placed if face.face.name == "floor" for x in np.unique(face.corners_mm[:, 0].round(3))[[0, -1]])
+    ends = sorted(
+        x for face in placed if face.face.name == "floor" for x in np.unique(face.corners_mm[:, 0].round(3))[[0, -1]]
+    )
     marked = [face.in_car(mark.outline_mm) for face in placed for mark in face.face.marks if mark.name == "floor"]
 
     assert len(marked) == 4

@@ -19,7 +19,9 @@ from published_cars import car
 def test_every_part_that_costs_something_has_a_search_term() -> None:
     choices = (DEFAULT_CHOICES.changed({kind: name}) for kind, names in OPTIONS.items() for name in names)
     catalogues = [catalogue_of(choice) for choice in choices]
-    bought = {part.name for parts in catalogues for part in parts.bought if part.cost_usd.value and part is not parts.cells}
+    bought = {
+        part.name for parts in catalogues for part in parts.bought if part.cost_usd.value and part is not parts.cells
+    }
     bought |= {parts.cells.cell for parts in catalogues}
 
     assert set(shopping()["parts"]) == bought

@@ -2,9 +2,9 @@
 
 Input: a FoldedCar. Output: steps. Layers are glued onto flat pieces. Walls are folded up, lids stay open. Servos follow,
 and a battery on the lid, whose leads pass the lid before they are soldered to the switch in its cap; then caps and hinge
-strips. Boards are screwed onto their carrier outside the car, while it is flat; carrier and other parts
-go in from above. Wheels are assembled outside the car; horns and wheels go on. Lids are shut, before the wheels if a
-battery is on them. In service USB and switch are used with the lid shut, plugs and reset with it open; the battery is changed.
+strips. Boards are screwed onto their carrier outside the car, while it is flat; carrier and other parts go in from above.
+Wheels are assembled outside the car; horns and wheels go on. Lids are shut, before the wheels if a battery is on them. In
+service USB and switch are used with the lid shut, plugs and reset with it open; the battery is changed.
 """
 
 from collections.abc import Iterable, Sequence

@@ -105,8 +105,8 @@ class _Prover:
     def service_step(self, number: str, step: AssemblyStep) -> AssemblyStep:
         """Prove one step of service. The lid's levers and pull tabs are reached while it is shut.
 
-        A lid opens on the path on which it was shut, which is checked again if the wheels came later. Parts that are taken
-        out stay out.
+        A lid opens on the path on which it was shut, which is checked again if the wheels came later. Parts that are
+        taken out stay out.
         """
         place = f"{number}, {step.title}"
         self._check_tool_uses(place, step.tool_uses, CAR)

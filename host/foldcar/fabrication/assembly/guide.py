@@ -14,7 +14,14 @@ from foldcar.fabrication.assembly.drawing import Drawing
 from foldcar.fabrication.assembly.facets import Shape, film_shape, merge_shapes, mount_shape
 from foldcar.fabrication.assembly.guide_pictures import Step, join_marks, service_picture, step_pictures
 from foldcar.fabrication.assembly.guide_state import State, key
-from foldcar.fabrication.assembly.guide_words import DRIVER, driving_steps, join_words, number_ranges, service_lines, step_lines
+from foldcar.fabrication.assembly.guide_words import (
+    DRIVER,
+    driving_steps,
+    join_words,
+    number_ranges,
+    service_lines,
+    step_lines,
+)
 from foldcar.fabrication.assembly.hidden_surfaces import Camera, camera
 from foldcar.fabrication.assembly.operations import (
     is_screw,

@@ -217,7 +217,7 @@ def _solder(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
     yield "Press the switch in until its barbs hold behind the layers, its terminals on the printed side."
     yield (
         f"Solder now, before the {car.parts.lipo.name} is in the car and with no cells in the holder. Push heat-shrink "
-        "tube over each wire first, and shrink it over the joint with a hot-air gun or a lighter's side, away from the film."
+        "tube over each wire first, and shrink it over the joint with a hot-air gun or a lighter, away from the film."
     )
     battery, switch = car.parts.battery.name, car.parts.switch.name
     longer = {sign: remedies.get(f"{battery} {sign}", "") for sign in "+-"}
@@ -235,8 +235,8 @@ def _preparation(step: AssemblyStep, before: State) -> Iterator[str]:
         axles = sorted((axle for axle in before.car.axles if axle.driven), key=lambda axle: axle.channel)
         marks = "; ".join(f"{axle.servo} {axle.channel}" for axle in axles)
         yield (
-            f"Before: mark the leads: {marks}. Leave the servos' potentiometers alone: their neutrals are measured when the "
-            "car is complete."
+            f"Before: mark the leads: {marks}. Leave the servos' potentiometers alone: their neutrals are measured when "
+            "the car is complete."
         )
     if before.car.parts.feather.name in {before.mounts[a.name].part for a in step.adds if a.kind == "mount"}:
         yield from _board_preparation(before.car.parts)
@@ -255,11 +255,11 @@ def _board_preparation(parts: Catalogue) -> Iterator[str]:
     deep_mm = parts.headers.leg_mm.max_value - parts.feather.board_mm.value
     yield (
         f"Before: solder the {parts.headers.name} onto the {parts.feather.name}'s upper side, with which the "
-        f"{parts.featherwing.name}'s pins mate. Their legs end at most {deep_mm:.1f} mm below the board. Never use stacking "
-        "headers: their legs would reach the LiPo."
+        f"{parts.featherwing.name}'s pins mate. Their legs end at most {deep_mm:.1f} mm below the board. Never use "
+        "stacking headers: their legs would reach the LiPo."
     )
     yield (
-        f"Plug the {parts.feather.name} into the computer and load the firmware, as \"Load the firmware\" below says: a "
+        f'Plug the {parts.feather.name} into the computer and load the firmware, as "Load the firmware" below says: a '
         "board that does not answer is easy to change now."
     )
 
@@ -360,26 +360,35 @@ def _change_cells(parts: Catalogue, name: str) -> str:
 def driving_steps(car: FoldedCar) -> Iterator[tuple[str, tuple[str, ...]]]:
     """Yield titles and lines of the steps after the assembly: firmware, neutrals, one metre."""
     feather = car.parts.feather.name
-    yield "Load the firmware", (
-        *([_put_cells_in(car.parts)] if car.parts.battery_place == "roof" else []),
-        f"Connect the {feather} to the computer with a USB cable that carries data, and run `foldcar flash LISTING "
-        "--experiment ID` with the listing and experiment of this car. It loads the firmware and the car's design.",
-        "If no board is found, try another cable; `foldcar doctor` says what is missing.",
+    yield (
+        "Load the firmware",
+        (
+            *([_put_cells_in(car.parts)] if car.parts.battery_place == "roof" else []),
+            f"Connect the {feather} to the computer with a USB cable that carries data, and run `foldcar flash LISTING "
+            "--experiment ID` with the listing and experiment of this car. It loads the firmware and the car's design.",
+            "If no board is found, try another cable; `foldcar doctor` says what is missing.",
+        ),
     )
-    yield "Find the neutrals", (
-        "Stand the car on a box so that no wheel touches anything, and turn the switch on.",
-        "Run `foldcar calibrate-servos`. It asks how each wheel turns, and saves neutral and dead band of each servo.",
-        "A wheel turns backwards: look whether its plug is on the output that its lead is marked with. If it is, change the "
-        "sign of that output's direction, as in `foldcar params set CH2_DIRECTION 1`.",
-        "A wheel does not turn: is the switch on, are the cells charged, is the plug's brown lead at GND?",
+    yield (
+        "Find the neutrals",
+        (
+            "Stand the car on a box so that no wheel touches anything, and turn the switch on.",
+            "Run `foldcar calibrate-servos`. It asks how each wheel turns, and saves each servo's neutral and dead band.",
+            "A wheel turns backwards: look whether its plug is on the output that its lead is marked with. If it is, "
+            "change the sign of that output's direction, as in `foldcar params set CH2_DIRECTION 1`.",
+            "A wheel does not turn: is the switch on, are the cells charged, is the plug's brown lead at GND?",
+        ),
     )
-    yield "Drive a metre", (
-        "Put the car on a smooth floor with 2 m free in front of it, and keep a finger near the switch.",
-        "Describe one metre of floor as the tutorial \"A first car\" does (docs/first_car.md), and run `foldcar log "
-        "metre.json --experiment metre --store metre.db --car NAME`: it checks the car, counts down, drives and stops it.",
-        "The car turns aside: repeat `foldcar calibrate-servos` and look for a wheel that rubs. It stops at once: the cells "
-        "are empty or the log's last line says why.",
-        "When it has driven its metre, it is ready for trials.",
+    yield (
+        "Drive a metre",
+        (
+            "Put the car on a smooth floor with 2 m free in front of it, and keep a finger near the switch.",
+            'Describe one metre of floor as the tutorial "A first car" does (docs/first_car.md), and run `foldcar log '
+            "metre.json --experiment metre --store metre.db --car NAME`: it checks the car, counts down and drives.",
+            "The car turns aside: repeat `foldcar calibrate-servos`, look for a wheel that rubs. It stops at once: the "
+            "cells are empty or the log's last line says why.",
+            "When it has driven its metre, it is ready for trials.",
+        ),
     )
 
 

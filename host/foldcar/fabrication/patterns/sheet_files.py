@@ -86,7 +86,10 @@ def _svg_number(value: float) -> str:
 
 
 def dxf(sheet: Sheet) -> str:
-    """Return the DXF file's text: LWPOLYLINEs and CIRCLEs on named layers, $INSUNITS 4, limits of the sheet, extents of the drawing."""
+    """Return the DXF file's text: LWPOLYLINEs and CIRCLEs on named layers, $INSUNITS 4.
+
+    Its limits are the sheet, its extents the drawing.
+    """
     # Fixed dates and ids, so that the same sheet gives the same bytes.
     fixed = dxf_options.write_fixed_meta_data_for_testing
     dxf_options.write_fixed_meta_data_for_testing = True

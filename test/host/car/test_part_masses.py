@@ -196,7 +196,8 @@ def test_sheets_have_the_corners_and_the_names_of_what_is_laid_on_the_film() -> 
         for name in ("lipo", "pad", "battery_4xaa_square")
     }
 
-    assert missing == [] and len(corners) == 4 * len(sizes)
+    # Four corners of each outline; the arrow to the front has a tip and two corners behind it in two lines.
+    assert missing == [] and len(corners) == 4 * len(sizes) + 2
     middles = np.array([part.coords[1] for part in corners])
     apart = {tuple(sorted(np.round(np.abs(a - b), 2), reverse=True)) for a in middles for b in middles}
     assert {tuple(float(c) for c in size) for size in sizes.values()} <= apart

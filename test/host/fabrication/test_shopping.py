@@ -39,8 +39,13 @@ def test_a_parts_list_names_each_part_once_with_what_to_order_and_the_date_of_it
     assert re.search(r"Prices are shops' list prices of 20\d\d", text)
     (cells,) = [row for row in rows if "AA cell" in row.name]
     assert cells.quantity == 4 and cells.name.startswith("NiMH") and "not alkaline" in cells.note
-    # One table for tools, one for parts.
-    page = guide_page(car(name), cut_car(car(name), options("laser")), "laser", "a car")
+
+
+def test_the_guide_s_tools_are_complete_and_none_is_a_part(monkeypatch: pytest.MonkeyPatch) -> None:
+    # The pictures of the steps take long.
+    monkeypatch.setattr("foldcar.fabrication.assembly.guide.steps", lambda *_: [])
+    rows = parts_list(car("w95"))
+    page = guide_page(car("w95"), cut_car(car("w95"), options("laser")), "laser", "a car")
     tools = page.partition("Tools and materials")[2].partition("</ul>")[0]
     for row, tool in itertools.product(rows, re.findall("<li>(.*?)</li>", tools)):
         assert row.name not in tool or "screwdriver" in tool or "hacksaw" in tool

@@ -309,6 +309,7 @@ def _cautions(car: FoldedCar, step: AssemblyStep, before: State) -> Iterator[str
         texts = [f"from {down:.0f}° nose down to {up:.0f}° nose up" for down, up in limits]
         all_equal = len(set(texts)) == 1
         ranges = texts[0] if all_equal else join_words([f"{text} at hinge {n}" for n, text in enumerate(texts, 1)])
+        yield "The ends of the floors lie along the orange marks of a hinge's strip, its sides flush with the walls."
         yield (
             f"A hinge's strip stays uncreased between the segments, which then pitch freely {ranges} against each other."
         )

@@ -223,7 +223,7 @@ def pdf(sheets: Sequence[Sheet], title: str) -> bytes:
 SHEET_PX = 1300
 MAX_PX = 6000
 DPI = 100
-# Heights, in pixels, of a sheet's heading, of the picture's and of the legend.
+# Heights, in pixels, of a sheet's heading, of the picture's and of each line of the legend.
 HEADING_PX = 45
 MARGIN_PX = 30
 LEGEND_PX = 60
@@ -245,7 +245,11 @@ def preview(sheets: Sequence[Sheet], title: str) -> bytes:
     width_mm, height_mm = (max(getattr(sheet, side) for sheet in sheets) for side in ("width_mm", "height_mm"))
     scale = min(SHEET_PX / max(width_mm, height_mm), MAX_PX / (columns * width_mm), MAX_PX / (rows * height_mm))
     cell = width_mm * scale + MARGIN_PX, height_mm * scale + HEADING_PX
-    wide, high = columns * cell[0] + MARGIN_PX, rows * cell[1] + LEGEND_PX + HEADING_PX
+    used = {shape.layer for sheet in sheets for shape in sheet.shapes}
+    keys = [Line2D([], [], color=layer.hex, lw=3, label=layer.name) for layer in LAYERS.values() if layer.name in used]
+    wide = columns * cell[0] + MARGIN_PX
+    across = len(keys) if len(keys) * KEY_PX <= wide else math.ceil(len(keys) / 2)
+    high = rows * cell[1] + math.ceil(len(keys) / across) * LEGEND_PX + HEADING_PX
     figure = Figure(figsize=(wide / DPI, high / DPI), dpi=DPI, facecolor="white")
     figure.text(MARGIN_PX / wide, 1 - 0.6 * HEADING_PX / high, title, fontsize=18, va="center")
     for number, sheet in enumerate(sheets):
@@ -266,9 +270,6 @@ def preview(sheets: Sequence[Sheet], title: str) -> bytes:
             points = layer.width_mm * scale * 72 / DPI if layer.name == "QR_CODE" else LINE_PT
             cap = "butt" if layer.name == "QR_CODE" else "round"
             axes.add_collection(LineCollection(lines, colors=layer.hex, linewidths=points, capstyle=cap))
-    used = {shape.layer for sheet in sheets for shape in sheet.shapes}
-    keys = [Line2D([], [], color=layer.hex, lw=3, label=layer.name) for layer in LAYERS.values() if layer.name in used]
-    across = len(keys) if len(keys) * KEY_PX <= wide else math.ceil(len(keys) / 2)
     corner = MARGIN_PX / wide, 0.0
     figure.legend(handles=keys, loc="lower left", bbox_to_anchor=corner, ncols=across, fontsize=14, frameon=False)
     binary = io.BytesIO()

@@ -54,6 +54,7 @@ def fits(car: FoldedCar) -> tuple[Fit, ...]:
             candidates += _servo(own_holes[0], parts)
         elif mount.part == parts.feather.name:
             candidates += (_board_screw(hole, parts) for hole in own_holes)
+            candidates.append(_feather_pins(parts))
         elif mount.part == parts.switch.name:
             candidates += _switch(own_holes[0], car)
         elif mount.part == parts.lipo.name:
@@ -116,6 +117,12 @@ def _board_screw(hole: Hole, parts: Catalogue) -> Fit:
     return Fit("boards' screws in bridge and Feather", room, tolerance_mm, 2 * parts.assembly.cut_mm.value)
 
 
+def _feather_pins(parts: Catalogue) -> Fit:
+    """Return the fit of the Feather's soldered pins over the bridge's film, under which the LiPo lies."""
+    spacer, leg, board = parts.spacer.length_mm, parts.headers.leg_mm, parts.feather.board_mm
+    return Fit("Feather's pins over the bridge", spacer.value - leg.value + board.value, _sum(spacer, leg, board), 0.0)
+
+
 def _switch(opening: Hole, car: FoldedCar) -> Iterator[Fit]:
     """Yield the fits of the switch: body in slot, barbs behind film and tape of panel and layers with this slot."""
     switch, film, tape = car.parts.switch, car.parts.film.thickness_mm, car.parts.assembly.tape_mm
@@ -150,9 +157,11 @@ def _under_lid(mount: Mount, faces: list[PlacedFace], parts: Catalogue) -> Itera
     """Yield the fits of the battery between the walls and of what stands below the lid."""
     wing, battery, film, cuts = parts.featherwing, parts.battery, parts.film_mm, 2 * parts.assembly.cut_mm.value
     walls = np.concatenate([face.corners_mm for face in faces if face.face.role == "panel"])
+    # The latches' levers, parts of the flap, stand higher than the lid.
+    lid_z = max(float(face.corners_mm[:, 2].max()) for face in faces if face.face.name == "lid")
     # The height of the highest of its upright solids.
     top = max(compose(mount.pose, solid.pose)[2][3] + solid.size_mm[2] / 2 for solid in mount.shape)
-    up = float(walls[:, 2].max()) - film / 2 - top
+    up = lid_z - film / 2 - top
     if mount.part == wing.name:
         height_mm = _sum(wing.gap_mm, wing.plug_top_mm, parts.feather.board_mm, wing.board_mm, parts.spacer.length_mm)
         yield Fit("servo leads' bend under the lid", up + wing.plug_bend_mm.value, height_mm, cuts)

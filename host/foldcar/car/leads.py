@@ -182,9 +182,10 @@ class _Ways:
         block = self._at(wing.name, (x, y + wide / 2, z - wing.height_mm.value / 2))
         tails = self._at(switch.name, (0.0, 0.0, -switch.size_mm[2] / 2))
         targets = (("+", f"{switch.name} 1", tails, switch.name), ("-", f"{wing.name} terminal -", block, wing.name))
-        # The battery is lifted above the walls, with its leads on, to change its cells; on the roof it is there already.
+        # The battery is lifted above the walls, with its leads on, to change its cells; on the roof it is turned over.
         walls = _height_mm(self.bodies[battery.body], "left")
-        lift = np.array((0.0, 0.0, max(0.0, walls - (battery.pose[2][3] - battery.size_mm[2] / 2))))
+        least = battery.size_mm[2] if parts.battery_place == "roof" else 0.0
+        lift = np.array((0.0, 0.0, max(least, walls - (battery.pose[2][3] - battery.size_mm[2] / 2))))
         by_side: list[list[Lead]] = []
         for side, end in _ends(battery, parts.battery):
             by_side.append([])

@@ -13,6 +13,7 @@ from foldcar.car.folded.placed import Finding, place
 from foldcar.car.folded_car import folded_car
 from foldcar.car.proof.check_film import check_film_apart, check_flat, check_joins
 from foldcar.car.proof.prove import prove
+from foldcar.car.supply import check_supply
 from foldcar.errors import FoldcarError
 
 
@@ -28,7 +29,7 @@ def check_folded_car(car: FoldedCar) -> list[Finding]:
     """Return all findings about a folded car, except those of its assembly."""
     distance_mm = car.parts.assembly.fold_distance_mm.value
     findings = [finding for piece in car.pieces for finding in check_flat(piece, distance_mm)]
-    return [*findings, *check_joins(car, place(car)), *check_film_apart(car), *check_fits(car)]
+    return [*findings, *check_joins(car, place(car)), *check_film_apart(car), *check_fits(car), *check_supply(car)]
 
 
 def verify(design: Design) -> Verification:

@@ -164,12 +164,15 @@ def _with_progress(cars_to_make: "list[_CarToMake]") -> "Iterator[_CarToMake]":
 def car_command(
     listing: Path, vehicle: str, settings: Sequence[str], chosen: "Options", components: Sequence[Path]
 ) -> str:
-    """Return the command that makes only this car, in a folder ``car``."""
+    """Return the command that makes only this car, in a folder ``car``.
+
+    Files are named without their folders, which a printed sheet does not tell: the command is run where they lie.
+    """
     from foldcar.fabrication.patterns.options import arguments
 
-    words = ["foldcar", "pattern", listing.as_posix(), "--vehicle", vehicle]
+    words = ["foldcar", "pattern", listing.name, "--vehicle", vehicle]
     words += [word for setting in settings for word in ("--set", setting)]
-    words += [word for file in components for word in ("--components", file.as_posix())]
+    words += [word for file in components for word in ("--components", file.name)]
     return decoded(shlex.join([*words, *arguments(chosen), "-o", "car"]))
 
 

@@ -10,11 +10,12 @@ from shapely.affinity import scale
 
 from foldcar.car.design import DesignError
 from foldcar.car.design import compose as compose_design
+from foldcar.car.fits import check_fits
 from foldcar.car.folded.model import FoldedCar, Hole, Mount, Pose, Solid
 from foldcar.car.folded.pose import compose, inverse, translation
 from foldcar.car.folded.pose import folded as folded_poses
 from foldcar.car.folded_car import folded_car
-from foldcar.car.parts.catalogue import DEFAULT_CHOICES
+from foldcar.car.parts.catalogue import DEFAULT_CHOICES, catalogue_of
 from foldcar.car.proof.plan import plan_assembly
 from foldcar.car.proof.prove import assembly_steps, prove, prove_steps, service_steps
 from foldcar.car.proof.step import AssemblyStep
@@ -55,11 +56,43 @@ def test_things_come_in_on_the_side_that_is_open_and_the_battery_changes_with_th
     assert [add.name for step in service[opened:] for add in step.adds] == [folded.parts.battery.name]
 
 
-def test_a_battery_on_the_roof_is_put_on_last_and_taken_off_first() -> None:
+def test_leads_of_a_battery_on_the_roof_pass_the_lid_before_they_are_soldered() -> None:
     folded = folded_car(compose_design("W_B_W", {"width": 95}, ROOF))
+    battery, switch = folded.parts.battery.name, folded.parts.switch.name
+    steps = list(assembly_steps(folded))
+    on_lid, soldered = (
+        next(n for n, step in enumerate(steps) if any(add.name == part for add in step.adds))
+        for part in (battery, switch)
+    )
 
     assert assembly_findings(folded) == []
-    assert [add.name for add in assembly_steps(folded)[-1].adds] == [folded.parts.battery.name]
+    assert on_lid < soldered
+    # Soldered first, the leads cannot pass; without their hole they cannot either.
+    steps[on_lid], steps[soldered] = steps[soldered], steps[on_lid]
+    late = [str(finding) for finding in prove_steps(folded, steps).findings]
+    assert any(f"leads of {battery} must pass the lid, but are joined to {switch} already" in text for text in late), late
+    shut = with_holes(folded, lambda hole: None if hole.name.endswith("lead") else hole)
+    assert any(f"{battery} does not fit: at its place it runs into beam: lid" in text for text in assembly_findings(shut))
+
+
+@pytest.mark.parametrize(("width", "film"), [(65, "0.25"), (95, "card_300"), (245, "0.25")])
+def test_the_place_of_a_battery_on_the_roof_is_seen_on_both_sides_and_clear_of_folds(width: float, film: str) -> None:
+    folded = folded_car(compose_design("W_B_W", {"width": width}, ROOF.changed({"film": film})))
+    (lid,) = [face for piece in folded.pieces for face in piece.faces if face.name == "lid"]
+    ys = [y for _, y in lid.outline_mm]
+
+    assert lid.marks == ()
+    for part in (folded.parts.battery, folded.parts.pad):
+        corners = [hole.center_mm for hole in lid.holes if hole.name.rpartition(".")[2].startswith(f"{part.name} corner")]
+        assert len(corners) == 4
+        (x0, y0), (x1, y1) = np.min(corners, axis=0), np.max(corners, axis=0)
+        assert (x1 - x0, y1 - y0) == pytest.approx((part.width_mm.value, part.length_mm.value))
+        assert y0 - 0.6 >= 2 - 1e-6 and y1 + 0.6 <= max(ys) - 2 + 1e-6
+
+
+def test_a_battery_on_the_roof_is_taken_off_first() -> None:
+    folded = folded_car(compose_design("W_B_W", {"width": 95}, ROOF))
+
     assert [step.adds != () for step in service_steps(folded) if step.adds or step.folds] == [True, False]
 
 
@@ -156,6 +189,30 @@ def test_screws_under_the_module_or_under_a_part_of_the_board_are_found() -> Non
         findings = assembly_findings(spoiled)
         for number in (1, 2):
             assert any("does not fit" in finding and f"board screw {number}" in finding for finding in findings), findings
+
+
+def test_headers_whose_legs_reach_the_cell_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    parts = catalogue_of(DEFAULT_CHOICES)
+    # The legs of stacking headers. The board lies 5 mm over the bridge's film, the LiPo 2.4 mm below the film.
+    leg = parts.headers.leg_mm.model_copy(update={"value": 10.5})
+    stacking = parts.model_copy(update={"headers": parts.headers.model_copy(update={"leg_mm": leg})})
+    plain = folded_car(compose_design("W_B_W", {"width": 97}))
+    monkeypatch.setattr("foldcar.car.design.catalogue_of", lambda _: stacking)
+    spoiled = folded_car(compose_design("W_B_W", {"width": 98}))
+
+    def deepest_mm(folded: FoldedCar) -> float:
+        """How far the Feather's pins reach below the LiPo's top, if positive."""
+        feather, lipo = (mount_of(folded, part.name) for part in (folded.parts.feather, folded.parts.lipo))
+        low = min(compose(feather.pose, solid.pose)[2][3] - solid.size_mm[2] / 2 for solid in feather.solids)
+        return lipo.pose[2][3] + lipo.half_mm(2) - low
+
+    assert deepest_mm(plain) < -5
+    assert deepest_mm(spoiled) == pytest.approx(1.25, abs=0.01)
+    assert assembly_findings(plain) == []
+    assert any(
+        "HUZZAH32 Feather does not fit: at its place it runs into bridge" in text for text in assembly_findings(spoiled)
+    )
+    assert any(str(finding).startswith("fit: Feather's pins over the bridge: lacks") for finding in check_fits(spoiled))
 
 
 def face_pose(car: FoldedCar, name: str) -> Pose:

@@ -143,6 +143,14 @@ def test_barbs_in_too_few_layers_and_a_lipo_close_to_the_flange_are_found() -> N
     assert finding.startswith("fit: LiPo beside the bridge's flange: lacks 1.30 mm"), finding
 
 
+def test_the_room_over_the_servo_leads_ends_at_the_lid_not_at_the_latch_levers() -> None:
+    car = study_car()
+    (bend,) = [fit for fit in fits(car) if fit.name == "servo leads' bend under the lid"]
+
+    # The lid's underside lies 49.625 mm over the floor's middle surface, the tops of the plugs at 43.365 mm.
+    assert bend.nominal_mm == pytest.approx(6.26, abs=0.005)
+
+
 def test_the_parts_list_has_every_fit() -> None:
     text = parts_list_text(study_car(), "a car")
 

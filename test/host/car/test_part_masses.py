@@ -137,7 +137,7 @@ def test_every_data_file_is_used_and_every_number_has_a_source() -> None:
     # What no class declares is named where it is used; these tell only where the servo, the switch are from.
     code = "".join(file.read_text() for file in (Path(foldcar.__file__).parent).rglob("*.py"))
     words = set(re.findall(r"\w+", code))
-    assert named - words == {"body_depth_mm", "current_a", "spline_teeth", "terminal_depth_mm"}
+    assert named - words == {"body_depth_mm", "spline_teeth", "terminal_depth_mm"}
 
 
 @pytest.mark.parametrize("width", [65.0, 180.0])
@@ -170,7 +170,11 @@ def test_outlines_on_the_film_are_where_the_parts_lie(type_string: str) -> None:
     lying = {}
     for faces in place(car).values():
         for face in faces:
-            lying |= {mark.name: face.in_car(mark.outline_mm) for mark in face.face.marks}
+            lying |= {mark.name: face.in_car(mark.outline_mm) for mark in face.face.marks if mark.name in mounts}
+            # Holes at the corners show what stands on the side without print.
+            holes = {hole.name.rpartition(".")[2]: hole.center_mm for hole in face.face.holes if hole.kind == "mark"}
+            for name in {name.partition(" corner ")[0] for name in holes}:
+                lying[name] = face.in_car([at for hole, at in holes.items() if hole.startswith(f"{name} corner")])
 
     assert lying.keys() == {car.parts.lipo.name, car.parts.pad.name, car.parts.battery.name}
     for name, corners in lying.items():
@@ -192,7 +196,8 @@ def test_sheets_have_the_corners_and_the_names_of_what_is_laid_on_the_film() -> 
         for name in ("lipo", "pad", "battery_4xaa_square")
     }
 
-    assert missing == [] and len(corners) == 4 * len(sizes)
+    # Four corners of each outline; the arrow to the front has a tip and two corners behind it in two lines.
+    assert missing == [] and len(corners) == 4 * len(sizes) + 2
     middles = np.array([part.coords[1] for part in corners])
     apart = {tuple(sorted(np.round(np.abs(a - b), 2), reverse=True)) for a in middles for b in middles}
     assert {tuple(float(c) for c in size) for size in sizes.values()} <= apart

@@ -13,6 +13,7 @@ from typing import Any
 import ezdxf
 import pytest
 
+from foldcar.commands.pattern import car_command
 from foldcar.fabrication.patterns.options import OptionError, options
 from sheet_reader import read_svg
 from test_shown_text import ASCII
@@ -39,6 +40,10 @@ def test_a_car_is_made_with_what_its_manifest_names_but_never_over_other_files(
     assert (done.returncode, done.stderr) == (0, "")
     files = files_of(tmp_path / "car")
     manifest = json.loads(files["pattern.json"])
+    # Sheets are handed on: they name no folder.
+    assert "/" not in car_command(
+        tmp_path / "listing.json", "one", ["width=95"], options("laser"), [tmp_path / "tail.py"]
+    )
     assert set(files) == set(manifest["files"]) and manifest["parameters"]["width"] == 95
     assert {"sheet_1.svg", "sheet_1.dxf", "sheet_1.lbrn2", "sheets.pdf", "assembly.html", "parts.csv"} <= set(files)
     (tmp_path / "car" / "notes.txt").write_text("mine")

@@ -64,6 +64,19 @@ def test_texts_of_the_wiring_keep_off_each_other_and_off_lines() -> None:
         assert isinstance(text, str) or not box.intersects(its), (text, other)
 
 
+def test_a_long_title_stays_on_the_wiring_drawing() -> None:
+    title = "W_B_W+film=card_300+battery_place=roof width=245.5 height=50 radius=60"
+
+    drawn = ET.fromstring(wiring_drawing(car("w95"), title))
+
+    (heading,) = (text for text in drawn.iterfind("{*}text") if text.text == f"Wiring of {title}")
+    # DejaVu Sans Bold's letters are 0.70 of their height wide on average in such titles, measured in Chromium.
+    assert 0.72 * float(heading.attrib["font-size"]) * len(heading.text) <= 190 - 2 * 4.9
+    (short,) = (text for text in ET.fromstring(wiring_drawing(car("w95"), "a car")).iterfind("{*}text")
+                if text.text == "Wiring of a car")  # fmt: skip
+    assert short.attrib["font-size"] == "5"
+
+
 def test_wiring_offers_output_enable_with_a_pull_up_that_reaches_off() -> None:
     folded = car("w95")
     text, drawn = wiring_text(folded, "a car"), wiring_drawing(folded, "a car")

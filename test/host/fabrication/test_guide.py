@@ -39,6 +39,15 @@ def guide(name: str) -> list[Step]:
     return steps(car(name), cut(name), "laser")
 
 
+DRIVING = ["Load the firmware", "Find the neutrals", "Drive a metre"]
+
+
+def assembly(name: str) -> list[Step]:
+    """The steps of a car's guide that are proved."""
+    count = len(assembly_steps(car(name)))
+    return guide(name)[-len(DRIVING) - count : -len(DRIVING)]
+
+
 @cache
 def page() -> str:
     """That of the hinged car."""
@@ -67,7 +76,7 @@ def named_parts(lines: tuple[str, ...], labels: set[str]) -> Iterator[str]:
 def test_the_guide_puts_things_in_in_the_order_that_is_proved(name: str) -> None:
     folded, proved = car(name), assembly_steps(car(name))
 
-    for step, shown in zip(proved, guide(name)[-len(proved) :], strict=True):
+    for step, shown in zip(proved, assembly(name), strict=True):
         first = [add for add in step.adds if not step.unit or add.body == step.adds[0].body]
         labels = [label(folded, part) for part in first if part.name != folded.parts.wiring.name]
         repeated = f" ({len(folded.axles)} times)" if step.unit == "wheel" else ""
@@ -83,6 +92,7 @@ def test_the_guide_is_one_page_that_tells_all_steps_and_needs_no_other_file() ->
     assert not re.search(r'(src|href)="', text)
     sections = re.findall(r"<h2><b>\d+</b>(.*?)<small>.*?</h2>(.*?)</section>", text, re.DOTALL)
     for step, (title, section) in zip(guide("hinged"), sections, strict=True):
+        section = re.sub("</?code>", "`", section)
         lines = [html.unescape(line) for line in re.findall(r"<li>(.*?)</li>", section, re.DOTALL)]
         assert (html.unescape(title), tuple(lines)) == (step.title, step.lines)
         assert section.count("<svg") == len(step.pictures)
@@ -96,6 +106,20 @@ def test_the_guide_says_from_where_screws_come_what_they_pass_and_where_nuts_go(
     # The wing hides these nuts: it comes after them.
     order = ["HUZZAH32 Feather: from above", "M2x12 screw with nut: from below", "FeatherWing: from above"]
     assert sorted(order, key=text.index) == order
+
+
+@pytest.mark.parametrize("name", CARS)
+def test_everything_is_soldered_once_before_the_lipo_is_in_and_the_guide_ends_with_a_metre(name: str) -> None:
+    texts = [" ".join((step.title, *step.lines)) for step in guide(name)]
+    (soldering,) = [n for n, text in enumerate(texts) if "Solder now" in text]
+    lipo = next(n for n, text in enumerate(texts) if text.startswith("Put the 500 mAh LiPo in"))
+
+    assert soldering < lipo and not any("solder" in text.lower() for text in texts[lipo:])
+    assert "the + lead of the square 4xAA holder" in texts[soldering]
+    assert not any("1500 µs" in text for text in texts)
+    assert [step.title for step in guide(name)][-3:] == DRIVING
+    for word in ("`foldcar flash ", "`foldcar calibrate-servos`", "`foldcar log ", "turns backwards", "CH2_DIRECTION"):
+        assert word in " ".join(texts[-3:])
 
 
 def test_nuts_are_drawn_apart_on_the_side_from_which_they_are_proved_to_come() -> None:
@@ -176,7 +200,7 @@ def test_guide_shows_every_piece_and_tells_every_join(name: str, machine: str, s
     assert len(re.findall(" is cut as ", text)) == len(folded.pieces) - len(whole)
     assert (len(whole) < len(folded.pieces)) == (sheet == "a4")
     assert len(guide_steps[0].pictures) == len(parted.car.pieces)
-    assert all(step.pictures for step in guide_steps if step.title != "Join the parts of pieces")
+    assert all(step.pictures for step in guide_steps if step.title not in ["Join the parts of pieces", *DRIVING])
 
 
 def test_pieces_in_the_guide_have_the_numbers_of_their_joins_none_on_another() -> None:
@@ -208,7 +232,7 @@ def test_pictures_show_what_goes_in() -> None:
     folded, proved = car("w65"), assembly_steps(car("w65"))
     parts = {mount.name: mount.part for mount in folded.mounts}
 
-    for step, shown in zip(proved, guide("w65")[-len(proved) :], strict=True):
+    for step, shown in zip(proved, assembly("w65"), strict=True):
         first = step.adds[0].body if step.adds else ""
         seen = {view.facet.key for picture in shown.pictures for view in picture.seen}
         for added in step.adds:

@@ -110,6 +110,8 @@ def test_a_hinge_of_another_film_has_its_own_sheet_and_is_bought(monkeypatch: py
     assert float(rows["PET film 0.25 mm"]["cost_usd"]) == pytest.approx(len(others) * sheet_m2 * 15, abs=0.01)
     assert float(rows["PET film 0.127 mm"]["cost_usd"]) == pytest.approx(sheet_m2 * 8, abs=0.01)
     assert "Film: PET film 0.25 mm, PET film 0.127 mm" in how_to_cut(made, "")
+    by_hand = replace(made, options=options("scissors"))
+    assert "|LightBurn|" in how_to_cut(made, "") and "LightBurn" not in how_to_cut(by_hand, "")
     page = how_to_cut(replace(made, title="a [b](c)"), "foldcar pattern 'x\n# y'")
     assert "# How to cut a \\[b\\](c)\n" in page and "\n    foldcar pattern 'x # y'\n" in page
 

@@ -70,11 +70,13 @@ def test_operations_are_those_of_pieces_joins_parts_and_wires(car: FoldedCar) ->
     assert work.screw == screws
     # Two at each servo and at the boards; those of horns have none.
     assert work.nut == 2 * wheels + 2
-    assert work.plug == sum(wire.carries != "usb" for wire in car.wires)
-    # A wheel is put on as one, and so is every other unit.
+    # The battery's lead is soldered to the switch.
+    assert work.plug == sum(wire.carries != "usb" for wire in car.wires) - 1
+    # A wheel is put on as one, and so is every other unit but a cap, which counts by its tape.
     units = {(step.unit, add.body) for step in assembly_steps(car) if step.unit for add in step.adds}
     wiring = sum(mount.part == car.parts.wiring.name for mount in car.mounts)
-    assert work.part == len(car.mounts) - screws - wiring + len(units)
+    caps = sum(" cap" in unit for unit, _ in units)
+    assert caps == 1 and work.part == len(car.mounts) - screws - wiring + len(units) - caps
 
 
 @pytest.mark.parametrize("car", ["four wheels"], indirect=True)

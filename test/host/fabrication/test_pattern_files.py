@@ -100,6 +100,8 @@ def test_layers_have_their_names_colours_and_widths_in_every_file(made: Made) ->
 
     assert (document.dxfversion, document.header["$INSUNITS"]) == ("AC1024", 4)
     assert document.audit().errors == []
+    drawn_mm = bounds(made.sheet.shapes)
+    assert (*document.header["$EXTMIN"][:2], *document.header["$EXTMAX"][:2]) == pytest.approx(drawn_mm, abs=1e-3)
     for layer in LAYERS.values():
         drawn = document.layers.get(layer.name)
         rgb = None if layer.name == "CUT_OUTER" else layer.rgb

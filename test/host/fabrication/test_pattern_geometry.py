@@ -230,6 +230,32 @@ def test_a_beam_too_large_for_the_sheet_is_parted_at_a_fold_and_joined_by_a_tab(
     assert "beam" in [piece.name for piece in small.pieces]
 
 
+def test_the_tab_of_a_split_piece_leaves_the_holes_of_its_face_open() -> None:
+    chosen = options("scissors")
+    car = folded_car(compose("W_B_W", {"width": 95}))
+
+    pieces = split_to_fit(car, chosen).pieces
+
+    beam_parts = [piece for piece in pieces if piece.name.startswith("beam, part")]
+    faces = {face.name: face for piece in beam_parts for face in piece.faces}
+    creases = {crease.name: crease for piece in car.pieces for crease in piece.creases}
+    tabs = [face for name, face in faces.items() if name.endswith(" splice")]
+    covered = 0
+    for tab in tabs:
+        child = creases[tab.name.removesuffix(" splice")].child
+        outline = faces[child.face].outline_mm
+        (ax, ay), (bx, by) = outline[child.index], outline[(child.index + 1) % len(outline)]
+        turn = complex(bx - ax, by - ay) / abs(complex(bx - ax, by - ay))
+        on_face = Polygon([(ax + (complex(*p) * turn).real, ay + (complex(*p) * turn).imag) for p in tab.outline_mm])
+        # The tab lies on the face that it is taped to.
+        assert Polygon(outline).buffer(1e-6).covers(on_face)
+        for hole in faces[child.face].holes:
+            assert on_face.distance(Polygon(hole.outline_mm)) > 0.9, (tab.name, hole.name)
+            covered += on_face.convex_hull.intersects(Polygon(hole.outline_mm))
+    # USB's hole begins 8.4 mm above the floor, a tab is 10 mm deep.
+    assert covered > 0
+
+
 def test_nested_pieces_keep_their_gap_and_stay_on_their_sheets() -> None:
     discs = Polygon(disc(30.0).faces[0].outline_mm)
     pieces = [("slab", box(0, 0, 90, 40), 3), ("disc", discs, 9), ("strip", box(0, 0, 150, 7.3), 4)]

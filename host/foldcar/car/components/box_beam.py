@@ -181,6 +181,19 @@ def _tongue(width_mm: float, reach_mm: float) -> dict[str, Point]:
     return {"near": (0.0, 0.0), "1": (width_mm, 0.0), "tip": (width_mm - corner, reach_mm), "3": (corner, reach_mm)}
 
 
+ARROW_MM, MIN_ARROW_MM, ARROW_WIDTH_MM = 24.0, 16.0, 9.0
+
+
+def _front_arrow(shape: Shape, floor: str) -> None:
+    """Mark a floor with an arrow to the front, behind the cap's tab, if there is room for the word in it."""
+    length, width = shape.face_size_mm(floor)
+    tip, y, half = length - flap_end_mm(shape.parts) - 2.0, width / 2, ARROW_WIDTH_MM / 2
+    start = max(2.0, tip - ARROW_MM)
+    if tip - start >= MIN_ARROW_MM:
+        corners = ((start, y - half), (tip - half, y - half), (tip, y), (tip - half, y + half), (start, y + half))
+        shape.mark(floor, "FRONT", corners)
+
+
 # Edge of a front cap, seen from inside, at each wall; on a rear cap left and right are exchanged.
 CAP_EDGES = {"floor": "near", "right": "front", "lid": "far", "left": "rear"}
 OPPOSITE = {"left": "right", "right": "left", "floor": "floor", "lid": "lid"}
@@ -207,6 +220,8 @@ def put_cap(shape: Shape, cap: str, end: str, module: str, outer_mm: Point, slit
     if slit_mm > 0:
         at = (width / 2, height / 2)
         shape.rectangular_hole(f"{cap}.cap", f"{cap}.slit", "slit", at, slit_mm, assembly.cable_slit_mm.value)
+    if end == "front":
+        _front_arrow(shape, f"{module}.beam.floor")
     for panel, edge in CAP_EDGES.items():
         wall = f"{module}.beam.{panel if end == 'front' else OPPOSITE[panel]}.{end}"
         if panel == "lid":

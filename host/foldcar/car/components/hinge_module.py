@@ -84,6 +84,10 @@ class HingeModule(Component):
         half, width = self["length"] / 2 + self.parts.assembly.hinge_glue_mm.value, wall_mm(self["width"], self.parts)
         for name in ("front half", "rear half"):
             shape.rectangle(name, half, width, piece="hinge strip", thickness_mm=self["thickness"])
+        # The floors' ends lie along the marks' inner edges.
+        glue = self.parts.assembly.hinge_glue_mm.value
+        for name, low in (("front half", half - glue), ("rear half", 0.0)):
+            shape.mark(name, "floor", ((low, 0.0), (low + glue, 0.0), (low + glue, width), (low, width)))
         limits = (-math.radians(self["fold_down"]), math.radians(self["fold_up"]))
         shape.connect("front half.rear", "rear half.front", "hinge", 0, limits_rad=limits)
         if self._stop_mm() >= MIN_STOP_MM:

@@ -6,17 +6,27 @@ LiPo, USB behind a hole of the left wall. The servos' battery stands on the floo
 both may reach into the free floor of the neighbouring modules.
 """
 
+import itertools
 import math
 from collections.abc import Iterator, Sequence
 from typing import ClassVar, Literal, NamedTuple
 
 from foldcar.car.components.box_beam import HEIGHT, WIDTH, BoxBeam, latch_mm, wall_mm
-from foldcar.car.components.bridge import half_width_mm, middle_mm, mouth_mm, plug_room_mm, put_bridge, usb_height_mm
+from foldcar.car.components.bridge import (
+    half_width_mm,
+    lipo_reach_mm,
+    middle_mm,
+    mouth_mm,
+    plug_room_mm,
+    put_bridge,
+    usb_height_mm,
+)
 from foldcar.car.components.component import ROUNDING, Component, Parameter, Sub
-from foldcar.car.components.mounts import min_doubler_mm, put_rod, put_servo, screw_end_mm, servo_reach_mm
+from foldcar.car.components.mounts import cylinder, min_doubler_mm, put_rod, put_servo, screw_end_mm, servo_reach_mm
 from foldcar.car.components.shape import Shape
 from foldcar.car.components.wheel import DRIVEN, RADIUS, TYRE_WIDTH
-from foldcar.car.folded.model import Wire
+from foldcar.car.folded.model import IDENTITY, Point, Solid, Wire
+from foldcar.car.folded.pose import translation
 from foldcar.car.parts.catalogue import Catalogue
 
 SIDES: tuple[Literal["left", "right"], ...] = ("left", "right")
@@ -155,26 +165,52 @@ class ElectronicsModule(BrainModule):
     def _battery(self, shape: Shape, layout: Layout, boards_y: float) -> None:
         """Add pad and battery on the floor or the roof, at the position across the car that balances the boards."""
         parts, film, across = self.parts, self.parts.film_mm, wall_mm(self["width"], self.parts)
-        battery, pad, roof = parts.battery, parts.pad, parts.battery_place == "roof"
+        battery, pad = parts.battery, parts.pad
         boards_kg = sum(part.mass_kg.value for part in (parts.feather, parts.featherwing, parts.lipo))
         reach = (across - film - (battery.length_mm if layout.turned else battery.width_mm).value) / 2
         offset = (boards_y - across / 2) * boards_kg / battery.mass_kg.value
-        y = across / 2 - min(max(offset, -reach), reach)
-        x = layout.battery_mm
-        up = film / 2
+        if parts.battery_place == "roof":
+            self._on_roof(shape, layout.battery_mm, across / 2 + offset)
+            return
+        at_y, up = across / 2 - min(max(offset, -reach), reach), film / 2
         for part in (pad, battery):
             height = part.height_mm.value
-            # The lid's printed side faces down, its y runs from the left wall.
-            at = (x, across - y, -up - height / 2) if roof else (x, y, up + height / 2)
-            shape.part(part, "beam.lid" if roof else "beam.floor", at, turned=layout.turned, marked=True)
+            at = (layout.battery_mm, at_y, up + height / 2)
+            shape.part(part, "beam.floor", at, turned=layout.turned, marked=True)
             up += height
-        if roof:
-            self._lead(shape, x + battery.width_mm.value / 2)
 
-    def _lead(self, shape: Shape, end_mm: float) -> None:
-        """Cut a hole for the battery's lead into the lid, in front of the battery on the roof and near the left wall.
+    def _on_roof(self, shape: Shape, x: float, y: float) -> None:
+        """Add pad and battery on the lid's unprinted side, their middle at ``x`` and as near to ``y`` as its folds allow.
 
-        Raises ComponentError if the module is too short for battery, lead hole, latch and fingers at the pull tab.
+        Holes at their corners show their places on both sides. The lid's y runs from the left wall, its z into the car.
+        """
+        parts, assembly, film = self.parts, self.parts.assembly, self.parts.film_mm
+        battery, corner = parts.battery, assembly.corner_hole_mm.value
+        edge = assembly.fold_distance_mm.value + corner / 2
+        lid_mm = shape.face_size_mm("beam.lid")[1]
+        reach = lid_mm / 2 - edge - battery.length_mm.value / 2
+        y = lid_mm / 2 + (min(max(y - lid_mm / 2, -reach), reach) if reach > 0 else 0.0)
+        shape.part(parts.pad, "beam.lid", (x, y, -(film + parts.pad.height_mm.value) / 2), turned=True)
+        up = film / 2 + parts.pad.height_mm.value + battery.height_mm.value / 2
+        hole = self._lead_hole(shape, x + battery.width_mm.value / 2)
+        # The leads pass the hole as one round of two wires.
+        wire, lid = parts.wiring.wire_diameter_mm.value, up - film / 2
+        lead = cylinder(2 * wire, lid - 2 * wire, lid + film + wire, hole[0] - x, hole[1] - y)
+        size = (battery.width_mm.value, battery.length_mm.value, battery.height_mm.value)
+        solids = (Solid("box", size, IDENTITY), lead)
+        pose = translation(x, y, -up)
+        shape.box(battery.name, battery.name, "beam.lid", pose, size, battery.mass_kg.value, solids=solids)
+        for part in (parts.pad, battery):
+            across, along = part.length_mm.value / 2, part.width_mm.value / 2
+            if lid_mm / 2 - abs(y - lid_mm / 2) - across >= edge - ROUNDING:
+                for i, (u, v) in enumerate(itertools.product((-along, along), (-across, across)), 1):
+                    shape.round_hole("beam.lid", f"{part.name} corner {i}", "mark", (x + u, y + v), corner)
+
+    def _lead_hole(self, shape: Shape, end_mm: float) -> Point:
+        """Cut a hole for the battery's leads into the lid, in front of the battery on the roof and near the left wall.
+
+        Returns its middle. Raises ComponentError if the module is too short for battery, lead hole, latch and fingers at
+        the pull tab.
         """
         battery, assembly = self.parts.battery, self.parts.assembly
         hole, edge = assembly.lead_hole_mm.value, assembly.fold_distance_mm.value
@@ -187,7 +223,9 @@ class ElectronicsModule(BrainModule):
         if self["length"] < minimum - ROUNDING:
             what = f"the {battery.name} on the roof beside its lead and the lid's latch"
             raise self.parameter_error("length", _too_small(self["length"], minimum, what))
-        shape.round_hole("beam.lid", "lead", "slit", (end_mm + edge + hole / 2, edge + hole), hole)
+        at = (end_mm + edge + hole / 2, edge + hole)
+        shape.round_hole("beam.lid", "lead", "slit", at, hole)
+        return at
 
     def _layouts(self) -> Iterator[Layout]:
         """Yield every layout, whether it fits or not; none if the battery is too wide for the floor in the worst case."""
@@ -205,16 +243,13 @@ class ElectronicsModule(BrainModule):
             if along_mm:
                 gap = assembly.part_gap_mm.value if side < 0 else parts.plugs.battery.length_mm.value
                 near += gap + along_mm
-            # To the LiPo's far side: the flange comes down beside the LiPo, which may lie anywhere within its outline.
-            lipo = parts.lipo.width_mm
-            beside = assembly.placement_mm.value + lipo.tolerance / 2 + assembly.slot_clearance_mm.value
-            far = parts.film_mm / 2 + beside + lipo.value - half_width_mm(parts)
+            far = lipo_reach_mm(parts)
             rear, front = (near, far) if side < 0 else (far, near)
             low = max(rear - self["floor_rear"], self["usb_low"])
             high = min(length + self["floor_front"] - front, self["usb_high"])
             x = min(max(length / 2, low), high)
             battery = x + side * near - side * along_mm / 2 if along_mm else length / 2
-            yield Layout(low, high, side, turned, x, x - side * (far - lipo.value / 2), battery)
+            yield Layout(low, high, side, turned, x, x - side * (far - parts.lipo.width_mm.value / 2), battery)
 
     @property
     def layout(self) -> Layout:

@@ -231,9 +231,12 @@ class Shape:
         length, width, height = part.size_mm
         size = (width, length, height) if turned else part.size_mm
         if marked:
-            outline = rectangle_around(center_mm[:2], size[0], size[1])
-            self.graph.atoms[self._face(on)].marks.append(Mark(part.name, outline))
+            self.mark(on, part.name, rectangle_around(center_mm[:2], size[0], size[1]))
         self.box(part.name, part.name, on, translation(*center_mm), size, part.mass_kg.value)
+
+    def mark(self, face: str, name: str, outline_mm: Sequence[Point]) -> None:
+        """Print an outline, counter-clockwise, with a name in it on a face."""
+        self.graph.atoms[self._face(face)].marks.append(Mark(name, tuple(outline_mm)))
 
     def box(self, part: str, name: str, on: str, pose: Pose, size_mm: tuple[float, float, float],
             mass_kg: float, holes: Sequence[str] = (), solids: Sequence[Solid] = (),

@@ -16,7 +16,7 @@ Point = tuple[float, float]
 Pose = tuple[tuple[float, float, float, float], ...]
 IDENTITY: Pose = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 
-HoleKind = Literal["opening", "screw", "slot", "slit", "axle", "vent"]
+HoleKind = Literal["opening", "screw", "slot", "slit", "axle", "mark"]
 JoinKind = Literal["lap", "tab", "tab_slot", "lock", "tuck", "laminate", "rim"]
 
 
@@ -33,7 +33,7 @@ class Hole:
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """The place of the mount ``name``: its outline on the printed side, counter-clockwise in the face's frame."""
+    """An outline on the printed side, counter-clockwise in the face's frame: the place of ``name``, or an arrow."""
 
     name: str
     outline_mm: tuple[Point, ...]

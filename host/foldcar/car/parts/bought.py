@@ -145,9 +145,13 @@ class Horn(Bought):
         return min(xs), min(ys), max(xs), max(ys)
 
 
-class Cells(PartData):
-    """The cells in the battery's holder: voltage without load, resistance with holder, leads and switch."""
+class Cells(Bought):
+    """The cells in the battery's holder, four: voltage without load, and fresh; resistance with holder, leads and switch.
 
+    ``cell`` is what to buy; their mass is in the battery's.
+    """
+
+    cell: str
     supply_v: Quantity
     supply_resistance_ohm: Quantity
 
@@ -183,10 +187,13 @@ class Tyre(Bought):
         return area_mm2 * width_mm * 1e-9 * self.density_kg_m3.value
 
 
-class Feather(BoxPart):
-    """The processor's board with female headers on it; ``joints`` are their pins below it, ``small`` parts at holes."""
+class Headers(Bought):
+    """The Feather's female headers; their legs are ``leg_mm`` long below the sockets' bodies."""
 
-    joints: tuple[Box, Box]
+
+class Feather(BoxPart):
+    """The processor's board with female headers on it; ``small`` are parts at its holes."""
+
     small: tuple[Box, ...]
     headers: tuple[Box, Box]
     holes: tuple[Holes, Holes]
@@ -197,9 +204,18 @@ class Feather(BoxPart):
 
     @property
     def standing(self) -> tuple[Box, ...]:
-        """Everything that stands on the board, and the pins below it."""
-        socket = self.battery_socket
-        return (*self.headers, *self.joints, *self.small, self.usb, socket, self.antenna, self.reset)
+        """Everything that stands on the board."""
+        return (*self.headers, *self.small, self.usb, self.battery_socket, self.antenna, self.reset)
+
+    def joints(self, headers: Headers) -> tuple[Box, ...]:
+        """Return the ends of the headers' legs below the board."""
+        down = headers.leg_mm.value - self.board_mm.value
+        return tuple(
+            header.model_copy(
+                update={"at_mm": (*header.at_mm[:2], -down / 2), "size_mm": (header.size_mm[0], header.size_mm[1], down)}
+            )
+            for header in self.headers
+        )
 
     def free_holes(self, screw: Screw) -> list[tuple[float, float]]:
         """Return the holes where a screw's nut can be turned, because nothing on the board is in the way."""
@@ -215,6 +231,8 @@ class Feather(BoxPart):
 class FeatherWing(BoxPart):
     """The servo driver, plugged onto the Feather: ``gap_mm`` is between the two boards, ``headers`` are below it.
 
+    ``pins`` are the ends of soldered pins below it; those of its male headers are inside the Feather's sockets.
+
     ``plug_top_mm`` is the height of an upright servo plug's top over this board's underside, ``plug_bend_mm`` what its
     leads need above it. ``outputs`` are the middles of the outputs' pins, from output 0 on.
     """
@@ -222,9 +240,26 @@ class FeatherWing(BoxPart):
     headers: tuple[Box, Box]
     holes: tuple[Holes]
     servo_headers: tuple[Box, Box]
+    pins: tuple[Box, ...]
     outputs: Places
     terminal_block: Box
     reset: Box
+
+
+class Gauge(Data):
+    """A gauge of wire, and the current it bears in a device."""
+
+    awg: int
+    area_mm2: float
+    current_a: float
+    ohm_m: float
+    source: str
+
+
+class Wiring(BoxPart):
+    """The wires as a part; ``gauges``, the thinnest first."""
+
+    gauges: tuple[Gauge, ...]
 
 
 class Plugs(PartData):

@@ -17,6 +17,7 @@ from foldcar.car.parts.bought import (
     Feather,
     FeatherWing,
     Film,
+    Headers,
     Horn,
     Plugs,
     Screw,
@@ -24,6 +25,7 @@ from foldcar.car.parts.bought import (
     Spacer,
     Tools,
     Tyre,
+    Wiring,
 )
 from foldcar.car.parts.quantity import Bought, BoxPart, Data, PartData, Quantity
 from foldcar.errors import FoldcarError
@@ -101,7 +103,7 @@ class Catalogue(Data):
     ``screw`` holds a servo in its wall, ``board_screw`` with a ``spacer`` holds the Feather's end at USB, ``board_pad``
     its other end. ``horn_screw`` holds a wheel on a horn, ``centre_screw`` the horn on the servo, ``pad`` the battery.
     ``axle_rod`` carries wheels without servos; an ``axle_tube`` keeps each off its wall, an ``axle_cap`` on the rod.
-    ``headers`` have a price only: their mass is in the boards'. Mass and cost of ``wiring`` include ``wire_mm`` of wire;
+    The mass of ``headers`` is in the boards'. Mass and cost of ``wiring`` include ``wire_mm`` of wire;
     ``wiring`` also has the slack that leads need. Leads leave the middle of an end of a battery's length.
     ``assembly`` has the clearances, laminations and contact properties of a folded car.
     """
@@ -109,13 +111,13 @@ class Catalogue(Data):
     servo: Servo
     feather: Feather
     featherwing: FeatherWing
-    headers: Bought
+    headers: Headers
     lipo: BoxPart
     pad: BoxPart
     board_pad: BoxPart
     switch: BoxPart
     plugs: Plugs
-    wiring: BoxPart
+    wiring: Wiring
     extensions: Extensions
     screw: Screw
     board_screw: Screw

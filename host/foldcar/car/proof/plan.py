@@ -1,9 +1,10 @@
 """The sequence of assembly and service steps; prove.py adds the insertion paths.
 
-Input: a FoldedCar. Output: steps. Layers are glued onto flat pieces. Walls are folded up, lids stay open. Servos, caps
-and hinge strips follow. Boards are screwed onto their carrier outside the car, while it is flat; carrier and other parts
-go in from above. Wheels are assembled outside the car; horns and wheels go on. Lids are shut, and the parts on them are
-added. In service USB and switch are used with the lid shut, plugs and reset with it open; the battery is changed.
+Input: a FoldedCar. Output: steps. Layers are glued onto flat pieces. Walls are folded up, lids stay open. Servos follow,
+and a battery on the lid, whose leads pass the lid before they are soldered to the switch in its cap; then caps and hinge
+strips. Boards are screwed onto their carrier outside the car, while it is flat; carrier and other parts go in from above.
+Wheels are assembled outside the car; horns and wheels go on. Lids are shut, before the wheels if a battery is on them. In
+service USB and switch are used with the lid shut, plugs and reset with it open; the battery is changed.
 """
 
 from collections.abc import Iterable, Sequence
@@ -17,6 +18,7 @@ from foldcar.car.proof.step import Added, AssemblyStep, Folds, ToolUse
 INNER = ("wheel inner disc", "wheel hub")
 # Parts closer than this along the car are on the same axle.
 SAME_MM = 1e-6
+SHUT = "Shut the lid"
 OPEN = "Push the levers outwards and lift the lid by its pull tab"
 USES = {"plug": "Plug a cable into", "finger": "Press", "driver": "Press, with a screwdriver,"}
 
@@ -99,16 +101,23 @@ def plan_assembly(car: FoldedCar) -> tuple[AssemblyStep, ...]:
     building = Building(roles)
     _segments(roles, building)
     _inside(roles, building)
+    # Wheels would be in the way of a battery on an open lid.
+    shut_first = any(roles.is_on_lid(mount) for mount in car.mounts)
+    if shut_first:
+        _shut_lids(roles, building)
     for unit, wheels in roles.wheel_units.items():
         _wheels(roles, building, unit, wheels)
-    # The lids are folded shut and locked; then the parts on them are added.
+    if not shut_first:
+        _shut_lids(roles, building)
+    return tuple(building.steps)
+
+
+def _shut_lids(roles: Roles, building: Building) -> None:
+    """Add the step in which the lids are folded shut and locked, if there are lids."""
     folds = {name: dict.fromkeys(lid.creases, 1.0) for name, lid in sorted(roles.lids.items()) if lid.creases}
     if folds:
         shutting = sorted({number for lid in roles.lids.values() for number in lid.joins})
-        building.steps.append(AssemblyStep("Shut the lid", folds, (), tuple(shutting)))
-    for mount in (mount for mount in car.mounts if roles.is_on_lid(mount)):
-        building.step(f"Put the {mount.name} on", mounts=building.with_screws([mount]))
-    return tuple(building.steps)
+        building.steps.append(AssemblyStep(SHUT, folds, (), tuple(shutting)))
 
 
 def _segments(roles: Roles, building: Building) -> None:
@@ -131,11 +140,15 @@ def _segments(roles: Roles, building: Building) -> None:
     building.step("Screw the servos in from outside", mounts=building.with_screws(servos))
     rods = [m for m in roles.car.mounts if m.part == roles.car.parts.axle_rod.name]
     building.step("Push the rods through the walls", mounts=rods)
+    for mount in (mount for mount in roles.car.mounts if roles.is_on_lid(mount)):
+        building.step(f"Put the {mount.name} on the open lid", mounts=building.with_screws([mount]))
     for title, group in (("Close the ends", caps), ("Join the segments", between)):
         doubled = [piece for piece in group if on([piece])]
         for piece in doubled:
-            flat = f"Tape the layers onto the flat {piece.piece}"
-            building.step(flat, [piece, *on([piece])], unit=_unit(roles, piece), flat=True)
+            flat, unit = f"Tape the layers onto the flat {piece.piece}", _unit(roles, piece)
+            building.step(flat, [piece, *on([piece])], unit=unit, flat=True)
+            for mount in (m for m in roles.car.mounts if (host := roles.mount_host(m)) is not None and host[0] is piece):
+                building.step(f"Put the {mount.name} into the flat {piece.piece}", mounts=[mount], unit=unit, flat=True)
         units = [Added("unit", _unit(roles, piece), 0, piece.body) for piece in doubled]
         alone = [piece for piece in group if piece not in doubled]
         building.step(title, alone, units=units, folds={piece.piece: roles.all_folded(piece.piece) for piece in doubled})

@@ -50,6 +50,7 @@ def prove(car: FoldedCar) -> Proof:
 def prove_steps(car: FoldedCar, planned_steps: Sequence[AssemblyStep]) -> Proof:
     """Prove the assembly of a car in these steps."""
     prover = _Prover(car)
+    prover.check_lead_order(planned_steps)
     steps = tuple(prover.step(f"step {n}", step) for n, step in enumerate(planned_steps, 1))
     serviced = tuple(prover.service_step(f"service {n}", step) for n, step in enumerate(plan_service(car), 1))
     return Proof(steps, serviced, tuple(prover.findings))
@@ -90,13 +91,28 @@ class _Prover:
             proved.append(with_path)
         return replace(step, adds=tuple(proved))
 
+    def check_lead_order(self, planned_steps: Sequence[AssemblyStep]) -> None:
+        """Add a finding if leads that pass a lid are soldered before: their other ends are the switch and the wires."""
+        numbers = {added.name: n for n, step in enumerate(planned_steps, 1) for added in step.adds}
+        parts = self.car.parts
+        joined = [m for m in self.car.mounts if m.part in (parts.switch.name, parts.wiring.name) and m.name in numbers]
+        for mount in (m for m in self.car.mounts if m.name in numbers and self.roles.is_on_lid(m)):
+            early = [m.name for m in joined if numbers[m.name] < numbers[mount.name]]
+            if mount.part == parts.battery.name and early:
+                place = f"step {numbers[mount.name]}, {planned_steps[numbers[mount.name] - 1].title}"
+                self._add_finding(place, f"leads of {mount.name} must pass the lid, but are joined to {early[0]} already")
+
     def service_step(self, number: str, step: AssemblyStep) -> AssemblyStep:
         """Prove one step of service. The lid's levers and pull tabs are reached while it is shut.
 
-        A lid opens on the path on which it was shut, so that is not checked again. Parts that are taken out stay out.
+        A lid opens on the path on which it was shut, which is checked again if the wheels came later. Parts that are
+        taken out stay out.
         """
         place = f"{number}, {step.title}"
         self._check_tool_uses(place, step.tool_uses, CAR)
+        if any(self.roles.is_on_lid(mount) for mount in self.car.mounts):
+            for name in step.folds:
+                self._check_lid(place, name, "open")
         self._close(step.folds)
         proved = []
         for added in step.adds:
@@ -118,8 +134,7 @@ class _Prover:
             earlier_fractions = self.stage.folds.get(name, {})
             lid = self.roles.lids.get(name)
             if lid is not None and lid.creases and set(fractions) == set(lid.creases):
-                angles = {crease.name: crease.angle_rad for crease in self.roles.pieces[name].creases}
-                self._check_swing(place, name, f"the lid of {name} does not shut", list(_closing(lid, angles)))
+                self._check_lid(place, name, "shut")
             elif any(key[1] == name for standing in self.standing.values() for key in standing):
                 shares = [i / SWING_STEPS for i in range(SWING_STEPS + 1)]
                 path = [
@@ -127,6 +142,12 @@ class _Prover:
                 ]
                 self._check_swing(place, name, f"{name} does not fold", path)
         self._close(step.folds)
+
+    def _check_lid(self, place: str, name: str, action: str) -> None:
+        """Add a finding if the lid of a beam, or parts on it, meet others between open and shut."""
+        angles = {crease.name: crease.angle_rad for crease in self.roles.pieces[name].creases}
+        path = list(_closing(self.roles.lids[name], angles))
+        self._check_swing(place, name, f"the lid of {name} does not {action}", path)
 
     def _close(self, folds: Folds) -> None:
         if not folds:

@@ -14,7 +14,14 @@ from foldcar.fabrication.assembly.drawing import Drawing
 from foldcar.fabrication.assembly.facets import Shape, film_shape, merge_shapes, mount_shape
 from foldcar.fabrication.assembly.guide_pictures import Step, join_marks, service_picture, step_pictures
 from foldcar.fabrication.assembly.guide_state import State, key
-from foldcar.fabrication.assembly.guide_words import DRIVER, join_words, number_ranges, service_lines, step_lines
+from foldcar.fabrication.assembly.guide_words import (
+    DRIVER,
+    driving_steps,
+    join_words,
+    number_ranges,
+    service_lines,
+    step_lines,
+)
 from foldcar.fabrication.assembly.hidden_surfaces import Camera, camera
 from foldcar.fabrication.assembly.operations import (
     is_screw,
@@ -62,7 +69,7 @@ def guide_page(folded: FoldedCar, cut: CutCar, machine: str, title: str, sheets:
 
 
 def steps(folded: FoldedCar, cut: CutCar, machine: str) -> list[Step]:
-    """Return all steps, from cutting on a machine of that name to the finished car."""
+    """Return all steps, from cutting on a machine of that name to a car that has driven a metre."""
     steps = [out_of_sheets(cut, machine), *splice_steps(folded, cut)]
     state = State(folded)
     for step, done in operations_by_step(folded):
@@ -71,7 +78,7 @@ def steps(folded: FoldedCar, cut: CutCar, machine: str) -> list[Step]:
         repeated = len(state.unit_bodies(step.unit)) if step.unit else 1
         title = f"{step.title} ({repeated} times)" if repeated > 1 else step.title
         steps.append(Step(title, lines, step_pictures(step, state, step.title), done))
-    return steps
+    return [*steps, *(Step(title, lines) for title, lines in driving_steps(folded))]
 
 
 def out_of_sheets(cut: CutCar, machine: str) -> Step:

@@ -14,9 +14,11 @@ import numpy as np
 from foldcar.car.components.hooked_strip import WheelSize, turn_rad
 from foldcar.car.folded.model import FoldedCar, Join, Mount
 from foldcar.car.leads import leads
+from foldcar.car.parts.catalogue import Catalogue
+from foldcar.car.proof.plan import SHUT
 from foldcar.car.proof.step import Added, AssemblyStep, Vector
 from foldcar.fabrication.assembly.guide_state import State
-from foldcar.fabrication.assembly.operations import closing, disc_turns, is_screw, is_wound, plugs_in
+from foldcar.fabrication.assembly.operations import closing, disc_turns, is_screw, is_wound, plugs_in, soldered_in
 from foldcar.fabrication.assembly.parts_list import tyre_cut
 from foldcar.fabrication.assembly.wiring import lead_remedy
 
@@ -36,6 +38,7 @@ def step_lines(step: AssemblyStep, before: State) -> tuple[str, ...]:
         *_folds(step, before),
         *_put_in(step, before),
         *_joins(car, step),
+        *_solder(car, step),
         *_plugs(car, step),
         *_cautions(car, step, before),
     )
@@ -199,11 +202,31 @@ def _plugs(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
         yield f"Plug {count} servos into the outputs that their leads are marked with; the brown lead is ground."
         if car.hinges:
             yield "Lead cables between segments through the openings of the caps, with a loop at each hinge."
-    lengths = {(lead.start, lead.end): lead_remedy(lead) for lead in leads(car)}
     for wire in wires:
         if wire.carries != "signal":
-            notes = [wire.note, lengths.get((wire.a, wire.b), "")]
-            yield f"{wire.a[0].upper()}{wire.a[1:]} to {wire.b}: {'; '.join(note for note in notes if note)}."
+            start = "The switch's free wire" if wire.a.startswith(car.parts.switch.name) else wire.a
+            yield f"{start[0].upper()}{start[1:]} to {wire.b}: {wire.note}."
+
+
+def _solder(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
+    """Yield the sentences on soldering: all of it is done at the bench, in the step of the switch, far from the LiPo."""
+    wires = soldered_in(car, step)
+    if not wires:
+        return
+    remedies = {lead.start: lead_remedy(lead) for lead in leads(car)}
+    yield "Press the switch in until its barbs hold behind the layers, its terminals on the printed side."
+    yield (
+        f"Solder now, before the {car.parts.lipo.name} is in the car and with no cells in the holder. Push heat-shrink "
+        "tube over each wire first, and shrink it over the joint with a hot-air gun or a lighter, away from the film."
+    )
+    battery, switch = car.parts.battery.name, car.parts.switch.name
+    longer = {sign: remedies.get(f"{battery} {sign}", "") for sign in "+-"}
+    first = f", after you {longer['+']}" if longer["+"] else ""
+    yield f"One terminal of the switch: the + lead of the {battery} (red){first}."
+    if any(wire.a.startswith(switch) for wire in wires):
+        yield f"The other terminal: {remedies[f'{switch} 2']}, solder one end to it, and leave the other end free."
+    if longer["-"]:
+        yield f"The - lead of the {battery} (black): {longer['-']}."
 
 
 def _preparation(step: AssemblyStep, before: State) -> Iterator[str]:
@@ -212,10 +235,33 @@ def _preparation(step: AssemblyStep, before: State) -> Iterator[str]:
         axles = sorted((axle for axle in before.car.axles if axle.driven), key=lambda axle: axle.channel)
         marks = "; ".join(f"{axle.servo} {axle.channel}" for axle in axles)
         yield (
-            "Before: give each servo pulses of 1500 µs and turn its potentiometer until it stands still. Mark the leads: "
-            f"{marks}."
+            f"Before: mark the leads: {marks}. Leave the servos' potentiometers alone: their neutrals are measured when "
+            "the car is complete."
         )
+    if before.car.parts.feather.name in {before.mounts[a.name].part for a in step.adds if a.kind == "mount"}:
+        yield from _board_preparation(before.car.parts)
+    if step.title == SHUT and before.car.parts.battery_place == "floor":
+        yield _put_cells_in(before.car.parts)
     yield from _cut_lengths(before.car, step, before)
+
+
+def _put_cells_in(parts: Catalogue) -> str:
+    """Return which cells are put into the holder."""
+    return f"Turn the switch off, and put four charged cells of one kind into the holder: {parts.cells.cell}."
+
+
+def _board_preparation(parts: Catalogue) -> Iterator[str]:
+    """Yield how the boards are soldered and tried before they go in."""
+    deep_mm = parts.headers.leg_mm.max_value - parts.feather.board_mm.value
+    yield (
+        f"Before: solder the {parts.headers.name} onto the {parts.feather.name}'s upper side, with which the "
+        f"{parts.featherwing.name}'s pins mate. Their legs end at most {deep_mm:.1f} mm below the board. Never use "
+        "stacking headers: their legs would reach the LiPo."
+    )
+    yield (
+        f'Plug the {parts.feather.name} into the computer and load the firmware, as "Load the firmware" below says: a '
+        "board that does not answer is easy to change now."
+    )
 
 
 def _cut_lengths(car: FoldedCar, step: AssemblyStep, before: State) -> Iterator[str]:
@@ -235,15 +281,24 @@ def _cautions(car: FoldedCar, step: AssemblyStep, before: State) -> Iterator[str
     if car.parts.tyre.name in parts:
         tyre = car.parts.tyre
         yield f"{tyre.note[0].upper()}{tyre.note[1:]}: {tyre_cut(car, step.unit)}."
-    if car.parts.switch.name in parts:
-        yield "Before: solder its wires on (see the wiring); their free ends go in through the opening first."
     sides = {lead.start.removesuffix(" +"): lead.leaves for lead in leads(car)}
     if car.parts.lipo.name in parts:
         side = sides[car.parts.lipo.name]
         yield f"It lies in its outline on the film, its lead on the {side}, held by a strip of double-sided tape."
     if car.parts.battery.name in parts:
         side = sides[car.parts.battery.name]
-        yield f"It stands on hook-and-loop tape in its outline, its leads on the {side}; it comes out for its cells."
+        if car.parts.battery_place == "roof":
+            yield (
+                "It stands outside, on the side without print, on the hook-and-loop tape, between the small holes at its "
+                f"corners; its leads are on the {side}. Push both leads through the lid's round hole, "
+                f"{car.parts.assembly.lead_hole_mm.value:g} mm wide, before anything is soldered to them."
+            )
+        else:
+            yield f"It stands on hook-and-loop tape in its outline, its leads on the {side}; it comes out for its cells."
+    if car.parts.pad.name in parts and car.parts.battery_place == "roof":
+        yield "It sticks to the outside of the lid, the side without print, between the small holes at its corners."
+    if any(added.kind == "unit" and added.name == "bridge" for added in step.adds):
+        yield "Press both feet onto the floor at their ends, which reach beyond the boards beside the cell."
     if car.parts.board_pad.name in parts:
         yield "The pad, foam tape in two layers, sticks to film and board where the module covers the board's holes."
     if car.parts.horn_screw.name in parts:
@@ -254,6 +309,7 @@ def _cautions(car: FoldedCar, step: AssemblyStep, before: State) -> Iterator[str
         texts = [f"from {down:.0f}° nose down to {up:.0f}° nose up" for down, up in limits]
         all_equal = len(set(texts)) == 1
         ranges = texts[0] if all_equal else join_words([f"{text} at hinge {n}" for n, text in enumerate(texts, 1)])
+        yield "The ends of the floors lie along the orange marks of a hinge's strip, its sides flush with the walls."
         yield (
             f"A hinge's strip stays uncreased between the segments, which then pitch freely {ranges} against each other."
         )
@@ -289,10 +345,51 @@ def service_lines(car: FoldedCar, steps: Sequence[AssemblyStep]) -> tuple[str, .
     removed = {mounts[add.name].part for step in steps for add in step.adds}
     return (
         *lines,
-        *(f"Change cells: take the {name} out, and charge its cells in their own charger." for name in sorted(removed)),
+        *(_change_cells(parts, name) for name in sorted(removed)),
         f"Charge the {parts.lipo.name} in the car: the {parts.feather.name} charges it from USB.",
         f"Reset: press the {parts.featherwing.name}'s button with the tip of a screwdriver"
         f"{', the lid open' if lids else ''}; the servos stop, and the car waits to be told to go.",
+    )
+
+
+def _change_cells(parts: Catalogue, name: str) -> str:
+    """Return how a holder's cells are changed."""
+    out = "off, as far as its leads reach" if parts.battery_place == "roof" else "out"
+    return f"Change cells: switch off, take the {name} {out}, and charge its cells in their own charger."
+
+
+def driving_steps(car: FoldedCar) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Yield titles and lines of the steps after the assembly: firmware, neutrals, one metre."""
+    feather = car.parts.feather.name
+    yield (
+        "Load the firmware",
+        (
+            *([_put_cells_in(car.parts)] if car.parts.battery_place == "roof" else []),
+            f"Connect the {feather} to the computer with a USB cable that carries data, and run `foldcar flash LISTING "
+            "--experiment ID` with the listing and experiment of this car. It loads the firmware and the car's design.",
+            "If no board is found, try another cable; `foldcar doctor` says what is missing.",
+        ),
+    )
+    yield (
+        "Find the neutrals",
+        (
+            "Stand the car on a box so that no wheel touches anything, and turn the switch on.",
+            "Run `foldcar calibrate-servos`. It asks how each wheel turns, and saves each servo's neutral and dead band.",
+            "A wheel turns backwards: look whether its plug is on the output that its lead is marked with. If it is, "
+            "change the sign of that output's direction, as in `foldcar params set CH2_DIRECTION 1`.",
+            "A wheel does not turn: is the switch on, are the cells charged, is the plug's brown lead at GND?",
+        ),
+    )
+    yield (
+        "Drive a metre",
+        (
+            "Put the car on a smooth floor with 2 m free in front of it, and keep a finger near the switch.",
+            'Describe one metre of floor as the tutorial "A first car" does (docs/first_car.md), and run `foldcar log '
+            "metre.json --experiment metre --store metre.db --car NAME`: it checks the car, counts down and drives.",
+            "The car turns aside: repeat `foldcar calibrate-servos`, look for a wheel that rubs. It stops at once: the "
+            "cells are empty or the log's last line says why.",
+            "When it has driven its metre, it is ready for trials.",
+        ),
     )
 
 

@@ -127,6 +127,8 @@ def operations_by_step(car: FoldedCar) -> list[tuple[AssemblyStep, Operations]]:
         folded = [pieces[name] for name in step.folds]
         joins = [join for join in car.joins if join.number in step.joins for _ in range(_repetitions(car, join))]
         parts = [mounts[added.name] for added in step.adds if added.kind == "mount"]
+        # Caps count by their tabs' tape, whether they carry a switch or not.
+        taped = {name for join in joins if join.kind == "tab" for name in (join.piece_a, join.piece_b)}
         # Of the parts, only the LiPo needs tape: pads are adhesive. Wires count as plugs.
         done = Operations(
             fold=sum(piece.count * len(closing(step, before, piece)) for piece in folded),
@@ -135,7 +137,7 @@ def operations_by_step(car: FoldedCar) -> list[tuple[AssemblyStep, Operations]]:
             tongue=sum(join.kind in PUSHED for join in joins),
             turn=sum(_repetitions(car, join) for join in disc_turns(car, step)),
             part=sum(not is_screw(car.parts, mount) and mount.part != car.parts.wiring.name for mount in parts)
-            + sum(added.kind == "unit" for added in step.adds),
+            + sum(added.kind == "unit" and added.name not in taped for added in step.adds),
             screw=sum(is_screw(car.parts, mount) for mount in parts),
             nut=sum(mount.part in nutted for mount in parts),
             plug=len(plugs_in(car, step)),
@@ -156,12 +158,25 @@ def closing(step: AssemblyStep, before: Mapping[str, Mapping[str, float]], piece
 
 
 def plugs_in(car: FoldedCar, step: AssemblyStep) -> list[Wire]:
-    """Return the wires plugged in a step: the boards' stack with the upper board, all others with the wires."""
-    parts = {mount.name: mount.part for mount in car.mounts}
-    added = {parts[add.name] for add in step.adds if add.kind == "mount"}
-    steps = {"stack": car.parts.featherwing.name}
-    wires = [wire for wire in car.wires if wire.carries in PLUGGED]
+    """Return the wires plugged in a step: the boards' stack with the upper board, all others with the wires.
+
+    A wire that ends at the switch is soldered (``soldered_in``); it is plugged in if its other end is a terminal.
+    """
+    steps, switch, added = {"stack": car.parts.featherwing.name}, car.parts.switch.name, _added_parts(car, step)
+    wires = [wire for wire in car.wires if wire.carries in PLUGGED and not wire.b.startswith(switch)]
     return [wire for wire in wires if steps.get(wire.carries, car.parts.wiring.name) in added]
+
+
+def soldered_in(car: FoldedCar, step: AssemblyStep) -> list[Wire]:
+    """Return the wires soldered in a step: those of the switch, with the switch."""
+    switch = car.parts.switch.name
+    wires = [wire for wire in car.wires if wire.a.startswith(switch) or wire.b.startswith(switch)]
+    return wires if switch in _added_parts(car, step) else []
+
+
+def _added_parts(car: FoldedCar, step: AssemblyStep) -> set[str]:
+    parts = {mount.name: mount.part for mount in car.mounts}
+    return {parts[add.name] for add in step.adds if add.kind == "mount"}
 
 
 def is_wound(piece: Piece) -> bool:

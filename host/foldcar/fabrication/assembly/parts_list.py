@@ -6,10 +6,13 @@ film in the car is counted. Output: rows, and texts of them, with parts in the o
 
 import csv
 import io
+import json
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
+from importlib.resources import files
 from typing import Any
 
 from foldcar.car.fits import fits
@@ -21,16 +24,23 @@ from foldcar.car.parts.bought import Tyre
 from foldcar.car.parts.catalogue import film_of
 from foldcar.car.parts.quantity import Bought
 from foldcar.car.proof.plan import plan_assembly
+from foldcar.car.supply import fresh_cells_warning, supply
 from foldcar.fabrication.assembly.faces import piece_area_mm2
 from foldcar.fabrication.assembly.operations import Operations, is_wound, kinds, minutes
 from foldcar.fabrication.patterns.drawing import Sheet
 from foldcar.figures.page import page_template
 from foldcar.shown_text import spreadsheet_cell
 
+# Cells in a holder.
+CELLS = 4
+
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One line: a quantity of a part with its total mass and cost; the cost is None if it is unknown."""
+    """One line: a quantity of a part with its total mass and cost; the cost is None if it is unknown.
+
+    ``product`` is a maker's number or a standard, "" where any maker's part will do, ``search`` what to search shops for.
+    """
 
     name: str
     quantity: float
@@ -38,6 +48,8 @@ class Row:
     mass_kg: float
     cost_usd: float | None
     note: str = ""
+    product: str = ""
+    search: str = ""
 
     @property
     def dollars(self) -> str:
@@ -45,9 +57,20 @@ class Row:
         return "" if self.cost_usd is None else f"{self.cost_usd:.2f}"
 
 
+@cache
+def shopping() -> dict[str, Any]:
+    """Return the table of what to order: ``parts`` by name, each with product and search term; what ``prices`` are."""
+    text = files("foldcar.fabrication.assembly").joinpath("shopping.json").read_text(encoding="utf-8")
+    table: dict[str, Any] = json.loads(text)
+    return table
+
+
 def parts_list(folded: FoldedCar, sheets: Sequence[Sheet] = ()) -> tuple[Row, ...]:
     """Return all rows: film, then the bought parts of the car."""
-    return (*_film(folded, sheets), *_bought(folded))
+    ordered = shopping()["parts"]
+    rows = (*_film(folded, sheets), *_bought(folded))
+    named = (zip(("product", "search"), ordered.get(row.name, ("", row.search)), strict=True) for row in rows)
+    return tuple(replace(row, **dict(words)) for row, words in zip(rows, named, strict=True))
 
 
 def total_mass_kg(rows: tuple[Row, ...]) -> float:
@@ -69,6 +92,8 @@ def parts_list_text(folded: FoldedCar, title: str, sheets: Sequence[Sheet] = (),
         mass_kg=total_mass_kg(rows),
         cost_usd=total_cost_usd(rows),
         balance=_balance(folded),
+        prices=shopping()["prices"],
+        warning=fresh_cells_warning(folded.parts),
         parts=folded.parts,
         pieces=[(piece, piece_area_mm2(piece), _folds(piece)) for piece in folded.pieces],
         fits=fits(folded),
@@ -91,10 +116,10 @@ def parts_list_csv(folded: FoldedCar, sheets: Sequence[Sheet] = ()) -> str:
     """Return the rows as CSV for a spreadsheet; mass in grams, cost in US dollars."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["part", "quantity", "unit", "mass_g", "cost_usd", "note"])
+    writer.writerow(["part", "quantity", "unit", "mass_g", "cost_usd", "product", "search", "note"])
     for row in parts_list(folded, sheets):
         mass = f"{row.mass_kg * 1e3:.3f}"
-        cells = [row.name, f"{row.quantity:g}", row.unit, mass, row.dollars, row.note]
+        cells = [row.name, f"{row.quantity:g}", row.unit, mass, row.dollars, row.product, row.search, row.note]
         writer.writerow(map(spreadsheet_cell, cells))
     return text.getvalue()
 
@@ -106,14 +131,15 @@ def _film(folded: FoldedCar, sheets: Sequence[Sheet]) -> Iterator[Row]:
         areas[piece.thickness_mm] = areas.get(piece.thickness_mm, 0.0) + piece.count * piece_area_mm2(piece)
     for thickness, area in sorted(areas.items()):
         film = film_of(folded.parts.film, thickness)
-        bought, note = area, f"sold as {film.sold_as}; as cut, sheets have more"
+        bought, note = area, "as cut, sheets have more"
         if sheets:
             own_sheets = [sheet for sheet in sheets if sheet.film == film.title]
             bought = sum(sheet.width_mm * sheet.height_mm for sheet in own_sheets)
             size = f"{own_sheets[0].width_mm:g} x {own_sheets[0].height_mm:g} mm"
-            note = f"sold as {film.sold_as}; {len(own_sheets)} sheets of {size}, {area * 1e-6:.4f} m² of it in the car"
+            note = f"{len(own_sheets)} sheets of {size}, {area * 1e-6:.4f} m² of it in the car"
         mass_kg = area * thickness * 1e-9 * film.density_kg_m3.value
-        yield Row(film.title, bought * 1e-6, "m²", mass_kg, bought * 1e-6 * film.cost_usd_m2.value, note)
+        cost_usd = bought * 1e-6 * film.cost_usd_m2.value
+        yield Row(film.title, bought * 1e-6, "m²", mass_kg, cost_usd, note, search=f"{film.name}, {film.sold_as}")
 
 
 def _bought(folded: FoldedCar) -> list[Row]:
@@ -128,11 +154,13 @@ def _bought(folded: FoldedCar) -> list[Row]:
     counts = {name: counts[name] for name in dict.fromkeys([*order, *counts])}
     rows = [Row(name, count, "", masses[name], *_cost(bought.get(name), count, folded)) for name, count in counts.items()]
     rows = [_with_wire(folded, row) if row.name == folded.parts.wiring.name else row for row in rows]
-    headers = folded.parts.headers
-    boards = counts.get(folded.parts.featherwing.name, 0)
-    if boards:
-        note = "soldered to it; in its mass"
-        rows.append(Row(headers.name, boards, "", 0.0, boards * headers.cost_usd.value, note))
+    parts = folded.parts
+    if boards := counts.get(parts.featherwing.name, 0):
+        note = "soldered to the Feather; in its mass"
+        rows.append(Row(parts.headers.name, boards, "", 0.0, boards * parts.headers.cost_usd.value, note))
+    if holders := counts.get(parts.battery.name, 0):
+        note = f"four in the holder, with a charger; in its mass{', not alkaline' if 'NiMH' in parts.cells.cell else ''}"
+        rows.append(Row(parts.cells.cell, CELLS * holders, "", 0.0, holders * parts.cells.cost_usd.value, note))
     return rows
 
 
@@ -140,7 +168,9 @@ def _with_wire(folded: FoldedCar, row: Row) -> Row:
     """Return the row of the wires with the length to cut, and the cost of wire beyond the length included."""
     wiring, car_leads = folded.parts.wiring, leads(folded)
     extra_cost_usd = extra_wire_m(car_leads, wiring) * wiring.wire_usd_m.value
-    note = f"{math.ceil(stock_wire_mm(car_leads) / 10) * 10} mm of wire, solder, heat-shrink: see the wiring"
+    gauge = supply(folded).gauge
+    length = f"{math.ceil(stock_wire_mm(car_leads) / 10) * 10} mm of wire, {gauge.awg} AWG ({gauge.area_mm2:g} mm²)"
+    note = f"{length}, solder, heat-shrink: see the wiring"
     return replace(row, cost_usd=(row.cost_usd or 0.0) + extra_cost_usd, note=note)
 
 
@@ -148,6 +178,10 @@ def _cost(part: Bought | None, count: int, folded: FoldedCar) -> tuple[float | N
     """Return the cost of ``count`` parts and a note. A part of a user's module may be missing in the catalogue (None)."""
     if part is None:
         return None, "no price known"
+    if part is folded.parts.switch:
+        needs = supply(folded)
+        drawn = f"{needs.servos} stalled servos draw {needs.stall_a:.1f} A"
+        return count * part.cost_usd.value, f"marked {needs.switch_a:g} A or more: {drawn}"
     if part.cost_usd.value == 0:
         return 0.0, "comes with the servos"
     note = f"{part.note}: {tyre_cut(folded)}" if isinstance(part, Tyre) else ""

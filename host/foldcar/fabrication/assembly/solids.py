@@ -26,6 +26,8 @@ COLOURS: dict[Material, tuple[int, int, int]] = {
     "other": (140, 140, 140),
 }
 DIGITS = 5
+# Shells of an STL file are smaller by this share: shells that meet in an edge would be read as one open surface.
+SHELL_SHRINKING = 1e-4
 
 
 @dataclass(frozen=True)
@@ -73,11 +75,14 @@ def mount_solid(mount: Mount) -> Solid:
 
 
 def stl_bytes(solids: Sequence[Solid]) -> bytes:
-    """Return a binary STL file of all solids in one mesh of several shells."""
+    """Return a binary STL file of all solids: closed shells, of which no two have a corner in common."""
     from trimesh.exchange.stl import export_stl
     from trimesh.util import concatenate
 
-    content: bytes = export_stl(concatenate([solid.mesh for solid in solids]))
+    shells = [shell for solid in solids for shell in solid.mesh.split(only_watertight=False)]
+    for shell in shells:
+        shell.vertices += SHELL_SHRINKING * (shell.vertices.mean(axis=0) - shell.vertices)
+    content: bytes = export_stl(concatenate(shells))
     return content
 
 

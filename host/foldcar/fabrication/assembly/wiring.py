@@ -8,6 +8,7 @@ import math
 
 from foldcar.car.folded.model import FoldedCar
 from foldcar.car.leads import Lead, leads
+from foldcar.car.supply import fresh_cells_warning, supply
 from foldcar.figures.page import page_template
 
 # An optional wire to the servo driver's output enable: the board's pin, as in the firmware's output_gate.h, and a pull-up
@@ -36,6 +37,8 @@ def wiring_text(folded: FoldedCar, title: str) -> str:
         axles=axles,
         free=[output for output in range(OUTPUTS) if output not in {axle.channel for axle in axles}],
         switched=_is_switched(folded),
+        supply=supply(folded),
+        warning=fresh_cells_warning(parts),
         others=[wire for wire in folded.wires if wire.carries != "signal"],
         carries=CARRIES,
         hinges=folded.hinges,

@@ -15,7 +15,7 @@ from foldcar.fabrication.patterns.labels import text_strokes
 from foldcar.fabrication.patterns.nesting import NestingError, all_fit, fits, suggest_sheet, too_large_message
 from foldcar.fabrication.patterns.options import MACHINES, Options
 from foldcar.fabrication.patterns.piece_shapes import cut_shapes, dashes
-from foldcar.fabrication.patterns.sheets import REFERENCE_MM, Pattern, rounded, title_shapes, title_size_mm, wrapped
+from foldcar.fabrication.patterns.sheets import BAR, REFERENCE_MM, Pattern, rounded, title_shapes, title_size_mm, wrapped
 from foldcar.figures.page import page_template
 
 MEANINGS = {
@@ -64,7 +64,7 @@ def coupon(chosen: Options, parts: Catalogue) -> Sheet:
         [(_piece("window", window), _text("kerf", 15, 28.5))],
     ]
     margin = chosen.margin_mm
-    lines = wrapped([f"{REFERENCE_MM:g} mm  coupon  {parts.film.title}, {chosen.machine}, kerf {chosen.kerf_mm:g} mm"])
+    lines = wrapped([f"Coupon: {parts.film.title}, {chosen.machine}, kerf {chosen.kerf_mm:g} mm, {BAR}"])
     groups: list[tuple[Shape, ...]] = [tuple(shape.moved(Motion(0, (margin, margin))) for shape in title_shapes(lines))]
     y, right = margin + title_size_mm(len(lines))[1] + chosen.gap_mm, margin
     for row in rows:

@@ -38,7 +38,8 @@ def piece_shapes(
     flat: FlatPiece, chosen: Options, marks: Iterable[EdgeMark], quarter_turns: int = 0
 ) -> tuple[list[Shape], list[str]]:
     """Return the piece's shapes in its own frame, with texts upright after the quarter turns, and warnings."""
-    labels, missing = label_paths(flat, flat.label, marks, quarter_turns)
+    name = flat.label if flat.count == 1 else f"{flat.label} (x{flat.count})"
+    labels, missing = label_paths(flat, name, marks, quarter_turns)
     warnings = [f'{flat.label}: no room for the label "{text}"' for text in missing]
     shapes: list[Shape] = list(labels)
     shapes += [Path("SCORE", mark) for mark in flat.marks]

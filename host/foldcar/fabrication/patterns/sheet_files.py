@@ -24,7 +24,7 @@ from reportlab.lib.units import mm
 from reportlab.pdfgen.canvas import Canvas
 
 from foldcar.car.components.shape import on_circle
-from foldcar.fabrication.patterns.drawing import LAYERS, Circle, Path, Point, Shape, Sheet
+from foldcar.fabrication.patterns.drawing import LAYERS, Circle, Path, Point, Shape, Sheet, bounds
 from foldcar.figures.style import drawing_style
 
 # Files have a resolution of 1 µm.
@@ -86,7 +86,10 @@ def _svg_number(value: float) -> str:
 
 
 def dxf(sheet: Sheet) -> str:
-    """Return the DXF file's text: LWPOLYLINEs and CIRCLEs on named layers, $INSUNITS 4, the sheet's limits set."""
+    """Return the DXF file's text: LWPOLYLINEs and CIRCLEs on named layers, $INSUNITS 4.
+
+    Its limits are the sheet, its extents the drawing.
+    """
     # Fixed dates and ids, so that the same sheet gives the same bytes.
     fixed = dxf_options.write_fixed_meta_data_for_testing
     dxf_options.write_fixed_meta_data_for_testing = True
@@ -111,7 +114,9 @@ def dxf(sheet: Sheet) -> str:
             if layer.aci != colors.BLACK:
                 made.rgb = layer.rgb
         space = document.modelspace()
-        space.reset_extents((0, 0, 0), (sheet.width_mm, sheet.height_mm, 0))
+        x0, y0, x1, y1 = bounds(sheet.shapes)
+        document.header["$EXTMIN"], document.header["$EXTMAX"] = (x0, y0, 0.0), (x1, y1, 0.0)
+        space.reset_extents((x0, y0, 0), (x1, y1, 0))
         space.reset_limits((0, 0), (sheet.width_mm, sheet.height_mm))
         for layer, groups in sheet.layers:
             attributes: dict[str, object] = {"layer": layer.name}
@@ -218,10 +223,12 @@ def pdf(sheets: Sequence[Sheet], title: str) -> bytes:
 SHEET_PX = 1300
 MAX_PX = 6000
 DPI = 100
-# Heights, in pixels, of a sheet's heading, of the picture's and of the legend.
+# Heights, in pixels, of a sheet's heading, of the picture's and of each line of the legend.
 HEADING_PX = 45
 MARGIN_PX = 30
 LEGEND_PX = 60
+# Width of a layer's name in the legend (px).
+KEY_PX = 260
 # Thicker than a layer's line, so that names can be read.
 LINE_PT = 0.9
 FACETS = 32
@@ -238,7 +245,11 @@ def preview(sheets: Sequence[Sheet], title: str) -> bytes:
     width_mm, height_mm = (max(getattr(sheet, side) for sheet in sheets) for side in ("width_mm", "height_mm"))
     scale = min(SHEET_PX / max(width_mm, height_mm), MAX_PX / (columns * width_mm), MAX_PX / (rows * height_mm))
     cell = width_mm * scale + MARGIN_PX, height_mm * scale + HEADING_PX
-    wide, high = columns * cell[0] + MARGIN_PX, rows * cell[1] + LEGEND_PX + HEADING_PX
+    used = {shape.layer for sheet in sheets for shape in sheet.shapes}
+    keys = [Line2D([], [], color=layer.hex, lw=3, label=layer.name) for layer in LAYERS.values() if layer.name in used]
+    wide = columns * cell[0] + MARGIN_PX
+    across = len(keys) if len(keys) * KEY_PX <= wide else math.ceil(len(keys) / 2)
+    high = rows * cell[1] + math.ceil(len(keys) / across) * LEGEND_PX + HEADING_PX
     figure = Figure(figsize=(wide / DPI, high / DPI), dpi=DPI, facecolor="white")
     figure.text(MARGIN_PX / wide, 1 - 0.6 * HEADING_PX / high, title, fontsize=18, va="center")
     for number, sheet in enumerate(sheets):
@@ -259,9 +270,6 @@ def preview(sheets: Sequence[Sheet], title: str) -> bytes:
             points = layer.width_mm * scale * 72 / DPI if layer.name == "QR_CODE" else LINE_PT
             cap = "butt" if layer.name == "QR_CODE" else "round"
             axes.add_collection(LineCollection(lines, colors=layer.hex, linewidths=points, capstyle=cap))
-    used = {shape.layer for sheet in sheets for shape in sheet.shapes}
-    keys = [Line2D([], [], color=layer.hex, lw=3, label=layer.name) for layer in LAYERS.values() if layer.name in used]
-    across = len(keys) if columns > 1 else math.ceil(len(keys) / 2)
     corner = MARGIN_PX / wide, 0.0
     figure.legend(handles=keys, loc="lower left", bbox_to_anchor=corner, ncols=across, fontsize=14, frameon=False)
     binary = io.BytesIO()

@@ -25,6 +25,7 @@ from foldcar.fabrication.patterns.splitting import split_to_fit
 
 # Length of the bar by which the scale of a cut or printed sheet is checked.
 REFERENCE_MM = 100.0
+BAR = f"bar {REFERENCE_MM:g} mm"
 TICK_MM = 3.0
 TEXT_MM = 1.8
 LINE_MM = 2.9
@@ -255,8 +256,8 @@ def _lay_out(cut: CutCar, chosen: Options, title: str, command: str) -> tuple[tu
 
 def _title_lines(title: str, number: str, film: str, command: str, chosen: Options) -> list[str]:
     width, height = chosen.sheet_size_mm
-    machine = f"{film}, {chosen.machine}, {width:g} x {height:g} mm, kerf {chosen.kerf_mm:g} mm"
-    return wrapped([f"{REFERENCE_MM:g} mm  {title}  sheet {number}", machine, *([command] if command else [])])
+    machine = f"{film}, {chosen.machine}, {width:g} x {height:g} mm, kerf {chosen.kerf_mm:g}, {BAR}"
+    return wrapped([f"{title}, sheet {number}", machine, *([command] if command else [])])
 
 
 def rounded(shapes: Iterable[Shape]) -> Iterable[Shape]:

@@ -8,11 +8,18 @@ import itertools
 import math
 from dataclasses import replace
 
-from foldcar.car.folded.model import Crease, EdgeRef, Face, FoldedCar, Join, Piece
+import numpy as np
+import shapely
+from shapely.geometry.polygon import orient
+
+from foldcar.car.folded.model import Crease, EdgeRef, Face, FoldedCar, Join, Piece, Point
 from foldcar.car.folded.pose import edge
 from foldcar.fabrication.patterns.flat_piece import flat_piece
 from foldcar.fabrication.patterns.nesting import fits
 from foldcar.fabrication.patterns.options import Options
+
+# Film of a tab keeps this distance from the holes of the face below it; a notch leaves so much of it at its fold.
+NOTCH_MM = 1.0
 
 
 def split_to_fit(car: FoldedCar, chosen: Options) -> FoldedCar:
@@ -89,8 +96,7 @@ def _cut_along(piece: Piece, crease: Crease, depth: float) -> tuple[Piece, Piece
     for other in piece.creases:
         if other.parent.face in members:
             members.add(other.child.face)
-    length = _length_mm(piece, crease)
-    tab = Face(_tab_name(crease), ((0.0, 0.0), (length, 0.0), (length - depth / 4, depth), (depth / 4, depth)), (), "tab")
+    tab = Face(_tab_name(crease), _tab_outline_mm(piece, crease, depth), (), "tab")
     fold = replace(crease, name=tab.name, child=EdgeRef(tab.name, 0))
 
     kept = (*(f for f in piece.faces if f.name not in members), tab)
@@ -98,6 +104,24 @@ def _cut_along(piece: Piece, crease: Crease, depth: float) -> tuple[Piece, Piece
     removed = sorted((f for f in piece.faces if f.name in members), key=lambda face: face.name != crease.child.face)
     creases = tuple(c for c in piece.creases if c.parent.face in members)
     return rest, replace(piece, faces=tuple(removed), creases=creases)
+
+
+def _tab_outline_mm(piece: Piece, crease: Crease, depth: float) -> tuple[Point, ...]:
+    """Return a tab's outline, its fold first, with a notch for each hole of the face that it is taped to."""
+    length = _length_mm(piece, crease)
+    shape = shapely.Polygon([(0.0, 0.0), (length, 0.0), (length - depth / 4, depth), (depth / 4, depth)])
+    faces = {face.name: face for face in piece.faces}
+    a, b = (np.array(end) for end in edge(faces, crease.child))
+    along = (b - a) / np.linalg.norm(b - a)
+    for hole in faces[crease.child.face].holes:
+        # The tab covers the face's film beside the fold: its frame is that of the face's edge.
+        points = (np.array(hole.outline_mm) - a) @ np.array([along, (-along[1], along[0])]).T
+        (left, low), (right, _) = points.min(axis=0) - NOTCH_MM, points.max(axis=0) + NOTCH_MM
+        if low < depth:
+            shape = shape.difference(shapely.box(left, max(low, NOTCH_MM), right, 2 * depth))
+    corners = [(float(x), float(y)) for x, y in orient(shape).exterior.coords[:-1]]
+    start = corners.index((0.0, 0.0))
+    return (*corners[start:], *corners[:start])
 
 
 def _tab_name(crease: Crease) -> str:

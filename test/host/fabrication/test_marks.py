@@ -1,0 +1,73 @@
+"""Marks that help to build: arrow to the front, ends of hinge strips, counts on repeated pieces; feet to press."""
+
+import numpy as np
+import pytest
+import shapely
+
+from foldcar.car.folded.model import FoldedCar
+from foldcar.car.folded.placed import PlacedFace, place
+from foldcar.fabrication.patterns import piece_shapes as piece_shapes_module
+from foldcar.fabrication.patterns.flat_piece import flat_piece
+from foldcar.fabrication.patterns.options import options
+from foldcar.fabrication.patterns.piece_shapes import piece_shapes
+from published_cars import car
+
+
+def faces(folded: FoldedCar) -> list[PlacedFace]:
+    return [face for faces_of_body in place(folded).values() for face in faces_of_body]
+
+
+@pytest.mark.parametrize(("name", "segments"), [("w95", 1), ("hinged", 3)])
+def test_an_arrow_on_each_floor_points_to_the_front(name: str, segments: int) -> None:
+    arrows = [(face, mark) for face in faces(car(name)) for mark in face.face.marks if mark.name == "FRONT"]
+
+    assert len(arrows) == segments
+    for face, mark in arrows:
+        corners = face.in_car(mark.outline_mm)
+        (tip,) = corners[corners[:, 0] > corners[:, 0].max() - 0.1]
+        assert tip[1] == pytest.approx(corners[:, 1].mean(), abs=0.01)
+        # Not below the cap's tab, 8 mm deep.
+        assert face.corners_mm[:, 0].max() - tip[0] > 8.5
+
+
+def test_marks_on_a_hinge_s_strip_lie_along_the_ends_of_the_floors() -> None:
+    placed = faces(car("hinged"))
+    ends = sorted(
+        x for face in placed if face.face.name == "floor" for x in np.unique(face.corners_mm[:, 0].round(3))[[0, -1]]
+    )
+    marked = [face.in_car(mark.outline_mm) for face in placed for mark in face.face.marks if mark.name == "floor"]
+
+    assert len(marked) == 4
+    # Each floor's end at a gap is an edge of one mark; the first and last end are caps.
+    edges = sorted({round(float(x), 3) for corners in marked for x in corners[:, 0]})
+    assert set(ends[1:-1]) <= set(edges) and len(edges) == 8
+
+
+def test_the_name_of_a_repeated_piece_says_how_often_it_is_needed(monkeypatch: pytest.MonkeyPatch) -> None:
+    written: list[str] = []
+
+    def label_paths(flat: object, name: str, *_: object) -> tuple[list[object], list[str]]:
+        written.append(name)
+        return [], []
+
+    monkeypatch.setattr(piece_shapes_module, "label_paths", label_paths)
+    for piece in car("w95").pieces:
+        piece_shapes(flat_piece(piece, options("laser")), options("laser"), [])
+
+    assert {"servo doubler (x4)", "wheel hub (x4)", "switch doubler (x3)", "front cap", "rear cap"} <= set(written)
+
+
+@pytest.mark.parametrize("name", ["w65", "w95", "hinged", "six"])
+def test_the_bridge_s_feet_can_be_pressed_from_above(name: str) -> None:
+    folded = car(name)
+    placed = {face.face.name: face for face in faces(folded) if face.piece.name == "bridge"}
+    mounts = [m for m in folded.mounts if m.part in (folded.parts.feather.name, folded.parts.featherwing.name,
+                                                     folded.parts.lipo.name, folded.parts.battery.name)]  # fmt: skip
+    above = [shapely.box(m.pose[0][3] - m.half_mm(0), m.pose[1][3] - m.half_mm(1), m.pose[0][3] + m.half_mm(0),
+                         m.pose[1][3] + m.half_mm(1)) for m in mounts]  # fmt: skip
+    shelf = shapely.Polygon(placed["shelf"].corners_mm[:, :2])
+    for side in ("left", "right"):
+        foot = shapely.Polygon(placed[f"{side} foot"].corners_mm[:, :2])
+        free = foot.difference(shapely.union_all([shelf, *above]).buffer(0.01))
+        # A fingertip or the blunt end of a pencil.
+        assert not free.buffer(-2.4).is_empty, side

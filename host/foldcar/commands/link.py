@@ -33,7 +33,9 @@ def link(
     ] = None,
     car: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="Simulate one built car in all samples; default: another one in each sample."),
+        typer.Option(
+            metavar="NAME", help="Simulate the same built car in all samples; default: a different car in each sample."
+        ),
     ] = None,
     engine: Engine = "multibody",
     components: Components = None,

@@ -135,9 +135,10 @@ def next_reason(belief: Belief, index: int, threshold: float) -> str:
         ]
     else:
         parts = [f"its rate is {percent(low)} to {percent(high)}, which bounds its neighbours'"]
-    best = float((belief.draws.argmax(axis=1) == index).mean())
-    if best >= 1.5 / len(belief.designs):
-        parts.append(f"it is the best with a chance of {percent(best)}")
+    chance_of_best = float((belief.draws.argmax(axis=1) == index).mean())
+    # Mention it if it is clearly above that of designs without any evidence.
+    if chance_of_best >= 1.5 / len(belief.designs):
+        parts.append(f"it is the best with a chance of {percent(chance_of_best)}")
     design = belief.designs[index]
     if design.trials:
         parts.append(f"{design.trials_passed} of {count(len(design.trials), 'trial')} passed")

@@ -34,14 +34,14 @@ def runs(store: Store, info: ExperimentInfo) -> list[str]:
 
 
 def trials(info: ExperimentInfo, kept: Sequence[Trial]) -> list[str]:
-    """Return remarks on trials that are compared: whether the runs were fitted to them, how many were corrected."""
+    """Return remarks on the trials that are compared with runs: were the runs fitted to them, how many were corrected."""
     sentences = []
     if info.under is not None and kept:
         sentences.append(
-            f"The runs are of {info.under}: parameters of a file, not what trials say."
+            f"The runs are of {info.under}: its parameters come from a file, not from trials."
             if info.under.startswith(REALITY_KIND)
-            else f"The runs are of the {info.under}, which was fitted to trials of experiment {info.listed_id}. They "
-            "agree with those trials by fit; only later trials test them."
+            else f"The runs are of the {info.under}, which was fitted to trials of experiment {info.listed_id}. So "
+            "they agree with those trials; only later trials can test them."
         )
     corrected = sum(trial.corrections > 0 for trial in kept)
     if corrected:

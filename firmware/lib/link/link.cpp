@@ -248,7 +248,7 @@ void Link::answer_ping(const mavlink_message_t& message) {
   outbox_.send(mavlink_msg_ping_encode_status, ping, Priority::kAnswer);
 }
 
-// A host that was not there when the state changed is told it too.
+// Reports a fault and a host's time-out when they begin, and again to hosts that connect later.
 void Link::report_changes() {
   const Fault fault = application_.status().fault;
   const bool host_timed_out = application_.host_timed_out();

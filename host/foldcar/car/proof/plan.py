@@ -65,7 +65,7 @@ class Building:
             self.steps.append(AssemblyStep(title, closed, adds, joins, tool_uses, unit))
 
     def with_screws(self, mounts: Sequence[Mount]) -> list[Mount]:
-        """Return the mounts that are not in place yet, each with the screws for which it is the last part held."""
+        """Return the mounts that are not in place yet. After the last part that a screw holds comes the screw."""
         remaining = [mount for mount in mounts if mount.name not in self.parts]
         screws: dict[str, list[Mount]] = {}
         for screw in (m for m in self.roles.car.mounts if self.roles.is_fastener(m) and m.name not in self.parts):

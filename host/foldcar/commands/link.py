@@ -43,7 +43,7 @@ def link(
     """Simulate a car on USB until Ctrl-C.
 
     The first line printed is the car's port, to which `foldcar log` and other MAVLink programs connect. `foldcar log`
-    also chooses the sample for each trial. Lines that are typed inject faults (docs/carsim.md).
+    also chooses the sample for each trial. Type a line to inject a fault (docs/carsim.md).
 
     \b
     Example: foldcar link scenarios/width_study.json --experiment 1 --set width=95

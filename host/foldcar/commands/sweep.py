@@ -62,7 +62,7 @@ def sweep(
     calibration: UnderCalibration = None,
     reality: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="JSON file with the parameters of car and ground to simulate."),
+        typer.Option(metavar="FILE", help="Simulate with the parameters of car and ground in this JSON file."),
     ] = None,
     engine: Engine = "multibody",
     components: Components = None,

@@ -146,9 +146,9 @@ def next_reason(belief: Belief, index: int, threshold: float) -> str:
 
 
 def _simulated(belief: Belief, evidence: Evidence, threshold: float) -> str:
-    """Return which designs reach the threshold in simulation: ``75 to 150 mm reach 75 %, 80 to 140 mm surely``."""
+    """Return which designs reach the threshold in simulation, such as "75 to 150 mm reach 75 %"."""
     rate, low, _ = belief.simulation.T
-    limit, reach, surely = percent(threshold), rate >= threshold, low >= threshold
+    limit, reach, confident = percent(threshold), rate >= threshold, low >= threshold
     if not reach.any():
         if not sum(design.runs_passed for design in belief.designs):
             return "no run passed"
@@ -157,11 +157,11 @@ def _simulated(belief: Belief, evidence: Evidence, threshold: float) -> str:
         return f"no design reaches {limit}; the best{named} passes {percent(rate[best])}"
     verb = "reaches" if _is_singular(reach) else "reach"
     text = f"{_names(belief, evidence, reach)} {verb} {limit}"
-    if (surely == reach).all():
-        return f"{text} surely (95 %)"
-    if not surely.any():
-        return f"{text}, none surely (95 %)"
-    return f"{text}, {_names(belief, evidence, surely)} surely (95 % each)"
+    if (confident == reach).all():
+        return f"{text} with 95 % confidence"
+    if not confident.any():
+        return f"{text}, none with 95 % confidence"
+    return f"{text}, {_names(belief, evidence, confident)} with 95 % confidence each"
 
 
 def _names(belief: Belief, evidence: Evidence, chosen: NDArray[numpy.bool_]) -> str:

@@ -73,11 +73,15 @@ def _imports(frame: FrameType | None) -> bool:
 
 
 def _insist(number: int) -> None:
-    """Interrupt the main thread again after an import or a suppressed exception; end the process after GRACE_S."""
+    """Interrupt the main thread until the process ends; after GRACE_S end it.
+
+    The first KeyboardInterrupt may be lost: it is not raised within an import, and libraries may suppress it. The main
+    thread is not interrupted while it imports a module or handles an exception.
+    """
     main = threading.main_thread().ident
     for _ in range(round(GRACE_S / RETRY_S)):
         time.sleep(RETRY_S)
-        # None if no exception is being handled; before Python 3.12 a tuple of three.
+        # Without an exception this is None, before Python 3.12 a tuple of three.
         handled = sys._current_exceptions().get(main or 0)
         is_handled = handled is not None and handled != (None, None, None)
         if not is_handled and not _imports(sys._current_frames().get(main or 0)):

@@ -162,7 +162,7 @@ Fault Application::reset_fault() const {
   return Fault::kNone;
 }
 
-// A car on defaults would drive other wheels, at another speed, than its own.
+// Without its own design a car would use defaults: it would drive the wrong outputs at the wrong speed.
 Fault Application::design_fault() const {
   switch (design_.source) {
     case DesignSource::kNone:

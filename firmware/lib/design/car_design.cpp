@@ -11,7 +11,7 @@ namespace {
 
 constexpr double kFormat = 1;
 
-bool same(const char* a, const char* b) { return std::strcmp(a, b) == 0; }
+bool is_equal(const char* a, const char* b) { return std::strcmp(a, b) == 0; }
 
 bool is_hash(const char* text) {
   return std::strlen(text) == kDesignHashLength && std::strspn(text, "0123456789abcdef") == kDesignHashLength;
@@ -19,7 +19,7 @@ bool is_hash(const char* text) {
 
 // Numbers that the format has for people and drawings; the firmware does not use them.
 bool is_for_others(const char* key) {
-  return same(key, "length_m") || same(key, "width_m") || same(key, "mass_kg");
+  return is_equal(key, "length_m") || is_equal(key, "width_m") || is_equal(key, "mass_kg");
 }
 
 bool is_fixed_by_design(Parameter parameter) {
@@ -34,9 +34,9 @@ bool is_fixed_by_design(Parameter parameter) {
 }  // namespace
 
 void CarDesignReader::number(const DesignPlace& place, double value) {
-  if (same(place.section, "wheels")) {
+  if (is_equal(place.section, "wheels")) {
     wheel_number(place, value);
-  } else if (same(place.section, "parameters")) {
+  } else if (is_equal(place.section, "parameters")) {
     parameter(place, value);
   } else if (place.section[0] == '\0') {
     top_number(place, value);
@@ -48,26 +48,26 @@ void CarDesignReader::number(const DesignPlace& place, double value) {
 void CarDesignReader::text(const DesignPlace& place, const char* value) {
   const bool top = place.section[0] == '\0';
   const bool is_wheel = place.index >= 0 && place.index < static_cast<int>(kChannelCount);
-  if (same(place.section, "wheels") && same(place.key, "side") && is_wheel) {
+  if (is_equal(place.section, "wheels") && is_equal(place.key, "side") && is_wheel) {
     std::optional<Side>& side = wheels_[static_cast<std::size_t>(place.index)].side;
-    if (same(value, "left")) side = Side::kLeft;
-    if (same(value, "right")) side = Side::kRight;
+    if (is_equal(value, "left")) side = Side::kLeft;
+    if (is_equal(value, "right")) side = Side::kRight;
     if (!side) fail(place, "is neither left nor right");
-  } else if (top && same(place.key, "name")) {
+  } else if (top && is_equal(place.key, "name")) {
     if (!first(place, Key::kName)) return;
     const std::size_t length = std::strlen(value);
     if (length == 0 || length > kDesignNameLength) return fail(place, "is empty or longer than 32 bytes");
     std::memcpy(design_.name, value, length + 1);
-  } else if (top && same(place.key, "hash")) {
+  } else if (top && is_equal(place.key, "hash")) {
     if (!first(place, Key::kHash)) return;
     if (!is_hash(value)) return fail(place, "is not 16 hexadecimal digits");
     std::memcpy(design_.hash, value, sizeof design_.hash);
   } else {
-    other(place);
+    refuse_key(place);
   }
 }
 
-void CarDesignReader::other(const DesignPlace& place) { fail(place, "is unknown or not of its type"); }
+void CarDesignReader::refuse_key(const DesignPlace& place) { fail(place, "is unknown or not of its type"); }
 
 bool CarDesignReader::accepts(const char* text, std::size_t size) {
   if (size > kLargestDesignFile) {
@@ -100,16 +100,16 @@ DesignResult CarDesignReader::result() {
 void CarDesignReader::wheel_number(const DesignPlace& place, double value) {
   if (place.index < 0 || place.index >= static_cast<int>(kChannelCount)) return fail(place, "is one wheel too many");
   Wheel& wheel = wheels_[static_cast<std::size_t>(place.index)];
-  if (same(place.key, "channel")) {
+  if (is_equal(place.key, "channel")) {
     if (!(value >= 1 && value <= static_cast<double>(kChannelCount)) || value != std::floor(value)) {
       return fail(place, "is not a whole number from 1 to 8");
     }
     wheel.channel = static_cast<int>(value) - 1;
-  } else if (same(place.key, "direction")) {
+  } else if (is_equal(place.key, "direction")) {
     if (value != 1 && value != -1) return fail(place, "is neither -1 nor 1");
     wheel.direction = static_cast<float>(value);
-  } else if (!same(place.key, "x_m")) {
-    other(place);
+  } else if (!is_equal(place.key, "x_m")) {
+    refuse_key(place);
   }
 }
 
@@ -117,20 +117,21 @@ void CarDesignReader::parameter(const DesignPlace& place, double value) {
   const std::optional<Parameter> index = find_parameter(place.key);
   if (!index) return fail(place, foldcar::text(SetResult::kUnknownName));
   if (is_fixed_by_design(*index)) return fail(place, "follows from wheels, wheel_radius_m and track_m");
-  float checked = 0.0f;
-  in_limits(place, value, *index, checked);
-  design_.defaults[static_cast<std::size_t>(*index)] = checked;
+  // Stays 0 if the value is out of its limits: then the whole design is refused.
+  float checked_value = 0.0f;
+  in_limits(place, value, *index, checked_value);
+  design_.defaults[static_cast<std::size_t>(*index)] = checked_value;
 }
 
 void CarDesignReader::top_number(const DesignPlace& place, double value) {
-  if (same(place.key, "format")) {
+  if (is_equal(place.key, "format")) {
     if (first(place, Key::kFormat) && value != kFormat) fail(place, "is not 1, the format this firmware knows");
-  } else if (same(place.key, "wheel_radius_m")) {
+  } else if (is_equal(place.key, "wheel_radius_m")) {
     if (first(place, Key::kWheelRadius)) in_limits(place, value, Parameter::kWheelRadiusM, design_.wheel_radius_m);
-  } else if (same(place.key, "track_m")) {
+  } else if (is_equal(place.key, "track_m")) {
     if (first(place, Key::kTrack)) in_limits(place, value, Parameter::kTrackM, design_.track_m);
   } else if (!is_for_others(place.key)) {
-    other(place);
+    refuse_key(place);
   }
 }
 

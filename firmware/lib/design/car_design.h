@@ -67,7 +67,7 @@ class CarDesignReader {
   void number(const DesignPlace& place, double value);
   void text(const DesignPlace& place, const char* value);
   // For a value that is neither, or one where the format has none.
-  void other(const DesignPlace& place);
+  void refuse_key(const DesignPlace& place);
   // For a file that cannot be used as a whole: not JSON, too large, unreadable.
   void refuse(const char* problem);
 

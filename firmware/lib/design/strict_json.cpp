@@ -137,7 +137,8 @@ class Checker {
     return number;
   }
 
-  // A character in UTF-8 that is none of control, by table 3-7 of the Unicode standard.
+  // Skips one character in UTF-8; returns false if it is malformed or a control character. Table 3-7 of the Unicode standard
+  // has the limits of the second byte.
   bool character() {
     const int first = peek();
     if (first < 0x20) return false;

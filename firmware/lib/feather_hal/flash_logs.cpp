@@ -58,8 +58,8 @@ bool FlashLogs::create(std::uint16_t id) {
   return true;
 }
 
-// What follows the last flush is lost in a brown-out. flush() reports no error: that storage has failed shows in the size
-// that it has stored.
+// A brown-out loses the data since the last flush. flush() reports no error, so the size of the file shows whether the data
+// were stored.
 bool FlashLogs::append(const std::uint8_t* data, std::size_t size) {
   if (!written_ || !has_room_for(written_size_ - flushed_size_ + size)) return false;
   if (written_.write(data, size) != size) return false;

@@ -210,13 +210,13 @@ CommandService::Answer CommandService::restart(float request) {
   return {};
 }
 
-// A repetition has a confirmation above 0 and equals the last command of the same host in every other field.
+// Returns whether a host repeats its last command. The repetition has a confirmation above 0; all other fields are equal.
 bool CommandService::is_repeated(const mavlink_command_long_t& command, const Host& host) const {
   if (!has_last_ || command.confirmation == 0 || host != last_host_) return false;
   if (hal_.clock.now_us() - last_us_ > kRepetitionUs) return false;
   mavlink_command_long_t first = command;
   first.confirmation = last_.confirmation;
-  // A parameter that is not a number equals itself here; MAVLink's structs have no padding.
+  // Bytes are compared, because a parameter may be NaN, which does not equal itself. MAVLink's structs have no padding.
   return std::memcmp(&first, &last_, sizeof first) == 0;  // NOLINT(bugprone-suspicious-memory-comparison)
 }
 

@@ -186,10 +186,11 @@ void Link::refuse_stations_controls(const mavlink_message_t& message, const Send
 }
 
 bool Link::note_host(std::uint8_t system) {
+  // Odd, so never 0, which stands for a host without a packet.
   const auto now_ms = static_cast<std::uint32_t>(hal_.clock.now_us() / 1000) | 1;
-  const std::uint32_t before_ms = last_packet_ms_[system];
+  const std::uint32_t previous_ms = last_packet_ms_[system];
   last_packet_ms_[system] = now_ms;
-  const bool known = before_ms != 0 && now_ms - before_ms <= kKnownHostMs;
+  const bool known = previous_ms != 0 && now_ms - previous_ms <= kKnownHostMs;
   host_is_new_ = host_is_new_ || !known;
   return known;
 }
@@ -247,7 +248,7 @@ void Link::answer_ping(const mavlink_message_t& message) {
   outbox_.send(mavlink_msg_ping_encode_status, ping, Priority::kAnswer);
 }
 
-// A host that was not there when the state changed is told it too.
+// Reports a fault and a host's time-out when they begin, and again to hosts that connect later.
 void Link::report_changes() {
   const Fault fault = application_.status().fault;
   const bool host_timed_out = application_.host_timed_out();

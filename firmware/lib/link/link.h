@@ -51,8 +51,8 @@ class Link {
   void handle_log_request(const mavlink_message_t& message, const Sender& sender);
   void set_parameter(const mavlink_message_t& message, const Sender& sender);
   void refuse_stations_controls(const mavlink_message_t& message, const Sender& sender);
-  // Notes a packet of a host, given by its system number. Returns whether the host is known: another packet of it has come
-  // at most kKnownHostMs before.
+  // Records that a packet of a host has arrived; the host is given by its system number. Returns whether the host is known:
+  // its packet before that one came at most kKnownHostMs earlier.
   bool note_host(std::uint8_t system);
   // Whether another host than the sender has armed the car.
   bool is_controlled_by_other(const Sender& sender) const {
@@ -85,7 +85,7 @@ class Link {
   std::array<std::uint32_t, 256> last_packet_ms_{};  // by system number; 0 before the first
   Fault reported_fault_ = Fault::kNone;
   bool reported_host_timeout_ = false;
-  bool host_is_new_ = false;  // a host was heard that was not before
+  bool host_is_new_ = false;  // a host that was not known has sent a packet
   std::uint64_t next_complaint_us_ = 0;
 };
 

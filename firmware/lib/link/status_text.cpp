@@ -15,7 +15,7 @@ void StatusText::send(MAV_SEVERITY severity, const char* text) {
     content.id = next_id_;
     next_id_ = next_id_ == UINT16_MAX ? 1 : static_cast<std::uint16_t>(next_id_ + 1);
   }
-  // The receiver knows the last part by its closing zero; a last part of 50 bytes is followed by an empty one, hence the <=.
+  // A part that contains a zero is the last one. If the text fills its parts, an empty part follows, hence the <=.
   for (std::size_t sent = 0; sent <= length; sent += kPart) {
     if (sent == length && length <= kPart && length > 0) break;
     std::memset(content.text, 0, kPart);

@@ -54,9 +54,10 @@ PLACE = re.compile(r"(.*[^0-9])([1-9][0-9]*)")
 
 
 def find_parameter(group: str, name: str) -> DesignParameter | None:
-    """Return the parameter that ``{group: {name: …}}`` of a listing sets, or None if there is no such parameter.
+    """Return the parameter ``name`` of a group of modules, or None if there is no such parameter.
 
-    ``group`` is ``common``, a letter or a place. ``find_parameter("W2", "radius").key`` is ``"W2.radius"``.
+    A listing sets it by ``{group: {name: …}}``. ``group`` is ``common``, the letter of a kind of module, or a place such
+    as ``W2``. ``find_parameter("W2", "radius").key`` is ``"W2.radius"``.
     """
     shared = parameters().get(name)
     if shared is not None and (group == "common" or group in shared.modules):
@@ -64,10 +65,12 @@ def find_parameter(group: str, name: str) -> DesignParameter | None:
     place = PLACE.fullmatch(group)
     if place is None or group in MODULES:
         return parameters().get(f"{group}.{name}")
-    every = find_parameter(place[1], name)
-    if every is None or every.declared.uniform:
+    letter = place[1]
+    of_letter = find_parameter(letter, name)
+    # A uniform parameter has the same value at all places.
+    if of_letter is None or of_letter.declared.uniform:
         return None
-    return DesignParameter(f"{group}.{name}", frozenset((place[1],)), every.declared)
+    return DesignParameter(f"{group}.{name}", frozenset((letter,)), of_letter.declared)
 
 
 def parameter_of(key: str) -> DesignParameter | None:

@@ -154,22 +154,22 @@ def _lipo(mount: Mount, faces: list[PlacedFace], parts: Catalogue) -> Iterator[F
 
 
 def _under_lid(mount: Mount, faces: list[PlacedFace], parts: Catalogue) -> Iterator[Fit]:
-    """Yield the fits of the battery between the walls and of what stands below the lid."""
+    """Yield the fit of the FeatherWing below the lid, or those of the battery below the lid and between the walls."""
     wing, battery, film, cuts = parts.featherwing, parts.battery, parts.film_mm, 2 * parts.assembly.cut_mm.value
     walls = np.concatenate([face.corners_mm for face in faces if face.face.role == "panel"])
     # The latches' levers, parts of the flap, stand higher than the lid.
-    lid_z = max(float(face.corners_mm[:, 2].max()) for face in faces if face.face.name == "lid")
-    # The height of the highest of its upright solids.
-    top = max(compose(mount.pose, solid.pose)[2][3] + solid.size_mm[2] / 2 for solid in mount.shape)
-    up = lid_z - film / 2 - top
+    lid_mm = max(float(face.corners_mm[:, 2].max()) for face in faces if face.face.name == "lid")
+    # All solids are upright.
+    top_mm = max(compose(mount.pose, solid.pose)[2][3] + solid.size_mm[2] / 2 for solid in mount.shape)
+    gap_mm = lid_mm - film / 2 - top_mm
     if mount.part == wing.name:
         height_mm = _sum(wing.gap_mm, wing.plug_top_mm, parts.feather.board_mm, wing.board_mm, parts.spacer.length_mm)
-        yield Fit("servo leads' bend under the lid", up + wing.plug_bend_mm.value, height_mm, cuts)
-    elif up > 0:
+        yield Fit("servo leads' bend under the lid", gap_mm + wing.plug_bend_mm.value, height_mm, cuts)
+    elif gap_mm > 0:
         across = battery.length_mm if mount.size_mm[1] == battery.length_mm.value else battery.width_mm
-        room = float(np.ptp(walls[:, 1])) - film - 2 * mount.half_mm(1)
-        yield Fit(f"{battery.name} between the walls", room, across.tolerance, cuts)
-        yield Fit(f"{battery.name} under the lid", up, _sum(battery.height_mm, parts.pad.height_mm), cuts)
+        side_gap_mm = float(np.ptp(walls[:, 1])) - film - 2 * mount.half_mm(1)
+        yield Fit(f"{battery.name} between the walls", side_gap_mm, across.tolerance, cuts)
+        yield Fit(f"{battery.name} under the lid", gap_mm, _sum(battery.height_mm, parts.pad.height_mm), cuts)
 
 
 def _sum(*quantities: Quantity) -> float:

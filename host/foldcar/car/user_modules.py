@@ -123,15 +123,18 @@ def components_digest() -> str:
 
 @contextlib.contextmanager
 def forbid_new_files() -> Iterator[None]:
-    """Raise FoldcarError if users' modules read files within the block that they did not read when loaded."""
+    """Raise FoldcarError if users' modules read a file within the block that they did not read when they were loaded.
+
+    The digest of designs contains the files that were read when the modules were loaded, so it would miss such a file.
+    """
     if not USER_FILES:
         yield
         return
     with only_minimal_variables(), heard_files() as heard:
         yield
     for file, state in heard.read.items():
-        new = state is not None and file not in _module_files
-        if new and all(_identifies_module(file, path.parent) for path in USER_FILES):
+        is_new = state is not None and file not in _module_files
+        if is_new and all(_identifies_module(file, path.parent) for path in USER_FILES):
             raise FoldcarError(
                 f"{next(iter(USER_FILES))}: reads {file} while a car is folded, too late to tell designs apart by it; "
                 "read it at the module's head"
@@ -140,7 +143,11 @@ def forbid_new_files() -> Iterator[None]:
 
 @contextlib.contextmanager
 def component_errors(refusal: Callable[[str | None, str], FoldcarError]) -> Iterator[None]:
-    """Turn errors in components into a ``refusal`` of a key, which names file and line of a user's component."""
+    """Convert exceptions of components to the exception that ``refusal(key, message)`` returns.
+
+    ``key`` is that of the wrong parameter, or None. If a user's component raised the exception, the message has its file
+    and line. Other exceptions of foldcar itself pass through.
+    """
     try:
         yield
     except ComponentError as error:

@@ -33,7 +33,7 @@ def select(
     ] = None,
     precision: Annotated[
         str,
-        typer.Option(metavar="POINTS", help="Half-width of a rate's 95 % interval for which to plan trials."),
+        typer.Option(metavar="POINTS", help="Plan enough trials that the rate's 95 % interval is at most ± POINTS."),
     ] = "15pp",
     experiment: OneExperiment = None,
     csv: CsvFile = None,
@@ -42,10 +42,11 @@ def select(
 ) -> None:
     """Recommend designs to build next, with reasons.
 
-    Before any trials, it recommends designs in, at the edge of and outside the region that reaches the threshold in
-    simulation. After trials, it recommends the designs whose trials would show best which design is best and which ones
-    reach the threshold, or it says that the trials suffice. It lists the trials needed, the sampled environments to set
-    up, sheets and minutes. See docs/advice.md.
+    Before the first trial, it considers the region of designs that reach the threshold in simulation. It recommends a
+    design in the middle of this region, designs at its edges, and designs just outside. After trials, it recommends the
+    designs whose trials would be most informative, or it says that the trials suffice. Informative trials help to find
+    the best design and the designs that reach the threshold. The command also lists the trials needed, the sampled
+    environments to set up, sheets and minutes. See docs/advice.md.
 
     \b
     Example: foldcar select study.db --build 4

@@ -36,7 +36,9 @@ def calibrate(
     simulated_trials: SimulatedTrialsInstead = False,
     known: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME=VALUE", help="A measured value, instead of that from `foldcar trials measure`."),
+        typer.Option(
+            metavar="NAME=VALUE", help="Use this measured value; it replaces the value of `foldcar trials measure`."
+        ),
     ] = None,
     replace: Annotated[bool, typer.Option("--replace", help="Replace an existing calibration of that name.")] = False,
     as_json: Json = False,

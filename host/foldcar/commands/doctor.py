@@ -51,8 +51,10 @@ class Finding:
 def doctor(as_json: Json = False) -> None:
     """Check the installation and connected cars.
 
-    Each line begins with ok, absent (only some commands need it) or missing (all studies need it). An arrow precedes
-    what to do. Exit code 1 if something is missing. The check changes nothing, downloads nothing and moves no car.
+    Each line begins with ok, absent (only some commands need it) or missing (all studies need it). After an arrow, the
+    line says how to mend the problem.
+
+    Exit code 1 if something is missing. The check changes nothing, downloads nothing and moves no car.
 
     \b
     Example: foldcar doctor

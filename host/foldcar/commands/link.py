@@ -33,7 +33,9 @@ def link(
     ] = None,
     car: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="Simulate one built car in all samples; default: another one in each sample."),
+        typer.Option(
+            metavar="NAME", help="Simulate the same built car in all samples; default: a different car in each sample."
+        ),
     ] = None,
     engine: Engine = "multibody",
     components: Components = None,
@@ -41,7 +43,7 @@ def link(
     """Simulate a car on USB until Ctrl-C.
 
     The first line printed is the car's port, to which `foldcar log` and other MAVLink programs connect. `foldcar log`
-    also chooses the sample for each trial. Lines that are typed inject faults (docs/carsim.md).
+    also chooses the sample for each trial. Type a line to inject a fault (docs/carsim.md).
 
     \b
     Example: foldcar link scenarios/width_study.json --experiment 1 --set width=95

@@ -53,10 +53,10 @@ def log(
         typer.Option(metavar="S", min=0, max=MAX_COUNTDOWN_S, help="Seconds before the start; default: 3, untethered 8."),
     ] = None,
     untethered: Annotated[
-        bool, typer.Option("--untethered", help="Drive without the USB cable; the car counts and keeps the log.")
+        bool, typer.Option("--untethered", help="Drive without the USB cable; the car counts down and stores the log.")
     ] = False,
     button: Annotated[
-        bool, typer.Option("--button", help="Untethered, and the car counts when its button is pressed.")
+        bool, typer.Option("--button", help="As --untethered, but the countdown starts when the car's button is pressed.")
     ] = False,
     any_build: Annotated[
         bool, typer.Option("--any-build", help="Drive even if the firmware's build differs from the simulated one.")

@@ -45,8 +45,8 @@ def optimize(
         list[ObjectiveName] | None,
         typer.Option(
             metavar="NAME",
-            help="success (default), time (s; a failure takes the time limit), energy (J per pass) or sheet-area (cm²). "
-            "May be repeated: the best designs are then the non-dominated ones.",
+            help="success (default), time (s; a failed run counts as the time limit), energy (J per pass) "
+            "or sheet-area (cm²). May be repeated: the best designs are then the non-dominated ones.",
         ),
     ] = None,
     designs: Annotated[
@@ -81,8 +81,9 @@ def optimize(
     """Search a family of cars for the best designs.
 
     A search needs far fewer runs than a sweep. It tries designs in the listing's environments and then tests the best
-    ones in new environments. Trust the rates in the new environments: the others are too good, because the designs were
-    chosen by them. Runs are stored as by a sweep. You may stop the search at any time; the same command resumes it.
+    ones in new environments. Trust only the rates in the new environments. The first rates are biased upwards,
+    because the search chose the designs by them. The store keeps the runs, as for a sweep. You may stop the search at
+    any time; the same command resumes it.
 
     \b
     Example: foldcar optimize examples/design_space.json --store space.db --designs 60 --environments 50

@@ -171,8 +171,8 @@ Engine = Annotated[
     typer.Option(
         metavar="NAME",
         callback=_checked(_check_engine),
-        help="Physics engine: side-view (Box2D; fast; the same ground under both tracks), multibody (six degrees of "
-        "freedom) or mujoco (slow; build it with `make mujoco`).",
+        help="Physics engine: side-view (Box2D; fast; left and right wheels on the same ground), multibody (six "
+        "degrees of freedom) or mujoco (slow; build it with `make mujoco`).",
     ),
 ]
 Components = Annotated[

@@ -159,7 +159,7 @@ def diff(file: ParameterFile, port: Port = None, as_json: Json = False) -> None:
 def confirm(port: Port = None, as_json: Json = False) -> None:
     """Allow a car without a readable car.json to arm.
 
-    Until the car restarts, the parameters that are printed replace car.json.
+    The car then uses its stored parameters until it restarts. The command prints these parameters.
 
     \b
     Example: foldcar params confirm

@@ -30,7 +30,8 @@ def pattern(
     ] = None,
     settings: Settings = None,
     every: Annotated[
-        bool, typer.Option("--all", help="Make all designs of the vehicle or vehicles, each in a folder in DIR.")
+        bool,
+        typer.Option("--all", help="Make all designs of the listing, or of --vehicle, each in its own folder in DIR."),
     ] = False,
     machine: Machine = "silhouette",
     sheet: Sheet = None,
@@ -46,7 +47,10 @@ def pattern(
     bend_radius: Annotated[float | None, typer.Option(metavar="MM", help="Inner radius of folds.")] = None,
     k_factor: Annotated[
         float | None,
-        typer.Option(metavar="FRACTION", help="Neutral layer of folds: its distance from the inner side / thickness."),
+        typer.Option(
+            metavar="FRACTION",
+            help="Position of the neutral layer in a fold: distance from the inner side, divided by thickness.",
+        ),
     ] = None,
     margin: Annotated[float | None, typer.Option(metavar="MM", help="Width of a sheet's blank border.")] = None,
     gap: Annotated[float | None, typer.Option(metavar="MM", help="Smallest distance between two pieces.")] = None,

@@ -34,7 +34,8 @@ def run(
 ) -> None:
     """Simulate one car in one environment.
 
-    It prints the outcome, metrics, whose names contain their units, and recorded values. Exit code 1 if the run failed.
+    The command prints the outcome, the metrics and the recorded values. The names of metrics contain their units. Exit
+    code 1 if the run failed.
 
     \b
     Example: foldcar run scenarios/width_study.json --experiment 1 --set width=115 --sample 3 --plot run.png

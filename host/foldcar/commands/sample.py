@@ -50,8 +50,9 @@ def sample(
     """Sample scenes of an environment.
 
     Each line is a scene for `carsim batch` (docs/carsim.md). Scene K of seed S has the id S/K and does not depend on the
-    count. With --json and no file, the scenes are in the printed object. The picture shows the first nine scenes from
-    above, and the ground under the wheels from the side. With --plot and no -o, a summary replaces the lines.
+    count. With --json but without -o, the printed object contains the scenes. With --plot but without -o, the command
+    prints a summary and not the scenes. The picture shows the first nine scenes from above, and the ground under the
+    wheels from the side.
 
     \b
     Example: foldcar sample scenarios/step_pyramids.scenic -n 9 --seed 42 --plot scenes.png

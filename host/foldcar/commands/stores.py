@@ -47,9 +47,9 @@ def merge(
 ) -> None:
     """Merge several stores into a new one.
 
-    Runs, scenes, experiments, trials with their logs and calibrations are merged; duplicates are kept once. The listing
-    is the first store's. Nothing is written if the stores contradict each other: two results of a run, two experiments
-    of one name, or different data of a trial.
+    The new store has all runs, scenes, experiments, calibrations, and trials with their logs, without duplicates. It has
+    the listing of the first store. Nothing is written if two stores have different results of the same run, different
+    experiments with the same name, or different data of the same trial.
 
     \b
     Example: foldcar merge monday.db tuesday.db -o study.db

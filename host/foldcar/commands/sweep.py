@@ -52,8 +52,8 @@ def sweep(
         str | None,
         typer.Option(
             metavar="RULE",
-            help="Stopping rule for each design: its 95 % interval is at most ±5 percentage points (5pp), or lies on one "
-            "side of each of the listing's thresholds (decided).",
+            help="When to stop simulating a design. Npp, e.g. 5pp: its 95 % interval is at most ± N percentage points. "
+            "decided: the interval contains none of the listing's thresholds.",
         ),
     ] = None,
     jobs: Jobs = None,
@@ -62,7 +62,7 @@ def sweep(
     calibration: UnderCalibration = None,
     reality: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="JSON file with parameters to simulate with (as for `foldcar link`)."),
+        typer.Option(metavar="FILE", help="Simulate with the parameters of car and ground in this JSON file."),
     ] = None,
     engine: Engine = "multibody",
     components: Components = None,

@@ -82,7 +82,8 @@ def lens(
 ) -> None:
     """Calibrate a camera's lens with the printed board.
 
-    Lock the focus. Film the board from near, also in the corners of the picture, and turn and tilt it.
+    Lock the focus. Hold the camera close to the board. Turn and tilt the board, and move it through all parts of the
+    picture, including the corners.
 
     \b
     Example: foldcar lens board.mp4 -o phone.json
@@ -117,7 +118,7 @@ def track(
         Path | None, typer.Option("--csv", metavar="FILE", callback=output_file, help="CSV file to write the path to.")
     ] = None,
     operator: Annotated[
-        str, typer.Option(metavar="NAME", help="Your name; stored with changes that a photo makes.")
+        str, typer.Option(metavar="NAME", help="Your name; stored with positions that are measured in a photo.")
     ] = "",
     as_json: Json = False,
 ) -> None:

@@ -207,9 +207,9 @@ def correct(
 def withdraw(
     store: TrialStore, numbers: TrialNumbers, reason: Reason, operator: Operator = "", as_json: Json = False
 ) -> None:
-    """Withdraw trials, e.g. practice, so that they do not count.
+    """Exclude trials from all rates.
 
-    The store keeps them with their logs.
+    Withdraw practice drives, for example. The store keeps withdrawn trials and their logs.
 
     \b
     Example: foldcar trials withdraw study.db 7 8 --reason practice

@@ -239,13 +239,13 @@ class Adviser:
 
     @cached_property
     def _undecided(self) -> tuple[Undecided, ...]:
-        """The designs whose rate may be on either side of the threshold, or is not to be trusted."""
-        belief, limit, zone, result = self.belief, self.threshold, self.precision, []
+        """The designs whose interval contains the threshold, and the undriven ones beside contradictory trials."""
+        belief, limit, precision, result = self.belief, self.threshold, self.precision, []
         for index, (design, rate) in enumerate(zip(belief.designs, belief.built, strict=True)):
-            doubted = index in belief.contradictions.undriven_neighbours
-            if doubted or rate.low < limit <= rate.high:
+            is_doubtful = index in belief.contradictions.undriven_neighbours
+            if is_doubtful or rate.low < limit <= rate.high:
                 trials = max(1, trials_to_decide(belief.draws[:, index], limit) - len(design.trials))
-                near_threshold = not doubted and limit - zone <= rate.low and rate.high <= limit + zone
+                near_threshold = not is_doubtful and limit - precision <= rate.low and rate.high <= limit + precision
                 result.append(Undecided(design.label, design.design, near_threshold, trials))
         return tuple(result)
 

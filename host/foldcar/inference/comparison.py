@@ -173,18 +173,21 @@ def _is_paired(design: DesignEvidence) -> bool:
 
 
 def _rates(design: DesignEvidence, confidence: float) -> Rates:
-    """Return the rates whose difference is a design's gap: in simulation, and of a further car."""
+    """Return the rates whose difference is a design's gap: in simulation, and of a further car.
+
+    If the gap is paired, both rates are those in the environments of the trials.
+    """
     if not _is_paired(design):
         assert design.cars is not None
         return Rates(design.simulated(confidence), design.cars.rate(confidence))
-    # The environments are the same, so the shift by their difficulty is dropped.
+    # Trials and simulation have the same environments, so the trials need no correction for their difficulty.
     pairs = [replace(trial, expected=None) for trial in design.paired]
     passed, simulated = [trial.passed for trial in pairs], [bool(trial.simulated) for trial in pairs]
-    f = Rate.from_counts(
+    in_simulation = Rate.from_counts(
         sum(simulated), len(pairs), f"in the environments of {count(len(pairs), 'trial')}", confidence=confidence
     )
     cars = by_car(pairs, design.spread, design.runs_passed, design.runs)
-    return Rates(f, cars.rate(confidence), pair_correlation(passed, simulated))
+    return Rates(in_simulation, cars.rate(confidence), pair_correlation(passed, simulated))
 
 
 def _design(design: DesignEvidence, pooled: Rate | None, rates: Rates | None, margin: float) -> DesignComparison:

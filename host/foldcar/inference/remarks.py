@@ -34,14 +34,14 @@ def runs(store: Store, info: ExperimentInfo) -> list[str]:
 
 
 def trials(info: ExperimentInfo, kept: Sequence[Trial]) -> list[str]:
-    """Return remarks on trials that are compared: whether the runs were fitted to them, how many were corrected."""
+    """Return remarks on the trials that are compared with runs: were the runs fitted to them, how many were corrected."""
     sentences = []
     if info.under is not None and kept:
         sentences.append(
-            f"The runs are of {info.under}: parameters of a file, not what trials say."
+            f"The runs are of {info.under}: its parameters come from a file, not from trials."
             if info.under.startswith(REALITY_KIND)
-            else f"The runs are of the {info.under}, which was fitted to trials of experiment {info.listed_id}. They "
-            "agree with those trials by fit; only later trials test them."
+            else f"The runs are of the {info.under}, which was fitted to trials of experiment {info.listed_id}. So "
+            "they agree with those trials; only later trials can test them."
         )
     corrected = sum(trial.corrections > 0 for trial in kept)
     if corrected:
@@ -75,24 +75,27 @@ def trials_in_other_environments(programs: Iterable[str | None], info: Experimen
     return sentences
 
 
-def unswept_designs(simulated_now: Sequence[tuple[DesignEvidence, str | None]]) -> list[str]:
-    """Return remarks on designs with trials only, each with the reason why it could not be simulated, or None.
+def unswept_designs(designs_and_reasons: Sequence[tuple[DesignEvidence, str | None]]) -> list[str]:
+    """Return remarks on the designs that have trials but no stored runs.
 
-    More than SHOWN designs with the same reason share a remark.
+    The reason says why a design cannot be simulated; it is None if the design was simulated now. More than SHOWN designs
+    with the same reason share a remark.
     """
     by_reason: dict[str | None, list[DesignEvidence]] = {}
-    for design, reason in simulated_now:
+    for design, reason in designs_and_reasons:
         by_reason.setdefault(reason, []).append(design)
     sentences = []
     for reason, designs in by_reason.items():
         subjects = [(f"{design.label} is", "it was") for design in designs]
         if len(designs) > SHOWN:
-            subjects = [(f"{_some([design.label for design in designs])} are", "they were")]
-        for name, was in subjects:
+            subjects = [(f"{_shown_names([design.label for design in designs])} are", "they were")]
+        for name_is, they_were in subjects:
             if reason is None:
-                sentences.append(f"{name} not in the sweep: {was} simulated now, in {designs[0].runs} environments.")
+                sentences.append(
+                    f"{name_is} not in the sweep: {they_were} simulated now, in {designs[0].runs} environments."
+                )
             else:
-                sentences.append(f"{name} not in the sweep, and cannot be simulated now: {reason}.")
+                sentences.append(f"{name_is} not in the sweep, and cannot be simulated now: {reason}.")
     return sentences
 
 
@@ -102,7 +105,7 @@ def cars_of_designs(designs: Sequence[DesignEvidence]) -> list[str]:
     nameless = [design.label for design in designs if [trial.car_name for trial in design.trials].count(None) > 1]
     if nameless:
         sentences.append(
-            f"Trials without a car's name are taken for those of one car of their design, at {_some(nameless)}: "
+            f"Trials without a car's name are taken for those of one car of their design, at {_shown_names(nameless)}: "
             "`foldcar log --car` and `foldcar trials correct --car-name` tell cars apart."
         )
     driven = [design.cars for design in designs if design.cars is not None]
@@ -140,6 +143,6 @@ def pairs(designs: Sequence[DesignEvidence]) -> list[str]:
     return sentences
 
 
-def _some(names: Sequence[str]) -> str:
+def _shown_names(names: Sequence[str]) -> str:
     shown = ", ".join(names[:SHOWN])
     return shown if len(names) <= SHOWN else f"{shown} and {count(len(names) - SHOWN, 'further design')}"

@@ -65,9 +65,9 @@ class Resimulation:
         self._runs = self._trials = self._car_runs = 0
 
     def trial(self, info: ExperimentInfo, trial: Trial) -> str | None:
-        """Return the outcome of a trial's car in the scene as placed; None if it cannot be simulated.
+        """Simulate a trial in its scene as it was set up. Return the outcome, or None if that is not possible.
 
-        The car differs from its design as in the run of the trial's sample.
+        The simulated car deviates from its design as the car of the swept run in the same sample does.
         """
         drive = self._store.trial_drive(trial.id)
         if drive is None:

@@ -49,7 +49,10 @@ class Undecided:
 
 
 def headline(evidence: Evidence, belief: Belief, compared: ExperimentComparison, threshold: float) -> str:
-    """Return which designs reach the threshold: in simulation, or as built cars once cars were driven."""
+    """Return the first sentence of the advice: which designs reach the threshold.
+
+    Before the first trial it is about simulation, afterwards about built cars.
+    """
     limit, simulation = percent(threshold), evidence.info.simulation
     chances = belief.chances(threshold)
     best = int(chances.argmax())
@@ -57,21 +60,23 @@ def headline(evidence: Evidence, belief: Belief, compared: ExperimentComparison,
     if not belief.driven:
         built = f"No car was driven yet; of built cars {best_chance}." if len(chances) > 1 else "No car was driven yet."
         return f"In {simulation} {_simulated(belief, evidence, threshold)}. {built}"
-    wrong = []
+    verdicts = []
     for verdict in (OPTIMISTIC, PESSIMISTIC):
         names = [design.label for design in compared.designs if design.verdict == verdict]
-        wrong += [f"{verdict} at {listed(names)}"] if names else []
-    start = f"Trials contradict {simulation}: it is {' and '.join(wrong)}. " if wrong else ""
+        verdicts += [f"{verdict} at {listed(names)}"] if names else []
+    start = f"Trials contradict {simulation}: it is {' and '.join(verdicts)}. " if verdicts else ""
+    # The belief is not trusted for undriven designs beside a design whose trials contradict those of the others.
     trusted = ~numpy.isin(numpy.arange(len(chances)), belief.contradictions.undriven_neighbours)
-    surely, probable = trusted & (chances >= KNOWN), trusted & (chances >= PROBABLE) & (chances < KNOWN)
-    if surely.any():
-        also = f"; {_names(belief, evidence, probable)} probably" if probable.any() else ""
-        verb = "reaches" if _is_one(surely) else "reach"
-        return f"{start}{_capital(_names(belief, evidence, surely))} {verb} {limit}{also}."
+    reaching = trusted & (chances >= KNOWN)
+    probable = trusted & (chances >= PROBABLE) & (chances < KNOWN)
+    if reaching.any():
+        probably = f"; {_names(belief, evidence, probable)} probably" if probable.any() else ""
+        verb = "reaches" if _is_singular(reaching) else "reach"
+        return f"{start}{_capital(_names(belief, evidence, reaching))} {verb} {limit}{probably}."
     if probable.any():
-        verb = "reaches" if _is_one(probable) else "reach"
-        least = f"a chance of at least {percent(chances[probable].min())}"
-        return f"{start}{_capital(_names(belief, evidence, probable))} probably {verb} {limit}, with {least}."
+        verb = "reaches" if _is_singular(probable) else "reach"
+        min_chance = f"a chance of at least {percent(chances[probable].min())}"
+        return f"{start}{_capital(_names(belief, evidence, probable))} probably {verb} {limit}, with {min_chance}."
     if len(chances) == 1:
         return f"{start}Whether the design reaches {limit} is not known: its chance is {percent(chances[0])}."
     return f"{start}No design is known to reach {limit}; {best_chance}."
@@ -130,9 +135,10 @@ def next_reason(belief: Belief, index: int, threshold: float) -> str:
         ]
     else:
         parts = [f"its rate is {percent(low)} to {percent(high)}, which bounds its neighbours'"]
-    best = float((belief.draws.argmax(axis=1) == index).mean())
-    if best >= 1.5 / len(belief.designs):
-        parts.append(f"it is the best with a chance of {percent(best)}")
+    chance_of_best = float((belief.draws.argmax(axis=1) == index).mean())
+    # Mention it if it is clearly above that of designs without any evidence.
+    if chance_of_best >= 1.5 / len(belief.designs):
+        parts.append(f"it is the best with a chance of {percent(chance_of_best)}")
     design = belief.designs[index]
     if design.trials:
         parts.append(f"{design.trials_passed} of {count(len(design.trials), 'trial')} passed")
@@ -140,22 +146,22 @@ def next_reason(belief: Belief, index: int, threshold: float) -> str:
 
 
 def _simulated(belief: Belief, evidence: Evidence, threshold: float) -> str:
-    """Return which designs reach the threshold in simulation: ``75 to 150 mm reach 75 %, 80 to 140 mm surely``."""
+    """Return which designs reach the threshold in simulation, such as "75 to 150 mm reach 75 %"."""
     rate, low, _ = belief.simulation.T
-    limit, reach, surely = percent(threshold), rate >= threshold, low >= threshold
+    limit, reach, confident = percent(threshold), rate >= threshold, low >= threshold
     if not reach.any():
         if not sum(design.runs_passed for design in belief.designs):
             return "no run passed"
         best = int(rate.argmax())
         named = "" if len(rate) == 1 else f", {belief.labels[best]},"
         return f"no design reaches {limit}; the best{named} passes {percent(rate[best])}"
-    verb = "reaches" if _is_one(reach) else "reach"
+    verb = "reaches" if _is_singular(reach) else "reach"
     text = f"{_names(belief, evidence, reach)} {verb} {limit}"
-    if (surely == reach).all():
-        return f"{text} surely (95 %)"
-    if not surely.any():
-        return f"{text}, none surely (95 %)"
-    return f"{text}, {_names(belief, evidence, surely)} surely (95 % each)"
+    if (confident == reach).all():
+        return f"{text} with 95 % confidence"
+    if not confident.any():
+        return f"{text}, none with 95 % confidence"
+    return f"{text}, {_names(belief, evidence, confident)} with 95 % confidence each"
 
 
 def _names(belief: Belief, evidence: Evidence, chosen: NDArray[numpy.bool_]) -> str:
@@ -176,7 +182,7 @@ def _names(belief: Belief, evidence: Evidence, chosen: NDArray[numpy.bool_]) -> 
     return listed(ranges)
 
 
-def _is_one(chosen: NDArray[numpy.bool_]) -> bool:
+def _is_singular(chosen: NDArray[numpy.bool_]) -> bool:
     """Return whether the verb after :func:`_names` is singular."""
     return bool(chosen.sum() == 1 or chosen.all())
 

@@ -229,11 +229,15 @@ def _columns(names: Sequence[str], objects: Mapping[str, str]) -> tuple[Column, 
 
 
 def _label_and_piece(name: str, objects: Mapping[str, str]) -> tuple[str, str]:
-    """Return what readers call a column, and its piece of terrain, "" if it has none."""
-    of_piece = PIECE.fullmatch(name)
-    if of_piece:
-        piece = _piece_label(of_piece[1])
-        return f"{objects.get(of_piece[1], piece)} {label_and_unit(of_piece[2])[0]}", piece
+    """Return the label of a column and the label of its piece of terrain, "" without one.
+
+    ``scene_box_2_height_m`` is a property of a piece, ``car_mean_neutral_us`` is not: its label is ``car, mean neutral``.
+    """
+    match = PIECE.fullmatch(name)
+    if match:
+        piece_name, quantity = match[1], match[2]
+        piece = _piece_label(piece_name)
+        return f"{objects.get(piece_name, piece)} {label_and_unit(quantity)[0]}", piece
     label = label_and_unit(name.removeprefix("scene_"))[0]
     label = {"highest": "highest obstacle", "pieces": "pieces of terrain"}.get(label, label)
     return label.replace("car mean", "car, mean").replace("car left less right", "car, left less right"), ""

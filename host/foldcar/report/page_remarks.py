@@ -66,18 +66,19 @@ def stopped_remarks(info: ExperimentInfo) -> list[str]:
     """Return remarks on how a search or a stopping rule affects the rates; none after a sweep of all runs."""
     if info.searched:
         early = (
-            " It left designs early that did worse than the best: of those that would have ended as good, at most 10 %."
+            " It stopped early with designs that were worse than the best. At most 10 % of designs as good as the best "
+            "are stopped wrongly."
         )
         return [
-            "A search chose these designs, so rates of its best are too good as a rule: believe those in fresh "
-            "environments." + (early if len(info.objectives) == 1 else "")
+            "A search chose these designs by their rates, so the rates of the best are biased upwards. Trust the rates "
+            "in fresh environments." + (early if len(info.objectives) == 1 else "")
         ]
     if info.until is None:
         return []
     undecided = info.designs - info.decided
     rest = ""
     if undecided:
-        abandoned = f", or left before when those would decide with a chance below {100 * MIN_CHANCE:g} %"
+        abandoned = f", or fewer if the chance that all would decide fell below {100 * MIN_CHANCE:g} %"
         why = abandoned if info.until.thresholds else ""
         rest = f"; {undecided} are undecided, simulated in all {info.environments} environments{why}"
     if info.stored_runs < info.planned_runs:
@@ -87,7 +88,7 @@ def stopped_remarks(info: ExperimentInfo) -> list[str]:
     return [
         f"The sweep stopped simulating a design when {info.until.text}: {info.decided} of {info.designs} designs are "
         f"decided{rest}. {info.stored_runs} of at most {most} runs were made.",
-        "Intervals are anytime-valid (Beta-binomial mixture): each holds for its design at whatever number of runs it "
-        "stopped, by itself and not for all designs together. Rates of designs that stopped early lie on average "
-        f"somewhat too far from {reference}. Rates over several designs count each design alike.",
+        "Intervals are anytime-valid (Beta-binomial mixture): each holds at whatever number of runs its design stopped. "
+        "They hold for single designs, not jointly. Rates of designs that stopped early lie on average "
+        f"somewhat too far from {reference}. Rates over several designs give each design the same weight.",
     ]

@@ -102,7 +102,10 @@ def run_ends(course: Course, extents: CarExtents, runs: RunArrays) -> dict[str, 
 def met_obstacles(
     course: Course, extents: CarExtents, place_m: NDArray[Any], design: NDArray[Any], sample: NDArray[Any]
 ) -> NDArray[Any]:
-    """Return the index of the obstacle that each car (cars,) stood over with its middle at ``place_m``; -1 if none."""
+    """Return the index of the obstacle that each car (cars,) stood over with its middle at ``place_m``; -1 without one.
+
+    If a car stood over several obstacles, it is the nearest one, or the shorter one of two equally near ones.
+    """
     front_m, back_m, side_m = (values[design] for values in (extents.front_m, extents.back_m, extents.side_m))
     nearest_m, obstacles = numpy.full(len(place_m), numpy.inf), numpy.full(len(place_m), -1)
     for obstacle in range(len(course.names)):

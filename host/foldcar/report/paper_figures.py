@@ -177,7 +177,11 @@ def _draw_trials(axes: Axes, axis: Axis, designs: DesignColumns, built: float, s
 
 
 def _draw_counts(axes: Axes, axis: Axis, counts: Any, ends: Any, label: str, offset: float = 0.0, **look: Any) -> None:
-    """Draw the rate of each design with trials, with error bars, ``offset`` beside its value."""
+    """Draw the rate of each design with trials at the design's place plus ``offset``.
+
+    ``counts`` has the numbers of passed and of all trials, ``ends`` the intervals for error bars; without intervals there
+    are no error bars. ``look`` are arguments of matplotlib.
+    """
     driven = numpy.flatnonzero(counts[:, 1]).tolist()
     if not driven:
         return

@@ -84,19 +84,19 @@ class ScenicRunner:
             "files": None if files is None else dict(files),
         }
         self._opening = json.dumps({"program": str(program), **self.environment, "command": list(command)})
-        self._forget()
+        self._reset_workers()
         reference = weakref.ref(self)
 
-        def forget() -> None:
+        def reset_workers() -> None:
             if (runner := reference()) is not None:
-                runner._forget()
+                runner._reset_workers()
 
         if not hasattr(os, "fork"):
             raise CarsimError(f"{program}: runs beside the simulation, which needs Linux or macOS")
         # A forked process must not use its parent's workers.
-        os.register_at_fork(after_in_child=forget)
+        os.register_at_fork(after_in_child=reset_workers)
 
-    def _forget(self) -> None:
+    def _reset_workers(self) -> None:
         self._lock, self._idle, self._busy = threading.Lock(), list[_Worker](), set[_Worker]()
 
     def run(

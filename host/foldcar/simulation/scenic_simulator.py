@@ -283,13 +283,16 @@ def _imported_requirements() -> Iterator[None]:
 
 
 def _place(behavior: Any) -> tuple[str | None, int | None]:
-    """File and line at which a behavior, or the one that it does, has taken its actions."""
-    running, place = scenic_private.running_generator(behavior), (None, None)
-    while running is not None:
-        frame = getattr(running, "gi_frame", None)
+    """Return the file and line of the innermost Scenic statement that a behavior is at; None if it is in none.
+
+    A behavior may do another behavior: its generator then yields from the generator of the other one.
+    """
+    generator, place = scenic_private.running_generator(behavior), (None, None)
+    while generator is not None:
+        frame = getattr(generator, "gi_frame", None)
         if frame is not None and frame.f_code.co_filename.endswith(".scenic"):
             place = (frame.f_code.co_filename, frame.f_lineno)
-        running = getattr(running, "gi_yieldfrom", None)
+        generator = getattr(generator, "gi_yieldfrom", None)
     return place
 
 

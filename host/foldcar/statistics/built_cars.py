@@ -113,16 +113,18 @@ class BuiltCars:
 def likelihood(designs: Sequence[BuiltCars], ranges: Iterable[NDArray[Any]] = (SPREADS,)) -> list[tuple[float, Any]]:
     """Return the log likelihood of designs given their cars, once for each of ``ranges`` of the spread.
 
-    Each is a pair: the prior probability of the range, and a CubicSpline of log-odds, (m,) -> (m, designs). The spreads
-    of all designs share a range, because one workshop builds their cars. If each design drew its own, the mean spread of
-    many designs would count as known. Only the part of a design's weights that comes from PRIOR is limited to the range.
+    Each item is a pair: the prior probability of the range, and a CubicSpline of log-odds, (m,) -> (m, designs).
+
+    The spreads of all designs are in the same range, because one workshop builds their cars. Independent spreads would
+    average out: the mean spread of many designs would seem to be known. A design's weights come partly from PRIOR and
+    partly from simulated cars; the range limits the former part only.
     """
     from scipy.interpolate import CubicSpline
 
     if not designs:
         return [(1.0, CubicSpline(COARSE_LOG_ODDS, numpy.zeros((len(COARSE_LOG_ODDS), 0))))]
     cars = numpy.hstack([(design.passed, design.counted, design.shift) for design in designs])
-    # Many cars have the same trials: each kind is computed once.
+    # Many cars have the same numbers of trials: each combination is computed once.
     (passed, counted, shifts), car_index = numpy.unique(cars, axis=1, return_inverse=True)
     starts = numpy.cumsum([0, *(len(design.passed) for design in designs[:-1])])
     by_car = numpy.array(

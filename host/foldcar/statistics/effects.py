@@ -83,18 +83,30 @@ class Effects:
     def effect(self, parameter: int) -> Effect:
         """Compute the effect of the parameter with that index."""
         values = numpy.unique(self.parameters[:, parameter])
-        chosen, run = self._combinations([parameter])
+        combinations, all_run = self._combinations([parameter])
         grid = values if len(values) <= MAX_VALUES else numpy.linspace(values[0], values[-1], MAX_VALUES)
-        draws = self._draws_over(chosen, [parameter], grid[:, None])
-        means = draws.mean(axis=1)
-        level = means.mean(axis=1)
-        low, high = level.mean() + numpy.quantile(means - level[:, None], (0.025, 0.975), axis=0)
-        lowest, highest = numpy.quantile(level, (0.025, 0.975)).tolist()
-        shown = numpy.unique(numpy.linspace(0, len(chosen) - 1, MAX_CURVES).round().astype(int))
+        # (draws, combinations, values)
+        draws = self._draws_over(combinations, [parameter], grid[:, None])
+        mean_curves = draws.mean(axis=1)
+        levels = mean_curves.mean(axis=1)
+        low, high = levels.mean() + numpy.quantile(mean_curves - levels[:, None], (0.025, 0.975), axis=0)
+        level_low, level_high = numpy.quantile(levels, (0.025, 0.975)).tolist()
+        shown = numpy.unique(numpy.linspace(0, len(combinations) - 1, MAX_CURVES).round().astype(int))
         curves = numpy.median(draws[:, shown], axis=0)
-        first, last = (float((means[:, end] > means[:, inner]).mean()) for end, inner in ((0, 1), (-1, -2)))
-        mean = means.mean(axis=0)
-        return Effect(grid, mean, low, high, (lowest, highest), curves, len(chosen), run, (first, last))
+        first_is_higher, last_is_higher = (
+            float((mean_curves[:, end] > mean_curves[:, neighbour]).mean()) for end, neighbour in ((0, 1), (-1, -2))
+        )
+        return Effect(
+            grid,
+            mean_curves.mean(axis=0),
+            low,
+            high,
+            (level_low, level_high),
+            curves,
+            len(combinations),
+            all_run,
+            (first_is_higher, last_is_higher),
+        )
 
     def standardised(
         self, indices: Sequence[int], values: ArrayLike, confidence: float = 0.95

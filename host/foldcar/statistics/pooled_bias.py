@@ -97,17 +97,21 @@ class PooledBias:
         return rates
 
     def draws(self, number: int = 1000, seed: int = 0) -> NDArray[Any]:
-        """Draw the rates (about ``number``, d) of further cars, 0 to 1, jointly for all designs."""
+        """Draw the rates of further cars, 0 to 1, jointly for all designs.
+
+        The result is (n, d), where n is ``number`` except for rounding: each candidate gets draws by its weight.
+        """
         random, log_odds = numpy.random.default_rng(seed), []
-        for candidate, share in zip(self.candidates, numpy.round(number * self.weights).astype(int), strict=True):
+        for candidate, count in zip(self.candidates, numpy.round(number * self.weights).astype(int), strict=True):
             factors = (
                 candidate.factors.mode
-                + random.standard_normal((share, len(candidate.factors.mode))) @ candidate.factors.root.T
+                + random.standard_normal((count, len(candidate.factors.mode))) @ candidate.factors.root.T
             )
-            shared = candidate.common.shape[1]
-            alone = candidate.own * random.standard_normal((share, len(candidate.own)))
-            alone[:, self._driven] = candidate.own[self._driven] * factors[:, shared:]
-            log_odds.append(self.simulated + factors[:, :shared] @ candidate.common.T + alone)
+            # First the factors of the common functions, then those of the driven designs' own deviations.
+            common_count = candidate.common.shape[1]
+            own = candidate.own * random.standard_normal((count, len(candidate.own)))
+            own[:, self._driven] = candidate.own[self._driven] * factors[:, common_count:]
+            log_odds.append(self.simulated + factors[:, :common_count] @ candidate.common.T + own)
         return numpy.asarray(1 / (1 + numpy.exp(-numpy.concatenate(log_odds))))
 
     @property
@@ -290,17 +294,17 @@ def _probabilities(facts: bytes) -> NDArray[Any]:
 
 
 def _undriven_neighbours(unit: NDArray[Any], driven: NDArray[Any], flagged: Sequence[int]) -> NDArray[Any]:
-    """Return whether each design (d,) is undriven, with no driven design between it and a flagged one.
+    """Return a mask (d,) of the undriven designs that have no driven design between themselves and a flagged one.
 
     A design lies between two others if it is nearer to both than they are to each other: the relative neighbourhood of
     Toussaint (1980, doi:10.1016/0031-3203(80)90066-7). With one parameter, its value lies between theirs.
     """
     result = numpy.zeros(len(unit), dtype=bool)
-    distances = numpy.sqrt(((unit[:, None] - unit[driven][None]) ** 2).sum(axis=2))
+    to_driven = numpy.sqrt(((unit[:, None] - unit[driven][None]) ** 2).sum(axis=2))
     for index in flagged:
-        from_flagged = numpy.sqrt(((unit - unit[index]) ** 2).sum(axis=1))
-        result |= ~(
-            (distances < from_flagged[:, None]) & (from_flagged[driven] < from_flagged[:, None]) & (driven != index)
-        ).any(axis=1)
+        to_flagged = numpy.sqrt(((unit - unit[index]) ** 2).sum(axis=1))
+        # (d, driven designs)
+        is_between = (to_driven < to_flagged[:, None]) & (to_flagged[driven] < to_flagged[:, None]) & (driven != index)
+        result |= ~is_between.any(axis=1)
     result[driven] = False
     return result

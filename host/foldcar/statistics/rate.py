@@ -114,10 +114,11 @@ def limited_mean(
 
     ``crossed`` of ``runs`` crossed; ``sum_s`` and ``sum_squares_s2`` are sums of their times and of the squares. A run
     that did not cross counts as ``limit_s``. The interval is a Bayesian bootstrap (Rubin 1981,
-    doi:10.1214/aos/1176345338) with half a run that crosses at time 0 and half a run that never crosses. If all runs
-    cross at time 0 or never, it is Jeffreys'. One step is approximate: the mean time of crossing has a beta distribution
-    of the bootstrap's mean and variance. Student's t would cover too little at ten runs. Raises FoldcarError if counts or
-    times are impossible.
+    doi:10.1214/aos/1176345338). Two pseudo-runs of weight 1/2 are added: one crosses at time 0, the other never. So it is
+    Jeffreys' interval if all runs cross at time 0 or never. One step is approximate: the mean time of crossing gets a
+    beta distribution with the bootstrap's mean and variance. Student's t covers too little at ten runs.
+
+    Raises FoldcarError if counts or times are impossible.
     """
     from scipy.special import betaincinv
 

@@ -29,11 +29,12 @@ def corrected_rates(
     designs. A design without a run in the fast simulation has NaN. Raises FoldcarError if fewer than two
     environments have runs in both simulations.
 
-    The rate is the fast one, smoothed over designs, plus the difference of both. The mean differences d of designs, over
-    the environments with runs in both, are normal with covariance K + S. K is the covariance of the true differences: a
-    constant, a Matérn process over designs, a part of each design alone. Candidates are weighted by their evidence. S is
-    the sampling noise: a part of each design alone, and a part of all designs, because they share the environments. The
-    estimated difference is K (K + S)^-1 d.
+    The rate is the rate in the fast simulation, smoothed over designs, plus the estimated difference of both rates. Let d
+    be the designs' mean differences over the environments with runs in both simulations. It is normal with covariance
+    K + S, so the estimated difference is K (K + S)^-1 d. K is the covariance of the true differences: the sum of a
+    constant, a Matérn process over designs, and an independent part of each design. Candidates for K are weighted by
+    their evidence. S is the sampling noise: an independent part of each design, and a part that all designs share because
+    they have the same environments.
 
     Example: ``rate, low, high = corrected_rates(widths[:, None], multibody, mujoco)``
     """

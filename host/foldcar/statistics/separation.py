@@ -105,15 +105,21 @@ def separations(values: ArrayLike, design: ArrayLike, environment: ArrayLike, pa
 
 
 def _critical_values(scores: NDArray[Any], excess: NDArray[Any]) -> NDArray[Any]:
-    """Return the critical value of each column's sum of A_ij S_ij, given s (environments, columns) and A."""
+    """Return the critical value of each column's sum of A_ij S_ij over i < j. The file's head derives it.
+
+    ``scores`` are s (environments, columns), and ``excess`` is A (environments, environments).
+    """
+    # The least-squares fit of A_ij = w_i - w_j, and what it leaves.
     weights = excess.mean(axis=1, dtype=float)
+    # Each pair is in A twice, so its squares count half.
     residual = (excess - weights[:, None] + weights[None, :]) / numpy.sqrt(2)
     random = numpy.random.default_rng(0)
     orders = random.permuted(numpy.tile(numpy.arange(len(weights)), (PERMUTATIONS, 1)), axis=1)
-    sums = weights[orders] @ scores
-    deviation = numpy.sqrt((sums**2).mean(axis=0))
-    quantile = numpy.quantile((numpy.abs(sums) / numpy.maximum(deviation, 1e-12)).max(axis=1), 0.95, method="higher")
-    return numpy.asarray(quantile * numpy.sqrt(deviation**2 + (residual**2).sum(dtype=float) / 3))
+    permuted_sums = weights[orders] @ scores
+    deviations = numpy.sqrt((permuted_sums**2).mean(axis=0))
+    max_standardised = (numpy.abs(permuted_sums) / numpy.maximum(deviations, 1e-12)).max(axis=1)
+    quantile = numpy.quantile(max_standardised, 0.95, method="higher")
+    return numpy.asarray(quantile * numpy.sqrt(deviations**2 + (residual**2).sum(dtype=float) / 3))
 
 
 @dataclass(frozen=True)

@@ -100,7 +100,8 @@ class _Merge:
             referring = ((column.name, column.refers or REFERENCES.get(column.name)) for column in table.columns)
             references = {name: referred for name, referred in referring if referred not in (None, EXPERIMENT.name)}
             for row in read_rows(path, source, table, f"ORDER BY {', '.join(order)}"):
-                own_key = tuple(map(row.get, RUN.key))
+                # The key before its numbers are replaced by those of the new store.
+                source_key = tuple(map(row.get, RUN.key))
                 for name, referred in references.items():
                     if row[name] is not None:
                         row[name] = self._numbers[referred][row[name]]
@@ -112,17 +113,20 @@ class _Merge:
                     file = reference(self._merged, referred_file(path, row["file"]))
                     self._insert(MEDIA, {**row, "file": file}, "OR IGNORE")
                 elif table is not CORRECTION:
-                    self._add_row(table, row, own_key)
-                elif row not in [{**correction, "id": row["id"]} for correction in self._corrections(row["trial_id"])]:
-                    self._add_numbered(CORRECTION, row)
+                    self._add_row(table, row, source_key)
+                else:
+                    # The numbers of corrections differ between stores.
+                    existing = [{**correction, "id": row["id"]} for correction in self._corrections(row["trial_id"])]
+                    if row not in existing:
+                        self._add_numbered(CORRECTION, row)
         for name, count in source.execute(DESIGN_COUNTS):
             if designs.get(name, count) != count:
                 self._differs(EXPERIMENT, {"id": name}, "designs", count, designs[name])
 
-    def _add_row(self, table: Table, row: Row, own_key: tuple[Any, ...]) -> None:
+    def _add_row(self, table: Table, row: Row, source_key: tuple[Any, ...]) -> None:
         """Add a row that is not identified by its number; if it already exists, it must be equal.
 
-        ``own_key`` is a run's key in the store that is being added.
+        ``source_key`` is a run's key in the store that is being added.
         """
         number = row.get("id")
         if table.unique:
@@ -143,7 +147,7 @@ class _Merge:
             row["id"] = existing.get("id")
             self._compare(table, row, existing)
             if table is RUN:
-                self._compare_recorded(row, own_key)
+                self._compare_recorded(row, source_key)
         if number is not None:
             self._numbers[table.name][number] = row["id"]
 
@@ -152,10 +156,10 @@ class _Merge:
             if row[name] != existing[name]:
                 self._differs(table, row, name, row[name], existing[name])
 
-    def _compare_recorded(self, run: Row, own_key: tuple[Any, ...]) -> None:
+    def _compare_recorded(self, run: Row, source_key: tuple[Any, ...]) -> None:
         """Raise StoreError if a run of both stores has a record in only one of them."""
         query = f"SELECT name FROM recorded WHERE {' AND '.join(f'{name} = ?' for name in RUN.key)}"
-        new = {name for (name,) in self._source.execute(query, own_key)}
+        new = {name for (name,) in self._source.execute(query, source_key)}
         old = {name for (name,) in self._connection.execute(query, tuple(map(run.get, RUN.key)))}
         if new != old:
             self._differs(RECORDED, run, "records", sorted(new), sorted(old))

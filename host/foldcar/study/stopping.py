@@ -127,9 +127,10 @@ class Schedule:
         return bool(self.decided[design]) or runs >= self._most or self._rule.hopeless(passed, counted, max_counted)
 
     def _batch(self, design: int) -> Batch:
-        """Return the next runs of a design; for a design that has ended, those it had reached before."""
+        """Return the next samples of a design."""
         passed, runs, counted = int(self.passed[design]), int(self.runs[design]), int(self.counted[design])
         if runs and self._ended(design):
+            # The design needs no further runs, but its stored ones count.
             return Batch(design, range(runs, int(self._reached[design])))
         counts = passed, runs, counted
         if counts not in self._ends:

@@ -24,23 +24,27 @@ MIN_M, MIN_RAD = 0.001, math.radians(0.5)
 Standing = Mapping[str, tuple[Obstacle, str]]
 
 
-def standing(scene: Mapping[str, Any], things: Mapping[str, Obstacle], deviations: Deviations) -> Standing:
+def standing(scene: Mapping[str, Any], obstacles: Mapping[str, Obstacle], deviations: Deviations) -> Standing:
     """Return the obstacles of a scene at their measured positions."""
     result = {}
-    for letter, thing in things.items():
+    for letter, planned in obstacles.items():
         x_m, y_m, turned_rad = deviations.get(letter, (0.0, 0.0, 0.0))
-        moved = replace(thing, x_m=thing.x_m + x_m, y_m=thing.y_m + y_m, heading_rad=thing.heading_rad + turned_rad)
-        result[letter] = moved, what_it_is(scene, thing)
+        heading_rad = planned.heading_rad + turned_rad
+        measured = replace(planned, x_m=planned.x_m + x_m, y_m=planned.y_m + y_m, heading_rad=heading_rad)
+        result[letter] = measured, what_it_is(scene, planned)
     return result
 
 
 def next_sample(
     samples: int, counts: Mapping[int, int], now: Standing | None, of_sample: Callable[[int], Standing]
 ) -> int:
-    """Return the sample (0 to ``samples`` - 1) to drive next; ``now`` is what stands on the floor (None: unknown).
+    """Return the sample (0 to ``samples`` - 1) to drive next.
 
-    The candidates are the samples with the fewest trials (``counts``, by sample) in the first block that has such ones.
-    The result is the first in the order that moves the fewest obstacles, and among such orders the shortest distance.
+    ``counts`` is the number of trials in each sample. ``now`` are the obstacles on the floor, None if they are unknown.
+
+    The candidates are the samples with the fewest trials. Those of the first block that contains a candidate are put into
+    the order that moves the fewest obstacles; of equal orders, into the one that moves them the shortest distance. The
+    result is the first sample in that order.
     """
     fewest = min(counts.get(sample, 0) for sample in range(samples))
     candidates = [sample for sample in range(samples) if counts.get(sample, 0) == fewest]
@@ -51,7 +55,7 @@ def next_sample(
     def cost(order: tuple[int, ...]) -> tuple[float, ...]:
         steps = [costs[pair] for pair in itertools.pairwise((None, *order))]
         # Rounding makes sums of the same distances in different orders equal.
-        return sum(moved for moved, _ in steps), round(sum(far for _, far in steps), 9)
+        return sum(moved for moved, _ in steps), round(sum(distance_m for _, distance_m in steps), 9)
 
     return min(itertools.permutations(block), key=cost)[0]
 

@@ -32,9 +32,11 @@ double largest_supply_resistance_ohm(const BodySpec& body) {
   for (const WheelSpec& wheel : body.wheels) {
     if (!wheel.driven()) continue;
     const ServoSpec& servo = wheel.servo;
-    const double by_torque_a = servo.stall_current_a - servo.no_load_current_a;
-    stall_a += servo.no_load_current_a + by_torque_a * body.supply_v / servo.rated_v;
+    // The stall torque, and with it this part of the current, is proportional to the voltage.
+    const double torque_current_a = servo.stall_current_a - servo.no_load_current_a;
+    stall_a += servo.no_load_current_a + torque_current_a * body.supply_v / servo.rated_v;
   }
+  // Without driven wheels any resistance is possible.
   return stall_a > 0 ? 0.5 * body.supply_v / stall_a : 1e3;
 }
 

@@ -22,12 +22,13 @@ double servo_torque_n_m(const ServoSpec& servo, const ServoDrive& drive, double 
 // Current (A) drawn from the supply while the servo gives torque_n_m; none without a pulse.
 double servo_current_a(const ServoSpec& servo, const ServoDrive& drive, double torque_n_m);
 
-// The resistance (Ω) at which a supply loses half its voltage to servos that all stall at the whole of it.
+// The resistance (Ω) at which the supply's voltage would fall to a half if all servos drew the current at which they stall
+// at the full voltage.
 double largest_supply_resistance_ohm(const BodySpec& body);
 
-// What feeds all servos of a car: cells of supply_v behind a resistance. A step's voltage is that of the current in the step
-// before, V = supply_v - R ΣI. As R is at most largest_supply_resistance_ohm, a change of V changes R ΣI by half as much or
-// less: V settles within a few steps.
+// The supply of all servos of a car: cells of supply_v with an inner resistance R. The voltage of a step follows from the
+// currents I of the step before, V = supply_v - R ΣI. R is at most largest_supply_resistance_ohm, so a change of V changes
+// R ΣI by at most half as much, and V settles within a few steps.
 class ServoSupply {
  public:
   // body must outlive it.

@@ -2,20 +2,22 @@
 
 namespace foldcar {
 
-void LineNoise::set(Kind kind, double share, std::uint64_t until_us) {
+void LineNoise::set(Kind kind, double probability, std::uint64_t until_us) {
   kind_ = kind;
-  share_ = share;
+  probability_ = probability;
   until_us_ = until_us;
 }
 
 std::vector<std::uint8_t> LineNoise::pass(const std::vector<std::uint8_t>& bytes, std::uint64_t now_us) {
-  if (now_us >= until_us_ || share_ <= 0) return bytes;
+  if (now_us >= until_us_ || probability_ <= 0) return bytes;
   std::vector<std::uint8_t> arrived;
   for (const std::uint8_t byte : bytes) {
-    const bool is_hit = static_cast<double>(next() >> 11) < share_ * 9007199254740992.0;  // 2^53
+    // The upper 53 bits are a whole number below 2^53, which a double holds exactly.
+    const bool is_hit = static_cast<double>(next() >> 11) < probability_ * 9007199254740992.0;  // 2^53
     if (!is_hit) {
       arrived.push_back(byte);
     } else if (kind_ == Kind::kCorrupt) {
+      // Changes at least one bit.
       arrived.push_back(static_cast<std::uint8_t>(byte ^ (1 + next() % 255)));
     }
   }

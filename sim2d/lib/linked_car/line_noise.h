@@ -13,10 +13,10 @@ class LineNoise {
 
   explicit LineNoise(std::uint64_t seed) : state_(seed) {}
 
-  // Until the time until_us (µs) each byte is damaged or lost with probability share (0 to 1).
-  void set(Kind kind, double share, std::uint64_t until_us);
+  // Damages or drops each byte with this probability (0 to 1) until the time until_us (µs).
+  void set(Kind kind, double probability, std::uint64_t until_us);
 
-  // What arrives of bytes that are sent at now_us (µs).
+  // Returns the bytes that arrive if these bytes are sent at now_us (µs).
   std::vector<std::uint8_t> pass(const std::vector<std::uint8_t>& bytes, std::uint64_t now_us);
 
  private:
@@ -24,7 +24,7 @@ class LineNoise {
 
   std::uint64_t state_;
   Kind kind_ = Kind::kCorrupt;
-  double share_ = 0;
+  double probability_ = 0;
   std::uint64_t until_us_ = 0;
 };
 

@@ -93,7 +93,7 @@ std::vector<std::uint8_t> LinkedCar::step() {
     firmware_->begin(options_.design);
   }
   if (!booting_) {
-    // The pack without a load, on a car that is wired to measure it.
+    // If the car is wired to measure the servo battery, it measures the voltage without a load.
     const bool is_measured = firmware_->parameters().get(Parameter::kServoDivider) > 0.0f;
     hal_.servo_battery.volts =
         is_measured ? static_cast<float>(world_->body.supply_v) : std::numeric_limits<float>::quiet_NaN();

@@ -30,16 +30,16 @@ ImuSample MotionSensor::observe(const CarState& car, double step_s) {
   const Pose now{{car.x_m, car.y_m, car.z_m}, {car.heading_rad, car.pitch_rad, car.roll_rad}};
   Vector acceleration{0, 0, kGravity_m_s2};
   Vector angle_rate{};
-  if (seen_ > 0) {
+  if (poses_ > 0) {
     for (std::size_t i = 0; i < 3; ++i) {
       const double velocity_m_s = (now.place_m[i] - last_.place_m[i]) / step_s;
-      if (seen_ > 1) acceleration[i] += (velocity_m_s - velocity_m_s_[i]) / step_s;
+      if (poses_ > 1) acceleration[i] += (velocity_m_s - velocity_m_s_[i]) / step_s;
       velocity_m_s_[i] = velocity_m_s;
       angle_rate[i] = std::remainder(now.angles_rad[i] - last_.angles_rad[i], 2 * M_PI) / step_s;
     }
   }
   last_ = now;
-  if (seen_ < 2) ++seen_;
+  if (poses_ < 2) ++poses_;
 
   const Vector force = into_car(acceleration, car.heading_rad, car.pitch_rad, car.roll_rad);
   const auto [heading_rate, pitch_rate, roll_rate] = angle_rate;
@@ -47,7 +47,7 @@ ImuSample MotionSensor::observe(const CarState& car, double step_s) {
   const auto [sr, cr] = sine_and_cosine(car.roll_rad);
   const Vector rate = {roll_rate + heading_rate * sp, -pitch_rate * cr + heading_rate * cp * sr,
                        pitch_rate * sr + heading_rate * cp * cr};
-  const double gain = seen_ < 2 ? 1 : step_s / (kFilterTime_s + step_s);
+  const double gain = poses_ < 2 ? 1 : step_s / (kFilterTime_s + step_s);
   for (std::size_t i = 0; i < 3; ++i) {
     float& a = sample_.acceleration_m_s2[i];
     float& w = sample_.rate_rad_s[i];

@@ -20,7 +20,8 @@ class MotionSensor {
     std::array<double, 3> angles_rad{};  // heading, pitch, roll
   };
 
-  int seen_ = 0;
+  // The number of poses so far, up to 2: a velocity needs two poses, an acceleration two velocities.
+  int poses_ = 0;
   Pose last_;
   std::array<double, 3> velocity_m_s_{};
   ImuSample sample_;

@@ -186,8 +186,8 @@ void CarDynamics::move(const std::vector<double>& u) {
   for (std::size_t i = 0; i < wheels_; ++i) wheel_rad[i] += step_s_ * u[6 + hinges_ + i];
   const Vec3 linear{momentum_[0], momentum_[1], momentum_[2]}, angular{momentum_[3], momentum_[4], momentum_[5]};
   const Vec3 p = rotation.to_body(linear), l = rotation.to_body(angular - cross(shift, linear));
-  const double carried[6] = {p.x, p.y, p.z, l.x, l.y, l.z};
-  for (std::size_t i = 0; i < 6; ++i) momentum_[i] = carried[i];
+  const double moved_momentum[6] = {p.x, p.y, p.z, l.x, l.y, l.z};
+  for (std::size_t i = 0; i < 6; ++i) momentum_[i] = moved_momentum[i];
   // Lagrange's equation of a hinge: its momentum changes by the derivative of the kinetic energy by its angle.
   for (std::size_t i = 0; i < hinges_; ++i) {
     const double at_rad = hinge_rad[i];
@@ -200,7 +200,7 @@ void CarDynamics::move(const std::vector<double>& u) {
       for (std::size_t j = 0; j < size_; ++j) sum += 0.5 * velocity[j] * force_[j];
       return sum;
     };
-    // In this order: what a compiler evaluates first would otherwise show in the last bits.
+    // The order of these two evaluations affects the last bits. It is fixed, so that results do not depend on the compiler.
     const double below_j = energy(at_rad - kDifference_rad), above_j = energy(at_rad + kDifference_rad);
     hinge_rad[i] = at_rad;
     momentum_[6 + i] += step_s_ * (above_j - below_j) / (2 * kDifference_rad);

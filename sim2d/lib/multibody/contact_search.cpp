@@ -47,16 +47,16 @@ struct CutPlane {
   }
 };
 
-// Adds the contacts at a point of an edge: one on each of the outermost lines across the part that carry there.
-// facing(across_m, ground_m) is the part's point on such a line that faces that point of the ground.
-template <typename Facing>
+// Adds the contacts of a part with the ground at a point of the ground's outline: one at each end of the span across the car
+// over which this edge of the outline carries. point_on_part(across_m, ground_m) is the part's point opposite the ground.
+template <typename PointOnPart>
 void add_contacts(const CutPlane& plane, const LateralSpan& span, const OutlineEdge& edge, b2Vec2 point,
-                  const Vec3& normal, double margin_m, const Facing& facing, Contact contact,
+                  const Vec3& normal, double margin_m, const PointOnPart& point_on_part, Contact contact,
                   std::vector<Contact>& contacts) {
   contact.normal = normal;
   for (const double across_m : {edge.y_min_m, edge.y_max_m}) {
     const Vec3 ground_m = plane.to_world(point, across_m, span);
-    contact.point_m = facing(across_m, ground_m);
+    contact.point_m = point_on_part(across_m, ground_m);
     contact.across_m = across_m;
     contact.gap_m = dot(normal, contact.point_m - ground_m);
     if (contact.gap_m < margin_m) contacts.push_back(contact);
@@ -165,10 +165,10 @@ void ContactSearch::find_tyre(std::size_t wheel, const CarDynamics& car, const T
     const double side_slope = ground->side_slope(outline, to_metres(point.x));
     const Vec3 ground_normal = plane.normal(normal, side_slope);
     const Vec3 down = unit(dot(ground_normal, axis) * axis - ground_normal);
-    const auto facing = [&](double across_m, const Vec3&) {
+    const auto point_on_part = [&](double across_m, const Vec3&) {
       return centre + across_m * axis + spec.radius_m * down;
     };
-    add_contacts(plane, span, edge, point, ground_normal, margin_m, facing, contact, contacts);
+    add_contacts(plane, span, edge, point, ground_normal, margin_m, point_on_part, contact, contacts);
   }
 }
 
@@ -218,17 +218,17 @@ void ContactSearch::find_belly(std::size_t segment, const CarDynamics& car, cons
       const b2Vec2 local = manifold.points[i].localPoint;
       if (manifold.type == b2Manifold::e_faceA) {
         const b2Vec2 corner = b2Mul(placed, local), out = manifold.localNormal;
-        const auto facing = [&](double across_m, const Vec3&) { return on_box(local, across_m); };
+        const auto point_on_part = [&](double across_m, const Vec3&) { return on_box(local, across_m); };
         add_contacts(plane, ground->across(2), edge, corner - b2Dot(corner - edge.shape.m_vertex1, out) * out,
-                     plane.normal(out, 0), margin_m, facing, contact, contacts);
+                     plane.normal(out, 0), margin_m, point_on_part, contact, contacts);
       } else {
         // A face of the belly meets a vertex of the outline.
         const b2Vec2 out = manifold.localNormal;
         const Vec3 normal = -static_cast<double>(out.x) * forward - static_cast<double>(out.y) * up;
-        const auto facing = [&](double across_m, const Vec3& ground_m) {
+        const auto point_on_part = [&](double across_m, const Vec3& ground_m) {
           return ground_m + dot(normal, on_box(manifold.localPoint, across_m) - ground_m) * normal;
         };
-        add_contacts(plane, ground->across(2), edge, local, normal, margin_m, facing, contact, contacts);
+        add_contacts(plane, ground->across(2), edge, local, normal, margin_m, point_on_part, contact, contacts);
       }
     }
   }

@@ -75,7 +75,7 @@ ordered_json StepSession::advance(const json& line) {
   reader.finish();
   Trial& current = trial("advance");
   advanced_.clear();
-  // Half a step of tolerance: times count as the step they are nearest to.
+  // Ends at the step whose time is nearest to to_s.
   while (!current.outcome() && current.now().elapsed_time_s + current.step_s() / 2 < to_s) {
     current.step();
     advanced_.push_back(current.now());

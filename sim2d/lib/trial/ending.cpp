@@ -20,10 +20,10 @@ double distance_m(const CarState& a, const CarState& b) { return hypotenuse(a.x_
 // The circle that the set-point asks for is twice as wide as its radius.
 Ending::Ending(const SceneSpec& scene, const CarState& start, const TrialRequest& trial)
     : scene_(scene),
-      leaves_(std::abs(trial.speed_m_s) > kHeldDistance_m * std::abs(trial.yaw_rate_rad_s)),
+      would_leave_(std::abs(trial.speed_m_s) > kCaughtDistance_m * std::abs(trial.yaw_rate_rad_s)),
       was_short_of_goal_(short_of_goal(start)),
-      moved_at_(start),
-      left_at_(start) {}
+      last_moved_(start),
+      last_left_(start) {}
 
 bool Ending::short_of_goal(const CarState& state) const {
   if (!scene_.goal) return true;
@@ -43,16 +43,16 @@ std::optional<Outcome> Ending::check(const CarState& state, double elapsed_s) {
       state.y_m > course.y_max_m) {
     return Outcome::kOffCourse;
   }
-  if (distance_m(state, left_at_) > kHeldDistance_m) {
-    left_at_ = state;
-    left_at_s_ = elapsed_s;
-  } else if (leaves_ && elapsed_s - left_at_s_ >= kHeldTime_s) {
+  if (distance_m(state, last_left_) > kCaughtDistance_m) {
+    last_left_ = state;
+    last_left_s_ = elapsed_s;
+  } else if (would_leave_ && elapsed_s - last_left_s_ >= kCaughtTime_s) {
     return Outcome::kStuck;
   }
-  if (distance_m(state, moved_at_) > kStuckDistance_m || std::abs(state.heading_rad - moved_at_.heading_rad) > kStuckTurn_rad) {
-    moved_at_ = state;
-    moved_at_s_ = elapsed_s;
-  } else if (elapsed_s - moved_at_s_ >= kStuckTime_s) {
+  if (distance_m(state, last_moved_) > kStuckDistance_m || std::abs(state.heading_rad - last_moved_.heading_rad) > kStuckTurn_rad) {
+    last_moved_ = state;
+    last_moved_s_ = elapsed_s;
+  } else if (elapsed_s - last_moved_s_ >= kStuckTime_s) {
     return Outcome::kStuck;
   }
   return std::nullopt;

@@ -11,16 +11,17 @@
 
 namespace foldcar {
 
-// Tipped: the upward part of the car's up axis is below this, the cosine of 75 degrees.
+// Tipped: the car's up axis leans by more than 75 degrees, so that its vertical component is below this.
 constexpr double kTippedUp = 0.26;
-// Stuck: neither this far away nor turned by this much within the time.
+// Stuck: within this time the car has neither moved by this distance nor turned by this angle.
 constexpr double kStuckDistance_m = 0.010;
 constexpr double kStuckTurn_rad = 0.035;
 constexpr double kStuckTime_s = 4;
-// Stuck as well: not this far away within the time, however much it turned and rocked meanwhile, unless it was told to
-// turn in less room. Of the study's runs that passed none stayed there for a second.
-constexpr double kHeldDistance_m = 0.05;
-constexpr double kHeldTime_s = 8;
+// Also stuck: within this longer time the car has not moved by this distance, though it may have rocked and turned. This
+// does not hold for a car whose command is to turn in a smaller circle. In the width study, no run that passed stayed within
+// this distance for a second.
+constexpr double kCaughtDistance_m = 0.05;
+constexpr double kCaughtTime_s = 8;
 
 // Watches one trial.
 class Ending {
@@ -35,12 +36,14 @@ class Ending {
   bool short_of_goal(const CarState& state) const;
 
   const SceneSpec& scene_;
-  const bool leaves_;  // whether a free car would get farther away than kHeldDistance_m
+  const bool would_leave_;  // whether an unobstructed car would move farther than kCaughtDistance_m
   bool was_short_of_goal_;
-  CarState moved_at_;
-  double moved_at_s_ = 0;
-  CarState left_at_;
-  double left_at_s_ = 0;
+  // The state, and its time, when the car had last moved by kStuckDistance_m or turned by kStuckTurn_rad.
+  CarState last_moved_;
+  double last_moved_s_ = 0;
+  // The state, and its time, when the car had last moved by kCaughtDistance_m.
+  CarState last_left_;
+  double last_left_s_ = 0;
 };
 
 // Distance in the ground plane from the car's origin to the goal's point; none if the scene has no goal.

@@ -31,7 +31,7 @@ double distance_m(const Moment& now, double ahead_m, double left_m, double up_m,
   return std::sqrt(dx * dx + dy * dy + dz * dz);
 }
 
-// By the number of edges that a ray towards +x crosses.
+// Returns whether a point is inside: then a ray from it towards +x crosses an odd number of edges.
 bool in_polygon(const std::vector<double>& corners_m, double x_m, double y_m) {
   bool inside = false;
   const std::size_t count = corners_m.size() / 2;

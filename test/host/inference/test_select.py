@@ -89,7 +89,7 @@ def test_advice_before_trials_and_after_each_round(tmp_path: Path, monkeypatch: 
     (printed,) = json_output("select", store, "--build", "1", "--csv", tmp_path / "build.csv")["experiments"]
 
     assert before.threshold == 0.75 and not before.enough and before.loss is None
-    assert "100 to 130 mm surely" in before.headline and "No car was driven yet" in before.headline
+    assert "100 to 130 mm with 95 % confidence" in before.headline and "No car was driven yet" in before.headline
     first = [float(recommendation.design["width_mm"]) for recommendation in before.recommendations]
     assert len(first) == 4 and before.recommendations[0].place == MIDDLE and 100 <= first[0] <= 130
     assert min(first) < 90 and max(first) > 140

@@ -120,7 +120,8 @@ class _Pieces:
 
     def __init__(self, graph: Graph) -> None:
         self.graph, self.fused = graph, fuse(graph)
-        self.owner = {path: first for first, edge in self.fused.items() for path in edge.poses}
+        # The path of the fused face that each atom belongs to.
+        self.owner = {path: first for first, face in self.fused.items() for path in face.poses}
         self.seams = list(_seams(graph, self.fused, self.owner))
         self.folds = [seam for seam in self.seams if seam.link.kind in FOLDED]
         steps: dict[str, list[tuple[str, Pose]]] = defaultdict(list)
@@ -135,6 +136,7 @@ class _Pieces:
             self.home |= dict.fromkeys(self.sheets[-1], len(self.sheets) - 1)
             count = sum(seam.a[0] in self.sheets[-1] for seam in self.folds)
             if count >= len(self.sheets[-1]):
+                # A tree of folds has one fold fewer than faces.
                 message = f"is in a loop of {count} folds, which no flat sheet has; make one of them a tab"
                 raise ComponentError(first, message)
         self.names: dict[str, str] = {}

@@ -86,24 +86,29 @@ def _fused(graph: Graph, poses: dict[str, Pose], tags: dict[Edge, object], inner
 
 
 def _ring(graph: Graph, poses: dict[str, Pose], inner: set[Edge]) -> list[tuple[Edge, Point]]:
-    """The atoms' outer edges in the order of the fused outline, each with its start point (mm)."""
+    """Return the atoms' outer edges in the order of the fused outline, each with its start point (mm).
+
+    ``inner`` edges lie between two atoms. Each outer edge is followed by the one that starts where it ends.
+    """
     first = next(iter(poses))
     if len(poses) == 1:
         return [((first, i), point) for i, point in enumerate(graph.atoms[first].outline_mm)]
-    starts: dict[tuple[int, int], tuple[Edge, Point, Point]] = {}
+    # Edges with their start and end, by the rounded start.
+    edges_by_start: dict[tuple[int, int], tuple[Edge, Point, Point]] = {}
     for path, pose in poses.items():
-        for edge in ((path, index) for index in range(len(graph.atoms[path].outline_mm))):
+        for index in range(len(graph.atoms[path].outline_mm)):
+            edge = path, index
             if edge not in inner:
-                a, b = (_flat(pose, point) for point in graph.ends_mm(edge))
-                starts[_key(a)] = edge, a, b
-    edge, begin, b = next(iter(starts.values()))
-    ring = [(edge, begin)]
-    while _key(b) != _key(begin):
-        if _key(b) not in starts or len(ring) > len(starts):
+                start, end = (_flat(pose, point) for point in graph.ends_mm(edge))
+                edges_by_start[_key(start)] = edge, start, end
+    edge, first_start, end = next(iter(edges_by_start.values()))
+    ring = [(edge, first_start)]
+    while _key(end) != _key(first_start):
+        if _key(end) not in edges_by_start or len(ring) > len(edges_by_start):
             raise ComponentError(edge[0], "is fused with its neighbours into something without a closed outline")
-        edge, a, b = starts[_key(b)]
-        ring.append((edge, a))
-    if len(ring) != len(starts):
+        edge, start, end = edges_by_start[_key(end)]
+        ring.append((edge, start))
+    if len(ring) != len(edges_by_start):
         raise ComponentError(edge[0], "is fused with its neighbours into more than one outline")
     return ring
 

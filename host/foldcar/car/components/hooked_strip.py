@@ -127,20 +127,29 @@ class Hook(NamedTuple):
     reach_mm: float
 
     def path(self, side: str, x: float, y: float) -> dict[str, Point]:
-        """Return its part of an outline, counter-clockwise, for a neck at ``x`` on the edge ``side`` at ``y``.
+        """Return the hook as the part of a facet's outline that replaces the middle of the edge ``side``.
 
-        ``side`` is ``inner`` or ``outer``; the edge at the hook's tip is ``inner tip`` or ``outer tip``.
+        ``side`` is ``inner`` or ``outer``. The neck begins at (``x``, ``y``), and the hook points away from the facet.
+        The points run counter-clockwise around the facet; each has the name of the edge that starts at it. The edge at
+        the hook's tip is ``inner tip`` or ``outer tip``.
         """
-        out = -1 if side == "inner" else 1
-        near, far = y + out * self.reach_mm, y + out * (self.reach_mm + DEPTH_MM)
-        a, b = x - self.neck_mm / 2, x + self.neck_mm / 2
-        left, right = a - self.left_mm, b + self.right_mm
-        tip = [(left + TAPER_MM * (self.left_mm > 0), far), (right - TAPER_MM * (self.right_mm > 0), far)]
-        before = [(a, y), (a, near), (left, near)] if self.left_mm else [(a, y)]
-        after = [(right, near), (b, near), (b, y)] if self.right_mm else [(b, y)]
-        points = [*before, *tip, *after][::-out]
-        at_tip = len(before) if out < 0 else len(after)
-        return {f"{side} {'tip' if i == at_tip else i}": point for i, point in enumerate(points)}
+        direction = -1 if side == "inner" else 1
+        head_y, tip_y = y + direction * self.reach_mm, y + direction * (self.reach_mm + DEPTH_MM)
+        neck_left, neck_right = x - self.neck_mm / 2, x + self.neck_mm / 2
+        head_left, head_right = neck_left - self.left_mm, neck_right + self.right_mm
+        left_half, right_half = [(neck_left, y)], [(neck_right, y)]
+        tip_left, tip_right = (head_left, tip_y), (head_right, tip_y)
+        if self.left_mm > 0:
+            left_half += [(neck_left, head_y), (head_left, head_y)]
+            tip_left = head_left + TAPER_MM, tip_y
+        if self.right_mm > 0:
+            right_half += [(neck_right, head_y), (head_right, head_y)]
+            tip_right = head_right - TAPER_MM, tip_y
+        halves = [*left_half, tip_left], [*right_half, tip_right]
+        # The inner edge runs from left to right, the outer edge from right to left.
+        first, second = halves if side == "inner" else halves[::-1]
+        points, tip_index = [*first, *reversed(second)], len(first) - 1
+        return {f"{side} {'tip' if i == tip_index else i}": point for i, point in enumerate(points)}
 
 
 def facet(
@@ -245,19 +254,21 @@ def _start_mm(size: WheelSize) -> Point:
 
 def _tongue(shape: Shape, size: WheelSize, strip: int) -> None:
     """Add the tongue: a part parallel to the facet under it, a part through that facet's slot, and a head behind it."""
-    w, spread = _tongue_mm(size)
+    width, spread = _tongue_mm(size)
     for name, length in (("out", OUTSIDE_MM), ("through", _through_mm(size))):
-        corners = {"root": (0.0, 0.0), "b": (w, 0.0), "end": (w, length), "a": (0.0, length)}
+        corners = {"root": (0.0, 0.0), "b": (width, 0.0), "end": (width, length), "a": (0.0, length)}
         shape.face(f"rim {strip} tongue {name}", corners, role="rim")
-    head = {"root": (0.0, 0.0), "b": (w, 0.0), "c": (w + spread, 0.3), "d": (w + spread, 1.3), "tip": (w - 0.5, HEAD_MM),
-            "e": (0.5, HEAD_MM), "f": (-spread, 1.3), "g": (-spread, 0.3)}  # fmt: skip
+    # The head widens at its root, and narrows towards its tip, so that it finds the slot.
+    head = {"root": (0.0, 0.0), "b": (width, 0.0), "c": (width + spread, 0.3), "d": (width + spread, 1.3),
+            "tip": (width - 0.5, HEAD_MM), "e": (0.5, HEAD_MM), "f": (-spread, 1.3), "g": (-spread, 0.3)}  # fmt: skip
     shape.face(f"rim {strip} tongue head", head, role="rim")
-    parallel = math.degrees(size.slope_rad)
-    down = math.degrees(math.asin(2 * _start_mm(size)[1] / _through_mm(size)))
+    parallel_deg = math.degrees(size.slope_rad)
+    # The part through the slot begins at a distance from the facet and ends at the same distance behind it.
+    through_deg = math.degrees(math.asin(2 * _start_mm(size)[1] / _through_mm(size)))
     tongue = f"rim {strip} tongue"
-    shape.connect(f"rim {strip} 0.base", f"{tongue} out.root", "bend", parallel)
-    shape.connect(f"{tongue} out.end", f"{tongue} through.root", "bend", down)
-    shape.connect(f"{tongue} through.end", f"{tongue} head.root", "bend", -down)
+    shape.connect(f"rim {strip} 0.base", f"{tongue} out.root", "bend", parallel_deg)
+    shape.connect(f"{tongue} out.end", f"{tongue} through.root", "bend", through_deg)
+    shape.connect(f"{tongue} through.end", f"{tongue} head.root", "bend", -through_deg)
 
 
 WALL_NECK_MM = 5.0

@@ -228,28 +228,37 @@ class ElectronicsModule(BrainModule):
         return at
 
     def _layouts(self) -> Iterator[Layout]:
-        """Yield every layout, whether it fits or not; none if the battery is too wide for the floor in the worst case."""
+        """Yield all layouts, including those that do not fit. Without a wide enough floor for the battery there is none.
+
+        Along x the parts are in the order LiPo, boards, battery (``side`` is 1), or the reverse (``side`` is -1).
+        """
         parts, assembly, length = self.parts, self.parts.assembly, self["length"]
-        sizes = (parts.battery.width_mm, parts.battery.length_mm)
-        orientations = [
-            (along.value, side, across is sizes[1])
-            for along, across in (sizes, sizes[::-1])
+        battery_width, battery_length = parts.battery.width_mm, parts.battery.length_mm
+        on_floor = [
+            (along.value, side, turned)
+            for along, across, turned in (
+                (battery_width, battery_length, True),
+                (battery_length, battery_width, False),
+            )
             for side in (-1, 1)
             if across.max_value + 2 * assembly.cut_mm.value <= self["width"] - 2 * parts.film_mm + ROUNDING
         ]
-        for along_mm, side, turned in [(0.0, -1, True)] if parts.battery_place == "roof" else orientations:
-            # From the boards' middle to the battery's end of the layout; the LiPo's lead leaves the Feather at the front.
-            near = half_width_mm(parts) + parts.film_mm
-            if along_mm:
-                gap = assembly.part_gap_mm.value if side < 0 else parts.plugs.battery.length_mm.value
-                near += gap + along_mm
-            far = lipo_reach_mm(parts)
-            rear, front = (near, far) if side < 0 else (far, near)
-            low = max(rear - self["floor_rear"], self["usb_low"])
-            high = min(length + self["floor_front"] - front, self["usb_high"])
-            x = min(max(length / 2, low), high)
-            battery = x + side * near - side * along_mm / 2 if along_mm else length / 2
-            yield Layout(low, high, side, turned, x, x - side * (far - parts.lipo.width_mm.value / 2), battery)
+        on_roof = [(0.0, -1, True)]
+        for battery_mm, side, turned in on_roof if parts.battery_place == "roof" else on_floor:
+            # The distance from the boards' middle to the battery's far end, or to the bridge's end under a roof battery.
+            battery_end_mm = half_width_mm(parts) + parts.film_mm
+            if battery_mm:
+                # The LiPo's lead leaves the Feather at the front, so its plug is between boards and battery there.
+                gap_mm = assembly.part_gap_mm.value if side < 0 else parts.plugs.battery.length_mm.value
+                battery_end_mm += gap_mm + battery_mm
+            lipo_end_mm = lipo_reach_mm(parts)
+            rear_mm, front_mm = (battery_end_mm, lipo_end_mm) if side < 0 else (lipo_end_mm, battery_end_mm)
+            low = max(rear_mm - self["floor_rear"], self["usb_low"])
+            high = min(length + self["floor_front"] - front_mm, self["usb_high"])
+            boards = min(max(length / 2, low), high)
+            lipo_middle = boards - side * (lipo_end_mm - parts.lipo.width_mm.value / 2)
+            battery = boards + side * battery_end_mm - side * battery_mm / 2 if battery_mm else length / 2
+            yield Layout(low, high, side, turned, boards, lipo_middle, battery)
 
     @property
     def layout(self) -> Layout:

@@ -54,7 +54,7 @@ def apply(pose: Pose, x_mm: float, y_mm: float, z_mm: float = 0.0) -> tuple[floa
 
 
 def across_crease(parent: tuple[Point, Point], child: tuple[Point, Point], angle_rad: float) -> Pose:
-    """The child's pose in the parent's frame, folded by the angle about their common edge.
+    """Return the child's pose in the parent's frame if it is folded by the angle about their common edge.
 
     Each edge is given by its ends (mm) in the counter-clockwise order of its own face; the edges run in opposite
     directions, and their midpoints coincide.
@@ -64,7 +64,8 @@ def across_crease(parent: tuple[Point, Point], child: tuple[Point, Point], angle
     length = math.dist(*child)
     ex, ey = (child[1][0] - child[0][0]) / length, (child[1][1] - child[0][1]) / length
     c, s = _cos_sin(angle_rad)
-    # The child's edge direction maps to -d, its inward normal to the parent's outward normal turned by the fold.
+    # d and e are the unit vectors along the parent's and the child's edge. The rotation maps e to u = -d, the child's
+    # inward normal to v, the parent's outward normal turned by the fold, and the child's z to w.
     ux, uy = -dx, -dy
     vx, vy, vz = dy * c, -dx * c, s
     wx, wy, wz = -dy * s, dx * s, c
@@ -73,6 +74,7 @@ def across_crease(parent: tuple[Point, Point], child: tuple[Point, Point], angle
         (uy * ex - vy * ey, uy * ey + vy * ex, wy),
         (-vz * ey, vz * ex, wz),
     )
+    # The translation maps the midpoint q of the child's edge to the midpoint p of the parent's.
     px, py = (parent[0][0] + parent[1][0]) / 2, (parent[0][1] + parent[1][1]) / 2
     qx, qy = (child[0][0] + child[1][0]) / 2, (child[0][1] + child[1][1]) / 2
     return (*((a, b, w, t - a * qx - b * qy) for (a, b, w), t in zip(rows, (px, py, 0.0), strict=True)), IDENTITY[3])

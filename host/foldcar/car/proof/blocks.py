@@ -208,8 +208,9 @@ def find_exit_path(
 ) -> ExitPath:
     """Find a path out of one or two straight moves, along the car's axes or the part's ``own`` axes.
 
-    With ``only_own`` it tries single moves along the part's own axes. Single moves are tried in order of length, where a
-    move upwards counts half; then short first moves before longer ones.
+    With ``only_own`` it tries only single moves along the part's own axes. Otherwise it tries single moves first, then
+    pairs of moves. Single moves are ordered by length, where a move upwards counts half, pairs by the length of the first
+    move.
     """
     place = first_obstacle(moving, standing, ignored=ignored)
     if place is not None:

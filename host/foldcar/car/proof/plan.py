@@ -67,7 +67,7 @@ class Building:
             self.steps.append(AssemblyStep(title, closed, adds, joins, tool_uses, unit))
 
     def with_screws(self, mounts: Sequence[Mount]) -> list[Mount]:
-        """Return the mounts that are not in place yet, each with the screws for which it is the last part held."""
+        """Return the mounts that are not in place yet. After the last part that a screw holds comes the screw."""
         remaining = [mount for mount in mounts if mount.name not in self.parts]
         screws: dict[str, list[Mount]] = {}
         for screw in (m for m in self.roles.car.mounts if self.roles.is_fastener(m) and m.name not in self.parts):
@@ -222,21 +222,28 @@ def _wheels(roles: Roles, building: Building, unit: str, wheels: Sequence[str]) 
 
 @lru_cache(maxsize=16)
 def plan_service(car: FoldedCar) -> tuple[AssemblyStep, ...]:
-    """Return the steps of service, lid shut and then open; ``adds`` are taken out, their insertion paths are empty."""
+    """Return the steps of service: first those with the lid shut, then opening it, then those with the lid open.
+
+    The parts in a step's ``adds`` are taken out of the car. Their insertion paths are not computed yet.
+    """
     roles = roles_of(car)
-    shut: list[AssemblyStep] = []
-    opened: list[AssemblyStep] = []
+    with_lid_shut: list[AssemblyStep] = []
+    with_lid_open: list[AssemblyStep] = []
     for mount in (m for m in car.mounts if not roles.is_fastener(m)):
         for i, clearance in enumerate(mount.clearances):
             outside = roles.from_outside(mount, clearance)
             action = f"{USES[clearance.tool]} {mount.name}, the lid {'shut' if outside else 'open'}"
-            (shut if outside else opened).append(AssemblyStep(action, {}, (), (), (ToolUse(mount.name, i),)))
+            (with_lid_shut if outside else with_lid_open).append(
+                AssemblyStep(action, {}, (), (), (ToolUse(mount.name, i),))
+            )
     folds = {name: dict.fromkeys(lid.creases, 0.0) for name, lid in sorted(roles.lids.items()) if lid.creases}
     for mount in (m for m in car.mounts if m.part == car.parts.battery.name):
         on_lid = roles.is_on_lid(mount)
         out = f"Take {mount.name} {'off' if on_lid else 'out'}"
-        (shut if on_lid else opened).append(AssemblyStep(out, {}, (Added("mount", mount.name, 0, mount.body),), ()))
+        (with_lid_shut if on_lid else with_lid_open).append(
+            AssemblyStep(out, {}, (Added("mount", mount.name, 0, mount.body),), ())
+        )
     gripped = [(name, face) for name in folds for face in roles.lids[name].gripped]
     grips = tuple(ToolUse(face.name, i, name) for name, face in gripped for i in range(len(face.clearances)))
-    lifted = [AssemblyStep(OPEN, folds, (), (), grips)] if folds else []
-    return (*shut, *lifted, *opened)
+    opening = [AssemblyStep(OPEN, folds, (), (), grips)] if folds else []
+    return (*with_lid_shut, *opening, *with_lid_open)

@@ -225,17 +225,20 @@ class _Prover:
         return added.body if added.kind == "unit" else added.name
 
     def _check_tool_uses(self, place: str, tool_uses: Sequence[ToolUse], group: tuple[str, str]) -> None:
-        """Add a finding for each tool clearance that is obstructed."""
+        """Add a finding for each tool whose clearance is obstructed by parts of ``group`` that are in place."""
         standing = merge_blocks(self.standing[group].values()) if tool_uses else merge_blocks(())
         for tool_use in tool_uses:
-            clearance, room = self.scene.clearance(tool_use, self.stage)
-            name = room.titles[0]
-            # A tongue that is pressed moves with flap and lever, the face that it hangs on: this is no obstacle.
-            own = {name}
+            clearance, clearance_blocks = self.scene.clearance(tool_use, self.stage)
+            name = clearance_blocks.titles[0]
+            # A pressed tongue moves together with its flap and its lever (the face that it hangs on), so these do not
+            # obstruct the tool.
+            own_faces = {name}
             if tool_use.piece:
                 creases = self.roles.pieces[tool_use.piece].creases
-                own |= {title(tool_use.piece, c.parent.face) for c in creases if c.child.face == tool_use.name}
-            obstacle = first_obstacle(room, standing, ignored=frozenset((name, face_title) for face_title in own))
+                own_faces |= {title(tool_use.piece, c.parent.face) for c in creases if c.child.face == tool_use.name}
+            obstacle = first_obstacle(
+                clearance_blocks, standing, ignored=frozenset((name, face_title) for face_title in own_faces)
+            )
             if obstacle is not None:
                 self._add_finding(place, f"{name} has no room for its {clearance.tool}: {obstacle} is in the way")
 

@@ -165,7 +165,10 @@ class Roles:
         return tuple(thing for _, thing in sorted(passed, key=lambda copy: -copy[0]))
 
     def from_outside(self, mount: Mount, clearance: ToolClearance) -> bool:
-        """Whether a clearance leads out of a segment other than through the lid above, or starts outside it."""
+        """Return whether a tool reaches the mount while the lid is shut.
+
+        Its clearance then starts outside the segment, or leaves it through another side than the lid above.
+        """
         base = self.base.get(mount.body)
         if base is None:
             return True

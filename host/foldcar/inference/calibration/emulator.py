@@ -195,7 +195,10 @@ def simulate_bank(
     first: int,
     done: Callable[[int], None],
 ) -> Bank:
-    """Simulate each row of ``scores`` in cells of the trials and with other designs; sets are numbered from ``first``."""
+    """Simulate sets of parameters, the rows of ``scores``, which are numbered from ``first``.
+
+    Each set is driven in at most MAX_CELLS cells of the trials, and by OTHERS designs of the family in any scene.
+    """
     experiment, stream = simulator.experiment, np.random.default_rng((simulator.seed, first))
     cells, cars = len(observed.cells), len(observed.car_design)
     runs: list[CalibrationRun] = []
@@ -209,9 +212,10 @@ def simulate_bank(
         for row, car, cell in drives:
             scene = experiment.scenes[int(stream.integers(len(experiment.scenes)))] if cell.scene is None else cell.scene
             rows.append((first + index, row, car))
-            # What varies from drive to drive has a number of its own.
-            drive = first * (MAX_CELLS + OTHERS) + len(runs)
-            runs.append(CalibrationRun(cell.design, values, scene, (first + index) * (cars + OTHERS) + car, drive))
+            # The numbers seed the deviations of the car, which its drives of a set share, and those of the drive.
+            car_number = (first + index) * (cars + OTHERS) + car
+            drive_number = first * (MAX_CELLS + OTHERS) + len(runs)
+            runs.append(CalibrationRun(cell.design, values, scene, car_number, drive_number))
     passed = simulator.passes(runs, done)
     computed = np.isfinite(passed)
     sets, cell_of, car_of = np.array(rows, dtype=np.int64)[computed].T

@@ -70,13 +70,16 @@ class Problem:
         return scores
 
     def posterior(self, seed: int) -> Posterior:
-        """Draw from the posterior."""
+        """Draw from the posterior of the scores.
+
+        The sampler works with latent values, whose prior is standard normal; the result has them as scores.
+        """
 
         def likelihood(latent: FloatArray, tau: FloatArray) -> FloatArray:
             return self._outcomes(self.with_priors(latent), tau).evidence
 
-        posterior = sample_posterior(likelihood, len(PARAMETERS), seed)
-        return replace(posterior, scores=self.with_priors(posterior.scores))
+        latent_posterior = sample_posterior(likelihood, len(PARAMETERS), seed)
+        return replace(latent_posterior, scores=self.with_priors(latent_posterior.scores))
 
     def logits(self, scores: FloatArray, designs: IntArray) -> FloatArray:
         """Return simulated success logits (n, designs) in any scene for scores (n, parameters)."""

@@ -36,16 +36,17 @@ class Parameter:
     source: str
 
     def value(self, score: Any) -> Any:
-        """The value that belongs to a score, or to an array of them; it grows with the score."""
+        """Return the value that is the same quantile of the prior as the score (or scores) of the standard normal."""
         if self.prior == "log-normal":
             return self.middle * np.exp(self.sd * score)
         if self.prior == "normal":
             return self.middle + self.sd * score
-        # P(|x| < value) = P(z < score); the upper tail keeps its digits that way.
+        # A half-normal value has P(|x| < value) = P(z < score). It is computed from the upper tail, P(z > score), which
+        # does not lose its digits where the score is large.
         return -self.sd * ndtri(ndtr(-np.asarray(score, dtype=float)) / 2)
 
     def score(self, value: float) -> float:
-        """The score of a value: what ``value`` undoes. Infinite for values that the prior excludes."""
+        """Return the score of a value, the inverse of :meth:`value`; infinite if the prior excludes the value."""
         if self.prior == "normal":
             return (value - self.middle) / self.sd
         if self.prior == "log-normal":

@@ -25,7 +25,8 @@ from foldcar.study.search.objectives import Objective, is_dominated
 
 # Population of NSGA-II: with Optuna's default of 50, a search of a hundred designs would have only two generations.
 POPULATION = 16
-# After this many successive proposals of known designs, an unknown design is drawn, in at most DRAWS attempts.
+# After this many successive proposals of designs that were proposed before, a new design is drawn at random, in at most
+# DRAWS attempts.
 MAX_REPEATS = 8
 DRAWS = 2000
 # Probability, over all interim checks, that pruning stops a design that would be at least as good as the best.
@@ -69,7 +70,7 @@ class Proposals:
             directions=["maximize" if objective.largest else "minimize" for objective in objectives]
         )
         self._grid = [] if sampler != "grid" else grid([len(self._levels[key]) for key in self._varied], designs)
-        self._left = iter(self._grid)
+        self._unused_grid_points = iter(self._grid)
         self._trial: Trial | None = None
         self._suggested: Values = ()
         # Loss and rows of the best design that was tried in all environments.
@@ -78,23 +79,24 @@ class Proposals:
         self.unbuildable: dict[Values, str] = {}
 
     def next(self) -> Values | None:
-        """Return an untried design that can be built, or None. Its result must be passed to :meth:`tell`."""
+        """Return a new design that can be built, or None if none is found. Pass its result to :meth:`tell`."""
         seen = {*(tried.values for tried in self.tried), *self.unbuildable}
         repeats = 0
         while True:
-            places = next(self._left, None)
-            if self._grid and places is None:
+            grid_point = next(self._unused_grid_points, None)
+            if self._grid and grid_point is None:
                 return None
-            if places is not None:
-                self._study.enqueue_trial(dict(zip(self._varied, places, strict=True)))
+            if grid_point is not None:
+                self._study.enqueue_trial(dict(zip(self._varied, grid_point, strict=True)))
             elif repeats >= MAX_REPEATS:
-                if not self._queue_unknown(seen):
+                # The sampler repeats itself: draw a new design without it.
+                if not self._enqueue_new_design(seen):
                     return None
                 repeats = 0
             self._study.sampler = self._sampler_of(len(self._study.get_trials(deepcopy=False)))
             self._trial = trial = self._study.ask()
-            suggested = {key: trial.suggest_int(key, 0, len(self._levels[key]) - 1) for key in self._varied}
-            self._suggested = values = self._values(suggested)
+            indices = {key: trial.suggest_int(key, 0, len(self._levels[key]) - 1) for key in self._varied}
+            self._suggested = values = self._values(indices)
             if values in seen:
                 # A second result of the design would count twice.
                 self._study.tell(trial, state=TrialState.FAIL)
@@ -146,8 +148,8 @@ class Proposals:
         ]
         return [tried for _, tried in sorted(front, key=lambda pair: (pair[0], pair[1].mean_time_s))[:count]]
 
-    def _values(self, places: dict[str, int]) -> Values:
-        return tuple(levels[places.get(key, 0)] for key, levels in self._levels.items())
+    def _values(self, indices: dict[str, int]) -> Values:
+        return tuple(levels[indices.get(key, 0)] for key, levels in self._levels.items())
 
     def _sampler_of(self, number: int) -> Any:
         seed = (self._seed * 1_000_003 + number) % 2**32
@@ -157,14 +159,14 @@ class Proposals:
             return optuna.samplers.NSGAIISampler(seed=seed, population_size=POPULATION)
         return optuna.samplers.RandomSampler(seed=seed)
 
-    def _queue_unknown(self, seen: set[Values]) -> bool:
-        """Make an unknown design the next proposal; return False if none is found."""
+    def _enqueue_new_design(self, seen: set[Values]) -> bool:
+        """Make a random design that is not in ``seen`` the next proposal. Return False if none is found."""
         draw = random.Random(f"{self._seed}/{len(seen)}")
         for _ in range(DRAWS):
-            places = {key: draw.randrange(len(self._levels[key])) for key in self._varied}
-            values = self._values(places)
+            indices = {key: draw.randrange(len(self._levels[key])) for key in self._varied}
+            values = self._values(indices)
             if values not in seen and self._family.error(values) is None:
-                self._study.enqueue_trial(places)
+                self._study.enqueue_trial(indices)
                 return True
         return False
 

@@ -168,10 +168,10 @@ class Standing:
 
     def _planes_on(self, all_axles: Floats) -> list[Floats]:
         """Return the planes for the heights (shifts, wheels) at which each axle's wheel would touch the ground."""
-        threes, inverses = self._supports
-        if not len(threes):
+        triples, inverses = self._supports
+        if not len(triples):
             return [self._planes_dragging(axles) for axles in all_axles]
-        all_planes = numpy.einsum("tij,stj->sti", inverses, all_axles[:, threes])
+        all_planes = numpy.einsum("tij,stj->sti", inverses, all_axles[:, triples])
         above = (all_planes @ self._places.T >= all_axles[:, None] - 1e-6).all(axis=2)
         return [planes[stand] for planes, stand in zip(all_planes, above, strict=True)]
 
@@ -222,18 +222,22 @@ class Standing:
 
     @cached_property
     def _supports(self) -> tuple[NDArray[numpy.intp], Floats]:
-        """Triples of wheels (n, 3) that surround the car's middle, and matrices (n, 3, 3) from axle heights to planes."""
+        """The triples of wheels (n, 3) whose triangle contains the car's middle, so that the car can stand on them.
+
+        A matrix for each triple (n, 3, 3) converts the heights of its axles to the coefficients of the car's plane.
+        """
         supports = []
         for wheels in combinations(range(len(self.ahead_m)), 3):
             places = self._places[list(wheels)]
             if abs(numpy.linalg.det(places)) > 1e-6:
                 supports.append((wheels, numpy.linalg.inv(places)))
-        # The first row has the fractions of the weight that the three wheels would carry.
+        # The first row of an inverse has the fractions of the weight that the three wheels would carry. If no triple
+        # carries the car without the tolerance, part of the body drags on the ground.
         if not any(inverse[0].min() > -1e-9 for _, inverse in supports):
             supports = []
         stable = [(wheels, inverse) for wheels, inverse in supports if inverse[0].min() >= -SUPPORT_TOLERANCE]
-        threes, inverses = [wheels for wheels, _ in stable], [inverse for _, inverse in stable]
-        return numpy.array(threes, dtype=int).reshape(-1, 3), numpy.array(inverses).reshape(-1, 3, 3)
+        triples, inverses = [wheels for wheels, _ in stable], [inverse for _, inverse in stable]
+        return numpy.array(triples, dtype=int).reshape(-1, 3), numpy.array(inverses).reshape(-1, 3, 3)
 
     def heights(self, x: Floats, y: Floats) -> Floats:
         """Return the heights (m) of the ground at positions; the arrays may have any shape."""

@@ -22,7 +22,8 @@ from foldcar.trials.camera.view import View, ideal_pixels, marker_corners
 
 # Standard deviation of corners (pixels) if nothing is known about the picture.
 PIXEL = 0.2
-# Largest decrease of the sum without the ground's term; χ² of three values exceeds 16 once in a thousand pictures.
+# If the sum of squares decreases by more than this without the ground's term, the car does not stand on the ground. By
+# chance, χ² of three values exceeds 16 once in a thousand pictures.
 MAX_CONTRADICTION = 30.0
 ROUNDS = 8
 STEP = 1e-5
@@ -108,9 +109,10 @@ def find_pose(
     pixels: Floats, view: View, marker: CarMarker, ground: Standing, guess: Floats | None = None,
     pixel: float = PIXEL,
 ) -> Pose | None:  # fmt: skip
-    """Return the pose whose marker has these corners, with the standard deviation ``pixel``; None if no pose fits.
+    """Return the pose of the car whose marker has these corners in the picture; None if no pose fits.
 
-    ``guess`` is the car's pose shortly before.
+    ``pixel`` is the standard deviation of the corners (pixels). ``guess`` is the car's pose shortly before. The car
+    stands on the ground, unless the corners contradict this.
     """
     # Start with a car that stands on the ground: from far away, the tilt of the marker alone is too uncertain.
     middle_and_top = numpy.array([pixels.mean(axis=0), pixels[:2].mean(axis=0)])
@@ -127,10 +129,10 @@ def find_pose(
         return None
     candidates = [(cost, best), *(_pose_on_ground(start, pixels, view, marker, ground, pixel) for start in starts)]
     cost, best = min(candidates, key=lambda candidate: candidate[0])
-    free_cost, free = min(
+    cost_without_ground, best_without_ground = min(
         (_refined(start, pixels, view, marker, None, pixel) for start in starts), key=lambda candidate: candidate[0]
     )
-    return free if cost - free_cost > MAX_CONTRADICTION else best
+    return best_without_ground if cost - cost_without_ground > MAX_CONTRADICTION else best
 
 
 def _poses_by_marker(pixels: Floats, view: View, marker: CarMarker) -> list[Floats]:

@@ -143,13 +143,18 @@ def ideal_pixels(lens: Lens, pixels: Floats) -> Floats:
 def _without_moved_marker(
     seen: Mapping[int, Floats], course: Course, size: tuple[int, int], lens: Lens | None, where: str
 ) -> tuple[View, str]:
-    """Return the view by the consistent markers, and a remark on the one that was moved."""
+    """Return the view without the moved marker, and a remark on this marker.
+
+    Each marker is left out once. The moved marker is the one without which all others have consistent positions. Raises
+    FoldcarError if there is no such marker, or if it is ambiguous.
+    """
+    # Largest offset of the other markers (above 1 they are not consistent), marker that is left out, view.
     candidates = []
     for left_out in seen if len(seen) > MIN_MARKERS else ():
         others = {number: pixels for number, pixels in seen.items() if number != left_out}
         view = _fit(others, course, size, lens)
         candidates.append((_largest_offset(view, course, others) * MOVED_M / CONSISTENT_M, left_out, view))
-    candidates.sort(key=lambda pixels: pixels[0])
+    candidates.sort(key=lambda candidate: candidate[0])
     if (
         not candidates
         or candidates[0][0] > 1
@@ -160,7 +165,7 @@ def _without_moved_marker(
             "(`foldcar markers` writes course.json, which may be edited)"
         )
     _, moved_id, view = candidates[0]
-    planned_marker = next(pixels for pixels in course.floor if pixels.id == moved_id)
+    planned_marker = next(marker for marker in course.floor if marker.id == moved_id)
     middle = view.on_plane(seen[moved_id], 0.0).mean(axis=0)
     away_mm = 1000 * math.hypot(middle[0] - planned_marker.x_m, middle[1] - planned_marker.y_m)
     place = f"{1000 * middle[0]:.0f}, {1000 * middle[1]:.0f} mm"
@@ -168,7 +173,7 @@ def _without_moved_marker(
 
 
 def _largest_offset(view: View, course: Course, seen: Mapping[int, Floats]) -> float:
-    """Return the largest offset of a marker from its position; a marker above 1 counts as moved."""
+    """Return the largest offset of a marker from its planned position; above 1 the marker counts as moved."""
     planned = {marker.id: marker for marker in course.floor}
     offsets = [
         max(

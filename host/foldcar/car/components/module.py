@@ -12,15 +12,7 @@ from collections.abc import Iterator, Sequence
 from typing import ClassVar, Literal, NamedTuple
 
 from foldcar.car.components.box_beam import HEIGHT, WIDTH, BoxBeam, latch_mm, wall_mm
-from foldcar.car.components.bridge import (
-    half_width_mm,
-    lipo_reach_mm,
-    middle_mm,
-    mouth_mm,
-    plug_room_mm,
-    put_bridge,
-    usb_height_mm,
-)
+from foldcar.car.components.bridge import half_width_mm, middle_mm, mouth_mm, plug_room_mm, put_bridge, usb_height_mm
 from foldcar.car.components.component import ROUNDING, Component, Parameter, Sub
 from foldcar.car.components.mounts import cylinder, min_doubler_mm, put_rod, put_servo, screw_end_mm, servo_reach_mm
 from foldcar.car.components.shape import Shape
@@ -243,13 +235,16 @@ class ElectronicsModule(BrainModule):
             if along_mm:
                 gap = assembly.part_gap_mm.value if side < 0 else parts.plugs.battery.length_mm.value
                 near += gap + along_mm
-            far = lipo_reach_mm(parts)
+            # To the LiPo's far side: the flange comes down beside the LiPo, which may lie anywhere within its outline.
+            lipo = parts.lipo.width_mm
+            beside = assembly.placement_mm.value + lipo.tolerance / 2 + assembly.slot_clearance_mm.value
+            far = parts.film_mm / 2 + beside + lipo.value - half_width_mm(parts)
             rear, front = (near, far) if side < 0 else (far, near)
             low = max(rear - self["floor_rear"], self["usb_low"])
             high = min(length + self["floor_front"] - front, self["usb_high"])
             x = min(max(length / 2, low), high)
             battery = x + side * near - side * along_mm / 2 if along_mm else length / 2
-            yield Layout(low, high, side, turned, x, x - side * (far - parts.lipo.width_mm.value / 2), battery)
+            yield Layout(low, high, side, turned, x, x - side * (far - lipo.value / 2), battery)
 
     @property
     def layout(self) -> Layout:

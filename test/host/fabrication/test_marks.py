@@ -1,11 +1,15 @@
-"""Marks that help to build: arrow to the front, ends of hinge strips, counts on repeated pieces; feet to press."""
+"""Marks that help to build: arrow to the front, ends of hinge strips, counts on repeated pieces; feet of the bridge."""
 
 import numpy as np
 import pytest
-import shapely
 
-from foldcar.car.folded.model import FoldedCar
+from foldcar.car.folded.model import FoldedCar, Solid
 from foldcar.car.folded.placed import PlacedFace, place
+from foldcar.car.folded.pose import translation
+from foldcar.car.proof.blocks import Blocks, first_obstacle, merge_blocks, solid_blocks
+from foldcar.car.proof.prove import assembly_steps
+from foldcar.car.proof.roles import roles_of
+from foldcar.car.proof.scene import Scene, Stage
 from foldcar.fabrication.patterns import piece_shapes as piece_shapes_module
 from foldcar.fabrication.patterns.flat_piece import flat_piece
 from foldcar.fabrication.patterns.options import options
@@ -58,16 +62,30 @@ def test_the_name_of_a_repeated_piece_says_how_often_it_is_needed(monkeypatch: p
 
 
 @pytest.mark.parametrize("name", ["w65", "w95", "hinged", "six"])
-def test_the_bridge_s_feet_can_be_pressed_from_above(name: str) -> None:
+def test_a_bone_folder_reaches_the_bridge_s_feet_from_the_side_without_a_tongue(name: str) -> None:
     folded = car(name)
     placed = {face.face.name: face for face in faces(folded) if face.piece.name == "bridge"}
-    mounts = [m for m in folded.mounts if m.part in (folded.parts.feather.name, folded.parts.featherwing.name,
-                                                     folded.parts.lipo.name, folded.parts.battery.name)]  # fmt: skip
-    above = [shapely.box(m.pose[0][3] - m.half_mm(0), m.pose[1][3] - m.half_mm(1), m.pose[0][3] + m.half_mm(0),
-                         m.pose[1][3] + m.half_mm(1)) for m in mounts]  # fmt: skip
-    shelf = shapely.Polygon(placed["shelf"].corners_mm[:, :2])
+    low, high = (placed["shelf"].corners_mm[:, 0].min(), placed["shelf"].corners_mm[:, 0].max())
+    flange = placed["flange"].corners_mm[:, 0].mean()
+    # From 20 mm before the open side to the flange: as wide as a foot, 3 mm high over its film.
+    ends = (low + 1.0, high + 20.0) if flange < (low + high) / 2 else (low - 20.0, high - 1.0)
     for side in ("left", "right"):
-        foot = shapely.Polygon(placed[f"{side} foot"].corners_mm[:, :2])
-        free = foot.difference(shapely.union_all([shelf, *above]).buffer(0.01))
-        # A fingertip or the blunt end of a pencil.
-        assert not free.buffer(-2.4).is_empty, side
+        y0, y1 = placed[f"{side} foot"].corners_mm[:, 1].min() + 0.5, placed[f"{side} foot"].corners_mm[:, 1].max() - 0.5
+        bottom = placed[f"{side} foot"].corners_mm[:, 2].max() + 0.2
+        size = (ends[1] - ends[0], y1 - y0, 3.0)
+        blade = solid_blocks(Solid("box", size, translation(sum(ends) / 2, (y0 + y1) / 2, bottom + 1.5)), "bone folder")
+        assert first_obstacle(blade, standing(folded)) is None, side
+
+
+def standing(folded: FoldedCar) -> Blocks:
+    """What is in the car when the bridge goes in."""
+    stage, roles = Stage(roles_of(folded), {}), roles_of(folded)
+    for step in assembly_steps(folded):
+        stage = stage.closed(step.folds)
+        if step.title.startswith("Put the bridge"):
+            break
+    scene, bodies = Scene(roles), roles.bodies
+    things = [("piece", copy.piece, copy.copy) for copy in folded.placed if copy.body in bodies]
+    things += [("mount", mount.name, 0) for mount in folded.mounts if mount.body in bodies
+               and mount.part not in (folded.parts.battery.name, folded.parts.pad.name)]  # fmt: skip
+    return merge_blocks(scene.solid(thing, stage) for thing in things)

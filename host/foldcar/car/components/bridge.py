@@ -10,13 +10,13 @@ from dataclasses import replace
 
 from foldcar.car.components.mounts import add_screw, cylinder
 from foldcar.car.components.shape import Shape
-from foldcar.car.folded.model import Point, Pose, Solid, ToolClearance
+from foldcar.car.folded.model import Pose, Solid, ToolClearance
 from foldcar.car.folded.pose import compose, rotation, translation
 from foldcar.car.parts.bought import Feather, FeatherWing
 from foldcar.car.parts.catalogue import Catalogue
 from foldcar.car.parts.quantity import Box, PartData
 
-# Distance of a flange's ends from the legs' feet, and of what is pressed of a foot from its fold's line.
+# Distance of a flange's ends from the legs' feet.
 FOOT_CLEARANCE_MM = 0.5
 
 
@@ -26,16 +26,6 @@ def half_width_mm(parts: Catalogue) -> float:
     screws = max(abs(y) for _, y in feather.free_holes(parts.board_screw))
     around = assembly.screw_hole_mm.value / 2 + assembly.fold_distance_mm.value
     return max(feather.width_mm.value / 2, screws + around)
-
-
-def lipo_reach_mm(parts: Catalogue) -> float:
-    """Distance (mm) from the boards' middle to the LiPo's far side, away from the flange, which comes down beside it.
-
-    The LiPo may lie anywhere within its outline.
-    """
-    lipo, assembly = parts.lipo.width_mm, parts.assembly
-    beside = assembly.placement_mm.value + lipo.tolerance / 2 + assembly.slot_clearance_mm.value
-    return parts.film_mm / 2 + beside + lipo.value - half_width_mm(parts)
 
 
 def shelf_height_mm(parts: Catalogue) -> float:
@@ -73,8 +63,7 @@ def put_bridge(shape: Shape, floor: str, x_mm: float, y_mm: float, side: int) ->
     """Put the bridge onto the face ``floor``, and the boards onto it, their middle at (x, y), USB towards +y.
 
     Faces ``bridge.shelf``, x forward and its origin at its right rear corner, legs, feet and ``bridge.flange`` at the
-    front edge (``side`` 1) or the rear one (-1). The feet reach beyond the other edge, as far as the LiPo, where a finger
-    presses them onto the floor.
+    front edge (``side`` 1) or the rear one (-1).
     """
     parts, assembly, film = shape.parts, shape.parts.assembly, shape.parts.film_mm
     half, (_, right), up = half_width_mm(parts), span_mm(parts), shelf_height_mm(parts)
@@ -83,8 +72,7 @@ def put_bridge(shape: Shape, floor: str, x_mm: float, y_mm: float, side: int) ->
     for leg, edge in (("right", "near"), ("left", "far")):
         # The feet lie on the floor, the flange ends above it.
         shape.rectangle(f"bridge.{leg} leg", along, up - film)
-        # x of the right leg and foot runs backwards.
-        shape.face(f"bridge.{leg} foot", _foot(parts, at_end=(side > 0) == (leg == "right")))
+        shape.rectangle(f"bridge.{leg} foot", along, assembly.bridge_foot_mm.value)
         shape.connect(f"bridge.shelf.{edge}", f"bridge.{leg} leg.near", "fold", -90)
         shape.connect(f"bridge.{leg} leg.far", f"bridge.{leg} foot.near", "fold", -90)
     inset, tongue = assembly.bridge_foot_mm.value + FOOT_CLEARANCE_MM, assembly.tongue_mm.value / 2
@@ -103,17 +91,6 @@ def put_bridge(shape: Shape, floor: str, x_mm: float, y_mm: float, side: int) ->
     shape.rectangular_hole(floor, "bridge slot", "slot", at, film + play, assembly.tongue_mm.value + 2 * play)
     shape.touch("tab_slot", "bridge.flange.tip", floor, "bridge slot")
     _fasten(shape, "bridge.shelf", (half, right))
-
-
-def _foot(parts: Catalogue, at_end: bool) -> dict[str, Point]:
-    """Return a foot's outline, its fold first, with a part to press beyond the end or the start of the fold."""
-    along, wide = 2 * half_width_mm(parts), parts.assembly.bridge_foot_mm.value
-    press = lipo_reach_mm(parts) - along / 2
-    if at_end:
-        return {"near": (0.0, 0.0), "front": (along, 0.0), "3": (along, FOOT_CLEARANCE_MM),
-                "4": (along + press, FOOT_CLEARANCE_MM), "5": (along + press, wide), "rear": (0.0, wide)}  # fmt: skip
-    return {"near": (0.0, 0.0), "front": (along, 0.0), "far": (along, wide), "4": (-press, wide),
-            "5": (-press, FOOT_CLEARANCE_MM), "6": (0.0, FOOT_CLEARANCE_MM)}  # fmt: skip
 
 
 def _fasten(shape: Shape, shelf: str, middle: tuple[float, float]) -> None:

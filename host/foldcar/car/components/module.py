@@ -12,15 +12,7 @@ from collections.abc import Iterator, Sequence
 from typing import ClassVar, Literal, NamedTuple
 
 from foldcar.car.components.box_beam import HEIGHT, WIDTH, BoxBeam, latch_mm, wall_mm
-from foldcar.car.components.bridge import (
-    half_width_mm,
-    lipo_reach_mm,
-    middle_mm,
-    mouth_mm,
-    plug_room_mm,
-    put_bridge,
-    usb_height_mm,
-)
+from foldcar.car.components.bridge import half_width_mm, middle_mm, mouth_mm, plug_room_mm, put_bridge, usb_height_mm
 from foldcar.car.components.component import ROUNDING, Component, Parameter, Sub
 from foldcar.car.components.mounts import cylinder, min_doubler_mm, put_rod, put_servo, screw_end_mm, servo_reach_mm
 from foldcar.car.components.shape import Shape
@@ -251,12 +243,16 @@ class ElectronicsModule(BrainModule):
                 # The LiPo's lead leaves the Feather at the front, so its plug is between boards and battery there.
                 gap_mm = assembly.part_gap_mm.value if side < 0 else parts.plugs.battery.length_mm.value
                 battery_end_mm += gap_mm + battery_mm
-            lipo_end_mm = lipo_reach_mm(parts)
+            # The distance from the boards' middle to the LiPo's far side. The flange comes down beside the LiPo, which
+            # may lie anywhere within its outline.
+            lipo = parts.lipo.width_mm
+            beside_mm = assembly.placement_mm.value + lipo.tolerance / 2 + assembly.slot_clearance_mm.value
+            lipo_end_mm = parts.film_mm / 2 + beside_mm + lipo.value - half_width_mm(parts)
             rear_mm, front_mm = (battery_end_mm, lipo_end_mm) if side < 0 else (lipo_end_mm, battery_end_mm)
             low = max(rear_mm - self["floor_rear"], self["usb_low"])
             high = min(length + self["floor_front"] - front_mm, self["usb_high"])
             boards = min(max(length / 2, low), high)
-            lipo_middle = boards - side * (lipo_end_mm - parts.lipo.width_mm.value / 2)
+            lipo_middle = boards - side * (lipo_end_mm - lipo.value / 2)
             battery = boards + side * battery_end_mm - side * battery_mm / 2 if battery_mm else length / 2
             yield Layout(low, high, side, turned, boards, lipo_middle, battery)
 

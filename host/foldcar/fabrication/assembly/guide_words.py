@@ -298,7 +298,10 @@ def _cautions(car: FoldedCar, step: AssemblyStep, before: State) -> Iterator[str
     if car.parts.pad.name in parts and car.parts.battery_place == "roof":
         yield "It sticks to the outside of the lid, the side without print, between the small holes at its corners."
     if any(added.kind == "unit" and added.name == "bridge" for added in step.adds):
-        yield "Press both feet onto the floor at their ends, which reach beyond the boards beside the cell."
+        yield (
+            "Press both feet onto the floor: push the bone folder under the boards, beside the cell, from the side of the "
+            "bridge that has no tongue."
+        )
     if car.parts.board_pad.name in parts:
         yield "The pad, foam tape in two layers, sticks to film and board where the module covers the board's holes."
     if car.parts.horn_screw.name in parts:

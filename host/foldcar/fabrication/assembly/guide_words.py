@@ -299,8 +299,8 @@ def _cautions(car: FoldedCar, step: AssemblyStep, before: State) -> Iterator[str
         yield "It sticks to the outside of the lid, the side without print, between the small holes at its corners."
     if any(added.kind == "unit" and added.name == "bridge" for added in step.adds):
         yield (
-            "Press both feet onto the floor: push the bone folder under the boards, beside the cell, from the bridge's side "
-            "without a tongue."
+            "Press both feet onto the floor: push the bone folder under the boards, beside the cell, from the bridge's "
+            "side without a tongue."
         )
     if car.parts.board_pad.name in parts:
         yield "The pad, foam tape in two layers, sticks to film and board where the module covers the board's holes."

@@ -73,7 +73,8 @@ def max_placement_shift_mm(car: FoldedCar) -> float:
     """Maximum shift (mm) of the centre of mass along the floor if parts are laid into their outlines by eye."""
     faces = [face for piece in car.pieces for face in piece.faces]
     marked = {mark.name for face in faces for mark in face.marks}
-    marked |= {hole.name.rpartition(".")[2].partition(" corner ")[0] for face in faces for hole in face.holes}
+    holes = [hole for face in faces for hole in face.holes if hole.kind == "mark"]
+    marked |= {hole.name.rpartition(".")[2].partition(" corner ")[0] for hole in holes}
     laid_kg = sum(mount.mass_kg for mount in car.mounts if mount.name in marked)
     whole_kg = sum(body_properties(car, body).mass_kg for body in {placed.body for placed in car.placed})
     return car.parts.assembly.placement_mm.value * laid_kg / whole_kg

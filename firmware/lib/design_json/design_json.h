@@ -19,7 +19,7 @@ inline void take(CarDesignReader& reader, const DesignPlace& place, JsonVariantC
   } else if (value.is<double>()) {  // whole numbers too
     reader.number(place, value.as<double>());
   } else {
-    reader.other(place);
+    reader.refuse_key(place);
   }
 }
 

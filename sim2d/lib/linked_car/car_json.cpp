@@ -13,7 +13,7 @@ void take(CarDesignReader& reader, const DesignPlace& place, const json& value) 
   } else if (value.is_string()) {
     reader.text(place, value.get_ref<const std::string&>().c_str());
   } else {
-    reader.other(place);
+    reader.refuse_key(place);
   }
 }
 

@@ -38,7 +38,7 @@ def solids(design: Design, body: str) -> list[trimesh.Trimesh]:
         meshes.append(mesh)
     for mount in car.mounts:
         if mount.body == body:
-            shapes = [solid_mesh(solid, np.array(mount.pose)) for solid in mount.solids]
+            shapes = [solid_mesh(solid, np.array(mount.pose)) for solid in mount.solids if not solid.weightless]
             shapes = shapes or [trimesh.creation.box(mount.size_mm, np.array(mount.pose))]
             density = mount.mass_kg / sum(mesh.volume for mesh in shapes) * 1e9
             for mesh in shapes:

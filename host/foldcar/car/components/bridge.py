@@ -151,7 +151,7 @@ def _put_boards(shape: Shape, on: str, under: Pose, holes: Sequence[str]) -> Non
     )
     # The servos' plugs stand upright with their leads bent over them: each is one solid with its header.
     plugs_top_mm, plugs_bottom_mm = wing.plug_top_mm.value + wing.plug_bend_mm.value, wing.board_mm.value
-    solids, clearances = [*wing.headers, *wing.pins, wing.terminal_block, wing.reset], []
+    solids, clearances = [*wing.headers, wing.terminal_block, wing.reset], []
     for header in wing.servo_headers:
         (x, y, _), size = header.at_mm, (*header.size_mm[:2], plugs_top_mm - plugs_bottom_mm)
         solids.append(header.model_copy(update={"at_mm": (x, y, (plugs_top_mm + plugs_bottom_mm) / 2), "size_mm": size}))
@@ -167,20 +167,22 @@ def _put_boards(shape: Shape, on: str, under: Pose, holes: Sequence[str]) -> Non
         solids,
         clearances,
         (),
+        wing.pins,
     )
 
 
 def _put(
     shape: Shape, board: Feather | FeatherWing, on: str, under: Pose, boxes: Sequence[Box],
-    clearances: Sequence[ToolClearance], holes: Sequence[str],
+    clearances: Sequence[ToolClearance], holes: Sequence[str], pins: Sequence[Box] = (),
 ) -> None:  # fmt: skip
-    """Add a board with ``boxes`` and ``clearances``, both in the board's frame."""
+    """Add a board with ``boxes``, weightless ``pins`` and ``clearances``, all in the board's frame."""
     length, width, height = board.size_mm
     down = translation(0, 0, -height / 2)
     middle = translation(0, 0, (board.board_mm.value - height) / 2)
     screw_holes = tuple((x, y, pattern.diameter_mm) for pattern in board.holes for x, y in pattern.at_mm)
     plate = Solid("box", (length, width, board.board_mm.value), middle, screw_holes)
     solids = [plate, *(Solid("box", box.size_mm, compose(down, translation(*box.at_mm))) for box in boxes)]
+    solids += [Solid("box", pin.size_mm, compose(down, translation(*pin.at_mm)), weightless=True) for pin in pins]
     clearances = [replace(clearance, pose=compose(down, clearance.pose)) for clearance in clearances]
     pose = compose(under, translation(0, 0, height / 2))
     shape.box(board.name, board.name, on, pose, board.size_mm, board.mass_kg.value, holes, solids, clearances)

@@ -9,6 +9,7 @@ both may reach into the free floor of the neighbouring modules.
 import itertools
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import ClassVar, Literal, NamedTuple
 
 from foldcar.car.components.box_beam import HEIGHT, WIDTH, BoxBeam, latch_mm, wall_mm
@@ -189,7 +190,7 @@ class ElectronicsModule(BrainModule):
         wire, lid = parts.wiring.wire_diameter_mm.value, up - film / 2
         lead = cylinder(2 * wire, lid - 2 * wire, lid + film + wire, hole[0] - x, hole[1] - y)
         size = (battery.width_mm.value, battery.length_mm.value, battery.height_mm.value)
-        solids = (Solid("box", size, IDENTITY), lead)
+        solids = (Solid("box", size, IDENTITY), replace(lead, weightless=True))
         pose = translation(x, y, -up)
         shape.box(battery.name, battery.name, "beam.lid", pose, size, battery.mass_kg.value, solids=solids)
         for part in (parts.pad, battery):

@@ -126,13 +126,15 @@ class Join:
 class Solid:
     """A box, or a cylinder along z (diameter, diameter, length); ``pose`` is that of its middle in its part's frame.
 
-    ``bores`` are round holes along z through it, (x, y, diameter), for screws only.
+    ``bores`` are round holes along z through it, (x, y, diameter), for screws only. A ``weightless`` solid, such as a
+    lead, takes space, but no share of its part's mass.
     """
 
     kind: Literal["box", "cylinder"]
     size_mm: tuple[float, float, float]
     pose: Pose
     bores: tuple[tuple[float, float, float], ...] = ()
+    weightless: bool = False
 
 
 @dataclass(frozen=True, slots=True)

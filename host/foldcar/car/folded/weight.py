@@ -50,7 +50,10 @@ def body_properties(car: FoldedCar, body: str) -> MassProperties:
 
 def mount_properties(mount: Mount) -> MassProperties:
     """Mass properties of a part of uniform density, made of its solids or its box (SI units, car's frame)."""
-    volumes = [math.prod(solid.size_mm) * (math.pi / 4 if solid.kind == "cylinder" else 1.0) for solid in mount.shape]
+    volumes = [
+        0.0 if solid.weightless else math.prod(solid.size_mm) * (math.pi / 4 if solid.kind == "cylinder" else 1.0)
+        for solid in mount.shape
+    ]
     properties = []
     for solid, volume in zip(mount.shape, volumes, strict=True):
         mass_kg = mount.mass_kg * volume / sum(volumes)
@@ -68,7 +71,10 @@ def mount_properties(mount: Mount) -> MassProperties:
 
 def max_placement_shift_mm(car: FoldedCar) -> float:
     """Maximum shift (mm) of the centre of mass along the floor if parts are laid into their outlines by eye."""
-    marked = {mark.name for piece in car.pieces for face in piece.faces for mark in face.marks}
+    faces = [face for piece in car.pieces for face in piece.faces]
+    marked = {mark.name for face in faces for mark in face.marks}
+    holes = [hole for face in faces for hole in face.holes if hole.kind == "mark"]
+    marked |= {hole.name.rpartition(".")[2].partition(" corner ")[0] for hole in holes}
     laid_kg = sum(mount.mass_kg for mount in car.mounts if mount.name in marked)
     whole_kg = sum(body_properties(car, body).mass_kg for body in {placed.body for placed in car.placed})
     return car.parts.assembly.placement_mm.value * laid_kg / whole_kg

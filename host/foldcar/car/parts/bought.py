@@ -209,10 +209,10 @@ class Feather(BoxPart):
 
     def joints(self, headers: Headers) -> tuple[Box, ...]:
         """Return the ends of the headers' legs below the board."""
-        down = headers.leg_mm.value - self.board_mm.value
+        down, wide = headers.leg_mm.value - self.board_mm.value, headers.joint_width_mm.value
         return tuple(
             header.model_copy(
-                update={"at_mm": (*header.at_mm[:2], -down / 2), "size_mm": (header.size_mm[0], header.size_mm[1], down)}
+                update={"at_mm": (*header.at_mm[:2], -down / 2), "size_mm": (header.size_mm[0], wide, down)}
             )
             for header in self.headers
         )

@@ -299,8 +299,8 @@ def _cautions(car: FoldedCar, step: AssemblyStep, before: State) -> Iterator[str
         yield "It sticks to the outside of the lid, the side without print, between the small holes at its corners."
     if any(added.kind == "unit" and added.name == "bridge" for added in step.adds):
         yield (
-            "Press both feet onto the floor: push the bone folder under the boards, beside the cell, from the bridge's "
-            "side without a tongue."
+            "Press both feet onto the floor: push the bone folder under the boards, beside the cell, from the "
+            "side of the bridge without a tongue."
         )
     if car.parts.board_pad.name in parts:
         yield "The pad, foam tape in two layers, sticks to film and board where the module covers the board's holes."
@@ -312,7 +312,7 @@ def _cautions(car: FoldedCar, step: AssemblyStep, before: State) -> Iterator[str
         texts = [f"from {down:.0f}° nose down to {up:.0f}° nose up" for down, up in limits]
         all_equal = len(set(texts)) == 1
         ranges = texts[0] if all_equal else join_words([f"{text} at hinge {n}" for n, text in enumerate(texts, 1)])
-        yield "The ends of the floors lie along the orange marks of a hinge's strip, its sides flush with the walls."
+        yield "The floors' ends lie along the orange marks of a hinge's strip, its sides flush with the walls."
         yield (
             f"A hinge's strip stays uncreased between the segments, which then pitch freely {ranges} against each other."
         )

@@ -23,13 +23,14 @@ from foldcar.errors import FoldcarError
 from foldcar.fabrication.assembly.scene_shape import SceneShapes, drawn_body
 from foldcar.figures.scene_data import ground_data
 from foldcar.inference.calibration.effects import REAL_ONLY, start_deviates
-from foldcar.inference.calibration.parameters import MAX_SCORE, PARAMETERS
+from foldcar.inference.calibration.parameters import MAX_SCORE, NAMES, PARAMETERS, ScorePrior, built_priors
 from foldcar.report.page_data import Experiment
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.engines import ENGINES, MUJOCO_ENVIRONMENT, engine_of
 from foldcar.simulation.heights import carsim_heights
 from foldcar.simulation.results import FAILED, OUTCOMES, REJECTED
 from foldcar.simulation.runner import PATH_INTERVAL_S, side_by_side
+from foldcar.store.calibrations import Calibration, calibrations
 from foldcar.store.frames import RunArrays
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
@@ -43,6 +44,8 @@ MAX_DESIGNS, MAX_SAMPLES = 400, 200
 SLIDERS = tuple(parameter for parameter in PARAMETERS if parameter.name != "wheel_spread")
 # The largest resistance (Ω) of the supply's slider.
 MAX_SUPPLY_OHM = 0.6
+# The standard normal quantile of 95 %: ends of a 90 % interval.
+Z_90 = 1.6448536
 FNV_OFFSET, FNV_PRIME = 0x811C9DC5, 0x01000193
 
 Blobs = dict[str, str]
@@ -81,6 +84,8 @@ class PageDrives:
         blobs = {"inputs": _inputs(info, drives, designs, samples), "checks": _checks(runs)}
         blobs |= self._scene_blobs(drives, samples, carsim)
         blobs |= _car_blobs(info, drives, designs)
+        calibration = _latest_calibration(store, info.id)
+        from_sheets = all(trial.source is None for trial in experiment.trials)
         shown["drives"] = {
             "key": key,
             "engine": " ".join(ENGINES[engine_of(info.engine)].options),
@@ -88,7 +93,8 @@ class PageDrives:
             "designs": designs,
             "environments": samples,
             "path_interval_s": PATH_INTERVAL_S,
-            "sliders": [] if info.under else sliders(),
+            "sliders": [] if info.under else sliders(info.vehicle_type, from_sheets, calibration),
+            "calibration": calibration.name if calibration else None,
         }
         if len(designs) < len(drives.bodies) or len(samples) < len(drives.scenes):
             shown["remarks"].append(
@@ -127,32 +133,46 @@ def why_not(info: ExperimentInfo, drives: StoredDrives) -> str | None:
     return None
 
 
-def sliders() -> list[dict[str, Any]]:
-    """Return the parameters that a page can change: range, nominal value, and the prior's median and 90 % interval."""
-    rows = []
+def sliders(vehicle_type: str, from_sheets: bool, calibration: Calibration | None) -> list[dict[str, Any]]:
+    """Return the parameters that a page can change.
+
+    Each has its range, its nominal value, and median and 90 % interval (low, median, high) of its prior and, with a
+    calibration, of its posterior. ``from_sheets``: whether all built cars were built from the sheets.
+    """
+    calibrated = {row["name"]: row for row in calibration.summary["parameters"]} if calibration else {}
+    special_priors, rows = built_priors(vehicle_type, from_sheets), []
     for parameter in SLIDERS:
-        ends = [float(parameter.value(score)) for score in (-MAX_SCORE, -1.6449, 0.0, 1.6449, MAX_SCORE)]
-        low, prior, high = ends[0], ends[1:4], ends[4]
+        index = NAMES.index(parameter.name)
+        prior = special_priors.get(index, ScorePrior(0.0, 1.0, parameter.source))
+        interval = [float(parameter.value(prior.mean + prior.sd * z)) for z in (-Z_90, 0.0, Z_90)]
+        low, high = (float(parameter.value(score)) for score in (-MAX_SCORE, MAX_SCORE))
         low = 0.0 if parameter.prior == "half-normal" else min(low, parameter.nominal)
-        rows.append(_slider(parameter.name, parameter.unit, parameter.meaning, parameter.nominal, low, high, prior))
+        row = _slider(parameter.name, parameter.unit, parameter.meaning, parameter.nominal, low, high)
+        posterior = calibrated[parameter.name]["posterior"] if calibration else None
+        rows.append({**row, "prior": _rounded(interval), "calibrated": posterior and _rounded(_interval(posterior))})
     supply = REAL_ONLY["supply_resistance_ohm"]
     meaning = "resistance of cells, wires and switch of the servo supply, beyond the design's"
-    rows.append(_slider("supply_resistance_ohm", supply.unit, meaning, supply.nominal, 0.0, MAX_SUPPLY_OHM, None))
-    return rows
+    row = _slider("supply_resistance_ohm", supply.unit, meaning, supply.nominal, 0.0, MAX_SUPPLY_OHM)
+    return [*rows, {**row, "prior": None, "calibrated": None}]
 
 
-def _slider(
-    name: str, unit: str, meaning: str, nominal: float, low: float, high: float, prior: list[float] | None
-) -> dict[str, Any]:
-    return {
-        "name": name,
-        "unit": unit,
-        "meaning": meaning,
-        "nominal": nominal,
-        "low": float(f"{low:.3g}"),
-        "high": float(f"{high:.3g}"),
-        "prior": None if prior is None else [float(f"{value:.4g}") for value in prior],
-    }
+def _slider(name: str, unit: str, meaning: str, nominal: float, low: float, high: float) -> dict[str, Any]:
+    limits = {"low": float(f"{low:.3g}"), "high": float(f"{high:.3g}")}
+    return {"name": name, "unit": unit, "meaning": meaning, "nominal": nominal, **limits}
+
+
+def _interval(ends: Mapping[str, float]) -> list[float]:
+    return [ends[name] for name in ("low", "median", "high")]
+
+
+def _rounded(values: Sequence[float]) -> list[float]:
+    return [float(f"{value:.4g}") for value in values]
+
+
+def _latest_calibration(store: Store, experiment: str) -> Calibration | None:
+    """Return the newest calibration by an experiment's trials; None without calibrations."""
+    by_trials = [calibration for calibration in calibrations(store) if calibration.experiment == experiment]
+    return max(by_trials, key=lambda calibration: calibration.created_utc, default=None)
 
 
 def _shown_designs(count: int) -> list[int]:

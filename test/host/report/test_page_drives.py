@@ -10,7 +10,7 @@ import pytest
 from browser import Tab, study_of
 from foldcar.store.reader import Store
 from study_car import listing_of
-from swept_listing import STEP_PYRAMIDS, foldcar, reported
+from swept_listing import STEP_PYRAMIDS, foldcar, json_output, reported
 
 WIDTHS, SAMPLES = (95, 120, 245), 4
 VERIFIED = "document.querySelector('#verify [role=status]').textContent"
@@ -119,6 +119,24 @@ def test_the_unknown_that_matters_most_comes_first(study: Path) -> None:
     points = [int(caption.split("changes success by ")[1].split(" ")[0]) for caption in captions]
     assert len(captions) == 9 and points == sorted(points, reverse=True) and points[0] > 0
     assert errors == []
+
+
+def test_sliders_show_the_ranges_of_a_calibration(tmp_path: Path, carsim_binary: Path) -> None:
+    reported(tmp_path, WIDTHS, 20)
+    calibration = json_output("calibrate", tmp_path / "s.db", "--name", "pub", "--runs", "500")
+    foldcar("report", tmp_path / "s.db", "-o", tmp_path / "report")
+
+    (experiment,) = study_of(tmp_path / "report")["experiments"]
+    ranges = {slider["name"]: slider["calibrated"] for slider in experiment["drives"]["sliders"]}
+    posteriors = {row["name"]: row["posterior"] for row in calibration["parameters"]}
+    assert ranges.pop("supply_resistance_ohm") is None and len(ranges) == 8
+    for name, interval in ranges.items():
+        assert interval == pytest.approx([posteriors[name][end] for end in ("low", "median", "high")], rel=1e-3)
+    with opened(tmp_path / "report") as tab:
+        ready(tab)
+        bars = tab.ask("document.querySelectorAll('.slider .calibrated').length")
+        note = tab.ask("document.getElementById('calibrated-note').textContent")
+    assert bars == len(ranges) and "calibration “pub”" in note
 
 
 def test_what_a_page_cannot_simulate_is_said(study: Path, tmp_path: Path) -> None:

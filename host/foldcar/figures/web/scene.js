@@ -130,6 +130,8 @@ class View {
     const label = "The car in its environment, in three dimensions; drag or use the arrow keys to turn it";
     this.canvas = make("canvas", { tabindex: 0, role: "img", "aria-label": label, style: "display:block;width:100%;touch-action:none" });
     this.renderer = new THREE.WebGLRenderer({ canvas: this.canvas, antialias: !softwareOnly() });
+    // Reading a program's log would wait until it is compiled.
+    this.renderer.debug.checkShaderErrors = false;
     element.append(this.canvas);
     this.scene = new THREE.Scene();
     this.lens = new THREE.PerspectiveCamera(32, 1, 0.02, 60);
@@ -171,7 +173,8 @@ class View {
   drop(objects) {
     for (const one of objects) {
       this.scene.remove(one);
-      one.traverse(part => { part.geometry?.dispose(); part.material?.dispose(); });
+      // Materials stay, because the next objects need their compiled programs.
+      one.traverse(part => part.geometry?.dispose());
     }
   }
 

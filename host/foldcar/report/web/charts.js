@@ -55,11 +55,12 @@ export class Chart {
     this.renderer = renderer;
     this.handlers = [];
     this.width = this.place.clientWidth;
-    this.seen = new ResizeObserver(() => {
+    // In the next frame, because drawing changes sizes, which an observer may not do.
+    this.seen = new ResizeObserver(() => requestAnimationFrame(() => {
       if (this.place.clientWidth === this.width) return;
       this.width = this.place.clientWidth;
       this.draw();
-    });
+    }));
     this.seen.observe(this.place);
     all.add(this);
   }
@@ -77,8 +78,10 @@ export class Chart {
       this.chart = echarts.init(this.place, null, { renderer: this.renderer });
       for (const one of this.handlers) this.chart.on(...one);
     }
-    this.chart.resize();
-    this.chart.setOption({ animation: false, textStyle: { fontFamily: "inherit", color: theme.ink }, ...option }, { notMerge: true });
+    // A resize draws the whole chart once more.
+    const { chart, place } = this;
+    if (chart.getWidth() !== place.clientWidth || chart.getHeight() !== place.clientHeight) chart.resize();
+    chart.setOption({ animation: false, textStyle: { fontFamily: "inherit", color: theme.ink }, ...option }, { notMerge: true });
     this.drawn();
   }
 

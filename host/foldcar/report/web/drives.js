@@ -33,59 +33,65 @@ const compileCarsim = () => (compiled ??= inflate(byId("carsim").textContent.tri
 
 // Simulators in workers, one for each thread of the machine. Tasks of a higher priority run first.
 class Pool {
+  // `ready` resolves when the first simulator has started; `build` is then its build.
   constructor(engine) {
     this.tasks = [];
-    this.workers = [];
+    this.simulators = [];
     this.ready = this.start(engine);
   }
 
   async start(engine) {
     const module = await compileCarsim();
     const url = URL.createObjectURL(new Blob([byId("worker").textContent], { type: "text/javascript" }));
-    const count = Math.max(1, navigator.hardwareConcurrency || 2);
-    await Promise.all(Array.from({ length: count }, () => new Promise((resolve, reject) => {
-      const worker = new Worker(url), one = { worker, known: new Set(), task: null };
-      worker.onerror = event => { this.failed = new Error(event.message); one.task?.reject(this.failed); reject(this.failed); };
+    const starts = Array.from({ length: Math.max(1, navigator.hardwareConcurrency || 2) }, () => this.startWorker(url, module, engine));
+    Promise.allSettled(starts).then(() => URL.revokeObjectURL(url));
+    await Promise.any(starts).catch(({ errors }) => { throw errors[0]; });
+  }
+
+  startWorker(url, module, engine) {
+    return new Promise((resolve, reject) => {
+      const worker = new Worker(url), simulator = { worker, known: new Set(), task: null };
+      worker.onerror = event => {
+        this.failure = new Error(event.message);
+        simulator.task?.reject(this.failure);
+        reject(this.failure);
+      };
       worker.onmessage = ({ data }) => {
         if (data.build) {
           this.build = data.build;
-          this.workers.push(one);
+          this.simulators.push(simulator);
           resolve();
-          this.next();
-          return;
+        } else {
+          const { task } = simulator;
+          simulator.task = null;
+          task.resolve(data.answers.map(text => JSON.parse(text)));
         }
-        const { task } = one;
-        one.task = null;
-        task.resolve(data.answers.map(text => JSON.parse(text)));
-        this.next();
+        this.startTasks();
       };
       worker.postMessage({ module, engine });
-    })));
-    URL.revokeObjectURL(url);
+    });
   }
 
-  // Answers to the run lines; definitions are lines by name of bodies and scenes that a simulator needs first.
+  // Answers to the run lines. definitions: by name of a body or scene, a function that returns its line, which a simulator
+  // gets before the first run that uses it.
   answers(definitions, lines, priority, group) {
     return new Promise((resolve, reject) => {
-      if (this.failed) { reject(this.failed); return; }
+      if (this.failure) { reject(this.failure); return; }
       this.tasks.push({ definitions, lines, priority, group, resolve, reject });
       this.tasks.sort((a, b) => b.priority - a.priority);
-      this.next();
+      this.startTasks();
     });
   }
 
   // Forgets tasks of a group that have not begun; their promises stay open.
   drop(group) { this.tasks = this.tasks.filter(task => task.group !== group); }
 
-  next() {
-    for (const one of this.workers) {
-      if (one.task || !this.tasks.length) continue;
-      const task = (one.task = this.tasks.shift()), missing = [];
-      for (const [name, line] of Object.entries(task.definitions)) {
-        if (!one.known.has(name)) missing.push(line);
-        one.known.add(name);
-      }
-      one.worker.postMessage({ id: 0, lines: [...missing, ...task.lines] });
+  startTasks() {
+    for (const simulator of this.simulators) {
+      if (simulator.task || !this.tasks.length) continue;
+      const task = (simulator.task = this.tasks.shift()), unknown = [...task.definitions].filter(([name]) => !simulator.known.has(name));
+      for (const [name] of unknown) simulator.known.add(name);
+      simulator.worker.postMessage({ lines: [...unknown.map(([, line]) => line()), ...task.lines] });
     }
   }
 }
@@ -101,6 +107,7 @@ export class Drives {
     this.canDrive = new Set(this.designs);
     this.canMeet = new Set(this.environments);
     this.grounds = new Map();
+    this.pulsesOf = new Map();
   }
 
   has(design, environment) { return this.canDrive.has(design) && this.canMeet.has(environment) && this.check(design, environment) !== 0; }
@@ -133,24 +140,28 @@ export class Drives {
   // Answers of runs of designs in an environment, in order. values: what-if values by name, null for the run as stored.
   async simulate(designs, environment, { values = null, path = false, priority = LATER, group = null } = {}) {
     await this.ready();
-    const { inputs, key } = this, scene = await readBlob(`${key}-scene-${environment}`);
+    const { inputs, key } = this, sceneName = `${key} s${environment}`, bodyName = number => `${key} b${number}`;
+    const { head: { scene } } = await readBlob(`${key}-scene-${environment}`);
     const reality = realityOf(values, inputs.realities[environment], inputs.deviates[environment]);
-    const definitions = { [`${key} s${environment}`]: JSON.stringify({ scene: { ...scene.head.scene, id: `${key} s${environment}` } }) };
+    const definitions = new Map([[sceneName, () => JSON.stringify({ scene: { ...scene, id: sceneName } })]]);
     const lines = designs.map(design => {
-      const [body, setting] = inputs.designs[design];
-      definitions[`${key} b${body}`] ??= JSON.stringify({ body: { ...inputs.bodies[body], id: `${key} b${body}` } });
-      return JSON.stringify({ run: { ...inputs.settings[setting], id: String(design), body: `${key} b${body}`, scene: `${key} s${environment}`, reality, ...(path ? { path_interval_s: this.path_interval_s } : {}) } });
+      const [body, setting] = inputs.designs[design], id = bodyName(body);
+      if (!definitions.has(id)) definitions.set(id, () => JSON.stringify({ body: { ...inputs.bodies[body], id } }));
+      return JSON.stringify({ run: { ...inputs.settings[setting], id: String(design), body: id, scene: sceneName, reality, ...(path ? { path_interval_s: this.path_interval_s } : {}) } });
     });
     return this.pool.answers(definitions, lines, priority, group);
   }
 
-  // Rows of times and pulse widths of a design's servos.
+  // Rows of times and pulse widths of a design's servos; designs with equal settings share them.
   async pulses(design) {
     await this.ready();
-    const { speed_m_s, yaw_rate_rad_s, time_limit_s, parameters } = this.inputs.settings[this.inputs.designs[design][1]];
-    const line = JSON.stringify({ pulses: { id: "pulses", speed_m_s, yaw_rate_rad_s, time_limit_s, parameters } });
-    const [{ changes }] = await this.pool.answers({}, [line], URGENT);
-    return changes;
+    const setting = this.inputs.designs[design][1];
+    if (!this.pulsesOf.has(setting)) {
+      const { speed_m_s, yaw_rate_rad_s, time_limit_s, parameters } = this.inputs.settings[setting];
+      const line = JSON.stringify({ pulses: { id: "pulses", speed_m_s, yaw_rate_rad_s, time_limit_s, parameters } });
+      this.pulsesOf.set(setting, this.pool.answers(new Map(), [line], URGENT).then(([{ changes }]) => changes));
+    }
+    return this.pulsesOf.get(setting);
   }
 
   check(design, environment) {

@@ -7,16 +7,10 @@ import { byId, make } from "../../figures/web/dom.js";
 
 const MAX_CAUSES = 6;
 const MAX_LISTED = 200;
-// Cells that are elements of their own, which print sharply.
-const MAX_DRAWN = 5000;
-// Heights of a row and room for axes (px).
-const ROW = 4;
-const LEAST = 260;
-const MOST = 520;
-// Columns that are wider have names (px).
-const NAMED = 11;
-// The width of a letter of a name (px).
-const LETTER = 6;
+// Cells that are elements of their own, which print sharply but are slow to draw.
+const MAX_SVG_CELLS = 1000;
+// Height of a row, limits of the grid's height, width from which columns are labelled, width of a letter of a label (px).
+const ROW_HEIGHT = 4, MIN_HEIGHT = 260, MAX_HEIGHT = 520, NAMED_WIDTH = 11, LETTER_WIDTH = 6;
 
 export class Runs {
   constructor(model, replay) { Object.assign(this, { model, replay, charts: [] }); }
@@ -57,11 +51,12 @@ export class Runs {
 
   mark() {
     const { model } = this;
+    // First, because a worker simulates the run while the charts are drawn.
+    if (model.e.drives) this.replay.show(model.design, model.env, model.state.t ?? 0, model.state.t === null && document.body.dataset.state === "ready");
     endings(model);
     if (this.ends) this.ends.mark();
     if (this.grid) this.grid.mark();
     listed(model);
-    if (model.e.drives) this.replay.show(model.design, model.env, model.state.t ?? 0, model.state.t === null && document.body.dataset.state === "ready");
   }
 }
 
@@ -125,11 +120,14 @@ class Grid {
   constructor(model, place) {
     this.model = model;
     const { e } = model;
-    this.told = make("p", { class: "told", role: "status", "aria-live": "polite" });
+    this.status = make("p", { class: "told", role: "status", "aria-live": "polite" });
     const figure = make("figure", { "data-chart": "grid" });
-    place.append(make("p", { class: "note", text: "Press a cell, or use the arrow keys: it is a run." }), figure, this.told);
-    this.arrange();
-    this.chart = new Chart(figure, { label: "Outcome of every run: a column for each design, a row for each environment", renderer: e.runs.design.length > MAX_DRAWN ? "canvas" : "svg", option: (theme, width) => this.option(theme, width) });
+    place.append(make("p", { class: "note", text: "Press a cell, or use the arrow keys: it is a run." }), figure, this.status);
+    this.frames = ["column", "cell"].map(kind => make("i", { class: `frame ${kind}`, hidden: true }));
+    this.chart = new Chart(figure, {
+      label: "Outcome of every run: a column for each design, a row for each environment", renderer: e.runs.design.length > MAX_SVG_CELLS ? "canvas" : "svg",
+      option: (theme, width) => this.option(theme, width), drawn: () => this.placeFrames(),
+    });
     this.chart.place.tabIndex = 0;
     this.chart.place.setAttribute("role", "application");
     this.chart.place.setAttribute("aria-label", "Outcomes: a column for each design, a row for each environment. Arrow keys move from run to run.");
@@ -166,41 +164,56 @@ class Grid {
       const outcome = e.runs.outcome[run];
       data.push({ value: [column, row, outcome], itemStyle: { color: OUTCOMES[e.outcomes[outcome]], opacity: kept.size && !kept.has(outcome) ? 0.1 : 1 } });
     }));
-    const several = e.parameters.length > 1, height = Math.max(LEAST, Math.min(MOST, 90 + ROW * this.rows.length));
-    const at = [this.columns.indexOf(model.design), this.rows.indexOf(model.env)];
-    const [cellWidth, cellHeight] = [(width - 64) / Math.max(1, this.columns.length), (height - (several ? 32 : 58)) / Math.max(1, this.rows.length)];
-    const named = e.parameters.length < 2 || cellWidth > NAMED;
-    const texts = this.columns.map(design => valuesOf(e, design)), gap = !several ? 26 : named ? 16 + LETTER * Math.max(...texts.map(text => text.length)) : 10;
+    const several = e.parameters.length > 1, height = Math.max(MIN_HEIGHT, Math.min(MAX_HEIGHT, 90 + ROW_HEIGHT * this.rows.length));
+    const left = 52, right = 12, top = 10, below = 22;
+    const cellWidth = (width - left - right) / Math.max(1, this.columns.length), cellHeight = (height - (several ? top + below : 58)) / Math.max(1, this.rows.length);
+    this.cell = { width: cellWidth, height: cellHeight, left, top };
+    const named = e.parameters.length < 2 || cellWidth > NAMED_WIDTH;
+    const texts = this.columns.map(design => valuesOf(e, design)), gap = !several ? 26 : named ? 16 + LETTER_WIDTH * Math.max(...texts.map(text => text.length)) : 10;
     return {
-      height: height + (several ? gap : 0), grid: { left: 52, right: 12, top: 10, bottom: gap + 22 },
+      height: height + (several ? gap : 0), grid: { left, right, top, bottom: gap + below },
       xAxis: axisStyle(theme, several ? `${this.columns.length} designs${named ? `: ${e.parameters.map(withUnit).join(" · ")}` : ""}` : e.parameters.length ? withUnit(e.parameters[0]) : "", {
         type: "category", data: texts, nameGap: gap, axisTick: { show: false },
         axisLabel: { show: named, color: theme.soft, fontSize: 11, hideOverlap: true, rotate: several ? 90 : 0 },
       }),
       yAxis: axisStyle(theme, "environment", { type: "category", data: this.rows.map(String), nameGap: 36, axisTick: { show: false }, splitLine: { show: false } }),
-      series: [
-        { type: "heatmap", data, progressive: 0, itemStyle: { borderWidth: cellWidth > 6 && cellHeight > 6 ? 0.5 : 0, borderColor: theme.paper }, emphasis: { itemStyle: { borderColor: theme.ink, borderWidth: 1.5 } } },
-        { type: "scatter", silent: true, z: 5, symbol: "rect", symbolSize: [Math.max(8, cellWidth + 2), Math.max(8, cellHeight + 2)], data: at[0] >= 0 && at[1] >= 0 ? [at] : [], itemStyle: { color: "transparent", borderColor: theme.ink, borderWidth: 2.5 } },
-        { type: "custom", silent: true, z: 4, data: at[0] >= 0 ? [at[0]] : [], encode: { x: 0 }, renderItem: (params, api) => {
-          const [x] = api.coord([at[0], 0]), box = params.coordSys;
-          return { type: "rect", shape: { x: x - cellWidth / 2, y: box.y, width: cellWidth, height: box.height }, style: { fill: "none", stroke: theme.ink, lineWidth: 1.5 } };
-        } },
-      ],
+      series: [{ type: "heatmap", data, progressive: 0, itemStyle: { borderWidth: cellWidth > 6 && cellHeight > 6 ? 0.5 : 0, borderColor: theme.paper }, emphasis: { itemStyle: { borderColor: theme.ink, borderWidth: 1.5 } } }],
     };
   }
 
+  // Draws the cells anew only if others are kept: thousands of them take longer than a run.
   mark() {
     this.arrange();
-    this.chart.draw();
+    const kept = `${this.columns} ${this.model.state.outcomes}`;
+    if (kept === this.kept && !this.chart.stale) this.placeFrames();
+    else this.chart.draw();
+    this.kept = kept;
     this.tell(this.model.design, this.model.env);
+  }
+
+  // Frames the chosen design's column and the chosen run's cell.
+  placeFrames() {
+    const [columnFrame, cellFrame] = this.frames;
+    if (!columnFrame.isConnected) this.chart.place.append(columnFrame, cellFrame);
+    const column = this.columns.indexOf(this.model.design), row = this.rows.indexOf(this.model.env);
+    const { width, height, left, top } = this.cell, x = left + (column + 0.5) * width, rows = this.rows.length;
+    columnFrame.hidden = column < 0;
+    cellFrame.hidden = column < 0 || row < 0;
+    frame(columnFrame, x, top + rows * height / 2, width, rows * height);
+    frame(cellFrame, x, top + (rows - row - 0.5) * height, Math.max(8, width + 2), Math.max(8, height + 2));
   }
 
   tell(design, environment) {
     const { e } = this.model, run = e.run(design, environment);
-    this.told.textContent = design === null ? "" : run < 0
+    this.status.textContent = design === null ? "" : run < 0
       ? `${e.designs.name[design]}: ${e.designs.passed[design] ?? "–"} of ${e.designs.runs[design]} runs passed.`
       : `${e.designs.name[design]}, environment ${environment}: ${e.outcome_labels[e.runs.outcome[run]]} after ${number(e.runs.time_s[run])} s. ${e.passedIn[environment]} of ${e.runsIn[environment]} designs pass there.`;
   }
+}
+
+// Puts a frame around a centre; all in px.
+function frame(element, x, y, width, height) {
+  Object.assign(element.style, { left: `${x - width / 2}px`, top: `${y - height / 2}px`, width: `${width}px`, height: `${height}px` });
 }
 
 const valuesOf = (e, design) => e.parameters.map((_, k) => e.axes[k]).map(axis => String(axis.values[design] ?? "–")).join(" · ");

@@ -83,7 +83,7 @@ export function showTrials(model) {
   ]);
   place.replaceChildren(...(rows.length
     ? [make("details", { open: rows.length <= 12 }, make("summary", { text: `${rows.length} trial${rows.length > 1 ? "s" : ""} one by one` }), make("div", { class: "wide" }, plainTable(["trial", "car", ...(named ? ["name"] : []), "kind", "environment", "outcome", "after", "when", "note"], rows)))]
-    : [make("p", { class: "note" }, "No trial of this experiment is shown: ", make("code", { text: "foldcar log" }), " and ", make("code", { text: "foldcar trials import" }), " add them; what is left out stands above.")]));
+    : [make("p", { class: "note" }, "No trial of this experiment is shown: ", make("code", { text: "foldcar log" }), " and ", make("code", { text: "foldcar trials import" }), " add trials. The remarks above say which trials are omitted.")]));
   byId("provenance").replaceChildren(make("table", { class: "facts" }, make("tbody", {}, ...e.provenance.map(([label, text]) => make("tr", {}, make("th", { scope: "row", text: label }), make("td", {}, text.includes("\n") ? make("pre", { text }) : text))))));
   byId("files").replaceChildren(...e.files.map(([label, address]) => make("li", {}, make("a", { href: address, text: label.split(/[.;:]( |$)/)[0] }))));
   byId("files").parentElement.hidden = !e.files.length;

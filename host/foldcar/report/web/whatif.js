@@ -32,6 +32,7 @@ export class WhatIf {
     this.sliders = e.drives.sliders;
     this.values = Object.fromEntries(this.sliders.map(one => [one.name, one.nominal]));
     this.fields = new Map();
+    byId("calibrated-note").textContent = e.drives.calibration ? ` The blue bar is its range by the calibration “${e.drives.calibration}”.` : "";
     const figure = make("figure", {});
     byId("whatif-sliders").replaceChildren(...this.sliders.map(one => this.row(one)), this.buttons());
     byId("whatif-chart").replaceChildren(this.legend(), figure);
@@ -41,19 +42,21 @@ export class WhatIf {
     this.read();
   }
 
-  // One slider: the prior's 90 % interval is a band below it.
-  row(one) {
-    const [unit, scale] = shownUnit(one.unit), label = LABELS[one.name] ?? one.name, step = (one.high - one.low) / 200;
-    const range = make("input", { type: "range", min: one.low, max: one.high, step, value: one.nominal, "aria-label": `${label} (${unit})`, title: one.meaning });
+  // One slider, with bands for the 90 % intervals of its prior and of a calibration.
+  row(slider) {
+    const { name, low, high, nominal, prior, calibrated, meaning } = slider;
+    const [unit, scale] = shownUnit(slider.unit), label = LABELS[name] ?? name, step = (high - low) / 200;
+    const range = make("input", { type: "range", min: low, max: high, step, value: nominal, "aria-label": `${label} (${unit})`, title: meaning });
     const output = make("output");
-    const show = () => { output.textContent = `${number(scale * this.values[one.name])} ${unit}`; range.setAttribute("aria-valuetext", output.textContent); };
-    range.addEventListener("input", () => { this.values[one.name] = snapped(one, Number(range.value), step); show(); this.changed(); });
-    this.fields.set(one.name, { range, show });
+    const show = () => { output.textContent = `${number(scale * this.values[name])} ${unit}`; range.setAttribute("aria-valuetext", output.textContent); };
+    range.addEventListener("input", () => { this.values[name] = snapped(slider, Number(range.value), step); show(); this.changed(); });
+    this.fields.set(name, { range, show });
     show();
-    const share = value => 100 * (Math.min(one.high, Math.max(one.low, value)) - one.low) / (one.high - one.low);
-    const band = one.prior ? make("i", { class: "prior", style: `left:${share(one.prior[0])}%;width:${share(one.prior[2]) - share(one.prior[0])}%`, title: `90 % of the prior: ${number(scale * one.prior[0])} to ${number(scale * one.prior[2])} ${unit}` }) : "";
-    const nominal = make("i", { class: "nominal", style: `left:${share(one.nominal)}%`, title: `as simulated: ${number(scale * one.nominal)} ${unit}` });
-    return make("label", { class: "slider" }, make("span", { text: label }), make("span", { class: "track" }, range, make("span", { class: "marks" }, band, nominal)), output);
+    const percentOf = value => 100 * (Math.min(high, Math.max(low, value)) - low) / (high - low);
+    const bandOf = (kind, interval, title) => (interval ? make("i", { class: kind, style: `left:${percentOf(interval[0])}%;width:${percentOf(interval[2]) - percentOf(interval[0])}%`, title: `${title}: ${number(scale * interval[0])} to ${number(scale * interval[2])} ${unit}` }) : "");
+    const mark = make("i", { class: "nominal", style: `left:${percentOf(nominal)}%`, title: `as simulated: ${number(scale * nominal)} ${unit}` });
+    const marks = make("span", { class: "marks" }, bandOf("prior", prior, "90 % of the prior"), bandOf("calibrated", calibrated, "90 % by the calibration"), mark);
+    return make("label", { class: "slider" }, make("span", { text: label }), make("span", { class: "track" }, range, marks), output);
   }
 
   buttons() {
@@ -204,18 +207,23 @@ export class WhatIf {
     }))));
     if (group !== this.single) return;
     bar.remove();
-    // Over the likely range, or over all where no range is known.
-    const likely = ({ at, prior, passed }) => [...passed].filter((_, k) => !prior || (at[k] >= prior[0] && at[k] <= prior[2]));
-    const span = curve => Math.max(0, ...likely(curve)) - Math.min(environments.length, ...likely(curve));
-    for (const curve of curves.sort((a, b) => span(b) - span(a))) {
-      const [unit, scale] = shownUnit(curve.unit), label = LABELS[curve.name] ?? curve.name;
-      const figure = make("figure", {}, make("figcaption", {}, make("b", { text: label }), ` changes success by ${Math.round(100 * Math.max(0, span(curve)) / environments.length)} points${curve.prior ? " over its likely range" : ""}`));
+    // Difference of success over an interval of the values, or over all of them, as a share of 1.
+    const change = ({ at, passed }, interval) => {
+      const [low, , high] = interval ?? [at[0], null, at[STEPS - 1]];
+      const counts = [interpolated(at, passed, low), ...[...passed].filter((_, k) => at[k] > low && at[k] < high), interpolated(at, passed, high)];
+      return Math.max(0, Math.max(0, ...counts) - Math.min(environments.length, ...counts)) / environments.length;
+    };
+    const important = curve => change(curve, curve.calibrated ?? curve.prior);
+    for (const curve of curves.sort((a, b) => important(b) - important(a))) {
+      const [unit, scale] = shownUnit(curve.unit), label = LABELS[curve.name] ?? curve.name, points = interval => Math.round(100 * change(curve, interval));
+      const ranges = [...(curve.prior ? [`${points(curve.prior)} points over its likely range`] : [`${points(null)} points`]), ...(curve.calibrated ? [`${points(curve.calibrated)} over its calibrated range`] : [])];
+      const figure = make("figure", {}, make("figcaption", {}, make("b", { text: label }), ` changes success by ${ranges.join(", ")}`));
       pictures.append(figure);
       const chart = new Chart(figure, {
         label: `Success by ${label}`, table: () => ({ head: [`${label} (${unit})`, "passed"], rows: curve.at.map((value, k) => [number(scale * value), `${curve.passed[k]} of ${environments.length}`]) }),
         option: theme => ({
           height: 150, grid: { left: 48, right: 10, top: 10, bottom: 40 }, xAxis: axisStyle(theme, `${label} (${unit})`, { type: "value", min: scale * curve.low, max: scale * curve.high }), yAxis: successAxis(theme, ""),
-          series: [...(curve.prior ? [band([[scale * curve.prior[0], 0, 100], [scale * curve.prior[2], 0, 100]], theme.soft, 0.12)] : []), { type: "line", symbolSize: 4, lineStyle: { color: theme.bad }, itemStyle: { color: theme.bad }, data: curve.at.map((value, k) => [scale * value, 100 * curve.passed[k] / environments.length]),
+          series: [...(curve.prior ? [band([[scale * curve.prior[0], 0, 100], [scale * curve.prior[2], 0, 100]], theme.soft, 0.12)] : []), ...(curve.calibrated ? [band([[scale * curve.calibrated[0], 0, 100], [scale * curve.calibrated[2], 0, 100]], theme.accent, 0.15)] : []), { type: "line", symbolSize: 4, lineStyle: { color: theme.bad }, itemStyle: { color: theme.bad }, data: curve.at.map((value, k) => [scale * value, 100 * curve.passed[k] / environments.length]),
             markLine: { silent: true, symbol: "none", label: { show: false }, lineStyle: { color: theme.soft, type: "dashed" }, data: [{ xAxis: scale * base[curve.name] }] } }],
         }),
       });
@@ -224,6 +232,13 @@ export class WhatIf {
     }
     place.dataset.done = "1";
   }
+}
+
+// y at a value of x, between points with increasing x; beyond them the first or last y.
+function interpolated(xs, ys, x) {
+  const k = xs.findIndex(value => value >= x);
+  if (k <= 0) return k < 0 ? ys[ys.length - 1] : ys[0];
+  return ys[k - 1] + (ys[k] - ys[k - 1]) * (x - xs[k - 1]) / (xs[k] - xs[k - 1]);
 }
 
 // A slider's value near its nominal one is the nominal one.

@@ -1,4 +1,4 @@
-// A worker of drives.js: one simulator. Messages in: {module, engine} first, then {id, lines}; out: {id, answers}.
+// A worker of drives.js: one simulator. Messages in: {module, engine} first, then {lines}; out: {build} first, then {answers}.
 
 import { Carsim } from "../../simulation/web/carsim.js";
 
@@ -10,5 +10,5 @@ self.onmessage = ({ data }) => {
     self.postMessage({ build: JSON.parse(carsim.table("--version")).build });
     return;
   }
-  self.postMessage({ id: data.id, answers: data.lines.map(line => carsim.batch(line)).filter(answer => answer !== null) });
+  self.postMessage({ answers: data.lines.map(line => carsim.batch(line)).filter(answer => answer !== null) });
 };

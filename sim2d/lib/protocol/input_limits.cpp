@@ -16,8 +16,6 @@ using Table = std::map<std::string, Limits>;
 
 // Limits of what the model can stand for. Lengths below a millimetre vanish in its contacts, cars beyond a metre or so
 // are another machine; the rest keeps the arithmetic in single precision healthy.
-constexpr Limits kCoordinate_m{-1000, 1000};
-constexpr Limits kHeading_rad{-100, 100};
 constexpr Limits kCarLength_m{0.005, 2};
 constexpr Limits kOffset_m{-1, 1};
 constexpr Limits kMass_kg{0.0005, 50};

@@ -79,8 +79,6 @@ void read_patch(JsonReader& reader, TerrainSpec& terrain) {
   terrain.patches.push_back(patch);
 }
 
-constexpr Limits kCoordinate_m{-1000, 1000};
-constexpr Limits kHeading_rad{-100, 100};
 constexpr Limits kSide_m{0.001, 100};
 constexpr Limits kHeight_m{0.0001, 10};
 constexpr Limits kSpread_m{0.005, 100};

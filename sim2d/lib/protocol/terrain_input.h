@@ -10,6 +10,10 @@
 
 namespace foldcar {
 
+// Places and directions in a scene.
+inline constexpr Limits kCoordinate_m{-1000, 1000};
+inline constexpr Limits kHeading_rad{-100, 100};
+
 // The limits of every kind's numbers by kind and key: "box.height_m".
 std::map<std::string, Limits> terrain_limits();
 

@@ -105,6 +105,8 @@ inline std::string content_of_log(LogStorage& logs, std::uint16_t id) {
 }
 
 inline void store_log(LogStorage& logs, std::uint16_t id, std::initializer_list<const char*> parts) {
+  while (logs.prepare()) {
+  }
   TEST_ASSERT_TRUE_MESSAGE(logs.create(id), "not created");
   for (const char* part : parts) {
     TEST_ASSERT_TRUE(logs.append(reinterpret_cast<const std::uint8_t*>(part), std::strlen(part)));

@@ -34,7 +34,7 @@ bool store_log(void*) { return car().firmware.store_log(); }
 void setup() {
   Car& me = car();
   me.board.begin(kBaud);
-  me.firmware.begin(foldcar::read_stored_design(me.board.logs.present()));
+  me.firmware.begin(foldcar::read_stored_design());
   me.board.apply(me.firmware.parameters());
   if (!foldcar::start_background_task(store_log, nullptr)) me.board.logs.give_up();
   me.board.board.start_watchdog();

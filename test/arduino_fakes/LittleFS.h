@@ -17,15 +17,8 @@ class LittleFSFS : public FS {
     }
     return flash.is_mounted = flash.is_formatted;
   }
-  std::size_t totalBytes() { return fake_esp32.flash.capacity; }
-  std::size_t usedBytes() { return used_fake_bytes(fake_esp32.flash); }
 };
 
 }  // namespace fs
 
 inline fs::LittleFSFS LittleFS;
-
-inline fs::File fs::File::openNextFile() {
-  if (!open_ || open_->next_entry == open_->entries.size()) return File();
-  return LittleFS.open(open_->entries[open_->next_entry++].c_str());
-}

@@ -54,21 +54,12 @@ struct FakeFlash {
   std::map<std::string, std::map<std::string, std::vector<std::uint8_t>>> nvs;  // by namespace and key
   bool is_formatted = true;   // the partition holds a file system
   bool is_mounted = false;
-  bool write_fails = false;  // nothing is stored any more
+  bool write_fails = false;  // nothing is programmed or erased any more
   bool read_fails = false;  // a file gives fewer bytes than it has
-  std::size_t capacity = 1441792;            // bytes
-  bool divided_by_zero = false;  // something was to be written where no block was free: the board has crashed
-  std::map<std::string, std::string> files;  // what is committed, by path
-  std::map<std::string, int> open_count;     // open handles, by path
+  std::map<std::string, std::string> files;  // by path
+  std::vector<std::uint8_t> logs = std::vector<std::uint8_t>(0x140000, 0x5A);  // the partition of that name; empty: there is none
+  int programmed_count = 0, erased_count = 0;  // pages or parts of them, and blocks, of the logs
 };
-
-// Bytes of the blocks in use: those of each file, and two of the file system's own.
-inline std::size_t used_fake_bytes(const FakeFlash& flash) {
-  constexpr std::size_t kBlock = 4096;
-  std::size_t blocks = 2;
-  for (const auto& file : flash.files) blocks += (file.second.size() + kBlock - 1) / kBlock;
-  return blocks * kBlock;
-}
 
 struct FakeTask {
   void (*function)(void*) = nullptr;  // null: none was made

@@ -12,9 +12,9 @@
 #else
 #include "../../firmware/lib/feather_hal/flash_design.h"
 // A board without the reader has no design either.
-foldcar::DesignResult foldcar::read_stored_design(bool mounted) {
+foldcar::DesignResult foldcar::read_stored_design() {
   DesignResult absent;
-  absent.source = mounted ? DesignSource::kMissing : DesignSource::kUnreadable;
+  absent.source = fake_esp32.flash.is_formatted ? DesignSource::kMissing : DesignSource::kUnreadable;
   return absent;
 }
 #endif

@@ -25,7 +25,7 @@ TEST(a_board_with_nothing_on_it_answers_false) {
   FeatherBench bench;
   fake_esp32.i2c.chips.clear();
   fake_esp32.flash.nvs_is_broken = true;
-  fake_esp32.flash.is_formatted = false;
+  fake_esp32.flash.logs.clear();
   bench.begin();
   const Hal hal = bench.hal.hal();
   TEST_ASSERT_FALSE(hal.servos.write_pulses(PulsesUs{}));

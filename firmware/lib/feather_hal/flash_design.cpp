@@ -16,7 +16,8 @@ constexpr const char* kDesignFile = "/car.json";
 
 }  // namespace
 
-DesignResult read_stored_design(bool mounted) {
+DesignResult read_stored_design() {
+  const bool mounted = LittleFS.begin(false);
   DesignResult absent;
   absent.source = mounted ? DesignSource::kMissing : DesignSource::kUnreadable;
   if (!mounted || !LittleFS.exists(kDesignFile)) return absent;

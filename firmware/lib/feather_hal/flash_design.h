@@ -5,8 +5,8 @@
 
 namespace foldcar {
 
-// Reads and checks the file. mounted: whether FlashLogs::begin() has mounted the file system. Takes memory from the heap and
-// gives all of it back.
-DesignResult read_stored_design(bool mounted);
+// Mounts the file system, reads and checks the file. A file system that does not mount is not formatted, as a design may be in
+// it. Takes memory from the heap and gives all of it back.
+DesignResult read_stored_design();
 
 }  // namespace foldcar

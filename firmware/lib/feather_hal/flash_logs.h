@@ -1,10 +1,15 @@
-// Logs of trials as files of the ESP32's flash file system (LittleFS): /log_00001 to /log_65535.
+// Logs of trials in the partition "logs" of the ESP32's flash (firmware/partitions.csv).
+//
+// The partition has a slot for each log that is kept, and one for the next. A slot is erased before its log is created, so
+// that a log is only programmed, which takes at most 3 ms for a page (erasing takes up to 400 ms for a block; W25Q32JV's data
+// sheet). The first page of a slot has the log's number, each further page: number of bytes, bytes, checksum.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 
-#include <FS.h>
+#include <esp_partition.h>
 
 #include "hal.h"
 
@@ -13,12 +18,13 @@ namespace foldcar {
 // Until begin() has succeeded no log can be stored.
 class FlashLogs : public LogStorage {
  public:
-  // Mounts the file system. Returns false if there is none that mounts; it is not formatted, as a design may be in it.
+  // Finds the partition and the logs in it. Returns false if there is none, or a smaller one.
   bool begin();
   // From now on no log can be stored.
-  void give_up();
+  void give_up() { partition_ = nullptr; }
 
-  bool present() const override { return mounted_; }
+  bool present() const override { return partition_ != nullptr; }
+  bool prepare() override;
   bool create(std::uint16_t id) override;
   bool append(const std::uint8_t* data, std::size_t size) override;
   bool close() override;
@@ -28,18 +34,35 @@ class FlashLogs : public LogStorage {
   bool range(std::uint16_t& first, std::uint16_t& last) override;
 
  private:
-  bool open_to_read(std::uint16_t id);
-  void close_reading();
-  void find_range();
+  static constexpr std::size_t kSlots = kLogsKept + 1;
+  static constexpr std::size_t kNone = kSlots;  // no slot
+  static constexpr std::size_t kPage = 256, kBlock = 4096;
+  // Of a page: one byte for their number, then the bytes of the log, then two of a checksum.
+  static constexpr std::size_t kContent = kPage - 3;
+  static constexpr std::size_t kSlotSize = 64 * kBlock;
+  static_assert((kSlotSize / kPage - 1) * kContent >= kLogSize, "a slot has room for a log");
 
-  bool mounted_ = false;
-  std::uint16_t first_ = 0, last_ = 0;  // smallest and largest number, 0 if there is no log
-  fs::File written_;
-  std::size_t written_size_ = 0;  // bytes
-  std::size_t flushed_size_ = 0;  // of these, in flash for certain
-  fs::File read_;
-  std::uint16_t read_id_ = 0;  // number of the log that read_ refers to, 0 for none
-  std::size_t read_at_ = 0;    // how far (bytes) it is read
+  using Page = std::array<std::uint8_t, kPage>;
+
+  // The slot of a log; kNone if there is no such log.
+  std::size_t slot_of(std::uint16_t id) const;
+  bool read_page(std::size_t slot, std::size_t page, Page& content) const;
+  bool program_page();
+  std::size_t programmed_pages(std::size_t slot) const;
+  // Whether a page has been programmed as a whole.
+  static bool is_whole(const Page& page);
+  bool block_is_blank(std::size_t slot, std::size_t block) const;
+
+  const esp_partition_t* partition_ = nullptr;
+  std::array<std::uint16_t, kSlots> ids_{};  // of the log in each slot, 0 if there is none
+  std::size_t prepared_ = kNone;             // the slot that is erased
+  std::size_t erasing_ = kNone, erased_blocks_ = 0;  // the slot that is being erased
+  std::size_t open_ = kNone;                 // the slot of the open log
+  std::size_t page_number_ = 0;              // of the page that is filled next
+  std::size_t page_bytes_ = 0;               // bytes of the log in it
+  Page page_;
+  std::uint16_t measured_id_ = 0;            // the log whose size was asked for last
+  std::size_t measured_size_ = 0;
 };
 
 }  // namespace foldcar

@@ -80,16 +80,24 @@ class Imu {
   virtual bool read(ImuSample& sample) = 0;
 };
 
+// The number of logs that are kept, and the bytes that each may have.
+constexpr std::uint16_t kLogsKept = 4;
+constexpr std::size_t kLogSize = 250000;
+
 // Logs of trials: sequences of bytes that survive a reset, each under its own number from 1 on.
 class LogStorage {
  public:
   virtual ~LogStorage() = default;
   // Whether logs can be stored at all. If not, every other call returns false or 0.
   virtual bool present() const = 0;
-  // Opens an empty log for append and replaces an older one of that number. Returns false for number 0 or if storage fails.
+  // Makes room for the next log, removing the oldest of more than kLogsKept. Does one thing, which may stop both cores of a
+  // board for 0.4 s. Returns whether there is more to do.
+  virtual bool prepare() = 0;
+  // Opens an empty log for append and replaces an older one of that number. Returns false for number 0, without prepared
+  // room, or if storage fails. This and the calls below take a few milliseconds at most.
   virtual bool create(std::uint16_t id) = 0;
-  // Adds size bytes to the open log. Returns false if none is open or storage is seen to fail; the size of the closed log
-  // tells what it has taken. A reset may cost what was added last.
+  // Adds size bytes to the open log. Returns false if none is open, the log is full or storage is seen to fail; the size of
+  // the closed log tells what it has taken. A reset costs less than the last 256 bytes.
   virtual bool append(const std::uint8_t* data, std::size_t size) = 0;
   // Closes the open log, which is complete from then on. Returns false if none is open.
   virtual bool close() = 0;

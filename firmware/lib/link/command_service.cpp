@@ -115,7 +115,7 @@ CommandService::Answer CommandService::execute(const mavlink_command_long_t& com
   const auto answer = [](Refusal refusal) { return Answer{result_of(refusal), refusal}; };
   if (moves(command) && !sender.known) return answer(Refusal::kUnknownHost);
   if (controls(command) && application_.is_armed() && sender.host != controlling_host) return answer(Refusal::kHeld);
-  // A step of storing stops both cores for up to 0.6 s.
+  // Erasing flash stops both cores for up to 0.4 s.
   if (moves(command) && !trial_log_.is_idle()) return answer(Refusal::kStoring);
   switch (command.command) {
     case MAV_CMD_COMPONENT_ARM_DISARM: return arm_or_disarm(command.param1);

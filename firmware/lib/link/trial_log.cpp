@@ -1,5 +1,6 @@
 #include "trial_log.h"
 
+#include <array>
 #include <cmath>
 #include <cstdio>
 
@@ -9,13 +10,19 @@ namespace foldcar {
 namespace {
 
 constexpr std::uint64_t kPeriodUs = 200000;
-// The RAM for records has room for 180 s of them with an IMU that shakes (test_slow_flash.cpp). Where a trial may last longer,
-// they are recorded so much less often.
-constexpr float kWholeRateS = 170.0f;
+// A log has room for 130 s of records with an IMU that shakes (test_slow_flash.cpp). Where a trial may last longer, they are
+// recorded so much less often.
+constexpr float kWholeRateS = 130.0f;
+// The messages of a log: first the car's design, then these, again and again.
+constexpr std::array<std::uint32_t, 6> kRepeated = {MAVLINK_MSG_ID_FOLDCAR_TRIAL, MAVLINK_MSG_ID_SERVO_OUTPUT_RAW,
+                                                    MAVLINK_MSG_ID_SYS_STATUS,    MAVLINK_MSG_ID_ATTITUDE,
+                                                    MAVLINK_MSG_ID_SCALED_IMU,    MAVLINK_MSG_ID_BATTERY_STATUS};
+// A record: the time (µs, 8 bytes, the highest first), then the packet.
+constexpr std::size_t kStampSize = 8;
+constexpr std::size_t kLargestRecord = kStampSize + MAVLINK_MAX_PACKET_LEN;
 // Bytes kept free for the two packets that tell how the trial ended.
-constexpr std::size_t kReserve = 2 * kLargestPacked;
-// Bytes of a record besides the packet's content: the time before the packet, and the packet's frame.
-constexpr std::size_t kFrameSize = 8 + MAVLINK_NUM_NON_PAYLOAD_BYTES;
+constexpr std::size_t kReserve = 2 * (kStampSize + MAVLINK_NUM_NON_PAYLOAD_BYTES) + MAVLINK_MSG_ID_SERVO_OUTPUT_RAW_LEN +
+                                 MAVLINK_MSG_ID_FOLDCAR_TRIAL_LEN;
 
 }  // namespace
 
@@ -26,16 +33,16 @@ void TrialLog::run(std::uint64_t now_us, const CarView& car) {
   if (!runs) return close(car);
   if (now_us < next_us_) return;
   next_us_ += period_us_;
-  for (std::size_t i = 1; i < kLogged.size(); ++i) record(kLogged[i], car, kReserve);
+  for (const std::uint32_t message_id : kRepeated) record(message_id, car, kReserve);
 }
 
 void TrialLog::open(std::uint64_t now_us, const CarView& car) {
   is_recording_ = writer_.begin();
   if (!is_recording_) return;
-  packer_.begin();
+  numbers_ = {};
   next_us_ = now_us;
   period_us_ = kPeriodUs * static_cast<std::uint64_t>(std::ceil(car.application.trial().time_limit_s / kWholeRateS));
-  record(kLogged.front(), car, kReserve);
+  record(MAVLINK_MSG_ID_FOLDCAR_DESIGN, car, kReserve);
 }
 
 void TrialLog::close(const CarView& car) {
@@ -60,11 +67,10 @@ void TrialLog::record(std::uint32_t message_id, const CarView& car, std::size_t 
   mavlink_message_t message;
   if (!compose(message_id, car, numbers_, message)) return;
   const std::uint64_t now_us = car.hal.clock.now_us();
-  const std::size_t size = kFrameSize + message.len;
-  std::uint8_t packed[kLargestPacked];
-  const std::size_t packed_size = packer_.pack(now_us, message, packed);
-  if (!writer_.put(packed, packed_size, reserve)) return writer_.lose(size);
-  packer_.keep(now_us, message);
+  std::uint8_t bytes[kLargestRecord];
+  for (std::size_t i = 0; i < kStampSize; ++i) bytes[i] = static_cast<std::uint8_t>(now_us >> (8 * (kStampSize - 1 - i)));
+  const std::size_t size = kStampSize + mavlink_msg_to_send_buffer(bytes + kStampSize, &message);
+  if (!writer_.put(bytes, size, reserve)) writer_.lose(size);
 }
 
 }  // namespace foldcar

@@ -8,7 +8,6 @@
 
 #include "car_messages.h"
 #include "hal.h"
-#include "log_packing.h"
 #include "log_writer.h"
 #include "outbox.h"
 #include "status_text.h"
@@ -17,15 +16,15 @@ namespace foldcar {
 
 class TrialLog {
  public:
-  TrialLog(LogStorage& storage, StatusText& status_text)
-      : writer_(storage, unpacker_), status_text_(status_text) {}
+  TrialLog(LogStorage& storage, StatusText& status_text) : writer_(storage), status_text_(status_text) {}
 
   // now_us: time since start (µs).
   void run(std::uint64_t now_us, const CarView& car);
   // As LogWriter::work().
   bool store() { return writer_.work(); }
 
-  // Whether no log is being recorded or stored: only then may others use the storage, and may wheels start.
+  // Whether no log is being recorded or stored and flash is ready for the next: only then may others use the storage, and may
+  // wheels start.
   bool is_idle() const { return writer_.is_idle(); }
   LogStatus status() const { return writer_.status(); }
 
@@ -36,14 +35,12 @@ class TrialLog {
   // reserve: bytes that the log keeps free behind the record.
   void record(std::uint32_t message_id, const CarView& car, std::size_t reserve);
 
-  LogPacker packer_;
-  LogUnpacker unpacker_;
   LogWriter writer_;
   StatusText& status_text_;
   bool is_recording_ = false;
   bool is_unreported_ = false;  // a log was closed, and nothing was said about it yet
   std::uint64_t period_us_ = 0, next_us_ = 0;
-  PacketNumbers numbers_;  // not the log's: the worker numbers its packets
+  PacketNumbers numbers_;  // of the log's packets
 };
 
 }  // namespace foldcar

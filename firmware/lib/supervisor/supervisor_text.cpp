@@ -61,7 +61,7 @@ const char* text(Refusal refusal) {
     case Refusal::kNoDesign: return "no car.json, and its absence is not confirmed";
     case Refusal::kUnknownCommand: return "not a command of this car";
     case Refusal::kNoLog: return "no log can be stored: flash memory cannot be read";
-    case Refusal::kStoring: return "the log of the last trial is being stored";
+    case Refusal::kStoring: return "a log is being stored or erased";
     case Refusal::kNoButton: return "BUTTON_WIRED is 0";
     case Refusal::kDelay: return "delay below 0 or above 60 s";
     case Refusal::kUnknownParameter: return "not a parameter";

@@ -1,6 +1,5 @@
 """`foldcar flash`: loads firmware and design onto a car with PlatformIO."""
 
-import hashlib
 import json
 import os
 import signal
@@ -24,7 +23,6 @@ from foldcar.installation import pio_program, source_tree
 from foldcar.system import end_group
 
 CAR_FILE = "car.json"
-LOGS_FOLDER = "car-logs"
 
 
 def flash(
@@ -37,15 +35,11 @@ def flash(
         Path | None,
         typer.Option(metavar="FILE", callback=output_file, help="Write the design's car.json to FILE; load nothing."),
     ] = None,
-    erase_logs: Annotated[
-        bool, typer.Option("--erase-logs", help="Do not copy the car's logs first; they are erased.")
-    ] = False,
     components: Components = None,
 ) -> None:
     """Load firmware and design onto the board on USB.
 
-    The design is loaded as car.json, which the firmware reads when it starts. Loading it erases the logs in the car, so
-    they are copied to the folder car-logs first.
+    The design is loaded as car.json, which the firmware reads when it starts. Logs and parameters in the car stay.
 
     \b
     Example: foldcar flash scenarios/width_study.json --experiment 1 --set width=95
@@ -74,43 +68,8 @@ def flash(
         binary.write(car_text.encode())
     if not design_only:
         _pio(project, "upload", board, folder)
-    if not erase_logs:
-        # After the firmware, which leaves them in place: the new one is sure to list them.
-        copy_logs(board, Path(LOGS_FOLDER))
     _pio(project, "uploadfs", board, folder)
     typer.echo(f"loaded {content['name']} ({content['hash']}){' (design only)' if design_only else ''}")
-
-
-def copy_logs(port: str, folder: Path) -> None:
-    """Copy the logs in the car at ``port`` to ``folder``, and print where they are.
-
-    A board without foldcar's firmware has none. Raises FoldcarError if the car's logs cannot be read.
-    """
-    from foldcar.link.car import NoCarError, greet
-    from foldcar.link.car_logs import fetch_log, list_logs
-    from foldcar.outputs import atomic_file
-
-    if port.startswith("COM"):
-        typer.echo("logs of untethered trials are not copied on Windows: they are erased")
-        return
-    try:
-        car = greet(port)
-    except NoCarError:
-        typer.echo(f"no foldcar answers at {port}: it has no logs to copy")
-        return
-    try:
-        for log in list_logs(car):
-            content = fetch_log(car, log)
-            # Named by its content: it is copied once, and replaces no other car's.
-            file = folder / f"log_{log.id:05}-{hashlib.sha256(content).hexdigest()[:8]}.tlog"
-            folder.mkdir(exist_ok=True)
-            with atomic_file(file) as binary:
-                binary.write(content)
-            typer.echo(f"copied the car's log {log.id} to {file}")
-    except FoldcarError as error:
-        raise FoldcarError(f"{error}; --erase-logs loads the design all the same") from error
-    finally:
-        car.connection.close()
 
 
 def _board(port: str | None) -> str:

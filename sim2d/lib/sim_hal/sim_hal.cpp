@@ -49,6 +49,12 @@ bool SimImu::read(ImuSample& sample) {
   return fitted && answers;
 }
 
+bool SimLogs::prepare() {
+  if (logs.size() <= kLogsKept) return false;
+  logs.erase(logs.begin());
+  return true;
+}
+
 bool SimLogs::create(std::uint16_t id) {
   if (!fitted || !accepts || id == 0) return false;
   open_ = id;

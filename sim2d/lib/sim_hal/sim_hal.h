@@ -72,6 +72,7 @@ struct SimLogs : LogStorage {
   bool accepts = true;
   std::map<std::uint16_t, std::string> logs;
   bool present() const override { return fitted; }
+  bool prepare() override;
   bool create(std::uint16_t id) override;
   bool append(const std::uint8_t* data, std::size_t size) override;
   bool close() override;

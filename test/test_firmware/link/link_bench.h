@@ -24,6 +24,7 @@ struct LinkBench {
   explicit LinkBench(const DesignResult& design = {}) {
     board.link.room = 100000;
     firmware.begin(design);
+    firmware.store_log();
   }
   // Gives the car the host's bytes, polls the firmware every 4 ms for time_ms, and gives the host the car's.
   void run(std::uint64_t time_ms, const std::string& bytes = "") {

@@ -11,43 +11,56 @@ using namespace foldcar;
 
 namespace {
 
-// A model of the board's flash: writing takes its time, and there may be too little room.
-// Each write of a log takes 65 to 100 ms, one in ten 0.6 s, as measured on LittleFS: it copies a file's last block at every
-// flush. Reading takes 10 ms, an assumption. Whoever writes or reads loses that time on the clock.
+// A model of the board's flash. Programming a page takes 3 ms, the most of W25Q32JV's data sheet (0.4 ms are typical);
+// erasing one of a slot's 64 blocks 45 ms, one in ten 400 ms, the data sheet's typical value and its most. Reading takes 1 ms,
+// an assumption. Whoever does it loses that time on the clock.
 struct SlowLogs : SimLogs {
   explicit SlowLogs(SimClock& clock) : clock_(clock) { fitted = true; }
 
-  double slowness = 1.0;             // factor on all times
-  std::size_t capacity = 1441792;    // bytes
-  int write_count = 0;
+  double slowness = 1.0;           // factor on all times
+  std::size_t capacity = kLogSize; // bytes of a log
+  int write_count = 0;             // programmed and erased
+  int erase_count = 0;
 
-  bool create(std::uint16_t id) override { return write() && SimLogs::create(id); }
-  bool append(const std::uint8_t* data, std::size_t size) override {
-    std::size_t used = size;
-    for (const auto& [id, log] : logs) used += log.size();
-    return write() && used <= capacity && SimLogs::append(data, size);
+  bool prepare() override {
+    if (unprepared_blocks_ == 0) return false;
+    --unprepared_blocks_;
+    take(++erase_count % 10 == 0 ? 400.0 : 45.0);
+    ++write_count;
+    SimLogs::prepare();
+    return true;
   }
-  bool close() override { return write() && SimLogs::close(); }
-  bool remove(std::uint16_t id) override { return write() && SimLogs::remove(id); }
+  bool create(std::uint16_t id) override {
+    if (unprepared_blocks_ > 0) return false;
+    unprepared_blocks_ = kBlocks;
+    return program() && SimLogs::create(id);
+  }
+  bool append(const std::uint8_t* data, std::size_t size) override {
+    return program() && logs[logs.rbegin()->first].size() + size <= capacity && SimLogs::append(data, size);
+  }
+  bool close() override { return program() && SimLogs::close(); }
+  bool remove(std::uint16_t id) override { return program() && SimLogs::remove(id); }
   std::size_t size(std::uint16_t id) override {
-    read_flash();
+    take(1.0);
     return SimLogs::size(id);
   }
   std::size_t read(std::uint16_t id, std::size_t offset, std::uint8_t* data, std::size_t size) override {
-    read_flash();
+    take(1.0);
     return SimLogs::read(id, offset, data, size);
   }
 
  private:
-  void read_flash() { clock_.time_us += static_cast<std::uint64_t>(10000.0 * slowness); }
-  bool write() {
-    const double ms = ++write_count % 10 == 0 ? 600.0 : std::uniform_real_distribution<double>(65.0, 100.0)(random_);
-    clock_.time_us += static_cast<std::uint64_t>(1000.0 * slowness * ms);
+  static constexpr int kBlocks = 64;
+
+  void take(double ms) { clock_.time_us += static_cast<std::uint64_t>(1000.0 * slowness * ms); }
+  bool program() {
+    ++write_count;
+    take(3.0);
     return true;
   }
 
   SimClock& clock_;
-  std::mt19937 random_{1};
+  int unprepared_blocks_ = kBlocks;
 };
 
 // Saving a number takes 5 ms, one in ten 100 ms.
@@ -76,11 +89,11 @@ struct SlowBench {
                         board.board},
                     kBuild};
   MavlinkHost host;
-  bool erasing_stops_both_cores = false;  // as on the ESP32; else the task that writes is alone in waiting
+  bool flash_stops_both_cores = true;  // as on the ESP32; else the task that writes is alone in waiting
   std::uint64_t writer_free_us = 0;       // when the task that stores the log has time again
   std::mt19937 random{1};
   float noise = 1.0f;  // factor on what the IMU measures
-  int writes_while_driving = 0;
+  int erased_while_driving = 0, programmed_while_driving = 0;
   std::uint64_t ticked_us = 0;                     // when the last tick was
   std::uint64_t longest_gap_while_driving_us = 0;  // between two ticks
 
@@ -88,6 +101,9 @@ struct SlowBench {
     board.link.room = 100000;
     board.imu.fitted = true;
     firmware.begin({});
+    while (firmware.store_log()) {
+    }
+    run(20);
   }
   // As LinkBench::run, every millisecond and with a sign of life five times a second; the log is stored by another task.
   void run(std::uint64_t time_ms, const std::string& bytes = "") {
@@ -121,11 +137,14 @@ struct SlowBench {
   }
   void store_log() {
     const std::uint64_t before_us = board.clock.time_us;
-    const int writes = logs.write_count;
+    const int writes = logs.write_count, erased = logs.erase_count;
     firmware.store_log();
-    if (firmware.application().is_driving()) writes_while_driving += logs.write_count - writes;
+    if (firmware.application().is_driving()) {
+      erased_while_driving += logs.erase_count - erased;
+      programmed_while_driving += logs.write_count - writes;
+    }
     writer_free_us = board.clock.time_us;
-    if (!erasing_stops_both_cores) board.clock.time_us = before_us;
+    if (!flash_stops_both_cores) board.clock.time_us = before_us;
   }
   // An untethered trial of that length (s), driven to its end.
   void drive(float time_s) {
@@ -174,18 +193,16 @@ std::size_t whole_size(float time_s) {
 
 }  // namespace
 
-// A tick takes no time on this clock, unless it waits for flash. A trial of up to 170 s is recorded at 5 Hz, one of 600 s,
-// 3.5 times as long, at 5/4 Hz.
-TEST(no_tick_waits_for_the_log) {
-  for (const auto& [time_s, records] : {std::pair(170.0f, 850u), std::pair(600.0f, 750u)}) {
+// Programming flash stops both cores for 3 ms, so that a tick comes that much late; the next counts from its deadline. A trial
+// of up to 130 s is recorded at 5 Hz, one of 600 s at 1 Hz.
+TEST(a_tick_waits_for_a_page_of_flash_at_most) {
+  for (const auto& [time_s, records] : {std::pair(130.0f, 650u), std::pair(600.0f, 600u)}) {
     SlowBench bench;
     bench.drive(time_s);
-    TEST_ASSERT_EQUAL_INT(0, bench.writes_while_driving);
-    TEST_ASSERT_EQUAL_UINT64(20000, bench.longest_gap_while_driving_us);
+    TEST_ASSERT_EQUAL_INT(0, bench.erased_while_driving);
+    TEST_ASSERT_TRUE(bench.programmed_while_driving > 100);
+    TEST_ASSERT_TRUE(bench.longest_gap_while_driving_us <= 24000);
     TEST_ASSERT_EQUAL_UINT8(FOLDCAR_LOG_STORED, bench.closed().log);
-    const mavlink_foldcar_loop_t loop = bench.loop();
-    TEST_ASSERT_EQUAL_UINT32(0, loop.worst_us);
-    TEST_ASSERT_EQUAL_UINT32(0, loop.missed_count);
     const MavlinkHost reader = read(bench.logs.logs[1]);
     TEST_ASSERT_UINT_WITHIN(2, records, count_of(reader, MAVLINK_MSG_ID_SERVO_OUTPUT_RAW));
     TEST_ASSERT_UINT_WITHIN(2, records, count_of(reader, MAVLINK_MSG_ID_ATTITUDE));
@@ -193,12 +210,11 @@ TEST(no_tick_waits_for_the_log) {
   }
 }
 
-// Whoever writes flash on the ESP32 stops both cores; so does who reads it. Everything that could is asked for before and
-// while wheels turn: nothing is done until they stand, and all that was accepted then is.
+// Everything that takes long is asked for before and while wheels turn: nothing is done until they stand, and all that was
+// accepted then is.
 TEST(no_tick_is_late_while_wheels_turn_whatever_a_host_asks) {
-  for (const float time_s : {5.0f, 170.0f}) {
+  for (const float time_s : {5.0f, 130.0f}) {
     SlowBench bench;
-    bench.erasing_stops_both_cores = true;
     bench.drive(3.0f);
     TEST_ASSERT_EQUAL_UINT8(FOLDCAR_LOG_STORED, bench.closed().log);
     bench.longest_gap_while_driving_us = 0;
@@ -217,12 +233,12 @@ TEST(no_tick_is_late_while_wheels_turn_whatever_a_host_asks) {
                          bench.host.command(MAV_CMD_PREFLIGHT_STORAGE, {2}));
       if (bench.firmware.application().is_driving()) TEST_ASSERT_EQUAL_INT(saved, bench.storage.save_count);
     }
-    TEST_ASSERT_EQUAL_INT(0, bench.writes_while_driving);
-    TEST_ASSERT_TRUE_MESSAGE(bench.longest_gap_while_driving_us <= 40000, "no tick is more than 20 ms late");
+    TEST_ASSERT_EQUAL_INT(0, bench.erased_while_driving);
+    TEST_ASSERT_TRUE_MESSAGE(bench.longest_gap_while_driving_us <= 24000, "no tick is more than a page late");
     TEST_ASSERT_EQUAL_FLOAT_MESSAGE(7.0f, bench.host.parameters().front().param_value, "not set while wheels turn");
     TEST_ASSERT_TRUE(bench.host.said("refused: logs are not read or erased while wheels are driven"));
     TEST_ASSERT_EQUAL_UINT8(FOLDCAR_LOG_STORED, bench.closed().log);
-    bench.run(100);
+    bench.run(3000);
     TEST_ASSERT_EQUAL_FLOAT_MESSAGE(7.0f, bench.storage.values["STAGGER_MS"], "saved when wheels stand");
     TEST_ASSERT_EQUAL_FLOAT(300.0f, bench.storage.values["TILT_MS"]);
     TEST_ASSERT_EQUAL_UINT(2, bench.logs.logs.size());
@@ -230,10 +246,9 @@ TEST(no_tick_is_late_while_wheels_turn_whatever_a_host_asks) {
   }
 }
 
-// A step of storing stops both cores for up to 0.6 s.
-TEST(wheels_do_not_start_before_the_log_is_stored) {
+// A step of erasing stops both cores for up to 0.4 s.
+TEST(wheels_do_not_start_before_flash_is_ready_for_the_next_log) {
   SlowBench bench;
-  bench.erasing_stops_both_cores = true;
   bench.drive(60.0f);
   bench.run(20, bench.host.set_parameter("STAGGER_MS", 7) +
                     bench.host.command(MAV_CMD_ACTUATOR_TEST, {0, 1, 0, 0, ACTUATOR_OUTPUT_FUNCTION_SERVO1}));
@@ -249,8 +264,8 @@ TEST(wheels_do_not_start_before_the_log_is_stored) {
   }
   bench.run(100, bench.host.stick(500));
   TEST_ASSERT_FALSE(bench.firmware.application().is_driving());
-  TEST_ASSERT_EQUAL_STRING("refused: the log of the last trial is being stored", bench.host.texts().back().c_str());
-  TEST_ASSERT_EQUAL_INT_MESSAGE(0, bench.storage.save_count, "nor is a parameter saved, as long as the log is not stored");
+  TEST_ASSERT_EQUAL_STRING("refused: a log is being stored or erased", bench.host.texts().back().c_str());
+  TEST_ASSERT_EQUAL_INT_MESSAGE(0, bench.storage.save_count, "nor is a parameter saved, as long as flash is not ready");
   TEST_ASSERT_EQUAL_UINT8(FOLDCAR_LOG_STORED, bench.closed().log);
   bench.run(100);
   TEST_ASSERT_EQUAL_FLOAT(7.0f, bench.storage.values["STAGGER_MS"]);
@@ -279,7 +294,7 @@ TEST(no_parameter_is_saved_in_a_tethered_trial) {
   TEST_ASSERT_EQUAL_INT(3, bench.storage.save_count);
 }
 
-// Each takes up to 0.6 s, and a loop that stands still for a second is reset.
+// A loop that stands still for a second is reset.
 TEST(logs_are_erased_one_in_a_tick) {
   SlowBench bench;
   for (int i = 0; i < 4; ++i) {
@@ -296,11 +311,11 @@ TEST(logs_are_erased_one_in_a_tick) {
   }
 }
 
-TEST(the_noisiest_trial_fits_in_memory) {
+TEST(the_noisiest_trial_fits_in_a_log) {
   SlowBench bench;
   bench.noise = 1e3f;  // hardly a byte of a record is that of the one before
   bench.run(20, bench.host.set_parameter("TILT_MAX_RAD", 3.2f));
-  bench.drive(170.0f);
+  bench.drive(130.0f);
   const mavlink_foldcar_trial_t told = bench.closed();
   TEST_ASSERT_EQUAL_UINT8(FOLDCAR_LOG_STORED, told.log);
   TEST_ASSERT_EQUAL_UINT32(0, told.log_lost);
@@ -317,7 +332,6 @@ TEST(a_flash_that_is_full_keeps_what_it_has_and_says_what_is_missing) {
                              bench.host.texts().back().c_str());
     TEST_ASSERT_UINT_WITHIN(LogWriter::kSlice, capacity, bench.logs.logs[1].size() + LogWriter::kSlice);
     TEST_ASSERT_UINT_WITHIN(5 * 300, whole_size(60.0f), bench.logs.logs[1].size() + told.log_lost);
-    TEST_ASSERT_EQUAL_UINT32(0, bench.loop().worst_us);
   }
 }
 
@@ -325,6 +339,7 @@ TEST(a_flash_that_is_full_keeps_what_it_has_and_says_what_is_missing) {
 TEST(a_log_is_closed_when_all_is_stored) {
   SlowBench bench;
   bench.logs.slowness = 10.0;
+  bench.flash_stops_both_cores = false;
   bench.drive(10.0f);
   TEST_ASSERT_EQUAL_UINT8(FOLDCAR_LOG_OPEN, bench.told().log);
   TEST_ASSERT_EQUAL_UINT(MAV_RESULT_ACCEPTED, bench.answer(MAV_CMD_COMPONENT_ARM_DISARM, {1}));
@@ -333,19 +348,31 @@ TEST(a_log_is_closed_when_all_is_stored) {
   TEST_ASSERT_EQUAL_INT(static_cast<int>(Refusal::kStoring), bench.host.acks().back().result_param2);
   bench.run(40, bench.host.request_log_list());
   TEST_ASSERT_EQUAL_UINT(0, count_of(bench.host, MAVLINK_MSG_ID_LOG_ENTRY));
-  TEST_ASSERT_EQUAL_STRING("refused: the log of the last trial is being stored", bench.host.texts().back().c_str());
+  TEST_ASSERT_EQUAL_STRING("refused: a log is being stored or erased", bench.host.texts().back().c_str());
   TEST_ASSERT_EQUAL_UINT(MAV_RESULT_ACCEPTED, bench.answer(MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, {1}));
   TEST_ASSERT_FALSE(bench.board.board.restart_is_requested);
   while (!bench.board.board.restart_is_requested) bench.run(20);
-  TEST_ASSERT_EQUAL_INT_MESSAGE(5, bench.logs.write_count, "created, stored in three slices, closed");
   TEST_ASSERT_EQUAL_UINT8(FOLDCAR_END_TIME_LIMIT, read(bench.logs.logs[1]).trials().back().end);
   TEST_ASSERT_EQUAL_UINT8(FOLDCAR_LOG_STORED, bench.told().log);
+}
+
+// What a crash or a brown-out leaves of the trial that it ended: all but what waited in the queue.
+TEST(a_log_survives_a_reset_while_wheels_turn) {
+  SlowBench bench;
+  bench.run(20, bench.host.command(MAV_CMD_COMPONENT_ARM_DISARM, {1}));
+  bench.run(20, bench.host.command(MAV_CMD_FOLDCAR_START_TRIAL, {0.3f, 0, 60, 1, 8}));
+  bench.run(10000);
+  TEST_ASSERT_TRUE(bench.firmware.application().is_driving());
+  MavlinkHost reader;
+  reader.receive_log(bench.logs.logs[1]);
+  TEST_ASSERT_UINT_WITHIN(2, 5 * 10, count_of(reader, MAVLINK_MSG_ID_ATTITUDE));
 }
 
 // They arrive at once. Between two polls there is a tick wherever one is due, and a tick saves one value at most.
 TEST(sixty_settings_at_once_neither_keep_the_tick_waiting_nor_are_saved_sixty_times) {
   SlowBench bench;
   bench.run(2000);
+  const std::uint32_t missed_before = bench.loop().missed_count;
   bench.host.received.clear();
   const std::uint64_t start_us = bench.board.clock.time_us;
   for (int i = 1; i <= 60; ++i) {
@@ -362,7 +389,7 @@ TEST(sixty_settings_at_once_neither_keep_the_tick_waiting_nor_are_saved_sixty_ti
   }
   TEST_ASSERT_TRUE_MESSAGE(bench.board.clock.time_us - start_us < 100000, "sixty settings are handled within five ticks");
   TEST_ASSERT_TRUE(bench.storage.save_count <= 2);
-  TEST_ASSERT_EQUAL_UINT32(0, bench.loop().missed_count);
+  TEST_ASSERT_EQUAL_UINT32(missed_before, bench.loop().missed_count);
   TEST_ASSERT_EQUAL_FLOAT(60.0f, bench.storage.values["STAGGER_MS"]);
   TEST_ASSERT_EQUAL_FLOAT(60.0f, bench.host.parameters().back().param_value);
 }

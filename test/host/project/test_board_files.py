@@ -5,12 +5,12 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[3]
 
-# Offset and size of Arduino-ESP32 2.0.17's default.csv, whose last partition is `coredump` at 0x3F0000.
+# Offset and size of Arduino-ESP32 2.0.17's default.csv, with `logs` in place of `app1`; its last partition is `coredump` at 0x3F0000.
 DEFAULT = {
     "nvs": (0x9000, 0x5000),
     "otadata": (0xE000, 0x2000),
     "app0": (0x10000, 0x140000),
-    "app1": (0x150000, 0x140000),
+    "logs": (0x150000, 0x140000),
     "spiffs": (0x290000, 0x160000),
 }
 FLASH_BYTES = 4 * 1024 * 1024

@@ -64,7 +64,7 @@ def print_comparison(comparison: "Comparison") -> None:
         for line in (rank_text(experiment.ranks), *experiment.remarks):
             if line:
                 console.print(line)
-    for line in comparison.alone:
+    for line in comparison.unswept:
         console.print(line, style="bold")
 
 

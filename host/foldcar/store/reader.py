@@ -132,13 +132,13 @@ class Store:
             values |= {"design": json.loads(row["design"]), "deviations": self._deviations(row)}
             yield Trial(**{field.name: values[field.name] for field in fields(Trial)})
 
-    def trials_elsewhere(self, info: ExperimentInfo) -> dict[int, str | None]:
+    def trials_in_other_environments(self, info: ExperimentInfo) -> dict[int, str | None]:
         """Return trials in other environments than the experiment's runs: number, and Scenic program if known.
 
         Their rates cannot be compared with these runs. For an imported trial without a sample, only the program is known,
         and only if its experiment had been swept.
         """
-        ids_in_samples = self.trials_here(info)
+        ids_in_samples = self.trials_in_environment(info)
         return {
             row["id"]: row["scenic_program"]
             for row in self.rows(TRIAL, "WHERE experiment = ?", info.listed_id)
@@ -146,14 +146,14 @@ class Store:
             and (row["environment_id"] is not None or row["scenic_program"] not in (None, info.scenic_program))
         }
 
-    def trials_here(self, info: ExperimentInfo) -> set[int]:
+    def trials_in_environment(self, info: ExperimentInfo) -> set[int]:
         """Return the trials in the environment of the experiment's runs, whose samples can be paired with runs.
 
         Environments are equal if their samples are equal scenes, even if the program's text or foldcar has changed.
         """
-        return self.once(("trials here", info.id), lambda: self._trials_here(info))
+        return self.once(("trials here", info.id), lambda: self._trials_in_environment(info))
 
-    def _trials_here(self, info: ExperimentInfo) -> set[int]:
+    def _trials_in_environment(self, info: ExperimentInfo) -> set[int]:
         """Return the numbers of trials whose scenes are those of the experiment's samples."""
         environment_id = self._environment_id(info)
         trials = list(self.rows(TRIAL, "WHERE experiment = ? AND environment_id IS NOT NULL", info.listed_id))

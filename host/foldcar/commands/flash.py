@@ -75,16 +75,16 @@ def flash(
     if not design_only:
         _pio(project, "upload", board, folder)
     if not erase_logs:
-        # After the firmware, which leaves them in place: the new one is sure to list them.
+        # The new firmware leaves the logs in place and can list them; an old one perhaps cannot.
         copy_logs(board, Path(LOGS_FOLDER))
     _pio(project, "uploadfs", board, folder)
     typer.echo(f"loaded {content['name']} ({content['hash']}){' (design only)' if design_only else ''}")
 
 
 def copy_logs(port: str, folder: Path) -> None:
-    """Copy the logs in the car at ``port`` to ``folder``, and print where they are.
+    """Copy the logs in the car at ``port`` to ``folder``, and print the name of each copy.
 
-    A board without foldcar's firmware has none. Raises FoldcarError if the car's logs cannot be read.
+    A board without foldcar's firmware has no logs. Raises FoldcarError if the car's logs cannot be read.
     """
     from foldcar.link.car import NoCarError, greet
     from foldcar.link.car_logs import fetch_log, list_logs
@@ -96,19 +96,19 @@ def copy_logs(port: str, folder: Path) -> None:
     try:
         car = greet(port)
     except NoCarError:
-        typer.echo(f"no foldcar answers at {port}: it has no logs to copy")
+        typer.echo(f"no foldcar firmware answers at {port}: there are no logs to copy")
         return
     try:
         for log in list_logs(car):
             content = fetch_log(car, log)
-            # Named by its content: it is copied once, and replaces no other car's.
+            # A name with the content's hash: the same log gives one copy, and logs of several cars do not collide.
             file = folder / f"log_{log.id:05}-{hashlib.sha256(content).hexdigest()[:8]}.tlog"
             folder.mkdir(exist_ok=True)
             with atomic_file(file) as binary:
                 binary.write(content)
             typer.echo(f"copied the car's log {log.id} to {file}")
     except FoldcarError as error:
-        raise FoldcarError(f"{error}; --erase-logs loads the design all the same") from error
+        raise FoldcarError(f"{error}; use --erase-logs to load the design without copying the logs") from error
     finally:
         car.connection.close()
 
@@ -139,8 +139,8 @@ def _pio(project: Path, target: str, port: str, data_folder: Path) -> None:
         raise FoldcarError("flash: PlatformIO's `pio` is missing; run `make setup`")
     command = [program, "run", "-d", str(project), "-e", "featheresp32", "-t", target, "--upload-port", port]
     # PlatformIO empties the build folder when a setting changes; the default one may contain a running sweep's carsim.
-    own = {"PLATFORMIO_DATA_DIR": str(data_folder), "PLATFORMIO_BUILD_DIR": str(project / ".pio" / "flash")}
-    environment = {**os.environ, **own}
+    folders = {"PLATFORMIO_DATA_DIR": str(data_folder), "PLATFORMIO_BUILD_DIR": str(project / ".pio" / "flash")}
+    environment = {**os.environ, **folders}
     # PlatformIO starts other programs. In a session of its own they can all be ended together.
     process = subprocess.Popen(command, env=environment, start_new_session=True)
     try:

@@ -30,9 +30,11 @@ class ShownEgo:
         self._derives_more = not scenic_private.derived_while_driving(type(ego)) <= DERIVED
 
     def show(self, state: State) -> None:
-        """Set the ego's properties to those of ``state``."""
+        """Set the ego's properties to those of ``state``, and clear what Scenic has derived from the old ones."""
+        # Scenic's headings start at +y.
         yaw = math.remainder(state.heading_rad - math.pi / 2, 2 * math.pi)
         angles = yaw, state.pitch_rad, state.roll_rad
+        # Relative to the parent orientation, if the program sets one.
         local: tuple[float, ...] = angles
         if self._parent is not None:
             local = tuple(map(float, self._parent.localAnglesFor(_orientation(*angles))))
@@ -53,8 +55,8 @@ class ShownEgo:
         attributes["orientation"] = _orientation(*angles)
         if self._derives_more:
             scenic_private.derive_again(self._copy)
-        for name in self._caches.intersection(attributes):
-            del attributes[name]
+        for cache_name in self._caches.intersection(attributes):
+            del attributes[cache_name]
 
 
 def _orientation(yaw: float, pitch: float, roll: float) -> Any:

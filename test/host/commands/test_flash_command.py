@@ -60,4 +60,4 @@ def test_a_board_that_is_no_foldcar_has_no_logs_to_copy(tmp_path: Path, capsys: 
         os.close(ours)
         os.close(theirs)
 
-    assert "no foldcar answers" in capsys.readouterr().out and not (tmp_path / "logs").exists()
+    assert "no foldcar firmware answers" in capsys.readouterr().out and not (tmp_path / "logs").exists()

@@ -82,6 +82,7 @@ class _CommandsOnDemand(Mapping[str, Any]):
         return iter(COMMANDS)
 
     def __getitem__(self, name: str) -> Any:
+        """Import the module of a command and return the command, or the group if it has subcommands."""
         module = import_module(f"foldcar.commands.{COMMANDS[name]}")
         command = getattr(module, name.replace("-", "_"))
         if isinstance(command, typer.Typer):

@@ -15,8 +15,8 @@ namespace {
 constexpr const char* kLogPrefix = "log_";
 // LittleFS copies a file's last block, and so erases another, after every flush.
 constexpr std::size_t kFlushedBytes = 32 * 1024;
-// Bytes of the file system that logs leave free: what a flush copies, and blocks of LittleFS's own. Where none is free, the
-// LittleFS of Arduino-ESP32 2.0.17 divides by zero (littlefs pull request 966).
+// Bytes of the file system that logs leave free: what a flush copies, and blocks of LittleFS's own. Where none is
+// free, the LittleFS of Arduino-ESP32 2.0.17 divides by zero (littlefs pull request 966).
 constexpr std::size_t kReserve = 32 * 1024;
 
 bool has_room_for(std::size_t size) { return LittleFS.usedBytes() + size + kReserve <= LittleFS.totalBytes(); }
@@ -58,8 +58,8 @@ bool FlashLogs::create(std::uint16_t id) {
   return true;
 }
 
-// A brown-out loses the data since the last flush. flush() reports no error, so the size of the file shows whether the data
-// were stored.
+// Appends to the open log, and flushes every kFlushedBytes: a brown-out loses the data since the last flush. Returns
+// whether the data were stored; flush() reports no error, but the size of the file shows it.
 bool FlashLogs::append(const std::uint8_t* data, std::size_t size) {
   if (!written_ || !has_room_for(written_size_ - flushed_size_ + size)) return false;
   if (written_.write(data, size) != size) return false;
@@ -70,7 +70,8 @@ bool FlashLogs::append(const std::uint8_t* data, std::size_t size) {
   return written_.size() == written_size_;
 }
 
-// A file opened to read before the last part was written would not have that part.
+// Closes the log that is written, and the one that is read: a file opened to read before the last part was written
+// would not have that part.
 bool FlashLogs::close() {
   const bool was_open = static_cast<bool>(written_);
   written_.close();
@@ -121,6 +122,7 @@ void FlashLogs::close_reading() {
   read_id_ = 0;
 }
 
+// Finds the smallest and largest number of the logs in flash; both 0 if there are no logs.
 void FlashLogs::find_range() {
   first_ = last_ = 0;
   fs::File root = LittleFS.open("/");

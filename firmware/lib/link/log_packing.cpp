@@ -23,13 +23,16 @@ std::size_t kind_of(const mavlink_message_t& message) {
 // The content's size before MAVLink leaves out zeros at its end.
 std::size_t content_size(std::uint32_t message_id) { return mavlink_get_msg_entry(message_id)->max_msg_len; }
 
-// Behind the bytes that MAVLink sends stands its checksum.
+// The i-th byte of the content; 0 for those at the end that MAVLink leaves out, where the message holds its checksum.
 std::uint8_t content_byte(const mavlink_message_t& message, std::size_t i) {
   return i < message.len ? static_cast<std::uint8_t>(_MAV_PAYLOAD(&message)[i]) : std::uint8_t{0};
 }
 
 }  // namespace
 
+// Packs a message by its differences to the last one of its kind: a byte with kind and component, the time since the
+// last record (µs, 7 bits a byte, lowest first), a bit for each byte of the content that differs, then these bytes.
+// Returns the packed size.
 std::size_t LogPacker::pack(std::uint64_t time_us, const mavlink_message_t& message,
                             std::uint8_t (&packed)[kLargestPacked]) const {
   const std::size_t kind = kind_of(message);
@@ -63,6 +66,8 @@ void LogUnpacker::begin() {
   numbers_ = {};
 }
 
+// Restores one record that LogPacker::pack has packed: the time (µs, 8 bytes, highest first) and the MAVLink packet.
+// Returns the sizes of both forms.
 LogFormat::Unpacked LogUnpacker::unpack(const std::uint8_t* packed, std::uint8_t* record) {
   const std::uint8_t* from = packed;
   const bool is_own = (*from & kOwnFlag) != 0;

@@ -9,16 +9,17 @@ namespace foldcar {
 namespace {
 
 constexpr std::uint64_t kPeriodUs = 200000;
-// The RAM for records has room for 180 s of them with an IMU that shakes (test_slow_flash.cpp). Where a trial may last longer,
-// they are recorded so much less often.
+// The RAM for records has room for 180 s of them with an IMU that shakes (test_slow_flash.cpp). A trial that may last
+// n times kWholeRateS is recorded at 1/n of the rate.
 constexpr float kWholeRateS = 170.0f;
-// Bytes kept free for the two packets that tell how the trial ended.
+// Bytes kept free for the last two packets, the outputs and the trial's end.
 constexpr std::size_t kReserve = 2 * kLargestPacked;
 // Bytes of a record besides the packet's content: the time before the packet, and the packet's frame.
 constexpr std::size_t kFrameSize = 8 + MAVLINK_NUM_NON_PAYLOAD_BYTES;
 
 }  // namespace
 
+// Records an untethered trial in RAM: opens the log at its start, records every period, closes it at its end.
 void TrialLog::run(std::uint64_t now_us, const CarView& car) {
   const bool runs = car.application.status().state == State::kRunning && car.application.trial().untethered;
   if (runs && !is_recording_) open(now_us, car);
@@ -56,6 +57,7 @@ void TrialLog::report() {
   status_text_.send(MAV_SEVERITY_ERROR, line);
 }
 
+// Composes a message and adds it to the log, if `reserve` bytes stay free after it; else counts it as lost.
 void TrialLog::record(std::uint32_t message_id, const CarView& car, std::size_t reserve) {
   mavlink_message_t message;
   if (!compose(message_id, car, numbers_, message)) return;

@@ -22,6 +22,7 @@ LogStatus LogWriter::status() const {
   return {lost_bytes == 0 ? LogState::kStored : LogState::kIncomplete, lost_bytes};
 }
 
+// Does one step of storing a finished log in flash. Returns whether there is more to do.
 bool LogWriter::work() {
   // Of a finished log, all records are seen.
   if (phase_.load(std::memory_order_acquire) != Phase::kFinished) return false;
@@ -44,7 +45,8 @@ void LogWriter::open() {
   has_failed_ = !is_open_;
 }
 
-// After a failure nothing more is stored, as a log with a gap in it could not be read behind the gap.
+// Unpacks as many records as fit a slice and appends them to the file. After a failure nothing more is stored, as a
+// log with a gap could not be read behind it; the records are only counted as lost.
 void LogWriter::store() {
   std::size_t size = 0;
   while (size + kLargestRecord <= kSlice && unpacked_bytes_ < put_bytes_) {
@@ -57,6 +59,7 @@ void LogWriter::store() {
   taken_bytes_ += size;
 }
 
+// Closes the file; what its size lacks of the bytes taken is lost.
 bool LogWriter::close() {
   const std::size_t stored = is_open_ && storage_.close() ? storage_.size(id_) : 0;
   unstored_bytes_.store(static_cast<std::uint32_t>(taken_bytes_ - stored), std::memory_order_relaxed);

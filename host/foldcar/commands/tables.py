@@ -251,7 +251,9 @@ def print_search(plan: "Plan", result: "SearchResult", store: Path, varied: Sequ
     typer.echo(f"\nThe {which_best} designs, tested in {plan.fresh} new environments (95 % intervals):")
     heads = ["design"]
     for objective in plan.objectives:
-        heads += [f"{objective.name}, new", *["when chosen"] * (objective.value is not None)]
+        heads.append(f"{objective.name}, new")
+        if objective.value is not None:
+            heads.append("when chosen")
     table = ResultTable(*heads, left=heads)
     for design in result.best:
         cells = [design_text({name: design.design[name] for name in varied})]

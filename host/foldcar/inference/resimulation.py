@@ -167,6 +167,7 @@ class Resimulation:
         return self._refusals[info.id]
 
     def _check_reproducible(self, info: ExperimentInfo) -> str | None:
+        """Return why runs of the experiment cannot be repeated here; None if they can."""
         if info.under is not None:
             return f"the runs are those of {info.under}"
         if self._drives(info).dynamic:

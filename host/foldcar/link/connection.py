@@ -164,7 +164,10 @@ class CarClockRate:
         self._first: tuple[float, float] | None = None
 
     def add(self, car_s: float, host_s: float) -> None:
-        """Add a time since boot that the car reported, and the host's time of its arrival (both s)."""
+        """Add a time since boot that the car reported, and the host's time of its arrival (both s).
+
+        The rate is measured over at least SPAN_S, and again after a restart of the car's clock.
+        """
         if self._first is None or car_s < self._first[0]:
             self._first = (car_s, host_s)
             return

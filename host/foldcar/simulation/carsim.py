@@ -58,6 +58,7 @@ class Carsim:
     """
 
     def __init__(self, binary: Path | None = None, engine: str = MULTIBODY) -> None:
+        """Find carsim, or take ``binary``, and ask it for its build, firmware and engine. Raises CarsimError."""
         self.binary = binary if binary is not None else find_carsim(engine)
         self.command = (*program_command(self.binary), *(ENGINES[engine].options if binary is None else ()))
         self._running: set[subprocess.Popen[str]] = set()

@@ -21,6 +21,7 @@ class ShownEgo:
     """The ego of a running simulation; create it after Scenic has created the ego's dynamic copy."""
 
     def __init__(self, ego: Any, start: State) -> None:
+        """Keep what :meth:`show` needs of the ego: its copy, and how it lies against the car's state at the start."""
         self._copy = scenic_private.shown_copy(ego)
         self._attributes = self._copy.__dict__
         self._caches = scenic_private.caches(type(ego))

@@ -29,6 +29,7 @@ class _Worker(LineProcess):
     """A scenic_worker process for one thread (except `kill`); the line ``opening`` makes it compile the program."""
 
     def __init__(self, opening: str) -> None:
+        """Start a worker process. ``opening`` is the JSON text of the program, sent before its first run."""
         # A fixed hash seed gives sets of strings the same order in all workers. Threads for linear algebra would only
         # slow down copies of the process.
         environment = {**minimal_variables(), "PYTHONHASHSEED": "0", "OPENBLAS_NUM_THREADS": "1"}

@@ -52,6 +52,7 @@ class ScenicWorker:
     """Simulates runs of a compiled Scenic program with carsim. Raises FoldcarError if the program cannot be opened."""
 
     def __init__(self, opening: dict[str, Any]) -> None:
+        """Compile the Scenic program of ``opening``, the first message, for all runs that will follow."""
         self._source: SceneSource = open_environment(
             Path(opening["program"]), opening["params"], opening["seed"], opening["condition"], opening["files"]
         )

@@ -60,6 +60,7 @@ class Forked:
     """
 
     def __init__(self, answer: Callable[[Answer], Answer]) -> None:
+        """Copy this process (fork). The copy reads questions from a pipe and writes their ``answer`` to another one."""
         question_pipe, self._questions = os.pipe()
         self._answers, answer_pipe = os.pipe()
         # Garbage collection in the copy would write to every page with an object, and so copy the page.

@@ -90,6 +90,7 @@ class Effects:
         draws = self._draws_over(combinations, [parameter], grid[:, None])
         mean_curves = draws.mean(axis=1)
         levels = mean_curves.mean(axis=1)
+        # The band shows the uncertainty of the curve's shape: the draws are shifted to a common level.
         low, high = levels.mean() + numpy.quantile(mean_curves - levels[:, None], (0.025, 0.975), axis=0)
         level_low, level_high = numpy.quantile(levels, (0.025, 0.975)).tolist()
         shown = numpy.unique(numpy.linspace(0, len(combinations) - 1, MAX_CURVES).round().astype(int))

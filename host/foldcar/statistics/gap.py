@@ -75,7 +75,7 @@ def mean_gap(rates: Sequence[Rates]) -> Gap:
 def pair_correlation(first: Sequence[bool], second: Sequence[bool]) -> float:
     """Return the phi coefficient of paired results (pairs,), corrected for continuity as in Newcombe's method 10.
 
-    It is 0 if one of both has only passed or only failed results.
+    Returns 0 if the results of ``first``, or those of ``second``, are all equal.
     """
     a, b = (numpy.array(results, dtype=float) for results in (first, second))
     both, neither = float(a @ b), float((1 - a) @ (1 - b))

@@ -178,14 +178,16 @@ def gain_per_hour(draws: ArrayLike, threshold: float, zone: float, work_min: Arr
     ``draws`` (draws, designs) are of the rates; ``zone`` as in :func:`value_of_trials`. ``work_min`` (BATCHES, designs)
     are the minutes for that many independent trials, with the building of cars (:func:`least_effort`). Several numbers
     of trials are compared, because one trial may be worth nothing where many are worth something (Frazier and Powell
-    2010, doi:10.1287/deca.1100.0188). In a small family a design counts as 1/MIN_DESIGNS of it.
+    2010, doi:10.1287/deca.1100.0188).
     """
-    p, gains = numpy.asarray(draws, dtype=float), []
-    number = p.shape[1]
+    rates, gains = numpy.asarray(draws, dtype=float), []
+    designs = rates.shape[1]
+    # For many designs a part of the draws is enough.
+    thinned_rates = rates[:: max(1, rates.size // MAX_WEIGHED)]
     for trials, minutes in zip(BATCHES, numpy.asarray(work_min), strict=True):
-        # For many designs a part of the draws is enough.
-        value = value_of_trials(p[:: max(1, p.size // MAX_WEIGHED)], threshold, trials, zone)
-        worth = value.choice + value.threshold * number / max(number, MIN_DESIGNS)
+        value = value_of_trials(thinned_rates, threshold, trials, zone)
+        # The gain at the threshold is a fraction of the family; a small family counts as one of MIN_DESIGNS designs.
+        worth = value.choice + value.threshold * designs / max(designs, MIN_DESIGNS)
         gains.append((60 * worth / minutes).max())
     return float(max(gains))
 
@@ -271,6 +273,7 @@ def correlation_within_cars(rates: ArrayLike, car_sd: float) -> float:
 
     The log-odds of a design's cars are normal with deviation ``car_sd``; the mean rate of its cars is one of ``rates``.
     """
+    # Gauss-Hermite quadrature over the log-odds of a design's cars, which are centred so that their mean rate is p.
     p = numpy.asarray(rates, dtype=float).ravel().clip(1e-6, 1 - 1e-6)
     nodes, weights = numpy.polynomial.hermite_e.hermegauss(40)
     centre = numpy.log(p / (1 - p)) * centre_factor(car_sd)

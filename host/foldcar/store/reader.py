@@ -80,6 +80,7 @@ class Store:
         return self.once("info", self._info)
 
     def _info(self) -> StudyInfo:
+        """Read the study's facts and experiments. Raises StoreError if the store has no study or it is damaged."""
         facts = {row["key"]: row["value"] for row in self.rows(STUDY)}
         if not facts:
             raise StoreError(f"{self.path}: has no study yet; sweep a listing into it")

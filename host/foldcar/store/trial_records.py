@@ -48,8 +48,8 @@ def checked_name(name: str, place: str) -> str:
     Raises FoldcarError, which starts with ``place``, if it is empty, too long or not printable.
     """
     stripped = name.strip()
-    if not stripped.isprintable() or not 0 < len(stripped) <= LONGEST_NAME:
-        raise FoldcarError(f"{place}: {name[:80]!r} is not a name of 1 to {LONGEST_NAME} printable characters")
+    if not stripped.isprintable() or not 0 < len(stripped) <= MAX_NAME_LENGTH:
+        raise FoldcarError(f"{place}: {name[:80]!r} is not a name of 1 to {MAX_NAME_LENGTH} printable characters")
     return stripped
 
 
@@ -62,7 +62,7 @@ def ending_without_outcome(ending: str) -> str:
 CORRECTABLE = ("outcome", "elapsed_time_s", "note", "operator", "car", "car_name")
 
 # Maximum length of a car's name, which is shown in tables.
-LONGEST_NAME = 40
+MAX_NAME_LENGTH = 40
 
 
 @dataclass(frozen=True, slots=True)

@@ -214,10 +214,10 @@ class TrialWriter(StoreConnection):
         if digest is None:
             raise StoreError(f"{file}: no such file")
         result = Media(trial, kind, reference(self.path, file), digest)
-        row = {**asdict(result), "added_utc": now_utc()}
+        row = {**asdict(result), "trial_id": trial, "added_utc": now_utc()}
         with self._transaction():
             self._trial(trial)
-            self._insert(MEDIA, [{**row, "trial_id": row.pop("trial")}], "OR REPLACE")
+            self._insert(MEDIA, [row], "OR REPLACE")
         return result
 
     def put_deviations(

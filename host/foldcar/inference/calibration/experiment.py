@@ -58,6 +58,7 @@ class SweptExperiment:
 
     @cached_property
     def _indices(self) -> dict[frozenset[tuple[str, float]], int]:
+        """The designs' indices by their parameters."""
         return {frozenset(design.parameters.items()): i for i, design in enumerate(self.designs)}
 
 

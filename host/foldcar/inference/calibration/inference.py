@@ -196,10 +196,10 @@ def infer(
     designs = np.union1d(np.linspace(0, len(experiment.designs) - 1, spaced).round().astype(int), driven)
     # Above the numbers of all earlier cars and drives, so that the check has cars of its own.
     first_number = (planned.first + planned.second) * (MAX_CELLS + OTHERS + len(observed.car_design))
-    return checked(simulator, problem, problem.posterior(seed), designs, planned.scenes, first_number, done)
+    return simulated_rates(simulator, problem, problem.posterior(seed), designs, planned.scenes, first_number, done)
 
 
-def checked(
+def simulated_rates(
     simulator: Simulator,
     problem: Problem,
     posterior: Posterior,
@@ -208,7 +208,7 @@ def checked(
     first_number: int,
     done: Callable[[int], None],
 ) -> Inference:
-    """Simulate the rates of the ``designs`` (indices) with DRAWS draws of the posterior, each in ``scenes`` scenes.
+    """Simulate the ``designs`` (indices) with DRAWS draws of the posterior, each in ``scenes`` scenes; return the result.
 
     Every scene of a draw has a car and a drive of its own, numbered from ``first_number``.
     """

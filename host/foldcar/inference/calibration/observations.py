@@ -97,7 +97,8 @@ def experiment_to_measure(store: Store, named: str | None) -> str:
 def _chosen_experiment(experiments: list[str], named: str | None, if_unknown: str, if_several: str) -> str:
     """Return the ``named`` experiment, or the only one if ``named`` is None.
 
-    Raises FoldcarError, which starts with ``if_unknown`` or ``if_several``, if there is no such experiment or a choice.
+    Raises FoldcarError. It starts with ``if_unknown`` if there is no such experiment, with ``if_several`` if None may be
+    one of several.
     """
     if named is None and len(experiments) > 1:
         raise FoldcarError(f"{if_several} {', '.join(experiments)}: choose one with --experiment")

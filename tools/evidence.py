@@ -30,7 +30,7 @@ from page_block import replaced
 
 from foldcar.inference.calibration.emulator import Emulator, cell_inputs, prior_scores, simulate_bank
 from foldcar.inference.calibration.experiment import CalibrationRun, Simulator, SweptExperiment, read_experiment
-from foldcar.inference.calibration.inference import Inference, Problem, checked
+from foldcar.inference.calibration.inference import Inference, Problem, simulated_rates
 from foldcar.inference.calibration.observations import Cell, Observations
 from foldcar.inference.calibration.parameters import PARAMETERS, FloatArray, ScorePrior, values_of
 from foldcar.inference.calibration.predictions import rates_of
@@ -203,7 +203,7 @@ def calibrated(
     observed = replace(observed, cells=cells, cell=np.searchsorted(used, observed.cell))
     problem = Problem(observed, emulator, inputs, priors)
     designs = np.arange(len(experiment.designs))
-    return checked(simulator, problem, problem.posterior(SEED), designs, 1, 10**7, silent)
+    return simulated_rates(simulator, problem, problem.posterior(SEED), designs, 1, 10**7, silent)
 
 
 @dataclass(frozen=True)

@@ -180,7 +180,7 @@ def sweep(
         SCENARIOS / listing, store, "make fidelity", experiment=experiment, environments=environments, engine=engine
     )
     with ProgressBar(planned.progress, label=f"{listing}, {engine}") as bar:
-        planned.run(usable_processors(), bar.update, bar.say)
+        planned.run(usable_processors(), bar.update, bar.print_line)
 
 
 def read_results(store: Path) -> Results:

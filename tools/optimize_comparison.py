@@ -83,7 +83,7 @@ def one_design(proposals: Proposals, rows: list[Row], prune: bool) -> None:
     pruned = False
     for batch in batches(len(rows)):
         seen += [rows[k] for k in batch]
-        if prune and len(seen) < len(rows) and proposals.worse(seen, TIMEOUT_S):
+        if prune and len(seen) < len(rows) and proposals.is_worse(seen, TIMEOUT_S):
             pruned = True
             break
     proposals.tell([SUCCESS.value(seen, 0.0)], seen, pruned, OBJECTIVES["time"].value(seen, TIMEOUT_S))

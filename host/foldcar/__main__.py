@@ -6,6 +6,7 @@ from types import FrameType
 
 
 def _end(number: int, frame: FrameType | None) -> None:
+    """Handle a signal: print a line and end the process at once, with the exit code of Ctrl-C."""
     os.write(2, b"foldcar: stopped\n")
     os._exit(130)
 

@@ -23,10 +23,12 @@ from foldcar.interrupts import EXIT_CODE, listen, stop_line
 from foldcar.shown_text import show_text
 from foldcar.version import __version__
 
+# The environment variable by which a shell asks for completions.
 VARIABLE = "_FOLDCAR_COMPLETE"
 
 
 def _print_script(shell: str | None) -> None:
+    """Print the completion script for ``shell`` and exit; without a shell do nothing."""
     if shell is None:
         return
     from typer._completion_shared import get_completion_script
@@ -55,9 +57,10 @@ def enable_completion() -> None:
         completion_init()
 
 
+# Number of new objects after which Python collects garbage.
 GARBAGE_THRESHOLD = 50_000
-# Longer than the paths that messages usually contain.
-LONGEST_WORD = 300
+# Words of messages that are longer than this are shortened; paths are usually shorter.
+MAX_WORD_LENGTH = 300
 
 # The commands in the order of `foldcar -h`, and the modules of foldcar.commands that they are in.
 COMMANDS = {
@@ -79,13 +82,14 @@ class _CommandsOnDemand(Mapping[str, Any]):
         return iter(COMMANDS)
 
     def __getitem__(self, name: str) -> Any:
+        """Import the module of a command and return the command, or the group if it has subcommands."""
         module = import_module(f"foldcar.commands.{COMMANDS[name]}")
         command = getattr(module, name.replace("-", "_"))
         if isinstance(command, typer.Typer):
             return typer.main.get_group(command)
-        alone = typer.Typer(add_completion=False, rich_markup_mode=None)
-        alone.command(name)(command)
-        return typer.main.get_command(alone)
+        app_of_command = typer.Typer(add_completion=False, rich_markup_mode=None)
+        app_of_command.command(name)(command)
+        return typer.main.get_command(app_of_command)
 
 
 class _Commands(TyperGroup):
@@ -145,7 +149,7 @@ def main() -> None:
         if message is None:
             raise
         # Shorten very long words that come from files, such as numbers of 400 digits.
-        shortened = re.sub(rf"\S{{{LONGEST_WORD + 1},}}", lambda word: f"{word[0][:40]}…{word[0][-10:]}", message)
+        shortened = re.sub(rf"\S{{{MAX_WORD_LENGTH + 1},}}", lambda word: f"{word[0][:40]}…{word[0][-10:]}", message)
         sys.stderr.write(f"{shortened}\n")
         if code != EXIT_CODE:
             sys.exit(code)
@@ -155,7 +159,7 @@ def main() -> None:
 
 
 def _ending(error: BaseException) -> tuple[str | None, int]:
-    """Return the message and exit code with which ``error`` ends the command. The message is None for a bug."""
+    """Return the message and the exit code with which ``error`` ends the command; the message is None for a bug."""
     if (line := stop_line()) is not None:
         # The signal raised the error, directly or indirectly.
         return line, EXIT_CODE

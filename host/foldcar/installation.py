@@ -29,9 +29,9 @@ def keep_caches_in_checkout() -> None:
 
 
 def pio_program() -> str | None:
-    """Return PlatformIO's command `pio` beside this Python, or else on the PATH; None if there is none."""
-    beside = Path(sys.executable).with_name("pio")
-    return str(beside) if beside.is_file() else shutil.which("pio")
+    """Return the path of PlatformIO's command `pio`, beside this Python or on the PATH; None if it is not installed."""
+    own_pio = Path(sys.executable).with_name("pio")
+    return str(own_pio) if own_pio.is_file() else shutil.which("pio")
 
 
 def usable_processors() -> int:
@@ -66,7 +66,7 @@ MODULES = {
 
 
 def require(extra: str) -> None:
-    """Raise ModuleNotFoundError if a module of the extra is missing, before any work is done."""
+    """Raise ModuleNotFoundError if a module of the extra is missing. Commands call it before they do any work."""
     from importlib.util import find_spec
 
     for module in MODULES[extra]:

@@ -15,14 +15,15 @@ from collections.abc import Callable, Iterator
 from types import FrameType
 
 EXIT_CODE = 130
+# How long cleaning up may take, and the interval of repeated interrupts.
 GRACE_S = 10.0
 RETRY_S = 0.1
 # Windows has no SIGHUP.
 NUMBERS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 
 _stopped = threading.Event()
-# Set while this process itself interrupts the main thread again, as opposed to a second signal of the user.
-_insisting = threading.Event()
+# Set while this process interrupts its main thread again, so that this is not taken for a second signal of the user.
+_repeating = threading.Event()
 _line = "foldcar: stopped"
 
 
@@ -52,19 +53,19 @@ def message_on_signal(line: Callable[[], str]) -> Iterator[None]:
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
-    """Raise KeyboardInterrupt, but not within an import; a further signal ends the process."""
+    """Handle a signal: raise KeyboardInterrupt, but not during an import. A second signal ends the process."""
     if not _stopped.is_set():
         _stopped.set()
-        threading.Thread(target=_insist, args=(number,), daemon=True).start()
-    elif not _insisting.is_set():
+        threading.Thread(target=_repeat_interrupt, args=(number,), daemon=True).start()
+    elif not _repeating.is_set():
         _end()
-    _insisting.clear()
+    _repeating.clear()
     if not _imports(frame):
         raise KeyboardInterrupt
 
 
 def _imports(frame: FrameType | None) -> bool:
-    """Return whether a module is being imported: compiled modules print exceptions that are raised meanwhile."""
+    """Return whether the frame is part of an import. There, compiled modules print exceptions instead of raising them."""
     while frame is not None:
         if frame.f_code.co_filename.startswith("<frozen importlib"):
             return True
@@ -72,8 +73,8 @@ def _imports(frame: FrameType | None) -> bool:
     return False
 
 
-def _insist(number: int) -> None:
-    """Interrupt the main thread until the process ends; after GRACE_S end it.
+def _repeat_interrupt(number: int) -> None:
+    """Send signal ``number`` to the main thread every RETRY_S until the process ends; after GRACE_S, end it.
 
     The first KeyboardInterrupt may be lost: it is not raised within an import, and libraries may suppress it. The main
     thread is not interrupted while it imports a module or handles an exception.
@@ -82,10 +83,10 @@ def _insist(number: int) -> None:
     for _ in range(round(GRACE_S / RETRY_S)):
         time.sleep(RETRY_S)
         # Without an exception this is None, before Python 3.12 a tuple of three.
-        handled = sys._current_exceptions().get(main or 0)
-        is_handled = handled is not None and handled != (None, None, None)
-        if not is_handled and not _imports(sys._current_frames().get(main or 0)):
-            _insisting.set()
+        exception = sys._current_exceptions().get(main or 0)
+        handles_exception = exception is not None and exception != (None, None, None)
+        if not handles_exception and not _imports(sys._current_frames().get(main or 0)):
+            _repeating.set()
             if hasattr(signal, "pthread_kill"):
                 # This also interrupts a system call.
                 signal.pthread_kill(main or 0, number)
@@ -95,6 +96,7 @@ def _insist(number: int) -> None:
 
 
 def _end() -> None:
+    """Print the last line and end the process at once."""
     with contextlib.suppress(OSError):
         os.write(2, f"{_line}\n".encode(errors="backslashreplace"))
     os._exit(EXIT_CODE)

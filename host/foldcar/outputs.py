@@ -31,7 +31,7 @@ def atomic_file(file: Path) -> Iterator[BinaryIO]:
     """
     check_output_file(file)
     check_replaceable(file)
-    made = make_output_folder(file.parent)
+    was_created = make_output_folder(file.parent)
     temporary = file.with_name(f".{file.name}.{os.getpid()}.part")
     try:
         with temporary.open("wb") as binary:
@@ -42,7 +42,7 @@ def atomic_file(file: Path) -> Iterator[BinaryIO]:
     finally:
         with contextlib.suppress(OSError):
             temporary.unlink(missing_ok=True)
-        if made and not file.exists():
+        if was_created and not file.exists():
             with contextlib.suppress(OSError):
                 file.parent.rmdir()
 
@@ -91,12 +91,12 @@ def _check_replaceable(folder: Path, manifest: str) -> None:
         raise FoldcarError(f"{folder}: contains {unlisted[0]}, which its manifest does not name; choose another folder")
 
 
-# What every SQLite database begins with (sqlite.org/fileformat.html).
+# The first bytes of every SQLite database (sqlite.org/fileformat.html).
 SQLITE_MAGIC = b"SQLite format 3\0"
 
 
 def make_output_folder(folder: Path) -> bool:
-    """Create ``folder`` if it is missing; return whether it was. Raises FoldcarError as `check_output_folder` does."""
+    """Create ``folder`` if it is missing; return whether it was created. Raises FoldcarError if it cannot be written."""
     check_output_folder(folder)
     if folder.is_dir():
         return False
@@ -108,7 +108,10 @@ def make_output_folder(folder: Path) -> bool:
 
 
 def check_output_folder(folder: Path, output: Path | None = None) -> None:
-    """Raise FoldcarError if ``folder`` cannot be created or written to; the message names ``output`` if it is given."""
+    """Raise FoldcarError if ``folder`` cannot be created, or written to.
+
+    The message names ``output``, the file to write there, if it is given, else the folder.
+    """
     named = folder if output is None else output
     if folder.is_dir():
         _check_access(folder, named)
@@ -116,7 +119,7 @@ def check_output_folder(folder: Path, output: Path | None = None) -> None:
         reason = "not a folder" if output is None else f"cannot be written: {folder} is not a folder"
         raise FoldcarError(f"{named}: {reason}")
     elif not folder.parent.is_dir():
-        raise FoldcarError(f"{named}: cannot be written: there is no folder {folder.parent} to make {folder.name} in")
+        raise FoldcarError(f"{named}: cannot be written: the folder {folder.parent} does not exist")
     else:
         _check_access(folder.parent, named)
 
@@ -129,7 +132,7 @@ def check_output_file(file: Path) -> None:
 
 
 def check_replaceable(file: Path) -> None:
-    """Raise FoldcarError if ``file`` is an SQLite database: probably a store, which may hold the only copy of trials."""
+    """Raise FoldcarError if ``file`` is an SQLite database, because a store may be the only copy of trials."""
     try:
         with file.open("rb") as opened:
             start = opened.read(len(SQLITE_MAGIC))
@@ -140,12 +143,16 @@ def check_replaceable(file: Path) -> None:
 
 
 def _check_access(folder: Path, named: Path) -> None:
+    """Raise FoldcarError, which names ``named``, if the user may not write in an existing folder."""
     if not os.access(folder, os.W_OK | os.X_OK):
         raise FoldcarError(f"{named}: cannot be written: no permission to write in the folder {folder.absolute()}")
 
 
 def file_name_part(name: str) -> str:
-    """Return ``name`` if it is short and plain, else its plain characters and eight digits of its SHA-256."""
+    """Return a name for files that every file system allows, different for different ``name``.
+
+    It is ``name`` itself if that is short and plain, else its plain characters and eight digits of its SHA-256.
+    """
     if len(name) <= MAX_NAME_LENGTH and PLAIN_NAME.fullmatch(name) and not HASHED_NAME.fullmatch(name):
         return name
     plain = re.sub("[^a-z0-9-]+", "_", name.lower())[:MAX_NAME_LENGTH].strip("_")

@@ -29,17 +29,17 @@ USERS = (".cache", ".config")
 FileState = tuple[int, int, int]
 
 
-class HeardFiles:
-    """The files that a thread reads, with their states (None: the file did not exist), and those that it writes."""
+class RecordedFiles:
+    """The files that a thread has ``read``, with their states (None: the file did not exist), and has ``written``."""
 
     def __init__(self) -> None:
         self._thread = threading.get_ident()
         self.read: dict[Path, FileState | None] = {}
         self.written: set[Path] = set()
 
-    def note(self, path_or_descriptor: Any, mode: object, flags: int) -> None:
-        """Record an event `open` with these arguments."""
-        if isinstance(path_or_descriptor, int) or threading.get_ident() != self._thread or _is_shown():
+    def record(self, path_or_descriptor: Any, mode: object, flags: int) -> None:
+        """Record an audit event `open` with these arguments, unless it is of another thread or of a stack trace."""
+        if isinstance(path_or_descriptor, int) or threading.get_ident() != self._thread or _is_for_stack_trace():
             return
         with suppress(OSError, TypeError, ValueError):
             path = Path(os.path.normpath(Path(os.fsdecode(path_or_descriptor)).absolute()))
@@ -49,36 +49,42 @@ class HeardFiles:
                 self.read.setdefault(path, state)
 
 
-def _is_shown() -> bool:
-    """Return whether source is read for a stack trace, as Scenic does for every running file, even foldcar's command."""
+def _is_for_stack_trace() -> bool:
+    """Return whether linecache opens the file, to show its source in a stack trace.
+
+    Scenic makes such traces of every running file, even foldcar's own.
+    """
+    # The caller of `open`, above this function, `record` and the audit hook.
     frame = sys._getframe(3)
     callers = (frame, frame.f_back)
     return any(caller is not None and caller.f_globals.get("__name__") == "linecache" for caller in callers)
 
 
-# The last recorder is active. Python cannot remove an audit hook.
-_hearing: list[HeardFiles] = []
+# The last recorder is active. It is a list, because Python cannot remove an audit hook.
+_recorders: list[RecordedFiles] = []
 
 
 @contextmanager
-def heard_files() -> Iterator[HeardFiles]:
+def heard_files() -> Iterator[RecordedFiles]:
     """Record the files that this thread opens within the block."""
-    _listen()
-    files = HeardFiles()
-    _hearing.append(files)
+    _add_audit_hook()
+    files = RecordedFiles()
+    _recorders.append(files)
     try:
         yield files
     finally:
-        _hearing.remove(files)
+        _recorders.remove(files)
 
 
 @cache
-def _listen() -> None:
-    def hear(event: str, arguments: tuple[Any, ...]) -> None:
-        if event == "open" and _hearing and len(arguments) == 3:
-            _hearing[-1].note(*arguments)
+def _add_audit_hook() -> None:
+    """Pass audit events `open` to the active recorder from now on; done once, because of the cache."""
 
-    sys.addaudithook(hear)
+    def hook(event: str, arguments: tuple[Any, ...]) -> None:
+        if event == "open" and _recorders and len(arguments) == 3:
+            _recorders[-1].record(*arguments)
+
+    sys.addaudithook(hook)
 
 
 def file_state(path: Path) -> FileState | None:
@@ -90,7 +96,7 @@ def file_state(path: Path) -> FileState | None:
     return None
 
 
-# Stands for the digest of a missing file that a program tries to read.
+# Used instead of a digest for a missing file that a program tried to read.
 MISSING = "missing"
 
 
@@ -107,13 +113,14 @@ def file_digest(path: Path) -> str | None:
 
 @cache
 def _read_digest(path: Path, state: FileState) -> str | None:
+    """Return the digest of a file; ``state`` is only a key of the cache, so that a changed file is read again."""
     with suppress(OSError):
         return content_digest(path.name, path.read_bytes())
     return None
 
 
 def content_digest(name: str, content: bytes) -> str:
-    """Return the hash of a file's content; byte order marks and kinds of line breaks in code do not change it."""
+    """Return the SHA-256 of a file's content; in code, byte order mark and kind of line breaks do not matter."""
     if name.endswith(CODE):
         content = content.removeprefix(codecs.BOM_UTF8).replace(b"\r\n", b"\n")
     return hashlib.sha256(content).hexdigest()
@@ -121,9 +128,10 @@ def content_digest(name: str, content: bytes) -> str:
 
 @cache
 def is_own(path: Path, folder: Path) -> bool:
-    """Return whether an absolute path is the user's own, neither installed code nor a system file.
+    """Return whether an absolute path is the user's own file, neither installed code nor a system file.
 
-    ``folder`` is the program's. The program may itself be in such a folder, or have one inside its own.
+    ``folder`` is the folder of the user's program. If that is itself inside a folder of installed code or of the system,
+    the files below it still are the user's own.
     """
     return not any(
         location.is_relative_to(root) and not (root in base.parents and location.is_relative_to(base))

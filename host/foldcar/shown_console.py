@@ -23,6 +23,8 @@ def shown_console(plain_width: int | None = None, *, stderr: bool = False) -> Co
 
 
 class _ShownConsole(Console):
+    """A console that escapes control characters in all text."""
+
     def render_str(self, text: str, **options: Any) -> Text:
         # rich measures the columns by what this returns.
         return super().render_str(shown(text), **options)
@@ -37,9 +39,10 @@ MAX_FRAMED = 500
 
 
 class ResultTable:
-    """A table with the column titles ``heads``; brackets in cells are not markup. Long tables are printed without frames.
+    """A table with the column titles ``heads``, printed without frames if it has more than MAX_FRAMED rows.
 
-    Cells are aligned right and never wrap, except in the columns ``left``.
+    Cells are aligned right and never wrap; in the columns ``left`` they are aligned left and may wrap. Brackets in cells
+    are not markup.
     """
 
     def __init__(self, *heads: str, left: Collection[str] = ()) -> None:
@@ -66,6 +69,7 @@ class ResultTable:
         console.print(table)
 
     def _lines(self) -> list[str]:
+        """Return the table as lines of text with aligned columns."""
         # rich takes 2 ms a row for layout and frames.
         rows = [self._heads, *(tuple(cell.replace("\n", " ") for cell in cells) for cells in self._rows)]
         columns = [_aligned(cells, cells[0] not in self._left) for cells in zip(*rows, strict=True)]
@@ -73,6 +77,7 @@ class ResultTable:
 
 
 def _aligned(cells: tuple[str, ...], right: bool) -> list[str]:
+    """Return the cells of a column with spaces before or after them, so that all have the same width on a terminal."""
     widths = [len(cell) if cell.isascii() else cell_len(cell) for cell in cells]
     column_width = max(widths)
     if right:

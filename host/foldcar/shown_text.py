@@ -25,7 +25,7 @@ def shown(text: str) -> str:
 
 
 def decoded(text: str) -> str:
-    """Return the text with bytes that Python could not decode (in a file's name) read as UTF-8, or else escaped."""
+    """Return the text with undecoded bytes of file names (Python's surrogates) decoded as UTF-8, or else escaped."""
     return _UNDECODED.sub(lambda match: match[0].encode(errors="surrogateescape").decode(errors="backslashreplace"), text)
 
 
@@ -58,7 +58,7 @@ class ShownText:
 
 def show_text() -> None:
     """Replace standard output and error by streams that escape control characters."""
-    sys.stdout, sys.stderr = _in_front_of(sys.stdout), _in_front_of(sys.stderr)
+    sys.stdout, sys.stderr = _escaping_stream(sys.stdout), _escaping_stream(sys.stderr)
 
 
 def plain_stream(stream: Any) -> Any:
@@ -67,7 +67,7 @@ def plain_stream(stream: Any) -> Any:
 
 
 def data_output() -> TextIO:
-    """Return standard output for data: in UTF-8, as a file, unless it is a terminal."""
+    """Return standard output for data: without escaping and in UTF-8, unless it is a terminal."""
     if sys.stdout.isatty():
         return sys.stdout
     output = plain_stream(sys.stdout)
@@ -76,11 +76,13 @@ def data_output() -> TextIO:
     return cast(TextIO, output)
 
 
-def _in_front_of(stream: Any) -> TextIO:
+def _escaping_stream(stream: Any) -> TextIO:
+    """Return a stream that escapes control characters, and those that the encoding lacks, and writes to ``stream``."""
     if _lacks_letters(stream):
         stream.reconfigure(errors="backslashreplace")
     return cast(TextIO, stream if isinstance(stream, ShownText) else ShownText(stream))
 
 
 def _lacks_letters(stream: Any) -> bool:
+    """Return whether the stream's encoding is not a Unicode one, so that it cannot write all characters."""
     return isinstance(stream, io.TextIOWrapper) and not stream.encoding.lower().startswith("utf")

@@ -17,13 +17,14 @@ import threading
 from collections.abc import Callable, Iterator
 from typing import Any
 
+# The file descriptor of standard input.
 INPUT = 0
 # Whether `select` waits for terminals and serial ports.
 SELECTS_FILES = sys.platform != "win32"
 
 
 def end_group(process: "subprocess.Popen[Any]", number: int) -> None:
-    """Send signal ``number`` to a process that was started with ``start_new_session``, and to what it started."""
+    """Send signal ``number`` to a process started with ``start_new_session``, and to the processes that it started."""
     if hasattr(os, "killpg"):
         os.killpg(process.pid, number)
     else:
@@ -31,20 +32,20 @@ def end_group(process: "subprocess.Popen[Any]", number: int) -> None:
 
 
 def kill_group(process: "subprocess.Popen[Any]") -> None:
-    """Kill a process that was started with ``start_new_session``, and what it started."""
+    """Kill a process started with ``start_new_session``, and the processes that it started."""
     end_group(process, getattr(signal, "SIGKILL", signal.SIGTERM))
 
 
 def lower_priority(steps: int) -> None:
-    """Let other processes have the processor first."""
+    """Lower this process's priority by ``steps``, so that other processes get processor time first."""
     if hasattr(os, "nice"):
         os.nice(steps)
 
 
 class ThreadedPort:
-    """A port whose ``read`` blocks, as a socket that `select` waits for; a thread copies the bytes.
+    """Makes a port with a blocking ``read`` usable with `select`: a thread copies its bytes to a socket.
 
-    ``read`` returns b"" after a while without bytes, and raises OSError when the port is gone. ``close`` ends both.
+    ``read`` returns b"" after a while without bytes, and raises OSError when the port is gone. ``close`` closes the port.
     """
 
     def __init__(self, read: Callable[[], bytes], close: Callable[[], None]) -> None:
@@ -55,6 +56,7 @@ class ThreadedPort:
         threading.Thread(target=self._copy, daemon=True).start()
 
     def _copy(self) -> None:
+        """Copy bytes from the port to the socket until the port is closed."""
         with contextlib.suppress(OSError, ValueError), self._theirs:
             while not self._ended:
                 if data := self._read():
@@ -65,7 +67,7 @@ class ThreadedPort:
         return self._ours.fileno()
 
     def take(self, size: int) -> bytes:
-        """Return at most ``size`` available bytes, b"" when the port is gone. Raises BlockingIOError without any."""
+        """Return at most ``size`` available bytes; b"" when the port is gone. Raises BlockingIOError if none arrived."""
         return self._ours.recv(size)
 
     def close(self) -> None:
@@ -76,7 +78,7 @@ class ThreadedPort:
 
 
 class TypedInput:
-    """Standard input, read by its descriptor: the buffer of a Python file object would hide lines from `select`."""
+    """Standard input, read by its descriptor, because Python's buffer would hide lines from `select`."""
 
     def __init__(self) -> None:
         self.is_terminal = os.isatty(INPUT)
@@ -125,4 +127,5 @@ class TypedInput:
             termios.tcsetattr(INPUT, termios.TCSADRAIN, before)
 
     def _last_key(self) -> str | None:
+        """Return the last character typed, None if nothing was typed."""
         return (self.read(0) or b"").strip()[-1:].decode(errors="replace") or None

@@ -33,6 +33,7 @@ def decimal_number(text: str) -> float:
 
 
 def _plain(text: str) -> str:
+    """Return the text of a number. Raises ValueError if it has underscores or non-ASCII digits, which Python accepts."""
     if "_" in text or not text.isascii():
         raise ValueError(f"{text!r} is not a number: use only the digits 0 to 9, e, ., + and -")
     return text
@@ -45,9 +46,11 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
 
 
 def did_you_mean_file(file: Path) -> str:
-    """Return the same for a missing file: the most similar name in its folder that has its suffix."""
+    """Return ``; did you mean "study.db"?`` for a missing file: the most similar name in its folder with its suffix.
+
+    Returns "" if no name is similar.
+    """
     # exists() excludes a broken symbolic link, which would have the name itself.
-    others = (other for other in sorted(file.parent.glob("*")) if other.suffix == file.suffix and other.exists())
-    stems = [other.stem for other in others]
+    stems = [other.stem for other in sorted(file.parent.glob("*")) if other.suffix == file.suffix and other.exists()]
     close = difflib.get_close_matches(file.stem, stems, 1)
     return f'; did you mean "{close[0]}{file.suffix}"?' if close else ""

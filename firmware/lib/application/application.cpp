@@ -6,7 +6,7 @@
 namespace foldcar {
 namespace {
 
-// Longest time step of the controller: after a longer gap a pulse changes by no more than the slew limit allows in it.
+// Longest time step of the controller: after a longer gap a pulse changes by what the slew limit allows in this time.
 constexpr std::uint64_t kLongestStepUs = 5 * kTickUs;
 
 constexpr PulsesUs kAllOff{};
@@ -17,6 +17,8 @@ static_assert(kNoPulse == 0.0f, "kAllOff is made of zeros");
 Application::Application(const Hal& hal, Parameters& parameters)
     : hal_(hal), parameters_(parameters), supervisor_(parameters) {}
 
+// Starts with the outputs off and the parameters of design and storage. Whatever should keep the car from driving is
+// kept as a start fault; each must be acknowledged.
 void Application::begin(const DesignResult& design) {
   write_off();
   design_ = design;
@@ -30,6 +32,7 @@ void Application::begin(const DesignResult& design) {
   servo_battery_v_ = hal_.servo_battery.voltage_v();
 }
 
+// One control step: measures batteries, button and IMU, lets the supervisor decide, then writes pulses or none.
 void Application::tick() {
   const std::uint64_t now_us = hal_.clock.now_us();
   const auto step_us = static_cast<std::uint32_t>(std::min(now_us - last_tick_us_, kLongestStepUs));
@@ -67,6 +70,7 @@ Refusal Application::start(const TrialRequest& request) {
   return refusal;
 }
 
+// Takes the stick's position, -1 to 1 forward and left, as fractions of the fastest wheel speed.
 Refusal Application::drive_manually(float forward, float left) {
   if (!(std::fabs(forward) <= 1.0f && std::fabs(left) <= 1.0f)) return Refusal::kNotANumber;
   const std::uint64_t now_us = hal_.clock.now_us();
@@ -97,6 +101,8 @@ Refusal Application::stop() {
   return refusal;
 }
 
+// Acknowledges the present fault, then reports the next start fault, if any. confirms: a person confirms that the
+// parameters describe the car, so that it may drive without a design.
 Refusal Application::acknowledge(bool confirms) {
   const Fault fault = supervisor_.fault();
   const bool absent = is_absent(design_.source);
@@ -145,7 +151,8 @@ Status Application::status() const {
           pulses_us_,          servo_battery_v_,    supervisor_.countdown_us()};
 }
 
-// The servos' current may have caused the reset, so a person must acknowledge it before the car drives again.
+// Returns the fault that the last reset means. Brown-outs and watchdogs may be due to the servos' current, so a person
+// must acknowledge them before the car drives again.
 Fault Application::reset_fault() const {
   switch (hal_.board.reset_reason()) {
     case ResetReason::kBrownOut: return Fault::kBrownOut;
@@ -162,7 +169,8 @@ Fault Application::reset_fault() const {
   return Fault::kNone;
 }
 
-// Without its own design a car would use defaults: it would drive the wrong outputs at the wrong speed.
+// Returns the fault of a design that was not loaded: with default parameters a car would drive the wrong outputs at
+// the wrong speed.
 Fault Application::design_fault() const {
   switch (design_.source) {
     case DesignSource::kNone:
@@ -186,7 +194,8 @@ void Application::report_start_fault() {
   if (found != start_faults_.end()) supervisor_.report(*found);
 }
 
-// A contact that bounces for less than a tick is seen pressed once only. It acts once for each time it is pressed.
+// Passes the button on, once for each time it is pressed, at the second tick that sees it so: a contact that bounces
+// for less than a tick is seen pressed at one tick only.
 void Application::read_button(std::uint64_t now_us) {
   constexpr std::uint32_t kPressedTicks = 2;
   const bool is_pressed = parameters_.get(Parameter::kButtonWired) == 1.0f && hal_.board.button_is_pressed();
@@ -194,6 +203,7 @@ void Application::read_button(std::uint64_t now_us) {
   if (pressed_ticks_ == kPressedTicks) supervisor_.press_button(now_us);
 }
 
+// Reads the IMU, if fitted, and updates the attitude. Returns false if it does not answer.
 bool Application::read_imu(std::uint32_t step_us) {
   if (!hal_.imu.present()) return true;
   if (!hal_.imu.read(imu_sample_)) return false;
@@ -212,7 +222,7 @@ void Application::apply_parameters(std::uint64_t now_us) {
   last_tick_us_ = now_us;
 }
 
-// Written at every tick, because a driver that did not acknowledge it may do so at the next.
+// Turns all outputs off. Called at every tick, because a driver that did not acknowledge may do so at the next.
 void Application::write_off() {
   pulses_us_ = kAllOff;
   servos_answer_ = hal_.servos.write_pulses(kAllOff);

@@ -26,6 +26,9 @@ Vector scaled_to_1(const Vector& v) {
 
 }  // namespace
 
+// Complementary filter: turns the vertical by the gyroscope's rates, then pulls it towards the accelerometer's
+// direction with a time constant of kGravityTimeS, unless the car is shaken. Yaw is integrated from the rate about the
+// vertical.
 Attitude updated(const Attitude& before, const ImuSample& sample, float step_s) {
   const Vector& a = sample.acceleration_m_s2;
   const Vector& w = sample.rate_rad_s;

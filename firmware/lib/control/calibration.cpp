@@ -2,6 +2,8 @@
 
 namespace foldcar {
 
+// Converts the parameters to the controller's constants. The wheels of a side start one after another, kStaggerMs
+// apart, so that their starting currents do not add up.
 Calibration calibrate(const Parameters& parameters) {
   Calibration calibration;
   calibration.wheel_radius_m = parameters.get(Parameter::kWheelRadiusM);

@@ -6,11 +6,13 @@
 namespace foldcar {
 namespace {
 
+// Moves a value towards a target by at most `step`.
 float approach(float value, float target, float step) {
   return value < target ? std::min(value + step, target) : std::max(value - step, target);
 }
 
-// The servo stands within the deadband, so the pulse skips it; the slew limit applies to the part beyond it.
+// Returns the pulse (µs) that lies excess_us beyond the servo's deadband, in which it stands: the pulse skips the
+// deadband, and the slew limit applies to the excess only.
 float pulse_us(const WheelCalibration& wheel, float excess_us) {
   if (excess_us == 0.0f) return wheel.neutral_us;
   const float from_neutral_us = excess_us + (excess_us > 0.0f ? wheel.deadband_us : -wheel.deadband_us);
@@ -19,6 +21,8 @@ float pulse_us(const WheelCalibration& wheel, float excess_us) {
 
 }  // namespace
 
+// Converts speed and yaw rate to the wheel speeds of both sides. If one is above the maximum, both are scaled down, so
+// that the car keeps its radius of turn.
 WheelSpeeds wheel_speeds(const Calibration& calibration, const SetPoint& set_point) {
   const float turn_m_s = set_point.yaw_rate_rad_s * calibration.half_track_m;
   const float left_rad_s = (set_point.speed_m_s - turn_m_s) / calibration.wheel_radius_m;
@@ -29,6 +33,8 @@ WheelSpeeds wheel_speeds(const Calibration& calibration, const SetPoint& set_poi
   return {scale * left_rad_s, scale * right_rad_s};
 }
 
+// Returns the pulses of all outputs for one step: each wheel's excess approaches gain · wheel speed within the slew
+// limit, from the wheel's start time on.
 PulsesUs drive(const Calibration& calibration, DriveState& state, const SetPoint& set_point,
                std::uint32_t step_us) {
   state.elapsed_us += std::min(step_us, UINT32_MAX - state.elapsed_us);

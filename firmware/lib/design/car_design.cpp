@@ -17,7 +17,7 @@ bool is_hash(const char* text) {
   return std::strlen(text) == kDesignHashLength && std::strspn(text, "0123456789abcdef") == kDesignHashLength;
 }
 
-// Numbers that the format has for people and drawings; the firmware does not use them.
+// Whether the key is a number that the firmware does not use; it is for people and drawings.
 bool is_for_others(const char* key) {
   return is_equal(key, "length_m") || is_equal(key, "width_m") || is_equal(key, "mass_kg");
 }
@@ -84,6 +84,8 @@ void CarDesignReader::refuse(const char* problem) {
   if (problem_[0] == '\0') std::snprintf(problem_, sizeof problem_, "car.json: %s", problem);
 }
 
+// Returns the design after all values have been read; refused, with the first problem, if anything is wrong or
+// missing.
 DesignResult CarDesignReader::result() {
   constexpr const char* kNames[] = {"format", "name", "hash", "wheel_radius_m", "track_m"};
   for (std::size_t key = 0; key < found_.size(); ++key) {
@@ -135,7 +137,7 @@ void CarDesignReader::top_number(const DesignPlace& place, double value) {
   }
 }
 
-// A length has the limits of the parameter that it becomes.
+// Stores a value in `into` if it is within the limits of the parameter limits_of, else refuses the design.
 void CarDesignReader::in_limits(const DesignPlace& place, double value, Parameter limits_of, float& into) {
   Parameters scratch;
   const SetResult result = scratch.set(limits_of, static_cast<float>(value));
@@ -143,6 +145,7 @@ void CarDesignReader::in_limits(const DesignPlace& place, double value, Paramete
   into = static_cast<float>(value);
 }
 
+// Refuses the design, with place and problem in the text. Only the first problem is kept.
 void CarDesignReader::fail(const DesignPlace& place, const char* problem) {
   if (problem_[0] != '\0') return;
   if (place.section[0] == '\0') {
@@ -155,6 +158,8 @@ void CarDesignReader::fail(const DesignPlace& place, const char* problem) {
   }
 }
 
+// Assigns the wheels to their outputs. Each needs channel, side and direction, no output may have two wheels, and both
+// sides of the car need one.
 void CarDesignReader::check_wheels() {
   bool left = false, right = false;
   for (std::size_t i = 0; i < wheels_.size(); ++i) {
@@ -174,6 +179,7 @@ void CarDesignReader::check_wheels() {
   if (!left || !right) fail({"", -1, "wheels"}, "has none on the left or on the right");
 }
 
+// Notes that a key has been read. Returns false, and refuses the design, if it was read before.
 bool CarDesignReader::first(const DesignPlace& place, Key key) {
   bool& found = found_[static_cast<std::size_t>(key)];
   if (found) fail(place, "stands there twice");
@@ -181,6 +187,8 @@ bool CarDesignReader::first(const DesignPlace& place, Key key) {
   return problem_[0] == '\0';
 }
 
+// Sets the parameters: the design's defaults, then stored values, then, fixed, what follows from the design itself.
+// Returns how many stored values were refused.
 std::size_t configure(Parameters& parameters, const DesignResult& design, Storage& storage) {
   const bool known = design.source == DesignSource::kFile;
   if (known) {

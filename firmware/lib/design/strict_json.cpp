@@ -11,7 +11,8 @@ constexpr std::ptrdiff_t kLongestNumber = 32;
 
 bool is_digit(int c) { return c >= '0' && c <= '9'; }
 
-// Each method but peek and take passes what its name says, and returns whether it was there.
+// Recursive-descent parser. A method named after a part of JSON skips this part and returns whether it was there and
+// well formed; after false the position does not matter.
 class Checker {
  public:
   Checker(const char* text, std::size_t size) : at_(text), end_(text + size) {}
@@ -105,7 +106,8 @@ class Checker {
     return true;
   }
 
-  // What follows a backslash.
+  // What follows a backslash: one of JSON's letters, or u and a UTF-16 code unit; surrogates only in pairs, and no
+  // zero.
   bool escape() {
     if (!take('u')) {
       if (peek() <= 0 || std::strchr("\"\\/bfnrt", peek()) == nullptr) return false;
@@ -137,8 +139,8 @@ class Checker {
     return number;
   }
 
-  // Skips one character in UTF-8; returns false if it is malformed or a control character. Table 3-7 of the Unicode standard
-  // has the limits of the second byte.
+  // Skips one character in UTF-8; returns false if it is malformed or a control character. Table 3-7 of the Unicode
+  // standard has the limits of the second byte.
   bool character() {
     const int first = peek();
     if (first < 0x20) return false;

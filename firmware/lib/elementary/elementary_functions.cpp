@@ -9,7 +9,8 @@ namespace {
 constexpr double kHalfPi = 0x1.921fb54442d18p+0, kHalfPiRest = 0x1.1a62633145c07p-54;
 constexpr double kEighthPi = 0x1.921fb54442d18p-2, kTanEighthPi = 0x1.a827999fcef32p-2;
 
-// A quarter turn's multiple and what is left of the angle as an unrounded sum of two doubles (Cody and Waite).
+// An angle as a number of quarter turns and a rest, which is the unrounded sum high + low (Cody and Waite's
+// reduction).
 struct Reduced {
   int quarters;
   double high, low;
@@ -49,14 +50,15 @@ double cosine_of(const Reduced& angle) {
   return near + (((1 - near) - half) + (z * z * series - r * angle.low));
 }
 
-// The function of the angle turned on by so many quarters.
+// Sine of the angle plus so many quarter turns; with 1 the cosine.
 double turned(const Reduced& angle, int quarters) {
   const int turn = (angle.quarters + quarters) & 3;
   const double value = turn % 2 == 0 ? sine_of(angle) : cosine_of(angle);
   return turn < 2 ? value : -value;
 }
 
-// Arc tangent of 0 to 1, by its series around the nearest of 0, pi/8 and pi/4: there to 0.199.
+// Arc tangent of a ratio from 0 to 1: atan(ratio) = nearest + atan(u) with the nearest of 0, pi/8 and pi/4, and the
+// series of atan(u), |u| < 0.199.
 double first_octant(double ratio) {
   const int nearest = ratio < 0.19891236737965800 ? 0 : ratio < 0.66817863791929892 ? 1 : 2;
   const double tangent = nearest == 0 ? 0 : nearest == 1 ? kTanEighthPi : 1;
@@ -87,6 +89,7 @@ SineCosine sine_and_cosine(double angle_rad) {
   return turned_by(angle.quarters, sine_of(angle), cosine_of(angle));
 }
 
+// exp(x) = 2^twos · exp(r) with |r| <= ln(2)/2, and the Taylor series of exp(r).
 double exponential(double x) {
   constexpr double kLn2Part1 = 0x1.62e42fefa38p-1, kLn2Part2 = 0x1.ef35793c7673p-45;  // the first has 42 bits
   if (std::isnan(x)) return x;
@@ -100,6 +103,7 @@ double exponential(double x) {
   return std::ldexp(1 + (high + (r * series - low)), static_cast<int>(twos));
 }
 
+// Angle of the point (x, y), as std::atan2: from the first octant by symmetry.
 double arc_tangent(double y, double x) {
   if (std::isnan(x) || std::isnan(y)) return x + y;
   const double across = std::abs(y), along = std::abs(x);
@@ -119,6 +123,7 @@ double arc_sine(double x) { return arc_tangent(x, std::sqrt((1 - x) * (1 + x)));
 
 double arc_cosine(double x) { return arc_tangent(std::sqrt((1 - x) * (1 + x)), x); }
 
+// √(x² + y²); scaled only where the squares would overflow or vanish.
 double hypotenuse(double x, double y) {
   if (std::isinf(x) || std::isinf(y)) return std::numeric_limits<double>::infinity();
   const double square = x * x + y * y;

@@ -9,7 +9,7 @@ namespace foldcar {
 namespace {
 
 constexpr std::uint32_t kStackSize = 8192;  // bytes; as much as loop() has
-// That of the idle tasks, which take turns with it: the watchdog guards the one of core 0.
+// The idle tasks' priority, so that they take turns with it: the watchdog guards the idle task of core 0.
 constexpr UBaseType_t kPriority = tskIDLE_PRIORITY;
 constexpr BaseType_t kCore = 0;  // loop() runs on core 1
 constexpr TickType_t kShortPause = 1;

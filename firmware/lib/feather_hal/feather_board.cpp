@@ -10,8 +10,9 @@
 #include <algorithm>
 #include <cmath>
 
-// In the place of the SDK's, by the linker (platformio.ini): the SDK looks for a partition for core dumps at every start and
-// complains on the serial port, before anything can tell it not to. The board has none on purpose (firmware/partitions.csv).
+// In the place of the SDK's, by the linker (platformio.ini): the SDK looks for a partition for core dumps at every
+// start and complains on the serial port, before anything can tell it not to. The board has none on purpose
+// (firmware/partitions.csv).
 extern "C" void __wrap_esp_core_dump_init() {}  // NOLINT(bugprone-reserved-identifier)
 
 namespace foldcar {
@@ -19,8 +20,8 @@ namespace {
 
 constexpr std::uint8_t kLedPin = 13;
 constexpr std::uint8_t kButtonPin = 32;
-// No battery that works has so little (V): the divider is broken, or the battery switched off. A pin without voltage reads
-// 142 mV, 0.28 V behind a divider by 2.
+// No battery that works has so little (V): the divider is broken, or the battery switched off. A pin without voltage
+// reads 142 mV, 0.28 V behind a divider by 2.
 constexpr float kLowestCellV = 1.0f;
 constexpr std::uint32_t kWatchdogS = 1;
 // Bytes; more than a host sends between two polls. A PARAM_SET packet has 37.
@@ -36,7 +37,7 @@ float FeatherBattery::voltage_v() {
   return volts < kLowestCellV ? NAN : volts;
 }
 
-// What the SDK's libraries print goes to the same port and would break packets.
+// Opens the serial port. The SDK's log is silenced, as it goes to the same port and would break packets.
 void SerialLink::begin(std::uint32_t baud) {
   esp_log_level_set("*", ESP_LOG_NONE);
   Serial.setRxBufferSize(kReceiveBufferSize);  // has an effect only before begin
@@ -56,7 +57,8 @@ std::size_t SerialLink::write(const std::uint8_t* data, std::size_t size) {
   return count == 0 ? 0 : Serial.write(data, count);
 }
 
-// The core has started the watchdog; with its own interval, and for the idle task of core 0, which stays.
+// Sets the watchdog, which the Arduino core has started for the idle task of core 0, to kWatchdogS, and adds loop() to
+// it.
 void Esp32Board::start_watchdog() {
 #if ESP_IDF_VERSION_MAJOR >= 5
   const esp_task_wdt_config_t settings = {1000 * kWatchdogS, 1, true};

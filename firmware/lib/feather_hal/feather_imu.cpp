@@ -21,6 +21,7 @@ constexpr std::uint8_t kSettings[][2] = {
 constexpr float kAccelerationPerBit = 0.122e-3f * 9.80665f;             // m/s²
 constexpr float kRatePerBit = 17.5e-3f * 3.14159265f / 180.0f;          // rad/s
 
+// Checks that the device is the IMU and writes its settings. Returns whether both succeeded.
 bool set_up(Adafruit_I2CDevice& device) {
   std::uint8_t identity = 0;
   if (!device.begin() || !device.write_then_read(&kWhoAmI, 1, &identity, 1) || identity != kIdentity) return false;
@@ -30,6 +31,7 @@ bool set_up(Adafruit_I2CDevice& device) {
   return true;
 }
 
+// The signed 16-bit number at this place, low byte first.
 float value_at(const std::uint8_t* bytes) {
   return static_cast<float>(static_cast<std::int16_t>(bytes[0] | (bytes[1] << 8)));
 }

@@ -8,8 +8,8 @@ namespace {
 
 constexpr std::uint32_t kPinBit = 1u << OutputGate::kPin;
 
-// The GPIO register itself: it holds its level before the pin is an output, through a crash and through a restart of the
-// processors, and can be written while flash is off.
+// The GPIO register itself: it holds its level before the pin is an output, through a crash and through a restart of
+// the processors, and can be written while flash is off.
 inline __attribute__((always_inline)) void disable_output() { GPIO.out_w1ts = kPinBit; }
 
 void disable_output_late(void*) { disable_output(); }
@@ -26,6 +26,7 @@ bool OutputGate::begin() {
   return esp_timer_create(&settings, &timer_) == ESP_OK;
 }
 
+// Enables the servo driver's outputs for kHoldUs, after which a timer disables them unless this is called again.
 bool OutputGate::open() {
   if (!is_used_) return true;
   if (timer_ == nullptr) return false;
@@ -43,9 +44,9 @@ void OutputGate::close() {
 
 }  // namespace foldcar
 
-// In the place of the SDK's, by the linker (platformio.ini): the SDK restarts the processors without a reset of the pins,
-// after a crash or a watchdog's time-out, which print first, and at a dip of the supply. In RAM, because flash may be off.
-// Without a wire the pin is no output, and its level has no effect.
+// In the place of the SDK's, by the linker (platformio.ini): the SDK restarts the processors without a reset of the
+// pins, after a crash or a watchdog's time-out, which print first, and at a dip of the supply. In RAM, because flash
+// may be off. Without a wire the pin is no output, and its level has no effect.
 // NOLINTBEGIN(bugprone-reserved-identifier)
 extern "C" void __real_esp_panic_handler(void* info);
 extern "C" [[noreturn]] void __real_esp_restart_noos();

@@ -8,8 +8,8 @@ namespace foldcar {
 
 namespace {
 
-// A loop that comes round this late (µs) has left its input waiting. Writing to flash takes up to about 0.2 s, the watchdog
-// restarts the board after 1 s.
+// A loop that comes round this late (µs) has left its input waiting. Writing to flash takes up to about 0.2 s, the
+// watchdog restarts the board after 1 s.
 constexpr std::uint64_t kLateUs = 500000;
 
 }  // namespace
@@ -23,6 +23,7 @@ void Firmware::begin(const DesignResult& design) {
   deadline_us_ = polled_us_ = hal_.clock.now_us();
 }
 
+// One round of the loop: reads the link, ticks if a tick is due, and sends.
 void Firmware::poll() {
   const std::uint64_t now_us = hal_.clock.now_us();
   link_.receive(now_us - polled_us_ > kLateUs);
@@ -31,7 +32,8 @@ void Firmware::poll() {
   link_.flush();
 }
 
-// The next deadline counts from the last one, so that the ticks do not drift. Missed ticks are not made up for.
+// One tick of application and link, timed. The next deadline counts from the last one, so that the ticks do not drift;
+// missed ticks are counted, not made up for. Restarts the board if that is due.
 void Firmware::tick(std::uint64_t now_us) {
   deadline_us_ += kTickUs;
   if (deadline_us_ <= now_us) {

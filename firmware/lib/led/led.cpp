@@ -33,6 +33,7 @@ constexpr Row kRows[] = {
 
 }  // namespace
 
+// Whether the LED is on now, by the pattern of the first row that applies: one character per kStepUs, # on.
 bool led_is_on(State state, LogState log, std::uint64_t now_us) {
   for (const Row& row : kRows) {
     if (row.applies(state, log)) return row.pattern[now_us / kStepUs % std::strlen(row.pattern)] == '#';

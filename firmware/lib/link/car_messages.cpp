@@ -15,8 +15,8 @@ std::int16_t to_int16(float value) {
   return static_cast<std::int16_t>(std::clamp(std::round(value), -32768.0f, 32767.0f));
 }
 
-// Without MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, with which ground stations would show the state by the name of the mode that an
-// ArduPilot rover has under its number.
+// custom_mode holds the state. The flag MAV_MODE_FLAG_CUSTOM_MODE_ENABLED is not set: with it ground stations would
+// take the state for an ArduPilot rover's mode of the same number.
 mavlink_heartbeat_t heartbeat(const CarView& car) {
   const Status status = car.application.status();
   mavlink_heartbeat_t content{};
@@ -71,6 +71,8 @@ mavlink_foldcar_trial_t trial(const CarView& car) {
   return content;
 }
 
+// Which sensors are fitted and healthy, the processor's load (1000: a whole tick) and the battery (mV). UINT16_MAX and
+// -1: not measured.
 mavlink_sys_status_t system_status(const CarView& car) {
   const float battery_v = car.application.status().battery_v;
   const Fault fault = car.application.status().fault;
@@ -154,7 +156,7 @@ mavlink_foldcar_design_t design(const CarView& car) {
   return content;
 }
 
-// The eight bytes that 16 hexadecimal digits stand for; unchanged if there are fewer digits.
+// Converts 16 hexadecimal digits to eight bytes. Leaves `bytes` as they are if there are fewer digits.
 void to_bytes(const char* digits, std::uint8_t (&bytes)[8]) {
   for (std::size_t i = 0; i < sizeof bytes && std::strlen(digits) >= 2 * sizeof bytes; ++i) {
     const char pair[] = {digits[2 * i], digits[2 * i + 1], '\0'};
@@ -176,6 +178,8 @@ mavlink_system_time_t system_time(const CarView& car) {
   return content;
 }
 
+// Fills `message` with kContent(car), encoded by MAVLink's generated function kEncode, as sent by the car's component;
+// pack_own likewise for foldcar's own messages.
 template <auto kEncode, auto kContent>
 void pack(const CarView& car, PacketNumbers& numbers, mavlink_message_t& message) {
   const auto content = kContent(car);
@@ -188,7 +192,8 @@ void pack_own(const CarView& car, PacketNumbers& numbers, mavlink_message_t& mes
   kEncode(kCarSystem, kOwnComponent, &numbers.own, &message, &content);
 }
 
-// By values in aligned arrays: the struct's last array stands at an odd address, which the ESP32 cannot read as words.
+// The servo battery's voltage as that of one cell. Packed from separate arrays, not from MAVLink's struct: in this one
+// the last array stands at an odd address, which the ESP32 cannot read as words.
 void pack_servo_battery(const CarView& car, PacketNumbers& numbers, mavlink_message_t& message) {
   constexpr std::uint16_t kNone = UINT16_MAX;
   const float millivolts = std::clamp(1000.0f * car.application.status().servo_battery_v, 0.0f, 65534.0f);
@@ -211,8 +216,8 @@ struct Row {
   void (*pack)(const CarView&, PacketNumbers&, mavlink_message_t&);
 };
 
-// In the order in which they are sent: the trial's state comes before the pulses of the same tick. docs/link.md has this
-// table too.
+// In the order in which they are sent: the trial's state comes before the pulses of the same tick. docs/link.md has
+// this table too.
 constexpr Row kRows[] = {
     {{MAVLINK_MSG_ID_HEARTBEAT, 1000000}, always, pack<mavlink_msg_heartbeat_encode_status, heartbeat>},
     {{MAVLINK_MSG_ID_FOLDCAR_TRIAL, 100000}, always, pack_own<mavlink_msg_foldcar_trial_encode_status, trial>},

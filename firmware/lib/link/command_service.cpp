@@ -13,6 +13,7 @@ constexpr float kLargestMessageId = 16777215.0f;
 // A host that receives no acknowledgement repeats the command within this time (µs); a later one is a new command.
 constexpr std::uint64_t kRepetitionUs = 5000000;
 
+// MAVLink's result for a refusal: denied if the request itself is wrong, temporarily rejected if it may succeed later.
 MAV_RESULT result_of(Refusal refusal) {
   switch (refusal) {
     case Refusal::kNone: return MAV_RESULT_ACCEPTED;
@@ -29,23 +30,23 @@ MAV_RESULT result_of(Refusal refusal) {
   }
 }
 
-// Executed for any host at any time, as they only make the car stand.
+// Whether the command stops the car. Such commands are executed for any host at any time.
 bool ends_driving(const mavlink_command_long_t& command) {
   return command.command == MAV_CMD_FOLDCAR_STOP_TRIAL ||
          (command.command == MAV_CMD_COMPONENT_ARM_DISARM && command.param1 == 0.0f);
 }
 
-// Sets wheels in motion.
+// Whether the command sets wheels in motion.
 bool moves(const mavlink_command_long_t& command) {
   return command.command == MAV_CMD_FOLDCAR_START_TRIAL || command.command == MAV_CMD_ACTUATOR_TEST;
 }
 
-// Makes its sender the car's controlling host.
+// Whether the command, if it arms the car, makes its sender the controlling host.
 bool takes_control(const mavlink_command_long_t& command) {
   return command.command == MAV_CMD_COMPONENT_ARM_DISARM || command.command == MAV_CMD_ACTUATOR_TEST;
 }
 
-// Is executed for the controlling host only.
+// Whether the command is executed for the controlling host only while the car is armed.
 bool controls(const mavlink_command_long_t& command) {
   if (ends_driving(command)) return false;
   return moves(command) || takes_control(command) || command.command == MAV_CMD_PREFLIGHT_STORAGE ||
@@ -56,6 +57,8 @@ bool is_whole(float value, float largest) { return value >= 0.0f && value <= lar
 
 }  // namespace
 
+// Executes a command, unless it is late or repeats the last one (then the last answer is repeated), and acknowledges
+// it.
 void CommandService::handle(const mavlink_command_long_t& command, const Sender& sender, const CarView& car,
                             Host& controlling_host) {
   const bool was_armed = application_.is_armed();
@@ -83,6 +86,8 @@ void CommandService::refuse(std::uint16_t command, const Host& host, MAV_RESULT 
   acknowledge(command, host, {result, Refusal::kUnknownCommand});
 }
 
+// Sends a status text for what people should see: a refusal with its reason, arming and disarming, a stop by another
+// host.
 void CommandService::report(const mavlink_command_long_t& command, const Host& host, const Answer& answer,
                             bool was_armed, const Host& controlling_host) {
   if (answer.refusal == Refusal::kHeld) {
@@ -110,6 +115,7 @@ void CommandService::acknowledge(std::uint16_t command, const Host& host, const 
   outbox_.send(mavlink_msg_command_ack_encode_status, ack, Priority::kAnswer);
 }
 
+// Checks that the sender may give the command now, then carries it out.
 CommandService::Answer CommandService::execute(const mavlink_command_long_t& command, const Sender& sender,
                                                const CarView& car, const Host& controlling_host) {
   const auto answer = [](Refusal refusal) { return Answer{result_of(refusal), refusal}; };
@@ -145,7 +151,8 @@ CommandService::Answer CommandService::arm_or_disarm(float arm) {
   return {result_of(refusal), refusal};
 }
 
-// The command's range of -1 to 1 stands for 1000 to 2000 µs, so that the pulse width depends on no parameter.
+// Tests one output. param5: the output, param1: -1 to 1 for pulses of 1000 to 2000 µs whatever the parameters, or NaN
+// for no pulse, param2: the test's time (s).
 CommandService::Answer CommandService::test(const mavlink_command_long_t& command) {
   constexpr float kFirst = ACTUATOR_OUTPUT_FUNCTION_SERVO1;
   const float output = command.param5 - kFirst;
@@ -157,6 +164,8 @@ CommandService::Answer CommandService::test(const mavlink_command_long_t& comman
   return {result_of(refusal), refusal};
 }
 
+// Starts a trial. param1: speed (m/s), 2: yaw rate (rad/s), 3: time limit (s), 4: flags, 5: trial's number, 6: delay
+// (s).
 CommandService::Answer CommandService::start(const mavlink_command_long_t& command) {
   // The button is for a car without a cable.
   constexpr float kFlags[] = {0, FOLDCAR_TRIAL_FLAGS_UNTETHERED, FOLDCAR_TRIAL_FLAGS_UNTETHERED | FOLDCAR_TRIAL_FLAGS_BUTTON};
@@ -175,6 +184,7 @@ CommandService::Answer CommandService::start(const mavlink_command_long_t& comma
   return {result_of(refusal), refusal};
 }
 
+// Sends a message once, as REQUEST_MESSAGE asks; with a refused design also what is wrong with it.
 CommandService::Answer CommandService::send_message(std::uint32_t message_id, const CarView& car) {
   mavlink_message_t message;
   if (!compose(message_id, car, outbox_.numbers(), message)) return {MAV_RESULT_DENIED, Refusal::kMessage};
@@ -210,13 +220,15 @@ CommandService::Answer CommandService::restart(float request) {
   return {};
 }
 
-// Returns whether a host repeats its last command. The repetition has a confirmation above 0; all other fields are equal.
+// Returns whether a host repeats its last command. The repetition has a confirmation above 0; all other fields are
+// equal.
 bool CommandService::is_repeated(const mavlink_command_long_t& command, const Host& host) const {
   if (!has_last_ || command.confirmation == 0 || host != last_host_) return false;
   if (hal_.clock.now_us() - last_us_ > kRepetitionUs) return false;
   mavlink_command_long_t first = command;
   first.confirmation = last_.confirmation;
-  // Bytes are compared, because a parameter may be NaN, which does not equal itself. MAVLink's structs have no padding.
+  // Bytes are compared, because a parameter may be NaN, which does not equal itself. MAVLink's structs have no
+  // padding.
   return std::memcmp(&first, &last_, sizeof first) == 0;  // NOLINT(bugprone-suspicious-memory-comparison)
 }
 

@@ -7,15 +7,16 @@
 namespace foldcar {
 namespace {
 
-// Packets and reads of 128 bytes in one call, so that a burst cannot keep the tick waiting. On the board, whose loop comes
-// round every millisecond or two, more than 115200 baud can bring.
+// Most packets handled, and reads of 128 bytes made, in one call, so that a burst cannot keep the tick waiting. The
+// board's loop comes round every millisecond or two: this is more than 115200 baud bring in that time.
 constexpr int kMaxPackets = 4;
 constexpr int kMaxReads = 16;
-// A damaged packet passes its checksum of 16 bits with a probability of 1/65536. Only a host that has sent another packet
-// within this time (ms) before may set wheels in motion, so a single damaged packet never does.
+// A damaged packet passes its checksum of 16 bits with a probability of 1/65536. Only a host that has sent another
+// packet within this time (ms) before may set wheels in motion, so a single damaged packet never does.
 constexpr std::uint32_t kKnownHostMs = 2000;
 constexpr std::uint64_t kComplaintUs = 5000000;
 
+// Returns the message's content, read by MAVLink's generated function `decode`.
 template <typename Content, typename Decode>
 Content decoded(Decode decode, const mavlink_message_t& message) {
   Content content{};
@@ -33,7 +34,7 @@ bool is_for_car(const Content& content) {
   return is_for_car(content.target_system, content.target_component);
 }
 
-// Whether a channel has a value; 0 and 65535 leave it alone.
+// Whether any of the eight channels is overridden; 0 and 65535 mean that a channel is not.
 bool overrides(const mavlink_rc_channels_override_t& sticks) {
   for (const std::uint16_t value : {sticks.chan1_raw, sticks.chan2_raw, sticks.chan3_raw, sticks.chan4_raw,
                                     sticks.chan5_raw, sticks.chan6_raw, sticks.chan7_raw, sticks.chan8_raw}) {
@@ -47,6 +48,8 @@ bool overrides(const mavlink_rc_channels_override_t& sticks) {
 Link::Link(const Hal& hal, Application& application, const LoopStatistics& loop, const char* build)
     : hal_(hal), application_(application), loop_(loop), build_(build) {}
 
+// Reads and handles the packets that have arrived. late: they waited while the loop stood still; they are all handled,
+// but only those that stop the car are obeyed.
 void Link::receive(bool late) {
   const std::uint64_t now_us = hal_.clock.now_us();
   int packets = 0;
@@ -72,6 +75,7 @@ void Link::discard() {
   }
 }
 
+// The link's work of one tick: reports, parameters and logs (flash is used only while the wheels stand), telemetry.
 void Link::run() {
   const std::uint64_t now_us = hal_.clock.now_us();
   report_changes();
@@ -82,6 +86,7 @@ void Link::run() {
   trial_log_.run(now_us, view());
 }
 
+// Handles one packet, by its message. Unknown messages are ignored, as MAVLink wants.
 void Link::handle(const mavlink_message_t& message, bool late) {
   if (message.magic == MAVLINK_STX_MAVLINK1) return complain("MAVLink 1: set the host to MAVLink 2");
   if (late) return handle_late(message);
@@ -122,6 +127,7 @@ void Link::handle(const mavlink_message_t& message, bool late) {
   }
 }
 
+// Answers a packet that waited: settings and commands are refused as late, except commands that stop the car.
 void Link::handle_late(const mavlink_message_t& message) {
   const Sender sender{{message.sysid, message.compid}, false, true};
   if (message.msgid == MAVLINK_MSG_ID_PARAM_SET) return set_parameter(message, sender);
@@ -157,6 +163,7 @@ void Link::handle_log_request(const mavlink_message_t& message, const Sender& se
   }
 }
 
+// Sets a parameter, or refuses that if the packet is late or another host controls the car.
 void Link::set_parameter(const mavlink_message_t& message, const Sender& sender) {
   const auto request = decoded<mavlink_param_set_t>(mavlink_msg_param_set_decode, message);
   if (!is_for_car(request)) return;
@@ -165,7 +172,8 @@ void Link::set_parameter(const mavlink_message_t& message, const Sender& sender)
   parameters_.set(request);
 }
 
-// What ground stations send to vehicles that have modes and a radio control.
+// Refuses what ground stations send to vehicles with missions, modes and a radio control: COMMAND_INT, SET_MODE and
+// RC_CHANNELS_OVERRIDE.
 void Link::refuse_stations_controls(const mavlink_message_t& message, const Sender& sender) {
   switch (message.msgid) {
     case MAVLINK_MSG_ID_COMMAND_INT: {
@@ -185,6 +193,8 @@ void Link::refuse_stations_controls(const mavlink_message_t& message, const Send
   }
 }
 
+// Notes the time of a packet of this MAVLink system. Returns whether it has sent another one within kKnownHostMs
+// before.
 bool Link::note_host(std::uint8_t system) {
   // Odd, so never 0, which stands for a host without a packet.
   const auto now_ms = static_cast<std::uint32_t>(hal_.clock.now_us() / 1000) | 1;
@@ -195,6 +205,7 @@ bool Link::note_host(std::uint8_t system) {
   return known;
 }
 
+// Sends "refused: why" as a status text, at most one in kComplaintUs.
 void Link::complain(const char* why) {
   const std::uint64_t now_us = hal_.clock.now_us();
   if (now_us < next_complaint_us_) return;
@@ -202,14 +213,15 @@ void Link::complain(const char* why) {
   status_text_.send(MAV_SEVERITY_WARNING, "refused:", why);
 }
 
+// Drives by a stick's position (MANUAL_CONTROL). While another host controls the car, sticks that move are refused.
 void Link::drive_manually(const mavlink_message_t& message, const Sender& sender) {
   const auto stick = decoded<mavlink_manual_control_t>(mavlink_msg_manual_control_decode, message);
   if (stick.target != kCarSystem || !sender.known) return;
   const auto axis = [](std::int16_t value) {
     return std::abs(value) <= 1000 ? 0.001f * static_cast<float>(value) : 0.0f;
   };
-  // As ground stations steer a rover with one stick: y to the right, as on the stick. z is left alone, because a throttle
-  // at rest may be anything from 0 to 500; so is r, whose sign depends on the age of MAVLink's definition.
+  // As ground stations steer a rover with one stick: y to the right, as on the stick. z is left alone, because a
+  // throttle at rest may be anything from 0 to 500; so is r, whose sign depends on the age of MAVLink's definition.
   const float forward = axis(stick.x), left = -axis(stick.y);
   const bool moves = forward != 0.0f || left != 0.0f;
   if (is_controlled_by_other(sender)) {
@@ -220,7 +232,8 @@ void Link::drive_manually(const mavlink_message_t& message, const Sender& sender
   if (moves && refusal != Refusal::kNone) complain(text(refusal));
 }
 
-// A ground station asks every vehicle for its mission, and waits.
+// Answers MISSION_REQUEST_LIST with a mission of 0 items: the car has no missions, but ground stations ask every
+// vehicle for its mission and wait for the answer.
 void Link::answer_mission_list(const mavlink_message_t& message) {
   const auto request = decoded<mavlink_mission_request_list_t>(mavlink_msg_mission_request_list_decode, message);
   if (!is_for_car(request)) return;
@@ -231,6 +244,7 @@ void Link::answer_mission_list(const mavlink_message_t& message) {
   outbox_.send(mavlink_msg_mission_count_encode_status, answer, Priority::kAnswer);
 }
 
+// Answers a request for time (tc1 is 0) with the car's time, and the host's time as it was sent; both in nanoseconds.
 void Link::answer_timesync(const mavlink_message_t& message) {
   const auto request = decoded<mavlink_timesync_t>(mavlink_msg_timesync_decode, message);
   if (request.tc1 != 0) return;
@@ -240,6 +254,7 @@ void Link::answer_timesync(const mavlink_message_t& message) {
   outbox_.send(mavlink_msg_timesync_encode_status, answer, Priority::kAnswer);
 }
 
+// Answers a ping that is addressed to all with the same packet, addressed to its sender.
 void Link::answer_ping(const mavlink_message_t& message) {
   auto ping = decoded<mavlink_ping_t>(mavlink_msg_ping_decode, message);
   if (ping.target_system != 0 || ping.target_component != 0) return;

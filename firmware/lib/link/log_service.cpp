@@ -37,6 +37,8 @@ void LogService::end() {
   offset_ = end_ = 0;
 }
 
+// Does one step of what is asked for: erases one log, or sends one list entry or one part of a log if the outbox has
+// room.
 void LogService::run() {
   if (erased_to_ > 0) return erase_one();
   if (!outbox_.has_room_for(8)) return;
@@ -44,7 +46,7 @@ void LogService::run() {
   if (offset_ < end_) send_data();
 }
 
-// A log that a trial has added meanwhile has a larger number, and stays.
+// Erases the oldest log, up to the last one at the time of the request; a log that a trial has added since stays.
 void LogService::erase_one() {
   std::uint16_t first = 0, last = 0;
   const bool any = storage_.range(first, last) && first <= erased_to_;

@@ -14,7 +14,8 @@ constexpr std::uint64_t kPauseUs = 100000;
 
 bool is_start(std::uint8_t byte) { return byte == MAVLINK_STX || byte == MAVLINK_STX_MAVLINK1; }
 
-// What the first bytes of a packet say; entry is null if they are no header of a known message.
+// A packet's header, of MAVLink 2 or 1, read from its first bytes. entry: MAVLink's description of the message; null
+// if the message is unknown, signed or has an impossible length.
 struct Header {
   std::size_t size;
   std::uint32_t message_id = 0;
@@ -56,6 +57,7 @@ void copy_packet(const std::uint8_t* packet, const Header& header, mavlink_messa
 
 }  // namespace
 
+// Appends bytes as far as there is room; returns how many.
 std::size_t PacketParser::feed(const std::uint8_t* data, std::size_t size, std::uint64_t now_us) {
   const std::size_t count = std::min(size, bytes_.size() - size_);
   std::copy_n(data, count, bytes_.begin() + static_cast<std::ptrdiff_t>(size_));
@@ -64,6 +66,8 @@ std::size_t PacketParser::feed(const std::uint8_t* data, std::size_t size, std::
   return count;
 }
 
+// Takes the next packet with a right checksum from the bytes fed; false if none is complete yet. A start byte that
+// does not begin such a packet is dropped, and the search goes on behind it.
 bool PacketParser::next(mavlink_message_t& message, std::uint64_t now_us) {
   for (;;) {
     drop_noise();

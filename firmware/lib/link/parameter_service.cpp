@@ -44,6 +44,7 @@ void ParameterService::read(const mavlink_param_request_read_t& request) {
   send(static_cast<std::size_t>(*parameter));
 }
 
+// Sets a parameter and sends its value then, which tells the host whether it was set. Saved later, by run().
 void ParameterService::set(const mavlink_param_set_t& request) {
   // Writing to flash would delay the loop.
   if (application_.is_driving()) return refuse(request, Refusal::kRunning, "wheels are driven");
@@ -69,7 +70,8 @@ void ParameterService::run(bool may_save) {
   if (may_save) save_one();
 }
 
-// One in a tick: a parameter that is set many times is saved once, and no burst of settings delays the loop.
+// Saves one parameter that has changed. One in a tick, so that a parameter that is set many times is saved once and a
+// burst of settings does not delay the loop.
 void ParameterService::save_one() {
   const std::optional<Parameter> parameter = application_.unsaved_parameter();
   if (!parameter || application_.save_parameter(*parameter)) return;

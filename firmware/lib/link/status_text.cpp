@@ -6,6 +6,7 @@
 
 namespace foldcar {
 
+// Sends a text, in several packets with a common id if it is longer than one.
 void StatusText::send(MAV_SEVERITY severity, const char* text) {
   constexpr std::size_t kPart = sizeof(mavlink_statustext_t::text);
   const std::size_t length = std::strlen(text);

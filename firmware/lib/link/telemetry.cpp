@@ -11,6 +11,7 @@ Telemetry::Telemetry() {
   for (std::size_t i = 0; i < message_count(); ++i) entries_[i].interval_us = message_info(i).interval_us;
 }
 
+// Sends every message whose time has come.
 void Telemetry::run(std::uint64_t now_us, const CarView& car, Outbox& outbox) {
   for (std::size_t i = 0; i < message_count(); ++i) {
     Entry& entry = entries_[i];
@@ -23,6 +24,8 @@ void Telemetry::run(std::uint64_t now_us, const CarView& car, Outbox& outbox) {
   }
 }
 
+// Sets a message's interval (µs): -1 stops it, 0 restores the default. Returns false if message or interval is not
+// allowed.
 bool Telemetry::set_interval(std::uint32_t message_id, float interval_us, std::uint64_t now_us) {
   const std::size_t index = find_message(message_id);
   if (index == message_count()) return false;

@@ -10,8 +10,8 @@ namespace foldcar {
 namespace {
 
 constexpr std::uint64_t kPeriodUs = 200000;
-// A log has room for 130 s of records with an IMU that shakes (test_slow_flash.cpp). Where a trial may last longer, they are
-// recorded so much less often.
+// A log has room for 130 s of records with an IMU that shakes (test_slow_flash.cpp). A trial that may last n times
+// kWholeRateS is recorded at 1/n of the rate.
 constexpr float kWholeRateS = 130.0f;
 // The messages of a log: first the car's design, then these, again and again.
 constexpr std::array<std::uint32_t, 6> kRepeated = {MAVLINK_MSG_ID_FOLDCAR_TRIAL, MAVLINK_MSG_ID_SERVO_OUTPUT_RAW,
@@ -26,6 +26,7 @@ constexpr std::size_t kReserve = 2 * (kStampSize + MAVLINK_NUM_NON_PAYLOAD_BYTES
 
 }  // namespace
 
+// Records an untethered trial: opens the log at its start, records every period, closes it at its end.
 void TrialLog::run(std::uint64_t now_us, const CarView& car) {
   const bool runs = car.application.status().state == State::kRunning && car.application.trial().untethered;
   if (runs && !is_recording_) open(now_us, car);
@@ -63,6 +64,7 @@ void TrialLog::report() {
   status_text_.send(MAV_SEVERITY_ERROR, line);
 }
 
+// Composes a message and adds it to the log, if `reserve` bytes stay free after it; else counts it as lost.
 void TrialLog::record(std::uint32_t message_id, const CarView& car, std::size_t reserve) {
   mavlink_message_t message;
   if (!compose(message_id, car, numbers_, message)) return;

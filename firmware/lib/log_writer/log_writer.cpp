@@ -30,6 +30,7 @@ LogStatus LogWriter::status() const {
   return {lost_bytes == 0 ? LogState::kStored : LogState::kIncomplete, lost_bytes};
 }
 
+// Does one step: prepares flash, opens the log, stores a slice or closes the log. Returns whether there is more to do.
 bool LogWriter::work() {
   // Read first: of a finished log, all records are seen.
   const Phase phase = phase_.load(std::memory_order_acquire);
@@ -74,6 +75,7 @@ bool LogWriter::store(bool is_finished) {
   return true;
 }
 
+// Closes the log; what its size lacks of the bytes taken is lost.
 void LogWriter::close() {
   const std::size_t stored = is_open_ && storage_.close() ? storage_.size(id_) : 0;
   unstored_bytes_.store(taken_bytes_.load(std::memory_order_relaxed) - static_cast<std::uint32_t>(stored),

@@ -18,7 +18,7 @@ bool has_wheel_on(const Parameters& parameters, Side side) {
 
 enum class Request : std::uint8_t { kArm, kDisarm, kStart, kDrive, kTest, kRefresh, kAcknowledge };
 
-// Why the state alone refuses a request; kNone where it does not. Columns are in the order of State.
+// Whether a request is refused because of the state alone, and why. A row for each Request, a column for each State.
 constexpr Refusal kRefusals[][8] = {
     // disarmed, armed, running, finished, fault, manual, testing, counting
     /* arm */ {Refusal::kNone, Refusal::kNone, Refusal::kRunning, Refusal::kNone, Refusal::kFaultLatched,
@@ -61,6 +61,7 @@ Refusal Supervisor::disarm() {
   return refusal;
 }
 
+// Accepts a trial. It runs at once, after its delay, or after the button is pressed.
 Refusal Supervisor::start(const TrialRequest& request, std::uint64_t now_us) {
   Refusal refusal = refusal_in(state_, Request::kStart);
   if (refusal == Refusal::kNone) refusal = check(request);
@@ -90,6 +91,7 @@ void Supervisor::press_button(std::uint64_t now_us) {
   }
 }
 
+// Begins or continues manual driving. moves: the stick is out of its middle; an armed car waits for that.
 Refusal Supervisor::drive_manually(bool moves, std::uint64_t now_us) {
   const Refusal refusal = refusal_in(state_, Request::kDrive);
   if (refusal != Refusal::kNone) return refusal;
@@ -111,6 +113,7 @@ Refusal Supervisor::test(float time_s, float battery_v, std::uint64_t now_us) {
   return Refusal::kNone;
 }
 
+// Ends what drives the wheels, or the wait for the button. Always succeeds.
 Refusal Supervisor::stop() {
   if (state_ == State::kRunning || state_ == State::kCounting) {
     set_state(State::kFinished, TrialEnd::kStopped);
@@ -142,6 +145,8 @@ void Supervisor::report(Fault fault) {
   set_state(State::kFault, TrialEnd::kFault);
 }
 
+// Checks, while the car is armed or drives, everything that must end that: battery, IMU, tilt, time limits and a
+// silent host. Counts down and lets a trial begin.
 void Supervisor::tick(const SupervisorInputs& inputs) {
   const bool battery_low = battery_low_for_long(inputs);
   const bool tilted = tilted_for_long(inputs);
@@ -177,6 +182,7 @@ void Supervisor::tick(const SupervisorInputs& inputs) {
   if (silent_us > longest_us) report(Fault::kCommandStale);
 }
 
+// Checks a trial's numbers against their limits, and that there is a wheel on both sides.
 Refusal Supervisor::check(const TrialRequest& request) const {
   for (const float value : {request.speed_m_s, request.yaw_rate_rad_s, request.time_limit_s, request.delay_s}) {
     if (std::isnan(value)) return Refusal::kNotANumber;
@@ -212,6 +218,7 @@ bool Supervisor::tilted_for_long(const SupervisorInputs& inputs) {
   return tilted && inputs.now_us - tilted_since_us_ >= from_ms(parameters_.get(Parameter::kTiltMs));
 }
 
+// Changes the state. `end` is how a trial that runs, counts down or waits for the button ends by that.
 void Supervisor::set_state(State state, TrialEnd end) {
   if (state_ == State::kRunning || state_ == State::kCounting || waits_for_button_) trial_end_ = end;
   waits_for_button_ = false;

@@ -11,7 +11,7 @@ from foldcar.typed import did_you_mean
 
 
 def checked_int(name: str, value: object, minimum: int, maximum: int) -> int:
-    """Return ``value`` as an integer in ``minimum`` to ``maximum``. Raises FoldcarError, naming it, if not."""
+    """Return ``value`` as int. Raises FoldcarError, which names it, unless it is an integer within the limits."""
     with contextlib.suppress(TypeError):
         number = operator.index(value)  # type: ignore[arg-type]
         if not isinstance(value, bool) and minimum <= number <= maximum:
@@ -19,21 +19,24 @@ def checked_int(name: str, value: object, minimum: int, maximum: int) -> int:
     raise FoldcarError(f"{name}: {value!r} is not an integer from {minimum} to {maximum}")
 
 
-def finite(name: str, value: object, what: str = "a number") -> float:
-    """Return ``value`` as a finite number. Raises FoldcarError, naming it, if it is not one."""
+def finite(name: str, value: object, expected: str = "a number") -> float:
+    """Return ``value`` as float. Raises FoldcarError, which names the argument, unless it is a finite number.
+
+    The message says that the value is not ``expected``.
+    """
     # numpy's numbers are allowed; strings and booleans are not.
     if not isinstance(value, str | bool):
         with contextlib.suppress(TypeError, ValueError, OverflowError):
             number = float(value)  # type: ignore[arg-type]
             if math.isfinite(number):
                 return number
-    raise FoldcarError(f"{name}: {value!r:.60} is not {what}")
+    raise FoldcarError(f"{name}: {value!r:.60} is not {expected}")
 
 
-def column_named(name: str, columns: Iterable[str], what: str) -> str:
-    """Return the column called ``name``; unit (``W_length``) and module (``tire_thickness``) may be left out.
+def column_named(name: str, columns: Iterable[str], context: str) -> str:
+    """Return the column that ``name`` means: its full name, or without unit (``W_length``) or module (``length``).
 
-    Raises FoldcarError, beginning with ``what``, if there is no such column or several.
+    Raises FoldcarError, which starts with ``context``, if it means no column, or several.
     """
     names = list(columns)
     if name in names:
@@ -43,19 +46,22 @@ def column_named(name: str, columns: Iterable[str], what: str) -> str:
     matches = [column for column in names if short[column] == name]
     matches = matches or [column for column in names if short[column].endswith(f"_{name}")]
     if len(matches) > 1:
-        raise FoldcarError(f"{what}: {name} may be {' or '.join(matches)}; write the full name")
+        raise FoldcarError(f"{context}: {name} may be {' or '.join(matches)}; write the full name")
     if not matches:
         close = did_you_mean(name, [*names, *short.values()])
-        raise FoldcarError(f"{what}: {name} is not a design parameter; there are {', '.join(names)}{close}")
+        raise FoldcarError(f"{context}: {name} is not a design parameter; there are {', '.join(names)}{close}")
     return matches[0]
 
 
-def columns_named(values: Mapping[str, object], columns: Iterable[str], what: str) -> dict[str, float]:
-    """Return the numbers of ``values`` by column. Raises FoldcarError for an invalid name or number, or a duplicate."""
+def columns_named(values: Mapping[str, object], columns: Iterable[str], context: str) -> dict[str, float]:
+    """Return ``values`` with full column names as keys (see column_named), and floats as values.
+
+    Raises FoldcarError, which starts with ``context``, for an unknown name, a repeated column, or an invalid number.
+    """
     names, result = list(columns), dict[str, float]()
     for name, value in values.items():
-        column = column_named(name, names, what)
+        column = column_named(name, names, context)
         if column in result:
-            raise FoldcarError(f"{what}: {name}: {column} is given twice")
-        result[column] = finite(f"{what}: {name}", value, "a number (mm or degrees)")
+            raise FoldcarError(f"{context}: {name}: {column} is given twice")
+        result[column] = finite(f"{context}: {name}", value, "a number (mm or degrees)")
     return result

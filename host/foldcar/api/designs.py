@@ -22,9 +22,9 @@ from foldcar.study.limits import MAX_SEED
 from foldcar.study.listing import ExperimentParams, ListingError
 from foldcar.study.listing_file import validated_listing
 
-# The names of these arguments in a listing.
+# The names that arguments have in a listing.
 LISTING_KEYS = {"timeout_s": "timeout", "speed_m_s": "speed", "yaw_rate_rad_s": "yaw_rate"}
-# Compiling a design takes about 10 ms, as long as a run, so the results for the last designs are cached.
+# Number of designs whose results are cached: compiling one takes about 10 ms, as long as a run.
 KEPT_DESIGNS = 1000
 
 
@@ -39,12 +39,17 @@ def design(type: str, /, **values: float) -> Design:
     (95.0, (60.0, 50.0))
     """
     letters = set(modules_of(type))
+    # The keys of parameters by column: those of the whole car, and those of single modules, such as W2.
     keys = {parameter.column: key for key, parameter in parameters().items() if parameter.modules & letters}
     for place in {name.partition("_")[0] for name in values}:
-        of_place = (find_parameter(place, name) for name in names_in(place))
-        keys |= {p.column: p.key for p in of_place if p is not None and p.modules & letters}
-    named = columns_named(values, keys, f'design("{type}")')
-    result = compose(type, {keys[column]: value for column, value in named.items()})
+        module_parameters = (find_parameter(place, name) for name in names_in(place))
+        keys |= {
+            parameter.column: parameter.key
+            for parameter in module_parameters
+            if parameter is not None and parameter.modules & letters
+        }
+    values_by_column = columns_named(values, keys, f'design("{type}")')
+    result = compose(type, {keys[column]: value for column, value in values_by_column.items()})
     # Raises DesignError if the car cannot be folded.
     folded_car(result)
     return result
@@ -65,23 +70,33 @@ def design_of(car: Design | Mapping[str, Any]) -> Design:
     return read_family(Path("design"), "design", listing.vehicles["design"]).single()
 
 
-def prepared(design: Design, timeout_s: float, speed_m_s: float | None, yaw_rate_rad_s: float) -> tuple[str, str]:
-    """Return body and settings of the design's runs as JSON. Raises FoldcarError if an argument exceeds its limits."""
+def body_and_settings(
+    design: Design, timeout_s: float, speed_m_s: float | None, yaw_rate_rad_s: float
+) -> tuple[str, str]:
+    """Return body and settings of a design's runs as JSON texts. Raises FoldcarError if an argument is out of limits."""
     arguments = {"timeout_s": timeout_s, "speed_m_s": speed_m_s, "yaw_rate_rad_s": yaw_rate_rad_s}
     numbers = [None if value is None else finite(name, value) for name, value in arguments.items()]
-    return _prepared(design.type, tuple(design.values.items()), *numbers)
+    return _body_and_settings(design.type, tuple(design.values.items()), *numbers)
 
 
 def built_cars(count: int, spread: str | Mapping[str, float], seed: int) -> list[str]:
-    """Return the realities of ``count`` built cars, drawn as for a listing's ``variation``. Raises FoldcarError."""
+    """Draw how each of ``count`` built cars differs from its design, as a listing's ``variation`` does; as JSON texts.
+
+    Raises FoldcarError.
+    """
     standard_deviations = spread_named(spread, "variation")
     number = checked_int("variation_seed", seed, 0, MAX_SEED)
     return [canonical_json(draw(standard_deviations, number, k)) for k in range(count)]
 
 
 @lru_cache(KEPT_DESIGNS)
-def _prepared(type_string: str, values: tuple[tuple[str, float], ...], *arguments: float | None) -> tuple[str, str]:
-    """Return body and settings as JSON, from hashable arguments so that the result is cached."""
+def _body_and_settings(
+    type_string: str, values: tuple[tuple[str, float], ...], *arguments: float | None
+) -> tuple[str, str]:
+    """Return what :func:`body_and_settings` does; the arguments are hashable, so that the result is cached.
+
+    ``arguments`` are in the order of LISTING_KEYS; None stands for a listing's default.
+    """
     design = compose(type_string, dict(values))
     body = body_json(design)
     # Check the arguments with a listing's limits.
@@ -91,13 +106,14 @@ def _prepared(type_string: str, values: tuple[tuple[str, float], ...], *argument
     try:
         params = ExperimentParams.model_validate(listing_values)
     except ValidationError as error:
-        first = error.errors()[0]
-        name = {listed: name for name, listed in LISTING_KEYS.items()}[str(first["loc"][0])]
-        raise FoldcarError(f"{name}: {first['input']:g}: {first['msg'].lower()}") from None
+        mistake = error.errors()[0]
+        name = next(name for name, key in LISTING_KEYS.items() if key == mistake["loc"][0])
+        raise FoldcarError(f"{name}: {mistake['input']:g}: {mistake['msg'].lower()}") from None
     settings = run_settings(design, body, _table(), params.timeout, params.speed, params.yaw_rate, "simulation")
     return canonical_json(body), canonical_json(settings)
 
 
 @cache
 def _table() -> dict[str, TableRow]:
+    """Return the firmware's parameters by name."""
     return simulator().parameter_table()

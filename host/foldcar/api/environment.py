@@ -43,7 +43,7 @@ class Environment:
         return f"environment({str(self.program)!r}, seed={self.seed}, params={dict(self.params)})"
 
     def scene(self, k: int) -> Scene:
-        """Return sample ``k`` (0, 1, …), which equals a sweep's. Raises FoldcarError if the program is at fault.
+        """Return sample ``k`` (0, 1, …), the same as in a sweep. Raises FoldcarError if the Scenic program has an error.
 
         >>> foldcar.environment("scenarios/step_pyramids.scenic").scene(3).sample
         3
@@ -55,7 +55,7 @@ class Environment:
 
     @property
     def success(self) -> str:
-        """The rule that says when a run has passed, or why there is none."""
+        """A sentence that says when a run has passed, or why that is undefined."""
         return self._source.success.text
 
     @property
@@ -74,7 +74,7 @@ class Environment:
         return runner
 
     @property
-    def current(self) -> bool:
+    def is_current(self) -> bool:
         """Whether the program's files are unchanged since it was compiled."""
         return "_source" not in self.__dict__ or self._source.files.unchanged()
 
@@ -89,7 +89,7 @@ _opened: dict[str, Environment] = {}
 def environment(program: str | Path, *, seed: int = 0, params: Mapping[str, Any] | None = None) -> Environment:
     """Return the environment of a Scenic program; the same object for equal program, parameters and seed.
 
-    Raises FoldcarError if there is no such file or the seed is invalid.
+    Raises FoldcarError if the file does not exist, or an argument is invalid.
 
     >>> steps = foldcar.environment("scenarios/step_pyramids.scenic", seed=42, params={"friction": 0.5})
     >>> steps.success_defined
@@ -104,7 +104,7 @@ def environment(program: str | Path, *, seed: int = 0, params: Mapping[str, Any]
         key = json.dumps([str(file), params or {}, number], sort_keys=True)
     except TypeError as error:
         raise FoldcarError(f"params: {error}; write numbers, strings, booleans or lists") from None
-    if key not in _opened or not _opened[key].current:
+    if key not in _opened or not _opened[key].is_current:
         _opened[key] = Environment(file, dict(params or {}), number)
     return _opened[key]
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from foldcar.api.arguments import checked_int, finite
-from foldcar.api.designs import built_cars, design_of, prepared
+from foldcar.api.designs import body_and_settings, built_cars, design_of
 from foldcar.api.environment import Environment, Scene, environment, simulator
 from foldcar.car.design import Design
 from foldcar.errors import FoldcarError
@@ -30,8 +30,9 @@ PATH_COLUMNS = ("t_s", "x_m", "y_m", "z_m", "heading_rad", "pitch_rad", "roll_ra
 
 @dataclass(frozen=True)
 class Result:
-    """The result of a run. ``metrics`` are the numbers of docs/carsim.md; None, with a ``message``, if the run failed.
+    """The result of a run.
 
+    ``metrics`` are numbers by name, as in docs/carsim.md; if the run failed they are None, and ``message`` says why.
     ``recorded`` are the values that the Scenic program recorded, by name. ``path`` is None unless it was requested: a
     table of t_s, x_m, y_m, z_m, heading_rad, pitch_rad, roll_rad, and the angle of each hinge (``hinge_1_rad``, …). It is
     empty if the run failed.
@@ -52,9 +53,10 @@ class Result:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """A design's runs in samples 0 to n - 1. ``runs`` has the columns sample, outcome, passed, message and metrics.
+    """A design's runs in samples 0 to n - 1 of an environment.
 
-    ``success`` says when a run has passed. If that is undefined (``success_defined`` is False), there is no rate.
+    ``runs`` is a table with the columns sample, outcome, passed, message, and a column for each metric. ``success`` says
+    when a run has passed. If that is undefined (``success_defined`` is False), there is no rate.
     """
 
     runs: "pandas.DataFrame"
@@ -89,8 +91,8 @@ def simulate(
 ) -> Result:
     """Simulate a design in one scene: ``environment(…).scene(k)``, or a scene object of docs/carsim.md.
 
-    If ``speed_m_s`` is None, the car drives at full speed. ``path_interval_s`` requests the path, which ends where a
-    Scenic program ends the run. Raises FoldcarError if an argument is invalid or the simulator refuses it.
+    If ``speed_m_s`` is None, the car drives at full speed. ``path_interval_s`` requests the car's path, with rows at this
+    interval up to the end of the run. Raises FoldcarError if an argument is invalid or the simulator refuses it.
 
     >>> steps = foldcar.environment("scenarios/step_pyramids.scenic", seed=42)
     >>> run = foldcar.simulate(foldcar.design("W_B_W", width=95), steps.scene(0), path_interval_s=0.05)
@@ -98,7 +100,7 @@ def simulate(
     (True, ['t_s', 'x_m', 'y_m'])
     """
     car = design_of(design)
-    body, settings_text = prepared(car, timeout_s, speed_m_s, yaw_rate_rad_s)
+    body, settings_text = body_and_settings(car, timeout_s, speed_m_s, yaw_rate_rad_s)
     if isinstance(scene, Scene):
         scene_text, sample, runner = scene.json, scene.sample, scene.environment.runner
     elif isinstance(scene, Mapping):
@@ -107,7 +109,7 @@ def simulate(
         raise FoldcarError(f"scene: {scene!r} is neither a scene of an environment nor a scene object")
     label = f"{car.title}, sample {sample}"
 
-    def answer_of(used_runner: Runner, **extra_settings: float) -> dict[str, Any]:
+    def run(used_runner: Runner, **extra_settings: float) -> dict[str, Any]:
         settings = canonical_json({**json.loads(settings_text), **extra_settings}) if extra_settings else settings_text
         (result,) = used_runner.run(
             {"car": body}, {"scene": scene_text}, [RunRequest("car", "scene", settings, label, sample)]
@@ -116,14 +118,14 @@ def simulate(
 
     path_settings = {} if path_interval_s is None else {"path_interval_s": finite("path_interval_s", path_interval_s)}
     if runner is simulator():
-        answer = native = answer_of(runner, **path_settings)
+        answer = with_path = run(runner, **path_settings)
     else:
-        # A dynamic program changes when the run ends, but not the car's path until then.
-        answer = answer_of(runner)
-        native = answer_of(simulator(), **path_settings) if path_settings and "error" not in answer else {}
+        # A dynamic program decides when the run ends, but does not change the path until then: carsim alone gives it.
+        answer = run(runner)
+        with_path = run(simulator(), **path_settings) if path_settings and "error" not in answer else {}
     metrics = {name: answer.get(name) for name in NUMBERS}
-    recorded = {name: recorded_value["value"] for name, recorded_value in answer.get("recorded", {}).items()}
-    path = _path(native.get("path", ()), answer.get("elapsed_time_s", 0)) if path_settings else None
+    recorded = {name: record["value"] for name, record in answer.get("recorded", {}).items()}
+    path = _path_table(with_path.get("path", ()), answer.get("elapsed_time_s", 0)) if path_settings else None
     return Result(outcome_of(answer), metrics, answer.get("error"), recorded, path)
 
 
@@ -158,7 +160,7 @@ def evaluate(
     sampled_environment = _environment(environment, seed, params)
     count = checked_int("n", n, 1, MAX_ENVIRONMENTS)
     workers = checked_int("jobs", jobs, 1, MAX_JOBS) if jobs is not None else usable_processors()
-    body, settings_text = prepared(car, timeout_s, speed_m_s, yaw_rate_rad_s)
+    body, settings_text = body_and_settings(car, timeout_s, speed_m_s, yaw_rate_rad_s)
     realities = [""] * count
     if variation is not None:
         realities = built_cars(count, variation, sampled_environment.seed if variation_seed is None else variation_seed)
@@ -166,9 +168,10 @@ def evaluate(
     requests = [
         RunRequest("car", f"s{k}", settings_text, f"{car.title}, sample {k}", k, realities[k]) for k in range(count)
     ]
+    # One call for each worker, with an equal part of the requests.
     runner, size = sampled_environment.runner, -(-count // min(workers, count))
     calls = (partial(runner.run, {"car": body}, scenes, requests[i : i + size]) for i in range(0, count, size))
-    answers = [answer for answers_of_call in side_by_side(calls, workers, runner.stop) for answer in answers_of_call]
+    answers = [answer for part in side_by_side(calls, workers, runner.stop) for answer in part]
     return Evaluation(
         _table(answers, sampled_environment.success_defined),
         sampled_environment.success,
@@ -177,15 +180,19 @@ def evaluate(
     )
 
 
-def _environment(given: Environment | str | Path, seed: int | None, params: Mapping[str, Any] | None) -> Environment:
-    if not isinstance(given, Environment):
-        return environment(given, seed=0 if seed is None else seed, params=params)
+def _environment(
+    environment_or_program: Environment | str | Path, seed: int | None, params: Mapping[str, Any] | None
+) -> Environment:
+    """Return the environment, or that of a program with ``seed`` and ``params``. Raises FoldcarError."""
+    if not isinstance(environment_or_program, Environment):
+        return environment(environment_or_program, seed=0 if seed is None else seed, params=params)
     if seed is not None or params is not None:
-        raise FoldcarError("seed, params: pass them to environment(…) instead, which has its own")
-    return given
+        raise FoldcarError("seed, params: the environment has its own; pass them to environment(…) instead")
+    return environment_or_program
 
 
 def _scene_json(scene: Mapping[str, Any]) -> str:
+    """Return a scene object as JSON text, without its id. Raises FoldcarError if JSON cannot hold it."""
     try:
         return canonical_json({key: value for key, value in scene.items() if key != "id"})
     except (TypeError, ValueError) as error:
@@ -193,7 +200,10 @@ def _scene_json(scene: Mapping[str, Any]) -> str:
 
 
 def _table(answers: Sequence[Mapping[str, Any]], judged: bool) -> "pandas.DataFrame":
-    """Return a row for each answer of carsim, as in :class:`Evaluation`; ``judged``: success is defined."""
+    """Return a table with a row for each answer of carsim, as in :class:`Evaluation`.
+
+    ``judged`` is whether success is defined; otherwise `passed` is NA.
+    """
     import pandas
 
     outcomes = [outcome_of(answer) for answer in answers]
@@ -209,7 +219,8 @@ def _table(answers: Sequence[Mapping[str, Any]], judged: bool) -> "pandas.DataFr
     )
 
 
-def _path(rows: Sequence[Sequence[float]], elapsed_time_s: float) -> "pandas.DataFrame":
+def _path_table(rows: Sequence[Sequence[float]], elapsed_time_s: float) -> "pandas.DataFrame":
+    """Return the rows of a path up to ``elapsed_time_s`` as a table, as in :class:`Result`."""
     import pandas
 
     hinges = [f"hinge_{i + 1}_rad" for i in range(len(rows[0]) - len(PATH_COLUMNS) if rows else 0)]

@@ -27,9 +27,9 @@ MAX_BUILT = 50
 
 
 class Study:
-    """A store of the commands sweep and log; its tables are read once.
+    """A store that `foldcar sweep` or `foldcar log` has written; its tables are read once.
 
-    Raises FoldcarError if there is no such store, or it is damaged.
+    Raises FoldcarError if the store does not exist or is damaged.
 
     >>> study = foldcar.Study("width.db")
     >>> study.runs[["width_mm", "sample", "outcome"]].shape
@@ -45,7 +45,7 @@ class Study:
         return f"Study({str(self.path)!r})"
 
     def reload(self) -> None:
-        """Forget the tables, so that the next access reads runs and trials stored since.
+        """Forget the tables, so that the next access also reads new runs and trials.
 
         >>> study.reload()
         """
@@ -77,7 +77,7 @@ class Study:
     ) -> Rate:
         """Return the success rate of one design's runs, or of its counted trials, with its interval.
 
-        The rate of trials is that of the cars that drove; :meth:`compare` has that of a further car of the design.
+        The rate of trials is that of the cars that drove; :meth:`compare` also estimates that of a new car.
 
         Parameters are named as columns (``width_mm=95``), or without unit if that is unambiguous (``width=95``). Give
         enough of them to select one design. Rejected runs are left out. Raises FoldcarError if no design or several
@@ -91,17 +91,18 @@ class Study:
             raise FoldcarError(f'source: {source!r} is neither "simulation" nor "trials"')
         table = self.runs if source == "simulation" else self.trials[self.trials["counts"]]
         design_rows = self._of_design(self._of_experiment(table, experiment, source), design, source)
-        passed = self._judged(design_rows)["passed"]
-        count, runs = int(passed.sum()), len(passed)
-        if not runs:
+        has_passed = self._judged(design_rows)["passed"]
+        passed, counted = int(has_passed.sum()), len(has_passed)
+        if not counted:
             raise FoldcarError(f"rate: {no_rate_text(len(design_rows))}")
-        trials_text = "simulated runs"
+        counted_text = "simulated runs"
         if source == "trials":
             cars = count_text(design_rows["car_name"].nunique(dropna=False), "built car")
-            trials_text = f"trials of {cars}"
+            counted_text = f"trials of {cars}"
         name = str(design_rows["experiment"].iloc[0])
         stopped = source == "simulation" and self.experiments[name].until is not None
-        return Rate.from_counts(count, runs, f"{count} of {runs} {trials_text} that passed", stopped, confidence)
+        method = f"{passed} of {counted} {counted_text} that passed"
+        return Rate.from_counts(passed, counted, method, stopped, confidence)
 
     def select(
         self,
@@ -160,14 +161,17 @@ class Study:
         return Standardised(effects, indices)
 
     def _judged(self, table: "pandas.DataFrame") -> "pandas.DataFrame":
-        """Return the rows without rejected runs."""
+        """Return the rows without rejected runs. Raises FoldcarError if the experiment does not define success."""
         info = self.experiments.get(str(table["experiment"].iloc[0]))
         if info is not None and not info.success_defined and table["passed"].isna().any():
             raise FoldcarError(info.success_rule)
         return table[table["passed"].notna()]
 
     def _of_experiment(self, table: "pandas.DataFrame", experiment: str | None, source: str) -> "pandas.DataFrame":
-        """Return the rows of the experiment. Raises FoldcarError if there are none, or it must be named."""
+        """Return the rows of one experiment; None stands for the only one.
+
+        Raises FoldcarError if the table has no rows of it, or has several experiments. ``source`` is for the message.
+        """
         ids = list(dict.fromkeys(table["experiment"]))
         if not ids:
             rows_text = "runs" if source == "simulation" else "trials of built cars that count"
@@ -179,7 +183,7 @@ class Study:
         return table if experiment is None else table[table["experiment"] == experiment]
 
     def _of_design(self, table: "pandas.DataFrame", design: Mapping[str, float], source: str) -> "pandas.DataFrame":
-        """Return the rows of the only design with these values. Raises FoldcarError if there is none, or several."""
+        """Return the rows of the design with these values. Raises FoldcarError if no design, or several, have them."""
         parameters = _parameters(table)
         result = table
         for column, value in columns_named(design, parameters, "rate").items():
@@ -197,6 +201,7 @@ class Study:
         return result
 
     def _read(self, read: Callable[[Store], T]) -> T:
+        """Open the store, and return the result of ``read``."""
         with Store.open(self.path) as store:
             return read(store)
 

@@ -30,7 +30,7 @@ def planned_sweep(
     reality: Path | None = None,
     engine: str = "multibody",
 ) -> Sweep:
-    """Return the sweep that `foldcar sweep` with these options simulates; the store keeps ``command``.
+    """Plan the sweep that `foldcar sweep` simulates with these options. The store will keep ``command``.
 
     Raises FoldcarError.
     """
@@ -38,12 +38,12 @@ def planned_sweep(
     study = read_study(listing, experiment, environments)
     _check_same_study(study, store)
     study = engine_study(study, carsim)
-    real = None
+    real_parameters = None
     if reality is not None:
         from foldcar.inference.calibration.environment import as_calibration, read_reality
 
-        real = as_calibration(reality, read_reality(reality, engine))
-    study, environment_of = under_calibration(study, store, calibration, real)
+        real_parameters = as_calibration(reality, read_reality(reality, engine))
+    study, environment_of = under_calibration(study, store, calibration, real_parameters)
     return Sweep(study, store, carsim, command, environment_of, stopping_rules(until, study) if until else {})
 
 
@@ -64,17 +64,18 @@ def _check_same_study(study: Study, store: Path) -> None:
     if not own_experiments & stored_experiments:
         new_store = f"{Path(study.listing_name).stem}.db"
         raise FoldcarError(
-            f"{store}: holds the study of {stored.listing_name}, which has none of these experiments; sweep "
-            f"{study.listing_name} into another store (--store {new_store}), which `foldcar merge` can join with {store}"
+            f"{store}: holds the study of another listing, {stored.listing_name}; sweep {study.listing_name} into "
+            f"another store (--store {new_store}), which `foldcar merge` can join with {store}"
         )
 
 
 def under_calibration(
     study: Study, store: Path, name: str | None, reality: "Calibration | None" = None
 ) -> tuple[Study, Callable[[Experiment], Environment]]:
-    """Return the study and the function that creates its environments, for a calibration or a reality if given.
+    """Return the study, and the function that creates an experiment's environment.
 
-    Raises FoldcarError.
+    With the calibration ``name`` of the store, or a ``reality``, both are changed to it; None stands for no calibration.
+    Raises FoldcarError if both are given, or the calibration does not exist.
     """
     if name is not None and reality is not None:
         raise FoldcarError("--calibration and --reality: both set the simulator's parameters; use only one")

@@ -110,5 +110,6 @@ def compare(
 
 
 def _print_written(csv: Path | None, designs: int) -> None:
+    """Print the name of a written CSV file, if any, and its number of designs on stderr."""
     if csv is not None:
         typer.echo(f"{csv}: {designs} designs", err=True)

@@ -10,7 +10,7 @@ from foldcar.commands.options import Jobs, Json, Seed, SimulatedTrialsInstead, o
 from foldcar.errors import FoldcarError
 from foldcar.installation import usable_processors
 
-# Names that are easy to type and may be part of an experiment's name.
+# Names of calibrations: easy to type, and allowed as a part of an experiment's name.
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,39}")
 DEFAULT_RUNS = 24_000
 MIN_RUNS, MAX_RUNS = 500, 10_000_000

@@ -89,8 +89,9 @@ def _findings() -> Iterator[Finding]:
     yield _tool("browser", browser, f"none of {', '.join(BROWSERS)}: only `make test` needs one", "make test")
 
 
-def _tool(name: str, path: str | None, without: str, advice: str) -> Finding:
-    return Finding(name, "absent", without, advice) if path is None else Finding(name, "ok", path)
+def _tool(name: str, path: str | None, if_absent: str, advice: str) -> Finding:
+    """Return the finding on an optional tool: its path or version, or if None the text ``if_absent`` with advice."""
+    return Finding(name, "absent", if_absent, advice) if path is None else Finding(name, "ok", path)
 
 
 def _packages() -> Finding:
@@ -102,21 +103,22 @@ def _packages() -> Finding:
     except importlib.metadata.PackageNotFoundError:
         return Finding("packages", "missing", "foldcar itself is not installed as a package", REINSTALL)
     core = [package for package in declared if package.marker is None or package.marker.evaluate({"extra": ""})]
-    wrong = [text for package in core if (text := _mismatch(package))]
-    if wrong:
-        return Finding("packages", "missing", "; ".join(wrong), REINSTALL)
+    mismatches = [text for package in core if (text := _mismatch(package))]
+    if mismatches:
+        return Finding("packages", "missing", "; ".join(mismatches), REINSTALL)
     optional = [package for package in declared if package not in core and package.marker is not None]
-    absent = [
+    absent_extras = [
         extra for extra in MODULES
         if any(package.marker.evaluate({"extra": extra}) and _mismatch(package) for package in optional if package.marker)
     ]  # fmt: skip
-    if absent:
-        text = f"as declared, without the extras {', '.join(absent)}: some commands need them"
-        return Finding("packages", "absent", text, f"pip install 'foldcar[{','.join(absent)}]'")
+    if absent_extras:
+        text = f"as declared, without the extras {', '.join(absent_extras)}: some commands need them"
+        return Finding("packages", "absent", text, f"pip install 'foldcar[{','.join(absent_extras)}]'")
     return Finding("packages", "ok", "as declared, and all extras")
 
 
 def _mismatch(declared: "Requirement") -> str:
+    """Return how the installed package differs from the declared one: missing or another version; "" if it fits."""
     version = _version(declared.name)
     if version is None:
         return f"{declared} is missing"
@@ -126,6 +128,7 @@ def _mismatch(declared: "Requirement") -> str:
 
 
 def _version(package: str) -> str | None:
+    """Return the version of an installed package, None if it is not installed."""
     try:
         return importlib.metadata.version(package)
     except importlib.metadata.PackageNotFoundError:
@@ -164,7 +167,7 @@ def _simulator(checkout: Path | None) -> Finding:
 
 
 def _speedup(carsim: "Carsim") -> float:
-    """Return the ratio of simulated time to computing time of one simulator, driving on level ground."""
+    """Return the ratio of simulated time to computing time of one simulator, for a car on level ground."""
     from foldcar.car.body import body_json, firmware_parameters, full_speed_m_s
     from foldcar.car.design import compose
     from foldcar.simulation.runner import RunRequest
@@ -182,7 +185,7 @@ def _speedup(carsim: "Carsim") -> float:
         "course": course,
     }
     texts = {"body": json.dumps(body)}, {"scene": json.dumps(scene)}
-    # The start of the process must not count.
+    # The difference between many runs and one excludes the start of the process.
     durations_s = []
     for runs in (1, 1 + SPEED_RUNS):
         started_s = time.perf_counter()

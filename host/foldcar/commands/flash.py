@@ -98,8 +98,8 @@ def _pio(project: Path, target: str, port: str, data_folder: Path) -> None:
         raise FoldcarError("flash: PlatformIO's `pio` is missing; run `make setup`")
     command = [program, "run", "-d", str(project), "-e", "featheresp32", "-t", target, "--upload-port", port]
     # PlatformIO empties the build folder when a setting changes; the default one may contain a running sweep's carsim.
-    own = {"PLATFORMIO_DATA_DIR": str(data_folder), "PLATFORMIO_BUILD_DIR": str(project / ".pio" / "flash")}
-    environment = {**os.environ, **own}
+    folders = {"PLATFORMIO_DATA_DIR": str(data_folder), "PLATFORMIO_BUILD_DIR": str(project / ".pio" / "flash")}
+    environment = {**os.environ, **folders}
     # PlatformIO starts other programs. In a session of its own they can all be ended together.
     process = subprocess.Popen(command, env=environment, start_new_session=True)
     try:

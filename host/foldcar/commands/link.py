@@ -9,7 +9,7 @@ import typer
 from foldcar.commands.listed_run import ListedRun, listed_run
 from foldcar.commands.options import Components, Engine, ExperimentId, Listing, Sample, Settings, print_note
 
-# Samples that a host can choose from; drawing this many takes some seconds.
+# Largest number of samples that a host can choose from; drawing this many takes some seconds.
 MAX_SAMPLES = 1000
 
 
@@ -58,13 +58,13 @@ def link(
     from foldcar.simulation.runner import CarsimError
     from foldcar.store.trial_records import checked_name
 
-    built = None if car is None else checked_name(car, "--car")
+    car_name = None if car is None else checked_name(car, "--car")
     run = listed_run(listing, experiment, settings, sample, engine)
-    if built is not None and reality is None and not run.experiment.variation:
-        print_note(f"experiment {run.experiment.id} has no variation: {built} has the nominal body, as all cars have")
+    if car_name is not None and reality is None and not run.experiment.variation:
+        print_note(f"experiment {run.experiment.id} has no variation: {car_name} has the nominal body, as all cars have")
     real_values = None if reality is None else read_reality(reality, engine)
-    others = (k for k in range(min(run.experiment.environments, MAX_SAMPLES)) if k != sample)
-    worlds = [_world(run, k, real_values, built) for k in (sample, *others)]
+    other_samples = (k for k in range(min(run.experiment.environments, MAX_SAMPLES)) if k != sample)
+    worlds = [_world(run, k, real_values, car_name) for k in (sample, *other_samples)]
     # carsim ends when the process that reads its output ends: see sim2d/src/reader_watch.h.
     design, stdin = car_json(run.design), sys.stdin.fileno()
     with (
@@ -86,9 +86,10 @@ def link(
 
 
 def _world(run: ListedRun, k: int, values: Mapping[str, float] | None, car: str | None) -> tuple[Any, Any]:
-    """Return scene and reality of sample ``k`` with these parameters. `foldcar log` expects the scene's id.
+    """Return the scene of sample ``k``, with the id that `foldcar log` expects, and the reality of car and ground.
 
-    Differences of the car are those of the built ``car`` of this name. If it is None, they are the sample's own.
+    ``values`` are the parameters of a reality file, None without one. ``car`` is the name of a built car, whose
+    differences from the design are the same in all samples; None stands for another car in each sample.
     """
     from foldcar.car.variation import named_car
     from foldcar.inference.calibration.effects import drawn_reality

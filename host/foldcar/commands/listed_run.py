@@ -21,7 +21,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ListedRun:
-    """A run that options name: the design's ``body``, and the ``variation`` of the sample's built car."""
+    """A run that a command's options name, with its simulator, body and scene.
+
+    ``variation`` is how the sample's built car differs from the design.
+    """
 
     carsim: "Carsim"
     experiment: "Experiment"
@@ -56,7 +59,10 @@ class ListedRun:
         return replace(self, design=design, body=body_json(design))
 
     def variation_in(self, sample: int, car: str | None = None) -> dict[str, Any]:
-        """Return the variation in another sample: of the built ``car`` of that name, or else of the sample's own car."""
+        """Return how the car in another sample differs from its design.
+
+        ``car`` is the name of a built car; None stands for the sample's own car.
+        """
         from foldcar.car.variation import draw, named_car
 
         experiment = self.experiment
@@ -68,7 +74,10 @@ class ListedRun:
 def listed_run(
     listing: Path, experiment: str, settings: Sequence[str] | None, sample: int, engine: str = "multibody"
 ) -> ListedRun:
-    """Return the run that the options name. Raises FoldcarError unless they name one design and the program works."""
+    """Return the run that options name: sample the scene and start the simulator.
+
+    Raises FoldcarError if the settings leave several designs, or the Scenic program has an error.
+    """
     from foldcar.simulation.carsim import Carsim
     from foldcar.study.environments import Environment
     from foldcar.study.experiments import read_study
@@ -93,7 +102,7 @@ class SimulatedRun:
     reality: Mapping[str, Any] = field(default_factory=dict)
 
     def simulate(self, runner: "Runner", **extra_settings: float) -> dict[str, Any]:
-        """Return the runner's answer, with these settings beside the run's own."""
+        """Simulate the run and return the runner's answer; ``extra_settings`` are added to the run's settings."""
         from foldcar.simulation.runner import RunRequest
         from foldcar.store.writer import canonical_json
 
@@ -106,20 +115,20 @@ class SimulatedRun:
         return answer
 
     def path(self, carsim: "Carsim", answer: Mapping[str, Any], label: object) -> list[list[float]]:
-        """Simulate the car's path, up to where the Scenic program ended the run.
+        """Simulate the run again and return the rows of its path, up to the time at which ``answer`` ended.
 
-        Raises FoldcarError, beginning with ``label``, if the run failed.
+        A Scenic program may have ended the run early. Raises FoldcarError, which starts with ``label``, for a failed run.
         """
         from foldcar.simulation.runner import PATH_INTERVAL_S
 
-        native = {} if "error" in answer else self.simulate(carsim, path_interval_s=PATH_INTERVAL_S)
-        if "path" not in native:
+        with_path = {} if "error" in answer else self.simulate(carsim, path_interval_s=PATH_INTERVAL_S)
+        if "path" not in with_path:
             raise FoldcarError(f"{label}: a failed run has no path to show")
-        return [row for row in native["path"] if row[0] <= answer["elapsed_time_s"]]
+        return [row for row in with_path["path"] if row[0] <= answer["elapsed_time_s"]]
 
 
 def simulated_run(listed: ListedRun) -> tuple[SimulatedRun, dict[str, Any]]:
-    """Return the run's input, and the answer of its environment's runner. Raises FoldcarError."""
+    """Simulate a listed run; return its input and the runner's answer. Raises FoldcarError."""
     settings = listed.experiment.settings(listed.design, listed.body, listed.carsim.parameter_table())
     run = SimulatedRun(listed.name, listed.body, listed.scene, settings, listed.sample, listed.variation)
     with listed.environment.runner(listed.carsim, listed.environment.dynamic) as runner:
@@ -129,10 +138,10 @@ def simulated_run(listed: ListedRun) -> tuple[SimulatedRun, dict[str, Any]]:
 def listed_families(
     listing: Path, vehicle: str | None, settings: Sequence[str] | None, every: bool = True
 ) -> "tuple[Listing, list[Family]]":
-    """Return the listing, and the vehicle's designs that have the settings (NAME=MM).
+    """Return the listing, and the family of each chosen vehicle with the settings (NAME=MM) applied.
 
-    If ``vehicle`` is None, ``every`` vehicle's designs are returned, or those of the only one. Raises FoldcarError if
-    there is no such vehicle or value.
+    If ``vehicle`` is None, these are all vehicles; if also ``every`` is False, the listing must have only one. Raises
+    FoldcarError if the vehicle or a setting does not exist.
     """
     from foldcar.study.family import read_family
     from foldcar.study.listing_file import read_listing
@@ -150,6 +159,6 @@ def listed_families(
 
 
 def listed_family(listing: Path, vehicle: str | None, settings: Sequence[str] | None) -> "tuple[Listing, Family]":
-    """Return the listing and the designs of one vehicle, which may be None if the listing has only one."""
+    """Return the listing and the family of ``vehicle``; None stands for the listing's only vehicle."""
     listing_data, (family,) = listed_families(listing, vehicle, settings, every=False)
     return listing_data, family

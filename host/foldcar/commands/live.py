@@ -30,12 +30,12 @@ LivePort = Annotated[
 ]
 # How long a sweep waits for the port, which an earlier page may still use, and for its page to end.
 PORT_TIMEOUT_S, END_TIMEOUT_S = 10.0, 20.0
-# Simulators get processor time first.
+# Priority of the process of the page, so that simulators get processor time first.
 NICENESS = 10
 
 
 def serve(study: "LiveStudy", title: str, port: int, beside_sweep: bool, as_json: bool) -> None:
-    """Serve the page of ``study`` until a signal. If ``beside_sweep``, serve it until standard input ends."""
+    """Serve the page of ``study`` until a signal or, if ``beside_sweep``, until standard input ends."""
     from foldcar.figures.page import web_page
     from foldcar.interrupts import message_on_signal
 
@@ -57,7 +57,7 @@ def serve(study: "LiveStudy", title: str, port: int, beside_sweep: bool, as_json
 
 
 def _server(page: str, study: "LiveStudy", port: int, timeout_s: float) -> "PageServer":
-    """Open the server, waiting up to ``timeout_s`` for the port to become free."""
+    """Return the page's server; wait up to ``timeout_s`` for the port to become free. Raises FoldcarError."""
     from foldcar.report.live import PageServer
 
     deadline_s = time.monotonic() + timeout_s
@@ -71,7 +71,7 @@ def _server(page: str, study: "LiveStudy", port: int, timeout_s: float) -> "Page
 
 
 def _wait_for_end(ended: threading.Event) -> None:
-    """Set ``ended`` when standard input ends, which it does when the sweep ends in any way."""
+    """Set ``ended`` when standard input ends: the sweep's process holds it open until it ends or is killed."""
     while os.read(0, 1024):
         pass
     ended.set()
@@ -83,10 +83,10 @@ def served_beside(store: Path, port: int) -> Iterator[None]:
 
     Exits with code 2 if the page cannot be served; the other process has printed why.
     """
-    words = ("report", "--live", "--beside-sweep", "--port", str(port), "--", str(store))
+    arguments = ("report", "--live", "--beside-sweep", "--port", str(port), "--", str(store))
     # In a session of its own, so that Ctrl-C stops the sweep only.
     with subprocess.Popen(
-        python_command("foldcar.cli", *words), stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True
+        python_command("foldcar.cli", *arguments), stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True
     ) as process:
         assert process.stdin is not None and process.stdout is not None
         url = process.stdout.readline().decode().partition(" ")[0].strip()

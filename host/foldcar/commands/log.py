@@ -11,7 +11,7 @@ from foldcar.errors import FoldcarError
 from foldcar.study.limits import MAX_ENVIRONMENTS
 
 MAX_COUNTDOWN_S = 60
-# The untethered one has time for pulling the cable.
+# Default countdowns; without a tether there must be time to pull the cable.
 COUNTDOWN_S, UNTETHERED_COUNTDOWN_S = 3, 8
 
 
@@ -120,7 +120,10 @@ def log(
 
 
 def _print_session(store: Path, numbers: Collection[int]) -> None:
-    """Print the outcomes of the trials ``numbers`` of one experiment, and what `compare` and `select` conclude."""
+    """Print a session's result: how many of its trials passed, and what `compare` and `select` now conclude.
+
+    ``numbers`` are those of its trials, all of one experiment.
+    """
     from foldcar.commands.progress_bar import working
     from foldcar.inference.comparison import compare_evidence
     from foldcar.inference.evidence import read_evidence, swept_ids

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from foldcar.study import listing as listings
 
 FORMATS = ("mjcf", "urdf", "webots")
-# The time limit of a car that no experiment of the listing drives.
+# The time limit of a car that occurs in no experiment of the listing.
 TIME_LIMIT_S = 120.0
 
 
@@ -110,10 +110,10 @@ def model(
 def _drive(
     file: Path, listed: "listings.Listing", vehicle: str, environment: str | None, design: "Design"
 ) -> "tuple[PulseTrain, float]":
-    """Return the firmware's pulses, and the time for which the car stands before them (s).
+    """Return the firmware's servo pulses of a drive, and how long the car stands before them (s).
 
-    The pulses are those of the listing's first experiment with this vehicle and environment. Without one the car drives
-    straight on at full speed.
+    The drive is that of the listing's first experiment with this vehicle and environment. Without such an experiment the
+    car drives straight ahead at full speed.
     """
     from foldcar.car.body import body_json, firmware_parameters, full_speed_m_s
     from foldcar.simulation.carsim import Carsim, ask_pulses
@@ -135,7 +135,7 @@ def _drive(
 
 
 def _scene(file: Path, listing_data: "listings.Listing", environment: str | None, sample: int) -> dict[str, Any] | None:
-    """Return the environment's sample; None if there is no environment."""
+    """Return the scene of a sample of the listed environment; None if ``environment`` is None. Raises FoldcarError."""
     if environment is None:
         return None
     from foldcar.scenes.source import open_environment

@@ -15,8 +15,9 @@ from foldcar.outputs import make_output_folder
 
 FILES = ("README.md", "study.json", "yard.scenic")
 FIRST_COMMANDS = ("foldcar sweep study.json --store yard.db", "foldcar report yard.db -o report")
-# Each example: its files, with the paths of a checkout so that the documentation's commands work, and its commands.
 STUDY = ("scenarios/width_study.json", "scenarios/step_pyramids.scenic", "scenarios/published_trials.csv")
+# For each example: its files, and its commands. Files have the paths of a checkout, so that the documentation's commands
+# work.
 EXAMPLES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "width_study": (
         (*STUDY, "examples/study.ipynb"),
@@ -70,13 +71,13 @@ def new(
         contents = {name: (place / name).read_bytes() for name in names}
     except OSError as error:
         raise FoldcarError(f"--example: {error.filename} is not in this installation") from error
-    made = make_output_folder(folder)
+    was_created = make_output_folder(folder)
     try:
         for name, content in contents.items():
             (folder / name).parent.mkdir(exist_ok=True)
             (folder / name).write_bytes(content)
     except (OSError, KeyboardInterrupt) as error:
-        _remove(folder, made)
+        _remove(folder, was_created)
         if isinstance(error, KeyboardInterrupt):
             raise
         raise FoldcarError(f"{folder}: cannot be written: {error.strerror or error}") from error
@@ -85,9 +86,9 @@ def new(
     print_result(as_json, {"folder": folder, "files": [folder / name for name in names]}, *lines)
 
 
-def _remove(folder: Path, made: bool) -> None:
-    """Remove everything in ``folder``, which was empty before, and the folder itself if it was ``made``."""
+def _remove(folder: Path, was_created: bool) -> None:
+    """Remove everything in ``folder``, which was empty before, and the folder itself if this command created it."""
     for entry in folder.iterdir():
         shutil.rmtree(entry) if entry.is_dir() else entry.unlink()
-    if made:
+    if was_created:
         folder.rmdir()

@@ -24,7 +24,7 @@ from foldcar.errors import FoldcarError
 from foldcar.study.limits import MAX_ENVIRONMENTS
 
 if TYPE_CHECKING:
-    from foldcar.study.search.search import Found
+    from foldcar.study.search.search import SearchResult
 
 MAX_DESIGNS = 100_000
 
@@ -95,7 +95,7 @@ def optimize(
     from foldcar.simulation.carsim import Carsim
     from foldcar.study.experiments import read_study
     from foldcar.study.search.objectives import OBJECTIVES
-    from foldcar.study.search.search import Found, Plan, search, searched_study
+    from foldcar.study.search.search import Plan, SearchResult, search, searched_study
 
     check_scheduler_option(scheduler, jobs)
     objective_names = [name.value for name in objective or [ObjectiveName.success]]
@@ -113,7 +113,7 @@ def optimize(
         best=best,
         prune=prune and len(objective_names) == 1,
     )
-    progress = Found(planned=designs)
+    progress = SearchResult(planned=designs)
 
     def stopped() -> str:
         return f"stopped: {progress.designs} of {designs} designs tried, runs in {store}; the same command resumes"
@@ -122,7 +122,7 @@ def optimize(
     with (
         message_on_signal(stopped),
         SearchBar("designs", designs) as bar,
-        simulators(scheduler, jobs, carsim, bar.say) as places,
+        simulators(scheduler, jobs, carsim, bar.print_line) as places,
     ):
         search(study, plan, store, carsim, places, command_line(), progress, bar.update, environment_of)
     experiment_entry = study.experiments[0]
@@ -140,8 +140,8 @@ def optimize(
         print_search(plan, progress, store, list(experiment_entry.family.varied))
 
 
-def _search_object(names: list[str], progress: "Found") -> dict[str, Any]:
-    """Return the result of the search as the JSON object, with values by the objectives' names."""
+def _search_object(names: list[str], progress: "SearchResult") -> dict[str, Any]:
+    """Return the result of a search as plain data; ``names`` are those of the objectives."""
     counts = ("designs", "pruned", "unbuildable", "runs", "new", "exhausted")
     best = [
         {

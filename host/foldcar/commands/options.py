@@ -28,7 +28,10 @@ Json = Annotated[bool, typer.Option("--json", help="Print the result as one JSON
 
 
 def print_result(as_json: bool, result: Mapping[str, Any], *lines: object) -> None:
-    """Print ``result`` as ASCII JSON, or else the lines. In JSON, paths become strings; NaN and infinity become null."""
+    """Print ``result`` as ASCII JSON if ``as_json``, else the ``lines``.
+
+    In JSON, paths become strings; NaN and infinity become null.
+    """
     if as_json:
         typer.echo(json.dumps(_plain(result), indent=2, allow_nan=False))
     else:
@@ -52,7 +55,7 @@ def command_line() -> str:
 
 
 def _plain(value: Any) -> Any:
-    """Return a value as JSON holds it: paths as strings, infinite numbers as None."""
+    """Return a value in types that JSON has: paths as strings, infinite numbers and NaN as None."""
     if isinstance(value, Mapping):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
@@ -63,7 +66,10 @@ def _plain(value: Any) -> Any:
 
 
 def _checked(check: Callable[[Any], object]) -> Callable[[typer.Context, Any], Any]:
-    """Return an option's callback that checks its value; no check without a value or while a shell completes."""
+    """Return an option's callback that calls ``check`` with its value.
+
+    It is not called without a value, or while a shell completes the command line.
+    """
 
     def callback(context: typer.Context, value: Any) -> Any:
         if value is not None and not context.resilient_parsing:
@@ -74,12 +80,14 @@ def _checked(check: Callable[[Any], object]) -> Callable[[typer.Context, Any], A
 
 
 def _check_file(file: Path) -> None:
+    """Raise FoldcarError if the file cannot be written; "-" stands for standard output."""
     if file != STANDARD_OUTPUT:
         check_output_file(file)
         check_replaceable(file)
 
 
 def _check_picture(file: Path) -> None:
+    """Raise FoldcarError if the picture cannot be written, or its format is unknown."""
     from foldcar.figures.output import check_format
 
     _check_file(file)
@@ -87,6 +95,7 @@ def _check_picture(file: Path) -> None:
 
 
 def _check_store(store: Path) -> None:
+    """Raise FoldcarError if a store cannot be written under this name."""
     from foldcar.store.connection import check_name
 
     check_name(store)
@@ -94,6 +103,7 @@ def _check_store(store: Path) -> None:
 
 
 def _check_engine(engine: str) -> None:
+    """Raise BadParameter if there is no engine of this name."""
     from foldcar.simulation.engines import ENGINES, OFFERED
 
     if engine not in ENGINES:
@@ -101,6 +111,7 @@ def _check_engine(engine: str) -> None:
 
 
 def _check_thresholds(thresholds: float | Sequence[float]) -> None:
+    """Raise FoldcarError if a threshold is not between 0 and 1."""
     for threshold in thresholds if isinstance(thresholds, Sequence) else [thresholds]:
         try:
             checked_threshold(threshold)
@@ -108,8 +119,8 @@ def _check_thresholds(thresholds: float | Sequence[float]) -> None:
             raise FoldcarError(f"--threshold: {error}") from None
 
 
-def _load(files: Sequence[Path]) -> None:
-    """Register the user's modules; options are parsed before the command reads its listing."""
+def _load_modules(files: Sequence[Path]) -> None:
+    """Register the user's modules. As an option's callback it runs before the command reads its listing."""
     if files:
         from foldcar.car.user_modules import load_components
 
@@ -180,7 +191,7 @@ Components = Annotated[
     typer.Option(
         "--components",
         metavar="FILE",
-        callback=_checked(_load),
+        callback=_checked(_load_modules),
         help="Python file with your own modules for vehicle types.",
     ),
 ]
@@ -245,6 +256,7 @@ def simulators(
 
 def check_distinct(inputs: Sequence[Path], outputs: Sequence[Path | None]) -> None:
     """Raise FoldcarError if an output would replace an input or another output of the command."""
+    # Why a file may not be written.
     reasons = {file.resolve(): "is read by this command" for file in inputs}
     for output in outputs:
         if output is None or output == STANDARD_OUTPUT:
@@ -255,7 +267,10 @@ def check_distinct(inputs: Sequence[Path], outputs: Sequence[Path | None]) -> No
 
 
 def design_settings(words: Sequence[str] | None) -> dict[str, float | str]:
-    """Parse NAME=VALUE words: parameters with values (mm or degrees), kinds of parts with names. Raises FoldcarError."""
+    """Parse the values of ``--set``: NAME=VALUE for parameters (mm, degrees), KIND=NAME for parts.
+
+    Example: ["width=95", "tyre=none"] gives {"width": 95.0, "tyre": "none"}. Raises FoldcarError.
+    """
     from foldcar.car.parts.catalogue import OPTIONS
 
     settings: dict[str, float | str] = {}
@@ -280,7 +295,10 @@ def design_settings(words: Sequence[str] | None) -> dict[str, float | str]:
 
 
 def parse_points(option: str, text: str, low: float = 1.0, high: float = 50.0) -> float:
-    """Parse percentage points: ``15pp`` is 0.15. Raises FoldcarError if outside ``low`` to ``high`` points."""
+    """Parse percentage points, such as ``15pp``, to a fraction, 0.15.
+
+    Raises FoldcarError, which names the ``option``, if the text is not ``low`` to ``high`` points.
+    """
     match = re.fullmatch(r"\s*([0-9]+(?:\.[0-9]+)?)\s*pp\s*", text)
     if match is None:
         raise FoldcarError(f'{option}: "{text}" is not a number of percentage points, as 15pp')

@@ -47,7 +47,7 @@ def get(
     for name in names or values:
         if name not in values:
             raise FoldcarError(f"{name}: the car has no such parameter{did_you_mean(name.upper(), values)}")
-    _show(as_json, {name: values[name] for name in names or values})
+    _print_parameters(as_json, {name: values[name] for name in names or values})
 
 
 @params.command("set")
@@ -66,7 +66,7 @@ def set_one(
 
     with _car(port) as car:
         set_parameter(car, name, value)
-    _show(as_json, {name: value})
+    _print_parameters(as_json, {name: value})
 
 
 @params.command()
@@ -180,7 +180,7 @@ def confirm(port: Port = None, as_json: Json = False) -> None:
     names = ("WHEEL_RADIUS_M", "TRACK_M", *(f"CH{n}_SIDE" for n in range(1, CHANNELS + 1)))
     lines = [f"acknowledged: {fault}"] if fault is not None else []
     lines.append("until it restarts, the car drives by these parameters:")
-    _show(as_json, {name: values[name] for name in names}, *lines, acknowledged=fault)
+    _print_parameters(as_json, {name: values[name] for name in names}, *lines, acknowledged=fault)
 
 
 def calibrate_servos(
@@ -211,15 +211,15 @@ def calibrate_servos(
     typer.echo("\nsaved in the car; `foldcar params save FILE` keeps a copy")
 
 
-def _show(as_json: bool, values: Mapping[str, float], *lines: str, **more: Any) -> None:
-    """Print parameters, one a line, after the ``lines``; ``more`` is added to the JSON object."""
+def _print_parameters(as_json: bool, values: Mapping[str, float], *lines: str, **json_entries: Any) -> None:
+    """Print parameters, one a line, after the ``lines``; as JSON, with the ``json_entries`` and without the lines."""
     rows = (f"{name:<16} {_text(value)}" for name, value in values.items())
-    print_result(as_json, {**more, "parameters": _numbers(values)}, *lines, *rows)
+    print_result(as_json, {**json_entries, "parameters": _numbers(values)}, *lines, *rows)
 
 
 @contextlib.contextmanager
 def _car(port: str | None) -> Iterator["Car"]:
-    """Connect to the car at ``port``, or at the only one, and close the connection at the end."""
+    """Yield the car at ``port`` (None: the only port with a board); close the connection at the end of the block."""
     from foldcar.link.car import greet
     from foldcar.link.stream import choose_port
 
@@ -231,11 +231,12 @@ def _car(port: str | None) -> Iterator["Car"]:
 
 
 def _numbers(values: "Mapping[str, float] | Mapping[str, float | None]") -> dict[str, float | None]:
-    """Return the values as the shortest decimals that give the car's 32-bit numbers."""
+    """Return the values rounded to the shortest decimals that give the car's 32-bit numbers."""
     return {name: None if value is None else float(_text(value)) for name, value in values.items()}
 
 
 def _text(value: float | None) -> str:
+    """Return a parameter's value as text; "-" for None."""
     from foldcar.link.parameters import value_text
 
     return "-" if value is None else value_text(value)

@@ -129,7 +129,7 @@ class _CarToMake:
 
 
 def _cars_to_make(families: "Sequence[Family]") -> "Iterator[_CarToMake]":
-    """Yield all designs of the families; if there are several families, each has its own folder."""
+    """Yield all designs of the families, each with its folder, below its vehicle's folder if there are several."""
     from foldcar.fabrication.make_car import MANIFEST
 
     taken_names = {MANIFEST}
@@ -144,7 +144,10 @@ def _cars_to_make(families: "Sequence[Family]") -> "Iterator[_CarToMake]":
 
 
 def _free_name(vehicle: str, taken_names: set[str]) -> str:
-    """The vehicle's id as the name of a folder, unlike those in ``taken``, to which it is added."""
+    """Return a folder's name for a vehicle that is not in ``taken_names``, and add it to them.
+
+    It is the vehicle's id without special characters, with a number if that name is taken.
+    """
     plain_name = re.sub(r"[^\w.+-]+", "_", vehicle).lstrip(".") or "vehicle"
     names = itertools.chain([plain_name], (f"{plain_name}-{number}" for number in itertools.count(2)))
     name = next(name for name in names if name not in taken_names)
@@ -168,9 +171,9 @@ def _with_progress(cars_to_make: "list[_CarToMake]") -> "Iterator[_CarToMake]":
 def car_command(
     listing: Path, vehicle: str, settings: Sequence[str], chosen: "Options", components: Sequence[Path]
 ) -> str:
-    """Return the command that makes only this car, in a folder ``car``.
+    """Return the command that makes only this car, in a folder ``car``; it is printed on the car's sheets.
 
-    Files are named without their folders, which a printed sheet does not tell: the command is run where they lie.
+    It names files without their folders, so it must be run in the folder of the listing.
     """
     from foldcar.fabrication.patterns.options import arguments
 
@@ -180,12 +183,13 @@ def car_command(
     return decoded(shlex.join([*words, *arguments(chosen), "-o", "car"]))
 
 
-def _car_lines(made: "MadeCar", usual: str, output: Path) -> list[str]:
-    """Return the lines that describe a single car; ``usual`` is the machine's default sheet."""
+def _car_lines(made: "MadeCar", default_sheet: str, output: Path) -> list[str]:
+    """Return the lines that describe a single car; ``default_sheet`` is the machine's sheet size."""
     from foldcar.fabrication.make_car import GUIDE
 
     cut, options = made.pattern, made.pattern.options
-    larger = "" if options.sheet == usual else f" (--sheet {options.sheet}: a piece does not fit on {usual})"
+    is_default = options.sheet == default_sheet
+    larger = "" if is_default else f" (--sheet {options.sheet}: a piece does not fit on {default_sheet})"
     width, height = options.sheet_size_mm
     used = cut.film_area_mm2 / (len(cut.sheets) * width * height)
     copies, work = sum(piece.count for piece in cut.pieces), made.operations

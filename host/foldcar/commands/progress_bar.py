@@ -10,13 +10,16 @@ from foldcar.shown_console import shown_console
 
 if TYPE_CHECKING:
     from foldcar.study import experiment_runs as study
-    from foldcar.study.search.search import Found
+    from foldcar.study.search.search import SearchResult
 
 _Bar = TypeVar("_Bar", bound="TerminalBar")
 
 
 class TerminalBar:
-    """A bar of ``total`` steps named ``label``, shown during a `with` block; it shows a rate, the time and a state."""
+    """A progress bar of ``total`` steps, shown during a `with` block.
+
+    It shows the ``label``, a rate of runs, the remaining time and a state.
+    """
 
     def __init__(self, label: str, total: int) -> None:
         rate, state = (TextColumn(f"{{task.fields[{name}]}}", markup=False) for name in ("rate", "state"))
@@ -40,7 +43,7 @@ class TerminalBar:
         self._bar.advance(self._task, steps)
 
     def plan(self, steps: int) -> None:
-        """Add ``steps`` to the total."""
+        """Add ``steps`` to the total number of steps."""
         self._total += steps
         self._bar.update(self._task, total=self._total)
 
@@ -49,15 +52,15 @@ class TerminalBar:
         rate = new / seconds if seconds > 0 else 0.0
         self._bar.update(self._task, completed=completed, rate=f"{rate:.0f} runs/s", state=state)
 
-    def say(self, line: str) -> None:
+    def print_line(self, line: str) -> None:
         """Print a line on stderr, above the bar."""
         self._bar.console.print(line, soft_wrap=True)
 
 
 @contextmanager
-def working(on: str) -> Iterator[None]:
-    """Show the line ``on`` on a terminal's stderr during the block, to say what takes time."""
-    with shown_console(stderr=True).status(on):
+def working(message: str) -> Iterator[None]:
+    """Show a message, which says what takes time, on a terminal's stderr during the block."""
+    with shown_console(stderr=True).status(message):
         yield
 
 
@@ -70,9 +73,9 @@ class ProgressBar(TerminalBar):
         self._designs = designs
 
     def update(self, progress: "study.Progress") -> None:
-        """Display the counts."""
+        """Display the sweep's counts."""
         state = ""
-        # If some experiments define no success, or runs were rejected, rates are printed at the end only.
+        # While some experiments define no success, or runs were rejected, a rate could mislead: it is printed at the end.
         if self._designs is not None:
             state = f"{progress.decided} of {self._designs} designs decided"
         elif progress.done and progress.judged == progress.total and not progress.rejected:
@@ -83,7 +86,7 @@ class ProgressBar(TerminalBar):
 class SearchBar(TerminalBar):
     """``with SearchBar("designs", n) as bar``: call ``bar.update`` when the search has progressed."""
 
-    def update(self, progress: "Found") -> None:
-        """Display the counts."""
+    def update(self, progress: "SearchResult") -> None:
+        """Display the search's counts and its best value so far."""
         state = "" if progress.best_so_far is None else f"best so far {progress.best_so_far:.4g}"
         self.show(progress.designs, progress.new, progress.seconds, "judging the best" if progress.best else state)

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from foldcar.shown_console import ResultTable
     from foldcar.simulation.carsim import Carsim
 
+# Width of the printed summary in characters, if it is not printed on a terminal.
 PIPED_WIDTH = 160
 # Number of designs in the printed table; `foldcar export` lists all.
 MAX_DESIGNS = 60
@@ -67,7 +68,7 @@ def report(
     if simulated_trials:
         command.append("--simulated-trials")
     thresholds = sorted(set(threshold or []))
-    command += [word for share in thresholds for word in ("--threshold", f"{share:g}")]
+    command += [word for rate in thresholds for word in ("--threshold", f"{rate:g}")]
     if output is None:
         if not beside_sweep:
             require_store(store)
@@ -96,7 +97,7 @@ def report(
 
 
 def _carsim(engine: str) -> "Carsim | str":
-    """Return the simulator with that engine, or the reason why there is none. The report is written in both cases."""
+    """Return the simulator with that engine, or the reason why it cannot be started; the report is written anyway."""
     from foldcar.simulation.carsim import Carsim
     from foldcar.simulation.engines import engine_of
     from foldcar.simulation.runner import CarsimError
@@ -121,7 +122,7 @@ def _print_summary(data: Mapping[str, Any]) -> None:
 
 
 def _lines(experiment: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the sentences on an experiment that the command prints."""
+    """Yield the sentences that the command prints on an experiment, given the page's data."""
     from foldcar.statistics.words import rate_text
 
     yield from filter(
@@ -152,23 +153,25 @@ def _table(experiment: Mapping[str, Any]) -> "ResultTable":
     outcome_codes = [code for code, column in enumerate(designs["outcomes"]) if code and any(column)]
     titles = ["runs", "passed %", "95 % interval", *["trials", "cars"] * driven, "built cars %"]
     table = ResultTable("design", *titles, *(experiment["outcome_labels"][code] for code in outcome_codes))
-    ranked = sorted(range(len(designs["name"])), key=lambda at: -(designs["belief"][at] or 0))
-    for at in ranked[:MAX_DESIGNS]:
-        cells = [str(designs["runs"][at]), *_rate(experiment, at)]
+    best_first = sorted(range(len(designs["name"])), key=lambda i: -(designs["belief"][i] or 0))
+    for i in best_first[:MAX_DESIGNS]:
+        cells = [str(designs["runs"][i]), *_rate(experiment, i)]
         if driven:
-            trials = designs["trials"][at]
-            cells.append(f"{designs['trials_passed'][at]} of {trials}" if trials else "-")
-            cells.append(str(designs["cars"][at] or "-"))
-        built = [designs[key][at] for key in ("belief", "belief_low", "belief_high")]
-        cells.append("-" if built[0] is None else "{:.0f} ({:.0f} - {:.0f})".format(*(100 * x for x in built)))
-        table.add_row(designs["name"][at], *cells, *(str(designs["outcomes"][code][at]) for code in outcome_codes))
+            trials = designs["trials"][i]
+            cells.append(f"{designs['trials_passed'][i]} of {trials}" if trials else "-")
+            cells.append(str(designs["cars"][i] or "-"))
+        built = [designs[key][i] for key in ("belief", "belief_low", "belief_high")]
+        cells.append("-" if built[0] is None else "{:.0f} ({:.0f} - {:.0f})".format(*(100 * rate for rate in built)))
+        table.add_row(designs["name"][i], *cells, *(str(designs["outcomes"][code][i]) for code in outcome_codes))
     return table
 
 
-def _rate(experiment: Mapping[str, Any], at: int) -> tuple[str, str]:
+def _rate(experiment: Mapping[str, Any], index: int) -> tuple[str, str]:
+    """Return the simulated rate (%) of the design with this index, and its interval, as text; "-" if unknown."""
     designs = experiment["designs"]
     if not experiment["judged"]:
         return "undefined", "-"
-    if designs["low"][at] is None:
+    low, high = designs["low"][index], designs["high"][index]
+    if low is None:
         return "-", "-"
-    return f"{100 * designs['rate'][at]:.1f}", f"{100 * designs['low'][at]:.1f} - {100 * designs['high'][at]:.1f}"
+    return f"{100 * designs['rate'][index]:.1f}", f"{100 * low:.1f} - {100 * high:.1f}"

@@ -89,7 +89,7 @@ def run(
 
 
 def _answer_lines(answer: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Yield name and text of the outcome, the metrics and recorded values; of a failed run, the error."""
+    """Yield pairs (name, text): the outcome, then metrics and recorded values, or the error of a failed run."""
     from foldcar.simulation.results import NUMBERS, outcome_of
 
     yield "outcome", outcome_of(answer)
@@ -103,13 +103,13 @@ def _answer_lines(answer: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 
 
 def variation_text(variation: Mapping[str, Any]) -> str:
-    """Return the variation with three digits a number: ``supply_v=-0.0931 servo_speed=0.0214,-0.0113,…``."""
+    """Return how a car differs from its design, as text: ``supply_v=-0.0931 servo_speed=0.0214,-0.0113,…``."""
     lists = {name: value if isinstance(value, list) else [value] for name, value in variation.items()}
     return " ".join(f"{name}={','.join(f'{value:.3g}' for value in values)}" for name, values in lists.items())
 
 
 def _recorded_text(kind: str, value: Any) -> str:
-    """Return the value as text; for a series, its length and last value."""
+    """Return a recorded value as text; for a series, which is a list of [time in s, value], length and last value."""
     if kind != "series":
         return f"{_value_text(value)}{' at the start' if kind == 'initial' else ''}"
     if not value:

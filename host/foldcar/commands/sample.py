@@ -88,11 +88,12 @@ def sample(
 
 
 def _summary(scenes: Iterator[dict[str, Any]]) -> Iterator[str]:
-    """Yield lines with the scenes' friction and their numbers of each kind of terrain."""
+    """Yield lines with the ranges of the scenes' friction and of their number of terrain parts, by kind."""
     frictions, numbers = [], dict[str, list[int]]()
     for index, scene in enumerate(scenes):
         frictions.append(scene["friction"])
         kinds = Counter(part["kind"] for part in scene["terrain"])
+        # A kind that did not occur in earlier scenes had 0 parts there.
         for kind in numbers.keys() | kinds.keys():
             numbers.setdefault(kind, [0] * index).append(kinds[kind])
     yield f"  friction {_range(frictions)}"
@@ -101,12 +102,13 @@ def _summary(scenes: Iterator[dict[str, Any]]) -> Iterator[str]:
 
 
 def _range(values: Sequence[float]) -> str:
+    """Return the range of values as text, ``0.4 to 0.6``, or the value if there is only one."""
     low, high = f"{min(values):.3g}", f"{max(values):.3g}"
     return low if low == high else f"{low} to {high}"
 
 
 def _scenes(source: "SceneSource", count: int, shown: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:
-    """Yield ``count`` scenes; append the first ones to ``shown``."""
+    """Yield ``count`` scenes with ids SEED/K; append the first nine, which the picture shows, to ``shown``."""
     for k in range(count):
         scene = {"id": f"{source.seed}/{k}", **source.sample(k)}
         if len(shown) < 9:
@@ -115,11 +117,12 @@ def _scenes(source: "SceneSource", count: int, shown: list[dict[str, Any]]) -> I
 
 
 def _line(scene: dict[str, Any]) -> str:
+    """Return the line of JSON that `carsim batch` reads for a scene."""
     return json.dumps({"scene": scene}) + "\n"
 
 
 def _parse_params(words: Sequence[str]) -> dict[str, Any]:
-    """Parse NAME=VALUE words; values are JSON (0.03, true, [1, 2]) or else strings. Raises FoldcarError."""
+    """Parse NAME=VALUE words; a value that is not JSON (0.03, true, [1, 2]) is a string. Raises FoldcarError."""
     from foldcar.study.limits import check_numbers
 
     params: dict[str, Any] = {}
@@ -158,9 +161,9 @@ def gallery(
     from foldcar.simulation.heights import carsim_heights
 
     names = [program.stem for program in scenarios]
-    twice = next((name for name in names if names.count(name) > 1), None)
-    if twice is not None:
-        raise FoldcarError(f"{output / twice}.png: two programs would write this file; draw them into two folders")
+    repeated = next((name for name in names if names.count(name) > 1), None)
+    if repeated is not None:
+        raise FoldcarError(f"{output / repeated}.png: two programs would write this file; draw them into two folders")
     heights = carsim_heights(Carsim())
     make_output_folder(output)
     files = []

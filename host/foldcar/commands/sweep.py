@@ -37,11 +37,10 @@ if TYPE_CHECKING:
     from foldcar.study.stopping import DesignState
     from foldcar.study.sweep import Sweep
 
-# How many undecided designs are named, and how many different messages of failed runs are shown.
-SHOWN_UNDECIDED = 12
+# Numbers of undecided designs that are named, and of different messages of failed runs that are shown.
+SHOWN_UNDECIDED, SHOWN_MESSAGES = 12, 3
 # A sweep with at least this many designs first announces how long folding them takes.
 MANY_DESIGNS = 2_000
-SHOWN_MESSAGES = 3
 
 
 def sweep(
@@ -101,7 +100,7 @@ def sweep(
 
 
 def _print_estimates(planned: "Sweep", jobs: int, as_json: bool) -> None:
-    """Print estimates of the sweep's time and size."""
+    """Estimate the sweep with ``jobs`` simulators, and print its designs, runs, time and size."""
     from foldcar.commands.progress_bar import working
     from foldcar.statistics.words import count, duration_text
     from foldcar.study.dry_run import estimates
@@ -134,7 +133,7 @@ def _print_estimates(planned: "Sweep", jobs: int, as_json: bool) -> None:
 
 
 def _sweep(planned: "Sweep", scheduler: str | None, jobs: int | None, as_json: bool) -> None:
-    """Simulate and print the result. Exit code 1 if runs have failed."""
+    """Simulate a planned sweep and print the result. Exits with code 1 if runs have failed."""
     from foldcar.commands.progress_bar import ProgressBar
     from foldcar.interrupts import message_on_signal
 
@@ -151,14 +150,15 @@ def _sweep(planned: "Sweep", scheduler: str | None, jobs: int | None, as_json: b
     with (
         message_on_signal(stopped),
         ProgressBar(progress, to_decide) as bar,
-        simulators(scheduler, jobs, planned.carsim, bar.say) as places,
+        simulators(scheduler, jobs, planned.carsim, bar.print_line) as places,
     ):
-        planned.run(places, bar.update, bar.say)
-    names = ("new", "there", "judged", "rejected", "failed")
+        planned.run(places, bar.update, bar.print_line)
     result = {
         "store": store,
         "runs": progress.total,
-        **{name: getattr(progress, name) for name in names},
+        "new": progress.new,
+        "there": progress.reused,
+        **{name: getattr(progress, name) for name in ("judged", "rejected", "failed")},
         "passed": progress.passed if progress.judged else None,
         "seconds": round(progress.seconds, 3),
         **({"most_runs": max_runs, "designs": [asdict(state) for state in progress.states]} if rules else {}),
@@ -173,7 +173,7 @@ def _sweep(planned: "Sweep", scheduler: str | None, jobs: int | None, as_json: b
 
 
 def _announce_folding(planned: "Sweep") -> None:
-    """Print how long folding takes before the first run, if there are many designs."""
+    """Print an estimate of the time for folding all designs, if there are at least MANY_DESIGNS."""
     if sum(experiment.family.combinations for experiment in planned.study.experiments) < MANY_DESIGNS:
         return
     from foldcar.statistics.words import duration_text
@@ -186,7 +186,8 @@ def _announce_folding(planned: "Sweep") -> None:
 
 
 def _counts(progress: "Progress", with_success: bool) -> str:
-    counts_text = f"{progress.new} runs new, {progress.there} there already, {progress.seconds:.1f} s"
+    """Return the sweep's counts as text: ``6 runs new, 0 there already, 1.2 s, 5 runs/s, 50.0 % passed``."""
+    counts_text = f"{progress.new} runs new, {progress.reused} there already, {progress.seconds:.1f} s"
     rate = f", {progress.new / progress.seconds:.0f} runs/s" if progress.new else ""
     # With a stopping rule, designs have different numbers of runs, so that a rate over all runs means nothing.
     success = f", {_success(progress)}" if with_success else ""
@@ -195,18 +196,18 @@ def _counts(progress: "Progress", with_success: bool) -> str:
 
 
 def _success(progress: "Progress") -> str:
-    """Describe the success rate so far, for the progress bar."""
+    """Return the success rate of the runs that count, as text, and how many runs have no definition of success."""
     if not progress.judged:
         return "no rate" if progress.rejected else "success undefined"
-    share = f"{100 * progress.passed / progress.judged:.1f} %"
+    rate = f"{100 * progress.passed / progress.judged:.1f} %"
     if progress.judged == progress.total:
-        return f"{share} passed"
+        return f"{rate} passed"
     undefined = progress.total - progress.judged - progress.rejected
-    return f"{share} of {progress.judged} passed{f', success undefined in {undefined}' if undefined else ''}"
+    return f"{rate} of {progress.judged} passed{f', success undefined in {undefined}' if undefined else ''}"
 
 
 def stopping_lines(experiment: "Experiment", rule: "StoppingRule", states: "Sequence[DesignState]") -> Iterator[str]:
-    """Yield lines on how many designs are decided, by which rule, and which designs are undecided."""
+    """Yield lines on a sweep with a stopping rule: how many designs are decided, the rule, and the undecided designs."""
     from foldcar.statistics.words import design_text, listed
 
     own_states = [state for state in states if state.experiment == experiment.id]

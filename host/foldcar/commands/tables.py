@@ -23,24 +23,28 @@ if TYPE_CHECKING:
     from foldcar.statistics.rate import Rate
     from foldcar.store.calibrations import Calibration
     from foldcar.study.search.objectives import Objective
-    from foldcar.study.search.search import Found, Plan
+    from foldcar.study.search.search import Plan, SearchResult
 
+# Width of tables in characters, if they are not printed on a terminal.
 PLAIN_WIDTH = 200
 TRIAL_LABELS = {**OUTCOME_LABELS, "not_passed": "not passed"}
-# How many of the proposed cars that cannot be built are named.
+# Number of unbuildable designs that a search names.
 SHOWN_UNBUILDABLE = 5
 
 
-def _share(value: float | None) -> str:
-    return "-" if value is None else f"{100 * value:.0f}"
+def _percent(fraction: float | None) -> str:
+    """Return a fraction in whole per cent, without the sign; "-" for None."""
+    return "-" if fraction is None else f"{100 * fraction:.0f}"
 
 
-def _span(low: float, high: float) -> str:
-    return f"{_share(low)}–{_share(high)}"
+def _percent_range(low: float, high: float) -> str:
+    """Return two fractions as a range of whole per cent: ``40–89``."""
+    return f"{_percent(low)}–{_percent(high)}"
 
 
 def _rate(rate: "Rate | None") -> str:
-    return "-" if rate is None else f"{_share(rate.value)} ({_span(rate.low, rate.high)})"
+    """Return a rate with its interval in whole per cent, ``70 (40–89)``; "-" for None."""
+    return "-" if rate is None else f"{_percent(rate.value)} ({_percent_range(rate.low, rate.high)})"
 
 
 def print_comparison(comparison: "Comparison") -> None:
@@ -64,7 +68,7 @@ def print_comparison(comparison: "Comparison") -> None:
         for line in (rank_text(experiment.ranks), *experiment.remarks):
             if line:
                 console.print(line)
-    for line in comparison.alone:
+    for line in comparison.unswept:
         console.print(line, style="bold")
 
 
@@ -95,6 +99,7 @@ def _print_rates(console: Console, comparison: "ExperimentComparison") -> None:
 
 
 def _gap(gap: "Gap | None") -> str:
+    """Return a gap with its interval in percentage points, ``-20 (-30 to -5)``; "-" for None."""
     return "-" if gap is None else f"{points(gap.value)} ({points(gap.low)} to {points(gap.high)})"
 
 
@@ -162,6 +167,7 @@ def _print_recommended(console: Console, selection: "Selection") -> None:
 
 
 def _prices(design: "Recommendation") -> tuple[str, str]:
+    """Return the sheets and the minutes of work as text; "-" if the cost is unknown."""
     return ("-", "-") if design.cost is None else (str(design.cost.sheets), str(design.cost.minutes))
 
 
@@ -176,19 +182,19 @@ def print_calibration(calibration: "Calibration") -> None:
     table = ResultTable("parameter", "prior", "posterior", "variance reduction %", left=("parameter",))
     for row in summary["parameters"]:
         name = row["name"] if row["name"].endswith(f"_{row['unit']}") else f"{row['name']} ({row['unit']})"
-        table.add_row(name, _median(row["prior"]), _median(row["posterior"]), _share(row["explained"]))
+        table.add_row(name, _median(row["prior"]), _median(row["posterior"]), _percent(row["explained"]))
     table.print_on(console)
     table = ResultTable("design", "trials", "passed %", "nominal", "calibrated", "built cars", left=("design",))
     for row in summary["designs"]:
-        simulated = f"{_share(row['simulated']['median'])} ({_percent(row['simulated'])})"
-        built = f"{_share(row['built']['median'])} ({_percent(row['built'])})"
-        table.add_row(*_counted(row), _share(row["nominal"]), simulated, built)
+        simulated = f"{_percent(row['simulated']['median'])} ({_interval(row['simulated'])})"
+        built = f"{_percent(row['built']['median'])} ({_interval(row['built'])})"
+        table.add_row(*_counted(row), _percent(row["nominal"]), simulated, built)
     table.print_on(console)
     if summary.get("leave_one_out"):
         table = ResultTable("left out", "trials", "passed %", "predicted", "log score", "nominal", left=("left out",))
         for row in summary["leave_one_out"]:
             nominal = "-" if row["nominal_log_score"] is None else f"{row['nominal_log_score']:.2f}"
-            table.add_row(*_counted(row), _percent(row["predicted"]), f"{row['log_score']:.2f}", nominal)
+            table.add_row(*_counted(row), _interval(row["predicted"]), f"{row['log_score']:.2f}", nominal)
         table.print_on(console)
     likelihood = summary["log_likelihood"]
     nominal = "" if likelihood["nominal"] is None else f", nominal {likelihood['nominal']:.1f}"
@@ -201,15 +207,15 @@ def print_calibration(calibration: "Calibration") -> None:
 
 
 def _counted(row: Mapping[str, Any]) -> tuple[str, str, str]:
+    """Return a design's name, its numbers of passed and of all trials, and their rate in per cent."""
     name = design_text(row["design"])
-    return (
-        (name, f"{row['passed']}/{row['counted']}", _share(row["passed"] / row["counted"]))
-        if row["counted"]
-        else (name, "-", "-")
-    )
+    if not row["counted"]:
+        return name, "-", "-"
+    return name, f"{row['passed']}/{row['counted']}", _percent(row["passed"] / row["counted"])
 
 
 def _median(ends: Mapping[str, Any]) -> str:
+    """Return a parameter's median with its interval: ``0.9 (0.7..1.2)``."""
     if math.isclose(ends["low"], ends["high"]):
         # A measured value has no interval.
         return f"{ends['median']:.4g}"
@@ -218,14 +224,15 @@ def _median(ends: Mapping[str, Any]) -> str:
     return f"{middle} ({low}..{high})"
 
 
-def _percent(ends: Mapping[str, Any]) -> str:
-    return _span(ends["low"], ends["high"])
+def _interval(ends: Mapping[str, Any]) -> str:
+    """Return an interval of a rate in whole per cent."""
+    return _percent_range(ends["low"], ends["high"])
 
 
-def print_search(plan: "Plan", result: "Found", store: Path, varied: Sequence[str]) -> None:
+def print_search(plan: "Plan", result: "SearchResult", store: Path, varied: Sequence[str]) -> None:
     """Print counts, designs that cannot be built, and the best designs named by their ``varied`` columns."""
     pruned_text = f", {result.pruned} stopped early" if result.pruned else ""
-    exhausted_text = "; there is no other design to try" if result.exhausted else ""
+    exhausted_text = "; these are all designs that can be tried" if result.exhausted else ""
     typer.echo(
         f"{result.designs} designs tried in {result.runs} runs{pruned_text}{exhausted_text}; "
         f"{result.new} runs new, {result.seconds:.1f} s; store: {store}"
@@ -238,13 +245,15 @@ def print_search(plan: "Plan", result: "Found", store: Path, varied: Sequence[st
         if len(reasons) > SHOWN_UNBUILDABLE:
             typer.echo(f"  and {len(reasons) - SHOWN_UNBUILDABLE} more")
     if not result.best:
-        typer.echo("no design was tried in all environments, so none was tested in new ones")
+        typer.echo("No design was tried in all environments, so no design was tested in new ones.")
         return
     which_best = "best" if len(plan.objectives) == 1 else "non-dominated"
     typer.echo(f"\nThe {which_best} designs, tested in {plan.fresh} new environments (95 % intervals):")
     heads = ["design"]
     for objective in plan.objectives:
-        heads += [f"{objective.name}, new", *["when chosen"] * (objective.value is not None)]
+        heads.append(f"{objective.name}, new")
+        if objective.value is not None:
+            heads.append("when chosen")
     table = ResultTable(*heads, left=heads)
     for design in result.best:
         cells = [design_text({name: design.design[name] for name in varied})]
@@ -262,7 +271,7 @@ def print_search(plan: "Plan", result: "Found", store: Path, varied: Sequence[st
 
 
 def _objective(objective: "Objective", value: float | None, interval: tuple[float, float] | None) -> str:
-    """Return the value of an objective with its interval and unit."""
+    """Return the value of an objective with its interval and unit; "all rejected" if it is unknown."""
     if value is None:
         return "all rejected"
     texts = [
@@ -335,4 +344,5 @@ def seconds_text(value: float | None) -> str:
 
 
 def _quoted(value: object) -> str:
+    """Return a corrected field's value as text; ``none`` if it was empty."""
     return f'"{value}"' if isinstance(value, str) else f"{value:g}" if isinstance(value, float) else "none"

@@ -146,7 +146,7 @@ def track(
 
 
 def _attached_film(store: Path, number: int) -> Path:
-    """Return the last film that was attached to a trial. Raises FoldcarError if there is none, or it has changed."""
+    """Return the film that was last attached to a trial. Raises FoldcarError if it is missing or has changed."""
     from foldcar.store.log_files import referred_file, sha256_of
     from foldcar.store.reader import Store
     from foldcar.store.trial_records import FILM
@@ -161,15 +161,15 @@ def _attached_film(store: Path, number: int) -> Path:
         print_note(f"trial {number} has {len(films)} films; the last one is tracked: {film}")
     digest = sha256_of(film)
     if digest != films[-1].sha256:
-        reason = "no such file" if digest is None else "is not the film that was attached: its SHA-256 is another"
-        raise FoldcarError(f"{film}: {reason}, which trial {number} of {store} names")
+        reason = "is missing" if digest is None else "has changed since it was attached: its SHA-256 differs"
+        raise FoldcarError(f"{film}: the film of trial {number} of {store} {reason}")
     return film
 
 
 def _film(
     film: Path, store: Path, number: int, course: "Course", lens: "Lens | None", path: Path | None, as_json: bool
 ) -> None:
-    """Track the car in a trial's film, store its path, and print what the film shows."""
+    """Track the car in a trial's film, store its path (also as CSV in ``path``), and print what the film shows."""
     from foldcar.simulation.carsim import Carsim
     from foldcar.store.reader import Store
     from foldcar.store.trial_writer import write_trials
@@ -210,6 +210,7 @@ def _photo(
     photo: Path, store: Path, number: int, course: "Course", lens: "Lens | None", listing: Path | None, operator: str,
     as_json: bool,
 ) -> None:  # fmt: skip
+    """Measure the poses of car and obstacles in a photo, store them as the trial's deviations, and print them."""
     from foldcar.commands.tables import correction_text
     from foldcar.simulation.carsim import Carsim
     from foldcar.simulation.heights import carsim_heights
@@ -255,7 +256,7 @@ def _photo(
         f"{name} ±{1000 * max(x, y):.1f} mm ±{math.degrees(turn):.1f}°" for name, (x, y, turn) in seen.errors.items()
     ]
     with write_trials(store) as writer:
-        corrections = writer.place(
+        corrections = writer.put_deviations(
             number,
             deviations,
             placed(scene, obstacles_by_letter, deviations),
@@ -275,7 +276,7 @@ def _photo(
 
 
 def _write_csv(file: Path, rows: Any) -> None:
-    """Write the poses of a film as CSV."""
+    """Write the rows of a filmed path as CSV."""
     from foldcar.link.mcap_export import FILMED
     from foldcar.outputs import atomic_file
 

@@ -56,18 +56,18 @@ def view(
     from foldcar.outputs import atomic_file
 
     check_distinct([listing], [output])
-    shown = viewed_run(listing, run, vehicle, settings) if run is not None else None
-    design = shown.design if shown else listed_family(listing, vehicle, settings)[1].single()
+    viewed = viewed_run(listing, run, vehicle, settings) if run is not None else None
+    design = viewed.design if viewed else listed_family(listing, vehicle, settings)[1].single()
     folded, title = folded_car(design), design.title
     raise_on_findings(title, list(map(str, verify(design).findings)))
-    page = view_page(folded, title, _replayed(shown, folded) if shown else None)
+    page = view_page(folded, title, _run_data(viewed, folded) if viewed else None)
     with atomic_file(output) as binary:
         binary.write(page.encode())
     print_result(as_json, {"files": [output]}, output)
 
 
-def _replayed(listed: ListedRun, folded: "FoldedCar") -> dict[str, Any]:
-    """Return the data that run.js replays. Raises FoldcarError if the run fails."""
+def _run_data(listed: ListedRun, folded: "FoldedCar") -> dict[str, Any]:
+    """Simulate a run and return the data with which the page replays it. Raises FoldcarError if the run fails."""
     from foldcar.fabrication.assembly.scene_shape import recorded_run
     from foldcar.simulation.heights import carsim_heights
     from foldcar.simulation.results import outcome_of
@@ -82,7 +82,10 @@ def _replayed(listed: ListedRun, folded: "FoldedCar") -> dict[str, Any]:
 
 
 def viewed_run(listing: Path, run: str, vehicle: str | None, settings: Sequence[str] | None) -> ListedRun:
-    """Return the run that ``--run`` names. Raises FoldcarError if there is none, or it is of another vehicle."""
+    """Return the run that ``--run`` names, EXPERIMENT/SAMPLE.
+
+    Raises FoldcarError if the text has another form, the run does not exist, or it has another vehicle.
+    """
     match = re.fullmatch(r"([^/]+)(?:/([0-9]{1,8}))?", run)
     if match is None or int(match[2] or 0) >= MAX_ENVIRONMENTS:
         last = MAX_ENVIRONMENTS - 1

@@ -37,9 +37,9 @@ from foldcar.statistics.selection import (
 from foldcar.statistics.words import count, listed, percent, points, rate_text
 from foldcar.store.info import ExperimentInfo
 
-# Designs are compared by the gain from so many trials: an afternoon's.
+# Designs to build next are compared by the gain from this many trials, an afternoon's work.
 ROUND_TRIALS = 10
-# More designs are thinned out before the choice, whose work grows with the number of pairs.
+# Undriven designs that are considered; of more, evenly spaced ones, because the work grows with the number of pairs.
 MAX_CANDIDATES = 400
 # Trials are enough if the leader's expected loss (0 to 1) is at most MAX_LOSS and the precision, and an hour of work
 # gains less than MIN_GAIN: in the leader's rate, or in the fraction of designs on the right side of the threshold.
@@ -53,10 +53,10 @@ NEXT = "next"
 class Recommendation:
     """A design to try next.
 
-    ``place`` is one of :mod:`foldcar.statistics.selection`, or NEXT after trials; ``reason`` explains it. ``simulated``
-    is the rate of its runs, ``expected`` that of a further built car by simulation and trials. ``cars`` further cars with
-    ``trials`` further trials in all narrow its interval to the precision asked for. ``built`` if it was driven before.
-    ``cost`` is None if the car cannot be cut, or costs were not asked for.
+    ``place`` is its place in the feasible region (:mod:`foldcar.statistics.selection`), or NEXT after trials; ``reason``
+    explains it. ``simulated`` is the rate of its runs, ``expected`` the rate of a new car by simulation and trials.
+    ``cars`` new cars with ``trials`` new trials in all narrow its interval to the wanted precision. ``built`` is whether
+    it was driven before. ``cost`` is None if the car cannot be cut, or if costs are not wanted.
     """
 
     label: str
@@ -76,12 +76,12 @@ class Recommendation:
 class Selection:
     """The advice for one experiment; print it to read it.
 
-    ``headline`` is the answer, ``grounds`` the evidence for it, ``next_step`` what to do. If ``enough``, further trials
-    are not worth their time and there are no recommendations. ``environments`` are the samples to set up for the
+    ``headline`` is the answer, ``grounds`` the evidence for it, ``next_step`` what to do. ``enough`` is whether further
+    trials are not worth their time; then there are no recommendations. ``environments`` are the samples to set up for the
     recommended designs; in the first ``telling`` of them the designs' simulated results differ. ``leader`` is the best
     design by trials and simulation. ``loss`` (0 to 1) is its expected loss against the truly best design, ``gain`` (0 to
-    1) the greatest expected gain of an hour of work. These three are None before trials. ``basis`` states the assumptions
-    of the costs.
+    1) the greatest expected gain of an hour of work. Leader, loss and gain are None before trials. ``basis`` states the
+    assumptions of the costs.
     """
 
     info: ExperimentInfo
@@ -116,7 +116,10 @@ class Selection:
 
 @dataclass(frozen=True)
 class Adviser:
-    """Advises on one experiment by the belief about its designs."""
+    """Advises on one experiment.
+
+    A good design's rate reaches the ``threshold`` (0 to 1). Trials narrow a rate to ± ``precision`` (0 to 0.5).
+    """
 
     evidence: Evidence
     belief: Belief
@@ -124,17 +127,18 @@ class Adviser:
     precision: float
 
     def selection(self, build: int, with_cost: bool) -> Selection:
-        """Return the advice with up to ``build`` designs."""
+        """Return the advice, with up to ``build`` designs to build and, if ``with_cost``, their sheets and minutes."""
         belief, info, threshold = self.belief, self.evidence.info, self.threshold
         best, loss = expected_loss(belief.draws)
         enough = belief.driven and loss <= min(MAX_LOSS, self.precision) and self._gain < MIN_GAIN
         placed = [] if enough else self._placed(build)
         recommended = tuple(self._recommendation(place, with_cost) for place in placed)
         rows = [place.index for place in placed]
-        met_samples = {trial.sample for index in rows for trial in belief.designs[index].trials}
-        met_columns = [column for column, sample in enumerate(belief.samples.tolist()) if sample in met_samples]
+        # New trials take environments in which the recommended designs were not driven yet.
+        driven_samples = {trial.sample for index in rows for trial in belief.designs[index].trials}
+        driven_columns = [column for column, sample in enumerate(belief.samples.tolist()) if sample in driven_samples]
         trials_per_design = max((design.trials for design in recommended), default=0)
-        columns = informative_environments(belief.passed[rows], trials_per_design, met_columns) if rows else []
+        columns = informative_environments(belief.passed[rows], trials_per_design, driven_columns) if rows else []
         return Selection(
             info,
             threshold,
@@ -155,16 +159,21 @@ class Adviser:
         )
 
     def _placed(self, build: int) -> list[Placed]:
-        """Choose the designs, the most useful first."""
+        """Choose up to ``build`` designs, the most useful first.
+
+        Before trials they mark the region of designs that simulation finds good. Otherwise, and for the remaining number,
+        they are those with the greatest expected gain from ROUND_TRIALS trials.
+        """
         belief, first = self.belief, []
         if not belief.driven:
             rate, low, high = belief.simulation.T
-            # Uncertainty about each design's side of the threshold.
-            doubt = 1 / (1 + numpy.abs(rate - self.threshold) / numpy.maximum(high - low, 1e-9))
-            first = first_designs(belief.parameters, rate, doubt, self.threshold)[:build]
+            # Largest where the rate is near the threshold, compared with the width of its interval.
+            uncertainty = 1 / (1 + numpy.abs(rate - self.threshold) / numpy.maximum(high - low, 1e-9))
+            first = first_designs(belief.parameters, rate, uncertainty, self.threshold)[:build]
         first_indices = [placed.index for placed in first]
         candidates = numpy.union1d(self._open_candidates, numpy.array(first_indices, dtype=int))
         zone = self.precision if belief.driven else 0.0
+        # From here on, indices into the candidates.
         chosen = numpy.searchsorted(candidates, first_indices).tolist()
         chosen_next = choose_designs(
             belief.draws[:, candidates], self.threshold, ROUND_TRIALS, build - len(first), chosen, zone=zone
@@ -173,7 +182,7 @@ class Adviser:
 
     @cached_property
     def _candidates(self) -> NDArray[numpy.int64]:
-        """The indices of the driven designs, and of evenly spaced ones of the others."""
+        """The indices of the driven designs, and of at most MAX_CANDIDATES undriven ones, evenly spaced."""
         undriven = numpy.flatnonzero(self.belief.trials == 0)
         if len(undriven) > MAX_CANDIDATES:
             undriven = undriven[numpy.linspace(0, len(undriven) - 1, MAX_CANDIDATES).round().astype(int)]
@@ -181,33 +190,41 @@ class Adviser:
 
     @property
     def _open_candidates(self) -> NDArray[numpy.int64]:
-        """The candidates that may be best, or whose side of the threshold is uncertain; all candidates without any."""
+        """The candidates that may be best, or may be on either side of the threshold; if there are none, all."""
         belief, candidates = self.belief, self._candidates
         chances = belief.chances(self.threshold)[candidates]
-        best = (belief.draws.argmax(axis=1)[:, None] == candidates).mean(axis=0)
-        is_open = ((chances > MIN_CHANCE) & (chances < 1 - MIN_CHANCE)) | (best > MIN_CHANCE)
+        best_chances = (belief.draws.argmax(axis=1)[:, None] == candidates).mean(axis=0)
+        is_open = ((chances > MIN_CHANCE) & (chances < 1 - MIN_CHANCE)) | (best_chances > MIN_CHANCE)
         return candidates[is_open] if is_open.any() else candidates
 
     @cached_property
     def _gain(self) -> float:
         """The greatest expected gain of an hour of work, 0 to 1."""
-        trials_min = [(index, trial_min(self.belief.designs[index].mean_time_s)) for index in self._candidates.tolist()]
-        work = [
-            [self._effort(index, batch).work_min(self._assembly_min, minutes) for index, minutes in trials_min]
+        candidates = self._candidates.tolist()
+        minutes_per_trial = [trial_min(self.belief.designs[index].mean_time_s) for index in candidates]
+        # (BATCHES, candidates)
+        work_min = [
+            [
+                self._effort(index, batch).work_min(self._assembly_min, minutes)
+                for index, minutes in zip(candidates, minutes_per_trial, strict=True)
+            ]
             for batch in BATCHES
         ]
-        return gain_per_hour(self.belief.draws[:, self._candidates], self.threshold, self.precision, work)
+        return gain_per_hour(self.belief.draws[:, self._candidates], self.threshold, self.precision, work_min)
 
-    def _effort(self, index: int, further: int, least: int = 0) -> Effort:
-        """Return the work for ``further`` independent trials of a design, and for at least ``least`` in all."""
+    def _effort(self, index: int, further: int, min_total: int = 0) -> Effort:
+        """Return the work for ``further`` independent trials of a design, and for at least ``min_total`` in all."""
         design = self.belief.designs[index]
-        driven = [] if design.cars is None else design.cars.counted.astype(int).tolist()
+        trials_of_cars = [] if design.cars is None else design.cars.counted.astype(int).tolist()
         minutes = trial_min(design.mean_time_s)
-        return further_effort(further, self._correlations[index], self._assembly_min, minutes, driven, least)
+        return further_effort(further, self._correlations[index], self._assembly_min, minutes, trials_of_cars, min_total)
 
     @cached_property
     def _spreads(self) -> NDArray[numpy.float64]:
-        """The spread of each design's cars; without simulated cars the other designs' mean, or the prior mean."""
+        """The standard deviation (designs,) of the log-odds of each design's cars.
+
+        A design whose cars were not simulated has the mean of the other designs, or the prior mean.
+        """
         spreads = [None if design.spread is PRIOR else float(design.spread @ SPREADS) for design in self.belief.designs]
         simulated = [spread for spread in spreads if spread is not None]
         mean_spread = sum(simulated) / len(simulated) if simulated else float(PRIOR @ SPREADS)
@@ -215,8 +232,8 @@ class Adviser:
 
     @cached_property
     def _correlations(self) -> list[float]:
-        """The correlation of trials of one car, by design."""
-        # A tenth of the draws is enough.
+        """The correlation of trials of one car, for each design."""
+        # A tenth of the draws is precise enough.
         draws = self.belief.draws[::10].T
         return [correlation_within_cars(rates, spread) for rates, spread in zip(draws, self._spreads, strict=True)]
 
@@ -228,7 +245,7 @@ class Adviser:
 
     @property
     def _basis(self) -> str:
-        """The assumptions of sheets, minutes and numbers of trials."""
+        """Sentences that state the assumptions behind sheets, minutes and numbers of trials."""
         return (
             "Sheets: 12 x 12 inch, 12 x 24 where a piece is longer, as `foldcar pattern` nests them. Minutes assume "
             f"cutting at {CUTTING_MM_S:g} mm/s, {self._assembly_min:.0f} min to build a car (as its guide estimates, "
@@ -239,7 +256,7 @@ class Adviser:
 
     @cached_property
     def _undecided(self) -> tuple[Undecided, ...]:
-        """The designs whose interval contains the threshold, and the undriven ones beside contradictory trials."""
+        """The designs whose interval contains the threshold, and undriven neighbours of contradictory trials."""
         belief, limit, precision, result = self.belief, self.threshold, self.precision, []
         for index, (design, rate) in enumerate(zip(belief.designs, belief.built, strict=True)):
             is_doubtful = index in belief.contradictions.undriven_neighbours
@@ -264,13 +281,16 @@ class Adviser:
         )  # fmt: skip
 
     def _remarks(self, missing_environments: int) -> tuple[str, ...]:
-        """Return the remarks of the advice, then those of the evidence."""
+        """Return the remarks of the advice, then those of the evidence.
+
+        ``missing_environments`` is how many environments the trials of a design lack.
+        """
         belief, info, sentences = self.belief, self.evidence.info, []
-        best, passed, number = split_sample_best(belief.passed)
-        if number and len(belief.designs) > 1:
-            rate = rate_text(passed / number, *rate_interval(passed, number, info.until is not None))
+        best_index, passed, counted = split_sample_best(belief.passed)
+        if counted and len(belief.designs) > 1:
+            rate = rate_text(passed / counted, *rate_interval(passed, counted, info.until is not None))
             sentences.append(
-                f"Best in {info.simulation}: {belief.labels[best]}, {rate}, chosen in one half of the environments "
+                f"Best in {info.simulation}: {belief.labels[best_index]}, {rate}, chosen in one half of the environments "
                 "and counted in the other."
             )
         thinned = len(belief.designs) - len(self._candidates)
@@ -285,12 +305,13 @@ class Adviser:
         return (*sentences, *self.evidence.remarks)
 
     def _next_step(self, recommended: Sequence[Recommendation], leader: str, loss: float, enough: bool) -> str:
-        """Return what to do next, or that trials are enough."""
-        lost = f"{points(loss, sign=False)} points"
+        """Return a sentence on what to do next, or that trials are enough; ``leader`` is the label of the best design."""
+        loss_text = f"{points(loss, sign=False)} points"
         if enough:
-            worth = points(MIN_GAIN, sign=False)
+            gain = points(MIN_GAIN, sign=False)
             stop = (
-                f"Enough: expected loss if you stop with {leader}: {lost}; an hour of work wins less than {worth} point."
+                f"Enough: expected loss if you stop with {leader}: {loss_text}; an hour of work wins less than {gain} "
+                "point."
             )
             return f"{stop} {undecided_text(self._undecided, self.precision)}".strip()
         first = recommended[0]
@@ -306,7 +327,7 @@ class Adviser:
         if not self.belief.driven:
             return plan
         gain = f"an hour of work wins up to {100 * self._gain:.1f}"
-        return f"{plan} Expected loss if you stop with {leader}: {lost}; {gain}."
+        return f"{plan} Expected loss if you stop with {leader}: {loss_text}; {gain}."
 
 
 def _hours(minutes: int) -> str:

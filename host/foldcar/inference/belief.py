@@ -16,7 +16,7 @@ from foldcar.statistics.pooled_bias import MAX_POOLED, Contradictions, contradic
 from foldcar.statistics.rate import Rate
 from foldcar.statistics.smoothed_simulation import smoothed_simulation
 
-# Draws of the rates: with many designs fewer, so that there are at most MAX_NUMBERS numbers.
+# Number of draws of the rates; fewer for many designs, so that draws times designs is at most MAX_NUMBERS.
 MAX_DRAWS, MIN_DRAWS, MAX_NUMBERS = 3000, 500, 2_000_000
 
 
@@ -27,8 +27,9 @@ class Belief:
     ``design_indices`` (n,) are their indices in the evidence, ``parameters`` (n, k) their varied parameters. ``passed``
     (n, environments) is 1 where the run passed, 0 where it failed, NaN without a run, in the environments ``samples``.
     ``trials`` (n,) is the number that counts. ``simulation`` (n, 3) is success in this simulator, smoothed over designs:
-    rate, low, high (95 %). ``built`` is the rate of a further built car of each design, ``draws`` (draws, n) are joint
-    draws of it. ``unpooled`` driven designs are left out, because MAX_POOLED others have more trials.
+    rate, low, high (95 %). ``built`` is the success rate of a new car of each design, ``draws`` (draws, n) are joint
+    draws of these rates. ``unpooled`` is the number of driven designs left out, because MAX_POOLED others have more
+    trials.
     """
 
     designs: tuple[DesignEvidence, ...]
@@ -54,14 +55,14 @@ class Belief:
         return [design.label for design in self.designs]
 
     def chances(self, threshold: float) -> NDArray[Any]:
-        """Return the probability (n,) that a further built car of each design reaches the ``threshold`` (0 to 1)."""
+        """Return the probability (n,) that a new car of each design has a rate of ``threshold`` (0 to 1) or more."""
         return numpy.asarray((self.draws >= threshold).mean(axis=0))
 
 
 def believe(designs: Sequence[DesignEvidence], design_indices: Sequence[int], names: Sequence[str]) -> Belief | None:
-    """Infer the belief about ``designs`` with runs, which differ in the parameters ``names``; None without designs.
+    """Infer success rates of ``designs`` with runs, which differ in the parameters ``names``; None without designs.
 
-    ``design_indices`` are their indices in the evidence.
+    ``design_indices`` are their indices in the evidence. Simulation is smoothed over designs; trials then correct it.
     """
     if not designs:
         return None
@@ -70,7 +71,7 @@ def believe(designs: Sequence[DesignEvidence], design_indices: Sequence[int], na
     )
     runs = numpy.array([(design.runs_passed, design.runs) for design in designs], dtype=float)
     trials = numpy.array([(design.trials_passed, len(design.trials)) for design in designs], dtype=float)
-    # Of many driven designs those with most trials are pooled.
+    # The work grows with the cube of the number of driven designs, so only those with most trials are used.
     dropped = numpy.argsort(-trials[:, 1], kind="stable")[MAX_POOLED:]
     unpooled = int((trials[dropped, 1] > 0).sum())
     trials[dropped] = 0
@@ -79,7 +80,7 @@ def believe(designs: Sequence[DesignEvidence], design_indices: Sequence[int], na
     passed = numpy.full((len(designs), len(samples)), numpy.nan)
     for row, design in enumerate(designs):
         passed[row, numpy.searchsorted(samples, design.samples)] = design.passed
-    # For matrices of some tens of rows threads only wait for each other.
+    # The matrices are so small that threads would only wait for each other.
     with threadpool_limits(1):
         simulation = smoothed_simulation(parameters, runs, passed)
         bias = pooled_bias(parameters, runs, trials, cars, simulation)

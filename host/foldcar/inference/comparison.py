@@ -30,18 +30,18 @@ from foldcar.store.reader import Store
 from foldcar.store.trial_records import Trial
 
 CONFIDENCE = 0.95
-# Rates that differ by less lead to the same choice of cars: they agree.
+# Rates that differ by at most this (0 to 1) agree: they lead to the same choice of cars.
 MARGIN = 0.15
 
 
 @dataclass(frozen=True)
 class DesignComparison:
-    """One design with trials.
+    """One design with trials, compared with its runs.
 
-    ``driven`` is the rate of the cars that drove; ``further_car`` that of a further car of the design, by its own trials.
+    ``driven`` is the rate of the cars that drove; ``further_car`` that of a new car of the design, by its own trials.
     ``pooled`` also uses simulation and the other designs' trials; None for a design outside the family. ``simulated`` and
-    ``gap`` are None without runs. ``gap`` is of paired trials if ``gap_is_paired``, else of rates. ``verdict`` is one of
-    :mod:`foldcar.statistics.gap`, None if there is nothing to compare.
+    ``gap`` are None without runs. If ``gap_is_paired``, the gap compares trials with runs in the same environments.
+    ``verdict`` is one of :mod:`foldcar.statistics.gap`, None if there is nothing to compare.
     """
 
     evidence: DesignEvidence
@@ -86,9 +86,10 @@ class DesignComparison:
 
 @dataclass(frozen=True)
 class ExperimentComparison:
-    """The comparison of one swept experiment; ``mean_gap`` is over its designs with runs and trials, None without any.
+    """The comparison of one swept experiment.
 
-    ``verdict`` is that of a design, "mixed", or None; ``sentence`` says it in words.
+    ``mean_gap`` is over its designs with runs and trials, None if no design has both. ``verdict`` is one of
+    :mod:`foldcar.statistics.gap`, "mixed" if designs contradict each other, or None; ``sentence`` says it in words.
     """
 
     info: ExperimentInfo
@@ -102,10 +103,10 @@ class ExperimentComparison:
 
 @dataclass(frozen=True)
 class Comparison:
-    """A store's comparison; ``sentence`` is its answer, ``alone`` are sentences on trials of experiments not swept."""
+    """A store's comparison; ``sentence`` is its answer, ``unswept`` are sentences on trials of experiments not swept."""
 
     experiments: tuple[ExperimentComparison, ...]
-    alone: tuple[str, ...]
+    unswept: tuple[str, ...]
     margin: float
     sentence: str
 
@@ -127,12 +128,12 @@ def compare(
     return replace(result, sentence=f"SIMULATED trials. {result.sentence}") if simulated_trials else result
 
 
-def compare_evidence(evidence: Sequence[Evidence], alone: Sequence[Trial] = (), margin: float = MARGIN) -> Comparison:
-    """Compare as :func:`compare` does, given evidence; ``alone`` are trials of experiments that were not swept."""
+def compare_evidence(evidence: Sequence[Evidence], unswept: Sequence[Trial] = (), margin: float = MARGIN) -> Comparison:
+    """Compare as :func:`compare` does, given evidence; ``unswept`` are trials of experiments that were not swept."""
     experiments = tuple(compare_experiment(experiment, margin) for experiment in evidence)
     sentences = tuple(
         f"Experiment {name} was not swept: {count(number, 'trial')} without runs."
-        for name, number in Counter(trial.experiment for trial in alone).items()
+        for name, number in Counter(trial.experiment for trial in unswept).items()
     )
     return Comparison(experiments, sentences, margin, _overall(experiments))
 
@@ -141,27 +142,28 @@ def compare_experiment(evidence: Evidence, margin: float = MARGIN) -> Experiment
     """Compare the trials of one experiment with its runs, as :func:`compare` does."""
     info, driven, remarks = evidence.info, evidence.driven, evidence.remarks
     if not info.success_defined:
-        why = "success is undefined in this environment, so that there is no rate to compare; only outcomes are shown."
+        reason = "success is undefined in this environment, so that there is no rate to compare; only outcomes are shown."
         rows = tuple(DesignComparison(design, design.driven(CONFIDENCE)) for design in driven)
-        return ExperimentComparison(info, rows, f"Nothing to compare: {why}", remarks)
-    both = [design for design in driven if design.runs]
-    # Bonferroni: all gaps of the experiment and their mean hold together. With one design the mean is its gap.
-    together = 1 - (1 - CONFIDENCE) / (len(both) + 1 if len(both) > 1 else 1)
+        return ExperimentComparison(info, rows, f"Nothing to compare: {reason}", remarks)
+    with_runs = [design for design in driven if design.runs]
+    # Bonferroni: the intervals of all gaps and of their mean hold together with CONFIDENCE. With one design the mean is
+    # its gap.
+    confidence = 1 - (1 - CONFIDENCE) / (len(with_runs) + 1 if len(with_runs) > 1 else 1)
     belief = evidence.belief
     pooled = {} if belief is None else dict(zip(belief.labels, belief.built, strict=True))
-    rates = {design.label: _rates(design, together) for design in both}
+    rates = {design.label: _rates(design, confidence) for design in with_runs}
     compared = tuple(_design(design, pooled.get(design.label), rates.get(design.label), margin) for design in driven)
-    if not both:
-        why = (
+    if not with_runs:
+        reason = (
             "no design has both runs and trials."
             if driven
             else "there are no trials of built cars yet. `foldcar select` says which cars to build."
         )
-        return ExperimentComparison(info, compared, f"Nothing to compare: {why}", remarks)
+        return ExperimentComparison(info, compared, f"Nothing to compare: {reason}", remarks)
     mean = mean_gap(list(rates.values()))
     ranks = rank_agreement(
-        [design.runs_passed / design.runs for design in both],
-        [design.trials_passed / len(design.trials) for design in both],
+        [design.runs_passed / design.runs for design in with_runs],
+        [design.trials_passed / len(design.trials) for design in with_runs],
     )
     verdict, sentence = _verdict(compared, mean, margin, info.simulation)
     return ExperimentComparison(info, compared, sentence, remarks, ranks, mean, verdict)
@@ -173,14 +175,15 @@ def _is_paired(design: DesignEvidence) -> bool:
 
 
 def _rates(design: DesignEvidence, confidence: float) -> Rates:
-    """Return the rates whose difference is a design's gap: in simulation, and of a further car.
+    """Return the two rates whose difference is a design's gap: in simulation, and of a new car by its trials.
 
     If the gap is paired, both rates are those in the environments of the trials.
     """
     if not _is_paired(design):
+        # A design with trials has cars.
         assert design.cars is not None
         return Rates(design.simulated(confidence), design.cars.rate(confidence))
-    # Trials and simulation have the same environments, so the trials need no correction for their difficulty.
+    # In paired environments trials need no correction for difficulty, which ``expected`` would cause.
     pairs = [replace(trial, expected=None) for trial in design.paired]
     passed, simulated = [trial.passed for trial in pairs], [bool(trial.simulated) for trial in pairs]
     in_simulation = Rate.from_counts(
@@ -191,7 +194,10 @@ def _rates(design: DesignEvidence, confidence: float) -> Rates:
 
 
 def _design(design: DesignEvidence, pooled: Rate | None, rates: Rates | None, margin: float) -> DesignComparison:
-    """Compare a design's trials with its runs; ``rates`` are None without runs."""
+    """Compare a design's trials with its runs; ``rates`` are None without runs.
+
+    ``pooled`` is the rate of a new car by simulation and all designs' trials.
+    """
     driven = design.driven(CONFIDENCE)
     further = None if design.cars is None else design.cars.rate(CONFIDENCE)
     if rates is None:
@@ -202,7 +208,10 @@ def _design(design: DesignEvidence, pooled: Rate | None, rates: Rates | None, ma
 
 
 def _verdict(compared: Sequence[DesignComparison], mean: Gap, margin: float, simulation: str) -> tuple[str, str]:
-    """Return the experiment's verdict and its sentence."""
+    """Return the experiment's verdict and a sentence that explains it.
+
+    Designs whose gap excludes 0 decide first, then the mean gap, then designs that agree.
+    """
     start = simulation[0].upper() + simulation[1:]
     labels: dict[str, list[str]] = {}
     for design in compared:
@@ -233,7 +242,7 @@ def _verdict(compared: Sequence[DesignComparison], mean: Gap, margin: float, sim
 
 
 def _overall(experiments: Sequence[ExperimentComparison]) -> str:
-    """Return the sentences of all experiments, and a warning if they are of several builds of carsim."""
+    """Return the sentences of all experiments, with a warning if several builds of carsim simulated them."""
     if not experiments:
         return "Nothing to compare: the store has no runs yet; sweep the listing into it with `foldcar sweep`."
     several = len(experiments) > 1

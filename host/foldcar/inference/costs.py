@@ -18,7 +18,7 @@ CUTTING_MM_S, PLACING_MIN, UNKNOWN_ASSEMBLY_MIN = 20.0, 3.0, 60.0
 
 @dataclass(frozen=True)
 class Cost:
-    """``sheets`` of film, 0 if no car is to be built; ``minutes`` of work for the cars and the trials."""
+    """The number of ``sheets`` of film, 0 if no car is to be built; ``minutes`` of work for the cars and the trials."""
 
     sheets: int
     minutes: int

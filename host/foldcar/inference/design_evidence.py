@@ -27,10 +27,10 @@ def design_key(vehicle_type: str, design: Design) -> Any:
 class PairedTrial:
     """A completed trial of a built car, with the simulation of its environment.
 
-    ``sample`` is the sampled environment, None if unknown. ``simulated`` is 1 if simulation passes in it, 0 if not, None
-    if unknown; ``resimulated`` if this is a new run of the scene as placed, not a stored one. ``expected`` is the
-    fraction (0 to 1) of several simulated cars of the design that pass in it, None if they were not simulated.
-    ``car_name`` is None if the car has no name.
+    ``sample`` is the sampled environment, None if unknown. ``simulated`` is 1 if the run in it passed, 0 if not, None
+    without a run; ``resimulated`` is whether that run was made now, in the scene as placed, instead of by the sweep.
+    ``expected`` is the fraction (0 to 1) of several simulated cars of the design that pass in it, None if they were not
+    simulated. ``car_name`` is None if the car has no name.
     """
 
     outcome: str
@@ -52,9 +52,9 @@ class DesignEvidence:
 
     ``passed`` (runs,) is whether each run that counts passed, ``samples`` (runs,) are their environments. ``rejected``
     are the environments of rejected runs, which do not count. ``outcomes`` counts all runs by outcome. ``mean_time_s`` is
-    the mean time of the runs that count, None without. ``swept`` is False for a design with trials only, whose runs are
-    not stored. ``sequential`` is whether a stopping rule ended its runs. ``spread`` are the weights of the spread of its
-    cars (:mod:`foldcar.statistics.built_cars`). ``aborted`` trials count in no rate.
+    the mean time of the runs that count, None without runs. ``swept`` is False for a design with trials only, whose runs
+    are not stored. ``sequential`` is whether a stopping rule ended its runs. ``spread`` are the weights of SPREADS, how
+    much its cars differ (:mod:`foldcar.statistics.built_cars`). ``aborted`` trials count in no rate.
     """
 
     vehicle_type: str
@@ -92,11 +92,11 @@ class DesignEvidence:
         return [self.outcomes.get(outcome, 0) for outcome in OUTCOMES]
 
     def simulated(self, confidence: float = 0.95) -> Rate:
-        """Return the success rate of its runs, at least one."""
+        """Return the success rate of its runs. The design must have a run."""
         return Rate.from_counts(self.runs_passed, self.runs, count(self.runs, "run"), self.sequential, confidence)
 
     def driven(self, confidence: float = 0.95) -> Rate:
-        """Return the success rate of the cars that drove its trials, at least one."""
+        """Return the success rate of the cars that drove its trials. The design must have a trial."""
         cars = "" if self.cars is None else self.cars.text
         return Rate.from_counts(self.trials_passed, len(self.trials), cars, confidence=confidence)
 
@@ -114,25 +114,27 @@ class DesignEvidence:
 def by_car(trials: Sequence[PairedTrial], spread: NDArray[Any], runs_passed: int, runs: int) -> BuiltCars:
     """Group trials of one design, at least one, by the car that drove.
 
-    A car's log-odds are shifted if its environments are easier or harder for simulated cars than all environments.
+    ``spread`` are the weights of SPREADS. A car's log-odds are shifted if its environments are easier or harder for
+    simulated cars than all environments, in which ``runs_passed`` of ``runs`` passed.
     """
-    cars: dict[str | None, list[PairedTrial]] = {}
+    trials_by_car: dict[str | None, list[PairedTrial]] = {}
     for trial in trials:
-        cars.setdefault(trial.car_name, []).append(trial)
-    counts = [(sum(trial.passed for trial in of_car), len(of_car)) for of_car in cars.values()]
+        trials_by_car.setdefault(trial.car_name, []).append(trial)
+    groups = list(trials_by_car.values())
+    counts = [(sum(trial.passed for trial in group), len(group)) for group in groups]
     passed, counted = numpy.array(counts, dtype=float).T
     overall = (runs_passed + 0.5) / (runs + 1)
-    shifts = [shift([trial.expected for trial in of_car], overall) for of_car in cars.values()]
+    shifts = [shift([trial.expected for trial in group], overall) for group in groups]
     return BuiltCars(passed, counted, numpy.array(shifts), spread)
 
 
 def simulated_spread(cars: SimulatedCars | None) -> NDArray[Any]:
-    """Return the weights of the spread of a design's cars: by its simulated cars, or the prior without these."""
+    """Return the weights of SPREADS of a design's cars, given its simulated cars; without these, the prior weights."""
     return PRIOR if cars is None else simulated_weights(cars.passed.sum(axis=1), cars.passed.shape[1])
 
 
 def in_family(info: ExperimentInfo, vehicle_type: str, design: Design) -> bool:
-    """Return whether a design belongs to the experiment's family: it differs only in the varied parameters."""
+    """Return whether a design belongs to the experiment's family, whose designs differ only in the varied parameters."""
     return (
         vehicle_type == info.vehicle_type
         and all(design.get(name) == value for name, value in info.fixed.items())

@@ -33,7 +33,7 @@ from foldcar.store.trial_records import SIMULATED, Trial, left_out_text, select_
 NO_RUNS = RunArrays(
     numpy.empty(0, numpy.int64), numpy.empty(0, numpy.int64), numpy.empty(0, numpy.uint8), numpy.empty((0, len(NUMBERS)))
 )
-# Fields of an experiment that was not swept.
+# Values of those fields of ExperimentInfo that are unknown for an experiment without runs.
 UNKNOWN: dict[str, Any] = {
     **dict.fromkeys(("speed_m_s", "seed", "condition", "variation_seed")),
     **dict.fromkeys(("environments", "timeout_s", "yaw_rate_rad_s", "planned_runs", "stored_runs"), 0),
@@ -101,7 +101,7 @@ class Evidence:
         return {name: sorted({float(design.design[name]) for design in self.family}) for name in self.info.varied}
 
     def index_of(self, car: Trial | DesignEvidence) -> int | None:
-        """Return the index in the family of the design of a trial or of another experiment; None if it is not in it."""
+        """Return the index in the family of a trial's design, or of another experiment's design; None if absent."""
         return self._indices.get(design_key(car.vehicle_type, car.design))
 
     @cached_property
@@ -126,7 +126,7 @@ def read_evidence(store: Store, experiment: str | None = None, simulated_trials:
 
 
 def read_unswept(store: Store) -> dict[str, Evidence]:
-    """Read the evidence of experiments with trials only, by name; one for each experiment and type of car."""
+    """Read the evidence of experiments with trials only: one for each experiment and type of car, by its name."""
     swept = swept_ids(store)
     groups: dict[tuple[str, str], list[Trial]] = {}
     for trial in store.trials():
@@ -139,14 +139,14 @@ def read_unswept(store: Store) -> dict[str, Evidence]:
 
 
 def unswept_trials(store: Store, experiment: str | None = None, simulated_trials: bool = False) -> list[Trial]:
-    """Return the completed trials of experiments that were not swept: of built cars, or of simulated ones instead."""
+    """Return the completed trials, of built cars or of simulated ones, of experiments that were not swept."""
     kept, _ = _select(list(store.trials(experiment)), simulated_trials)
     swept = swept_ids(store)
     return [trial for trial in kept if trial.completed and trial.experiment not in swept]
 
 
 def swept_ids(store: Store) -> set[str]:
-    """Return the names of swept experiments, in the listing and in the store."""
+    """Return the names of swept experiments: those in the store, and those in the listing without a calibration."""
     infos = store.info().experiments if store.holds_study() else {}
     return {*infos, *(info.listed_id for info in infos.values())}
 
@@ -154,10 +154,9 @@ def swept_ids(store: Store) -> set[str]:
 def _unswept_info(trials: Sequence[Trial]) -> ExperimentInfo:
     """Describe an experiment without runs; parameters with several values in the trials are the varied ones."""
     first, designs = trials[0], [trial.design for trial in trials]
-    values = {
-        name: sorted({design[name] for design in designs if name in design}) for design in designs for name in design
-    }
     # A design may lack a parameter that others have.
+    names = dict.fromkeys(name for design in designs for name in design)
+    values = {name: sorted({design[name] for design in designs if name in design}) for name in names}
     varied = {name: tuple(values_of_name) for name, values_of_name in values.items() if len(values_of_name) > 1}
     return ExperimentInfo(
         **UNKNOWN,
@@ -181,37 +180,38 @@ def _evidence(
     simulated_trials: bool,
     trials: Sequence[Trial] | None = None,
 ) -> Evidence:
-    """Assemble an experiment's evidence; ``trials`` None reads those of its listed experiment.
+    """Assemble an experiment's evidence: its designs with runs and trials, the belief about them, and remarks.
 
-    Without ``resimulation`` nothing is simulated.
+    If ``trials`` is None, those of the listed experiment are read. ``resimulation`` makes missing runs; it is None for an
+    experiment without runs.
     """
     trials = list(store.trials(info.listed_id)) if trials is None else trials
-    trials_elsewhere = {} if resimulation is None else store.trials_elsewhere(info)
-    trials, sentences = _trials(info, trials, trials_elsewhere, simulated_trials)
+    other_programs = {} if resimulation is None else store.trials_in_other_environments(info)
+    trials, sentences = _trials(info, trials, other_programs, simulated_trials)
     by_design: dict[Any, list[Trial]] = {}
     for trial in trials:
         by_design.setdefault(design_key(trial.vehicle_type, trial.design), []).append(trial)
     designs = {
         design_key(info.vehicle_type, design.design): design
-        for design in (_swept(store, info, runs) if resimulation is not None else ())
+        for design in (_swept_designs(store, info, runs) if resimulation is not None else ())
     }
     unswept = [key for key in by_design if key not in designs]
-    # Designs with most trials are simulated first, because the number of runs is limited.
+    # Designs with most trials are simulated first, because the number of new runs is limited.
     most_first = sorted(unswept, key=lambda key: -len(by_design[key]))
-    simulated_now = {key: _unswept(info, by_design[key][0], resimulation) for key in most_first}
+    simulated_now = {key: _simulated_design(info, by_design[key][0], resimulation) for key in most_first}
     # Designs of the family stand before others.
     unswept.sort(key=lambda key: not in_family(info, *_design_of(by_design[key])))
     designs |= {key: simulated_now[key][0] for key in unswept}
     if resimulation is not None:
         sentences += remarks.unswept_designs([simulated_now[key] for key in unswept])
-    ids_in_samples = set[int]() if resimulation is None else store.trials_here(info)
+    ids_in_samples = set[int]() if resimulation is None else store.trials_in_environment(info)
     with_trials = [
         _with_trials(info, design, by_design.get(key, []), ids_in_samples, resimulation)
         for key, design in designs.items()
     ]
     evidence = Evidence(info, tuple(with_trials), runs, None, ())
-    with_runs = [(place, design) for place, design in enumerate(evidence.family) if design.runs and info.success_defined]
-    belief = believe([design for _, design in with_runs], [place for place, _ in with_runs], list(info.varied))
+    indices = [index for index, design in enumerate(evidence.family) if design.runs and info.success_defined]
+    belief = believe([evidence.family[index] for index in indices], indices, list(info.varied))
     if info.success_defined:
         sentences += remarks.cars_of_designs(with_trials)
         sentences += remarks.pairs(with_trials) if resimulation is not None else []
@@ -225,14 +225,14 @@ def _design_of(trials: Sequence[Trial]) -> tuple[str, Mapping[str, float]]:
     return trials[0].vehicle_type, trials[0].design
 
 
-def _swept(store: Store, info: ExperimentInfo, runs: RunArrays) -> list[DesignEvidence]:
+def _swept_designs(store: Store, info: ExperimentInfo, runs: RunArrays) -> list[DesignEvidence]:
     """Return the swept designs of the family with their runs."""
     designs = list(store.designs(info.id).values())
     order = numpy.argsort(runs.design, kind="stable")
     rows_by_design = numpy.split(order, numpy.searchsorted(runs.design[order], numpy.arange(1, len(designs))))
     elapsed_s = runs.metrics[:, NUMBERS.index("elapsed_time_s")]
     result = []
-    # Without designs, numpy.split still returns one part.
+    # Not strict: without designs, numpy.split still returns one part.
     for design, all_rows in zip(designs, rows_by_design, strict=False):
         discarded = runs.outcome[all_rows] == OUTCOMES.index(REJECTED)
         rows = all_rows[~discarded]
@@ -254,17 +254,22 @@ def _swept(store: Store, info: ExperimentInfo, runs: RunArrays) -> list[DesignEv
     return result
 
 
-def _unswept(info: ExperimentInfo, trial: Trial, resimulation: Resimulation | None) -> tuple[DesignEvidence, str | None]:
-    """Return a design with trials only, with new runs if possible, and the reason if it cannot be simulated."""
-    ended, reason = ([], None) if resimulation is None else resimulation.design(info, trial)
-    outcomes = [outcome for outcome, _ in ended]
-    times = [time_s for _, time_s in ended if time_s is not None]
+def _simulated_design(
+    info: ExperimentInfo, trial: Trial, resimulation: Resimulation | None
+) -> tuple[DesignEvidence, str | None]:
+    """Simulate the design of a trial, which was not swept, in all environments of the sweep.
+
+    Returns the design and None, or the design without runs and the reason why it cannot be simulated.
+    """
+    results, reason = ([], None) if resimulation is None else resimulation.design(info, trial)
+    outcomes = [outcome for outcome, _ in results]
+    times = [time_s for _, time_s in results if time_s is not None]
     design = DesignEvidence(
         trial.vehicle_type,
         trial.design,
         design_label(info, trial.vehicle_type, trial.design),
         False,
-        numpy.arange(len(ended)),
+        numpy.arange(len(results)),
         numpy.array([outcome == "passed" for outcome in outcomes], dtype=bool),
         Counter(outcomes),
         float(numpy.mean(times)) if times else None,
@@ -273,7 +278,7 @@ def _unswept(info: ExperimentInfo, trial: Trial, resimulation: Resimulation | No
 
 
 def _select(trials: Sequence[Trial], simulated_trials: bool) -> tuple[list[Trial], list[str]]:
-    """Return the trials of built cars, or of simulated ones instead, with aborted ones; and remarks on the others."""
+    """Return the trials of built cars or of simulated ones, aborted ones included, and remarks on those left out."""
     kept, left_out = select_trials(trials, simulated_trials)
     text = left_out_text(left_out)
     sentences = [] if text is None else [text]
@@ -284,18 +289,18 @@ def _select(trials: Sequence[Trial], simulated_trials: bool) -> tuple[list[Trial
 
 
 def _trials(
-    info: ExperimentInfo, trials: Sequence[Trial], trials_elsewhere: Mapping[int, str | None], simulated_trials: bool
+    info: ExperimentInfo, trials: Sequence[Trial], other_programs: Mapping[int, str | None], simulated_trials: bool
 ) -> tuple[list[Trial], list[str]]:
-    """Return the trials to compare, with aborted ones; and remarks on them and on those left out.
+    """Return the trials to compare with the runs, aborted ones included, and remarks on them and on those left out.
 
-    ``trials_elsewhere`` are trials in other environments than the runs: the number of the trial and its Scenic program.
+    ``other_programs`` has the Scenic program, by the trial's number, of trials in other environments than the runs.
     """
     kept, sentences = _select(trials, simulated_trials)
     sentences += remarks.trials(info, kept)
     sentences += remarks.trials_in_other_environments(
-        [trials_elsewhere[trial.id] for trial in kept if trial.id in trials_elsewhere], info
+        [other_programs[trial.id] for trial in kept if trial.id in other_programs], info
     )
-    return [trial for trial in kept if trial.id not in trials_elsewhere], sentences
+    return [trial for trial in kept if trial.id not in other_programs], sentences
 
 
 def _with_trials(
@@ -307,20 +312,23 @@ def _with_trials(
 ) -> DesignEvidence:
     """Return the design with its trials, each paired with the simulation of its environment.
 
-    ``ids_in_samples`` are the numbers of trials whose sample is one of the runs' environments.
+    A trial placed as planned is paired with the stored run; another one is simulated again as placed. ``ids_in_samples``
+    are the numbers of trials whose sample is one of the runs' environments.
     """
     if not trials:
         return design
-    stored = dict(zip(design.samples.tolist(), design.passed.tolist(), strict=True))
+    passed_by_sample = dict(zip(design.samples.tolist(), design.passed.tolist(), strict=True))
     completed = [trial for trial in trials if trial.completed]
     cars = resimulation.cars(info, completed, ids_in_samples) if completed and resimulation is not None else None
     paired = []
     for trial in completed:
         expected = None if cars is None else cars.fractions.get(trial.id)
         sample = trial.sample if trial.id in ids_in_samples else None
-        planned = sample is not None and not trial.deviations
-        if planned and (sample in stored or sample in design.rejected):
-            simulated, resimulated = (int(stored[sample]) if sample in stored else None), False
+        as_planned = sample is not None and not trial.deviations
+        if as_planned and sample in passed_by_sample:
+            simulated, resimulated = int(passed_by_sample[sample]), False
+        elif as_planned and sample in design.rejected:
+            simulated, resimulated = None, False
         else:
             outcome = None if resimulation is None else resimulation.trial(info, trial)
             simulated, resimulated = (None, False) if outcome is None else (int(outcome == "passed"), True)

@@ -10,12 +10,12 @@ from foldcar.store.info import REALITY_KIND, ExperimentInfo
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import Trial
 
-# Designs that one remark names.
+# Number of designs that one remark names.
 SHOWN = 5
 
 
 def runs(store: Store, info: ExperimentInfo) -> list[str]:
-    """Return remarks on runs: what their engine cannot know, how many are missing or rejected."""
+    """Return remarks on runs: what their engine cannot simulate, how many are missing or rejected."""
     sentences = [info.warning] if info.warning else []
     if info.stored_runs < info.planned_runs:
         stored = f"{info.stored_runs:,} of {info.planned_runs:,} runs are stored"
@@ -23,18 +23,18 @@ def runs(store: Store, info: ExperimentInfo) -> list[str]:
     counts = store.design_counts(info.id) if info.stored_runs else None
     rejected = 0 if counts is None else sum(counts.runs) - sum(counts.counted)
     if counts is not None and rejected:
-        without = sum(made > 0 and not counted for made, counted in zip(counts.runs, counts.counted, strict=True))
-        have = "has" if without == 1 else "have"
-        rest = f" {count(without, 'design')} {have} no other run, and so no rate." if without else ""
+        all_rejected = sum(runs > 0 and not counted for runs, counted in zip(counts.runs, counts.counted, strict=True))
+        have = "has" if all_rejected == 1 else "have"
+        no_rate = f" {count(all_rejected, 'design')} {have} no other run, and so no rate." if all_rejected else ""
         sentences.append(
             f"{rejected} of {sum(counts.runs)} runs were rejected: they violated a requirement of the program. Scenic "
-            f"discards such runs; they count neither as passed nor as not passed.{rest}"
+            f"discards such runs; they count neither as passed nor as not passed.{no_rate}"
         )
     return sentences
 
 
 def trials(info: ExperimentInfo, kept: Sequence[Trial]) -> list[str]:
-    """Return remarks on the trials that are compared with runs: were the runs fitted to them, how many were corrected."""
+    """Return remarks on trials that are compared with runs: whether runs were fitted to them, how many were corrected."""
     sentences = []
     if info.under is not None and kept:
         sentences.append(
@@ -112,33 +112,34 @@ def cars_of_designs(designs: Sequence[DesignEvidence]) -> list[str]:
     for simulated, source in ((False, "is assumed"), (True, "is that of simulated ones")):
         sds = sorted(cars.spread for cars in driven if (cars.weights is not PRIOR) == simulated)
         if sds:
-            low, high = (f"{sds[at]:.1f}" for at in (0, -1))
+            low, high = f"{sds[0]:.1f}", f"{sds[-1]:.1f}"
             ends = low if low == high else f"{low} to {high}"
             sentences.append(f"How much cars of a design differ, {ends} in log-odds (standard deviation), {source}.")
     return sentences
 
 
 def pairs(designs: Sequence[DesignEvidence]) -> list[str]:
-    """Return remarks on trials that have no run of their environment or a new one, and on repeated environments."""
+    """Return remarks on trials with a new run or none in their environment, and on repeated environments."""
     sentences = []
     all_trials = [trial for design in designs for trial in design.trials]
     resimulated = sum(trial.resimulated for trial in all_trials)
     if resimulated:
-        reason = "placed otherwise than planned, or has no stored run"
-        reason = reason if resimulated == 1 else "placed otherwise, or have no run"
+        was_placed = "was placed otherwise than planned, or has no stored run"
+        were_placed = "were placed otherwise than planned, or have no stored run"
+        reason = was_placed if resimulated == 1 else were_placed
         sentences.append(f"{count(resimulated, 'trial')} {reason}: simulated again as placed.")
     unpaired = sum(trial.simulated is None for trial in all_trials)
     if unpaired:
         sentences.append(
-            f"{unpaired} of {len(all_trials)} trials cannot be paired with a run of the same environment, which is not "
-            "known, not simulated or rejected: they count by their rate alone."
+            f"{unpaired} of {len(all_trials)} trials cannot be paired with a run: their environment is unknown, was not "
+            "simulated, or its run was rejected. They count by their rate alone."
         )
-    met = [[trial.sample for trial in design.trials if trial.sample is not None] for design in designs]
-    repeated = sum(len(samples) - len(set(samples)) for samples in met)
+    samples_of_designs = [[trial.sample for trial in design.trials if trial.sample is not None] for design in designs]
+    repeated = sum(len(samples) - len(set(samples)) for samples in samples_of_designs)
     if repeated:
         sentences.append(
-            f"{count(repeated, 'trial')} repeat an environment of the same design: intervals take environments as "
-            "independent, and are too narrow by that."
+            f"{count(repeated, 'trial')} repeat an environment of the same design. Intervals assume independent "
+            "environments, so they are too narrow."
         )
     return sentences
 

@@ -30,17 +30,17 @@ from foldcar.store.trial_records import Trial
 from foldcar.store.writer import canonical_json
 from foldcar.study.experiments import run_settings
 
-# At most so many runs of designs, beyond those of the first, and so many trials are simulated by one command: about
-# twenty seconds each.
+# Limits for one command, about twenty seconds each: runs of designs that were not swept (the first of these designs is
+# always simulated), and trials that are simulated as placed.
 MAX_RUNS, MAX_TRIALS = 5_000, 2_000
-# So many cars of a driven design are simulated in the environments of its trials, and in others if these are too few.
-# After MAX_CAR_RUNS runs the cars of further designs are not simulated.
+# CARS cars of a driven design are simulated in MIN_SCENES to MAX_SCENES environments, first those of its trials. After
+# MAX_CAR_RUNS runs the cars of further designs are not simulated.
 CARS, MIN_SCENES, MAX_SCENES, MAX_CAR_RUNS = 20, 10, 12, 5_000
-# An outcome, and the time of the run (s), None if it failed.
-Ended = tuple[str, float | None]
+# The outcome and the time of a run (s), None if it failed.
+RunResult = tuple[str, float | None]
 # Results by a hash of build, engine, body, settings and scene. They outlive a store, because the live page reopens it
 # after every trial.
-_ENDED: dict[bytes, Ended] = {}
+_RESULTS: dict[bytes, RunResult] = {}
 
 
 @dataclass(frozen=True)
@@ -61,13 +61,13 @@ class Resimulation:
         self._store = store
         self._refusals: dict[str, str | None] = {}
         self._refused: Counter[str] = Counter()
-        self._beyond: Counter[str] = Counter()
+        self._over_limit: Counter[str] = Counter()
         self._runs = self._trials = self._car_runs = 0
 
     def trial(self, info: ExperimentInfo, trial: Trial) -> str | None:
-        """Simulate a trial in its scene as it was set up. Return the outcome, or None if that is not possible.
+        """Simulate a trial in its scene as it was placed. Return the outcome, or None if that is not possible.
 
-        The simulated car deviates from its design as the car of the swept run in the same sample does.
+        The car deviates from its design as in the swept run of the same sample.
         """
         drive = self._store.trial_drive(trial.id)
         if drive is None:
@@ -76,7 +76,7 @@ class Resimulation:
             self._refused[info.id] += 1
             return None
         if self._trials >= MAX_TRIALS:
-            self._beyond[info.id] += 1
+            self._over_limit[info.id] += 1
             return None
         self._trials += 1
         body, settings, scene = drive
@@ -84,8 +84,11 @@ class Resimulation:
         ((outcome, _),) = self._run(self._simulator(info), body, [case], settings)
         return outcome
 
-    def design(self, info: ExperimentInfo, trial: Trial) -> tuple[list[Ended], str | None]:
-        """Run a trial's design in all stored environments, in order; or return no results and the reason."""
+    def design(self, info: ExperimentInfo, trial: Trial) -> tuple[list[RunResult], str | None]:
+        """Run a trial's design in all stored environments.
+
+        Returns the results in order and None, or no results and the reason why it cannot be simulated.
+        """
         refusal = self._refusal(info)
         if refusal is not None:
             return [], refusal
@@ -103,22 +106,22 @@ class Resimulation:
     def cars(
         self, info: ExperimentInfo, trials: Sequence[Trial], ids_in_samples: Container[int]
     ) -> "SimulatedCars | None":
-        """Run several cars of one design, as the experiment varies them, in the environments of its ``trials``.
+        """Run CARS cars of one design, as the experiment varies them, in the environments of its ``trials``.
 
-        ``ids_in_samples`` are the numbers of trials whose sample is one of the sweep. Returns None if the cars cannot be
-        simulated.
+        Other environments of the sweep are added up to MIN_SCENES. ``ids_in_samples`` are the numbers of trials whose
+        sample is one of the sweep. Returns None if the cars cannot be simulated.
         """
         if self._refusal(info) is not None or not self._drives(info).varied:
             return None
-        stored, drives = self._scenes(info), {trial.id: self._store.trial_drive(trial.id) for trial in trials}
-        placed = {number: drive[2] for number, drive in drives.items() if drive is not None}
-        placed |= {
-            trial.id: stored[trial.sample]
-            for trial in trials
-            if trial.id not in placed and trial.id in ids_in_samples and trial.sample in stored
-        }
-        scenes = list(dict.fromkeys(placed.values()))[:MAX_SCENES]
-        further_scenes = [text for text in stored.values() if text not in scenes]
+        sampled_scenes = self._scenes(info)
+        drives = {trial.id: self._store.trial_drive(trial.id) for trial in trials}
+        # The scene of each trial: as placed if it was recorded, else as sampled.
+        scene_of_trial = {number: drive[2] for number, drive in drives.items() if drive is not None}
+        for trial in trials:
+            if trial.id not in scene_of_trial and trial.id in ids_in_samples and trial.sample in sampled_scenes:
+                scene_of_trial[trial.id] = sampled_scenes[trial.sample]
+        scenes = list(dict.fromkeys(scene_of_trial.values()))[:MAX_SCENES]
+        further_scenes = [text for text in sampled_scenes.values() if text not in scenes]
         scenes += further_scenes[: max(0, MIN_SCENES - len(scenes))]
         try:
             inputs = next((drive[:2] for drive in drives.values() if drive is not None), None)
@@ -129,10 +132,12 @@ class Resimulation:
         self._car_runs += len(cars) * len(scenes)
         if self._car_runs > MAX_CAR_RUNS:
             return None
-        ends = self._run(self._simulator(info), body, [(car, text) for car in cars for text in scenes], settings)
-        table = numpy.array([outcome == "passed" for outcome, _ in ends]).reshape(len(cars), len(scenes))
-        fractions = dict(zip(scenes, table.mean(axis=0).tolist(), strict=True))
-        return SimulatedCars(table, {number: fractions[text] for number, text in placed.items() if text in fractions})
+        results = self._run(self._simulator(info), body, [(car, text) for car in cars for text in scenes], settings)
+        passed = numpy.array([outcome == "passed" for outcome, _ in results]).reshape(len(cars), len(scenes))
+        fractions = dict(zip(scenes, passed.mean(axis=0).tolist(), strict=True))
+        return SimulatedCars(
+            passed, {number: fractions[text] for number, text in scene_of_trial.items() if text in fractions}
+        )
 
     def _composed(self, info: ExperimentInfo, trial: Trial) -> tuple[str, str]:
         """Return body and settings of a trial's design. Raises FoldcarError if it cannot be built."""
@@ -145,17 +150,24 @@ class Resimulation:
 
     def remarks(self, experiment: str) -> list[str]:
         """Return remarks on trials of an experiment that could not be simulated as placed."""
-        counts = {f"no more than {MAX_TRIALS:,} are at a time": self._beyond[experiment]}
-        counts[str(self._refusals.get(experiment))] = self._refused[experiment]
-        return [f"{count(number, 'trial')} not simulated as placed: {text}." for text, number in counts.items() if number]
+        counts_by_reason = {
+            f"no more than {MAX_TRIALS:,} are simulated at a time": self._over_limit[experiment],
+            str(self._refusals.get(experiment)): self._refused[experiment],
+        }
+        return [
+            f"{count(number, 'trial')} not simulated as placed: {reason}."
+            for reason, number in counts_by_reason.items()
+            if number
+        ]
 
     def _refusal(self, info: ExperimentInfo) -> str | None:
+        """Return why an experiment's runs cannot be reproduced now; None if they can. Checked once."""
         if info.id not in self._refusals:
-            self._refusals[info.id] = self._why_not(info)
+            self._refusals[info.id] = self._check_reproducible(info)
         return self._refusals[info.id]
 
-    def _why_not(self, info: ExperimentInfo) -> str | None:
-        """Return why an experiment's runs cannot be reproduced now; None if they can."""
+    def _check_reproducible(self, info: ExperimentInfo) -> str | None:
+        """Return why runs of the experiment cannot be repeated here; None if they can."""
         if info.under is not None:
             return f"the runs are those of {info.under}"
         if self._drives(info).dynamic:
@@ -173,32 +185,34 @@ class Resimulation:
 
     def _run(
         self, carsim: Carsim, body: str, cases: Sequence[tuple[Mapping[str, Any], str]], settings: str
-    ) -> list[Ended]:
-        """Run the body in each case, a variation and a scene; known results are reused."""
+    ) -> list[RunResult]:
+        """Run a car in each of the cases, pairs of its variation and a scene; results of earlier runs are reused."""
         keys, scenes, requests = [], {}, []
         for number, (variation, scene) in enumerate(cases):
             reality = canonical_json(variation)
-            facts = [carsim.build, body, reality, settings, scene]
-            keys.append(hashlib.sha256("\0".join(facts).encode()).digest())
-            if keys[-1] not in _ENDED:
+            inputs = [carsim.build, body, reality, settings, scene]
+            keys.append(hashlib.sha256("\0".join(inputs).encode()).digest())
+            if keys[-1] not in _RESULTS:
                 scenes[str(number)] = scene
                 requests.append(RunRequest("car", str(number), settings, f"environment {number}", number, reality))
         answers = carsim.run({"car": body}, scenes, requests) if requests else []
         for request, answer in zip(requests, answers, strict=True):
-            _ENDED[keys[request.sample]] = outcome_of(answer), answer.get("elapsed_time_s")
-        return [_ENDED[key] for key in keys]
+            _RESULTS[keys[request.sample]] = outcome_of(answer), answer.get("elapsed_time_s")
+        return [_RESULTS[key] for key in keys]
 
     def _drives(self, info: ExperimentInfo) -> StoredDrives:
         return self._store.once(("drives", info.id), lambda: read_drives(self._store, info.id))
 
     def _scenes(self, info: ExperimentInfo) -> dict[int, str]:
-        """Return the texts of the stored scenes, by sample."""
+        """Return the stored scenes as JSON, by sample."""
         drives = self._drives(info)
-        read = lambda: {sample: drives.text("scene", scene) for sample, scene in drives.scenes.items()}  # noqa: E731
-        return self._store.once(("scenes", info.id), read)
+        return self._store.once(
+            ("scenes", info.id),
+            lambda: {sample: drives.text("scene", scene) for sample, scene in drives.scenes.items()},
+        )
 
     def _variation(self, info: ExperimentInfo, sample: int | None) -> Mapping[str, Any]:
-        """Return how the car of that sample differs from its design."""
+        """Return how the car of a sample differs from its design; empty if the experiment does not vary its cars."""
         drives = self._drives(info)
         varies = info.variation and sample in drives.variations
         return drives.value("variation", drives.variations[sample]) if varies and sample is not None else {}

@@ -48,7 +48,7 @@ def select(
 
 
 def measure_first(store: Store, selection: Selection) -> list[str]:
-    """Return a remark that names what was not measured on built cars and obstacles, if further trials are advised."""
+    """Return a remark on what was not measured yet on built cars and obstacles, if further trials are advised."""
     missing = [name for name in MEASURABLE if name not in measured_values(store, selection.info.listed_id)]
     # There is no leader before trials.
     if not missing or selection.leader is None or not selection.recommendations:
@@ -63,13 +63,17 @@ def select_evidence(
     precision: float = PRECISION,
     with_cost: bool = True,
 ) -> list[Selection]:
-    """Advise as :func:`select` does, given evidence."""
+    """Advise as :func:`select` does, given evidence.
+
+    A search chose its designs in the same environments, so its rates are biased. If its designs were also simulated in
+    fresh environments, the advice is that of the fresh experiment.
+    """
     by_id = {experiment.info.id: experiment for experiment in evidence}
-    judged_in = {
+    fresh_ids = {
         name: fresh_id(name) for name, searched in by_id.items() if searched.info.searched and fresh_id(name) in by_id
     }
     selections = [
-        None if experiment.info.id in judged_in else _select_one(experiment, build, threshold, precision, with_cost)
+        None if experiment.info.id in fresh_ids else _select_one(experiment, build, threshold, precision, with_cost)
         for experiment in evidence
     ]
     advice = {
@@ -78,8 +82,7 @@ def select_evidence(
     answers = []
     for experiment, selection in zip(evidence, selections, strict=True):
         if selection is None:
-            # Rates in the environments that chose the designs are biased.
-            fresh = by_id[judged_in[experiment.info.id]]
+            fresh = by_id[fresh_ids[experiment.info.id]]
             judged = f"{len(fresh.designs):,} were judged in {fresh.info.environments:,} fresh environments"
             start = f"A search tried {count(experiment.swept, 'design')}; {judged}. "
             selection = advice[fresh.info.id]
@@ -93,20 +96,20 @@ def _select_one(evidence: Evidence, build: int, threshold: float | None, precisi
     info, belief = evidence.info, evidence.belief
     limit = threshold if threshold is not None else max(info.thresholds, default=THRESHOLD)
     if belief is None:
-        return Selection(info, limit, precision, _nothing(evidence), remarks=evidence.remarks)
-    # For matrices of some tens of rows threads only wait for each other.
+        return Selection(info, limit, precision, _no_advice_text(evidence), remarks=evidence.remarks)
+    # The matrices are so small that threads would only wait for each other.
     with threadpool_limits(1):
         return Adviser(evidence, belief, limit, precision).selection(build, with_cost)
 
 
-def _nothing(evidence: Evidence) -> str:
-    """Return why there is no advice."""
+def _no_advice_text(evidence: Evidence) -> str:
+    """Return a sentence on why there is no advice."""
     info = evidence.info
     passed, trials = evidence.trial_counts.sum(axis=0).tolist()
     if not info.success_defined:
-        return f"No car is called good or bad: {info.success_rule}."
+        return f"No advice, because success is undefined: {info.success_rule}."
     if not info.stored_runs and trials:
         return f"{passed} of {count(trials, 'trial')} of built cars passed; nothing was simulated to compare with."
     if not info.stored_runs:
         return "No run is stored yet."
-    return f"Nothing can be said: {no_rate_text(info.stored_runs)}."
+    return f"No advice: {no_rate_text(info.stored_runs)}."

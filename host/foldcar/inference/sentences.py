@@ -19,10 +19,11 @@ from foldcar.statistics.gap import OPTIMISTIC, PESSIMISTIC
 from foldcar.statistics.words import count, listed, percent, points, span_text
 
 KNOWN, PROBABLE = 0.975, 0.8
-# Designs that one sentence names.
+# Number of designs that one sentence names.
 NAMED = 3
 
-_FIRST = {
+# Why to build a design before there are trials, by its place in the feasible region.
+_FIRST_REASONS = {
     selection.MIDDLE: "the middle of the feasible region: if it fails, the whole region is in doubt",
     selection.LOWER_EDGE: "the lower edge of the feasible region: is the border where simulation sees it?",
     selection.UPPER_EDGE: "the upper edge of the feasible region: is the border where simulation sees it?",
@@ -31,15 +32,16 @@ _FIRST = {
     selection.ABOVE: "just outside, above the region: bounds it, or shows that simulation is too strict",
     selection.OUTSIDE: "just outside the region: bounds it, or shows that simulation is too strict",
     selection.BEST: "the best in simulation, though no design reaches the threshold there",
-    selection.END: "an end of the range, all of which is feasible in simulation: no border is in it",
+    selection.END: "an end of the range: in simulation the whole range is feasible, so it contains no border",
 }
 
 
 @dataclass(frozen=True, slots=True)
 class Undecided:
-    """A design whose interval contains the threshold; ``at`` if all of it is within the precision of the threshold.
+    """A design whose interval contains the threshold.
 
-    About ``trials`` further trials decide with an even chance on which side it is.
+    ``at`` is whether the whole interval is within the precision of the threshold. About ``trials`` further trials decide
+    with an even chance on which side the design is.
     """
 
     label: str
@@ -49,7 +51,7 @@ class Undecided:
 
 
 def headline(evidence: Evidence, belief: Belief, compared: ExperimentComparison, threshold: float) -> str:
-    """Return the first sentence of the advice: which designs reach the threshold.
+    """Return the first sentence of the advice: which designs reach the threshold, and where trials contradict simulation.
 
     Before the first trial it is about simulation, afterwards about built cars.
     """
@@ -83,11 +85,12 @@ def headline(evidence: Evidence, belief: Belief, compared: ExperimentComparison,
 
 
 def grounds(evidence: Evidence, belief: Belief, threshold: float) -> str:
-    """Return the evidence for the headline: which designs simulation cannot rank, and the trials of driven designs."""
+    """Return the evidence for the headline: simulated rates, designs that simulation cannot rank, numbers of trials."""
     sentences, simulation = [], evidence.info.simulation
     if belief.driven:
         sentences.append(f"In {simulation} {_simulated(belief, evidence, threshold)}.")
     rates = belief.simulation
+    # Designs whose interval reaches the best design's rate.
     tied = rates[:, 2] >= rates[:, 0].max()
     if tied.sum() > 1:
         low, high = (f"{100 * end:.0f}" for end in (rates[tied, 0].min(), rates[tied, 0].max()))
@@ -105,16 +108,20 @@ def grounds(evidence: Evidence, belief: Belief, threshold: float) -> str:
 
 
 def undecided_text(undecided: Sequence[Undecided], precision: float) -> str:
-    """Return which designs are undecided and how many trials may decide them; "" without any."""
+    """Return a sentence on the undecided designs near the threshold, and one on the others: how many trials may decide.
+
+    Returns "" if no design is undecided.
+    """
     sentences = []
-    for near in (True, False):
-        group = sorted((design for design in undecided if design.at == near), key=lambda design: design.trials)
+    for near_threshold in (True, False):
+        group = [design for design in undecided if design.at == near_threshold]
+        group.sort(key=lambda design: design.trials)
         if not group:
             continue
         unnamed = [count(len(group) - NAMED, "further design")] if len(group) > NAMED else []
         names = listed([*(design.label for design in group[:NAMED]), *unnamed])
         verb = "is" if len(group) == 1 else "are"
-        where = f"within {points(precision, sign=False)} points of the threshold" if near else "undecided"
+        where = f"within {points(precision, sign=False)} points of the threshold" if near_threshold else "undecided"
         of_first = f" of {group[0].label}" if len(group) > 1 else ""
         sentences.append(f"{names} {verb} {where}; some {_rounded(group[0].trials)} more trials{of_first} may tell.")
     return _capital(" ".join(sentences))
@@ -122,7 +129,7 @@ def undecided_text(undecided: Sequence[Undecided], precision: float) -> str:
 
 def first_reason(place: str, design: DesignEvidence, simulation: str) -> str:
     """Return the reason to build a design before there are trials."""
-    return f"{_FIRST[place]}; {simulation} passes {percent(design.runs_passed / design.runs)}"
+    return f"{_FIRST_REASONS[place]}; {simulation} passes {percent(design.runs_passed / design.runs)}"
 
 
 def next_reason(belief: Belief, index: int, threshold: float) -> str:
@@ -136,7 +143,7 @@ def next_reason(belief: Belief, index: int, threshold: float) -> str:
     else:
         parts = [f"its rate is {percent(low)} to {percent(high)}, which bounds its neighbours'"]
     chance_of_best = float((belief.draws.argmax(axis=1) == index).mean())
-    # Mention it if it is clearly above that of designs without any evidence.
+    # Without evidence all designs have the same chance; mention a chance that is clearly higher.
     if chance_of_best >= 1.5 / len(belief.designs):
         parts.append(f"it is the best with a chance of {percent(chance_of_best)}")
     design = belief.designs[index]
@@ -165,7 +172,7 @@ def _simulated(belief: Belief, evidence: Evidence, threshold: float) -> str:
 
 
 def _names(belief: Belief, evidence: Evidence, chosen: NDArray[numpy.bool_]) -> str:
-    """Name the chosen designs: ranges of neighbours if one parameter varies, else their number."""
+    """Name the designs of the mask ``chosen`` (n,): ranges of neighbours if one parameter varies, else their number."""
     number, total = int(chosen.sum()), len(chosen)
     if total == 1:
         return "the design"
@@ -176,9 +183,10 @@ def _names(belief: Belief, evidence: Evidence, chosen: NDArray[numpy.bool_]) -> 
     order = numpy.argsort(belief.parameters[:, 0], kind="stable")
     values, is_chosen = belief.parameters[order, 0], chosen[order]
     ranges = []
-    for run in numpy.split(numpy.arange(total), numpy.flatnonzero(numpy.diff(is_chosen)) + 1):
-        if is_chosen[run[0]]:
-            ranges.append(span_text(evidence.parameters[0], float(values[run[0]]), float(values[run[-1]])))
+    # Groups of neighbours, in ascending order, that are either all chosen or all not.
+    for group in numpy.split(numpy.arange(total), numpy.flatnonzero(numpy.diff(is_chosen)) + 1):
+        if is_chosen[group[0]]:
+            ranges.append(span_text(evidence.parameters[0], float(values[group[0]]), float(values[group[-1]])))
     return listed(ranges)
 
 
@@ -188,6 +196,7 @@ def _is_singular(chosen: NDArray[numpy.bool_]) -> bool:
 
 
 def _rounded(number: int) -> str:
+    """Return a number rounded up to two significant digits."""
     step = 10 ** max(0, len(str(number)) - 2)
     return f"{-(-number // step) * step:,}"
 

@@ -24,7 +24,7 @@ def comparison_object(comparison: Comparison) -> dict[str, Any]:
         "sentence": comparison.sentence,
         "margin": comparison.margin,
         "experiments": [_experiment_object(experiment) for experiment in comparison.experiments],
-        "trials_alone": list(comparison.alone),
+        "trials_alone": list(comparison.unswept),
     }
 
 
@@ -122,6 +122,7 @@ def _counts(design: DesignComparison) -> dict[str, int]:
 
 
 def _compared(experiment: str, design: DesignComparison) -> dict[str, Any]:
+    """Return the row of a compared design: its parameters, counts, rates with intervals, numbers by outcome."""
     row: dict[str, Any] = {"experiment": experiment, "vehicle_type": design.evidence.vehicle_type, **design.design}
     row |= {**_counts(design), "gap_is_paired": design.gap_is_paired, "verdict": design.verdict}
     row |= _ends({name: getattr(design, name) for name in (*RATES, "gap")})
@@ -130,6 +131,7 @@ def _compared(experiment: str, design: DesignComparison) -> dict[str, Any]:
 
 
 def _selected(selection: Selection, rank: int, design: Recommendation) -> dict[str, Any]:
+    """Return the row of a recommended design: rank, parameters, reason, rates with intervals, cost, environments."""
     row: dict[str, Any] = {"experiment": selection.info.id, "rank": rank, **design.design, "place": design.place}
     row |= {name: getattr(design, name) for name in ("reason", "built", "trials_done", "cars", "trials")}
     row |= _ends({"simulated": design.simulated, "expected": design.expected})
@@ -138,6 +140,7 @@ def _selected(selection: Selection, rank: int, design: Recommendation) -> dict[s
 
 
 def _ends(estimates: Mapping[str, Rate | Gap | None]) -> dict[str, float | None]:
+    """Return each estimate's value, low and high end in columns NAME, NAME_low and NAME_high."""
     return {
         f"{name}{end}": None if estimate is None else getattr(estimate, part)
         for name, estimate in estimates.items()

@@ -19,6 +19,7 @@ from foldcar.link.connection import (
 )
 from foldcar.link.stream import LinkLostError
 
+# Longest waits: for a car's first heartbeat, and for an answer before the request is repeated, at most TRIES times.
 GREETING_S = 5.0
 ANSWER_S = 0.6
 TRIES = 5
@@ -62,7 +63,7 @@ class Car:
         return self.connection.stream.name
 
     def identity(self) -> CarIdentity:
-        """Request the car's identity, and a simulated car's scene. Raises NoCarError without an answer."""
+        """Request the car's design and build, and a simulated car's scene. Raises NoCarError if it does not answer."""
         design = self.request("FOLDCAR_DESIGN")
         refused = design.source == self.dialect.FOLDCAR_DESIGN_SOURCE_REFUSED
         simulated = {
@@ -114,11 +115,11 @@ class Car:
         raise NoCarError(f"{self.port}: the car does not answer the request for {name}; {OTHER_FIRMWARE}")
 
     def arm(self) -> None:
-        """Arm: trials may start; outputs still have no pulses. Raises CommandRefusedError."""
+        """Arm the car, so that trials may start; outputs still have no pulses. Raises CommandRefusedError."""
         self._command("arm", self.dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
 
     def disarm(self) -> None:
-        """Disarm: no pulses until the car is armed again. Raises CommandRefusedError during a fault."""
+        """Disarm the car: no pulses until it is armed again. Raises CommandRefusedError during a fault."""
         self._command("disarm", self.dialect.MAV_CMD_COMPONENT_ARM_DISARM, 0.0)
 
     def start_trial(
@@ -131,10 +132,10 @@ class Car:
         delay_s: float = 0.0,
         button: bool = False,
     ) -> None:
-        """Start driving at constant speed and yaw rate; the car stops itself at the time limit.
+        """Start trial number ``trial``: drive at constant speed and yaw rate until the time limit.
 
-        The car counts for ``delay_s`` first; with ``button``, from the moment at which its button is pressed. Raises
-        CommandRefusedError.
+        The car first counts down ``delay_s``; if ``button``, from the moment at which its button is pressed. An
+        ``untethered`` trial continues without a host, and the car stores its log. Raises CommandRefusedError.
         """
         flags = self.dialect.FOLDCAR_TRIAL_FLAGS_UNTETHERED if untethered else 0
         flags |= self.dialect.FOLDCAR_TRIAL_FLAGS_BUTTON if button else 0
@@ -142,25 +143,26 @@ class Car:
         self._command("start", self.dialect.MAV_CMD_FOLDCAR_START_TRIAL, *values)
 
     def is_under_way(self, trial: Any) -> bool:
-        """Return whether a FOLDCAR_TRIAL says that its trial drives, counts, or waits for the car's button."""
-        d = self.dialect
-        if trial.state == d.FOLDCAR_STATE_ARMED:
-            return bool(trial.flags & d.FOLDCAR_TRIAL_FLAGS_BUTTON and trial.end == d.FOLDCAR_END_NONE)
-        return trial.state in (d.FOLDCAR_STATE_RUNNING, d.FOLDCAR_STATE_COUNTING)
+        """Return whether the trial of a FOLDCAR_TRIAL message drives, counts down, or waits for the car's button."""
+        dialect = self.dialect
+        if trial.state == dialect.FOLDCAR_STATE_ARMED:
+            return bool(trial.flags & dialect.FOLDCAR_TRIAL_FLAGS_BUTTON and trial.end == dialect.FOLDCAR_END_NONE)
+        return trial.state in (dialect.FOLDCAR_STATE_RUNNING, dialect.FOLDCAR_STATE_COUNTING)
 
     def stop_trial(self) -> None:
         """Stop a trial or an output test. Raises CommandRefusedError if neither is running."""
         self._command("stop", self.dialect.MAV_CMD_FOLDCAR_STOP_TRIAL)
 
     def acknowledge_fault(self, without_design: bool = False) -> None:
-        """Clear a latched fault. Raises CommandRefusedError if there is none, or its cause persists.
+        """Clear a latched fault. Raises CommandRefusedError if no fault is latched, or its cause persists.
 
-        ``without_design`` also confirms that the parameters alone describe a car without a readable car.json.
+        ``without_design`` also confirms that the stored parameters describe a car without a readable car.json.
         """
         self._command("clear its fault", self.dialect.MAV_CMD_FOLDCAR_ACKNOWLEDGE_FAULT, float(without_design))
 
     def test_output(self, output: int, pulse_us: float | None, timeout_s: float) -> None:
         """Send pulses of 1000 to 2000 µs to one output (1 to 8) for ``timeout_s``; None: no pulses."""
+        # MAV_CMD_ACTUATOR_TEST has a value of -1 to 1 (NaN: no pulses), and numbers servos from 33.
         value = math.nan if pulse_us is None else (pulse_us - 1500) / 500
         command = self.dialect.MAV_CMD_ACTUATOR_TEST
         self._command(f"test output {output}", command, value, timeout_s, 0.0, 0.0, float(32 + output))
@@ -179,11 +181,14 @@ class Car:
         return str(entry.description).rstrip(".") if entry is not None else f"fault {trial.fault}"
 
     def _command(self, action: str, command: int, *values: float) -> None:
-        """Send a command until the car acknowledges it. Raises CommandRefusedError if it refuses or stays silent."""
+        """Send a command with up to seven ``values`` until the car acknowledges it.
+
+        Raises CommandRefusedError, which names the ``action``, if the car refuses it or does not answer.
+        """
         self.connection.warning_text = None
         for repetition in range(TRIES):
             self._send_command(command, values, repetition)
-            ack = self.connection.wait_for(lambda m: self._answers(m, command), ANSWER_S)
+            ack = self.connection.wait_for(lambda m: self._acknowledges(m, command), ANSWER_S)
             if ack is None:
                 continue
             if ack.result == self.dialect.MAV_RESULT_ACCEPTED:
@@ -191,8 +196,8 @@ class Car:
             raise CommandRefusedError(f"the car refuses to {action}: {self._reason(ack)}")
         raise CommandRefusedError(f"the car does not acknowledge the command to {action}")
 
-    def _answers(self, message: Any, command: int) -> bool:
-        """Return whether a message acknowledges this host's command; other hosts' acknowledgements arrive, too."""
+    def _acknowledges(self, message: Any, command: int) -> bool:
+        """Return whether a message acknowledges this host's command, and not the same command of another host."""
         if message.get_type() != "COMMAND_ACK" or message.command != command:
             return False
         return message.target_system in (0, HOST_SYSTEM) and message.target_component in (0, HOST_COMPONENT)
@@ -204,13 +209,14 @@ class Car:
         if reason == dialect.FOLDCAR_REFUSAL_FAULT_LATCHED:
             detail = self.fault_text()
         elif reason in (dialect.FOLDCAR_REFUSAL_DESIGN, dialect.FOLDCAR_REFUSAL_HELD):
-            # Before it acknowledges, the car says which host, or what is wrong with car.json.
+            # Before the acknowledgement, the car sends a status text: which host controls it, or what is wrong with
+            # car.json.
             detail = (self.connection.warning_text or "").removeprefix("refused: ")
         text = self.refusal_text(reason) or f"result {ack.result}, reason {reason}"
         return f"{text} ({detail})" if detail else text
 
     def refusal_text(self, reason: int) -> str | None:
-        """Return the dialect's description of a FOLDCAR_REFUSAL, to complete a sentence; None for an unknown one."""
+        """Return the dialect's description of a FOLDCAR_REFUSAL, with a small first letter; None if it is unknown."""
         entry = self.dialect.enums["FOLDCAR_REFUSAL"].get(reason)
         if entry is None or reason == self.dialect.FOLDCAR_REFUSAL_NONE:
             return None
@@ -218,6 +224,7 @@ class Car:
         return text[0].lower() + text[1:]
 
     def _send_command(self, command: int, values: tuple[float, ...], repetition: int) -> None:
+        """Send a COMMAND_LONG once; missing values are 0. ``repetition`` counts its retries."""
         padded = (*values, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)[:7]
         self.connection.send(
             self.dialect.MAVLink_command_long_message(CAR_SYSTEM, CAR_COMPONENT, command, repetition, *padded)

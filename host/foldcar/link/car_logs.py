@@ -10,8 +10,9 @@ from foldcar.errors import FoldcarError
 from foldcar.link.car import ANSWER_S, TRIES, Car
 from foldcar.link.connection import CAR_COMPONENT, CAR_SYSTEM
 
-# Bytes per request; lost parts are requested again.
+# Bytes per request, 64 packets of 90; lost parts are requested again.
 WINDOW_BYTES = 90 * 64
+# Time limits for the list and for a log, and the silence after which a request is repeated.
 LIST_S = 20.0
 FETCH_S = 120.0
 QUIET_S = 0.5
@@ -46,9 +47,12 @@ def list_logs(car: Car) -> list[StoredLog]:
 
 
 def fetch_log(car: Car, log: StoredLog) -> bytes:
-    """Return the bytes of a log. Raises FoldcarError if they are incomplete after 120 s."""
+    """Return the bytes of a log. Raises FoldcarError if they are incomplete after 120 s.
+
+    They are requested in windows of WINDOW_BYTES; after a lost packet, from the first missing byte on.
+    """
     content = bytearray()
-    # Received parts after a lost part, by their offsets.
+    # Parts that arrived after a lost part, by their offsets.
     parts: dict[int, bytes] = {}
     car.connection.status_text = None
     end_s = time.monotonic() + FETCH_S
@@ -71,5 +75,5 @@ def fetch_log(car: Car, log: StoredLog) -> bytes:
 
 
 def _status_suffix(car: Car) -> str:
-    """Return the car's status text, such as that wheels are driven, because the log protocol itself cannot refuse."""
+    """Return the car's status text for an error, because MAVLink's log protocol has no message for a refusal."""
     return f"; it says: {car.connection.status_text}" if car.connection.status_text else ""

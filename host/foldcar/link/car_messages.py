@@ -29,8 +29,9 @@ def checked_message(message: Any) -> Any | None:
     kind = message.get_type()
     for name, limit in LIMITS.get(kind, {}).items():
         value = getattr(message, name)
-        before_the_outcome = name == "outcome_time" and not message.outcome and math.isnan(value)
-        if not (abs(value) <= limit or before_the_outcome):
+        # Before the outcome, its time is NaN.
+        is_unset = name == "outcome_time" and not message.outcome and math.isnan(value)
+        if not (abs(value) <= limit or is_unset):
             return None
     if kind == "PARAM_VALUE" and message.param_index >= message.param_count:
         return None

@@ -21,19 +21,20 @@ CAR_SYSTEM, CAR_COMPONENT = 1, 1
 SIMULATOR_COMPONENT = 25
 # Interval of heartbeats on the car's clock; the car's time-out is 0.5 s.
 HEARTBEAT_S = 0.1
-SHORTEST_HEARTBEAT_S = 0.002
+MIN_HEARTBEAT_S = 0.002
+# Time limit of `catch_up`.
 CATCH_UP_S = 1.0
 # Maximum length of a car's status text, in characters.
-LONGEST_LINE = 1000
+MAX_STATUS_LENGTH = 1000
 
 
 class Connection:
-    """A connection. Create it with :func:`connect`. ``latest`` has the car's last message of each type, by name.
+    """A connection to a car. Create it with :func:`connect`.
 
-    ``status_text`` is the car's last status text (STATUSTEXT), joined from its parts; None before the first;
-    ``warning_text`` is the last one that is a warning or an error. ``log``, if set, gets every packet of both directions.
-    ``received`` counts the car's packets, ``lost`` the gaps in their sequence numbers, ``damaged`` data that is not a
-    valid packet or has impossible numbers. ``clock_rate`` is the car's.
+    ``latest`` has the car's last message of each type, by name. ``status_text`` is its last status text (STATUSTEXT),
+    joined from its parts, None before the first; ``warning_text`` is the last warning or error among them. ``log``, if
+    set, gets every packet of both directions. ``received`` counts the car's packets, ``lost`` the gaps in their sequence
+    numbers, ``damaged`` invalid packets and messages with impossible numbers. ``clock_rate`` is that of the car's clock.
     """
 
     def __init__(self, stream: Stream) -> None:
@@ -63,12 +64,12 @@ class Connection:
             self.log.write(packet)
 
     def receive(self, timeout_s: float, other_input: Any = None) -> list[Any]:
-        """Return the messages that arrived; an empty list after ``timeout_s``, or if ``other_input`` has input first.
+        """Wait for input and return the car's messages in it; [] after ``timeout_s``, or if ``other_input`` is first.
 
-        Messages of all senders are logged; those of the car are returned and kept in ``latest``. Raises LinkLostError
-        and LogError.
+        A due heartbeat is sent before. Messages of all senders are logged; those of the car are also kept in ``latest``.
+        ``other_input`` is another file for `select`, such as the keyboard. Raises LinkLostError and LogError.
         """
-        self._beat()
+        self._send_due_heartbeat()
         if self._unread:
             unread, self._unread = self._unread, []
             return unread
@@ -89,12 +90,13 @@ class Connection:
             if checked_message(message) is None:
                 self.damaged += 1
                 continue
-            self._count(message)
+            self._count_packet(message)
             self.last_received_s = time.monotonic()
             self.latest[message.get_type()] = message
             if message.get_type() == "STATUSTEXT":
-                start = (self.status_text or "") if message.chunk_seq else ""
-                self.status_text = (start + message.text)[-LONGEST_LINE:]
+                # A long text arrives in several chunks.
+                earlier_chunks = (self.status_text or "") if message.chunk_seq else ""
+                self.status_text = (earlier_chunks + message.text)[-MAX_STATUS_LENGTH:]
                 if message.severity <= self.dialect.MAV_SEVERITY_WARNING:
                     self.warning_text = self.status_text
             if message.get_type() == "FOLDCAR_TRIAL":
@@ -103,13 +105,16 @@ class Connection:
         return messages
 
     def catch_up(self) -> None:
-        """Receive all messages that are waiting, so that the next one is current."""
+        """Receive all messages that have arrived already, so that the next message is current."""
         end_s = time.monotonic() + CATCH_UP_S
         while self.receive(0.0) and time.monotonic() < end_s:
             pass
 
     def wait_for(self, is_wanted: Callable[[Any], bool], timeout_s: float) -> Any | None:
-        """Return the first message for which ``is_wanted`` is true, or None after ``timeout_s``. Later ones stay."""
+        """Return the first message for which ``is_wanted`` is true, or None after ``timeout_s`` (s).
+
+        Messages that arrived with it are returned by the next `receive`.
+        """
         end_s = time.monotonic() + timeout_s
         while (remaining_s := end_s - time.monotonic()) > 0:
             messages = self.receive(remaining_s)
@@ -127,25 +132,31 @@ class Connection:
         """Close the port."""
         self.stream.close()
 
-    def _count(self, message: Any) -> None:
+    def _count_packet(self, message: Any) -> None:
         """Count received and lost packets; each component of a car numbers its packets modulo 256."""
         component, sequence = message.get_srcComponent(), message.get_seq()
         self.lost += (sequence - self._sequences.get(component, sequence - 1) - 1) % 256
         self._sequences[component] = sequence
         self.received += 1
 
-    def _beat(self) -> None:
+    def _send_due_heartbeat(self) -> None:
+        """Send a heartbeat if one is due; a faster clock of the car needs more of them."""
         now_s = time.monotonic()
         if now_s < self._heartbeat_at_s:
             return
-        self._heartbeat_at_s = now_s + max(SHORTEST_HEARTBEAT_S, HEARTBEAT_S / self.clock_rate.value)
-        d = self.dialect
-        self.send(d.MAVLink_heartbeat_message(d.MAV_TYPE_GCS, d.MAV_AUTOPILOT_INVALID, 0, 0, d.MAV_STATE_ACTIVE, 3))
+        self._heartbeat_at_s = now_s + max(MIN_HEARTBEAT_S, HEARTBEAT_S / self.clock_rate.value)
+        dialect = self.dialect
+        self.send(
+            dialect.MAVLink_heartbeat_message(
+                dialect.MAV_TYPE_GCS, dialect.MAV_AUTOPILOT_INVALID, 0, 0, dialect.MAV_STATE_ACTIVE, 3
+            )
+        )
 
 
 class CarClockRate:
-    """``value`` is the rate of the car's clock relative to the host's, at least 1: the speed-up of a simulation."""
+    """Measures the rate of the car's clock relative to the host's: ``value``, at least 1, above in a fast simulation."""
 
+    # The host's time between two measurements.
     SPAN_S = 0.3
 
     def __init__(self) -> None:
@@ -153,7 +164,10 @@ class CarClockRate:
         self._first: tuple[float, float] | None = None
 
     def add(self, car_s: float, host_s: float) -> None:
-        """Add a pair of the car's time since boot and the host's time of its arrival (s)."""
+        """Add a time since boot that the car reported, and the host's time of its arrival (both s).
+
+        The rate is measured over at least SPAN_S, and again after a restart of the car's clock.
+        """
         if self._first is None or car_s < self._first[0]:
             self._first = (car_s, host_s)
             return

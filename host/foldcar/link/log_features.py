@@ -21,7 +21,9 @@ import numpy
 from foldcar.link.connection import CAR_SYSTEM
 from foldcar.link.tlog import read_tlog, trial_start_s
 
+# T and L of the head.
 FILTER_S, FORGETTING_S = 0.5, 3.0
+# The car is shaken if its total acceleration differs from gravity by more than this.
 GRAVITY_M_S2, SHAKING_M_S2 = 9.81, 3.0
 MILLI_G_M_S2 = 0.00980665
 # A shock is more than wheels can cause on level ground: at a friction of 0.75, the total acceleration is 1.25 g.
@@ -31,6 +33,7 @@ TILT_ERROR_RAD = 0.04
 # The car integrates its rotation about the vertical. Rolling and pitching alternately adds up to half of roll × pitch to
 # the integral (the solid angle that the axes enclose) without changing the heading.
 HEADING_ERROR_RAD, HEADING_ERROR_FACTOR = 0.015, 0.5
+# SYS_STATUS has this voltage if the car cannot measure it.
 UNREADABLE_MV = 65535
 
 
@@ -56,7 +59,7 @@ class LogFeatures:
 
 
 def log_features(file: Path) -> LogFeatures:
-    """Return the features of the last trial in a log. Raises LogError."""
+    """Return the features of the last trial in a log; those that the log does not contain are None. Raises LogError."""
     messages = [message for _, message in read_tlog(file) if message.get_srcSystem() == CAR_SYSTEM]
     start_s = trial_start_s(messages)
     if start_s is None:
@@ -75,10 +78,16 @@ def log_features(file: Path) -> LogFeatures:
 
 
 def _motion(messages: Sequence[Any], start_s: float, end_s: float) -> tuple[Any, float | None, tuple[float, ...] | None]:
-    """Return roll and pitch during the drive (n, 2), the heading's change and times of shocks; None without an IMU."""
-    times = {kind: {m.time_boot_ms: m for m in messages if m.get_type() == kind} for kind in ("ATTITUDE", "SCALED_IMU")}
-    attitudes, samples = times["ATTITUDE"], times["SCALED_IMU"]
-    rows = [(t / 1000 - start_s, attitudes[t], samples[t]) for t in sorted(attitudes.keys() & samples.keys())]
+    """Return tilts (n, 2), roll and pitch in rad, the change of heading (rad), and the times of shocks (s).
+
+    Tilts and shocks are those of the drive, from ``start_s`` (time since boot) for ``end_s``. The pitch is corrected as
+    the file's head describes. All are None if the log has no IMU.
+    """
+    attitudes = {message.time_boot_ms: message for message in messages if message.get_type() == "ATTITUDE"}
+    samples = {message.time_boot_ms: message for message in messages if message.get_type() == "SCALED_IMU"}
+    common_ms = sorted(attitudes.keys() & samples.keys())
+    rows = [(ms / 1000 - start_s, attitudes[ms], samples[ms]) for ms in common_ms]
+    # The second before the start is needed for the filter's error and the first heading.
     rows = [row for row in rows if -1.0 <= row[0] <= end_s]
     rows_before, rows_during = [row for row in rows if row[0] <= 0], [row for row in rows if row[0] > 0]
     if not rows_before or not rows_during:
@@ -86,15 +95,17 @@ def _motion(messages: Sequence[Any], start_s: float, end_s: float) -> tuple[Any,
     filter_error, tilts, shocks = 0.0, [], []
     last_s = rows[0][0]
     for time_s, attitude, sample in rows:
+        # MAVLink's axes are forward, right, down.
         x, y, z = (MILLI_G_M_S2 * value for value in (sample.xacc, -sample.yacc, -sample.zacc))
-        size = math.sqrt(x * x + y * y + z * z)
+        total_m_s2 = math.sqrt(x * x + y * y + z * z)
         step_s, last_s = min(time_s - last_s, FORGETTING_S), time_s
         filter_error -= filter_error * step_s / FORGETTING_S
-        if abs(size - GRAVITY_M_S2) < SHAKING_M_S2:
-            filter_error += (math.asin(max(-1.0, min(1.0, x / size))) - attitude.pitch) * step_s / FILTER_S
+        if abs(total_m_s2 - GRAVITY_M_S2) < SHAKING_M_S2:
+            accelerometer_pitch = math.asin(max(-1.0, min(1.0, x / total_m_s2)))
+            filter_error += (accelerometer_pitch - attitude.pitch) * step_s / FILTER_S
         if time_s > 0:
             tilts.append((attitude.roll, attitude.pitch - filter_error))
-            if abs(size / GRAVITY_M_S2 - 1) > SHOCK_FRACTION:
+            if abs(total_m_s2 / GRAVITY_M_S2 - 1) > SHOCK_FRACTION:
                 shocks.append(round(time_s, 3))
     yaws = numpy.unwrap([row[1].yaw for row in (rows_before[-1], *rows_during)])
     # MAVLink's yaw is clockwise.
@@ -102,7 +113,7 @@ def _motion(messages: Sequence[Any], start_s: float, end_s: float) -> tuple[Any,
 
 
 def _sag_v(messages: Sequence[Any], start_s: float, end_s: float) -> float | None:
-    """Return the drop of the battery voltage (V)."""
+    """Return the battery voltage before the start minus the lowest one of the drive (V); None if unknown."""
     readings = [
         (time_s, message.voltage_battery / 1000)
         for time_s, message in _timed(messages, start_s, "SYS_STATUS")
@@ -114,14 +125,17 @@ def _sag_v(messages: Sequence[Any], start_s: float, end_s: float) -> float | Non
 
 
 def _servo_battery_v(messages: Sequence[Any], start_s: float, end_s: float) -> float | None:
-    """Return the mean voltage (V) of the servos' battery during the drive."""
+    """Return the mean voltage (V) of the servos' battery during the drive; None if unknown."""
     readings = _timed(messages, start_s, "BATTERY_STATUS")
     during = [message.voltages[0] / 1000 for time_s, message in readings if 0 < time_s <= end_s]
     return round(sum(during) / len(during), 3) if during else None
 
 
 def _timed(messages: Sequence[Any], start_s: float, kind: str) -> list[tuple[float, Any]]:
-    """Return the messages of a kind that has no time, each with that of the last message before it that has one."""
+    """Return the messages of type ``kind`` with times since ``start_s`` (s).
+
+    Such messages have no time of their own: each gets that of the last message before it that has a time.
+    """
     time_s = -math.inf
     timed = []
     for message in messages:

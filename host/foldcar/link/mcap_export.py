@@ -21,7 +21,7 @@ from foldcar.link.tlog import read_tlog, trial_start_s
 from foldcar.outputs import atomic_file
 from foldcar.version import __version__
 
-# Messages that are out of order by less than this do not mean that the car was reset.
+# If the car's clock goes back by more than this, the car was reset; smaller steps are messages out of order.
 DISORDER_US = 1_000_000
 # The columns of a film's track.
 FILMED = (
@@ -35,10 +35,12 @@ NO_START = {"x_m": 0.0, "y_m": 0.0, "heading_rad": 0.0}
 
 # Foxglove recognises its messages by their names; these schemas have only the fields that foldcar writes.
 def _object(**properties: Any) -> dict[str, Any]:
+    """Return the JSON schema of an object with these required properties."""
     return {"type": "object", "properties": properties, "required": list(properties)}
 
 
 def _list_of(items: Any) -> dict[str, Any]:
+    """Return the JSON schema of a list of such items."""
     return {"type": "array", "items": items}
 
 
@@ -86,10 +88,10 @@ def export_mcap(
     start: Mapping[str, float] = NO_START,
     filmed: Sequence[Sequence[float]] = (),
 ) -> int:
-    """Write ``file`` and return the number of the log's messages. Raises FoldcarError if log or file fails.
+    """Convert a log to the MCAP ``file``; return the number of the log's messages. Raises FoldcarError.
 
-    ``start`` is where the car was put down; it is the pose of a car that does not report its own. ``filmed`` are rows of
-    a film's track: time in the trial, x, y, z, heading, pitch, roll, variances.
+    ``start`` is the pose in which the car was placed, shown until the car's own pose is known. ``filmed`` are rows of a
+    film's track, with the columns FILMED.
     """
     from mcap.writer import Writer
 
@@ -134,13 +136,17 @@ def export_mcap(
 def _trial_start_us(messages: Sequence[tuple[int, Any]], times_us: Sequence[int]) -> int | None:
     """Return when the log's trial began (µs since 1970); None if there is no trial."""
     start_s = trial_start_s([message for _, message in messages])
-    boots_us = [time_us - 1000 * message.time_boot_ms for time_us, (_, message) in zip(times_us, messages, strict=True)
-            if message.get_type() == "FOLDCAR_TRIAL"]  # fmt: skip
-    return None if start_s is None or not boots_us else int(boots_us[-1]) + round(1e6 * start_s)
+    # When the car was switched on, by each of its trial messages.
+    boot_times_us = [
+        time_us - 1000 * message.time_boot_ms
+        for time_us, (_, message) in zip(times_us, messages, strict=True)
+        if message.get_type() == "FOLDCAR_TRIAL"
+    ]
+    return None if start_s is None or not boot_times_us else int(boot_times_us[-1]) + round(1e6 * start_s)
 
 
 class _Topics:
-    """Registers a topic with its schema at its first message."""
+    """Writes messages on topics of an MCAP file; a topic is registered with its schema at its first message."""
 
     def __init__(self, writer: Any) -> None:
         self._writer = writer
@@ -160,13 +166,14 @@ class _Topics:
 
 
 def _sender(message: Any) -> str:
+    """Return the sender of a message: host, simulator or car."""
     if message.get_srcSystem() != CAR_SYSTEM:
         return "host"
     return "simulator" if message.get_srcComponent() == SIMULATOR_COMPONENT else "car"
 
 
 def _content(message: Any) -> dict[str, Any]:
-    """Return a message's fields that JSON can hold: without NaN and infinity."""
+    """Return a message's fields by name, without those that are NaN or infinite, which JSON cannot hold."""
     result = {}
     for name in message.get_fieldnames():
         value = getattr(message, name)
@@ -195,13 +202,16 @@ def _schema(message: Any) -> dict[str, Any]:
 
 
 def car_times_us(messages: Sequence[tuple[int, Any]]) -> list[int]:
-    """Return a time (µs since 1970) for each message, in the log's order.
+    """Return a time (µs since 1970) for each message of a log, pairs of the host's time (µs) and the message.
 
-    Times begin at the host's time and advance with the car's clock: the host's clock has another rate than a simulated
-    car's, and the link's delays for a real car. Messages without a car's time are interpolated by the host's clock.
+    Times begin at the host's time and then advance with the car's clock, because a simulated car's clock may have another
+    rate, and host times include the link's delays. Messages without a car's time are interpolated by their host times.
     """
+    # Pairs (host time, result), ascending in both, between which other messages are interpolated.
     anchors: list[tuple[int, int]] = []
-    own: dict[int, int] = {}
+    # The result for messages with a car's time, by index.
+    car_times: dict[int, int] = {}
+    # What is added to the car's time since boot.
     offset_us: int | None = None
     last_boot_us = 0
     for index, (host_us, message) in enumerate(messages):
@@ -212,27 +222,28 @@ def car_times_us(messages: Sequence[tuple[int, Any]]) -> list[int]:
             offset_us = host_us - boot_us
         elif boot_us < last_boot_us - DISORDER_US:
             # A reset has set the car's clock back; the host's clock gives the duration of the reset.
-            before_host_us, before_us = anchors[-1]
-            offset_us = before_us + (host_us - before_host_us) - boot_us
+            last_host_us, last_us = anchors[-1]
+            offset_us = last_us + (host_us - last_host_us) - boot_us
         last_boot_us = boot_us
-        own[index] = offset_us + boot_us
-        if not anchors or (host_us > anchors[-1][0] and own[index] >= anchors[-1][1]):
-            anchors.append((host_us, own[index]))
+        car_times[index] = offset_us + boot_us
+        if not anchors or (host_us > anchors[-1][0] and car_times[index] >= anchors[-1][1]):
+            anchors.append((host_us, car_times[index]))
     if not anchors:
         return [host_us for host_us, _ in messages]
-    hosts, cars = (numpy.array(side, dtype=float) for side in zip(*anchors, strict=True))
+    hosts, results = (numpy.array(side, dtype=float) for side in zip(*anchors, strict=True))
+    # Subtracted, so that floating-point numbers keep microseconds.
     origin = hosts[0]
-    between = numpy.interp([host_us - origin for host_us, _ in messages], hosts - origin, cars - origin)
-    # Before the first and after the last time of the car, use the host's clock.
+    interpolated = numpy.interp([host_us - origin for host_us, _ in messages], hosts - origin, results - origin)
     times = []
     for index, (host_us, _) in enumerate(messages):
-        beyond = min(0.0, host_us - hosts[0]) + max(0.0, host_us - hosts[-1])
-        times.append(own.get(index, round(between[index] + beyond + origin)))
+        # Before the first and after the last anchor, the host's clock continues.
+        outside = min(0.0, host_us - hosts[0]) + max(0.0, host_us - hosts[-1])
+        times.append(car_times.get(index, round(interpolated[index] + outside + origin)))
     return times
 
 
 def _since_boot_us(message: Any) -> int | None:
-    """Return the car's time (µs since boot) in a message of the car or its simulator, else None."""
+    """Return the time (µs since boot) in a message of the car or its simulator; None if it has no such time."""
     if message.get_srcSystem() != CAR_SYSTEM:
         return None
     if message.get_type() == "FOLDCAR_TRUTH":
@@ -260,12 +271,12 @@ def time_stamp(time_us: int) -> dict[str, int]:
 
 
 def vector(x: float, y: float, z: float) -> dict[str, float]:
-    """Return a Vector3 or Point3."""
+    """Return Foxglove's Vector3 or Point3."""
     return {"x": x, "y": y, "z": z}
 
 
 def quaternion(heading_rad: float, pitch_rad: float = 0.0, roll_rad: float = 0.0) -> dict[str, float]:
-    """Return the quaternion of a rotation about z, then nose up, then left side up."""
+    """Return the quaternion of a rotation by the heading (about z), then the pitch (nose up), then the roll (left up)."""
     (cy, sy), (cp, sp), (cr, sr) = (
         (math.cos(angle / 2), math.sin(angle / 2)) for angle in (heading_rad, -pitch_rad, roll_rad)
     )
@@ -280,7 +291,7 @@ def quaternion(heading_rad: float, pitch_rad: float = 0.0, roll_rad: float = 0.0
 def frame_transform(
     time_us: int, x_m: float, y_m: float, z_m: float, heading_rad: float, pitch_rad: float, roll_rad: float
 ) -> dict[str, Any]:
-    """Return the car's frame in the world at a time."""
+    """Return Foxglove's FrameTransform with the car's pose in the world at a time (µs since 1970)."""
     return {
         "timestamp": time_stamp(time_us),
         "parent_frame_id": WORLD,

@@ -16,27 +16,29 @@ from foldcar.link.connection import CAR_COMPONENT, CAR_SYSTEM
 from foldcar.outputs import atomic_file
 from foldcar.typed import decimal_number, read_text
 
+# Time limit for all parameters, and the silence after which missing ones are requested again.
 LIST_S = 20.0
 QUIET_S = 0.4
 # The largest 32-bit floating-point number, and the longest name that a packet holds, in bytes.
 MAX_FLOAT32 = (2 - 2**-23) * 2.0**127
 MAX_NAME_BYTES = 16
-# What answers a setting.
+# The messages with which a car answers a setting.
 ANSWERS = ("PARAM_VALUE", "FOLDCAR_PARAM_REFUSED")
 # Requests per burst: a car's receive buffer is small.
 BURST = 4
 
 
 def read_parameters(car: Car) -> dict[str, float]:
-    """Return all parameters by name, in the car's order; request lost ones again.
+    """Return all parameters by name, in the car's order. Lost ones are requested again.
 
     Raises FoldcarError if some are missing after 20 s.
     """
-    d = car.dialect
+    dialect = car.dialect
+    # By the parameters' indices.
     values: dict[int, float] = {}
     names: dict[int, str] = {}
     count: int | None = None
-    car.connection.send(d.MAVLink_param_request_list_message(CAR_SYSTEM, CAR_COMPONENT))
+    car.connection.send(dialect.MAVLink_param_request_list_message(CAR_SYSTEM, CAR_COMPONENT))
     end_s = time.monotonic() + LIST_S
     while count is None or len(values) < count:
         if time.monotonic() > end_s:
@@ -47,25 +49,25 @@ def read_parameters(car: Car) -> dict[str, float]:
             count = message.param_count
             values[message.param_index], names[message.param_index] = message.param_value, message.param_id
         elif count is None:
-            car.connection.send(d.MAVLink_param_request_list_message(CAR_SYSTEM, CAR_COMPONENT))
+            car.connection.send(dialect.MAVLink_param_request_list_message(CAR_SYSTEM, CAR_COMPONENT))
         else:
             for index in [i for i in range(count) if i not in values][:BURST]:
-                car.connection.send(d.MAVLink_param_request_read_message(CAR_SYSTEM, CAR_COMPONENT, b"", index))
+                request = dialect.MAVLink_param_request_read_message(CAR_SYSTEM, CAR_COMPONENT, b"", index)
+                car.connection.send(request)
     return {names[index]: values[index] for index in sorted(values)}
 
 
 def set_parameter(car: Car, name: str, value: float) -> None:
     """Set and save one parameter. Raises FoldcarError, with the reason, if the car refuses it or does not answer."""
     if not name.isascii() or not 0 < len(name) <= MAX_NAME_BYTES:
-        # The packet would contain only its beginning, which may name another parameter.
+        # A packet would contain only the beginning of a longer name, which may be another parameter's name.
         raise FoldcarError(f"{name}: not a parameter's name, which has 1 to {MAX_NAME_BYTES} ASCII characters")
     if not fits_float32(value):
         raise FoldcarError(f"{name}: {value:g} cannot be stored as a 32-bit floating-point number")
-    d = car.dialect
+    dialect = car.dialect
+    kind = dialect.MAV_PARAM_TYPE_REAL32
     for _ in range(TRIES):
-        car.connection.send(
-            d.MAVLink_param_set_message(CAR_SYSTEM, CAR_COMPONENT, name.encode(), value, d.MAV_PARAM_TYPE_REAL32)
-        )
+        car.connection.send(dialect.MAVLink_param_set_message(CAR_SYSTEM, CAR_COMPONENT, name.encode(), value, kind))
         answer = car.connection.wait_for(lambda m: m.get_type() in ANSWERS and m.param_id == name, ANSWER_S)
         if answer is None:
             continue
@@ -89,19 +91,21 @@ def fits_float32(value: float) -> bool:
 
 def value_text(value: float) -> str:
     """Return the shortest decimal text of the 32-bit number: 3.4, not 3.4000001."""
-    shortest = next(x for digits in range(1, 10) if equal_float32(x := float(f"{value:.{digits}g}"), value))
+    # Nine digits distinguish all 32-bit numbers.
+    rounded = (float(f"{value:.{digits}g}") for digits in range(1, 10))
+    shortest = next(number for number in rounded if equal_float32(number, value))
     return f"{shortest:.9g}"
 
 
 def differences(car: Mapping[str, float], other: Mapping[str, float]) -> list[tuple[str, float | None, float | None]]:
-    """Return name, the car's value and the other value of each parameter that differs; None if one side lacks it."""
+    """Return (name, the car's value, the other value) of each parameter that differs; None stands for a missing value."""
     names = dict.fromkeys([*car, *other])
     rows = [(name, car.get(name), other.get(name)) for name in names]
     return [(name, a, b) for name, a, b in rows if a is None or b is None or not equal_float32(a, b)]
 
 
 def read_file(file: Path) -> dict[str, float]:
-    """Return the parameters in a file by name. Raises FoldcarError that names file and line."""
+    """Read a parameter file; return the values by name. Raises FoldcarError, which names file and line."""
     values: dict[str, float] = {}
     for number, line in enumerate(read_text(file).split("\n"), 1):
         words = line.partition("#")[0].replace(",", " ").split()

@@ -15,6 +15,7 @@ from typing import Any
 
 from foldcar.simulation.runner import CarsimError
 
+# How long the process may take to end before it is killed.
 END_S = 5.0
 
 
@@ -36,11 +37,12 @@ def simulated_car(
     tcp_port: int | None = None,
     stdin: int | None = None,
 ) -> Iterator[SimulatedCar]:
-    """Run a simulated car until the end of the block. Raises CarsimError if it does not start.
+    """Run `carsim link`, a simulated car with a port, until the end of the block. Raises CarsimError.
 
-    ``simulator`` is the command that starts carsim. ``worlds`` are pairs of a scene with its id and the reality there
-    (docs/carsim.md). The car begins in the first scene; a host can move it to the others. ``stdin`` is a file descriptor
-    with commands that inject faults. The process prints the port in its first line, then answers to commands.
+    ``simulator`` is the command that starts carsim, ``design`` the content of car.json. ``worlds`` are pairs of a scene
+    with its id and the reality there (docs/carsim.md). The car begins in the first scene; a host can move it to the
+    others. ``tcp_port`` None stands for a pseudo-terminal. ``stdin`` is a file descriptor with commands that inject
+    faults. The process prints the port in its first line, then answers to commands.
     """
     with tempfile.TemporaryDirectory(prefix="foldcar-link-", ignore_cleanup_errors=True) as folder:
         command = [*simulator, "link", *(["--tcp", str(tcp_port)] if tcp_port is not None else ["--pty"])]
@@ -57,11 +59,11 @@ def simulated_car(
             command += [f"--{name}", str(file)]
         # --put-back: the car returns to the start before each trial.
         command += ["--speedup", f"{speedup:g}", "--put-back"]
-        # carsim ends when its output is no longer read, that is when the caller ends in any way.
+        # carsim ends when nobody reads its output any more, even if the caller is killed.
         process = subprocess.Popen(command, stdin=stdin, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         try:
             port = _port(simulator[0], process)
-            # It has been read; a caller that is killed leaves no folder.
+            # carsim has read the files; a caller that is killed later leaves no folder behind.
             shutil.rmtree(folder)
             yield SimulatedCar(port, process)
         finally:
@@ -74,7 +76,7 @@ def simulated_car(
 
 
 def _port(binary: str, process: "subprocess.Popen[str]") -> str:
-    """Read the port that carsim prints. Raises CarsimError if it prints none."""
+    """Read and return the port that carsim prints first. Raises CarsimError if it prints something else."""
     assert process.stdout is not None and process.stderr is not None
     line = process.stdout.readline()
     try:

@@ -20,7 +20,7 @@ from foldcar.system import SELECTS_FILES, ThreadedPort
 
 BAUD = 115200
 CONNECT_S = 5.0
-# A buffer that stays full for this long means that the car has stopped reading.
+# If the port's buffer stays full for this long, the car has stopped reading.
 WRITE_S = 1.0
 READ_BYTES = 65536
 # How long a thread waits for a byte of a port that `select` cannot wait for.
@@ -44,14 +44,15 @@ class LinkLostError(FoldcarError):
 
 
 class Stream:
-    """Bytes to and from a car by a port that does not block. ``name`` is the port's name as on the command line.
+    """A stream of bytes to and from a car, by a port that does not block.
 
-    ``take`` and ``give`` read and write bytes as os.read and os.write do, which do not work for sockets on Windows.
+    ``name`` is the port's name as on the command line. ``read`` and ``write`` have the arguments of os.read and os.write
+    without the descriptor; those functions do not work for sockets on Windows.
     """
 
-    def __init__(self, name: str, port: Any, take: Callable[[int], bytes], give: Callable[[bytes], int]) -> None:
+    def __init__(self, name: str, port: Any, read: Callable[[int], bytes], write: Callable[[bytes], int]) -> None:
         self.name = name
-        self._port, self._take, self._give = port, take, give
+        self._port, self._read_bytes, self._write_bytes = port, read, write
 
     def fileno(self) -> int:
         """The file descriptor for `select`."""
@@ -60,11 +61,11 @@ class Stream:
     def read(self) -> bytes:
         """Return the available bytes, at least one after `select` reports input. Raises LinkLostError."""
         try:
-            data = self._take(READ_BYTES)
+            data = self._read_bytes(READ_BYTES)
         except BlockingIOError:
             return b""
         except OSError as error:
-            raise self._lost(error) from error
+            raise self._lost_error(error) from error
         # An unplugged USB port and a closed socket report input and then deliver no bytes.
         if not data:
             raise LinkLostError(f"{self.name}: the connection is lost")
@@ -74,28 +75,28 @@ class Stream:
         """Write all of ``data``. Raises LinkLostError."""
         while data:
             try:
-                data = data[self._give(data) :]
+                data = data[self._write_bytes(data) :]
             except BlockingIOError:
                 if not select.select([], [self], [], WRITE_S)[1]:
                     raise LinkLostError(f"{self.name}: the car has accepted no bytes for {WRITE_S:g} s") from None
             except OSError as error:
-                raise self._lost(error) from error
+                raise self._lost_error(error) from error
 
     def close(self) -> None:
         """Close the port."""
         self._port.close()
 
-    def _lost(self, error: OSError) -> LinkLostError:
+    def _lost_error(self, error: OSError) -> LinkLostError:
         return LinkLostError(f"{self.name}: the connection is lost ({error.strerror})")
 
 
 def open_stream(name: str) -> Stream:
-    """Open the stream of the port of that name. Raises FoldcarError if that fails."""
+    """Open a port by its name: a serial port's path, or tcp:HOST:PORT. Raises FoldcarError."""
     return _open_tcp(name) if name.startswith(TCP) else _open_serial(name)
 
 
 def _open_serial(name: str) -> Stream:
-    """Open a serial port. Raises FoldcarError that says why it cannot be opened."""
+    """Open a serial port or pseudo-terminal. Raises FoldcarError, which says why it cannot be opened."""
     import serial
 
     if SELECTS_FILES:
@@ -104,7 +105,8 @@ def _open_serial(name: str) -> Stream:
         if not Path(name).is_char_device():
             raise FoldcarError(f"{name}: not a serial port")
     try:
-        # Exclusive: two programs that read one port each get half of the packets. Windows opens ports only so.
+        # Exclusive, because two programs that read the same port would each get half of the packets. Windows allows
+        # nothing else.
         port = serial.Serial(name, BAUD, timeout=0 if SELECTS_FILES else READ_S, exclusive=True)
     except (OSError, serial.SerialException) as error:
         number = getattr(error, "errno", None)
@@ -178,7 +180,10 @@ def usb_ports() -> list[UsbPort]:
 
 
 def choose_port(named: str | None) -> str:
-    """Return ``named``, or else the only port with a Feather's bridge. Raises FoldcarError unless there is one."""
+    """Return ``named`` or, if it is None, the only port with a Feather's USB bridge.
+
+    Raises FoldcarError, with advice, if there is no such port, or several.
+    """
     if named is not None:
         return named
     ports = usb_ports()

@@ -16,6 +16,7 @@ from foldcar.link.car_messages import checked_message
 from foldcar.link.dialect import load_dialect
 from foldcar.outputs import atomic_file
 
+# The time before each packet.
 STAMP = struct.Struct(">Q")
 # The last time whose nanoseconds fit in the signed 64 bits of other formats, in the year 2262.
 LAST_US = (2**63 - 1) // 1000
@@ -26,7 +27,7 @@ class LogError(FoldcarError):
 
 
 class TlogWriter:
-    """A log that is being written. A missing folder is created. Raises LogError if the file exists or cannot be made."""
+    """A log that is being written. A missing folder is created. Raises LogError if the file exists or is not writable."""
 
     def __init__(self, file: Path) -> None:
         self.file = file
@@ -61,14 +62,14 @@ class TlogWriter:
 
 
 def read_tlog(file: Path) -> Iterator[tuple[int, Any]]:
-    """Yield the messages of a log up to any damage, with their times (µs since 1970). Raises LogError."""
+    """Yield (time in µs since 1970, message) of a log, up to the first damage. Raises LogError."""
     yield from messages_of(records_of(_content(file))[0])
 
 
 def log_damage(file: Path) -> str | None:
     """Return a line that says how much of a log is damaged; None if it is intact. Raises LogError."""
     unread = records_of(_content(file))[1]
-    return f"{file}: is damaged: its last {unread} bytes, from where no packet begins, are left out" if unread else None
+    return f"{file}: is damaged: its last {unread} bytes are not packets and are left out" if unread else None
 
 
 def _content(file: Path) -> bytes:
@@ -92,9 +93,9 @@ def messages_of(records: Iterable[tuple[int, bytes]]) -> Iterator[tuple[int, Any
 
 
 def records_of(data: bytes) -> tuple[list[tuple[int, bytes]], int]:
-    """Split a log's bytes into times (µs) and packets, up to the first incomplete packet.
+    """Split a log's bytes into records (time in µs, packet), up to the first incomplete one.
 
-    The second value is the number of bytes after that. The end of a log is damaged if the computer lost power.
+    Also returns the number of bytes that remain. The end of a log is damaged if the computer lost power.
     """
     records = []
     offset = 0
@@ -129,8 +130,11 @@ def merge_records(file: Path, added_records: Iterable[tuple[int, bytes]]) -> Non
             binary.write(STAMP.pack(time_us) + packet)
 
 
-def _packet_bytes(data: bytes, at: int) -> int | None:
-    """Return the length of the packet at offset ``at`` (header, payload, checksum, signature); None if there is none."""
-    if data[at] == 0xFD:
-        return 12 + data[at + 1] + (13 if data[at + 2] & 1 else 0)
-    return 8 + data[at + 1] if data[at] == 0xFE else None
+def _packet_bytes(data: bytes, offset: int) -> int | None:
+    """Return the length in bytes of the MAVLink packet at ``offset``; None if no packet begins there.
+
+    MAVLink 2 (0xFD) has 12 bytes besides the payload, and 13 for a signature; MAVLink 1 (0xFE) has 8.
+    """
+    if data[offset] == 0xFD:
+        return 12 + data[offset + 1] + (13 if data[offset + 2] & 1 else 0)
+    return 8 + data[offset + 1] if data[offset] == 0xFE else None

@@ -153,7 +153,7 @@ def read_experiments(store: Store, thresholds: Sequence[float] = (), simulated_t
         fresh = by_id.get(fresh_id(name)) if info.searched else None
         good = tuple(sorted(set(thresholds))) or info.thresholds or THRESHOLDS
         advice = replace(selection, remarks=(*measure_first(store, selection), *selection.remarks))
-        elsewhere = store.trials_elsewhere(info) if evidence.swept else {}
+        elsewhere = store.trials_in_other_environments(info) if evidence.swept else {}
         experiments.append(Experiment(name, evidence, advice, shown, left_out, elsewhere, good, effects, indices, fresh))
     return experiments
 
@@ -301,7 +301,7 @@ def _frozen(info: ExperimentInfo) -> str:
 def _trial_rows(store: Store, experiment: Experiment) -> list[dict[str, Any]]:
     """Return a row for each trial, in their order; ``environment`` is None if the runs have other samples."""
     info, evidence = experiment.info, experiment.evidence
-    ids_in_samples = store.trials_here(info) if evidence.swept else set()
+    ids_in_samples = store.trials_in_environment(info) if evidence.swept else set()
     return [
         {
             "number": trial.id,

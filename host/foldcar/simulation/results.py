@@ -23,7 +23,7 @@ OUTCOMES = (*NATIVE_OUTCOMES, REJECTED, FAILED)
 
 @dataclass(frozen=True, slots=True)
 class Metric:
-    """A number of a run's result, as `carsim metrics` describes it; ``optional``: some successful runs lack it."""
+    """A number of a run's result, as `carsim metrics` describes it; some successful runs lack an ``optional`` one."""
 
     name: str
     unit: str
@@ -38,6 +38,7 @@ NUMBERS: tuple[str, ...]
 
 
 def __getattr__(name: str) -> Any:
+    """Return METRICS or NUMBERS, and define both at the first use of one. Raises CarsimError."""
     if name not in ("METRICS", "NUMBERS"):
         raise AttributeError(name)
     program = find_carsim()
@@ -61,7 +62,7 @@ def has_passed(outcome: str) -> bool | None:
 
 
 def no_rate_text(runs: int) -> str:
-    """Return why there is no rate if all runs were rejected."""
+    """Return a sentence on why ``runs`` runs, which were all rejected, give no rate."""
     return f"there is no rate: all {runs:,} runs were rejected: they violated a requirement of the program"
 
 

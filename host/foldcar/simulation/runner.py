@@ -9,7 +9,7 @@ from typing import Any, Protocol, TypeVar
 
 from foldcar.errors import FoldcarError
 
-# Interval of the rows of a path to draw.
+# Interval between the rows of a path that is drawn.
 PATH_INTERVAL_S = 0.02
 
 
@@ -19,10 +19,10 @@ class CarsimError(FoldcarError):
 
 @dataclass(frozen=True, slots=True)
 class RunRequest:
-    """One run: keys of the chunk's bodies and scenes, the settings as a JSON object, a name for errors.
+    """One run of a chunk: the ids of its ``body`` and ``scene``, its ``settings`` as a JSON object.
 
-    ``sample`` is the scene's sample of the environment. ``reality`` is a JSON object: how the real car and ground differ
-    from body and scene.
+    ``label`` names the run in errors. ``sample`` is the scene's sample of the environment. ``reality`` is a JSON object
+    with the differences of the real car and ground from body and scene.
     """
 
     body: str
@@ -34,7 +34,7 @@ class RunRequest:
 
     @property
     def keys(self) -> str:
-        """The keys of carsim's run line that the request decides, as a JSON object."""
+        """The settings, and the reality if it is not nominal, as the JSON object of carsim's run line."""
         is_nominal = self.reality.strip() in ("", "{}")
         return self.settings if is_nominal else f'{{"reality": {self.reality}, {self.settings.lstrip()[1:]}'
 
@@ -58,13 +58,13 @@ class Runner(Protocol):
 
 
 def process_ending(return_code: int, messages: str = "") -> str:
-    """Return ``killed by SIGSEGV`` or ``exit code 3``, with the last line of standard error (``messages``) in brackets.
+    """Return how a process ended: ``killed by SIGSEGV`` or ``exit code 3``, with the last of its messages in brackets.
 
-    ``return_code`` is negative for a signal, as in subprocess.
+    ``return_code`` is negative for a signal, as in subprocess; ``messages`` is its standard error.
     """
-    how = f"exit code {return_code}" if return_code >= 0 else f"killed by {_signal_name(-return_code)}"
-    last = (messages.strip().splitlines() or [""])[-1][:200]
-    return f"{how} ({last})" if last else how
+    ending = f"exit code {return_code}" if return_code >= 0 else f"killed by {_signal_name(-return_code)}"
+    last_line = (messages.strip().splitlines() or [""])[-1][:200]
+    return f"{ending} ({last_line})" if last_line else ending
 
 
 def _signal_name(number: int) -> str:
@@ -78,10 +78,10 @@ T = TypeVar("T")
 
 
 def side_by_side(calls: Iterable[Callable[[], T]], jobs: int, stop: Callable[[], None]) -> Iterator[T]:
-    """Run ``calls``, ``jobs`` at a time, and yield their results in order; ``stop`` stops the others if one fails.
+    """Run ``calls`` in threads, ``jobs`` at a time, and yield their results in order.
 
-    ``calls`` is read in the caller's thread, one call ahead for each simulator: few texts are in memory, and no
-    simulator is idle.
+    If a call fails, ``stop`` is called to stop the others. ``calls`` is read in the caller's thread, one call ahead for
+    each simulator, so that few texts are in memory, and no simulator is idle.
     """
     pool = ThreadPoolExecutor(jobs, thread_name_prefix="carsim")
     waiting: deque[Future[T]] = deque()

@@ -21,6 +21,7 @@ class ShownEgo:
     """The ego of a running simulation; create it after Scenic has created the ego's dynamic copy."""
 
     def __init__(self, ego: Any, start: State) -> None:
+        """Keep what :meth:`show` needs of the ego: its copy, and how it lies against the car's state at the start."""
         self._copy = scenic_private.shown_copy(ego)
         self._attributes = self._copy.__dict__
         self._caches = scenic_private.caches(type(ego))
@@ -30,9 +31,11 @@ class ShownEgo:
         self._derives_more = not scenic_private.derived_while_driving(type(ego)) <= DERIVED
 
     def show(self, state: State) -> None:
-        """Set the ego's properties to those of ``state``."""
+        """Set the ego's properties to those of ``state``, and clear what Scenic has derived from the old ones."""
+        # Scenic's headings start at +y.
         yaw = math.remainder(state.heading_rad - math.pi / 2, 2 * math.pi)
         angles = yaw, state.pitch_rad, state.roll_rad
+        # Relative to the parent orientation, if the program sets one.
         local: tuple[float, ...] = angles
         if self._parent is not None:
             local = tuple(map(float, self._parent.localAnglesFor(_orientation(*angles))))
@@ -53,8 +56,8 @@ class ShownEgo:
         attributes["orientation"] = _orientation(*angles)
         if self._derives_more:
             scenic_private.derive_again(self._copy)
-        for name in self._caches.intersection(attributes):
-            del attributes[name]
+        for cache_name in self._caches.intersection(attributes):
+            del attributes[cache_name]
 
 
 def _orientation(yaw: float, pitch: float, roll: float) -> Any:

@@ -29,6 +29,7 @@ class _Worker(LineProcess):
     """A scenic_worker process for one thread (except `kill`); the line ``opening`` makes it compile the program."""
 
     def __init__(self, opening: str) -> None:
+        """Start a worker process. ``opening`` is the JSON text of the program, sent before its first run."""
         # A fixed hash seed gives sets of strings the same order in all workers. Threads for linear algebra would only
         # slow down copies of the process.
         environment = {**minimal_variables(), "PYTHONHASHSEED": "0", "OPENBLAS_NUM_THREADS": "1"}
@@ -38,7 +39,10 @@ class _Worker(LineProcess):
         self._opening: str | None = opening
 
     def answer(self, body: str, scene: str, request: RunRequest) -> dict[str, Any] | None:
-        """Return the answer to a run; None if the process has died. Raises CarsimError if it refuses its input."""
+        """Simulate a run and return its result, or {"error": message}; None if the process has died.
+
+        Raises CarsimError if it refuses the program or the run.
+        """
         if self._opening is not None:
             ready = json.loads(self.ask(self._opening) or "null")
             if ready is None:
@@ -97,12 +101,13 @@ class ScenicRunner:
         os.register_at_fork(after_in_child=reset_workers)
 
     def _reset_workers(self) -> None:
+        """Forget all workers, without ending them."""
         self._lock, self._idle, self._busy = threading.Lock(), list[_Worker](), set[_Worker]()
 
     def run(
         self, bodies: Mapping[str, str], scenes: Mapping[str, str], requests: Sequence[RunRequest]
     ) -> list[dict[str, Any]]:
-        """As in Runner."""
+        """Return answers to ``requests`` in order, as a Runner does; a worker runs them one by one."""
         answers: list[dict[str, Any]] = []
         process: _Worker | None = None
         try:
@@ -110,17 +115,17 @@ class ScenicRunner:
                 answer, ending = None, ""
                 # If the process dies, retry the run once; it has failed if the next process dies, too.
                 for _ in range(2):
-                    process = process or self._take()
+                    process = process or self._take_worker()
                     answer = process.answer(bodies[request.body], scenes[request.scene], request)
                     if process not in self._busy:
                         raise CarsimError("stopped")
                     if answer is not None:
                         break
-                    ending, process = f"{CRASH} ({process_ending(self._drop(process))})", None
+                    ending, process = f"{CRASH} ({process_ending(self._end_worker(process))})", None
                 answers.append({"error": ending} if answer is None else answer)
         except BaseException:
             if process is not None:
-                self._drop(process)
+                self._end_worker(process)
             raise
         with self._lock:
             if process in self._busy:
@@ -129,7 +134,7 @@ class ScenicRunner:
         return answers
 
     def stop(self) -> None:
-        """As in Runner."""
+        """Stop all running calls of `run`, which raise CarsimError."""
         with self._lock:
             busy, self._busy = self._busy, set()
         for process in busy:
@@ -143,13 +148,15 @@ class ScenicRunner:
         for process in idle:
             process.close()
 
-    def _take(self) -> _Worker:
+    def _take_worker(self) -> _Worker:
+        """Return an idle worker, or a new one, and mark it as busy."""
         with self._lock:
             process = self._idle.pop() if self._idle else _Worker(self._opening)
             self._busy.add(process)
         return process
 
-    def _drop(self, process: _Worker) -> int:
+    def _end_worker(self, process: _Worker) -> int:
+        """Kill a worker and return its return code."""
         with self._lock:
             self._busy.discard(process)
         process.kill()

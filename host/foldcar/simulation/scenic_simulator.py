@@ -1,8 +1,8 @@
 """Scenic's own simulations over `carsim step`: any program's records, conditions, monitors and requirements work.
 
 Input: a car (body and settings of docs/carsim.md), then Scenic scenes. Output: Scenic's Simulation objects, or the
-result of a run with what the program recorded. Scenic looks at the simulation once an outer step of
-`param outer_step_s`; the look at which a run ends is put back to the 1/240 s at which its end came.
+result of a run with what the program recorded. Scenic evaluates the simulation ("looks") once every outer step, which is
+`param outer_step_s`. If a run ends between two looks, the second look is moved back to the step of 1/240 s of the end.
 
 For people who script with Scenic: ``CarSimulator(...).simulate(scene)`` is Scenic's own interface, and
 ``CarSimulator(...).run(scene)`` gives the result that a sweep stores.
@@ -65,7 +65,7 @@ class CarSimulator(Simulator):  # type: ignore[misc]
         self._passing = frozenset(passing)
 
     def createSimulation(self, scene: Any, *, timestep: float | None, **options: Any) -> "CarSimulation":  # noqa: N802
-        """Scenic's hook: run one simulation. ``timestep`` (s) takes precedence over the program's own."""
+        """Run one simulation (Scenic's hook). ``timestep`` (s) takes precedence over the program's outer step."""
         scene_text = self._describe(scene)
 
         def start() -> Any:
@@ -75,11 +75,11 @@ class CarSimulator(Simulator):  # type: ignore[misc]
         return CarSimulation(scene, carsim=self._carsim, start=start, timestep=step_s, **options)
 
     def run(self, scene: Any) -> Result:
-        """One run's result as carsim gives it, with ``recorded`` and two more outcomes.
+        """Simulate a scene and return carsim's result, with ``recorded`` and two more outcomes.
 
-        ``terminated``: the program ended the run. ``rejected``: it violated a requirement while it ran. Recorded
-        values are {"kind": "initial"|"final"|"series", "value": JSON}. Raises FoldcarError for what cannot be
-        stored, and whatever the program raises.
+        These are ``terminated``, if the program ended the run, and ``rejected``, if the run violated a requirement of the
+        program. Recorded values are {"kind": "initial"|"final"|"series", "value": JSON}. Raises FoldcarError if a value
+        cannot be stored, and all exceptions of the program.
         """
         try:
             simulation = self.createSimulation(scene, maxSteps=None, name="run", timestep=None, enableReplay=False)
@@ -92,7 +92,10 @@ class CarSimulator(Simulator):  # type: ignore[misc]
         return _result(simulation, None)
 
     def _has_passed(self, simulation: "CarSimulation") -> bool:
-        """Whether a run that the program ended has passed. A car that is not upright has been ended by carsim before."""
+        """Return whether a run that the program ended has passed, by its recorded verdict or the condition that ended it.
+
+        The car is upright, because carsim has ended the run otherwise.
+        """
         verdict = simulation.recorded.get(VERDICT, {"kind": "initial"})
         if verdict["kind"] == "final":
             return bool(verdict["value"])
@@ -102,9 +105,9 @@ class CarSimulator(Simulator):  # type: ignore[misc]
 
 
 class CarSimulation(Simulation):  # type: ignore[misc]
-    """One trial. As with every Scenic simulation, making the object runs it.
+    """One trial. As with every Scenic simulation, creating the object runs it.
 
-    ``run_result`` is carsim's result, its outcome "terminated" if Scenic ended the trial; ``recorded`` what the
+    ``run_result`` is carsim's result, with the outcome "terminated" if Scenic ended the trial; ``recorded`` is what the
     program recorded, as plain JSON.
     """
 
@@ -120,8 +123,8 @@ class CarSimulation(Simulation):  # type: ignore[misc]
         self._state: State | None = None
         self._native: Result | None = None
         self._steps: float = 0.0
-        self._begun: tuple[float, float] = (0.0, 0.0)  # time (s) and steps at the last look but one
-        self._row: int | None = None  # of the last advance, if the look was put back to it
+        self._begun: tuple[float, float] = (0.0, 0.0)  # time (s) and outer steps at the beginning of the last advance
+        self._row: int | None = None  # the row of the last advance to which the look was moved back, if it was
         self._endings: list[Any] = []
         self._requirements: list[Any] = []
         with _imported_requirements():
@@ -130,25 +133,25 @@ class CarSimulation(Simulation):  # type: ignore[misc]
 
     @property
     def recorded(self) -> dict[str, dict[str, Any]]:
-        """What the program recorded, see scenic_statements."""
+        """What the program recorded, by name (see scenic_statements)."""
         return self._records.plain
 
     @property
     def currentTime(self) -> float:  # noqa: N802
-        """Outer steps since the start; not a whole number where a stop was traced back."""
+        """Outer steps since the start; not an integer if the look was moved back."""
         return self._steps
 
     @currentTime.setter
     def currentTime(self, steps: float) -> None:  # noqa: N802
-        """Scenic counts its steps, but the trial's own clock is what tells the time."""
+        """Ignore Scenic's own count of steps: the trial's clock decides."""
 
     @property
     def currentRealTime(self) -> float:  # noqa: N802
-        """Seconds since the start of the trial."""
+        """Time since the start of the trial (s)."""
         return 0.0 if self._state is None else self._state.t_s
 
     def setup(self) -> None:
-        """Put the car down and create all objects of the scene."""
+        """Place the car, and create all objects of the scene (Scenic's hook)."""
         self.agents: list[Any] = []
         scenario = self.scene.dynamicScenario
         scenic_private.forget_last_simulation(scenario)
@@ -164,16 +167,19 @@ class CarSimulation(Simulation):  # type: ignore[misc]
         scenic_private.end_simulation_when(scenario, NativeEnding(lambda: self._native))
 
     def createObjectInSimulator(self, obj: Any) -> None:  # noqa: N802
-        """Scenic's hook. What the car meets is baked when it is put down, so only Markers can come later."""
+        """Refuse objects, except Markers, that are created during the run (Scenic's hook).
+
+        carsim gets the ground and obstacles once, before the start.
+        """
         kinds = {ancestor.__name__ for ancestor in type(obj).__mro__}
         if self._state is not None and ("Marker" not in kinds or "Goal" in kinds):
             raise SimulationCreationError(
-                f"a {type(obj).__name__} is created while the car drives: the world has to stand before, "
+                f"a {type(obj).__name__} is created while the car drives; create it before, "
                 "in the program itself or in its top-level `setup`"
             )
 
     def step(self) -> None:
-        """Advance to the next look, or to the end of the run before it."""
+        """Advance to the next look, or to the end of the run if that is earlier (Scenic's hook)."""
         assert self._state is not None
         self._begun, self._row = (self._state.t_s, self._steps), None
         look = math.floor(self._steps + ROUNDING_S) + 1
@@ -182,19 +188,20 @@ class CarSimulation(Simulation):  # type: ignore[misc]
         self._show(advanced.state, self._steps_at(advanced.state) if advanced.result else look)
         limit_s = self._time_limit_s() - ROUNDING_S
         if limit_s < advanced.state.t_s - 2 * ROUNDING_S or self._endings or self._requirements:
-            self._put_back(limit_s)
+            self._move_back(limit_s)
 
-    def _put_back(self, limit_s: float) -> None:
-        """Put the look back to the first step since the last one at which the program ends or rejects the run.
+    def _move_back(self, limit_s: float) -> None:
+        """Move the look back to the first step of the last advance at which the program ends or rejects the run.
 
-        All that Scenic then evaluates, it evaluates there. A condition may hold between two looks only.
+        Scenic then evaluates everything at that step. Without this, a condition that holds only between two looks would
+        be missed. ``limit_s`` is the program's time limit.
         """
         assert self._state is not None
         look, steps = self._state, self._steps
         for row, state in enumerate(self._carsim.rows()[:-1]):
             self._show(state, self._steps_at(state))
             violated = [requirement for requirement in self._requirements if requirement.value() is B4.FALSE]
-            ended = self._ended()
+            ended = self._ending_holds()
             if violated or ended or state.t_s >= limit_s:
                 self._row, self._native = row, None
                 if ended:
@@ -202,15 +209,18 @@ class CarSimulation(Simulation):  # type: ignore[misc]
                 return
         self._show(look, steps)
 
-    def _ended(self) -> bool:
-        """Whether a condition to end the run holds in the state that is shown."""
+    def _ending_holds(self) -> bool:
+        """Return whether a condition that ends the run holds in the state that is shown to the program."""
         return any(
             ending.isTrue().is_truthy if ending.ty is RequirementType.terminateSimulationWhen else ending.evaluate()
             for ending in self._endings
         )
 
     def updateObjects(self) -> None:  # noqa: N802
-        """Scenic's hook: bring the objects up to date; the ego is."""
+        """Update the objects (Scenic's hook). The ego is up to date already.
+
+        At the start, the requirements are collected, and their monitors replaced by faster ones.
+        """
         super().updateObjects()
         scenario = self.scene.dynamicScenario
         if self._steps > 0:
@@ -224,7 +234,7 @@ class CarSimulation(Simulation):  # type: ignore[misc]
             requirement.monitor = ChangesMonitor(requirement.proposition)
 
     def actionsAreCompatible(self, agent: Any, actions: tuple[Any, ...]) -> bool:  # noqa: N802
-        """Scenic's hook."""
+        """Check that actions can be taken together (Scenic's hook). Raises InvalidScenarioError for other objects."""
         for action in actions:
             if not isinstance(action, Action):
                 error: Any = InvalidScenarioError(f"a {type(agent).__name__} takes {action!r}, which is no action")
@@ -233,7 +243,7 @@ class CarSimulation(Simulation):  # type: ignore[misc]
         return bool(super().actionsAreCompatible(agent, actions))
 
     def getProperties(self, obj: Any, properties: set[str]) -> dict[str, Any]:  # noqa: N802
-        """Scenic's hook: what does not drive is where the program has put it."""
+        """Return an object's properties (Scenic's hook): only the car moves, so they are those of the program."""
         return {name: getattr(obj, name) for name in properties}
 
     def recordCurrentState(self) -> None:  # noqa: N802
@@ -243,11 +253,11 @@ class CarSimulation(Simulation):  # type: ignore[misc]
         self.trajectory.append(self.currentState())
 
     def currentState(self) -> tuple[Any, ...]:  # noqa: N802
-        """Scenic's hook: the positions of all objects, the ego's first."""
+        """Return the positions of all objects, the ego's first (Scenic's hook)."""
         return tuple(thing.position for thing in self.objects)
 
     def destroy(self) -> None:
-        """Scenic's hook: called in any case once the simulation is over."""
+        """End the trial and store carsim's result (Scenic's hook, called after every simulation)."""
         if self._state is None or not self._carsim.alive:
             return
         if self._native is not None:
@@ -256,23 +266,25 @@ class CarSimulation(Simulation):  # type: ignore[misc]
             self.run_result = self._carsim.end(len(self._carsim.rows()) - 1 if self._row is None else self._row)
 
     def _steps_at(self, state: State) -> float:
+        """Return the outer steps since the start, with a fraction, at the time of a state of the last advance."""
         begun_s, begun_steps = self._begun
         return begun_steps + (state.t_s - begun_s) / self.timestep
 
     def _show(self, state: State, steps: float) -> None:
+        """Set the ego's properties to a state, at that number of outer steps."""
         self._state, self._steps = state, steps
         self._ego.show(state)
 
     def _time_limit_s(self) -> float:
-        """The top-level scenario's `terminate after`, which may lie within an outer step."""
+        """Return the time limit (s) of the top-level scenario's `terminate after`, which may lie within an outer step."""
         return scenic_private.time_limit_s(self.scene.dynamicScenario, self.timestep)
 
 
 @contextlib.contextmanager
 def _imported_requirements() -> Iterator[None]:
-    """Within the block, Scenic evaluates a requirement of an imported program in the scenario that runs.
+    """Make Scenic, within the block, evaluate requirements of imported programs in the running scenario.
 
-    Its own scenario never runs, and Scenic's assertion that it does would fail.
+    The imported program's own scenario does not run, and Scenic would fail with an assertion.
     """
     evaluate = veneer.executeInRequirement
     veneer.executeInRequirement = lambda scenario, ego, values: evaluate(veneer.currentScenario or scenario, ego, values)
@@ -283,7 +295,7 @@ def _imported_requirements() -> Iterator[None]:
 
 
 def _place(behavior: Any) -> tuple[str | None, int | None]:
-    """Return the file and line of the innermost Scenic statement that a behavior is at; None if it is in none.
+    """Return the file and line of the innermost Scenic statement that a behavior executes; (None, None) outside one.
 
     A behavior may do another behavior: its generator then yields from the generator of the other one.
     """
@@ -297,8 +309,9 @@ def _place(behavior: Any) -> tuple[str | None, int | None]:
 
 
 def _result(simulation: CarSimulation, outcome: str | None) -> Result:
+    """Return carsim's result with the recorded values, and with ``outcome`` instead of its own unless None."""
     if simulation.run_result is None:
-        raise FoldcarError("the simulation ended before the car was put down")
+        raise FoldcarError("the simulation ended before the car was placed")
     result = {**simulation.run_result, "recorded": simulation.recorded}
     if outcome is not None:
         result["outcome"] = outcome

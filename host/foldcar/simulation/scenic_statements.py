@@ -23,7 +23,7 @@ def is_about_looks(requirement: Any) -> bool:
 
 
 class ChangesMonitor(PropositionMonitor):  # type: ignore[misc]
-    """Monitors a temporal proposition without `next`; it is called for every state, but stores only changes.
+    """Monitors a temporal proposition without `next`, faster than Scenic's monitor: it stores only changed states.
 
     Repeated states do not matter for such a proposition, and Scenic's monitor evaluates all stored states each time.
     """
@@ -34,7 +34,7 @@ class ChangesMonitor(PropositionMonitor):  # type: ignore[misc]
         self._verdict: rv_ltl.B4 = rv_ltl.B4.TRUE
 
     def update(self) -> rv_ltl.B4:
-        """Add the current state; return the verdict so far."""
+        """Add the current values of the proposition's atoms; return the verdict so far."""
         state = {str(atom.syntax_id): bool(atom.closure()) for atom in self._proposition.atomics()}
         if state != self._latest:
             self._latest = state
@@ -44,7 +44,7 @@ class ChangesMonitor(PropositionMonitor):  # type: ignore[misc]
 
 
 class NativeEnding:
-    """A `terminate simulation when` that becomes true when the trial has a result."""
+    """A condition of `terminate simulation when` that becomes true when carsim has ended the trial with a result."""
 
     def __init__(self, result: Callable[[], dict[str, Any] | None]) -> None:
         self._result = result
@@ -63,14 +63,17 @@ class NativeEnding:
 
 
 class Records:
-    """The records of one simulation. ``scenic`` is Scenic's own dictionary of them, which it keeps up to date."""
+    """What a program records in one simulation: ``plain`` has the values as JSON by name.
+
+    ``scenic`` is Scenic's own dictionary of them, which is updated, too.
+    """
 
     def __init__(self, scenic: dict[str, Any]) -> None:
         self.plain: dict[str, dict[str, Any]] = {}
         self._scenic = scenic
 
     def take(self, scenario: Any, steps: float, t_s: float) -> None:
-        """Evaluate and store the values of series at that time, and initial values at the start."""
+        """Evaluate and store series at ``t_s`` (outer step ``steps``), and at the start also initial values."""
         refuse_misplaced(scenario)
         if steps == 0:
             for name, value in scenic_private.recorded(scenario, RequirementType.recordInitial, 0).items():
@@ -89,7 +92,10 @@ class Records:
 
 
 def refuse_misplaced(scenario: Any) -> None:
-    """Refuse statements that Scenic 3.1 treats as requirements if another scenario invokes their scenario."""
+    """Raise FoldcarError for statements in invoked scenarios that Scenic 3.1 wrongly treats as requirements.
+
+    These are conditions and records: they have an effect only in the top-level scenario.
+    """
     for sub in scenic_private.invoked(scenario):
         for statement in scenic_private.temporal_requirements(sub):
             if statement.ty is not RequirementType.require:

@@ -22,7 +22,7 @@ from foldcar.scenes.program import one_line
 from foldcar.scenes.source import SceneSource, open_environment, other_scene, seeded
 from foldcar.simulation.carsim_step import SimulatorDiedError, SteppedCarsim, TrialFailedError
 from foldcar.simulation.runner import CarsimError
-from foldcar.simulation.worker import Forked, answers_on
+from foldcar.simulation.worker import Forked, set_answer_descriptors
 
 # Limit of a run's wall time. Runs take a few seconds at most, so a longer one hangs.
 RUN_LIMIT_S = 480.0
@@ -33,7 +33,7 @@ def main() -> None:
     # Output that a program prints must not mix with the answers.
     with os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8") as output:
         os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
-        answers_on(output.fileno())
+        set_answer_descriptors(output.fileno())
         opening = json.loads(sys.stdin.readline() or "null")
         if opening is None:
             return
@@ -49,9 +49,10 @@ def main() -> None:
 
 
 class ScenicWorker:
-    """A compiled program beside carsim. Raises FoldcarError if the program cannot be opened."""
+    """Simulates runs of a compiled Scenic program with carsim. Raises FoldcarError if the program cannot be opened."""
 
     def __init__(self, opening: dict[str, Any]) -> None:
+        """Compile the Scenic program of ``opening``, the first message, for all runs that will follow."""
         self._source: SceneSource = open_environment(
             Path(opening["program"]), opening["params"], opening["seed"], opening["condition"], opening["files"]
         )
@@ -77,7 +78,7 @@ class ScenicWorker:
         self._open.close()
 
     def answer(self, request: dict[str, Any]) -> dict[str, Any]:
-        """Return the answer to one run."""
+        """Return the answer to one run, from the copy of this process for the run's sample."""
         if self._copy is None or self._sample != request["sample"]:
             self._open.close()
             self._copy = self._open.enter_context(Forked(self._answer_for_sample))
@@ -85,7 +86,7 @@ class ScenicWorker:
         return self._copy.ask(request)
 
     def _answer_for_sample(self, request: dict[str, Any]) -> dict[str, Any]:
-        """In the copy for one sample: draw the sample if it was not drawn yet, and run in another copy."""
+        """Answer a run in the copy for its sample: draw the sample at the first run, and simulate in another copy."""
         try:
             self._open_sample(request["sample"])
         except FoldcarError as error:
@@ -98,7 +99,7 @@ class ScenicWorker:
             return self._answer(request)
 
     def _answer(self, request: dict[str, Any]) -> dict[str, Any]:
-        """Answer in this process; if the simulator dies, retry the run once with a new one."""
+        """Simulate a run in this process; if the simulator dies, retry once with a new one."""
         try:
             try:
                 return {"result": self._run(request)}
@@ -110,6 +111,10 @@ class ScenicWorker:
             return {"refused": str(error)}
 
     def _run(self, request: dict[str, Any]) -> dict[str, Any]:
+        """Simulate a run and return its result. Raises TrialFailedError for errors of the program during the run.
+
+        Raises FoldcarError if the program no longer gives the scene that the request has.
+        """
         k, program = request["sample"], self._source.program
         self._open_sample(k)
         if self._described != json.loads(request["scene"]):
@@ -129,6 +134,7 @@ class ScenicWorker:
                 raise TrialFailedError(f"{place}: {one_line(error, program)}") from error
 
     def _open_sample(self, k: int) -> None:
+        """Draw sample ``k``, unless it is the last one drawn."""
         if self._sample == k and self._scene is not None:
             return
         self._sample, self._scene = None, None

@@ -1,8 +1,8 @@
 """Worker processes, which end with the process that started them, and copies of them made by fork.
 
-A process with the argument MODULE runs MODULE's `main`. It ends when its output is no longer read, that is when its
-parent ends in any way, even while it is importing Scenic. Changes that a Scenic program makes in a copy's memory, to
-objects, nested lists, modules or iterators, vanish with the copy.
+A process with the argument MODULE runs MODULE's `main`. It ends when nobody reads its output any more: its parent has
+ended, or was killed. That also works while it is importing Scenic. Changes that a Scenic program makes in a copy's
+memory, to objects, nested lists, modules or iterators, vanish with the copy.
 """
 
 import contextlib
@@ -43,23 +43,24 @@ def wait_for_no_reader(pipe: int) -> None:
 
 Answer = dict[str, Any]
 
-# Descriptors of the pipes to which this process writes answers. Copies close them, or else readers would also wait for
-# the copies' end.
+# Descriptors of the pipes to which this process writes answers. Copies close them, because a reader sees the end of a
+# pipe only when all its writers have closed it.
 _answer_descriptors: list[int] = []
 
 
-def answers_on(*descriptors: int) -> None:
+def set_answer_descriptors(*descriptors: int) -> None:
     """Set the file descriptors to which this process writes answers; its copies close them."""
     _answer_descriptors[:] = descriptors
 
 
 class Forked:
-    """A copy of this process (a context manager) that answers by ``answer``, a function of JSON objects.
+    """A copy of this process, made by fork, that answers questions by the function ``answer`` of JSON objects.
 
-    Memory is shared until it is changed.
+    It is a context manager, which ends the copy. Memory is shared until it is changed.
     """
 
     def __init__(self, answer: Callable[[Answer], Answer]) -> None:
+        """Copy this process (fork). The copy reads questions from a pipe and writes their ``answer`` to another one."""
         question_pipe, self._questions = os.pipe()
         self._answers, answer_pipe = os.pipe()
         # Garbage collection in the copy would write to every page with an object, and so copy the page.
@@ -71,7 +72,7 @@ class Forked:
         if self._process == 0:
             for descriptor in (self._questions, self._answers, *_answer_descriptors):
                 os.close(descriptor)
-            answers_on(question_pipe, answer_pipe)
+            set_answer_descriptors(question_pipe, answer_pipe)
             _serve(answer, question_pipe, answer_pipe)
         os.close(question_pipe)
         os.close(answer_pipe)
@@ -87,7 +88,7 @@ class Forked:
         os.waitpid(self._process, 0)
 
     def ask(self, question: Answer) -> Answer:
-        """Return the copy's answer. If the copy dies without an answer, this process ends, too."""
+        """Return the copy's answer to a question. If the copy dies without an answer, this process ends, too."""
         data = (json.dumps(question) + "\n").encode()
         with contextlib.suppress(BrokenPipeError):
             while data:
@@ -100,7 +101,7 @@ class Forked:
 
 
 def _serve(answer: Callable[[Answer], Answer], question_pipe: int, answer_pipe: int) -> NoReturn:
-    """Answer questions until the pipe is closed. Never return to the code that forked, which is the original's."""
+    """Answer questions until their pipe is closed, then end the process, so that the caller's code does not run twice."""
     code = 1
     threading.Thread(target=end_without_reader, args=(answer_pipe,), daemon=True).start()
     try:

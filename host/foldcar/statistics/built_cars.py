@@ -27,7 +27,7 @@ PRIOR = numpy.array([0.5, 1.0, 1.0, 1.0, 1.5, 2.0]) * numpy.exp(-0.5 * (SPREADS 
 PRIOR = PRIOR / PRIOR.sum()
 # Ranges of SPREADS: the spreads of all designs that one workshop builds are in the same range.
 RANGES = SPREADS.reshape(3, 2)
-# Weight of the prior beside what simulated cars say: the workshop's imperfections are assumptions.
+# Weight of the prior in the mixture with the weights by simulated cars, whose imperfections are assumptions.
 PRIOR_SHARE = 0.2
 # (16 sqrt(3) / 15 pi)^2 of Zeger, Liang and Albert.
 SLOPE = 0.346
@@ -51,10 +51,10 @@ def centre_factor(spread: float | NDArray[Any]) -> Any:
 
 @dataclass(frozen=True)
 class BuiltCars:
-    """The trials of cars of one design: of each car ``passed`` of ``counted`` (cars,), at least one trial.
+    """The trials of cars of one design: each car ``passed`` (cars,) of its ``counted`` (cars,) trials, at least one.
 
-    ``shift`` (cars,): how much easier the car's environments are than all, in log-odds by simulation. ``weights`` are
-    those of SPREADS.
+    ``shift`` (cars,) is how much easier the car's environments are than all environments, in simulated log-odds.
+    ``weights`` are the probabilities of SPREADS.
     """
 
     passed: NDArray[Any]
@@ -69,7 +69,7 @@ class BuiltCars:
 
     @property
     def spread(self) -> float:
-        """The standard deviation of the cars' log-odds: its mean, before these trials count."""
+        """The mean standard deviation of the cars' log-odds under ``weights``, without these trials."""
         return float(self.weights @ SPREADS)
 
     @property
@@ -78,13 +78,15 @@ class BuiltCars:
         return f"{count(int(self.counted.sum()), 'trial')} of {count(len(self.counted), 'car')}"
 
     def rate(self, confidence: float = 0.95) -> Rate:
-        """Estimate the rate of a further car: the fraction that passed, corrected for the shift, with Jeffreys' prior.
+        """Estimate the rate of a new car of the design.
 
-        Without spread and shift the interval is Jeffreys'. Raises FoldcarError if ``confidence`` is not between 0 and 1.
+        The value is the fraction that passed, corrected for the shift. The interval is the posterior's under Jeffreys'
+        prior. Raises FoldcarError if ``confidence`` is not between 0 and 1.
         """
         check_confidence(confidence)
         tail = (1 - confidence) / 2
         low, high = self._quantiles([tail, 1 - tail]).tolist()
+        # As usual for Jeffreys' interval, an end is 0 if no trial passed, and 1 if all passed.
         low, high = (0.0 if not self.passed.any() else low), (1.0 if (self.passed == self.counted).all() else high)
         fraction = self.passed.sum() / self.counted.sum()
         odds_ratio = numpy.exp(-self.shift @ self.counted / self.counted.sum())
@@ -92,32 +94,34 @@ class BuiltCars:
         return Rate(value, low, high, confidence, f"{self.text}, for a further car of the design")
 
     def draws(self, number: int, random: numpy.random.Generator) -> NDArray[Any]:
-        """Draw rates (number,) of a further car from their posterior."""
+        """Draw success rates (number,) of a new car from their posterior."""
         return self._quantiles(random.random(number))
 
     def count_draws(self, rates: NDArray[Any], random: numpy.random.Generator) -> NDArray[Any]:
-        """Draw how many trials (n,) of as many other cars with as many trials pass, given rates (n,) of the design."""
+        """Draw numbers (n,) of passed trials if new cars repeat these trials, given rates (n,) of the design."""
         spread = random.choice(SPREADS, (len(rates), 1), p=self.weights)
         centre = centre_factor(spread) * numpy.log(rates / (1 - rates))[:, None]
         log_odds = centre + self.shift + spread * random.standard_normal((len(rates), len(self.shift)))
         return numpy.asarray(random.binomial(self.counted.astype(int), 1 / (1 + numpy.exp(-log_odds))).sum(axis=1))
 
     def _quantiles(self, probabilities: Sequence[float] | NDArray[Any]) -> NDArray[Any]:
+        """Return quantiles of the posterior of a new car's rate, tabulated over log-odds."""
         ((_, spline),) = likelihood([self])
-        logs = spline(FINE_LOG_ODDS)[:, 0] + JEFFREYS_LOG_DENSITY
-        density = numpy.exp(logs - logs.max())
+        log_density = spline(FINE_LOG_ODDS)[:, 0] + JEFFREYS_LOG_DENSITY
+        density = numpy.exp(log_density - log_density.max())
         mass = density.cumsum() - density / 2
         return numpy.asarray(1 / (1 + numpy.exp(-numpy.interp(probabilities, mass / density.sum(), FINE_LOG_ODDS))))
 
 
 def likelihood(designs: Sequence[BuiltCars], ranges: Iterable[NDArray[Any]] = (SPREADS,)) -> list[tuple[float, Any]]:
-    """Return the log likelihood of designs given their cars, once for each of ``ranges`` of the spread.
+    """Return the log likelihood of each design's log-odds given its cars, once for each of ``ranges`` of the spread.
 
-    Each item is a pair: the prior probability of the range, and a CubicSpline of log-odds, (m,) -> (m, designs).
+    Each item is a pair: the prior probability of the range, and a CubicSpline from log-odds (m,) to log likelihoods
+    (m, designs).
 
     The spreads of all designs are in the same range, because one workshop builds their cars. Independent spreads would
-    average out: the mean spread of many designs would seem to be known. A design's weights come partly from PRIOR and
-    partly from simulated cars; the range limits the former part only.
+    average out: the mean spread of many designs would seem to be known. A design's weights are a mixture of PRIOR and of
+    weights by simulated cars; the range restricts the first part only.
     """
     from scipy.interpolate import CubicSpline
 
@@ -132,20 +136,26 @@ def likelihood(designs: Sequence[BuiltCars], ranges: Iterable[NDArray[Any]] = (S
     )
     by_spread, result = numpy.add.reduceat(by_car[:, :, car_index.ravel()], starts, axis=2), []
     weights = numpy.array([design.weights for design in designs])
-    assumed = (weights / PRIOR).min(axis=1, keepdims=True)
-    for range_ in ranges if assumed.any() else (SPREADS,):
-        part = numpy.where(numpy.isin(SPREADS, range_), PRIOR, 0)
+    # The fraction of each design's weights that comes from PRIOR.
+    prior_fraction = (weights / PRIOR).min(axis=1, keepdims=True)
+    for range_ in ranges if prior_fraction.any() else (SPREADS,):
+        prior_in_range = numpy.where(numpy.isin(SPREADS, range_), PRIOR, 0)
+        restricted = weights + prior_fraction * (prior_in_range / prior_in_range.sum() - PRIOR)
         with numpy.errstate(divide="ignore"):
-            logs = by_spread + numpy.log((weights + assumed * (part / part.sum() - PRIOR)).clip(0)).T[:, None]
+            logs = by_spread + numpy.log(restricted.clip(0)).T[:, None]
+        # Sum over spreads; the maximum is subtracted so that exp does not underflow.
         top = logs.max(axis=0)
-        result.append(
-            (float(part.sum()), CubicSpline(COARSE_LOG_ODDS, top + numpy.log(numpy.exp(logs - top).sum(axis=0))))
-        )
+        log_sum = top + numpy.log(numpy.exp(logs - top).sum(axis=0))
+        result.append((float(prior_in_range.sum()), CubicSpline(COARSE_LOG_ODDS, log_sum)))
     return result
 
 
 def _car_log_likelihood(log_odds: NDArray[Any], k: NDArray[Any], n: NDArray[Any] | float, spread: float) -> NDArray[Any]:
-    """Return the log likelihood (m, cars) of log-odds (m, cars) of designs whose car passed k of n (cars,)."""
+    """Return the log likelihood (m, cars) of log-odds (m, cars) of a design whose car passed k of n trials (cars,).
+
+    The likelihood of the car's own log-odds, centre + spread z, is averaged over the standard normal z by Gauss-Hermite
+    quadrature around the mode of the integrand (adaptive: Liu and Pierce 1994, doi:10.2307/2337136).
+    """
     centre, z = centre_factor(spread) * log_odds, numpy.zeros(1)
     for _ in range(NEWTON_STEPS if spread else 0):
         rate = 1 / (1 + numpy.exp(-(centre + spread * z)))
@@ -161,7 +171,7 @@ def _car_log_likelihood(log_odds: NDArray[Any], k: NDArray[Any], n: NDArray[Any]
 
 
 def shift(expected: Sequence[float | None], overall: float) -> float:
-    """Return how much easier a car's environments are than all, in log-odds.
+    """Return how much easier a car's environments are than all environments, in log-odds, shrunk by TRUST.
 
     ``expected`` is the fraction of simulated cars that pass in the environment of each trial, None where unknown.
     ``overall``, between 0 and 1, is simulation's rate over all environments; it counts as one further trial.
@@ -172,12 +182,16 @@ def shift(expected: Sequence[float | None], overall: float) -> float:
 
 
 def simulated_weights(passed: ArrayLike, scenes: int) -> NDArray[Any]:
-    """Return the weights of SPREADS given simulated cars of a design, each of which passed ``passed`` (cars,) scenes."""
+    """Return the weights of SPREADS given simulated cars of a design.
+
+    Each car drove in the same number of ``scenes`` and passed in ``passed`` (cars,) of them.
+    """
     from scipy.interpolate import CubicSpline
 
-    k, cars = numpy.unique(numpy.asarray(passed, dtype=float), return_counts=True)
+    passed_counts, cars = numpy.unique(numpy.asarray(passed, dtype=float), return_counts=True)
     by_spread = [
-        _car_log_likelihood(COARSE_LOG_ODDS[:, None], k, float(scenes), spread) @ cars for spread in SPREADS.tolist()
+        _car_log_likelihood(COARSE_LOG_ODDS[:, None], passed_counts, float(scenes), spread) @ cars
+        for spread in SPREADS.tolist()
     ]
     logs = CubicSpline(COARSE_LOG_ODDS, numpy.array(by_spread).T)(FINE_LOG_ODDS)
     informed = PRIOR * numpy.exp(logs + JEFFREYS_LOG_DENSITY[:, None] - logs.max()).sum(axis=0)

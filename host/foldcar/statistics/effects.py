@@ -34,8 +34,9 @@ MAX_VALUES = 40
 
 @dataclass(frozen=True)
 class Effect:
-    """Success over the values ``grid`` (v,): ``mean`` (v,) and ``curves`` (c, v) of single combinations.
+    """Success over the values ``grid`` (v,) of one parameter.
 
+    ``mean`` (v,) is averaged over combinations of the other parameters, ``curves`` (c, v) are single combinations.
     ``low`` and ``high`` (v,) are the 95 % band of the mean curve's shape: its differences from the mean over all values.
     ``level`` is the 95 % interval of that mean. All values share the environments, so the shape is known better than the
     level. ``combinations`` is the number of combinations averaged; ``run`` is whether all were run at every value.
@@ -71,7 +72,7 @@ class Effects:
     factors: tuple[NDArray[Any], ...]
 
     def rates(self, parameters: NDArray[Any]) -> NDArray[Any]:
-        """Draw the rates (draws, m) of designs (m, k) within the range of those that were run."""
+        """Draw the rates (draws, m) of designs with parameters (m, k), within the range of the designs that were run."""
         scaled, log_odds = (parameters - self.model.low) / self.model.span, []
         random = numpy.random.default_rng(1)
         for candidate, drawn in zip(self.model.candidates, self.factors, strict=True):
@@ -81,7 +82,7 @@ class Effects:
         return numpy.asarray(1 / (1 + numpy.exp(-numpy.concatenate(log_odds))))
 
     def effect(self, parameter: int) -> Effect:
-        """Compute the effect of the parameter with that index."""
+        """Return success over the values of the parameter with this index, averaged over the other parameters."""
         values = numpy.unique(self.parameters[:, parameter])
         combinations, all_run = self._combinations([parameter])
         grid = values if len(values) <= MAX_VALUES else numpy.linspace(values[0], values[-1], MAX_VALUES)
@@ -89,6 +90,7 @@ class Effects:
         draws = self._draws_over(combinations, [parameter], grid[:, None])
         mean_curves = draws.mean(axis=1)
         levels = mean_curves.mean(axis=1)
+        # The band shows the uncertainty of the curve's shape: the draws are shifted to a common level.
         low, high = levels.mean() + numpy.quantile(mean_curves - levels[:, None], (0.025, 0.975), axis=0)
         level_low, level_high = numpy.quantile(levels, (0.025, 0.975)).tolist()
         shown = numpy.unique(numpy.linspace(0, len(combinations) - 1, MAX_CURVES).round().astype(int))
@@ -122,39 +124,43 @@ class Effects:
         low, high = numpy.quantile(means, [(1 - confidence) / 2, (1 + confidence) / 2], axis=0)
         return means.mean(axis=0), low, high
 
-    def _draws_over(self, chosen: NDArray[Any], indices: Sequence[int], values: NDArray[Any]) -> NDArray[Any]:
+    def _draws_over(self, combinations: NDArray[Any], indices: Sequence[int], values: NDArray[Any]) -> NDArray[Any]:
         """Draw rates (draws, combinations, m) at values (m, k) of the parameters at ``indices`` in each combination."""
-        points = numpy.repeat(chosen, len(values), axis=0)
-        points[:, list(indices)] = numpy.tile(values, (len(chosen), 1))
-        return self.rates(points).reshape(-1, len(chosen), len(values))
+        designs = numpy.repeat(combinations, len(values), axis=0)
+        designs[:, list(indices)] = numpy.tile(values, (len(combinations), 1))
+        return self.rates(designs).reshape(-1, len(combinations), len(values))
 
     def _combinations(self, indices: Sequence[int]) -> tuple[NDArray[Any], bool]:
-        """Return combinations of the other parameters, as designs, and whether each was run at every value of these."""
+        """Return combinations (c, k) of the parameters other than those at ``indices``, as one design for each.
+
+        Also returns whether each combination was run at every value of the parameters at ``indices``. Otherwise these are
+        all combinations.
+        """
         others = numpy.delete(self.parameters, list(indices), axis=1)
         values = len(numpy.unique(self.parameters[:, list(indices)], axis=0))
-        kinds, index, counts = numpy.unique(others, axis=0, return_index=True, return_counts=True)
-        complete = index[counts == values]
-        run = len(complete) >= min(MIN_COMBINATIONS, len(kinds))
-        chosen = numpy.sort(complete if run else index)
+        combinations, first_rows, counts = numpy.unique(others, axis=0, return_index=True, return_counts=True)
+        complete = first_rows[counts == values]
+        all_run = len(complete) >= min(MIN_COMBINATIONS, len(combinations))
+        chosen = numpy.sort(complete if all_run else first_rows)
         if len(chosen) > MAX_COMBINATIONS:
             chosen = chosen[numpy.linspace(0, len(chosen) - 1, MAX_COMBINATIONS).round().astype(int)]
-        return self.parameters[chosen].copy(), run
+        return self.parameters[chosen].copy(), all_run
 
     def importance(self) -> list[Importance]:
         """Return the importance of each parameter; an empty list if all designs have the same rate."""
-        drawn = self._design_draws
-        total = drawn.var(axis=1)
-        if numpy.median(total) < 1e-6:
+        total_variance = self._design_draws.var(axis=1)
+        if numpy.median(total_variance) < 1e-6:
             return []
         result = []
         for parameter in range(self.parameters.shape[1]):
-            shares = self._variance_over(parameter) / total
-            low, middle, high = numpy.quantile(shares.clip(0, 1), (0.025, 0.5, 0.975))
+            fractions = self._variance_over(parameter) / total_variance
+            low, middle, high = numpy.quantile(fractions.clip(0, 1), (0.025, 0.5, 0.975))
             result.append(Importance(float(middle), float(low), float(high)))
         return result
 
     @cached_property
     def _design_draws(self) -> NDArray[Any]:
+        """Draws of the rates (draws, d) of the designs that were run."""
         return self.rates(self.parameters)
 
     def _variance_over(self, parameter: int) -> NDArray[Any]:
@@ -162,26 +168,27 @@ class Effects:
         others = numpy.delete(self.parameters, parameter, axis=1)
         _, group, counts = numpy.unique(others, axis=0, return_inverse=True, return_counts=True)
         group = group.ravel()
-        kept = counts[group] > 1
-        drawn, group = self._design_draws[:, kept], group[kept]
-        if kept.mean() < 0.5:
+        # Designs that have another one with the same other parameters.
+        has_partner = counts[group] > 1
+        rates, group = self._design_draws[:, has_partner], group[has_partner]
+        if has_partner.mean() < 0.5:
             # Too few designs differ in this parameter alone: use the model's rates at its values.
             values = numpy.unique(self.parameters[:, parameter])
             values = values[numpy.unique(numpy.linspace(0, len(values) - 1, 9).round().astype(int))]
             rows = numpy.unique(numpy.linspace(0, len(others) - 1, MAX_COMBINATIONS).round().astype(int))
-            points = numpy.repeat(self.parameters[rows], len(values), axis=0)
-            points[:, parameter] = numpy.tile(values, len(rows))
-            drawn, group = self.rates(points), numpy.repeat(numpy.arange(len(rows)), len(values))
+            designs = numpy.repeat(self.parameters[rows], len(values), axis=0)
+            designs[:, parameter] = numpy.tile(values, len(rows))
+            rates, group = self.rates(designs), numpy.repeat(numpy.arange(len(rows)), len(values))
         sizes = numpy.bincount(group)
-        number = numpy.maximum(sizes, 1)
-        mean = numpy.array([numpy.bincount(group, row) for row in drawn]) / number
-        mean_square = numpy.array([numpy.bincount(group, row) for row in drawn**2]) / number
+        divisors = numpy.maximum(sizes, 1)
+        mean = numpy.array([numpy.bincount(group, row) for row in rates]) / divisors
+        mean_square = numpy.array([numpy.bincount(group, row) for row in rates**2]) / divisors
         return numpy.asarray(((mean_square - mean**2) * sizes).sum(axis=1) / sizes.sum())
 
 
 @dataclass(frozen=True)
 class Standardised:
-    """Success over some of the parameters of :class:`Effects`, those at ``indices``."""
+    """Success as a function of the parameters at ``indices``, averaged over the other parameters of ``effects``."""
 
     effects: Effects
     indices: tuple[int, ...]
@@ -195,17 +202,18 @@ class Standardised:
 
 
 def fit_effects(parameters: ArrayLike, design: ArrayLike, environment: ArrayLike, passed: ArrayLike) -> Effects:
-    """Fit the model to designs with ``parameters`` (d, k) and their runs.
+    """Fit the model to designs with ``parameters`` (d, k) and their runs, and draw its factors.
 
-    Of each run (n,): index of the design, index of the environment, 1 if it passed. Raises FoldcarError if there are runs
-    of fewer than 4 designs or a parameter does not vary.
+    ``design``, ``environment`` and ``passed`` (runs,) are each run's index of the design, index of the environment, and 1
+    if it passed, else 0. The draws have the sandwich covariance of the file's head, because runs in one environment are
+    not independent. Raises FoldcarError if there are runs of fewer than 4 designs or a parameter does not vary.
     """
-    x = numpy.asarray(parameters, dtype=float)
+    designs = numpy.asarray(parameters, dtype=float)
     design_index, environment_index = numpy.asarray(design), numpy.asarray(environment)
-    ended = numpy.asarray(passed, dtype=float)
-    counted = numpy.bincount(design_index, minlength=len(x))
-    model = success_model(x, numpy.bincount(design_index, ended, minlength=len(x)), counted)
-    scaled = (x - model.low) / model.span
+    has_passed = numpy.asarray(passed, dtype=float)
+    counted = numpy.bincount(design_index, minlength=len(designs))
+    model = success_model(designs, numpy.bincount(design_index, has_passed, minlength=len(designs)), counted)
+    scaled = (designs - model.low) / model.span
     random, factors = numpy.random.default_rng(0), []
     _, environment_index = numpy.unique(environment_index, return_inverse=True)
     clusters = int(environment_index.max()) + 1
@@ -213,10 +221,11 @@ def fit_effects(parameters: ArrayLike, design: ArrayLike, environment: ArrayLike
         number = max(1, round(DRAWS * candidate.weight))
         noise = random.standard_normal((number, len(candidate.factors.mode)))
         if clusters < MIN_ENVIRONMENTS:
+            # The plain posterior, as if runs were independent.
             factors.append(candidate.factors.mode + noise @ candidate.factors.root.T)
             continue
         functions = basis_functions(candidate.process, candidate.strength, scaled)
-        residual = ended - 1 / (1 + numpy.exp(-(functions @ candidate.factors.mode)))[design_index]
+        residual = has_passed - 1 / (1 + numpy.exp(-(functions @ candidate.factors.mode)))[design_index]
         gradients = numpy.array(
             [numpy.bincount(environment_index, column[design_index] * residual, clusters) for column in functions.T]
         )
@@ -226,4 +235,4 @@ def fit_effects(parameters: ArrayLike, design: ArrayLike, environment: ArrayLike
         scale = numpy.sqrt(clusters / random.chisquare(degrees_of_freedom, number))[:, None]
         step = scale * random.standard_normal((number, clusters)) @ gradients.T + noise
         factors.append(candidate.factors.mode + step @ candidate.factors.root @ candidate.factors.root.T)
-    return Effects(model, x[counted > 0], tuple(factors))
+    return Effects(model, designs[counted > 0], tuple(factors))

@@ -56,24 +56,27 @@ def mean_gap(rates: Sequence[Rates]) -> Gap:
     Wilson's intervals it is Newcombe's hybrid score interval. For paired results it is his method 10
     (doi:10.1002/(SICI)1097-0258(19981130)17:22<2635::AID-SIM954>3.0.CO;2-C).
     """
-    f, y = (
-        numpy.array([(rate.value, rate.low, rate.high) for rate in side])
-        for side in ([rate.simulated for rate in rates], [rate.driven for rate in rates])
-    )
-    correlation = numpy.array([rate.correlation for rate in rates])
-    value = float((y[:, 0] - f[:, 0]).mean())
+    # Each (designs, 3): rate, low, high.
+    simulated = numpy.array([(pair.simulated.value, pair.simulated.low, pair.simulated.high) for pair in rates])
+    driven = numpy.array([(pair.driven.value, pair.driven.low, pair.driven.high) for pair in rates])
+    correlation = numpy.array([pair.correlation for pair in rates])
+    value = float((driven[:, 0] - simulated[:, 0]).mean())
 
-    def reach(of_y: NDArray[Any], of_f: NDArray[Any]) -> float:
-        squares = of_y**2 + of_f**2 - 2 * correlation * of_y * of_f
+    def margin(of_driven: NDArray[Any], of_simulated: NDArray[Any]) -> float:
+        """Combine the distances (designs,) of both rates from the ends of their intervals, by squares."""
+        squares = of_driven**2 + of_simulated**2 - 2 * correlation * of_driven * of_simulated
         return float(numpy.sqrt(squares.sum()) / len(rates))
 
-    low = value - reach(y[:, 0] - y[:, 1], f[:, 2] - f[:, 0])
-    high = value + reach(y[:, 2] - y[:, 0], f[:, 0] - f[:, 1])
+    low = value - margin(driven[:, 0] - driven[:, 1], simulated[:, 2] - simulated[:, 0])
+    high = value + margin(driven[:, 2] - driven[:, 0], simulated[:, 0] - simulated[:, 1])
     return Gap(value, max(-1.0, low), min(1.0, high), rates[0].simulated.confidence)
 
 
 def pair_correlation(first: Sequence[bool], second: Sequence[bool]) -> float:
-    """Return the correlation of paired results, corrected for continuity as in Newcombe's method 10; 0 if undefined."""
+    """Return the phi coefficient of paired results (pairs,), corrected for continuity as in Newcombe's method 10.
+
+    Returns 0 if the results of ``first``, or those of ``second``, are all equal.
+    """
     a, b = (numpy.array(results, dtype=float) for results in (first, second))
     both, neither = float(a @ b), float((1 - a) @ (1 - b))
     first_only, second_only = float(a @ (1 - b)), float((1 - a) @ b)
@@ -99,9 +102,10 @@ class RankAgreement:
 
 
 def rank_agreement(simulated: ArrayLike, driven: ArrayLike) -> RankAgreement:
-    """Compare the ranks of designs by their simulated and their driven rates."""
-    f, y = numpy.asarray(simulated, float), numpy.asarray(driven, float)
-    if len(f) < 2:
-        return RankAgreement(len(f))
-    swapped = (f[:, None] < f[None, :]) != (y[:, None] < y[None, :])
-    return RankAgreement(len(f), float((numpy.abs(y[:, None] - y[None, :]) * swapped).max(axis=1).mean()))
+    """Compare the ranks of designs by their ``simulated`` and ``driven`` rates (designs,), as in RankAgreement."""
+    simulated, driven = numpy.asarray(simulated, float), numpy.asarray(driven, float)
+    if len(simulated) < 2:
+        return RankAgreement(len(simulated))
+    swapped = (simulated[:, None] < simulated[None, :]) != (driven[:, None] < driven[None, :])
+    violations = numpy.abs(driven[:, None] - driven[None, :]) * swapped
+    return RankAgreement(len(simulated), float(violations.max(axis=1).mean()))

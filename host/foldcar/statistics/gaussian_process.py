@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from foldcar.errors import FoldcarError
 from foldcar.statistics.rate import check_confidence
 
-# At most so many designs carry the process.
+# Largest number of inducing designs.
 INDUCING_DESIGNS = 80
 NEWTON_STEPS = 50
 TOLERANCE = 1e-9
@@ -37,9 +37,10 @@ CONSTANT = 4.0
 
 @dataclass(frozen=True)
 class Matern:
-    """A Matérn 5/2 process of deviation 1 over parameters that are scaled to 0 to 1.
+    """A Matérn 5/2 process of standard deviation 1 over parameters that are scaled to 0 to 1.
 
-    ``inducing`` (p, k) are the designs that carry it; ``lengths`` (k,), or one for all parameters.
+    ``inducing`` (p, k) are the designs whose basis functions approximate it; ``lengths`` are those of its correlation,
+    (k,) or a single one for all parameters.
     """
 
     inducing: NDArray[Any]
@@ -54,6 +55,7 @@ class Matern:
 
     @cached_property
     def _roots(self) -> NDArray[Any]:
+        """A root (p, p) of the inverse covariance of the inducing designs; tiny eigenvalues are raised."""
         values, vectors = numpy.linalg.eigh(self.covariance(self.inducing, self.inducing))
         return numpy.asarray(vectors / numpy.sqrt(numpy.maximum(values, 1e-9 * values[-1])))
 
@@ -76,17 +78,17 @@ class Factors:
     evidence: Any
 
 
-def farthest_first_designs(scaled: NDArray[Any], most: int = INDUCING_DESIGNS) -> NDArray[Any]:
-    """Return at most ``most`` different designs (n, k), each the one furthest from those before it."""
+def farthest_first_designs(scaled: NDArray[Any], max_number: int = INDUCING_DESIGNS) -> NDArray[Any]:
+    """Return at most ``max_number`` different designs (n, k) of ``scaled`` (d, k), each farthest from those before it."""
     designs = numpy.unique(scaled, axis=0)
-    return numpy.asarray(designs[farthest_first_indices(designs, most)])
+    return numpy.asarray(designs[farthest_first_indices(designs, max_number)])
 
 
-def farthest_first_indices(designs: NDArray[Any], most: int) -> NDArray[Any]:
-    """Return the indices of at most ``most`` designs (d, k), each the one furthest from those before it."""
+def farthest_first_indices(designs: NDArray[Any], max_number: int) -> NDArray[Any]:
+    """Return the indices of at most ``max_number`` of the designs (d, k), each farthest from those before it."""
     chosen = [0]
     distances = numpy.full(len(designs), numpy.inf)
-    while len(chosen) < min(most, len(designs)):
+    while len(chosen) < min(max_number, len(designs)):
         distances = numpy.minimum(distances, ((designs - designs[chosen[-1]]) ** 2).sum(axis=1))
         chosen.append(int(distances.argmax()))
     return numpy.array(chosen)
@@ -103,7 +105,7 @@ Likelihood = Callable[[NDArray[Any]], tuple[NDArray[Any], NDArray[Any], NDArray[
 
 
 def binomial(passed: NDArray[Any], counted: NDArray[Any]) -> Likelihood:
-    """Return the likelihood of independent runs, of which ``passed`` of ``counted`` (d,) passed."""
+    """Return the likelihood function of log-odds if ``passed`` (d,) of ``counted`` (d,) independent runs passed."""
 
     def likelihood(log_odds: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
         rate = 1 / (1 + numpy.exp(-log_odds))
@@ -114,36 +116,40 @@ def binomial(passed: NDArray[Any], counted: NDArray[Any]) -> Likelihood:
 
 
 def laplace(functions: NDArray[Any], prior: NDArray[Any], likelihood: Likelihood) -> Factors:
-    """Fit the factors of ``functions`` (..., d, p) by Newton's method, for all candidates along the first axes at once.
+    """Approximate the posterior of standard normal factors by a normal distribution around its mode (Laplace).
 
-    The log-odds are the mean ``prior`` (d,) plus the process.
+    The log-odds are the mean ``prior`` (d,) plus ``functions`` (..., d, p) times the factors (..., p). The mode is found
+    by Newton's method, for all candidates along the first axes at once.
     """
     factors = numpy.zeros((*functions.shape[:-2], functions.shape[-1]))
 
-    def log_odds(at: NDArray[Any]) -> NDArray[Any]:
-        return numpy.asarray(prior + (functions @ at[..., None])[..., 0])
+    def log_odds(factors: NDArray[Any]) -> NDArray[Any]:
+        return numpy.asarray(prior + (functions @ factors[..., None])[..., 0])
 
-    def log_density(at: NDArray[Any]) -> NDArray[Any]:
-        return numpy.asarray(likelihood(log_odds(at))[0].sum(axis=-1) - (at**2).sum(axis=-1) / 2)
+    def log_density(factors: NDArray[Any]) -> NDArray[Any]:
+        return numpy.asarray(likelihood(log_odds(factors))[0].sum(axis=-1) - (factors**2).sum(axis=-1) / 2)
 
-    def slope_and_curvature(at: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-        _, slope, curvature = likelihood(log_odds(at))
-        across = functions.swapaxes(-1, -2)
-        curved = across @ (functions * -curvature[..., None]) + numpy.eye(at.shape[-1])
-        return (across @ slope[..., None])[..., 0] - at, curved
+    def slope_and_curvature(factors: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+        """Return the slope of the log density and its negative second derivative."""
+        _, slope, curvature = likelihood(log_odds(factors))
+        transposed = functions.swapaxes(-1, -2)
+        precision = transposed @ (functions * -curvature[..., None]) + numpy.eye(factors.shape[-1])
+        return (transposed @ slope[..., None])[..., 0] - factors, precision
 
     value = log_density(factors)
     for _ in range(NEWTON_STEPS):
         slope, curvature = slope_and_curvature(factors)
         step = numpy.linalg.solve(curvature, slope[..., None])[..., 0]
         size = numpy.ones((*value.shape, 1))
-        # A full step may overshoot where the likelihood is flat.
-        while (over := ((new := log_density(factors + size * step)) < value - TOLERANCE) & (size[..., 0] > 1e-4)).any():
-            size[over] /= 2
+        # A full step may overshoot where the likelihood is flat: halve it for those candidates whose density falls.
+        new = log_density(factors + size * step)
+        while (overshot := (new < value - TOLERANCE) & (size[..., 0] > 1e-4)).any():
+            size[overshot] /= 2
+            new = log_density(factors + size * step)
         factors, gain, value = factors + size * step, new - value, new
         if (numpy.abs(gain) < TOLERANCE).all():
             break
-    # The covariance is the inverse of the curvature, L L': its root is L'^-1.
+    # The covariance is the inverse of the curvature L L', so L'^-1 is a root of it.
     lower = numpy.linalg.cholesky(slope_and_curvature(factors)[1])
     evidence = value - numpy.log(numpy.diagonal(lower, axis1=-2, axis2=-1)).sum(axis=-1)
     return Factors(factors, numpy.linalg.inv(lower).swapaxes(-1, -2), evidence)
@@ -158,7 +164,7 @@ def evidence_weights(evidence: ArrayLike) -> NDArray[Any]:
 
 @dataclass(frozen=True)
 class Candidate:
-    """A process of deviation ``strength`` with its weight, 0 to 1, and the posterior of its factors."""
+    """A process with standard deviation ``strength``, its weight, 0 to 1, and the posterior of its factors."""
 
     process: Matern
     strength: float
@@ -186,15 +192,14 @@ class SuccessModel:
         mean, mean_square = numpy.zeros(len(scaled)), numpy.zeros(len(scaled))
         for candidate in self.candidates:
             functions = basis_functions(candidate.process, candidate.strength, scaled)
-            middle = functions @ candidate.factors.mode
+            log_odds = functions @ candidate.factors.mode
             # The variance between the inducing designs, which the functions lack.
             residual_variance = numpy.maximum(candidate.strength**2 - (functions[:, 1:] ** 2).sum(axis=1), 0)
-            mean += candidate.weight * middle
-            mean_square += candidate.weight * (
-                middle**2 + ((functions @ candidate.factors.root) ** 2).sum(axis=1) + residual_variance
-            )
-        reach = ndtri((1 + confidence) / 2) * numpy.sqrt(numpy.maximum(mean_square - mean**2, 0))
-        rate, low, high = (1 / (1 + numpy.exp(-value)) for value in (mean, mean - reach, mean + reach))
+            variance = ((functions @ candidate.factors.root) ** 2).sum(axis=1) + residual_variance
+            mean += candidate.weight * log_odds
+            mean_square += candidate.weight * (log_odds**2 + variance)
+        half_width = ndtri((1 + confidence) / 2) * numpy.sqrt(numpy.maximum(mean_square - mean**2, 0))
+        rate, low, high = (1 / (1 + numpy.exp(-value)) for value in (mean, mean - half_width, mean + half_width))
         return rate, low, high
 
     def scaled(self, values: ArrayLike, indices: Sequence[int]) -> NDArray[Any]:
@@ -209,9 +214,10 @@ class SuccessModel:
 
 
 def success_model(parameters: ArrayLike, passed: ArrayLike, counted: ArrayLike) -> SuccessModel:
-    """Fit a model to designs with ``parameters`` (d, k), of whose ``counted`` (d,) runs ``passed`` (d,) passed.
+    """Fit a model to designs with ``parameters`` (d, k); ``passed`` (d,) of their ``counted`` (d,) runs passed.
 
-    Raises FoldcarError if there are runs of fewer than 4 designs or a parameter does not vary.
+    Candidates, pairs of lengths and strength, are weighted by their evidence. Raises FoldcarError if there are runs of
+    fewer than 4 designs or a parameter does not vary.
     """
     x, k, n = (numpy.asarray(values, dtype=float) for values in (parameters, passed, counted))
     if x.ndim != 2 or not x.shape[1] or not numpy.all(numpy.isfinite(x)):
@@ -258,9 +264,10 @@ def lengths_to_try(parameters: NDArray[Any], passed: NDArray[Any], counted: NDAr
 def _settings(
     parameters: int, evidence: Callable[[tuple[float, ...], float], float]
 ) -> Collection[tuple[tuple[float, ...], float]]:
-    """Return the lengths and strengths to weight.
+    """Return the candidates to weight, pairs of lengths and strength.
 
-    For one or two parameters these are all; for more, those tried in a coordinate search for the highest ``evidence``.
+    For one or two parameters these are all combinations; for more, those that a coordinate search for the highest
+    ``evidence`` tries.
     """
     if parameters in LENGTHS:
         return list(product(product(LENGTHS[parameters], repeat=parameters), STRENGTHS))

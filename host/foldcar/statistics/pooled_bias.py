@@ -42,9 +42,10 @@ CONSTANT, SLOPE = 1.5, 0.5
 SMOOTH = (0.2, 0.7, 2.0)
 LENGTHS = (0.15, 0.4, 1.0)
 ALONE = (0.1, 0.3, 1.0)
-# At most so many driven designs are pooled: the work grows with the cube of their number.
+# Largest number of driven designs that are pooled: the work grows with the cube of their number.
 MAX_POOLED = 200
-# A design contradicts the others if theirs make its trials less probable than this (both tails; docs/statistics.md).
+# A design contradicts the others if the two-sided p-value of its trials, given theirs, is below this
+# (docs/statistics.md).
 MIN_PROBABILITY = 0.05
 # At least MIN_DRIVEN driven designs are compared; of more than MAX_CHECKED those with most trials.
 MIN_DRIVEN, MAX_CHECKED = 3, 24
@@ -54,9 +55,10 @@ LOG_ODDS = numpy.linspace(-9.2, 9.2, 921)
 
 @dataclass(frozen=True)
 class Candidate:
-    """One point of the grid: functions ``common`` to designs (d, p), each design's ``own`` deviation (d,), their factors.
+    """One point of the grid of strengths and lengths, with the posterior of its factors.
 
-    ``trials`` is the spline of the driven designs' likelihood.
+    ``common`` (d, p) are functions with factors shared by the designs, ``own`` (d,) is the standard deviation of each
+    design's own part. ``trials`` is the spline of the driven designs' log likelihood.
     """
 
     common: NDArray[Any]
@@ -79,10 +81,10 @@ class PooledBias:
     weights: NDArray[Any]
 
     def rates(self, confidence: float = 0.95) -> list[Rate]:
-        """Return the rate of a further car of each design; without trials it follows from neighbours and simulation.
+        """Return the rate of a new car of each design: the median of its posterior, with the credible interval.
 
-        A design's own trials enter by their exact likelihood. Raises FoldcarError if ``confidence`` is not between 0 and
-        1.
+        A design's own trials enter by their exact likelihood; without trials the rate follows from neighbours and
+        simulation. Raises FoldcarError if ``confidence`` is not between 0 and 1.
         """
         check_confidence(confidence)
         tail = (1 - confidence) / 2
@@ -91,15 +93,16 @@ class PooledBias:
         for car, counted, cumulative in zip(self.cars, counts, self._densities().cumsum(axis=1), strict=True):
             points = numpy.interp([tail, 0.5, 1 - tail], cumulative / cumulative[-1], LOG_ODDS)
             low, middle, high = (float(value) for value in 1 / (1 + numpy.exp(-points)))
-            own = "no trials" if car is None else car.text
-            method = f"{own} of this design, {sum(counts) - counted} trials of others, differences to simulation pooled"
+            own_trials = "no trials" if car is None else car.text
+            other_trials = f"{sum(counts) - counted} trials of others"
+            method = f"{own_trials} of this design, {other_trials}, differences to simulation pooled"
             rates.append(Rate(middle, low, high, confidence, method))
         return rates
 
     def draws(self, number: int = 1000, seed: int = 0) -> NDArray[Any]:
-        """Draw the rates of further cars, 0 to 1, jointly for all designs.
+        """Draw the rates (n, d) of new cars, 0 to 1, jointly for all designs.
 
-        The result is (n, d), where n is ``number`` except for rounding: each candidate gets draws by its weight.
+        n is about ``number``: each candidate gets its weight's fraction of the draws, rounded.
         """
         random, log_odds = numpy.random.default_rng(seed), []
         for candidate, count in zip(self.candidates, numpy.round(number * self.weights).astype(int), strict=True):
@@ -116,31 +119,34 @@ class PooledBias:
 
     @property
     def _driven(self) -> NDArray[Any]:
+        """The indices of the designs with trials."""
         return numpy.flatnonzero([car is not None for car in self.cars])
 
     def _densities(self) -> NDArray[Any]:
-        """Return densities (d, log-odds) at LOG_ODDS: the likelihood of a design's own trials times a normal prior.
+        """Return the posterior densities (d, log-odds) of the designs' log-odds at LOG_ODDS.
 
-        The prior is what simulation and the other designs' trials say.
+        Laplace's approximation is normal. Dividing it by the normal approximation of a design's own likelihood leaves
+        what simulation and the other designs' trials say. That is multiplied by the exact likelihood.
         """
-        seen, own = self._driven, numpy.zeros((len(self.cars), len(LOG_ODDS)))
-        densities, tabulated = (
-            numpy.zeros(own.shape),
-            {id(candidate.trials): candidate.trials(LOG_ODDS).T for candidate in self.candidates},
-        )
+        driven, exact = self._driven, numpy.zeros((len(self.cars), len(LOG_ODDS)))
+        densities = numpy.zeros(exact.shape)
+        # Many candidates share a spline.
+        tables = {id(candidate.trials): candidate.trials(LOG_ODDS).T for candidate in self.candidates}
         for candidate, weight in zip(self.candidates, self.weights, strict=True):
-            own[seen], of_trials = tabulated[id(candidate.trials)], _likelihood_of_each([candidate.trials])
-            functions = numpy.hstack([candidate.common, numpy.zeros((len(candidate.own), len(seen)))])
-            functions[seen, candidate.common.shape[1] + numpy.arange(len(seen))] = candidate.own[seen]
-            middle = (self.simulated + functions @ candidate.factors.mode)[:, None]
+            exact[driven], likelihood_of = tables[id(candidate.trials)], _likelihood_of_each([candidate.trials])
+            functions = numpy.hstack([candidate.common, numpy.zeros((len(candidate.own), len(driven)))])
+            functions[driven, candidate.common.shape[1] + numpy.arange(len(driven))] = candidate.own[driven]
+            mean = (self.simulated + functions @ candidate.factors.mode)[:, None]
+            # The own part of a driven design is one of the factors already.
             variance = ((functions @ candidate.factors.root) ** 2).sum(axis=1) + candidate.own**2
-            variance[seen] -= candidate.own[seen] ** 2
-            slope, curvature = numpy.zeros_like(middle), numpy.zeros_like(middle)
-            slope[seen], curvature[seen] = (part.T for part in of_trials(middle[seen].T)[1:])
+            variance[driven] -= candidate.own[driven] ** 2
+            slope, curvature = numpy.zeros_like(mean), numpy.zeros_like(mean)
+            _, driven_slope, driven_curvature = likelihood_of(mean[driven].T)
+            slope[driven], curvature[driven] = driven_slope.T, driven_curvature.T
             # Remove the design's own trials from the approximation.
             variance = 1 / (1 / variance[:, None] + curvature)
-            middle = middle - variance * slope
-            logs = own - (LOG_ODDS - middle) ** 2 / (2 * variance)
+            mean = mean - variance * slope
+            logs = exact - (LOG_ODDS - mean) ** 2 / (2 * variance)
             density = numpy.exp(logs - logs.max(axis=1, keepdims=True))
             densities += weight * density / density.sum(axis=1, keepdims=True)
         return densities
@@ -153,68 +159,76 @@ def pooled_bias(
     cars: Sequence[BuiltCars | None] | None = None,
     simulation: SmoothedSimulation | None = None,
 ) -> PooledBias:
-    """Pool ``trials`` (d, 2), passed and all, of designs with ``parameters`` (d, k) and simulated ``runs`` (d, 2).
+    """Infer all designs' rates from few trials, with the difference to simulation smooth over designs (the file's head).
 
-    ``cars`` (d,) are the cars of each design with their trials, None for a design without; without ``cars`` each design
-    has one car. ``simulation`` is the result of :func:`smoothed_simulation` for these runs, computed if it is None.
-    Raises FoldcarError if a table has the wrong shape, counts are impossible, or a design has no run.
+    ``parameters`` are (d, k), ``runs`` and ``trials`` (d, 2): numbers passed and in all. ``cars`` (d,) are each design's
+    cars with their trials, None for a design without trials; if ``cars`` is None, each design has one car. ``simulation``
+    is the result of :func:`smoothed_simulation` for these runs, computed if it is None. Raises FoldcarError if a table
+    has the wrong shape, counts are impossible, or a design has no run.
     """
-    x, f, y = (numpy.asarray(values, dtype=float) for values in (parameters, runs, trials))
-    if x.ndim != 2 or f.shape != (len(x), 2) or y.shape != (len(x), 2) or not numpy.all(numpy.isfinite(x)):
+    x, run_counts, trial_counts = (numpy.asarray(values, dtype=float) for values in (parameters, runs, trials))
+    shape = (len(x), 2)
+    if x.ndim != 2 or run_counts.shape != shape or trial_counts.shape != shape or not numpy.all(numpy.isfinite(x)):
         raise FoldcarError("pooled rates need finite parameters (designs, k), and runs and trials (designs, 2)")
-    if not all(numpy.all((k[:, 0] >= 0) & (k[:, 0] <= k[:, 1])) for k in (f, y)) or not numpy.all(f[:, 1] >= 1):
+    possible = all(
+        numpy.all((counts[:, 0] >= 0) & (counts[:, 0] <= counts[:, 1])) for counts in (run_counts, trial_counts)
+    )
+    if not possible or not numpy.all(run_counts[:, 1] >= 1):
         raise FoldcarError("pooled rates need 0 ≤ passed ≤ all, and at least 1 simulated run of each design")
-    one_each = [BuiltCars.of_one_car(*row) if row[1] else None for row in y.tolist()]
-    built = tuple(one_each if cars is None else (own and own_cars for own, own_cars in zip(one_each, cars, strict=True)))
+    single_cars = [BuiltCars.of_one_car(*row) if row[1] else None for row in trial_counts.tolist()]
+    if cars is None:
+        built = tuple(single_cars)
+    else:
+        # Cars of designs without counted trials are ignored.
+        built = tuple(single and own_cars for single, own_cars in zip(single_cars, cars, strict=True))
     if not len(x):
         return PooledBias(numpy.zeros(0), built, (), numpy.zeros(0))
-    simulation = smoothed_simulation(x, f) if simulation is None else simulation
+    simulation = smoothed_simulation(x, run_counts) if simulation is None else simulation
     log_odds = simulation.mean
     scaled = unit_range(x)
-    inducing, seen = farthest_first_designs(scaled), y[:, 1] > 0
-    of_trials = likelihood([cars for cars in built if cars is not None], RANGES)
+    inducing, driven = farthest_first_designs(scaled), trial_counts[:, 1] > 0
+    likelihoods = likelihood([own_cars for own_cars in built if own_cars is not None], RANGES)
     # The slope is zero at the mean of the driven designs, so it does not change their mean.
-    centre = log_odds[seen].mean() if seen.any() else log_odds.mean()
-    constant = (numpy.full(len(x), CONSTANT), SLOPE * (log_odds - centre), simulation.columns)
+    centre = log_odds[driven].mean() if driven.any() else log_odds.mean()
+    fixed_functions = (numpy.full(len(x), CONSTANT), SLOPE * (log_odds - centre), simulation.columns)
     candidates, evidence = [], []
     for length in LENGTHS:
         process = Matern(inducing, length).functions(scaled)
         residual_variance = numpy.maximum(1 - (process**2).sum(axis=1), 0)
-        grid = list(product(SMOOTH, ALONE, of_trials))
-        commons = [numpy.column_stack([*constant, smooth * process]) for smooth, _, _ in grid]
+        # Each likelihood is a pair: prior probability of its range of spreads, spline.
+        grid = list(product(SMOOTH, ALONE, likelihoods))
+        commons = [numpy.column_stack([*fixed_functions, smooth * process]) for smooth, _, _ in grid]
         owns = [numpy.sqrt(simulation.rest + alone**2 + smooth**2 * residual_variance) for smooth, alone, _ in grid]
         functions = [
-            numpy.hstack([common[seen], numpy.diag(own[seen])]) for common, own in zip(commons, owns, strict=True)
+            numpy.hstack([common[driven], numpy.diag(own[driven])]) for common, own in zip(commons, owns, strict=True)
         ]
-        posterior = laplace(
-            numpy.array(functions), log_odds[seen], _likelihood_of_each([trials for _, _, (_, trials) in grid])
-        )
-        for index, (_, _, (prior, trials)) in enumerate(grid):
+        splines = [spline for _, _, (_, spline) in grid]
+        posterior = laplace(numpy.array(functions), log_odds[driven], _likelihood_of_each(splines))
+        for index, (_, _, (prior, spline)) in enumerate(grid):
             factors = Factors(posterior.mode[index], posterior.root[index], posterior.evidence[index])
-            candidates.append(Candidate(commons[index], owns[index], factors, trials))
+            candidates.append(Candidate(commons[index], owns[index], factors, spline))
             evidence.append(factors.evidence + numpy.log(prior))
     return PooledBias(log_odds, built, tuple(candidates), evidence_weights(evidence))
 
 
 def _likelihood_of_each(splines: Sequence[Any]) -> Likelihood:
-    """Return the likelihood of log-odds (candidates, driven designs), by one spline for each candidate."""
-    coefficients = numpy.array([spline.c for spline in splines])
-    candidates, designs, step = (
-        *numpy.ogrid[: len(splines), : coefficients.shape[3]],
-        COARSE_LOG_ODDS[1] - COARSE_LOG_ODDS[0],
-    )
+    """Return the likelihood of log-odds (candidates, driven designs), with one cubic spline for each candidate.
 
-    def at(log_odds: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+    It evaluates all splines at once: value, slope and curvature of the polynomial a x³ + b x² + c x + d of each interval.
+    """
+    coefficients = numpy.array([spline.c for spline in splines])
+    candidates, designs = numpy.ogrid[: len(splines), : coefficients.shape[3]]
+    step = COARSE_LOG_ODDS[1] - COARSE_LOG_ODDS[0]
+
+    def evaluate(log_odds: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
         inside = numpy.clip(log_odds, COARSE_LOG_ODDS[0], COARSE_LOG_ODDS[-1])
-        place = ((inside - COARSE_LOG_ODDS[0]) / step).astype(int).clip(0, len(COARSE_LOG_ODDS) - 2)
-        x, (a, b, c, d) = (
-            inside - COARSE_LOG_ODDS[place],
-            numpy.moveaxis(coefficients[candidates, :, place, designs], -1, 0),
-        )
-        # A mixture of spreads may curve upwards far from its mode.
+        interval = ((inside - COARSE_LOG_ODDS[0]) / step).astype(int).clip(0, len(COARSE_LOG_ODDS) - 2)
+        x = inside - COARSE_LOG_ODDS[interval]
+        a, b, c, d = numpy.moveaxis(coefficients[candidates, :, interval, designs], -1, 0)
+        # A mixture of spreads may curve upwards far from its mode, but a Likelihood's curvature is at most 0.
         return ((a * x + b) * x + c) * x + d, (3 * a * x + 2 * b) * x + c, numpy.minimum(6 * a * x + 2 * b, 0)
 
-    return at
+    return evaluate
 
 
 @dataclass(frozen=True)
@@ -225,21 +239,17 @@ class Contradictions:
     undriven_neighbours: tuple[int, ...] = ()
 
     def remark(self, labels: Sequence[str]) -> list[str]:
-        """Return a sentence that names them, in a list; an empty list without any."""
+        """Return a list with a sentence that names these designs by their ``labels``, empty if there are none."""
         if not self.designs:
             return []
-        names, neighbours = (
-            listed([labels[index] for index in self.designs]),
-            [labels[index] for index in self.undriven_neighbours],
-        )
-        neighbours_text = (
-            f" ({listed([*neighbours[:3], *[f'{len(neighbours) - 3} more'] * (len(neighbours) > 3)])})"
-            if neighbours
-            else ""
-        )
+        names = listed([labels[index] for index in self.designs])
+        neighbours = [labels[index] for index in self.undriven_neighbours]
+        more = [f"{len(neighbours) - 3} more"] if len(neighbours) > 3 else []
+        neighbours_text = f" ({listed([*neighbours[:3], *more])})" if neighbours else ""
+        pronoun = "it" if len(self.designs) == 1 else "them"
         return [
-            f"The trials of {names} contradict those of the other designs: rates of designs not driven beside "
-            f"{'it' if len(self.designs) == 1 else 'them'}{neighbours_text} are not to be trusted."
+            f"The trials of {names} contradict those of the other designs: do not trust the rates of undriven designs "
+            f"beside {pronoun}{neighbours_text}."
         ]
 
 
@@ -253,51 +263,62 @@ def contradictions(
     cars: Sequence[BuiltCars | None] | None = None,
     simulation: SmoothedSimulation | None = None,
 ) -> Contradictions:
-    """Find driven designs whose trials contradict those of the others; arguments as of :func:`pooled_bias`.
+    """Find driven designs whose trials contradict those of the other designs, and their undriven neighbours.
 
-    Without ``cars``, all cars of a design are alike.
+    Each design's trials are predicted from those of the others; improbable ones contradict. Arguments are those of
+    :func:`pooled_bias`, but if ``cars`` is None, all cars of a design are alike.
     """
-    x, f, y = (numpy.asarray(values, dtype=float) for values in (parameters, runs, trials))
-    driven = numpy.flatnonzero(y[:, 1])
-    if len(driven) < MIN_DRIVEN or not x.size:
+    all_parameters, run_counts, trial_counts = (
+        numpy.asarray(values, dtype=float) for values in (parameters, runs, trials)
+    )
+    driven = numpy.flatnonzero(trial_counts[:, 1])
+    if len(driven) < MIN_DRIVEN or not all_parameters.size:
         return NONE
-    checked = driven[numpy.argsort(-y[driven, 1], kind="stable")][:MAX_CHECKED]
+    checked = driven[numpy.argsort(-trial_counts[driven, 1], kind="stable")][:MAX_CHECKED]
     no_spread = (SPREADS == 0).astype(float)
     built = [
-        BuiltCars(y[index, :1], y[index, 1:], numpy.zeros(1), no_spread) if cars is None else cars[index]
+        BuiltCars(trial_counts[index, :1], trial_counts[index, 1:], numpy.zeros(1), no_spread)
+        if cars is None
+        else cars[index]
         for index in checked.tolist()
     ]
-    smoothed = (smoothed_simulation(x, f) if simulation is None else simulation).subset(checked)
-    probable = _probabilities(pickle.dumps((x[checked], f[checked], y[checked], built, smoothed)))
-    flagged = sorted(checked[probable < MIN_PROBABILITY].tolist())
+    smoothed = (smoothed_simulation(all_parameters, run_counts) if simulation is None else simulation).subset(checked)
+    p_values = _p_values(
+        pickle.dumps((all_parameters[checked], run_counts[checked], trial_counts[checked], built, smoothed))
+    )
+    flagged = sorted(checked[p_values < MIN_PROBABILITY].tolist())
     if not flagged:
         return NONE
-    return Contradictions(
-        tuple(flagged), tuple(numpy.flatnonzero(_undriven_neighbours(unit_range(x), driven, flagged)).tolist())
-    )
+    neighbours = numpy.flatnonzero(_undriven_neighbours(unit_range(all_parameters), driven, flagged))
+    return Contradictions(tuple(flagged), tuple(neighbours.tolist()))
 
 
-# A live page is recomputed while a sweep runs, so results are cached. Arrays have no hash, their bytes do.
+# A live page is recomputed while a sweep runs, so results are cached. Arrays cannot be hashed, but their bytes can.
 @lru_cache(32)
-def _probabilities(facts: bytes) -> NDArray[Any]:
-    """Return the two-sided p-value (d,) of each design's trials, given those of the others."""
-    x, f, y, built, smoothed = pickle.loads(facts)
-    random, probabilities = numpy.random.default_rng(1), []
+def _p_values(pickled: bytes) -> NDArray[Any]:
+    """Return the two-sided p-value (d,) of each design's trials, predicted from the trials of the other designs.
+
+    ``pickled`` are parameters, counts of runs and of trials, cars and smoothed simulation of the designs.
+    """
+    parameters, runs, trials, built, smoothed = pickle.loads(pickled)
+    random, p_values = numpy.random.default_rng(1), []
     for index, cars in enumerate(built):
-        others = y.copy()
-        others[index] = 0
-        rate = pooled_bias(x, f, others, built, smoothed).draws()[:, index].clip(1e-9, 1 - 1e-9)
-        counts = cars.count_draws(rate, random)
-        tails = (counts <= cars.passed.sum()).mean(), (counts >= cars.passed.sum()).mean()
-        probabilities.append(2 * float(min(tails)))
-    return numpy.array(probabilities)
+        other_trials = trials.copy()
+        other_trials[index] = 0
+        posterior = pooled_bias(parameters, runs, other_trials, built, smoothed)
+        rates = posterior.draws()[:, index].clip(1e-9, 1 - 1e-9)
+        predicted = cars.count_draws(rates, random)
+        tails = (predicted <= cars.passed.sum()).mean(), (predicted >= cars.passed.sum()).mean()
+        p_values.append(2 * float(min(tails)))
+    return numpy.array(p_values)
 
 
 def _undriven_neighbours(unit: NDArray[Any], driven: NDArray[Any], flagged: Sequence[int]) -> NDArray[Any]:
     """Return a mask (d,) of the undriven designs that have no driven design between themselves and a flagged one.
 
-    A design lies between two others if it is nearer to both than they are to each other: the relative neighbourhood of
-    Toussaint (1980, doi:10.1016/0031-3203(80)90066-7). With one parameter, its value lies between theirs.
+    ``unit`` (d, k) are parameters scaled to 0 to 1, ``driven`` and ``flagged`` indices. A design lies between two others
+    if it is nearer to both than they are to each other: the relative neighbourhood of Toussaint (1980,
+    doi:10.1016/0031-3203(80)90066-7). With one parameter, its value lies between theirs.
     """
     result = numpy.zeros(len(unit), dtype=bool)
     to_driven = numpy.sqrt(((unit[:, None] - unit[driven][None]) ** 2).sum(axis=2))

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from foldcar.errors import FoldcarError
 
-# The anytime-valid interval mixes rates by Beta(1/2, 1/2): it is narrow near 0 and 1, where most designs are.
+# The anytime-valid interval mixes rates by Beta(1/2, 1/2), so it is narrow near 0 and 1, where most designs are.
 MIXTURE = 0.5
 # Bisections of [0, 1]: the ends are exact to 1e-15.
 HALVINGS = 50
@@ -37,9 +37,10 @@ class Rate:
 
     @classmethod
     def from_counts(cls, passed: int, runs: int, what: str, stopped: bool = False, confidence: float = 0.95) -> "Rate":
-        """Estimate the rate from counts; ``what`` names what was counted; ``stopped``: by a stopping rule.
+        """Estimate the rate: ``passed`` of ``runs``, with the interval of :func:`rate_interval`.
 
-        Raises FoldcarError if the counts are impossible.
+        ``what`` names the runs for readers; ``stopped`` is whether a stopping rule ended them. Raises FoldcarError if the
+        counts are impossible.
         """
         low, high = rate_interval(passed, runs, stopped, confidence)
         return cls(passed / runs, low, high, confidence, f"{interval_name(stopped)} interval of {what}")
@@ -69,11 +70,12 @@ def wilson_interval(successes: int, runs: int, confidence: float = 0.95) -> tupl
 
     check_counts(successes, runs)
     check_confidence(confidence)
-    z2 = float(ndtri((1 + confidence) / 2)) ** 2
-    rate, scale = successes / runs, 1 + z2 / runs
-    middle = (rate + z2 / (2 * runs)) / scale
-    reach = math.sqrt(z2 * (rate * (1 - rate) / runs + z2 / (4 * runs**2))) / scale
-    return 0.0 if successes == 0 else middle - reach, 1.0 if successes == runs else middle + reach
+    z_squared = float(ndtri((1 + confidence) / 2)) ** 2
+    rate, scale = successes / runs, 1 + z_squared / runs
+    middle = (rate + z_squared / (2 * runs)) / scale
+    half_width = math.sqrt(z_squared * (rate * (1 - rate) / runs + z_squared / (4 * runs**2))) / scale
+    # Exact at the ends, in spite of rounding.
+    return 0.0 if successes == 0 else middle - half_width, 1.0 if successes == runs else middle + half_width
 
 
 def clopper_pearson_interval(successes: ArrayLike, runs: ArrayLike, confidence: float = 0.95) -> tuple[Any, Any]:
@@ -154,13 +156,17 @@ def check_confidence(confidence: float) -> None:
 
 
 def _lowest_rate(passed: NDArray[Any], total: NDArray[Any], threshold: float) -> NDArray[Any]:
-    """Return the lowest rates at which the log likelihood ratio is at most ``threshold``."""
+    """Return the lower ends of anytime-valid intervals, for ``passed`` of ``total`` runs (arrays), by bisection.
+
+    They are the lowest rates at which the log of (likelihood under the Beta mixture / likelihood at the rate) is at most
+    ``threshold``.
+    """
     from scipy.special import betaln, xlog1py, xlogy
 
-    mixed = betaln(passed + MIXTURE, total - passed + MIXTURE) - betaln(MIXTURE, MIXTURE)
-    below, above = numpy.zeros(passed.shape), passed / numpy.maximum(total, 1)
+    log_mixture = betaln(passed + MIXTURE, total - passed + MIXTURE) - betaln(MIXTURE, MIXTURE)
+    outside, inside = numpy.zeros(passed.shape), passed / numpy.maximum(total, 1)
     for _ in range(HALVINGS):
-        middle = (below + above) / 2
-        inside = mixed - xlogy(passed, middle) - xlog1py(total - passed, -middle) <= threshold
-        below, above = numpy.where(inside, below, middle), numpy.where(inside, middle, above)
-    return numpy.where(passed > 0, above, 0.0)
+        middle = (outside + inside) / 2
+        is_inside = log_mixture - xlogy(passed, middle) - xlog1py(total - passed, -middle) <= threshold
+        outside, inside = numpy.where(is_inside, outside, middle), numpy.where(is_inside, middle, inside)
+    return numpy.where(passed > 0, inside, 0.0)

@@ -14,7 +14,7 @@ from foldcar.statistics.smoothed_simulation import smoothed_simulation
 # Standard deviations of the difference of rates: of its mean over designs, candidates of its smooth part, candidates of
 # the part of each design alone.
 MEAN_DIFFERENCE, SMOOTH_DIFFERENCES, OWN_DIFFERENCES = 0.15, (0.1, 0.2), (0.05, 0.1)
-# The mean variance over designs is the prior of each design's variance, and counts as so many runs.
+# Each design's variance is averaged with the mean variance over designs, which counts as this many runs.
 POOLED_RUNS = 10
 MIN_VARIANCE = 1e-3
 
@@ -26,7 +26,7 @@ def corrected_rates(
 
     ``passed_fast`` and ``passed_slow`` (designs, environments) are 1 where a run passed, 0 where it did not, NaN where
     the simulation has no run; a column is the same environment in both. ``parameters`` (designs, k) are those of the
-    designs. A design without a run in the fast simulation has NaN. Raises FoldcarError if fewer than two
+    designs. The result of a design without a run in the fast simulation is NaN. Raises FoldcarError if fewer than two
     environments have runs in both simulations.
 
     The rate is the rate in the fast simulation, smoothed over designs, plus the estimated difference of both rates. Let d
@@ -59,35 +59,37 @@ def corrected_rates(
     return result[0], result[1], result[2]
 
 
-def _differences(x: NDArray[Any], table: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Estimate the true differences of designs, mean and variance (designs,).
+def _differences(parameters: NDArray[Any], table: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Estimate the true differences of both simulations' rates: mean and variance, each (designs,).
 
-    ``table`` (designs, environments) has the difference of each pair of runs, NaN without one.
+    ``parameters`` are (designs, k); ``table`` (designs, environments) has the difference of each pair of runs, NaN
+    without a pair. The formulas are those of :func:`corrected_rates`, averaged over candidates for K by their evidence.
     """
     table = table[:, numpy.isfinite(table).any(axis=0)]
     if table.shape[1] < 2:
         raise FoldcarError("a correction needs runs in both simulations in two environments or more")
-    driven = numpy.isfinite(table).any(axis=1)
-    counted = numpy.isfinite(table[driven]).sum(axis=1)
-    means = numpy.nanmean(table[driven], axis=1)
-    residuals = numpy.where(numpy.isfinite(table[driven]), table[driven] - means[:, None], 0.0)
+    paired = numpy.isfinite(table).any(axis=1)
+    counted = numpy.isfinite(table[paired]).sum(axis=1)
+    means = numpy.nanmean(table[paired], axis=1)
+    residuals = numpy.where(numpy.isfinite(table[paired]), table[paired] - means[:, None], 0.0)
     squares = (residuals**2).sum(axis=1)
-    pooled = max(squares.sum() / max(counted.sum() - len(counted), 1), MIN_VARIANCE)
-    own = (squares + POOLED_RUNS * pooled) / (numpy.maximum(counted - 1, 0) + POOLED_RUNS)
+    pooled_variance = max(squares.sum() / max(counted.sum() - len(counted), 1), MIN_VARIANCE)
+    own_variances = (squares + POOLED_RUNS * pooled_variance) / (numpy.maximum(counted - 1, 0) + POOLED_RUNS)
     environments = table.shape[1]
-    shared = max((residuals.mean(axis=0) ** 2).sum() / (environments - 1) - pooled / len(means), 0.0)
-    noise = numpy.diag(own / counted) + shared / environments
-    scaled, evidence, middles, variances = unit_range(x), [], [], []
-    for length in LENGTHS.get(x.shape[1], MANY_LENGTHS):
+    # The variance over environments of the designs' mean residual, less what independent designs would cause.
+    shared_variance = (residuals.mean(axis=0) ** 2).sum() / (environments - 1) - pooled_variance / len(means)
+    noise = numpy.diag(own_variances / counted) + max(shared_variance, 0.0) / environments
+    scaled, evidence, estimates, variances = unit_range(parameters), [], [], []
+    for length in LENGTHS.get(parameters.shape[1], MANY_LENGTHS):
         smooth = Matern(scaled, length).covariance(scaled, scaled)
         for strength, alone in product(SMOOTH_DIFFERENCES, OWN_DIFFERENCES):
-            prior = MEAN_DIFFERENCE**2 + strength**2 * smooth + alone**2 * numpy.eye(len(x))
-            covariance = prior[numpy.ix_(driven, driven)] + noise
-            gain = numpy.linalg.solve(covariance, prior[driven]).T
+            prior = MEAN_DIFFERENCE**2 + strength**2 * smooth + alone**2 * numpy.eye(len(parameters))
+            covariance = prior[numpy.ix_(paired, paired)] + noise
+            gain = numpy.linalg.solve(covariance, prior[paired]).T
             fit = numpy.linalg.solve(covariance, means)
             evidence.append(-0.5 * (means @ fit + numpy.linalg.slogdet(covariance)[1]))
-            middles.append(gain @ means)
-            variances.append(numpy.diag(prior) - (gain * prior[:, driven]).sum(axis=1))
+            estimates.append(gain @ means)
+            variances.append(numpy.diag(prior) - (gain * prior[:, paired]).sum(axis=1))
     weights = evidence_weights(evidence)
-    mean = weights @ numpy.array(middles)
-    return mean, weights @ (numpy.array(variances) + (numpy.array(middles) - mean) ** 2)
+    mean = weights @ numpy.array(estimates)
+    return mean, weights @ (numpy.array(variances) + (numpy.array(estimates) - mean) ** 2)

@@ -20,9 +20,11 @@ from foldcar.statistics.gaussian_process import unit_range
 MIDDLE, LOWER_EDGE, UPPER_EDGE, EDGE, BELOW, ABOVE, OUTSIDE, BEST, END = (
     "middle", "lower edge", "upper edge", "edge", "below", "above", "outside", "best", "end of the range",
 )  # fmt: skip
+# Largest number of trials that is advised.
 MAX_TRIALS = 10_000
-# At most so many trials of one car are planned for each independent trial that is wanted.
+# Largest number of trials of one car that are planned for each independent trial that is wanted.
 MAX_EACH = 10
+# In a family of fewer designs each counts as one of MIN_DESIGNS. Gains are computed from at most MAX_WEIGHED draws.
 MIN_DESIGNS, MAX_WEIGHED = 20, 240_000
 # Numbers of further independent trials of one design that are compared by their gain.
 BATCHES = (10, 40)
@@ -46,10 +48,10 @@ def first_designs(parameters: ArrayLike, rates: ArrayLike, uncertainty: ArrayLik
     both sides, the other edge. If no design is feasible, the best is chosen. If all are, the middle and the ends of the
     range.
     """
-    x, p, doubt = (numpy.asarray(values, dtype=float) for values in (parameters, rates, uncertainty))
-    feasible, unit = p >= threshold, unit_range(x)
+    values, rate, doubt = (numpy.asarray(array, dtype=float) for array in (parameters, rates, uncertainty))
+    feasible, unit = rate >= threshold, unit_range(values)
     if not feasible.any():
-        return [Placed(int(numpy.argmax(p)), BEST)]
+        return [Placed(int(numpy.argmax(rate)), BEST)]
     # The largest distance of neighbouring values of each parameter.
     step = numpy.array([numpy.diff(numpy.unique(column)).max(initial=0.0) for column in unit.T])
     middle = _middle(unit, feasible, step)
@@ -58,14 +60,15 @@ def first_designs(parameters: ArrayLike, rates: ArrayLike, uncertainty: ArrayLik
         ends = dict.fromkeys(index for index in (int(sums.argmin()), int(sums.argmax())) if index != middle)
         return [Placed(middle, MIDDLE), *(Placed(index, END) for index in ends)]
     edges = _opposite_pair(_edges(unit, feasible, step), doubt, unit, middle)
-    outside = _opposite_pair(numpy.flatnonzero(~feasible), -numpy.abs(p - threshold / 2), unit, middle, edges[:1])
-    varied = numpy.flatnonzero(numpy.ptp(x, axis=0) > 0)
+    # Outside, rates near half the threshold: not hopeless, and yet clearly infeasible.
+    outside = _opposite_pair(numpy.flatnonzero(~feasible), -numpy.abs(rate - threshold / 2), unit, middle, edges[:1])
+    varied = numpy.flatnonzero(numpy.ptp(values, axis=0) > 0)
 
     def place(index: int, low: str, high: str, either: str) -> Placed:
-        """Name the side, ``low`` or ``high``, if a single parameter varies."""
+        """Place a design by its side of the middle, ``low`` or ``high``; ``either`` if several parameters vary."""
         if len(varied) != 1:
             return Placed(index, either)
-        return Placed(index, low if x[index, varied[0]] < x[middle, varied[0]] else high)
+        return Placed(index, low if values[index, varied[0]] < values[middle, varied[0]] else high)
 
     at_edge = [place(index, LOWER_EDGE, UPPER_EDGE, EDGE) for index in edges]
     beyond = [place(index, BELOW, ABOVE, OUTSIDE) for index in outside]
@@ -76,7 +79,11 @@ def first_designs(parameters: ArrayLike, rates: ArrayLike, uncertainty: ArrayLik
 
 
 def _middle(unit: NDArray[Any], feasible: NDArray[Any], step: NDArray[Any]) -> int:
-    """Return the feasible design that is farthest from infeasible ones and from the ends of the range."""
+    """Return the index of the feasible design that is farthest from infeasible ones and from the ends of the range.
+
+    ``unit`` (designs, k) are the parameters scaled to 0 to 1, ``feasible`` (designs,) is a mask, ``step`` (k,) the
+    largest distance of neighbouring values.
+    """
     ends = numpy.minimum(unit, 1 - unit) + step
     # A parameter that does not vary has no ends.
     depth = numpy.where(numpy.ptp(unit, axis=0) > 0, ends, numpy.inf).min(axis=1, initial=numpy.inf)
@@ -88,7 +95,11 @@ def _middle(unit: NDArray[Any], feasible: NDArray[Any], step: NDArray[Any]) -> i
 
 
 def _edges(unit: NDArray[Any], feasible: NDArray[Any], step: NDArray[Any]) -> NDArray[Any]:
-    """Return the feasible designs with an infeasible neighbour, which is one step away along one parameter."""
+    """Return the indices of feasible designs with an infeasible neighbour, one step away along one parameter.
+
+    ``unit`` (designs, k) are the parameters scaled to 0 to 1, ``feasible`` (designs,) is a mask, ``step`` (k,) the
+    largest distance of neighbouring values.
+    """
     inside, others = numpy.flatnonzero(feasible), unit[~feasible]
     differences = numpy.abs(unit[inside][:, None] - others[None, :])
     near = ((differences <= 1.01 * step).all(axis=2) & ((differences > 1e-9).sum(axis=2) == 1)).any(axis=1)
@@ -97,25 +108,27 @@ def _edges(unit: NDArray[Any], feasible: NDArray[Any], step: NDArray[Any]) -> ND
 
 
 def _distances(first: NDArray[Any], second: NDArray[Any]) -> NDArray[Any]:
+    """Return the Euclidean distances (m, n) between points (m, k) and (n, k)."""
     return numpy.asarray(numpy.sqrt(((first[:, None] - second[None, :]) ** 2).sum(axis=2)))
 
 
 def _opposite_pair(
     indices: NDArray[Any], score: NDArray[Any], unit: NDArray[Any], middle: int, apart_from: Sequence[int] = ()
 ) -> list[int]:
-    """Choose two designs of the highest score that lie opposite each other, as seen from the middle.
+    """Choose two designs with the highest ``score`` (designs,) that lie on opposite sides of the design ``middle``.
 
-    The first lies opposite the last of ``apart_from``, if possible.
+    ``indices`` are the designs to choose from, ``unit`` (designs, k) their scaled parameters. The first choice lies
+    opposite the last of ``apart_from``, if possible.
     """
     chosen: list[int] = []
-    before = list(apart_from)
+    previous = list(apart_from)
     for _ in range(min(2, len(indices))):
         candidates = numpy.array([index for index in indices if index not in chosen])
-        if before:
-            opposite = (unit[candidates] - unit[middle]) @ (unit[before[-1]] - unit[middle]) < 0
+        if previous:
+            opposite = (unit[candidates] - unit[middle]) @ (unit[previous[-1]] - unit[middle]) < 0
             candidates = candidates[opposite] if opposite.any() else candidates
         chosen.append(int(candidates[score[candidates].argmax()]))
-        before = list(chosen)
+        previous = list(chosen)
     return chosen
 
 
@@ -134,42 +147,47 @@ class Value:
 def value_of_trials(draws: ArrayLike, threshold: float, trials: int, zone: float = 0.0) -> Value:
     """Compute the expected gain of ``trials`` further trials of each design, from ``draws`` (draws, designs) of its rate.
 
-    Designs within ``zone`` of the threshold (0 to 1) are on the right side in any case.
+    For each possible number of passed trials the draws are weighted by its binomial probability; the decisions under
+    these weights are compared with the decisions now. A design within ``zone`` of the threshold (0 to 1) cannot be on the
+    wrong side.
     """
     from scipy.special import gammaln
 
-    p = numpy.asarray(draws, dtype=float)
-    above, below = (p >= threshold + zone).astype(float), (p < threshold - zone).astype(float)
-    now = numpy.max(p.mean(axis=0))
+    rates = numpy.asarray(draws, dtype=float)
+    above, below = (rates >= threshold + zone).astype(float), (rates < threshold - zone).astype(float)
+    best_now = numpy.max(rates.mean(axis=0))
     wrong_now = numpy.minimum(above.mean(axis=0), below.mean(axis=0)).mean()
-    choice, right = numpy.zeros(p.shape[1]), numpy.zeros(p.shape[1])
-    sides, rates = numpy.hstack([p, above, below]), p.clip(1e-12, 1 - 1e-12)
+    choice_gain, threshold_gain = numpy.zeros(rates.shape[1]), numpy.zeros(rates.shape[1])
+    decision_values, clipped = numpy.hstack([rates, above, below]), rates.clip(1e-12, 1 - 1e-12)
     passed = numpy.arange(trials + 1)[:, None]
-    ways = gammaln(trials + 1) - gammaln(passed + 1) - gammaln(trials - passed + 1)
-    for design, (log_pass, log_fail) in enumerate(zip(numpy.log(rates).T, numpy.log1p(-rates).T, strict=True)):
-        # Rows: outcomes of the trials; columns: draws, by their weight once the outcome is known.
-        chance = numpy.exp(ways + passed * log_pass + (trials - passed) * log_fail) / len(p)
-        expected = (chance @ sides).reshape(trials + 1, 3, -1)
-        choice[design] = expected[:, 0].max(axis=1).sum() - now
-        right[design] = wrong_now - numpy.minimum(expected[:, 1], expected[:, 2]).sum(axis=0).mean()
-    # Rounding may leave a hair below 0.
-    return Value(choice.clip(0), right.clip(0))
+    log_ways = gammaln(trials + 1) - gammaln(passed + 1) - gammaln(trials - passed + 1)
+    for design, (log_pass, log_fail) in enumerate(zip(numpy.log(clipped).T, numpy.log1p(-clipped).T, strict=True)):
+        # The joint probability of each number of passed trials (rows) and each draw (columns).
+        chance = numpy.exp(log_ways + passed * log_pass + (trials - passed) * log_fail) / len(rates)
+        # (trials + 1, 3, designs): expected rate, and probabilities to be above and below.
+        expected = (chance @ decision_values).reshape(trials + 1, 3, -1)
+        choice_gain[design] = expected[:, 0].max(axis=1).sum() - best_now
+        threshold_gain[design] = wrong_now - numpy.minimum(expected[:, 1], expected[:, 2]).sum(axis=0).mean()
+    # Rounding may leave tiny negative gains.
+    return Value(choice_gain.clip(0), threshold_gain.clip(0))
 
 
 def gain_per_hour(draws: ArrayLike, threshold: float, zone: float, work_min: ArrayLike) -> float:
-    """Return the greatest expected gain of an hour of work, 0 to 1: the :class:`Value` of one design's trials per hour.
+    """Return the greatest expected gain of an hour of work, 0 to 1, over designs and numbers of trials (BATCHES).
 
-    ``work_min`` (BATCHES, designs) are the minutes that the further independent trials of each design take, with the
-    building of cars (:func:`least_effort`). Several numbers of trials are compared, because one trial may be worth
-    nothing where many are worth something (Frazier and Powell 2010, doi:10.1287/deca.1100.0188). In a small family a
-    design counts as 1/MIN_DESIGNS of it.
+    ``draws`` (draws, designs) are of the rates; ``zone`` as in :func:`value_of_trials`. ``work_min`` (BATCHES, designs)
+    are the minutes for that many independent trials, with the building of cars (:func:`least_effort`). Several numbers
+    of trials are compared, because one trial may be worth nothing where many are worth something (Frazier and Powell
+    2010, doi:10.1287/deca.1100.0188).
     """
-    p, gains = numpy.asarray(draws, dtype=float), []
-    number = p.shape[1]
+    rates, gains = numpy.asarray(draws, dtype=float), []
+    designs = rates.shape[1]
+    # For many designs a part of the draws is enough.
+    thinned_rates = rates[:: max(1, rates.size // MAX_WEIGHED)]
     for trials, minutes in zip(BATCHES, numpy.asarray(work_min), strict=True):
-        # For many designs a part of the draws is enough.
-        value = value_of_trials(p[:: max(1, p.size // MAX_WEIGHED)], threshold, trials, zone)
-        worth = value.choice + value.threshold * number / max(number, MIN_DESIGNS)
+        value = value_of_trials(thinned_rates, threshold, trials, zone)
+        # The gain at the threshold is a fraction of the family; a small family counts as one of MIN_DESIGNS designs.
+        worth = value.choice + value.threshold * designs / max(designs, MIN_DESIGNS)
         gains.append((60 * worth / minutes).max())
     return float(max(gains))
 
@@ -183,11 +201,12 @@ def choose_designs(
     near: NDArray[Any] | None = None,
     zone: float = 0.0,
 ) -> list[int]:
-    """Choose up to ``number`` further designs by the expected gain of their trials, beside those ``chosen`` already.
+    """Choose up to ``number`` designs besides those ``chosen`` already, one by one, by the expected gain of their trials.
 
-    A gain counts by the fraction of the design's variance that the chosen designs do not predict. With ``near`` (designs,
-    designs), which marks neighbours, no two neighbours are chosen, and only the threshold counts, not which design is
-    best.
+    ``draws`` (draws, designs) are of the rates; ``zone`` as in :func:`value_of_trials`. A design's gain is multiplied by
+    the fraction of its variance that the chosen designs do not predict. ``near`` (designs, designs) marks neighbours: if
+    it is given, no two neighbours are chosen, and only the gain about the threshold counts, not which design is best.
+    Returns the indices of the new designs.
     """
     p = numpy.asarray(draws, dtype=float)
     # If no design has a gain, the designs least predicted by the others come first.
@@ -195,7 +214,7 @@ def choose_designs(
     value = worth.threshold + 1e-9 + (worth.choice if near is None else 0.0)
     indices = list(chosen)
     while len(indices) < min(len(chosen) + number, p.shape[1]):
-        score = value * _residual_variance_share(p, indices)
+        score = value * _residual_variance_fraction(p, indices)
         score[indices] = -numpy.inf
         if near is not None:
             score[near[indices].any(axis=0)] = -numpy.inf
@@ -205,8 +224,8 @@ def choose_designs(
     return indices[len(chosen) :]
 
 
-def _residual_variance_share(draws: NDArray[Any], chosen: Sequence[int]) -> NDArray[Any]:
-    """Return the residual fraction of each design's variance (designs,) after regression on the chosen designs."""
+def _residual_variance_fraction(draws: NDArray[Any], chosen: Sequence[int]) -> NDArray[Any]:
+    """Return the fraction (designs,) of each design's variance that is left after linear regression on the chosen."""
     if not chosen:
         return numpy.ones(draws.shape[1])
     centred = draws - draws.mean(axis=0)
@@ -219,17 +238,17 @@ def _residual_variance_share(draws: NDArray[Any], chosen: Sequence[int]) -> NDAr
 def trials_needed(rates: ArrayLike, half_width: float) -> int:
     """Return how many trials narrow Wilson's 95 % interval to ``half_width`` (0 to 0.5), on average over ``rates``.
 
-    At most MAX_TRIALS.
+    The number is at most MAX_TRIALS. It is found by bisection, because the width falls with the number of trials.
     """
     p = numpy.asarray(rates, dtype=float).ravel()
     return bisect_left(range(MAX_TRIALS), -half_width, lo=1, key=lambda number: -_mean_half_width(p, number))
 
 
 def trials_to_decide(rates: ArrayLike, threshold: float) -> int:
-    """Return how many trials decide on which side of the threshold a rate is: the median over ``rates``.
+    """Return how many trials decide on which side of the threshold t a rate p is: the median over draws ``rates`` of it.
 
-    For n trials with a passed fraction p, the score test decides (95 %) if n > z² t (1 - t) / (p - t)². At most
-    MAX_TRIALS.
+    If the fraction that passes equals p, the score test decides (95 %) after n > z² t (1 - t) / (p - t)² trials. The
+    number is at most MAX_TRIALS.
     """
     distances = numpy.abs(numpy.asarray(rates, dtype=float) - threshold)
     needed = Z**2 * threshold * (1 - threshold) / numpy.maximum(distances, 1e-9) ** 2
@@ -254,6 +273,7 @@ def correlation_within_cars(rates: ArrayLike, car_sd: float) -> float:
 
     The log-odds of a design's cars are normal with deviation ``car_sd``; the mean rate of its cars is one of ``rates``.
     """
+    # Gauss-Hermite quadrature over the log-odds of a design's cars, which are centred so that their mean rate is p.
     p = numpy.asarray(rates, dtype=float).ravel().clip(1e-6, 1 - 1e-6)
     nodes, weights = numpy.polynomial.hermite_e.hermegauss(40)
     centre = numpy.log(p / (1 - p)) * centre_factor(car_sd)
@@ -263,7 +283,7 @@ def correlation_within_cars(rates: ArrayLike, car_sd: float) -> float:
 
 
 def independent_trials(done: ArrayLike, correlation: float) -> Any:
-    """Return the number of independent trials that equals ``done`` trials of each car (..., cars).
+    """Return the number of independent trials that tell as much as ``done`` (..., cars) trials of each car.
 
     m cars with n trials each give a design's rate a variance of p (1 - p) (1 + (n - 1) ρ) / (m n), where ρ is the
     ``correlation`` within cars (Kish 1965, design effect).
@@ -275,10 +295,10 @@ def independent_trials(done: ArrayLike, correlation: float) -> Any:
 def least_effort(
     independent: float, correlation: float, car_min: float, trial_min: float, done: Sequence[int] = ()
 ) -> Effort:
-    """Find the quickest way to know a design's rate as well as from ``independent`` trials of different cars.
+    """Return the cars and trials of least work that tell as much as ``independent`` trials of different cars.
 
-    ``correlation`` is that within cars, below 1. ``done`` are the trials of each car built so far. A further car takes
-    ``car_min`` minutes, a trial ``trial_min``.
+    ``correlation`` is that within cars, below 1. ``done`` are the trials of each car built so far. A new car takes
+    ``car_min`` minutes, a trial ``trial_min``. Every possible number of trials per car is compared.
     """
     trials_per_car = numpy.arange(1, MAX_EACH * math.ceil(independent) + 1)[:, None]
     built = numpy.array(done, dtype=int)[None]
@@ -290,51 +310,51 @@ def least_effort(
 
 
 def further_effort(
-    further: int, correlation: float, car_min: float, trial_min: float, done: Sequence[int] = (), least: int = 0
+    further: int, correlation: float, car_min: float, trial_min: float, done: Sequence[int] = (), min_total: int = 0
 ) -> Effort:
-    """Find the quickest way to ``further`` independent trials, and to at least ``least`` in all; see least_effort."""
-    independent = max(least, independent_trials(done, correlation) + further)
+    """Return the least work for ``further`` independent trials, at least ``min_total`` in all; see least_effort."""
+    independent = max(min_total, independent_trials(done, correlation) + further)
     return least_effort(independent, correlation, car_min, trial_min, done)
 
 
 def _mean_half_width(rates: NDArray[Any], number: int) -> float:
-    """Return the mean half-width of Wilson's interval over ``rates``, if the passed fraction equals the rate."""
+    """Return the mean half-width, over ``rates``, of Wilson's interval of ``number`` trials that pass at that rate."""
     widths = numpy.sqrt(rates * (1 - rates) / number + (Z / (2 * number)) ** 2) * Z / (1 + Z**2 / number)
     return float(widths.mean())
 
 
-def informative_environments(passed: ArrayLike, number: int, met: Collection[int] = ()) -> list[int]:
-    """Choose environments that represent all of them, and in which the designs' simulated results differ.
+def informative_environments(passed: ArrayLike, number: int, excluded: Collection[int] = ()) -> list[int]:
+    """Choose ``number`` environments that represent all of them, and in which the designs' simulated results differ.
 
-    ``passed`` (designs, environments) are simulation's results, NaN without one; environments in ``met`` are excluded.
-    Each choice brings the designs' passed fractions nearest to those over all environments. So the chosen environments
-    are neither harder nor easier than the others. Of equally good environments the one in which designs differ most is
-    chosen. Returns indices, the most informative first; deterministic.
+    ``passed`` (designs, environments) are simulated results, NaN without one; environments in ``excluded`` are not
+    chosen. Each choice brings the designs' passed fractions nearest to those over all environments. So the chosen
+    environments are neither harder nor easier than the others. Of equally good environments the one in which designs
+    differ most is chosen. Returns indices, those with the largest differences first.
     """
-    table = numpy.asarray(passed, dtype=float)
-    complete = ~numpy.isnan(table).any(axis=0)
-    available = [index for index in numpy.flatnonzero(complete) if index not in met]
+    passed_table = numpy.asarray(passed, dtype=float)
+    complete = ~numpy.isnan(passed_table).any(axis=0)
+    available = [index for index in numpy.flatnonzero(complete) if index not in excluded]
     if not available:
         return []
-    fractions = table[:, complete].mean(axis=1)
-    spread = table.std(axis=0)
+    fractions = passed_table[:, complete].mean(axis=1)
+    spread = passed_table.std(axis=0)
     chosen: list[int] = []
-    total = numpy.zeros(len(table))
+    total = numpy.zeros(len(passed_table))
     for size in range(1, min(number, len(available)) + 1):
         candidates = numpy.array([index for index in available if index not in chosen])
-        errors = (((total[:, None] + table[:, candidates]) / size - fractions[:, None]) ** 2).sum(axis=0)
+        errors = (((total[:, None] + passed_table[:, candidates]) / size - fractions[:, None]) ** 2).sum(axis=0)
         # Differences below a tenth of an environment count as equal.
         order = numpy.lexsort((candidates, -spread[candidates], numpy.round(errors * size**2, 1)))
         chosen.append(int(candidates[order[0]]))
-        total = total + table[:, chosen[-1]]
+        total = total + passed_table[:, chosen[-1]]
     return sorted(chosen, key=lambda index: (-spread[index], index))
 
 
 def split_sample_best(passed: ArrayLike) -> tuple[int, int, int]:
-    """Return the index of the best design in simulation, how many runs it passed, and of how many.
+    """Return the index of the best design in simulation, and numbers of its passed and of all its runs.
 
-    ``passed`` (designs, environments), NaN without a run. The rate of the best of many is biased upwards in the
-    environments that chose it. So every second environment chooses, and only the others count.
+    ``passed`` (designs, environments) is 1 or 0, NaN without a run. The rate of the best of many designs is biased
+    upwards in the environments that chose it. So one half of the environments chooses, and only the other half counts.
     """
     table = numpy.asarray(passed, dtype=float)
     choosing, counting = table[:, 0::2], table[:, 1::2]
@@ -348,7 +368,10 @@ def split_sample_best(passed: ArrayLike) -> tuple[int, int, int]:
 
 
 def expected_loss(draws: ArrayLike) -> tuple[int, float]:
-    """Return the design of the highest mean rate, and its expected loss, 0 to 1, against the truly best design."""
+    """Return the design with the highest mean rate, and its expected loss, 0 to 1, against the truly best design.
+
+    ``draws`` (draws, designs) are joint draws of the rates. The loss of a draw is the best rate minus the design's.
+    """
     p = numpy.asarray(draws, dtype=float)
     best = int(numpy.argmax(p.mean(axis=0)))
     return best, float((p.max(axis=1) - p[:, best]).mean())

@@ -24,19 +24,20 @@ from numpy.typing import ArrayLike, NDArray
 
 # With fewer environments no column is measured.
 MIN_ENVIRONMENTS = 8
-# At most so many environments, evenly chosen, are compared, because the work grows with the number of pairs.
+# Largest number of environments that are compared, evenly chosen, because the work grows with the number of pairs.
 MAX_ENVIRONMENTS = 2000
 PERMUTATIONS = 999
-# Artanh of 1 is infinite.
+# Somers' D is limited to this, because artanh of 1 is infinite.
 MAX_SHARE = 1 - 1e-9
 
 
 @dataclass(frozen=True)
 class Separation:
-    """Somers' D of a column, ``difference``, -1 to 1: above 0 runs pass at greater values.
+    """How well the values of a column separate passed from failed runs.
 
-    ``share`` is its magnitude, 0 to 1, with the interval ``low`` to ``high``. A value is informative if low is above 0.
-    The intervals of all columns hold together.
+    ``difference`` is Somers' D, -1 to 1; above 0, runs pass at greater values. ``share`` is its magnitude, 0 to 1, with
+    the 95 % interval ``low`` to ``high``. A column is informative if low is above 0. The intervals of all columns hold
+    together.
     """
 
     column: int
@@ -51,10 +52,11 @@ class Separation:
 
 
 def separations(values: ArrayLike, design: ArrayLike, environment: ArrayLike, passed: ArrayLike) -> list[Separation]:
-    """Return how well each column of ``values`` (environments, columns; NaN where unknown) separates, the best first.
+    """Return how well each column of ``values`` separates passed from failed runs, the best first.
 
-    Of each run (n,): index of the design, index of the environment, 1 if it passed. A column is left out if fewer than
-    MIN_ENVIRONMENTS have a value, or if all runs passed or all failed.
+    ``values`` (environments, columns) are NaN where unknown. ``design``, ``environment`` and ``passed`` (runs,) are each
+    run's index of the design, index of the environment, and 1 if it passed, else 0. A column is left out if fewer than
+    MIN_ENVIRONMENTS have a value, or if no design both passed and failed. The file's head has the formulas.
     """
     table = numpy.asarray(values, dtype=float)
     design_index, environment_index, has_passed = (
@@ -71,11 +73,10 @@ def separations(values: ArrayLike, design: ArrayLike, environment: ArrayLike, pa
     environment_index = numpy.searchsorted(chosen, environment_index[kept])
     _, design_index = numpy.unique(design_index[kept], return_inverse=True)
     table, has_passed = table[chosen], has_passed[kept]
+    # (designs, environments): 1 where a design passed, and where it failed.
     good, bad = (numpy.zeros((design_index.max() + 1, len(chosen)), dtype=numpy.float32) for _ in range(2))
-    (
-        good[design_index[has_passed], environment_index[has_passed]],
-        bad[design_index[~has_passed], environment_index[~has_passed]],
-    ) = 1, 1
+    good[design_index[has_passed], environment_index[has_passed]] = 1
+    bad[design_index[~has_passed], environment_index[~has_passed]] = 1
     # The number of designs that passed in one environment (rows) and failed in the other (columns).
     pairs = good.T @ bad
     excess = pairs - pairs.T
@@ -132,17 +133,23 @@ class Bin:
     passed: int
 
 
-def binned(values: ArrayLike, environment: ArrayLike, passed: ArrayLike, most: int = 8) -> list[Bin]:
-    """Count runs by the value (environments,) of their environment, in at most ``most`` bins of equal size."""
+def binned(values: ArrayLike, environment: ArrayLike, passed: ArrayLike, max_bins: int = 8) -> list[Bin]:
+    """Count runs by the value of their environment, in at most ``max_bins`` bins with about equally many environments.
+
+    ``values`` (environments,) are NaN where unknown; ``environment`` and ``passed`` (runs,) are each run's index of the
+    environment, and 1 if it passed, else 0.
+    """
     value, environment_index = numpy.asarray(values, dtype=float), numpy.asarray(environment)
     has_passed = numpy.asarray(passed, dtype=float)
     present = value[~numpy.isnan(value)]
-    kinds = numpy.unique(present)
-    edges = kinds if len(kinds) <= most else numpy.unique(numpy.quantile(present, numpy.linspace(0, 1, most + 1)[:-1]))
-    place = numpy.searchsorted(edges, value, side="right") - 1
+    # The lower edges of the bins: each value if there are few, else quantiles.
+    edges = numpy.unique(present)
+    if len(edges) > max_bins:
+        edges = numpy.unique(numpy.quantile(present, numpy.linspace(0, 1, max_bins + 1)[:-1]))
+    bin_of_environment = numpy.searchsorted(edges, value, side="right") - 1
     result = []
-    for at in range(len(edges)):
-        inside = (place == at) & ~numpy.isnan(value)
+    for number in range(len(edges)):
+        inside = (bin_of_environment == number) & ~numpy.isnan(value)
         runs = inside[environment_index]
         if runs.any():
             bin_values = value[inside]

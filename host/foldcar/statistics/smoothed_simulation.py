@@ -31,20 +31,20 @@ from foldcar.statistics.gaussian_process import (
 
 # Candidates for the standard deviation, in log-odds, of the part of each design alone.
 OWN = (0.0, 0.3, 1.0)
-# Fewer designs are not smoothed.
+# Fewer designs than this are not smoothed.
 MIN_DESIGNS = 4
 # With fewer environments the dependence of runs cannot be estimated.
 MIN_ENVIRONMENTS = 5
-# At most so many designs are fitted, and the others predicted from them: the work grows with the cube of the number.
+# Largest number of designs that are fitted; the others are predicted from them. The work grows with its cube.
 MAX_DESIGNS = 150
-# Principal directions of the covariance that are kept: at most so many, of at least this variance.
+# Principal directions of the covariance that are kept: the largest number, and the least variance of one.
 MAX_DIRECTIONS, MIN_VARIANCE = 60, 1e-4
 NEWTON_STEPS, TOLERANCE = 50, 1e-9
 
 
 @dataclass(frozen=True)
 class SmoothedSimulation:
-    """Log-odds of simulation's success: ``mean`` (d,), and a covariance ``columns`` columns^T + diag(``rest``).
+    """Log-odds of simulated success: ``mean`` (d,), and the covariance ``columns`` columns^T + diag(``rest``).
 
     ``columns`` (d, r) are principal directions, shared by designs; ``rest`` (d,) is each design's own variance.
     """
@@ -66,19 +66,19 @@ class SmoothedSimulation:
         """Return the rate of each design with its credible interval (d, 3): rate, low, high, 0 to 1."""
         from scipy.special import ndtri
 
-        reach = ndtri((1 + confidence) / 2) * numpy.sqrt(self.variance)
-        ends = numpy.column_stack([self.mean, self.mean - reach, self.mean + reach])
-        return numpy.asarray(1 / (1 + numpy.exp(-ends)))
+        half_width = ndtri((1 + confidence) / 2) * numpy.sqrt(self.variance)
+        log_odds = numpy.column_stack([self.mean, self.mean - half_width, self.mean + half_width])
+        return numpy.asarray(1 / (1 + numpy.exp(-log_odds)))
 
 
 def smoothed_simulation(
     parameters: NDArray[Any], runs: NDArray[Any], environments: NDArray[Any] | None = None
 ) -> SmoothedSimulation:
-    """Smooth the simulated success of designs with ``parameters`` (d, k) and ``runs`` (d, 2), passed and all.
+    """Smooth the simulated success of designs over their parameters, as the file's head describes.
 
-    Each design has at least one run. ``environments`` (d, e) are 1 where a design's run in an environment passed, 0 where
-    it failed, NaN without a run. Of more than MAX_DESIGNS designs, MAX_DESIGNS spread over the range are fitted. The
-    others follow from the most probable candidate and their own runs.
+    ``parameters`` are (d, k), ``runs`` (d, 2): numbers passed and in all, at least one. ``environments`` (d, e) are 1
+    where a design's run in an environment passed, 0 where it failed, NaN without a run. Of more than MAX_DESIGNS designs,
+    MAX_DESIGNS spread over the range are fitted. The others follow from the most probable candidate and their own runs.
     """
     passed, counted = runs.T
     if len(parameters) < MIN_DESIGNS or not parameters.size or not (numpy.ptp(parameters, axis=0) > 0).all():
@@ -110,7 +110,10 @@ def smoothed_simulation(
 
 @dataclass(frozen=True)
 class _Prior:
-    """One candidate: lengths and strength of the smooth part, standard deviation of the part of each design alone."""
+    """A candidate prior: lengths and strength of the smooth part, standard deviation of each design's ``own`` part.
+
+    ``scaled`` (d, k) are the parameters of all designs, 0 to 1.
+    """
 
     scaled: NDArray[Any]
     lengths: tuple[float, ...]
@@ -129,6 +132,8 @@ class _Prior:
 
 @dataclass(frozen=True)
 class _Posterior:
+    """Laplace's approximation for designs' log-odds: mode (d,), covariance (d, d), log evidence."""
+
     mode: NDArray[Any]
     covariance: NDArray[Any]
     evidence: float
@@ -137,7 +142,10 @@ class _Posterior:
 def _extrapolated(
     prior: _Prior, posterior: _Posterior, chosen: NDArray[Any], passed: NDArray[Any], counted: NDArray[Any]
 ) -> SmoothedSimulation:
-    """Predict all designs from the posterior of those with the indices ``chosen``, and from their own runs."""
+    """Predict all designs from the posterior of those with the indices ``chosen``, and from their own runs.
+
+    First by regression on the chosen designs (kriging); then each other design is conditioned on its own runs.
+    """
     all_designs = numpy.arange(len(prior.scaled))
     across = prior.between(all_designs, chosen)
     weights = numpy.linalg.solve(prior.covariance(chosen), across.T).T
@@ -146,23 +154,30 @@ def _extrapolated(
     residual = CONSTANT**2 + prior.strength**2 + prior.own**2 - (weights * across).sum(axis=1)
     rest = numpy.maximum(residual, 1e-6)
     # Condition each of the other designs on its own runs, by Newton's method.
-    own = numpy.setdiff1d(all_designs, chosen)
-    prior_mean, variance, log_odds = mean[own], (columns[own] ** 2).sum(axis=1) + rest[own], mean[own].copy()
+    others = numpy.setdiff1d(all_designs, chosen)
+    prior_mean, variance, log_odds = (
+        mean[others],
+        (columns[others] ** 2).sum(axis=1) + rest[others],
+        mean[others].copy(),
+    )
     for _ in range(NEWTON_STEPS):
         rate = 1 / (1 + numpy.exp(-log_odds))
-        slope = passed[own] - counted[own] * rate - (log_odds - prior_mean) / variance
-        log_odds = log_odds + numpy.clip(slope / (counted[own] * rate * (1 - rate) + 1 / variance), -2, 2)
+        slope = passed[others] - counted[others] * rate - (log_odds - prior_mean) / variance
+        log_odds = log_odds + numpy.clip(slope / (counted[others] * rate * (1 - rate) + 1 / variance), -2, 2)
     rate = 1 / (1 + numpy.exp(-log_odds))
-    shrinkage = 1 / (1 + variance * counted[own] * rate * (1 - rate))
-    mean[own], rest[own] = log_odds, shrinkage * rest[own]
-    columns[own] *= numpy.sqrt(shrinkage)[:, None]
-    exact = _directions(posterior.covariance)
-    mean[chosen], columns[chosen], rest[chosen] = posterior.mode, exact[0], exact[1]
+    shrinkage = 1 / (1 + variance * counted[others] * rate * (1 - rate))
+    mean[others], rest[others] = log_odds, shrinkage * rest[others]
+    columns[others] *= numpy.sqrt(shrinkage)[:, None]
+    mean[chosen] = posterior.mode
+    columns[chosen], rest[chosen] = _directions(posterior.covariance)
     return SmoothedSimulation(mean, columns, rest)
 
 
 def _directions(covariance: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return columns (d, r) and variances (d,) whose columns columns^T + diag(variances) is the covariance (d, d)."""
+    """Split a covariance (d, d) into principal ``columns`` (d, r) and remaining variances (d,).
+
+    columns columns^T + diag(variances) is about the covariance, with its exact diagonal.
+    """
     values, vectors = numpy.linalg.eigh(covariance)
     kept = numpy.flatnonzero(values > max(MIN_VARIANCE, 1e-6 * values[-1]))[::-1][:MAX_DIRECTIONS]
     columns = vectors[:, kept] * numpy.sqrt(values[kept])
@@ -172,14 +187,17 @@ def _directions(covariance: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
 def _posterior(
     prior: NDArray[Any], passed: NDArray[Any], counted: NDArray[Any], environments: NDArray[Any] | None
 ) -> _Posterior:
-    """Return the mode (d,), covariance (d, d) and log evidence of log-odds with the covariance ``prior`` (d, d)."""
+    """Approximate the posterior of log-odds s with prior covariance K = ``prior`` (d, d) by Laplace's method.
+
+    Rasmussen and Williams 2006, algorithm 3.1, in its symbols: a = K⁻¹ s, so that K needs no inverse. If
+    ``environments`` (d, e) are given, the covariance is the sandwich of the file's head.
+    """
     identity = numpy.eye(len(prior))
-    # a = K⁻¹ s, so that K needs no inverse.
     a = numpy.zeros(len(prior))
 
-    def log_density(at: NDArray[Any]) -> float:
-        s = prior @ at
-        return float(passed @ s - counted @ numpy.logaddexp(0, s) - at @ s / 2)
+    def log_density(a: NDArray[Any]) -> float:
+        s = prior @ a
+        return float(passed @ s - counted @ numpy.logaddexp(0, s) - a @ s / 2)
 
     value = log_density(a)
     for _ in range(NEWTON_STEPS):
@@ -191,6 +209,7 @@ def _posterior(
         b = curvature * s + passed - counted * rate
         step = b - root * _solve(lower, root * (prior @ b)) - a
         size = 1.0
+        # Halve a step that overshoots.
         while (new := log_density(a + size * step)) < value - TOLERANCE and size > 1e-4:
             size /= 2
         a, gain, value = a + size * step, new - value, new
@@ -206,12 +225,13 @@ def _posterior(
     if environments is not None and environments.shape[1] >= MIN_ENVIRONMENTS:
         gradients = numpy.where(numpy.isnan(environments), 0.0, environments - rate[:, None])
         gradients = gradients - gradients.mean(axis=1, keepdims=True)
-        moved = covariance @ gradients
-        covariance = covariance - covariance @ (curvature[:, None] * covariance) + moved @ moved.T
+        changes = covariance @ gradients
+        covariance = covariance - covariance @ (curvature[:, None] * covariance) + changes @ changes.T
     return _Posterior(s, covariance, evidence)
 
 
 def _solve(lower: NDArray[Any], values: NDArray[Any]) -> NDArray[Any]:
+    """Return (L L')⁻¹ ``values`` for the Cholesky factor L = ``lower``."""
     from scipy.linalg import cho_solve
 
     return numpy.asarray(cho_solve((lower, True), values))

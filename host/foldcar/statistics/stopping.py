@@ -11,8 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from foldcar.statistics.rate import anytime_interval
 
-# A design gets no further runs if these would decide it with a lower probability.
+# A design gets no further runs if these would decide it with a lower probability than this.
 MIN_CHANCE = 0.02
+# The near horizon is this many times the runs so far.
 NEAR_HORIZON = 10
 # Fractions of the greatest possible stake, in bets that a design is not worse.
 STAKES = numpy.arange(1, 10)[:, None] / 10
@@ -22,10 +23,10 @@ ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class StoppingRule:
-    """A design is decided when its anytime-valid interval is narrow enough, or on one side of every threshold.
+    """Says when a design has enough runs, by its anytime-valid interval of ``confidence``.
 
-    ``half_width`` (0 to 1) is half of the widest interval that decides; None if ``thresholds`` (0 to 1, ascending)
-    decide. The ``confidence`` is that of a single design.
+    It is decided if half the interval's width is at most ``half_width`` (0 to 1). If ``half_width`` is None, it is
+    decided if the interval lies on one side of each of the ``thresholds`` (0 to 1, ascending).
     """
 
     half_width: float | None
@@ -33,7 +34,7 @@ class StoppingRule:
     confidence: float = 0.95
 
     def decided(self, successes: ArrayLike, runs: ArrayLike) -> NDArray[Any]:
-        """Return whether each design (designs,) is decided."""
+        """Return whether each design (designs,) is decided after that many successes and runs."""
         low, high = anytime_interval(successes, runs, self.confidence)
         if self.half_width is not None:
             return numpy.asarray((high - low) / 2 <= self.half_width)
@@ -47,20 +48,21 @@ class StoppingRule:
         """
         from scipy.stats import binom
 
-        new = numpy.arange(later_runs - runs + 1)
-        decided = _decided(self, later_runs)[passed : passed + len(new)]
-        likely = binom.pmf(new[decided], later_runs - runs, numpy.asarray(rates)[:, None]).sum(axis=1)
-        return float(numpy.asarray(masses) @ likely)
+        new_passed = numpy.arange(later_runs - runs + 1)
+        decided = _decided(self, later_runs)[passed : passed + len(new_passed)]
+        chances = binom.pmf(new_passed[decided], later_runs - runs, numpy.asarray(rates)[:, None]).sum(axis=1)
+        return float(numpy.asarray(masses) @ chances)
 
-    def hopeless(self, passed: int, runs: int, most: int) -> bool:
-        """Return whether ``most`` runs of a design would decide it with a probability below MIN_CHANCE.
+    def hopeless(self, passed: int, runs: int, max_runs: int) -> bool:
+        """Return whether ``max_runs`` runs in all would decide the design with a probability below MIN_CHANCE.
 
-        By its ``runs`` so far and Jeffreys' prior. Never for a ``half_width``: further runs always narrow the interval.
+        The probability follows from the ``runs`` so far and Jeffreys' prior. A rule with a ``half_width`` is never
+        hopeless, because further runs always narrow the interval.
         """
         if self.half_width is not None:
             return False
         # The near horizon is checked first, because the far one needs a long table.
-        horizons = (min(most, NEAR_HORIZON * (runs + 1)), most)
+        horizons = (min(max_runs, NEAR_HORIZON * (runs + 1)), max_runs)
         return all(_later_chance(self, passed, runs, later_runs) < MIN_CHANCE for later_runs in horizons)
 
     @classmethod
@@ -86,32 +88,35 @@ def _decided(rule: StoppingRule, runs: int) -> NDArray[Any]:
 
 @lru_cache(maxsize=4096)
 def _later_chance(rule: StoppingRule, passed: int, runs: int, later_runs: int) -> float:
-    """Return the probability that the design is decided after ``later_runs`` runs, by Jeffreys' prior."""
+    """Return the probability that a design is decided after ``later_runs`` runs in all, by Jeffreys' prior.
+
+    ``passed`` of the ``runs`` so far passed.
+    """
     from scipy.stats import betabinom
 
-    new = numpy.arange(later_runs - runs + 1)
-    decided = _decided(rule, later_runs)[passed : passed + len(new)]
-    return float(betabinom.pmf(new[decided], later_runs - runs, passed + 0.5, runs - passed + 0.5).sum())
+    new_passed = numpy.arange(later_runs - runs + 1)
+    decided = _decided(rule, later_runs)[passed : passed + len(new_passed)]
+    return float(betabinom.pmf(new_passed[decided], later_runs - runs, passed + 0.5, runs - passed + 0.5).sum())
 
 
-def evidence_of_worse(excess: ArrayLike, number: int, most_better: float) -> float:
-    """Return the evidence that a design ends worse than another over ``number`` environments, as a betting score.
+def evidence_of_worse(excess: ArrayLike, number: int, max_advantage: float) -> float:
+    """Return a betting score, the evidence that a design's total loss over ``number`` environments exceeds another's.
 
-    ``excess`` (n,) is its loss minus the other's in the environments so far, in random order; at least -``most_better``.
-    If the sum over all environments is 0 or less, the score ever reaches 1/risk with a probability of at most ``risk``.
-    It is infinite if the remaining environments cannot bring the sum down to 0.
+    ``excess`` (n,) is its loss minus the other's in the environments so far, in random order, at least
+    -``max_advantage``. If the sum over all environments is 0 or less, the score ever reaches 1/risk with a probability of
+    at most ``risk``. It is infinite if the remaining environments cannot bring the sum down to 0.
 
-    Let x_i be the excess in environment i of N, and b ``most_better``. If the sum is at most 0, the mean of x_i given
+    Let x_i be the excess in environment i of N, and b ``max_advantage``. If the sum is at most 0, the mean of x_i given
     those before is at most μ_i = -(x_1 + … + x_(i-1)) / (N - i + 1). So Π (1 + c (x_i - μ_i) / (b + μ_i)) is a
     supermartingale for each stake c of 0 to 1, and so is its mean over STAKES (Ville's inequality; Waudby-Smith and
     Ramdas 2020, 2006.04347).
     """
     x = numpy.asarray(excess, dtype=float)
-    before = numpy.cumsum(x) - x
-    mean = -before / (number - numpy.arange(len(x)))
-    room = most_better + mean
-    # Without room every remaining excess must be -b, or the sum is above 0.
-    if ((room < ROUNDING) & (x - mean > ROUNDING)).any():
+    earlier_sum = numpy.cumsum(x) - x
+    max_mean = -earlier_sum / (number - numpy.arange(len(x)))
+    # b + μ_i. If it is 0, every remaining excess must be -b, or the sum is above 0.
+    denominators = max_advantage + max_mean
+    if ((denominators < ROUNDING) & (x - max_mean > ROUNDING)).any():
         return math.inf
-    gains = numpy.divide(x - mean, room, out=numpy.zeros(len(x)), where=room >= ROUNDING)
+    gains = numpy.divide(x - max_mean, denominators, out=numpy.zeros(len(x)), where=denominators >= ROUNDING)
     return float(numpy.prod(1 + STAKES * gains, axis=1).mean())

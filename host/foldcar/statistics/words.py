@@ -12,7 +12,7 @@ COLUMN_UNITS = {
 
 
 def design_text(design: Mapping[str, float | str]) -> str:
-    """Describe a design: ``95 mm``; with names if there are several parameters or it has no unit."""
+    """Describe a design: ``95 mm``, or with names, ``width 95 mm, radius 60 mm``, if a value alone would be unclear."""
     if not design:
         return "the design"
     parts = {name: value_text(name, value) for name, value in design.items()}
@@ -87,6 +87,7 @@ def duration_text(seconds: float) -> str:
 
 
 def _sharing_unit(texts: Sequence[str]) -> list[str]:
+    """Return the texts with the unit only at the last one, if all are a number and the same unit."""
     parts = [text.rpartition(" ") for text in texts]
     if len(texts) > 1 and all(head and " " not in head and unit == parts[0][2] for head, _, unit in parts):
         return [*(head for head, _, _ in parts[:-1]), texts[-1]]

@@ -26,8 +26,8 @@ class Calibration:
     """A calibration of the simulator by the trials of one experiment.
 
     ``draws`` are equally likely values of the parameters by name, in the order in which samples take them;
-    ``summary`` is what docs/calibration.md describes, as JSON values. ``build`` is carsim's. ``kind`` is REALITY for
-    parameters of a file, which no trials stand behind and no store keeps.
+    ``summary`` is what docs/calibration.md describes, as JSON values. ``build`` is carsim's. ``kind`` is REALITY_KIND for
+    parameters of a file, which are not inferred from trials and not stored.
     """
 
     name: str
@@ -92,33 +92,33 @@ class CalibrationWriter(StoreConnection):
             }
             if self._rows(CALIBRATION, "WHERE name = ?", calibration.name):
                 if not replace:
-                    raise _taken(self.path, calibration.name)
+                    raise _name_taken_error(self.path, calibration.name)
                 # Another sweep may have begun while the calibration was computed.
                 for experiment in self._rows(EXPERIMENT):
-                    under = json.loads(experiment["facts"]).get("calibration") or {}
-                    if (under.get("name"), under.get("kind", CALIBRATION_KIND)) == (calibration.name, CALIBRATION_KIND):
-                        raise _swept_under(self.path, calibration.name, experiment["id"])
+                    used = json.loads(experiment["facts"]).get("calibration") or {}
+                    if (used.get("name"), used.get("kind", CALIBRATION_KIND)) == (calibration.name, CALIBRATION_KIND):
+                        raise _in_use_error(self.path, calibration.name, experiment["id"])
             self._insert(CALIBRATION, [row], "OR REPLACE")
 
 
 def check_calibration_name(store: Store, name: str, replace: bool) -> None:
-    """Raise StoreError if the name is taken and not to be replaced, or if a sweep has used that calibration."""
+    """Raise StoreError if a stored calibration has this name, unless ``replace`` is set and no sweep has used it."""
     if all(calibration.name != name for calibration in calibrations(store)):
         return
     if not replace:
-        raise _taken(store.path, name)
+        raise _name_taken_error(store.path, name)
     for info in store.info().experiments.values():
         if info.under == f"{CALIBRATION_KIND} {name}":
-            raise _swept_under(store.path, name, info.id)
+            raise _in_use_error(store.path, name, info.id)
 
 
-def _swept_under(store: Path, name: str, experiment: str) -> StoreError:
+def _in_use_error(store: Path, name: str, experiment: str) -> StoreError:
     return StoreError(
         f'{store}: calibration "{name}": experiment "{experiment}" was swept with it; choose another --name'
     )
 
 
-def _taken(store: Path, name: str) -> StoreError:
+def _name_taken_error(store: Path, name: str) -> StoreError:
     return StoreError(f'{store}: already has a calibration "{name}"; choose another --name, or use --replace')
 
 

@@ -24,7 +24,7 @@ from foldcar.store.tables import BY_NAME, RECORDED, RUN, TABLES
 
 @dataclass(slots=True)
 class StoreCheck:
-    """The numbers of rows and logs that were read, and a line for each damage."""
+    """The numbers of ``rows`` and ``logs`` that were checked, and a line in ``findings`` for each damage."""
 
     rows: int
     logs: int
@@ -32,7 +32,10 @@ class StoreCheck:
 
 
 def check_store(path: Path) -> StoreCheck:
-    """Check the whole store. Raises StoreError if it does not exist or cannot be read at all."""
+    """Check a store's structure, references, numbers, JSON texts and logs.
+
+    Raises StoreError if the store does not exist or cannot be read to its end.
+    """
     with contextlib.closing(connect_reading(path)) as connection:
         try:
             lines = [str(line) for (line,) in connection.execute("PRAGMA integrity_check") if line != "ok"]
@@ -48,7 +51,7 @@ def check_store(path: Path) -> StoreCheck:
 
 
 def _damaged_texts(path: Path, connection: sqlite3.Connection) -> Iterator[str]:
-    """Yield a line for the first row of each table with a JSON text that foldcar does not write."""
+    """Yield a line for the first damaged row of each table: one whose JSON text has the wrong hash or shape."""
     for table in TABLES:
         try:
             for _ in read_rows(path, connection, table):
@@ -58,14 +61,16 @@ def _damaged_texts(path: Path, connection: sqlite3.Connection) -> Iterator[str]:
 
 
 def missing_references(connection: sqlite3.Connection) -> list[str]:
-    """Return a line for each kind of rows that refer to missing rows."""
+    """Return a line for each pair of tables of which rows of the first refer to missing rows of the second."""
     where = " AND ".join(f"r.{name} = v.{name}" for name in RUN.key)
+    # PRAGMA foreign_key_check returns (table, row, referred table, number of the constraint).
     missing = Counter((row[0], row[2]) for row in connection.execute("PRAGMA foreign_key_check"))
+    # The reference of recorded values to runs is no foreign key.
     (missing[RECORDED.name, RUN.name],) = connection.execute(
         f"SELECT count(*) FROM {RECORDED.name} v WHERE NOT EXISTS (SELECT 1 FROM {RUN.name} r WHERE {where})"
     ).fetchone()
     return [
-        f"table {name}: {count} rows refer to rows of {referred} that are not there"
+        f"table {name}: {count} rows refer to missing rows of {referred}"
         for (name, referred), count in sorted((+missing).items())
     ]
 
@@ -73,10 +78,12 @@ def missing_references(connection: sqlite3.Connection) -> list[str]:
 def _check_logs(path: Path, connection: sqlite3.Connection) -> tuple[int, list[str]]:
     """Return the number of logs, and a line for each log that is missing, damaged or without a trial."""
     trials = connection.execute("SELECT id, log, log_sha256 FROM trial WHERE log IS NOT NULL ORDER BY id").fetchall()
-    # A trial is stored before its log is begun.
-    named = {str(log) for _, log, _ in trials}
+    # A trial is stored before its log is begun, so every log should have a trial.
+    logs_of_trials = {str(log) for _, log, _ in trials}
     files, folder = sorted(logs_folder(path).glob("trial-*.tlog")), store_folder(path)
-    findings = [f"log {file}: its trial is missing" for file in files if str(file.relative_to(folder)) not in named]
+    findings = [
+        f"log {file}: its trial is missing" for file in files if str(file.relative_to(folder)) not in logs_of_trials
+    ]
     logs = 0
     for number, log, expected in trials:
         where = f"trial (id={number})"
@@ -97,15 +104,15 @@ def _check_logs(path: Path, connection: sqlite3.Connection) -> tuple[int, list[s
 def store_digest(store: Store) -> tuple[str, int]:
     """Return a digest of all runs in hexadecimal digits, and the number of runs. Raises StoreError.
 
-    Stores with equal keys and results have equal digests. The digest is the sum, modulo 2^256, of the SHA-256 of every
-    run as a JSON array: the build's name, the hashes of body, scene, settings and variation, the outcome, the metrics by
-    name, the message, the recorded values. The order of rows, listings and trials do not matter.
+    Stores with equal runs have equal digests, whatever their order of rows, listings and trials. The digest is the sum,
+    modulo 2^256, of the SHA-256 of every run as a JSON array: the build's name, the hashes of body, scene, settings and
+    variation, the outcome, the metrics by name, the message, the recorded values.
     """
     names = {
         column: {row["id"]: row[name] for row in store.rows(BY_NAME[column.removesuffix("_id")])}
         for column, name in zip(RUN.key, ("name", "hash", "hash", "hash", "hash"), strict=True)
     }
-    total = runs = 0
+    digest_sum = runs = 0
     with_recorded = store.holds_recorded()
     for row in store.rows(RUN, f"ORDER BY {', '.join(RUN.order)}"):
         key = [names[column].get(row[column], row[column]) for column in RUN.key]
@@ -113,6 +120,6 @@ def store_digest(store: Store) -> tuple[str, int]:
         recorded = [[record["name"], record["kind"], record["value"]] for record in rows]
         result = [row["outcome"], {name: row[name] for name in NUMBERS}, row["message"], recorded]
         text = json.dumps([key, result], sort_keys=True, separators=(",", ":"))
-        total += int.from_bytes(hashlib.sha256(text.encode()).digest(), "big")
+        digest_sum += int.from_bytes(hashlib.sha256(text.encode()).digest(), "big")
         runs += 1
-    return f"{total % 2**256:064x}", runs
+    return f"{digest_sum % 2**256:064x}", runs

@@ -1,9 +1,9 @@
-"""How a store's file is made, opened, written by one process at a time, and refused.
+"""Creates and opens a store's file, lets one process at a time write it, and refuses other files.
 
 A store is one SQLite file. While it is written, it is in write-ahead mode with two files beside it (a rollback journal
 where the file system has no shared memory), and the writer holds SQLite's exclusive lock of ``study.db-lock``, which
-the system drops when the process ends, however it ends. When the writer closes, the store is a single file again.
-Readers copy the store into a temporary database that vanishes with the connection, so that they keep no writer waiting.
+the system releases when the process ends, even if it is killed. When the writer closes, the store is a single file again.
+Readers copy the store into a temporary database, which is deleted with the connection, so that writers need not wait.
 """
 
 import contextlib
@@ -23,14 +23,18 @@ from foldcar.typed import did_you_mean_file
 APPLICATION_ID = 0x466F6C64
 # How long SQLite waits for another program that has the store locked, in seconds.
 BUSY_S = 10.0
-# Larger stores, of some ten million runs, are read in place.
+# Stores of more bytes, some ten million runs, are read in place.
 MAX_COPIED_BYTES = 2**30
 # How many bytes of a file are searched to recognise a listing.
 MAX_LISTING_BYTES = 2**20
 
 
 def open_reading(path: Path) -> sqlite3.Connection:
-    """Return a read-only connection to a snapshot of an existing store. Raises StoreError if it is not a store."""
+    """Return a read-only connection to a snapshot of an existing store.
+
+    The store is copied to a temporary database and checked; a very large one is read in a transaction instead. Raises
+    StoreError if it is not a store, or damaged.
+    """
     with contextlib.ExitStack() as stack:
         connection = stack.enter_context(contextlib.closing(connect_reading(path)))
         with store_errors(path):
@@ -43,9 +47,9 @@ def open_reading(path: Path) -> sqlite3.Connection:
             connection.backup(copy)
             copy.execute("PRAGMA query_only = ON")
             # Checks structure, types, required values and choices, so that later code can rely on them.
-            (first,) = copy.execute("PRAGMA quick_check(1)").fetchone()
-            if first != "ok":
-                raise StoreError(f"{path}: is damaged: {first}; `foldcar check {path}` says what else is")
+            (damage,) = copy.execute("PRAGMA quick_check(1)").fetchone()
+            if damage != "ok":
+                raise StoreError(f"{path}: is damaged: {damage}; `foldcar check {path}` lists all damage")
             for damage in numbers_beyond_limits(copy):
                 raise StoreError(f"{path}: {damage}")
         stack.pop_all()
@@ -58,8 +62,8 @@ def numbers_beyond_limits(connection: sqlite3.Connection) -> Iterator[str]:
     for table in TABLES:
         limits = {column.name: LIMITS[column.type] for column in table.columns if column.type in LIMITS}
         if limits:
-            beyond = " OR ".join(f"{name} NOT BETWEEN {low} AND {high}" for name, (low, high) in limits.items())
-            query = f"SELECT {', '.join(table.names)} FROM {table.name} WHERE {beyond} LIMIT 1"
+            outside = " OR ".join(f"{name} NOT BETWEEN {low} AND {high}" for name, (low, high) in limits.items())
+            query = f"SELECT {', '.join(table.names)} FROM {table.name} WHERE {outside} LIMIT 1"
             for cells in connection.execute(query):
                 row = dict(zip(table.names, cells, strict=True))
                 for name, (low, high) in limits.items():
@@ -68,7 +72,7 @@ def numbers_beyond_limits(connection: sqlite3.Connection) -> Iterator[str]:
 
 
 def connect_reading(path: Path) -> sqlite3.Connection:
-    """Return a connection that changes no rows. Raises StoreError if there is no store of this version."""
+    """Return a connection that cannot change rows. Raises StoreError if ``path`` is not a store of this version."""
     check_name(path)
     if not path.exists():
         raise StoreError(f"{path}: no such store{did_you_mean_file(path)}")
@@ -86,12 +90,12 @@ def connect_reading(path: Path) -> sqlite3.Connection:
 
 
 def beside(path: Path, suffix: str) -> Path:
-    """Return the file beside a store with that suffix: ``-wal``, ``-lock``. Symbolic links are resolved."""
+    """Return the store's path with a suffix, ``-wal`` or ``-lock``, after resolving symbolic links."""
     return Path(f"{os.path.realpath(path)}{suffix}")
 
 
 def require_store(path: Path) -> None:
-    """Raise StoreError if there is no store of this version; for commands that must not create one."""
+    """Raise StoreError if ``path`` is not a store of this version; for commands that must not create one."""
     connect_reading(path).close()
 
 
@@ -104,7 +108,7 @@ def _is_blank(path: Path, connection: sqlite3.Connection) -> bool:
             (version,) = connection.execute("PRAGMA user_version").fetchone()
     except StoreError as error:
         if isinstance(error.__cause__, sqlite3.DatabaseError) and "not a database" in str(error):
-            _refuse_listing(path)
+            _raise_if_listing(path)
         raise
     if tables == 0 and application_id == 0:
         return True
@@ -130,8 +134,8 @@ def _check_schema(path: Path, connection: sqlite3.Connection) -> None:
         raise StoreError(f"{path}: has a trigger that foldcar does not make: {name}")
 
 
-def _refuse_listing(path: Path) -> None:
-    """Raise StoreError if the file is a listing.
+def _raise_if_listing(path: Path) -> None:
+    """Raise StoreError, which advises `foldcar sweep`, if the file is a listing.
 
     Do not call it for a store: closing a file drops the locks that SQLite holds on it in this process.
     """
@@ -142,13 +146,13 @@ def _refuse_listing(path: Path) -> None:
 
 
 def check_name(store: Path) -> None:
-    """Raise StoreError if SQLite does not treat the name as a file's, because the store would be lost."""
+    """Raise StoreError if SQLite does not treat the name as a file name, because the store would be lost."""
     if str(store) == ":memory:" or str(store).startswith("file:"):
         raise StoreError(f"{store}: SQLite does not treat this as a file name; use another, such as study.db")
 
 
 def check_new(store: Path) -> None:
-    """Raise StoreError if the file exists, or if the name cannot be a store's."""
+    """Raise StoreError if the file exists, or if its name cannot be that of a store."""
     check_name(store)
     if os.path.lexists(store):
         raise StoreError(f"{store}: already exists; name a new store")
@@ -167,7 +171,7 @@ def new_store(store: Path) -> Iterator[sqlite3.Connection]:
         with store_errors(store), contextlib.closing(sqlite3.connect(part, isolation_level=None)) as connection:
             # No journal file is needed, because an incomplete store is deleted.
             connection.execute("PRAGMA journal_mode = MEMORY")
-            _fill(connection)
+            _create_schema(connection)
             with _transaction(connection):
                 yield connection
         part.rename(store)
@@ -177,8 +181,8 @@ def new_store(store: Path) -> Iterator[sqlite3.Connection]:
         part.unlink(missing_ok=True)
 
 
-def _fill(connection: sqlite3.Connection) -> None:
-    """Create the tables of a store in an empty database."""
+def _create_schema(connection: sqlite3.Connection) -> None:
+    """Create the tables of a store in an empty database, and mark it as a store of this version."""
     with _transaction(connection):
         create_tables(connection)
         connection.execute(f"PRAGMA application_id = {APPLICATION_ID}")
@@ -202,7 +206,7 @@ def writing(path: Path, synchronous: str = "NORMAL") -> Iterator[sqlite3.Connect
         try:
             with store_errors(path):
                 if _is_blank(path, connection):
-                    _fill(connection)
+                    _create_schema(connection)
                 connection.execute(f"PRAGMA synchronous = {synchronous}")
             yield connection
         finally:
@@ -217,7 +221,7 @@ def _writer_lock(path: Path) -> Iterator[None]:
     try:
         file.touch()
         status = file.stat()
-        # Longer than `is_written` holds its read lock.
+        # The timeout is longer than `is_written` holds its read lock.
         lock = sqlite3.connect(file, timeout=0.2, isolation_level=None)
     except OSError as error:
         raise StoreError(f"{path}: cannot be written: {error.strerror or error}") from error
@@ -229,7 +233,7 @@ def _writer_lock(path: Path) -> Iterator[None]:
         except sqlite3.Error as error:
             raise in_use if "locked" in str(error) else StoreError(f"{path}: cannot be locked: {error}") from error
         # The last holder may have deleted the file meanwhile, and another process may have created a new one.
-        if not leads_to(file, status):
+        if not is_same_file(file, status):
             raise in_use
         try:
             yield
@@ -240,7 +244,7 @@ def _writer_lock(path: Path) -> Iterator[None]:
 
 
 def is_written(path: Path) -> bool | None:
-    """Return whether a process is writing to the store; None if a writer was killed. It does not block writers."""
+    """Return whether a process is writing to the store, without blocking it; None if a writer was killed."""
     file = beside(path, "-lock")
     # On Windows the file remains after every writer, so it does not show that one was killed.
     killed_writer = None if os.name == "posix" else False
@@ -254,8 +258,8 @@ def is_written(path: Path) -> bool | None:
     return killed_writer
 
 
-def leads_to(path: Path, status: os.stat_result) -> bool:
-    """Return whether ``path`` is still the name of that file, which may have been deleted or replaced."""
+def is_same_file(path: Path, status: os.stat_result) -> bool:
+    """Return whether ``path`` still names the file with this earlier ``status``, so was neither deleted nor replaced."""
     try:
         return os.path.samestat(path.stat(), status)
     except OSError:
@@ -266,6 +270,7 @@ def _open_writing(path: Path) -> sqlite3.Connection:
     """Return a connection in write-ahead mode, or with a rollback journal if the file system has no shared memory."""
     with store_errors(path), contextlib.ExitStack() as stack:
         connection = sqlite3.connect(path, BUSY_S, isolation_level=None)
+        # A lambda, because the fallback below replaces the connection.
         stack.callback(lambda: connection.close())
         _is_blank(path, connection)
         try:
@@ -276,7 +281,7 @@ def _open_writing(path: Path) -> sqlite3.Connection:
                 raise
             connection.close()
             connection = sqlite3.connect(path, BUSY_S, isolation_level=None)
-            # A connection with exclusive access can leave the mode without shared memory.
+            # Only a connection with exclusive access can leave write-ahead mode without shared memory.
             connection.execute("PRAGMA locking_mode = EXCLUSIVE")
             connection.execute("PRAGMA journal_mode = DELETE")
             connection.execute("PRAGMA locking_mode = NORMAL")
@@ -286,11 +291,14 @@ def _open_writing(path: Path) -> sqlite3.Connection:
 
 
 def _close_writing(path: Path, connection: sqlite3.Connection, status: os.stat_result) -> None:
-    """Close the connection; leave a single file if no other process is reading it."""
+    """Close the connection and merge the write-ahead log, so that the store is one file if nobody else reads it.
+
+    ``status`` is that of the file when it was opened.
+    """
     # Close first: an interrupt may have left an unfinished query, which would prevent the change of mode.
     connection.close()
     # If the file was deleted or replaced, opening its name would create or change another file.
-    if leads_to(path, status):
+    if is_same_file(path, status):
         with contextlib.suppress(sqlite3.Error), contextlib.closing(sqlite3.connect(path)) as last:
             last.execute("PRAGMA journal_mode = DELETE")
 
@@ -318,10 +326,11 @@ class StoreConnection:
         self._file = path.stat()
 
     def _put_text(self, table: str, text: str, identity: str = "") -> int:
+        """Return the id of a JSON text; add it if it is missing. ``identity`` distinguishes equal texts."""
         return self._identify(table, "hash", text_hash(text, identity), json=text)
 
     def _identify(self, table: str, column: str, value: str, **others: Any) -> int:
-        """Return the id of the row with that value; add the row if it is missing."""
+        """Return the id of the row with this value in ``column``; add it, with the ``others``, if it is missing."""
         row = self._run(f"SELECT id FROM {table} WHERE {column} = ?", value).fetchone()
         return int(row[0]) if row else self._add(BY_NAME[table], {column: value, **others})
 
@@ -333,7 +342,7 @@ class StoreConnection:
         return number
 
     def _insert(self, table: Table, rows: Iterable[Mapping[str, Any]], otherwise: str = "") -> None:
-        """Add rows; absent columns are empty. ``otherwise`` says what happens to existing keys (see insert_sql)."""
+        """Add rows; absent columns are empty. ``otherwise`` is ``OR IGNORE``, ``OR REPLACE`` or "" (see insert_sql)."""
         with store_errors(self.path):
             self._connection.executemany(
                 insert_sql(table, otherwise), ([row.get(name) for name in table.names] for row in rows)
@@ -362,7 +371,7 @@ class StoreConnection:
         """Commit the block's changes. Raises StoreError if the file was moved or deleted meanwhile."""
         with store_errors(self.path), _transaction(self._connection):
             yield
-        if not leads_to(self.path, self._file):
+        if not is_same_file(self.path, self._file):
             # SQLite continues to write to a file that was deleted or renamed.
             raise StoreError(
                 f"{self.path}: was deleted, moved or replaced while it was written: the last changes are not in it"

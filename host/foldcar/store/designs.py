@@ -29,7 +29,7 @@ class DesignCounts:
 
 
 def design_counts(path: Path, connection: Connection, experiment: str) -> DesignCounts:
-    """Return the counts of the experiment's designs, including designs without runs. Raises StoreError."""
+    """Count the stored runs of each design of an experiment; designs without runs have zeros. Raises StoreError."""
     with store_errors(path):
         designs = "SELECT position FROM design WHERE experiment = ? ORDER BY position"
         positions = [position for (position,) in connection.execute(designs, (experiment,))]
@@ -39,20 +39,27 @@ def design_counts(path: Path, connection: Connection, experiment: str) -> Design
             (experiment,),
         )
         counts = {position: tuple(numbers) for position, *numbers in rows}
+    # Four lists: runs, counted, passed, reached.
     columns = ([counts.get(position, (0, 0, 0, 0))[column] for position in positions] for column in range(4))
     return DesignCounts(positions, *columns)
 
 
 @dataclass(frozen=True)
 class StoredDesigns:
-    """Parameters by column, in the order of designs; ``fingerprint`` is a hash of everything they depend on."""
+    """A family's designs as stored: their ``parameters`` by column, in order.
+
+    ``fingerprint`` is a hash of everything that they depend on.
+    """
 
     fingerprint: str
     parameters: list[Mapping[str, float]]
 
 
 def stored_designs(path: Path, experiments: Iterable[str]) -> dict[str, StoredDesigns]:
-    """Return the complete designs of these experiments; empty if the store is missing, damaged or older."""
+    """Return the designs of those of the experiments that have them completely, by id.
+
+    Returns {} if the store is missing, damaged or of another version.
+    """
     if not path.is_file():
         return {}
     try:

@@ -17,7 +17,7 @@ class StoreError(FoldcarError):
 
 @contextlib.contextmanager
 def store_errors(path: Path, prefix: str = "") -> Iterator[None]:
-    """Convert SQLITE_ERRORS to StoreErrors that name the file; ``prefix`` precedes SQLite's message."""
+    """Convert SQLITE_ERRORS of the block to StoreErrors: ``path``, then ``prefix``, then SQLite's message."""
     try:
         yield
     except SQLITE_ERRORS as error:

@@ -23,9 +23,10 @@ COLUMNS = (*HEAD, "sample", "outcome", "passed", *NUMBERS)
 
 @dataclass(frozen=True)
 class RunArrays:
-    """The runs of one experiment by design and sample, as arrays (runs,). ``design`` is the position in the family.
+    """The runs of one experiment, ordered by design and sample, as arrays (runs,).
 
-    ``outcome`` is the index in OUTCOMES; ``metrics`` (runs, metrics) are in the order of NUMBERS, NaN if unknown.
+    ``design`` is the index among the store's designs, ``outcome`` the index in OUTCOMES. ``metrics`` (runs, metrics) are
+    in the order of NUMBERS, NaN if unknown.
     """
 
     design: NDArray[np.int64]
@@ -95,7 +96,7 @@ def trials_frame(store: Store, experiment: str | None = None) -> pd.DataFrame:
 
 
 def _frame(store: Store, name: str) -> pd.DataFrame:
-    """Return the table of one experiment's runs."""
+    """Return the table of one experiment's runs, as :func:`runs_frame` describes it."""
     (experiment,) = store.rows(EXPERIMENT, "WHERE id = ?", name)
     designs, runs = list(store.designs(name).values()), run_arrays(store, name)
     parameters = dict.fromkeys(column for design in designs for column in design)
@@ -114,13 +115,14 @@ def _frame(store: Store, name: str) -> pd.DataFrame:
 def _read_runs(store: Store, name: str) -> RunArrays:
     """Read an experiment's runs into arrays. Raises StoreError if a design is missing."""
     codes = {outcome: code for code, outcome in enumerate(OUTCOMES)}
+    # Places in a row of RUN_CELLS.
     metric_columns = [RUN_CELLS.index(metric) for metric in NUMBERS]
     outcome_column = RUN_CELLS.index("outcome")
     keys, outcomes, metrics = [np.empty((0, 2), np.int64)], [np.empty(0, np.uint8)], [np.empty((0, len(NUMBERS)))]
-    for batch, cells in store.run_batches(name):
+    for positions_and_samples, cells in store.run_batches(name):
         columns = list(zip(*cells, strict=True))
-        keys.append(np.array(batch, dtype=np.int64))
-        outcomes.append(np.fromiter(map(codes.__getitem__, columns[outcome_column]), np.uint8, len(batch)))
+        keys.append(np.array(positions_and_samples, dtype=np.int64))
+        outcomes.append(np.fromiter(map(codes.__getitem__, columns[outcome_column]), np.uint8, len(cells)))
         # None becomes NaN.
         metrics.append(np.array([columns[metric] for metric in metric_columns], dtype=np.float64).T)
     position, sample = np.concatenate(keys).T
@@ -132,6 +134,7 @@ def _read_runs(store: Store, name: str) -> RunArrays:
 
 
 def _strings(values: Iterable[str | None]) -> Any:
+    """Return a string column, with NA for None."""
     return pd.array(list(values), dtype="str")
 
 
@@ -142,4 +145,5 @@ def _numbers(values: Sequence[float | str | None]) -> Any:
 
 
 def _booleans(values: Any, is_known: Any) -> Any:
+    """Return a boolean column, with NA where ``is_known`` is False."""
     return pd.arrays.BooleanArray(np.asarray(values, dtype=bool), ~np.asarray(is_known, dtype=bool))

@@ -1,4 +1,4 @@
-"""The facts of a study that a store keeps beside its runs, as reports print them."""
+"""What a store keeps of a study and its experiments besides the runs."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -21,19 +21,21 @@ VARIANT = re.compile(rf" (fresh|\(({_TITLES}|(calibrated|{REALITY_KIND}) .*)\))$
 
 
 def engine_id(experiment: str, engine: str) -> str:
-    """Return the name in stores of an experiment in that engine; multibody, whose name is "", does not change it."""
+    """Return an experiment's name in stores if ``engine`` simulates it: "width (MuJoCo)"; "" is the default engine."""
     return f"{experiment} ({engine_title(engine)})" if engine else experiment
 
 
 def listed_id(experiment: str, calibration: Mapping[str, str] | None, engine: str) -> str:
-    """Return the name in the listing of an experiment of a store, whose name may have a calibration and an engine."""
+    """Return an experiment's name in the listing: its name in the store without calibration and engine."""
     listed_name = experiment if calibration is None else calibration["experiment"]
     return listed_name.removesuffix(engine_id("", engine))
 
 
 def unlike_sides_text(difference: str) -> str:
     """Return the warning that the side view does not simulate ``difference``, which matters for the experiment."""
-    return f"The side view knows neither roll, yaw nor sides, which matter here: {difference}. Use --engine multibody."
+    return (
+        f"The side view simulates neither roll, yaw nor sides, which matter here: {difference}. Use --engine multibody."
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -32,7 +32,7 @@ def log_file(store: Path, log: str) -> Path:
     except (OSError, ValueError, RuntimeError):
         inside = False
     if not inside:
-        raise StoreError(f'{store}: log: "{ascii(log)[1:-1][:200]}" leads out of the folder {folder}')
+        raise StoreError(f'{store}: log: "{ascii(log)[1:-1][:200]}" is outside the folder {folder}')
     return folder / path
 
 
@@ -52,7 +52,7 @@ def reference(store: Path, file: Path) -> str:
 
 
 def referred_file(store: Path, name: str) -> Path:
-    """Return the file of a :func:`reference`."""
+    """Return the file to which a name made by :func:`reference` refers."""
     return store_folder(store) / name
 
 

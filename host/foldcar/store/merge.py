@@ -38,12 +38,13 @@ from foldcar.store.tables import (
 from foldcar.store.trial_records import RUNNING
 
 DESIGN_COUNTS = "SELECT id, (SELECT count(*) FROM design WHERE experiment = e.id) FROM experiment e"
-# The columns of a run's key with the tables that they refer to; `recorded` and `path` refer to runs by this key.
+# The tables to which the columns of a run's key refer; `recorded` refers to runs by this key.
 REFERENCES = {column.name: column.refers for column in RUN.columns if column.refers}
 # The fact of an experiment that says how many runs its sweep had when it ended with undecided designs.
 ENDED = "ended_runs"
+# The columns in which two experiments of the same name must be equal.
 SAME_COLUMNS = ("build_id", "environment_id", "spread_id", "vehicle", "environment")
-# The columns that distinguish the corrections of a trial.
+# The columns that distinguish the corrections of a trial: all except the numbers of correction and trial.
 CHANGE = CORRECTION.names[2:]
 
 
@@ -100,7 +101,7 @@ class _Merge:
             referring = ((column.name, column.refers or REFERENCES.get(column.name)) for column in table.columns)
             references = {name: referred for name, referred in referring if referred not in (None, EXPERIMENT.name)}
             for row in read_rows(path, source, table, f"ORDER BY {', '.join(order)}"):
-                # The key before its numbers are replaced by those of the new store.
+                # A run's key before its numbers are replaced by those of the new store.
                 source_key = tuple(map(row.get, RUN.key))
                 for name, referred in references.items():
                     if row[name] is not None:
@@ -121,7 +122,7 @@ class _Merge:
                         self._add_numbered(CORRECTION, row)
         for name, count in source.execute(DESIGN_COUNTS):
             if designs.get(name, count) != count:
-                self._differs(EXPERIMENT, {"id": name}, "designs", count, designs[name])
+                self._raise_difference(EXPERIMENT, {"id": name}, "designs", count, designs[name])
 
     def _add_row(self, table: Table, row: Row, source_key: tuple[Any, ...]) -> None:
         """Add a row that is not identified by its number; if it already exists, it must be equal.
@@ -135,7 +136,8 @@ class _Merge:
         if self._insert(table, row, "OR IGNORE"):
             self._last[table.name] += 1
         else:
-            (existing,) = self._known(table, "WHERE " + " AND ".join(f"{name} = ?" for name in key), *map(row.get, key))
+            where = " AND ".join(f"{name} = ?" for name in key)
+            (existing,) = self._merged_rows(table, f"WHERE {where}", *map(row.get, key))
             if table is STUDY:
                 # Keep the facts of the first store, and the earliest time of creation.
                 if row["key"] == "created_utc" and row["value"] < existing["value"]:
@@ -152,39 +154,45 @@ class _Merge:
             self._numbers[table.name][number] = row["id"]
 
     def _compare(self, table: Table, row: Row, existing: Row) -> None:
+        """Raise StoreError if a row differs from the merged store's row of the same key."""
         for name in table.names:
             if row[name] != existing[name]:
-                self._differs(table, row, name, row[name], existing[name])
+                self._raise_difference(table, row, name, row[name], existing[name])
 
     def _compare_recorded(self, run: Row, source_key: tuple[Any, ...]) -> None:
-        """Raise StoreError if a run of both stores has a record in only one of them."""
+        """Raise StoreError if a run has recorded values of other names than the same run of the merged store."""
         query = f"SELECT name FROM recorded WHERE {' AND '.join(f'{name} = ?' for name in RUN.key)}"
         new = {name for (name,) in self._source.execute(query, source_key)}
         old = {name for (name,) in self._connection.execute(query, tuple(map(run.get, RUN.key)))}
         if new != old:
-            self._differs(RECORDED, run, "records", sorted(new), sorted(old))
+            self._raise_difference(RECORDED, run, "records", sorted(new), sorted(old))
 
     def _insert(self, table: Table, row: Row, otherwise: str = "") -> bool:
-        """Insert a row and return whether it was added; with ``OR IGNORE`` it is not if its key exists."""
+        """Insert a row; return whether it was added. With ``otherwise`` ``OR IGNORE``, a row whose key exists is not."""
         cells = [row.get(name) for name in table.names]
         return self._connection.execute(insert_sql(table, otherwise), cells).rowcount > 0
 
-    def _known(self, table: Table, rest: str = "", *values: Any) -> list[Row]:
+    def _merged_rows(self, table: Table, rest: str = "", *values: Any) -> list[Row]:
+        """Return rows of the merged store; ``rest`` is SQL from WHERE on."""
         return list(read_rows(self._merged, self._connection, table, rest, *values))
 
     def _add_numbered(self, table: Table, row: Row) -> None:
+        """Add a row under the table's next number."""
         self._last[table.name] += 1
         self._numbers[table.name][row["id"]] = self._last[table.name]
         self._insert(table, {**row, "id": self._last[table.name]})
 
     def _add_experiment(self, row: Row) -> None:
-        """Add an experiment; an equal one may differ in its number of environments and in the end of its sweep."""
+        """Add an experiment, or compare it with the merged one of its name.
+
+        These may differ in the number of environments, of which the larger is kept, and in the end of their sweeps.
+        """
         facts = json.loads(row["facts"])
         self._ended.setdefault(row["id"], set()).add(facts.pop(ENDED, None))
         (row["position"],) = self._connection.execute("SELECT count(*) FROM experiment").fetchone()
         if self._insert(EXPERIMENT, row, "OR IGNORE"):
             return
-        (existing,) = self._known(EXPERIMENT, "WHERE id = ?", row["id"])
+        (existing,) = self._merged_rows(EXPERIMENT, "WHERE id = ?", row["id"])
         existing_facts = json.loads(existing["facts"])
         existing_facts.pop(ENDED, None)
         columns = {name: (row[name], existing[name]) for name in SAME_COLUMNS}
@@ -192,27 +200,30 @@ class _Merge:
             columns[name] = facts.get(name), existing_facts.get(name)
         for name, (value, before) in columns.items():
             if value != before:
-                self._differs(EXPERIMENT, row, name, value, before)
+                self._raise_difference(EXPERIMENT, row, name, value, before)
         environments = max(row["environments"], existing["environments"])
         self._insert(EXPERIMENT, {**existing, "environments": environments}, "OR REPLACE")
 
     def _add_trial(self, path: Path, row: Row) -> None:
-        """Add a trial with its log; of two trials with the same UUID, keep the one completed or corrected last."""
+        """Add a trial with its log. Of two copies with the same UUID, keep the one that was completed or corrected later.
+
+        A copy is newer if the other one is still running, or has only a part of its corrections.
+        """
         if row["log"] is not None:
             row["log"] = self._log(path, row)
-        existing = next(iter(self._known(TRIAL, "WHERE uuid = ?", row["uuid"])), None)
+        existing = next(iter(self._merged_rows(TRIAL, "WHERE uuid = ?", row["uuid"])), None)
         if existing is None:
             self._add_numbered(TRIAL, row)
             return
         self._numbers[TRIAL.name][row["id"]] = existing["id"]
         row = {**row, "id": existing["id"]}
-        # They are unknown if the trial was imported before the sweep.
+        # Environment and program are unknown if the trial was imported before the sweep.
         for name in ("environment_id", "scenic_program"):
             row[name] = existing[name] = existing[name] if row[name] is None else row[name]
-        corrections = read_rows(path, self._source, CORRECTION, "WHERE trial_id = (SELECT id FROM trial WHERE uuid = ?)",
-                                row["uuid"])  # fmt: skip
-        new, old = ([tuple(map(change.get, CHANGE)) for change in changes]
-                    for changes in (corrections, self._corrections(existing["id"])))  # fmt: skip
+        of_trial = "WHERE trial_id = (SELECT id FROM trial WHERE uuid = ?)"
+        source_corrections = read_rows(path, self._source, CORRECTION, of_trial, row["uuid"])
+        new = [tuple(map(correction.get, CHANGE)) for correction in source_corrections]
+        old = [tuple(map(correction.get, CHANGE)) for correction in self._corrections(existing["id"])]
         is_newer = existing["ending"] == RUNNING or (len(new) > len(old) and set(old) <= set(new))
         is_older = row["ending"] == RUNNING or (len(old) > len(new) and set(new) <= set(old))
         if not is_newer and not is_older:
@@ -220,10 +231,14 @@ class _Merge:
         self._insert(TRIAL, row if is_newer else existing, "OR REPLACE")
 
     def _corrections(self, trial: int) -> list[Row]:
-        return self._known(CORRECTION, "WHERE trial_id = ?", trial)
+        """Return the merged store's corrections of a trial."""
+        return self._merged_rows(CORRECTION, "WHERE trial_id = ?", trial)
 
     def _log(self, path: Path, trial: Row) -> str:
-        """Return the name of a trial's log in the new store's folder, and plan to copy it there."""
+        """Return the name of a trial's log in the new store's folder, and plan to copy it there.
+
+        If another log has that name, the trial's UUID is added to it. Raises StoreError if that name is taken, too.
+        """
         source, name = log_file(path, trial["log"]), trial["log"]
         digest = sha256_of(source)
         if digest is None:
@@ -238,16 +253,16 @@ class _Merge:
         raise StoreError(f"{target}: already exists with other contents; move it away first")
 
     def end(self) -> None:
-        """Mark an experiment's sweep as ended only if a sweep ended with exactly the merged runs. Raises StoreError."""
-        for row in self._known(EXPERIMENT):
+        """Mark experiments' sweeps as ended, if one of the merged sweeps ended with as many runs. Raises StoreError."""
+        for row in self._merged_rows(EXPERIMENT):
             facts = json.loads(row["facts"])
             runs = sum(design_counts(self._merged, self._connection, row["id"]).runs)
             if facts.pop(ENDED, None) != runs:
                 facts |= {ENDED: runs} if runs in self._ended[row["id"]] else {}
                 self._insert(EXPERIMENT, {**row, "facts": json.dumps(facts)}, "OR REPLACE")
 
-    def _differs(self, table: Table, row: Row, name: str, value: Any, before: Any) -> None:
-        """Raise the StoreError that names both stores and their values."""
+    def _raise_difference(self, table: Table, row: Row, name: str, value: Any, before: Any) -> None:
+        """Raise a StoreError: in ``row``, ``name`` is ``value`` in the added store, ``before`` in earlier stores."""
         new, old = self._stores[-1], ", ".join(map(str, self._stores[:-1]))
         values = f"{name} is {self._shown(name, value)} in {new}, {self._shown(name, before)} in {old}"
         if table in (EXPERIMENT, DESIGN):
@@ -257,6 +272,7 @@ class _Merge:
                 f'experiment "{experiment}": {place}{values}: give one of them another name and sweep it again'
             )
         if table is TRIAL:
+            # The trial's number in the added store.
             number = next(
                 number for number, merged_number in self._numbers[TRIAL.name].items() if merged_number == row["id"]
             )

@@ -80,6 +80,7 @@ class Store:
         return self.once("info", self._info)
 
     def _info(self) -> StudyInfo:
+        """Read the study's facts and experiments. Raises StoreError if the store has no study or it is damaged."""
         facts = {row["key"]: row["value"] for row in self.rows(STUDY)}
         if not facts:
             raise StoreError(f"{self.path}: has no study yet; sweep a listing into it")
@@ -120,8 +121,8 @@ class Store:
 
     def run_rows(self, name: str) -> Iterator[tuple[int, int, Row]]:
         """Yield an experiment's runs, ordered by design and sample: the design's position, the sample, the row."""
-        for places, rows in self.run_batches(name):
-            for (design, sample), cells in zip(places, rows, strict=True):
+        for positions_and_samples, rows in self.run_batches(name):
+            for (design, sample), cells in zip(positions_and_samples, rows, strict=True):
                 yield design, sample, dict(zip(RUN_CELLS, cells, strict=True))
 
     def trials(self, experiment: str | None = None) -> Iterator[Trial]:
@@ -132,13 +133,13 @@ class Store:
             values |= {"design": json.loads(row["design"]), "deviations": self._deviations(row)}
             yield Trial(**{field.name: values[field.name] for field in fields(Trial)})
 
-    def trials_elsewhere(self, info: ExperimentInfo) -> dict[int, str | None]:
-        """Return trials in other environments than the experiment's runs: number, and Scenic program if known.
+    def trials_in_other_environments(self, info: ExperimentInfo) -> dict[int, str | None]:
+        """Return the Scenic program, None if unknown, of trials in other environments than the runs, by trial number.
 
-        Their rates cannot be compared with these runs. For an imported trial without a sample, only the program is known,
-        and only if its experiment had been swept.
+        Their rates cannot be compared with these runs. An imported trial without a sample has no environment; it counts
+        as in another one if its program is known and differs.
         """
-        ids_in_samples = self.trials_here(info)
+        ids_in_samples = self.trials_in_environment(info)
         return {
             row["id"]: row["scenic_program"]
             for row in self.rows(TRIAL, "WHERE experiment = ?", info.listed_id)
@@ -146,32 +147,37 @@ class Store:
             and (row["environment_id"] is not None or row["scenic_program"] not in (None, info.scenic_program))
         }
 
-    def trials_here(self, info: ExperimentInfo) -> set[int]:
-        """Return the trials in the environment of the experiment's runs, whose samples can be paired with runs.
+    def trials_in_environment(self, info: ExperimentInfo) -> set[int]:
+        """Return the numbers of trials in the environment of the experiment's runs: they can be paired with its samples.
 
         Environments are equal if their samples are equal scenes, even if the program's text or foldcar has changed.
         """
-        return self.once(("trials here", info.id), lambda: self._trials_here(info))
+        return self.once(("trials in environment", info.id), lambda: self._find_trials_in_environment(info))
 
-    def _trials_here(self, info: ExperimentInfo) -> set[int]:
-        """Return the numbers of trials whose scenes are those of the experiment's samples."""
+    def _find_trials_in_environment(self, info: ExperimentInfo) -> set[int]:
+        """Return the numbers of trials whose scenes are those of the experiment's samples.
+
+        The trial's environment has the same number, or the samples that both environments have are equal scenes, or the
+        trial's own scene is the planned one.
+        """
         environment_id = self._environment_id(info)
         trials = list(self.rows(TRIAL, "WHERE experiment = ? AND environment_id IS NOT NULL", info.listed_id))
         has_other_environments = any(row["environment_id"] != environment_id for row in trials)
         scenes = self._sampled_scenes(environment_id) if has_other_environments else {}
-        result, same = set(), {environment_id: True}
+        result, is_equal = set(), {environment_id: True}
         for row in trials:
-            other = row["environment_id"]
-            if other not in same:
-                samples = self._sampled_scenes(other)
-                common = samples.keys() & scenes.keys()
-                same[other] = bool(common) and all(samples[sample] == scenes[sample] for sample in common)
-            if same[other] or self._is_planned_scene(row, scenes):
+            trial_environment = row["environment_id"]
+            if trial_environment not in is_equal:
+                other_scenes = self._sampled_scenes(trial_environment)
+                common = other_scenes.keys() & scenes.keys()
+                equal = all(other_scenes[sample] == scenes[sample] for sample in common)
+                is_equal[trial_environment] = bool(common) and equal
+            if is_equal[trial_environment] or self._is_planned_scene(row, scenes):
                 result.add(row["id"])
         return result
 
     def _is_planned_scene(self, trial: Row, scenes: Mapping[int, str]) -> bool:
-        """Return whether a trial's scene equals its sample in ``scenes``; a scene with deviations does not."""
+        """Return whether a trial's scene, as placed, equals the scene of its sample in ``scenes``."""
         for row in self.rows(BY_NAME["scene"], "WHERE id = ?", trial["scene_id"]):
             return bool(row["json"] == scenes.get(trial["sample"]))
         return False
@@ -182,11 +188,11 @@ class Store:
         return dict(self._rows(query, environment_id))
 
     def _environment_id(self, info: ExperimentInfo) -> int:
-        """Return the id of the environment of the experiment's runs, without a calibration."""
+        """Return the id of the experiment's environment as listed, which a calibration would change; 0 if not stored."""
         if info.calibration is None:
             return int(self._experiment(info.id)["environment_id"])
         rows = self.rows(ENVIRONMENT, "WHERE fingerprint = ?", info.listed_environment)
-        # 0 is the number of no row: no trial was driven in this environment.
+        # Ids begin at 1.
         return next((int(row["id"]) for row in rows), 0)
 
     def trial(self, number: int) -> Trial:
@@ -197,6 +203,7 @@ class Store:
         return result
 
     def _deviations(self, row: Row) -> dict[str, tuple[float, float, float]]:
+        """Return a trial's deviations (x in m, y in m, turn in rad) by name."""
         return {name: (x, y, turn) for name, (x, y, turn) in json.loads(row["deviations"]).items()}
 
     def corrections(self, trial: int | None = None) -> list[Correction]:
@@ -236,7 +243,7 @@ class Store:
         return read_row(self.path, self._connection, table, **key)
 
     def failures(self, experiments: Sequence[str]) -> list[tuple[str, int]]:
-        """Return messages of failed runs, without sample numbers, with their counts, most frequent first."""
+        """Return the messages of failed runs with their counts, most frequent first; sample numbers become "…"."""
         counts: Counter[str] = Counter()
         for name in experiments:
             for message, count in self._rows(
@@ -316,12 +323,14 @@ class Store:
         builds = {row["id"]: row["name"] for row in self.rows(BY_NAME["build"])}
         for row in self.rows(EXPERIMENT, "ORDER BY position"):
             counts, facts = self.design_counts(row["id"]), self._facts(row)
-            until, decided = _stopped(facts.pop("until", None), counts)
+            until, decided = _stopping_rule(facts.pop("until", None), counts)
             planned = facts.pop("ended_runs", None)
             if planned is None:
-                all_made = [done or facts.get("searched") for done in decided]
+                # Decided designs, and designs of a search, get no more runs.
+                closed = [is_decided or facts.get("searched") for is_decided in decided]
                 planned = sum(
-                    runs if made else row["environments"] for runs, made in zip(counts.runs, all_made, strict=True)
+                    runs if is_closed else row["environments"]
+                    for runs, is_closed in zip(counts.runs, closed, strict=True)
                 )
             # Only the next sweep uses this fact.
             facts.pop("files", None)
@@ -346,8 +355,8 @@ class Store:
             yield from self._connection.execute(query, values)
 
 
-def _stopped(facts: Mapping[str, Any] | None, counts: DesignCounts) -> "tuple[StoppingRule | None, list[bool]]":
-    """Return the sweep's stopping rule, if any, and whether it has decided each design."""
+def _stopping_rule(facts: Mapping[str, Any] | None, counts: DesignCounts) -> "tuple[StoppingRule | None, list[bool]]":
+    """Return a sweep's stopping rule, or None, and for each design whether the rule has decided it."""
     if facts is None:
         return None, [False] * len(counts.runs)
     from foldcar.statistics.stopping import StoppingRule

@@ -11,7 +11,7 @@ from foldcar.store.tables import Table
 
 Row = dict[str, Any]
 
-# Text tables whose hash can be verified; for variations, a part of the hashed text is not stored.
+# Tables of texts whose hash can be verified; of a variation, a part of the hashed text is not stored.
 HASHED = ("body", "settings", "scene")
 SAMPLES_OF_SCENE = "SELECT fingerprint, sample FROM sample JOIN environment ON id = environment_id WHERE scene_id = ?"
 
@@ -22,12 +22,15 @@ def key_text(table: Table, row: Mapping[str, Any]) -> str:
 
 
 def insert_sql(table: Table, otherwise: str = "") -> str:
-    """Return the INSERT of a row with all columns; ``otherwise`` is ``OR IGNORE``, ``OR REPLACE`` or ""."""
+    """Return the SQL that inserts a row with all columns.
+
+    ``otherwise`` says what happens if the key exists: ``OR IGNORE``, ``OR REPLACE``, or "" for an error.
+    """
     return f"INSERT {otherwise} INTO {table.name} VALUES ({', '.join('?' * len(table.names))})"
 
 
 def read_rows(path: Path, connection: Connection, table: Table, rest: str = "", *values: Any) -> Iterator[Row]:
-    """Yield rows of a table; ``rest`` is SQL from WHERE on. Raises StoreError, also for damaged rows."""
+    """Yield rows of a table; ``rest`` is SQL from WHERE on. Raises StoreError if a row is damaged."""
     with store_errors(path):
         for cells in connection.execute(f"SELECT {', '.join(table.names)} FROM {table.name} {rest}", values):
             row = dict(zip(table.names, cells, strict=True))
@@ -44,7 +47,7 @@ def read_row(path: Path, connection: Connection, table: Table, **key: Any) -> Ro
 
 
 def _check_row(path: Path, connection: Connection, table: Table, row: Row) -> None:
-    """Raise StoreError if a JSON text of the row does not match its hash or its shape."""
+    """Raise StoreError if a JSON text of the row does not have its hash, or not the shape that foldcar writes."""
     damage = None
     if table.name in HASHED:
         if not _has_hash(connection, table, row):
@@ -53,7 +56,7 @@ def _check_row(path: Path, connection: Connection, table: Table, row: Row) -> No
         from foldcar.store.shapes import has_shape
 
         damaged = [column for column in table.json_columns if not has_shape(table, column, row[column])]
-        damage = f"its {damaged[0]} is not what foldcar writes" if damaged else None
+        damage = f"foldcar does not write such a value of {damaged[0]}" if damaged else None
     if damage is not None:
         raise StoreError(f"{path}: {key_text(table, row)} is damaged: {damage}")
 
@@ -72,5 +75,5 @@ def text_hash(text: str, identity: str = "") -> str:
 
 
 def scene_identity(fingerprint: str, sample: int) -> str:
-    """Return the identity of a scene of a dynamic program, which may distinguish samples with equal scenes."""
+    """Return what distinguishes samples with equal scenes if the program runs beside the simulation."""
     return f"{fingerprint}/{sample}"

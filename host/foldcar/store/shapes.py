@@ -97,6 +97,7 @@ SHAPES: Mapping[tuple[str, str], Any] = {
 
 @cache
 def _adapter(table: str, column: str) -> "TypeAdapter[Any]":
+    """Return the pydantic validator of a column."""
     return TypeAdapter(SHAPES[table, column])
 
 

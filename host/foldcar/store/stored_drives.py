@@ -14,9 +14,11 @@ from foldcar.store.tables import BY_NAME, DESIGN, EXPERIMENT
 
 @dataclass(frozen=True)
 class StoredDrives:
-    """An experiment's bodies and settings by design, scenes and variations by sample, as ids of the store's texts.
+    """The inputs of an experiment's runs, as ids of the store's texts.
 
-    Samples are in ascending order. ``dynamic``: the program runs beside the simulation (None: unknown).
+    ``bodies`` and ``settings`` are lists by design, like ``parameters`` and ``positions``; ``scenes`` and ``variations``
+    map samples, in ascending order, to ids. ``dynamic`` is whether the program runs beside the simulation, None if that
+    is unknown.
     """
 
     store: Store

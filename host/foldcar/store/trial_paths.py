@@ -20,15 +20,17 @@ from foldcar.store.reader import Store
 from foldcar.store.trial_records import LONGEST_S, Track, Trial
 
 Rows = NDArray[numpy.float64]
-# Of a drawn path.
+# Interval between the points of a drawn path.
 INTERVAL_S = 0.05
 
 
 @dataclass(frozen=True)
 class TrialPath:
-    """The path's ``rows`` (n, 7), or ``attitude`` (s; pitch, roll in rad), or why both are ``missing``.
+    """The path of a trial's car: one of ``rows``, ``attitude`` and ``missing`` is set.
 
-    ``film_error`` of a filmed path: standard deviations of the position (m) and of the start (s).
+    ``rows`` (n, 7) are time (s), x, y, z (m), heading, pitch, roll (rad). ``attitude`` has time (s), pitch and roll (rad)
+    of a car whose position is unknown. ``missing`` is the reason why both are unknown. ``film_error``, for a filmed path,
+    are the standard deviations of position (m) and start (s).
     """
 
     rows: Rows | None = None
@@ -38,19 +40,19 @@ class TrialPath:
 
 
 def trial_path(store: Store, trial: Trial) -> TrialPath:
-    """Return the path of a trial's car from its log, or else from a film; without a path, return its tilt."""
-    logged = _logged(store, trial)
+    """Return a trial's path from its log, else from its film, else its attitude or why that is missing."""
+    logged = _logged_path(store, trial)
     if not isinstance(logged, TrialPath):
         return TrialPath(_resampled(logged))
     track = store.track(trial.id)
-    filmed = _filmed(track)
+    filmed = _filmed_path(track)
     if track is None or filmed is None:
         return logged
     return TrialPath(_resampled(filmed), film_error=_film_error(track))
 
 
-def _logged(store: Store, trial: Trial) -> Rows | TrialPath:
-    """Return the path in a trial's log, or else its attitudes, or why there is neither."""
+def _logged_path(store: Store, trial: Trial) -> Rows | TrialPath:
+    """Return the rows of the path in a trial's log; if it has no path, a TrialPath with attitudes or the reason."""
     if trial.log is None:
         return TrialPath(missing="it has no log" if trial.source is None else "it was imported, without a log")
     try:
@@ -68,7 +70,7 @@ def _logged(store: Store, trial: Trial) -> Rows | TrialPath:
 
 
 def _reported_path(messages: list[Any], start_s: float) -> Rows | None:
-    """Return the true path that a simulated car reported; None without one."""
+    """Return the true path that a simulated car reported, up to its outcome; None if a built car drove."""
     rows = {}
     end_s = LONGEST_S
     for message in messages:
@@ -82,7 +84,8 @@ def _reported_path(messages: list[Any], start_s: float) -> Rows | None:
     return _path([(time_s, *pose) for time_s, pose in sorted(rows.items()) if time_s <= end_s])
 
 
-def _filmed(track: Track | None) -> Rows | None:
+def _filmed_path(track: Track | None) -> Rows | None:
+    """Return the path of a filmed track from the start on; None without a track or with too few rows."""
     return _path([] if track is None else [row[:7] for row in track.rows if row[0] >= 0])
 
 
@@ -99,13 +102,13 @@ def _film_error(track: Track) -> tuple[float, float]:
     """Return the standard deviations of position (m) and start (s) of a filmed path."""
     rows = numpy.array([row for row in track.rows if row[0] >= 0])
     # Columns 7 and 10 are the variances of x and y.
-    own_m = math.sqrt(float(numpy.median(numpy.maximum(rows[:, 7], rows[:, 10]))))
-    place_m = math.hypot(own_m, max(track.facts["frame_error_m"]))
-    return round(place_m, 4), round(track.facts["start_error_s"], 3)
+    marker_error_m = math.sqrt(float(numpy.median(numpy.maximum(rows[:, 7], rows[:, 10]))))
+    position_error_m = math.hypot(marker_error_m, max(track.facts["frame_error_m"]))
+    return round(position_error_m, 4), round(track.facts["start_error_s"], 3)
 
 
 def _resampled(rows: Rows) -> Rows:
-    """Return the path at times INTERVAL_S apart and at its end."""
+    """Return the path, linearly interpolated, at times INTERVAL_S apart from 0 and at its end."""
     last_s = float(rows[-1, 0])
     times_s = numpy.append(numpy.arange(0, last_s - 1e-9, INTERVAL_S), last_s)
     return numpy.column_stack([times_s, *(numpy.interp(times_s, rows[:, 0], column) for column in rows[:, 1:].T)])

@@ -10,8 +10,8 @@ from typing import Any
 
 from foldcar.errors import FoldcarError
 
-# In the order of tables. ``not_passed`` is for imported trials without a more precise outcome; ``aborted`` trials do
-# not count in success rates.
+# Outcomes in the order in which tables show them. ``not_passed`` is for imported trials without a more precise outcome;
+# ``aborted`` trials do not count in success rates.
 TRIAL_OUTCOMES = ("passed", "tipped", "stuck", "off_course", "timeout", "not_passed", "aborted")
 
 # What drove; UNKNOWN if a store does not say it. Only trials of built cars count in success rates.
@@ -22,7 +22,7 @@ WITHDRAWN = "withdrawn"
 # Reasons for leaving out trials, by standing.
 _REASONS = {
     SIMULATED: "of a simulated car (--simulated-trials shows them)",
-    UNKNOWN: "of a car that may be built or simulated (set it with `foldcar trials correct` and --car)",
+    UNKNOWN: "of a car that may be built or simulated (`foldcar trials correct --car` says which)",
     WITHDRAWN: "withdrawn (`foldcar trials list` shows why)",
 }
 
@@ -38,20 +38,23 @@ LONGEST_S = 86_400.0
 
 # The ending of a row from before the start until the trial is completed.
 RUNNING = "running"
-# Its ending if the program was killed meanwhile.
+# The ending of a trial during which the program was killed.
 INTERRUPTED = "the program was ended"
 
 
 def checked_name(name: str, place: str) -> str:
-    """Return a car's name, stripped. Raises FoldcarError, naming ``place``, if it is empty, long or not printable."""
+    """Return a car's name without outer spaces.
+
+    Raises FoldcarError, which starts with ``place``, if it is empty, too long or not printable.
+    """
     stripped = name.strip()
-    if not stripped.isprintable() or not 0 < len(stripped) <= LONGEST_NAME:
-        raise FoldcarError(f"{place}: {name[:80]!r} is not a name of 1 to {LONGEST_NAME} printable characters")
+    if not stripped.isprintable() or not 0 < len(stripped) <= MAX_NAME_LENGTH:
+        raise FoldcarError(f"{place}: {name[:80]!r} is not a name of 1 to {MAX_NAME_LENGTH} printable characters")
     return stripped
 
 
-def not_entered(ending: str) -> str:
-    """Return the ending of a drive whose outcome the person has not entered yet."""
+def ending_without_outcome(ending: str) -> str:
+    """Return the ending to store for a drive whose outcome the operator has not entered yet."""
     return f"{ending}; outcome not entered"
 
 
@@ -59,7 +62,7 @@ def not_entered(ending: str) -> str:
 CORRECTABLE = ("outcome", "elapsed_time_s", "note", "operator", "car", "car_name")
 
 # Maximum length of a car's name, which is shown in tables.
-LONGEST_NAME = 40
+MAX_NAME_LENGTH = 40
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,7 +167,7 @@ class Media:
 
 @dataclass(frozen=True, slots=True)
 class Correction:
-    """One changed field of a trial, with its value before (None for none) and after."""
+    """One changed field of a trial, with its value before and after; None stands for an empty field."""
 
     trial: int
     corrected_utc: str
@@ -176,7 +179,10 @@ class Correction:
 
 
 def select_trials(trials: Iterable[Trial], with_simulated: bool) -> tuple[list[Trial], Counter[str]]:
-    """Return the trials of built cars, and ``with_simulated`` of simulated ones; and numbers of others by standing."""
+    """Select the trials of built cars and, if ``with_simulated``, those of simulated cars.
+
+    Returns these trials, and how many others there are by standing: simulated, unknown or withdrawn.
+    """
     kept, left_out = [], Counter[str]()
     for trial in trials:
         if trial.standing == BUILT or (with_simulated and trial.standing == SIMULATED):
@@ -187,6 +193,6 @@ def select_trials(trials: Iterable[Trial], with_simulated: bool) -> tuple[list[T
 
 
 def left_out_text(left_out: Counter[str]) -> str | None:
-    """Return a sentence that says which trials are left out and why; None if none are."""
+    """Return a sentence that says how many trials are left out and why; None if no trial is left out."""
     parts = [f"{left_out[standing]} {reason}" for standing, reason in _REASONS.items() if left_out[standing]]
     return f"Trials left out: {'; '.join(parts)}." if parts else None

@@ -79,7 +79,7 @@ class TrialWriter(StoreConnection):
         log: str,
         operator: str,
     ) -> int:
-        """Store a trial as begun and return its number; it counts as aborted until :meth:`complete`."""
+        """Store a trial before the car moves, and return its number. It counts as aborted until :meth:`complete`."""
         with self._transaction():
             row = {
                 "uuid": str(uuid.uuid4()),
@@ -126,7 +126,7 @@ class TrialWriter(StoreConnection):
     def trial_counts(
         self, experiment: str, design: TrialDesign, environment_fingerprint: str, car: str = BUILT
     ) -> dict[int, int]:
-        """Return the number of counted trials of this design by sample; ``car`` is BUILT or SIMULATED."""
+        """Return how many completed trials of this design are stored, by sample; ``car`` is BUILT or SIMULATED."""
         rows = self._rows(
             TRIAL,
             "WHERE experiment = ? AND vehicle_type = ? AND design = ? AND outcome <> 'aborted' "
@@ -141,7 +141,10 @@ class TrialWriter(StoreConnection):
         return dict(Counter(row["sample"] for row in rows))
 
     def correct(self, trial: int, changes: Mapping[str, str | float], reason: str, operator: str) -> list[Correction]:
-        """Change fields of a trial and record the old values. Raises StoreError if there is no such trial or field."""
+        """Change fields of a trial, and store a correction with the old value for each.
+
+        Raises StoreError if the trial does not exist, or a field or value is not allowed; then nothing is changed.
+        """
         corrections = []
         with self._transaction():
             for field, after in changes.items():
@@ -154,7 +157,7 @@ class TrialWriter(StoreConnection):
                 if isinstance(after, float) and not after <= LONGEST_S:
                     raise StoreError(f"{self.path}: trial {trial}: {field}: {after:g} is not at most {LONGEST_S:g}")
                 row = self._trial(trial)
-                # A person may set what drove only if the car itself did not report it.
+                # A person may set `car` only if the car itself did not report it, or if it was corrected before.
                 car_corrections = self._rows(CORRECTION, "WHERE trial_id = ? AND field = 'car'", trial)
                 if field == "car" and row["car"] is not None and row["source"] is None and not car_corrections:
                     reason_text = f"the car itself reported that it is {row['car']}; this cannot be corrected"
@@ -165,7 +168,10 @@ class TrialWriter(StoreConnection):
         return corrections
 
     def withdraw(self, trials: Iterable[int], withdrawn: bool, reason: str, operator: str) -> list[Correction]:
-        """Withdraw or restore trials, all or none; rows and logs stay. Raises StoreError if one already is."""
+        """Withdraw trials, or restore them if ``withdrawn`` is False; their rows and logs stay.
+
+        Raises StoreError if a trial is missing or already in that state; then nothing is changed.
+        """
         corrections = []
         with self._transaction():
             for trial in trials:
@@ -177,12 +183,14 @@ class TrialWriter(StoreConnection):
         return corrections
 
     def _trial(self, number: int) -> Row:
+        """Return the row of a trial. Raises StoreError if it does not exist."""
         rows = self._rows(TRIAL, "WHERE id = ?", number) if number <= MAX_ID else []
         if not rows:
             raise StoreError(f"{self.path}: has no trial {number}")
         return rows[0]
 
     def _change(self, trial: Row, field: str, after: str | float, reason: str, operator: str) -> Correction:
+        """Change a field of a trial and store the correction, with the current time."""
         correction = Correction(trial["id"], now_utc(), field, trial[field], after, reason, operator)
         row = asdict(correction)
         self._add(CORRECTION, {**row, "trial_id": row.pop("trial")})
@@ -190,7 +198,7 @@ class TrialWriter(StoreConnection):
         return correction
 
     def put_track(self, track: Track) -> None:
-        """Store the car's track, replacing an earlier one. Raises StoreError if there is no such trial."""
+        """Store the car's track, replacing an earlier one. Raises StoreError if its trial does not exist."""
         with self._transaction():
             self._trial(track.trial)
             row = {
@@ -201,37 +209,40 @@ class TrialWriter(StoreConnection):
             self._insert(TRACK, [row], "OR REPLACE")
 
     def put_media(self, trial: int, kind: str, file: Path) -> Media:
-        """Attach a photo or film, which is not copied. Raises StoreError if there is no such file or trial."""
+        """Attach a photo or film to a trial; the file is not copied. Raises StoreError if file or trial is missing."""
         digest = sha256_of(file)
         if digest is None:
             raise StoreError(f"{file}: no such file")
         result = Media(trial, kind, reference(self.path, file), digest)
-        row = {**asdict(result), "added_utc": now_utc()}
+        row = {**asdict(result), "trial_id": trial, "added_utc": now_utc()}
         with self._transaction():
             self._trial(trial)
-            self._insert(MEDIA, [{**row, "trial_id": row.pop("trial")}], "OR REPLACE")
+            self._insert(MEDIA, [row], "OR REPLACE")
         return result
 
-    def place(
+    def put_deviations(
         self, trial: int, deviations: Mapping[str, tuple[float, float, float]], scene: Mapping[str, Any], reason: str,
         operator: str,
     ) -> list[Correction]:  # fmt: skip
-        """Store where car and obstacles stood in a trial, with its ``scene``; the change is recorded as a correction."""
+        """Store by how much car and obstacles stood off their planned poses, and the ``scene`` that results.
+
+        ``deviations`` are (x in m, y in m, turn in rad) by name. Returns the correction, or [] if nothing changes.
+        """
         with self._transaction():
             trial_row = self._trial(trial)
-            texts = canonical_json({name: list(deviation) for name, deviation in deviations.items()})
+            text = canonical_json({name: list(deviation) for name, deviation in deviations.items()})
             scene_id = self._put_text("scene", canonical_json(scene))
-            if (trial_row["deviations"], trial_row["scene_id"]) == (texts, scene_id):
+            if (trial_row["deviations"], trial_row["scene_id"]) == (text, scene_id):
                 return []
             # Only the deviations need a correction: the scene follows from them and the planned scene.
-            return [self._change({**trial_row, "scene_id": scene_id}, "deviations", texts, reason, operator)]
+            return [self._change({**trial_row, "scene_id": scene_id}, "deviations", text, reason, operator)]
 
     def import_trials(self, trials: list[dict[str, Any]]) -> list[int]:
-        """Store the imported trials that are not stored yet, all or none; return their numbers.
+        """Store those of the imported trials that are not stored yet; return their numbers.
 
-        ``trials`` are columns of the table by name, including ``uuid``. If the store has a trial's experiment, the trial
-        gets that experiment's program, and with a sample its current environment. Raises StoreError if a trial is stored
-        with other contents.
+        ``trials`` are rows of the table, including ``uuid``. If the trial's experiment was swept, its program is stored
+        with the trial, and if the trial has a sample, its environment, too. Raises StoreError if a trial is stored with
+        other contents; then nothing is stored.
         """
         numbers = []
         with self._transaction():
@@ -255,18 +266,22 @@ class TrialWriter(StoreConnection):
 
     def _require_same(self, trial: Mapping[str, Any], stored: Row) -> None:
         """Raise StoreError if an imported trial differs from the one that was imported from the same row before."""
-        before = dict(stored)
-        for change in self._rows(CORRECTION, "WHERE trial_id = ? ORDER BY id DESC", stored["id"]):
-            before[change["field"]] = change["before"]
-        before["design"] = json.loads(before["design"])
+        # The stored trial as it was imported: undo its corrections, latest first.
+        imported = dict(stored)
+        for correction in self._rows(CORRECTION, "WHERE trial_id = ? ORDER BY id DESC", stored["id"]):
+            imported[correction["field"]] = correction["before"]
+        imported["design"] = json.loads(imported["design"])
         for name in ("experiment", "vehicle_type", "design", "sample", "outcome"):
-            if trial.get(name) != before[name]:
+            if trial.get(name) != imported[name]:
                 origin = f'trial {stored["id"]} was imported from the same row of "{trial["source"]}"'
-                values = f"{name} was {before[name]}, not {trial.get(name)}"
+                values = f"{name} was {imported[name]}, not {trial.get(name)}"
                 raise StoreError(f"{self.path}: {origin}, but {values}: correct it, or give other rows another source")
 
     def _environment_and_program(self, experiment: str) -> tuple[int | None, str | None]:
-        """Return environment and program of a listed experiment; None if it was not swept, or in several environments."""
+        """Return environment id and Scenic program of a listed experiment's runs.
+
+        Returns (None, None) if it was not swept, or was swept in several environments.
+        """
         programs = {}
         for row in self._rows(EXPERIMENT):
             facts = json.loads(row["facts"])

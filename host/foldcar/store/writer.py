@@ -29,12 +29,13 @@ from foldcar.store.tables import (
     Table,
 )
 
+# Number of rows that one query returns.
 PAGE_ROWS = 1000
 
 
 @dataclass(frozen=True, slots=True)
 class PlannedRun:
-    """A run of an experiment; ``outcome`` is None if it has no result yet."""
+    """A run of an experiment: position of the design, sample, ids of its inputs; ``outcome`` None without a result."""
 
     design: int
     sample: int
@@ -75,22 +76,24 @@ class StoreWriter(StoreConnection):
         self._build_id = 0
 
     def begin_study(self, facts: Mapping[str, str], build: str) -> None:
-        """Store the study's facts and the build; ``created_utc`` is kept from the first sweep."""
+        """Store a sweep's facts and the build of carsim; ``created_utc`` of the store's first sweep is kept."""
         with self._transaction():
             self._build_id = self._identify("build", "name", build)
-            first = [row for row in self._rows(STUDY) if row["key"] == "created_utc"]
-            kept = {**facts, **{row["key"]: row["value"] for row in first}}
-            self._insert(STUDY, ({"key": key, "value": value} for key, value in kept.items()), "OR REPLACE")
+            created = {row["key"]: row["value"] for row in self._rows(STUDY) if row["key"] == "created_utc"}
+            rows = [{"key": key, "value": value} for key, value in {**facts, **created}.items()]
+            self._insert(STUDY, rows, "OR REPLACE")
 
     def put_experiment(
         self, plan: PlannedExperiment, designs: Iterable[PlannedDesign], fingerprint: str | None = None
     ) -> None:
-        """Store an experiment and its designs, replacing an earlier one with the same id. Runs are kept.
+        """Store an experiment and its designs, replacing an earlier one with the same id. Its runs are kept.
 
-        ``fingerprint`` is a hash of everything that the designs depend on; designs stored with it are not replaced.
+        ``fingerprint`` is a hash of everything that the designs depend on. If the stored designs have the same one, they
+        are kept, and ``designs`` is not read.
         """
         with self._transaction():
             stored = designs_of(self.path, self._connection, plan.id) if fingerprint is not None else None
+            # None if the designs must be stored.
             count = len(stored.parameters) if stored is not None and stored.fingerprint == fingerprint else None
             if count is None:
                 self._run("DELETE FROM design WHERE experiment = ?", plan.id)
@@ -167,7 +170,7 @@ class StoreWriter(StoreConnection):
         return bool(row["dynamic"])
 
     def environment_facts(self, environment_id: int) -> dict[str, Any]:
-        """Return the facts of an experiment in this environment; empty if none has been swept in it."""
+        """Return the facts of any experiment that was swept in this environment; {} if there is no such experiment."""
         rows = self._rows(EXPERIMENT, "WHERE environment_id = ?", environment_id)
         return dict(json.loads(rows[0]["facts"])) if rows else {}
 
@@ -177,7 +180,7 @@ class StoreWriter(StoreConnection):
             return self._identify("spread", "fingerprint", fingerprint)
 
     def sample_count(self, table: Table, number: int) -> int:
-        """Return how many samples of an environment (SAMPLE) or a spread (DRAW) are stored; they begin at 0."""
+        """Return how many samples are stored of the environment (table SAMPLE) or spread (DRAW) with this number."""
         row = self._run(f"SELECT count(*) FROM {table.name} WHERE {table.key[0]} = ?", number).fetchone()
         return int(row[0])
 
@@ -187,18 +190,22 @@ class StoreWriter(StoreConnection):
         return json.loads(self._row(BY_NAME["scene"], id=row["scene_id"])["json"])
 
     def put_sample(self, environment_id: int, sample: int, scene: Mapping[str, Any], dynamic: bool = False) -> None:
-        """Store the scene of a sample; ``dynamic`` programs may distinguish samples whose scenes are equal."""
+        """Store the scene of a sample. Equal scenes are stored once, unless the program is ``dynamic``.
+
+        A dynamic program, which runs beside the simulation, may behave differently in samples with equal scenes.
+        """
         fingerprint = self._row(ENVIRONMENT, id=environment_id)["fingerprint"]
         identity = scene_identity(fingerprint, sample) if dynamic else ""
-        self._put_drawn("sample", {"environment_id": environment_id, "sample": sample}, "scene", scene, identity)
+        self._put_sampled("sample", {"environment_id": environment_id, "sample": sample}, "scene", scene, identity)
 
     def put_draw(self, spread_id: int, sample: int, variation: Mapping[str, Any], identity: str = "") -> None:
         """Store the variation of a sample; equal variations with different ``identity`` are stored separately."""
-        self._put_drawn("draw", {"spread_id": spread_id, "sample": sample}, "variation", variation, identity)
+        self._put_sampled("draw", {"spread_id": spread_id, "sample": sample}, "variation", variation, identity)
 
-    def _put_drawn(
+    def _put_sampled(
         self, table: str, key: dict[str, int], content_table: str, value: Mapping[str, Any], identity: str
     ) -> None:
+        """Store ``value`` as a text of ``content_table``, and its id in ``table`` under ``key``, if that is new."""
         with self._transaction():
             row = {**key, f"{content_table}_id": self._put_text(content_table, canonical_json(value), identity)}
             self._insert(BY_NAME[table], [row], "OR IGNORE")
@@ -222,7 +229,7 @@ class StoreWriter(StoreConnection):
         return {position: (body, settings) for position, body, settings in rows}
 
     def end_experiment(self, plan: PlannedExperiment, runs: int) -> None:
-        """Record that no more than the stored ``runs`` are planned; undecided designs stay undecided."""
+        """Store that the sweep has ended with ``runs`` runs, so that no more are planned for undecided designs."""
         with self._transaction():
             facts = json.dumps({**plan.facts, "ended_runs": runs})
             self._update(EXPERIMENT, {**self._row(EXPERIMENT, id=plan.id), "facts": facts})
@@ -261,10 +268,11 @@ class StoreWriter(StoreConnection):
         return {name: row[name] for name in ("outcome", *NUMBERS)}
 
     def _key(self, run: PlannedRun) -> dict[str, int]:
+        """Return the key of a run's row: the ids of the build and of its inputs."""
         return {"build_id": self._build_id, **{name: getattr(run, name) for name in RUN.key if name != "build_id"}}
 
     def add_results(self, results: Iterable[tuple[PlannedRun, Mapping[str, Any]]]) -> None:
-        """Store a chunk: runs with the simulator's answers (:mod:`foldcar.simulation.carsim`)."""
+        """Store a chunk in one transaction: runs with the simulator's answers (:mod:`foldcar.simulation.carsim`)."""
         runs, recorded = [], []
         for run, result in results:
             key = self._key(run)

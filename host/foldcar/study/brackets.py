@@ -7,12 +7,15 @@ import re
 from collections.abc import Iterator
 
 CLOSING = {"{": "}", "[": "]"}
-# Comments, whole strings on one line, an open string, brackets.
+# In this order: comments, complete strings on one line, a quotation mark of an open string, brackets.
 TOKEN = re.compile(r"""//[^\n]*|/\*.*?\*/|"(?:\\.|[^"\\\n])*"|'(?:\\.|[^'\\\n])*'|["']|[][{}]""", re.DOTALL)
 
 
 def unclosed(text: str) -> str | None:
-    """Return a message such as ``line 3, column 5: "[" of line 1, column 7 is still open: …``; None if all is closed."""
+    """Return a message about the first bracket or quotation mark that is not closed; None if all are closed.
+
+    Example: ``line 3, column 5: "[" of line 1, column 7 is still open: write "]" before this "}"``.
+    """
     open_brackets: list[tuple[str, int]] = []
     for token, position in _tokens(text):
         if token in CLOSING:
@@ -40,4 +43,5 @@ def _tokens(text: str) -> Iterator[tuple[str, int]]:
 
 
 def _place(text: str, position: int) -> str:
+    """Return line and column, from 1, of a character's position in the text."""
     return f"line {text.count(chr(10), 0, position) + 1}, column {position - text.rfind(chr(10), 0, position)}"

@@ -22,7 +22,7 @@ class Simulators(Protocol):
     # The wall time that a chunk should take, in s.
     chunk_s: float
     # Upper limit of `count`.
-    most: int
+    max_count: int
 
     @property
     def count(self) -> int:
@@ -38,23 +38,23 @@ class Simulators(Protocol):
 
 
 class LocalSimulators:
-    """The number ``jobs`` of simulators on this machine."""
+    """Up to ``jobs`` simulators on this machine."""
 
     chunk_s = 0.7
 
     def __init__(self, jobs: int) -> None:
-        self.count = self.most = jobs
+        self.count = self.max_count = jobs
 
     def run(
         self, runner: Runner, bodies: Mapping[str, str], scenes: Mapping[str, str], requests: Sequence[RunRequest]
     ) -> tuple[list[dict[str, Any]], float]:
-        """As in Simulators."""
+        """Return the answers of ``runner.run`` and the time of simulation (s). Raises FoldcarError."""
         start_s = time.perf_counter()
         answers = runner.run(bodies, scenes, requests)
         return answers, time.perf_counter() - start_s
 
     def stop(self, runner: Runner) -> None:
-        """As in Simulators."""
+        """Stop what ``runner`` is running; its `run` raises FoldcarError."""
         runner.stop()
 
 
@@ -76,6 +76,8 @@ class FinishedRun:
 
 @dataclass(frozen=True)
 class _Chunk:
+    """A finished chunk: its runs and their answers, in the same order; ``seconds`` is the time of simulation."""
+
     runner: Runner
     runs: list[PlannedRun]
     answers: list[dict[str, Any]]
@@ -91,7 +93,7 @@ class ChunkPool:
     def __init__(self, writer: StoreWriter, simulators: Simulators | int) -> None:
         self._writer = writer
         self._simulators = LocalSimulators(simulators) if isinstance(simulators, int) else simulators
-        self._pool = ThreadPoolExecutor(self._simulators.most, thread_name_prefix="carsim")
+        self._pool = ThreadPoolExecutor(self._simulators.max_count, thread_name_prefix="carsim")
         self._futures: dict[Future[_Chunk], Runner] = {}
         self._runner: Runner | None = None
         self._chunk: list[PlannedRun] = []
@@ -129,14 +131,17 @@ class ChunkPool:
         return True
 
     def add(self, run: PlannedRun, runs_left: int) -> Iterator[list[FinishedRun]]:
-        """Add a run; yield the chunks that finish while it waits for a free worker.
+        """Add a run to the chunk that is being filled; yield the chunks that finish while it waits for a free worker.
 
-        ``runs_left`` is the number of runs without a result, including those that were added.
+        The chunk is submitted when it is large enough. ``runs_left`` is the number of runs of the sweep without a result,
+        including those that were added.
         """
         not_submitted = runs_left - len(self._in_flight) + len(self._chunk)
         self._in_flight[_key(run)] = 1
         self._chunk.append(run)
-        if len(self._chunk) >= min(self._chunk_runs, max(MIN_CHUNK_RUNS, not_submitted // (2 * self._simulators.count))):
+        # Near the end of the sweep chunks shrink, so that all simulators finish at about the same time.
+        fair_runs = max(MIN_CHUNK_RUNS, not_submitted // (2 * self._simulators.count))
+        if len(self._chunk) >= min(self._chunk_runs, fair_runs):
             self._submit()
             # One chunk waits behind every running one, so that no worker idles while this thread writes.
             while len(self._futures) >= 2 * self._simulators.count:
@@ -150,7 +155,7 @@ class ChunkPool:
             yield from self._collect()
 
     def _submit(self) -> None:
-        """Start the runs of the chunk that is being filled."""
+        """Start simulating the chunk that is being filled: look up its texts and hand it to a thread."""
         runs, self._chunk = self._chunk, []
         runner = self._runner
         assert runner is not None, "runs are added inside `using`"
@@ -202,4 +207,5 @@ class ChunkPool:
 
 
 def _key(run: PlannedRun) -> Key:
+    """Return what determines a run's result besides the build: ids of body, scene, settings and variation."""
     return run.body_id, run.scene_id, run.settings_id, run.variation_id

@@ -16,7 +16,7 @@ from foldcar.study.experiments import Experiment
 from foldcar.study.family import Family
 from foldcar.study.sweep import Sweep
 
-# Time limit for folding designs of an experiment, and how many of them are simulated, each in one sample.
+# Time limit for folding the designs of an experiment, and the number of designs that are simulated, each in one sample.
 FOLDING_S = 20.0
 PROBES = 8
 # Bytes of an empty store and of a run.
@@ -27,8 +27,9 @@ EMPTY_BYTES, RUN_BYTES = 100_000, 85
 class Estimate:
     """The estimate of an experiment.
 
-    ``folded`` of the ``designs`` were folded; ``refused`` names those that cannot be built, with reasons. ``runs``
-    (of buildable designs), ``seconds`` of the sweep and ``bytes`` of the store are estimates.
+    ``folded`` of the ``designs`` were folded; ``refused`` names those of them that cannot be built, with reasons.
+    Estimates for the whole family: ``runs`` of buildable designs, ``folding_s``, ``seconds`` of the sweep with folding,
+    ``bytes`` of the store.
     """
 
     experiment: str
@@ -42,7 +43,10 @@ class Estimate:
 
 
 def fold(family: Family, limit_s: float) -> tuple[Family, float]:
-    """Fold designs, spread over the family, within the time limit; return them and the estimated time for all (s)."""
+    """Fold designs, spread over the family, until ``limit_s`` is over.
+
+    Returns the family of these designs, and the estimated time for folding all (s).
+    """
     started_s, members = time.perf_counter(), []
     for position, values in family.spread_out():
         family.error(values)
@@ -62,13 +66,14 @@ def estimates(sweep: Sweep, jobs: int) -> list[Estimate]:
 
 
 def _estimate(sweep: Sweep, experiment: Experiment, environment: Environment, jobs: int) -> Estimate:
+    """Estimate an experiment: fold some designs, sample some scenes and simulate some runs, with times."""
     family, combinations = experiment.family, experiment.family.combinations
     sampled_family, folding_s = fold(family, FOLDING_S)
     refused, folded_count = tuple(sampled_family.skipped), sampled_family.combinations
     probes = list(islice(sampled_family, PROBES))
     table = sweep.carsim.parameter_table()
     bodies, scenes, requests = {}, {}, []
-    # The first sample compiles the program; the time of that must not count for the others.
+    # The first sample compiles the program, which must not count as the time of a sample.
     environment.sample(0)
     started_s = time.perf_counter()
     for sample in range(min(PROBES, experiment.environments)):
@@ -89,6 +94,7 @@ def _estimate(sweep: Sweep, experiment: Experiment, environment: Environment, jo
         run_s = max(0.0, time.perf_counter() - started_s - 2 * first_s) / (2 * len(requests) - 1)
     buildable = round(combinations * (1 - len(refused) / folded_count))
     runs = buildable * experiment.environments
+    # With variation of cars each sample also stores a variation, which is about as long as a scene.
     scene_bytes = 2 * sum(map(len, scenes.values())) / len(scenes) if environment.variation(0) else len(scenes["0"])
     design_bytes = sum(map(len, bodies.values())) / len(bodies)
     return Estimate(

@@ -21,20 +21,21 @@ from foldcar.simulation.runner import Runner
 from foldcar.simulation.scenic_runner import ScenicRunner
 from foldcar.study.experiments import Experiment
 
-# The fingerprint of a spread without variation.
+# The fingerprint of a spread if cars do not vary.
 NOMINAL = "nominal"
 
 
 class Environment:
-    """The environment of one experiment. All methods raise FoldcarError if the program is at fault."""
+    """The environment of one experiment. All methods raise FoldcarError if the Scenic program has an error."""
 
     def __init__(self, experiment: Experiment) -> None:
-        e = self._experiment = experiment
+        self._experiment = experiment
         self._source: SceneSource | None = None
         self._recalled: Files | None = None
         # The fingerprint of the listing's environment, if a calibration changes this one.
         self.listed_fingerprint: str | None = None
-        self.spread_fingerprint = spread_fingerprint(e.variation, e.variation_seed) if e.variation else NOMINAL
+        variation = experiment.variation
+        self.spread_fingerprint = spread_fingerprint(variation, experiment.variation_seed) if variation else NOMINAL
 
     @cached_property
     def fingerprint(self) -> str:
@@ -42,8 +43,11 @@ class Environment:
         return self._fingerprint_of(self.files)
 
     def _fingerprint_of(self, files: Files) -> str:
-        e = self._experiment
-        return environment_fingerprint(e.program, files, e.scenic_params, e.seed, e.condition)
+        """Return the environment's hash if its program has these files."""
+        experiment = self._experiment
+        return environment_fingerprint(
+            experiment.program, files, experiment.scenic_params, experiment.seed, experiment.condition
+        )
 
     @property
     def files(self) -> Files:
@@ -100,8 +104,8 @@ class Environment:
 
     def variation(self, k: int) -> dict[str, Any]:
         """Draw how the cars of sample ``k`` differ from their designs; empty without variation."""
-        e = self._experiment
-        return draw(e.variation, e.variation_seed, k) if e.variation else {}
+        experiment = self._experiment
+        return draw(experiment.variation, experiment.variation_seed, k) if experiment.variation else {}
 
     def variation_identity(self) -> str:
         """Return the hash of the code that applies variations, which identifies them in the store."""
@@ -113,19 +117,33 @@ class Environment:
         if not dynamic:
             yield carsim
             return
-        e = self._experiment
-        scenic = ScenicRunner(e.program, e.scenic_params, e.seed, e.condition, self.files, carsim.command)
+        experiment = self._experiment
+        scenic = ScenicRunner(
+            experiment.program,
+            experiment.scenic_params,
+            experiment.seed,
+            experiment.condition,
+            self.files,
+            carsim.command,
+        )
         with contextlib.closing(scenic) as runner:
             yield runner
 
     def _open(self) -> SceneSource:
+        """Return the source of scenes; compile the program at the first call."""
         if self._source is None:
-            e = self._experiment
-            self._source = open_environment(e.program, dict(e.scenic_params), e.seed, e.condition, self._recalled)
+            experiment = self._experiment
+            self._source = open_environment(
+                experiment.program,
+                dict(experiment.scenic_params),
+                experiment.seed,
+                experiment.condition,
+                self._recalled,
+            )
         return self._source
 
     def _fixed(self) -> SceneSource:
-        """Return the source after sample 0, when all its files are known."""
+        """Return the source of scenes after it has drawn sample 0, because the program may read files only then."""
         source = self._open()
         source.fixed_files()
         return source

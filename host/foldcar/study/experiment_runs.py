@@ -23,15 +23,16 @@ from foldcar.study.stopping import DesignState, Schedule
 class Progress:
     """Counts of a sweep's runs.
 
-    ``new`` runs were simulated, ``there`` were in the store; ``passed``, ``rejected`` and ``failed`` count both.
-    ``judged`` of the ``total`` are in environments that define success; when an experiment ends, its rejected runs are
-    subtracted. With a stopping rule, ``total`` decreases as designs are ``decided``, and ``states`` gets their results.
+    ``new`` runs were simulated, ``reused`` ones were in the store or share the result of a run in progress; ``passed``,
+    ``rejected`` and ``failed`` count both. ``judged`` of the ``total`` are in environments that define success; when an
+    experiment ends, its rejected runs are subtracted. With a stopping rule, ``total`` decreases as designs are
+    ``decided``, and ``states`` gets their results.
     """
 
     total: int
     judged: int = 0
     new: int = 0
-    there: int = 0
+    reused: int = 0
     passed: int = 0
     rejected: int = 0
     failed: int = 0
@@ -42,7 +43,7 @@ class Progress:
     @property
     def done(self) -> int:
         """The number of runs that are stored or share the result of a run in progress."""
-        return self.new + self.there
+        return self.new + self.reused
 
     @property
     def seconds(self) -> float:
@@ -57,31 +58,38 @@ class Progress:
 
 
 class StoredSamples:
-    """Stores the samples of an environment as they are needed; ``dynamic`` programs run beside the simulation."""
+    """Stores scenes and cars' variations of an environment's samples as they are needed.
+
+    ``dynamic`` is whether the program runs beside the simulation.
+    """
 
     def __init__(self, environment: Environment, writer: StoreWriter, dynamic: bool) -> None:
         self._environment, self._writer, self._dynamic = environment, writer, dynamic
         self._environment_id = writer.environment(environment.fingerprint)
         self._spread_id = writer.spread(environment.spread_fingerprint)
-        self._scenes = self._first_scenes = writer.sample_count(SAMPLE, self._environment_id)
-        self._draws = writer.sample_count(DRAW, self._spread_id)
+        self._scene_count = self._first_scene_count = writer.sample_count(SAMPLE, self._environment_id)
+        self._draw_count = writer.sample_count(DRAW, self._spread_id)
 
     def reach(self, sample: int) -> None:
-        """Store all missing samples up to ``sample``. Raises FoldcarError if the program is at fault."""
+        """Store all missing samples up to ``sample``. Raises FoldcarError if the Scenic program has an error.
+
+        Before the first new scene, the program must reproduce the last and the first stored scene.
+        """
         environment, writer = self._environment, self._writer
-        if sample >= self._scenes == self._first_scenes:
+        if sample >= self._scene_count == self._first_scene_count:
             # Check the last stored sample first: this shows whether samples depend on how many were drawn before.
-            for k in sorted({self._scenes - 1, 0} if self._scenes else (), reverse=True):
-                self._confirm(k)
-        for k in range(self._scenes, sample + 1):
+            for k in sorted({self._scene_count - 1, 0} if self._scene_count else (), reverse=True):
+                self._check_reproduced(k)
+        for k in range(self._scene_count, sample + 1):
             scene = environment.sample(k)
             writer.put_sample(self._environment_id, k, scene, self._dynamic)
-            self._scenes = k + 1
-        for k in range(self._draws, sample + 1):
+            self._scene_count = k + 1
+        for k in range(self._draw_count, sample + 1):
             writer.put_draw(self._spread_id, k, environment.variation(k), environment.variation_identity())
-            self._draws = k + 1
+            self._draw_count = k + 1
 
-    def _confirm(self, k: int) -> None:
+    def _check_reproduced(self, k: int) -> None:
+        """Raise FoldcarError if the program now gives another scene for sample ``k`` than the stored one."""
         from foldcar.scenes.source import other_scene
 
         stored = self._writer.stored_scene(self._environment_id, k)
@@ -91,9 +99,9 @@ class StoredSamples:
 
 @dataclass(frozen=True)
 class ExperimentRuns:
-    """The runs of ``plan``, which has ``designs`` designs.
+    """Simulates the runs of ``plan``, which has ``designs`` designs.
 
-    ``report`` is called after every sample; ``dynamic`` says whether Scenic runs beside the simulation.
+    ``dynamic`` is whether Scenic runs beside the simulation. ``report`` is called with ``counts`` after every sample.
     """
 
     plan: PlannedExperiment
@@ -114,7 +122,7 @@ class ExperimentRuns:
         yield from self._simulate(None, self.counts.total)
 
     def until(self, rule: StoppingRule) -> Iterator[list[FinishedRun]]:
-        """Simulate every design until it is decided or cannot be decided any more, in the batches of a schedule."""
+        """Simulate every design, in the batches of a schedule, until the rule decides it or is unlikely to decide it."""
         plan, writer = self.plan, self.writer
         schedule = Schedule(rule, plan.environments, writer.design_counts(plan).reached)
         total, decided = self.counts.total, self.counts.decided
@@ -132,7 +140,11 @@ class ExperimentRuns:
         writer.end_experiment(plan, int(schedule.runs.sum()))
 
     def _simulate(self, samples_of_design: Mapping[int, range] | None, total: int) -> Iterator[list[FinishedRun]]:
-        """Simulate ``samples_of_design`` by position (None: all of each); afterwards ``total`` runs are counted."""
+        """Simulate missing runs, sample by sample; yield chunks as they finish.
+
+        ``samples_of_design`` has the samples to simulate by the design's position; None stands for all samples of all
+        designs. ``total`` is the number of the sweep's runs that will be done afterwards.
+        """
         plan = self.plan
         all_samples = range(plan.environments)
         if samples_of_design is not None:
@@ -146,7 +158,7 @@ class ExperimentRuns:
                 if samples_of_design is not None and sample not in samples_of_design.get(run.design, ()):
                     continue
                 if run.outcome is not None or self.pool.joins(run):
-                    self.counts.there += 1
+                    self.counts.reused += 1
                     self.counts.count(run.outcome)
                 else:
                     yield from self.pool.add(run, total - self.counts.done)

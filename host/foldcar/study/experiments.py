@@ -121,7 +121,11 @@ def run_settings(
     yaw_rate_rad_s: float,
     place: str,
 ) -> dict[str, Any]:
-    """Return what :meth:`Experiment.settings` describes; ``place`` names the experiment in errors."""
+    """Return the settings of a design's runs, as :meth:`Experiment.settings`; ``place`` names the experiment in errors.
+
+    ``speed_m_s`` None stands for the car's full speed. A time limit above the firmware's default also raises the
+    firmware's limit.
+    """
     values = firmware_parameters(design, body)
     limit = table.get(TRIAL_LIMIT)
     if limit is not None and timeout_s > limit.default:
@@ -143,6 +147,6 @@ def run_settings(
 
 
 def engine_study(study: Study, carsim: "Carsim") -> Study:
-    """Return the study with its experiments named after the simulator's engine."""
+    """Return the study with the simulator's engine added to the names of its experiments."""
     named = (replace(experiment, id=engine_id(experiment.id, carsim.engine)) for experiment in study.experiments)
     return replace(study, experiments=tuple(named))

@@ -31,10 +31,11 @@ GOLDEN_RATIO = (5**0.5 - 1) / 2
 
 @dataclass(frozen=True)
 class Family:
-    """A family. ``choices`` maps parameter keys to values (mm, degrees), ``origins`` to their places in ``file``.
+    """A family of designs: all combinations of the values of its parameters, or the selected ones.
 
-    ``type`` names the modules, ``parts`` the parts of all members. ``members`` are the selected combinations, in the
-    order of ``choices``; None: all combinations.
+    ``choices`` maps parameter keys to values (mm, degrees), ``origins`` to their places in ``file``. ``type`` names the
+    modules, ``parts`` the bought parts of all members. ``members`` are the selected combinations, with values in the
+    order of ``choices``; None stands for all combinations.
     """
 
     vehicle: str
@@ -58,7 +59,11 @@ class Family:
         return math.prod(len(values) for values in self.choices.values()) if self.members is None else len(self.members)
 
     def spread_out(self) -> Iterator[tuple[int, tuple[float, ...]]]:
-        """Yield all combinations with their positions, in an order whose first ones are spread over the family."""
+        """Yield all combinations with their positions, in an order whose first ones are spread over the family.
+
+        Positions advance by about the golden ratio of their number, modulo that number. The step has no common divisor
+        with it, so each position occurs once.
+        """
         count = self.combinations
         step = round(count * GOLDEN_RATIO) or 1
         while math.gcd(step, count) > 1:
@@ -66,24 +71,25 @@ class Family:
         for index in range(count):
             position = remainder = index * step % count
             values = []
+            # The last parameter changes fastest, as in the order of all combinations.
             for choices in reversed(list(self.choices.values())):
-                remainder, level = divmod(remainder, len(choices))
-                values.append(choices[level])
+                remainder, choice = divmod(remainder, len(choices))
+                values.append(choices[choice])
             yield position, tuple(reversed(values))
 
     def __iter__(self) -> Iterator[Design]:
-        """Yield the designs that can be built. If there is none, raises ListingError with the first one's mistakes."""
-        built = False
+        """Yield the designs that can be built. If no design can, raise ListingError with the errors of the first."""
+        is_any_buildable = False
         for values in self._combinations():
             if self.error(values) is None:
-                built = True
+                is_any_buildable = True
                 yield self.design(values)
-        if not built:
+        if not is_any_buildable:
             first = dict(zip(self.choices, next(self._combinations()), strict=True))
-            raise self._listing_error([(self._origin(e.parameter), e.message) for e in self._errors(first)])
+            raise self._listing_error([(self._origin(error.parameter), error.message) for error in self._errors(first)])
 
-    def take_as_sound(self, designs: Iterable[Mapping[str, float]]) -> None:
-        """Record that these members, given by their columns, can be built, so that they are not checked."""
+    def mark_buildable(self, designs: Iterable[Mapping[str, float]]) -> None:
+        """Record that these members can be built, so that they are not checked; each maps columns to values."""
         columns = self.columns()
         self._checked.update((tuple(design[column] for column in columns), None) for design in designs)
 
@@ -135,12 +141,13 @@ class Family:
         return self._checked[values]
 
     def _errors(self, values: Mapping[str, float]) -> list[DesignError]:
-        """Return a design's errors: all values outside their limits; if there are none, the first other error."""
-        beyond = design_errors(self.type, values, catalogue_of(self.parts))
+        """Return a design's errors: one for each value outside its limits, or else the first other error."""
+        limit_errors = design_errors(self.type, values, catalogue_of(self.parts))
         first = self._first_error(values)
-        return [error for error, _ in beyond.values()] or ([] if first is None else [first])
+        return [error for error, _ in limit_errors.values()] or ([] if first is None else [first])
 
     def _first_error(self, values: Mapping[str, float]) -> DesignError | None:
+        """Fold the car with these values by parameter key; return the error, or None if it can be built."""
         try:
             folded_car(compose(self.type, values, self.parts))
         except DesignError as error:
@@ -148,6 +155,7 @@ class Family:
         return None
 
     def _listing_error(self, mistakes: list[tuple[str, str]]) -> ListingError:
+        """Return the error for mistakes (origin, message), which names the option ``--set`` or the listing's file."""
         origin, message = mistakes[0]
         if origin.startswith("--set"):
             return ListingError(origin, message)
@@ -159,7 +167,10 @@ class Family:
         return {_column(key): values for key, values in self.choices.items() if len(values) > 1}
 
     def narrowed(self, settings: Mapping[str, float | str]) -> "Family":
-        """Return the family with these parameters (``width``, ``W.length``) and parts fixed. Raises FoldcarError."""
+        """Return the family with some parameters and parts fixed, as ``--set`` does. Raises FoldcarError.
+
+        ``settings`` has a number for a parameter (``width``, ``W.length``), the name for a kind of part (``cells``).
+        """
         choices, origins, parts, letters = dict(self.choices), dict(self.origins), self.parts, self.type.split("_")
         for key, value in settings.items():
             if isinstance(value, str):
@@ -184,7 +195,7 @@ class Family:
         return replace(self, choices=choices, origins=origins, parts=parts, _checked={})
 
     def single(self) -> Design:
-        """Return the only design. Raises ListingError, naming a parameter with several values, if there are more."""
+        """Return the family's only design. Raises ListingError, which names a parameter with several values."""
         for key, values in self.choices.items():
             if len(values) > 1:
                 first_values = ", ".join(f"{value:g}" for value in values[:3])
@@ -194,19 +205,24 @@ class Family:
         return next(iter(self))
 
     def _origin(self, key: str | None) -> str:
+        """Return where a parameter's value comes from: a place of the listing, ``--set``, or its default."""
         if key is None:
             return f"{self.place}.type"
         return self.origins.get(key, f"{self.place}: {key} (its default)")
 
 
 def _column(key: str) -> str:
+    """Return the column's name in results of the parameter ``key``."""
     parameter = parameter_of(key)
     assert parameter is not None, key
     return parameter.column
 
 
 def read_family(file: Path, vehicle_id: str, vehicle: ListedVehicle) -> Family:
-    """Return the family of a vehicle of the listing ``file``. Raises ListingError with all mistakes if it is invalid."""
+    """Return the family of a listed vehicle: resolve its type, parts and parameters.
+
+    Raises ListingError with all mistakes, each with its place in ``file``.
+    """
     place = f"vehicles.{vehicle_id}"
     try:
         letters = modules_of(vehicle.type)

@@ -10,18 +10,19 @@ MAX_SEED = 2**63 - 1
 MAX_JOBS = 256
 
 
-# Bounds of numbers in files: far beyond every length, time, seed and count, and far within the range of a double.
+# Bounds of numbers in listings: far beyond every length, time, seed and count, and far within the range of a double.
 MAX_NUMBER = 1e15
 MIN_NUMBER = 1e-12
 MAX_INTEGER = 2**63 - 1
+# Number of characters of an invalid string that a message shows.
 SHOWN_CHARACTERS = 40
 
 
 def checked_threshold(rate: float) -> float:
-    """Return a threshold of the success rate. Raises ValueError if it is not between 0 and 1."""
+    """Return the threshold ``rate``. Raises ValueError if it is not between 0 and 1."""
     if not 0 < rate < 1:
-        percent = f": write {rate / 100:g} for {rate:g} %" if 1 < rate < 100 else ", as 0.75"
-        raise ValueError(f"{rate:g} is not between 0 and 1: a threshold is a fraction of runs{percent}")
+        example = f": write {rate / 100:g} for {rate:g} %" if 1 < rate < 100 else ", as 0.75"
+        raise ValueError(f"{rate:g} is not between 0 and 1: a threshold is a fraction of runs{example}")
     return rate
 
 
@@ -46,5 +47,6 @@ def check_numbers(data: Any, path: str = "") -> None:
 
 
 def _check_text(path: str, text: str) -> None:
+    """Raise ValueError if the text contains half of a surrogate pair, which cannot be written as UTF-8."""
     if any("\ud800" <= letter <= "\udfff" for letter in text):
         raise ValueError(f"{path}: {ascii(text)[:SHOWN_CHARACTERS]} contains an invalid character (a single surrogate)")

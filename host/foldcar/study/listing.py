@@ -25,7 +25,7 @@ class ListingError(FoldcarError):
         super().__init__(f"{file}: {self._count()}{'; '.join(mistakes)}")
 
     def lines(self) -> list[str]:
-        """Return the only mistake, or a line with their number followed by a line for each."""
+        """Return the lines of the message: the only mistake, or a line with their number and a line for each."""
         if len(self.mistakes) < 2:
             return super().lines()
         return [
@@ -73,12 +73,14 @@ def _range_values(raw: dict[str, Any]) -> tuple[float, ...]:
 
 
 def _number(raw: Any) -> float:
+    """Return a finite number as float. Raises ValueError for anything else."""
     if isinstance(raw, bool) or not isinstance(raw, int | float) or not math.isfinite(raw):
         raise ValueError(f"{raw!r} is not a number; write a number, a list of numbers or a range")
     return float(raw)
 
 
 def _spread(raw: Any) -> Any:
+    """Return a spread as it is written. Raises ValueError if it is neither a name nor an object."""
     if raw is not None and not isinstance(raw, str | dict):
         raise ValueError(f"{raw!r} is neither the name of a spread nor an object of spreads")
     return raw
@@ -126,7 +128,7 @@ class ExperimentParams(Strict):
     variation_seed: int | None = Field(None, ge=0, le=MAX_SEED)
 
     @model_validator(mode="after")
-    def _seed_has_a_use(self) -> "ExperimentParams":
+    def _check_variation_seed(self) -> "ExperimentParams":
         if self.variation_seed is not None and self.variation is None:
             raise ValueError('"variation_seed" has no effect without "variation"')
         return self

@@ -30,7 +30,7 @@ from foldcar.study.listing import (
 from foldcar.typed import did_you_mean, did_you_mean_file, read_text
 
 # pydantic's error types for a value that should be a JSON object.
-NO_OBJECT = ("dict_type", "model_type", "model_attributes_type")
+NOT_AN_OBJECT = ("dict_type", "model_type", "model_attributes_type")
 # The schema at each path; the path omits the names that a listing gives to its experiments, vehicles and environments.
 OBJECTS: dict[tuple[Any, ...], type[Strict]] = {
     (): Listing,
@@ -43,9 +43,10 @@ OBJECTS: dict[tuple[Any, ...], type[Strict]] = {
 
 
 def read_listing(file: Path, programs: bool = False) -> tuple[Listing, str]:
-    """The listing in ``file`` and the file's text, its vehicles checked, and its ``programs`` if they are wanted.
+    """Read and check a listing; return it with the file's text.
 
-    ListingError of all mistakes of form, or else of all others: it names every key at fault, its value and its limit.
+    ``programs`` also checks that the Scenic programs exist. Raises ListingError with all mistakes of form; if there are
+    none, with all other mistakes. Each names its key, value and limit.
     """
     data, text = load_listing(file)
     listing, mistakes = validated_listing(data)
@@ -54,7 +55,7 @@ def read_listing(file: Path, programs: bool = False) -> tuple[Listing, str]:
     mistakes = _reference_mistakes(listing)
     for name, vehicle in listing.vehicles.items():
         try:
-            # Raises why no car of the family can be built.
+            # Raises ListingError if no car of the family can be built.
             next(iter(read_family(file, name, vehicle)))
         except ListingError as error:
             mistakes += error.mistakes
@@ -66,7 +67,7 @@ def read_listing(file: Path, programs: bool = False) -> tuple[Listing, str]:
 
 
 def _with_joined_surrogates(data: Any) -> Any:
-    """Return the data with surrogate pairs in its strings joined, which json5 leaves apart (for an emoji, say)."""
+    """Return the data with surrogate pairs joined to characters, because json5 does not join them (as in emojis)."""
     if isinstance(data, dict):
         return {_with_joined_surrogates(key): _with_joined_surrogates(value) for key, value in data.items()}
     if isinstance(data, list):
@@ -77,7 +78,7 @@ def _with_joined_surrogates(data: Any) -> Any:
 
 
 def load_listing(file: Path) -> tuple[Any, str]:
-    """Return the JSON data in ``file`` and the file's text. Raises ListingError."""
+    """Return the JSON data in ``file`` and the file's text. Raises ListingError if it is not JSON, or not readable."""
     try:
         text = read_text(file)
     except FoldcarError as error:
@@ -101,7 +102,7 @@ def load_listing(file: Path) -> tuple[Any, str]:
 def _json_mistake(message: str) -> str:
     """Return the parser's message, beginning with line and column."""
     if message.startswith("Exceeds the limit"):
-        # Replaces Python's own message, which advises programmers.
+        # Python's own message gives advice to programmers.
         return f"a number has more than {sys.get_int_max_str_digits()} digits"
     match = re.fullmatch(r"<string>:(\d+) (Unexpected .+) at column (\d+)", message)
     if match is None:
@@ -122,6 +123,7 @@ def _mistake(mistake: Any) -> str:
     path = ".".join(map(str, mistake["loc"])) or "the file"
     kind, message = mistake["type"], mistake["msg"].removeprefix("Value error, ")
     if kind == "extra_forbidden":
+        # Every second part of the location is a name that the listing chose.
         known = [key for key in OBJECTS[mistake["loc"][:-1:2]].model_fields if key != "wbt_filename"]
         return f"{path}: unknown key; known: {', '.join(known)}{did_you_mean(mistake['loc'][-1], known)}"
     if kind == "missing":
@@ -130,7 +132,7 @@ def _mistake(mistake: Any) -> str:
         return f"{path}: {message}"
     shown = repr(mistake["input"])
     shown = shown if len(shown) <= 40 else f"{shown[:37]}..."
-    if kind in NO_OBJECT:
+    if kind in NOT_AN_OBJECT:
         return f"{path}: {shown} is not a JSON object, {{…}}"
     return f"{path}: {shown}: {message[0].lower()}{message[1:]}"
 

@@ -33,10 +33,10 @@ class PlannedDesigns:
         self._experiment, self._table = experiment, table
         self.fingerprint = designs_fingerprint(experiment, table)
         if stored is not None and stored.fingerprint == self.fingerprint:
-            experiment.family.take_as_sound(stored.parameters)
+            experiment.family.mark_buildable(stored.parameters)
             self._texts: list[bytes] | None = None
         else:
-            # Compressed to a fifth, because they stay in memory until the store is opened.
+            # Compressed to a fifth of their size, because they stay in memory until the store is opened.
             self._texts = [
                 zlib.compress(json.dumps([design.columns, design.body, design.settings]).encode(), 1)
                 for design in self._folded()
@@ -53,6 +53,7 @@ class PlannedDesigns:
         return len(self._experiment.family)
 
     def _folded(self) -> Iterator[PlannedDesign]:
+        """Yield the designs of the family, each folded now."""
         for design in self._experiment.family:
             yield planned_design(self._experiment, design, self._table)
 
@@ -72,11 +73,15 @@ def planned_design(experiment: Experiment, design: Design, table: Mapping[str, T
 
 
 def designs_fingerprint(experiment: Experiment, table: Mapping[str, TableRow]) -> str:
-    """Return a hash of the family, the settings, foldcar's car code, the user's modules and the firmware's parameters."""
-    family, e = experiment.family, experiment
+    """Return a hash of everything that the designs and their settings depend on.
+
+    These are the family, the experiment's settings, the firmware's parameters, code, and the user's modules.
+    """
+    family = experiment.family
     inputs = [
-        family.type, repr(family.parts), dict(family.choices), family.members, e.timeout_s, e.speed_m_s, e.yaw_rate_rad_s,
-        repr(sorted(table.items())), version("numpy"), _code(), components_digest(),
+        family.type, repr(family.parts), dict(family.choices), family.members, experiment.timeout_s,
+        experiment.speed_m_s, experiment.yaw_rate_rad_s, repr(sorted(table.items())), version("numpy"), _code(),
+        components_digest(),
     ]  # fmt: skip
     return hashlib.sha256(json.dumps(inputs).encode()).hexdigest()
 

@@ -1,8 +1,8 @@
 """Checks that the planar engine (side view) is valid for a study.
 
-It is not if ground, commanded path or cars differ between left and right, or if cars may hang on a high crest.
-Input: bodies, scenes and settings of docs/carsim.md. Output: text that says what is not valid, "" if all is. carsim gives
-the heights and friction under both tracks, straight ahead from the start.
+It is invalid if ground, commanded path or cars differ between left and right, or if cars may hang on a high crest.
+Input: bodies, scenes and settings of docs/carsim.md. Output: text that says what is invalid, "" if nothing is. carsim
+gives the heights and friction under both tracks, straight ahead from the start.
 """
 
 import json
@@ -29,7 +29,10 @@ BEHIND_M = 0.3
 
 
 def side_view_limits(carsim: Carsim, experiment: Experiment, environment: Environment) -> str:
-    """Return what differs between left and right, and crests on which bellies may hang until the car rolls off them."""
+    """Return what makes the side view invalid: differences between left and right, and a crest that may hold a car.
+
+    Returns "" if it is valid. Of the designs and samples only DESIGNS and SAMPLES are checked.
+    """
     bodies, scenes = _sampled_inputs(carsim, experiment, environment)
     return ", ".join([*_asymmetries(carsim, experiment, bodies, scenes), *islice(_crests(bodies, scenes), 1)])
 
@@ -37,7 +40,7 @@ def side_view_limits(carsim: Carsim, experiment: Experiment, environment: Enviro
 def _sampled_inputs(
     carsim: Carsim, experiment: Experiment, environment: Environment
 ) -> tuple[list[Mapping[str, Any]], list[Mapping[str, Any]]]:
-    """Return the bodies of some designs, the narrowest first, and the first scenes."""
+    """Return the bodies of about DESIGNS designs, narrowest first, and the scenes of the first SAMPLES samples."""
     table = carsim.parameter_table()
     step = max(1, len(experiment.family) // DESIGNS)
     planned = [planned_design(experiment, design, table) for design in islice(experiment.family, 0, None, step)]
@@ -48,7 +51,7 @@ def _sampled_inputs(
 def _asymmetries(
     carsim: Carsim, experiment: Experiment, bodies: Sequence[Mapping[str, Any]], scenes: Sequence[Mapping[str, Any]]
 ) -> Iterator[str]:
-    """Yield what differs between left and right: ground, turn, cars."""
+    """Yield a text for each of ground, commanded turn and cars that differs between left and right."""
     asymmetric_samples = [
         k for k, is_symmetric in enumerate(_symmetric_ground(carsim, [bodies[0], bodies[-1]], scenes)) if not is_symmetric
     ]
@@ -60,12 +63,17 @@ def _asymmetries(
     if experiment.variation:
         yield "the cars' sides (built cars vary wheel by wheel)"
     else:
-        yield from (f"the cars' sides ({difference})" for difference in islice(filter(None, map(one_sided, bodies)), 1))
+        difference = next(filter(None, map(one_sided, bodies)), None)
+        if difference is not None:
+            yield f"the cars' sides ({difference})"
 
 
 def _crests(bodies: Sequence[Mapping[str, Any]], scenes: Sequence[Mapping[str, Any]]) -> Iterator[str]:
-    """Yield ramps and hills that are higher than the lowest car's ground clearance."""
-    clear_m = min(
+    """Yield a text for each ramp or hill that is higher than the smallest ground clearance.
+
+    On these a car may come to rest on its belly, and in three dimensions roll off sideways.
+    """
+    clearance_m = min(
         wheel["radius_m"] + segment["center_z_m"] - 0.5 * segment["height_m"]
         for body in bodies
         for wheel in body["wheels"]
@@ -73,7 +81,7 @@ def _crests(bodies: Sequence[Mapping[str, Any]], scenes: Sequence[Mapping[str, A
     )
     for k, scene in enumerate(scenes):
         for piece in scene["terrain"]:
-            if piece["kind"] in ("ramp", "hill") and piece["height_m"] > clear_m:
+            if piece["kind"] in ("ramp", "hill") and piece["height_m"] > clearance_m:
                 yield f"rolling off a crest ({piece['kind']} of {1000 * piece['height_m']:.0f} mm in sample {k})"
 
 
@@ -90,9 +98,8 @@ def one_sided(body: Mapping[str, Any]) -> str:
         numbers = [{**wheel.get("servo", {}), **wheel} for wheel in (left, right)]
         for name in ("radius_m", "grip", "mass_kg", "stall_torque_n_m", "no_load_speed_rad_s", "deadband_us"):
             first, second = numbers[0].get(name, 0.0), numbers[1].get(name, 0.0)
-            if abs(first - second) > (RADIUS_TOLERANCE if name == "radius_m" else RELATIVE_TOLERANCE) * max(
-                abs(first), abs(second)
-            ):
+            tolerance = RADIUS_TOLERANCE if name == "radius_m" else RELATIVE_TOLERANCE
+            if abs(first - second) > tolerance * max(abs(first), abs(second)):
                 return name.partition("_")[0]
     return ""
 
@@ -115,12 +122,15 @@ def _symmetric_ground(
 
 
 def _track_points(bodies: Sequence[Mapping[str, Any]], scene: Mapping[str, Any]) -> tuple[list[float], list[float]]:
-    """Return the points under the tyres' inner edge, middle and outer edge, left ones first, to the course's end."""
+    """Return x and y (m) of points straight ahead from the start to the course's end, under tyres of all bodies.
+
+    The points are under each tyre's inner edge, middle and outer edge; those of the left tyres come first.
+    """
     start, course = scene["start"], scene["course"]
     corners = [(x, y) for x in (course["x_min_m"], course["x_max_m"]) for y in (course["y_min_m"], course["y_max_m"])]
-    c, s = math.cos(start["heading_rad"]), math.sin(start["heading_rad"])
-    far_m = max((x - start["x_m"]) * c + (y - start["y_m"]) * s for x, y in corners)
-    along_m = numpy.arange(-BEHIND_M, max(far_m, BEHIND_M), SPACING_M)
+    cos, sin = math.cos(start["heading_rad"]), math.sin(start["heading_rad"])
+    end_m = max((x - start["x_m"]) * cos + (y - start["y_m"]) * sin for x, y in corners)
+    along_m = numpy.arange(-BEHIND_M, max(end_m, BEHIND_M), SPACING_M)
     edges = {
         0.5 * (body["track_m"] + edge * wheel["width_m"])
         for body in bodies
@@ -129,5 +139,5 @@ def _track_points(bodies: Sequence[Mapping[str, Any]], scene: Mapping[str, Any])
     }
     across_m = numpy.array([side * edge for side in (1, -1) for edge in sorted(edges)])
     ahead, left = numpy.meshgrid(along_m, across_m)
-    x_m, y_m = start["x_m"] + ahead * c - left * s, start["y_m"] + ahead * s + left * c
+    x_m, y_m = start["x_m"] + ahead * cos - left * sin, start["y_m"] + ahead * sin + left * cos
     return x_m.ravel().tolist(), y_m.ravel().tolist()

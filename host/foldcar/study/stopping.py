@@ -18,16 +18,16 @@ from foldcar.statistics.stopping import StoppingRule
 from foldcar.store.designs import DesignCounts
 from foldcar.study.experiments import Experiment, Study
 
-# Limits in percentage points. A half-width of MAX_POINTS is reached without a run.
+# Limits of a half-width in percentage points. MAX_POINTS would be reached without a run.
 MAX_POINTS = 50
 MIN_POINTS = 0.1
 
 
 @dataclass(frozen=True)
 class DesignState:
-    """The result of a design: its counts and its anytime-valid interval (``low``, ``high``), 0 to 1.
+    """The result of a design: its counts, and its anytime-valid interval (``low``, ``high``), 0 to 1.
 
-    The ``rejected`` ones of its ``runs`` carry no information.
+    ``rejected`` of its ``runs`` carry no information; ``decided`` is whether the stopping rule is satisfied.
     """
 
     experiment: str
@@ -41,7 +41,10 @@ class DesignState:
 
 
 def stopping_rules(until: str, study: Study) -> dict[str, StoppingRule]:
-    """Parse ``--until`` (``decided``, or such as ``5pp``) to the rule of each experiment, by id. Raises FoldcarError."""
+    """Parse ``--until`` to the stopping rule of each experiment, by id. Raises FoldcarError.
+
+    ``decided`` stands for the experiment's thresholds, ``5pp`` for a half-width of 5 percentage points.
+    """
     if until == "decided":
         for experiment in study.experiments:
             if not experiment.thresholds:
@@ -67,7 +70,8 @@ def design_states(experiment: Experiment, rule: StoppingRule, counts: DesignCoun
     return [DesignState(experiment.id, *fields) for fields in rows]
 
 
-# A batch ends where the design is decided with this probability, or after this number (or fraction of earlier) runs.
+# A batch ends where the design would be decided with probability BATCH_CHANCE, and at the latest after BATCH_RUNS runs
+# or the fraction BATCH_SHARE of the earlier runs, whichever is more.
 BATCH_CHANCE = 0.1
 BATCH_RUNS, BATCH_SHARE = 20, 0.25
 # How many sample sizes are tried as a batch's end.
@@ -89,12 +93,13 @@ class Batch:
 class Schedule:
     """The schedule of a sweep: :meth:`next` returns batches, :meth:`record` takes their results, until all are closed.
 
-    ``most`` is the maximum number of runs of a design. ``reached`` is each design's highest stored sample + 1: stored
-    runs always count. All designs advance together in the listing's order. ``counted`` of the ``runs`` were not rejected.
+    A design has at most ``max_runs`` runs. ``reached`` is each design's highest stored sample + 1: stored runs always
+    count. All designs advance together in the listing's order. Of each design's ``runs``, ``counted`` were not rejected
+    and ``passed`` passed; it is ``decided`` by the rule, and ``closed`` if it gets no more runs.
     """
 
-    def __init__(self, rule: StoppingRule, most: int, reached: Sequence[int]) -> None:
-        self._rule, self._most = rule, most
+    def __init__(self, rule: StoppingRule, max_runs: int, reached: Sequence[int]) -> None:
+        self._rule, self._max_runs = rule, max_runs
         self._reached = numpy.asarray(reached, int)
         self.passed = numpy.zeros(len(reached), int)
         self.runs = numpy.zeros(len(reached), int)
@@ -121,10 +126,11 @@ class Schedule:
             self.closed[design] = self.runs[design] >= self._reached[design] and self._ended(design)
 
     def _ended(self, design: int) -> bool:
+        """Return whether a design is decided, has all its runs, or has little chance to be decided by more runs."""
         passed, runs, counted = int(self.passed[design]), int(self.runs[design]), int(self.counted[design])
         # Assume that no future run is rejected.
-        max_counted = self._most - (runs - counted)
-        return bool(self.decided[design]) or runs >= self._most or self._rule.hopeless(passed, counted, max_counted)
+        max_counted = self._max_runs - (runs - counted)
+        return bool(self.decided[design]) or runs >= self._max_runs or self._rule.hopeless(passed, counted, max_counted)
 
     def _batch(self, design: int) -> Batch:
         """Return the next samples of a design."""
@@ -138,9 +144,13 @@ class Schedule:
         return Batch(design, range(runs, self._ends[counts]))
 
     def _end(self, passed: int, runs: int, counted: int) -> int:
-        """Return at how many runs the next batch ends: where the design is decided with BATCH_CHANCE, or a maximum."""
+        """Return the number of runs, in all, at which a design's next batch ends.
+
+        It is the first of BATCH_ENDS numbers at which the design would be decided with probability BATCH_CHANCE, else the
+        last of them.
+        """
         masses = _rate_masses(passed, counted)
-        last = min(self._most, runs + max(BATCH_RUNS, int(BATCH_SHARE * runs)))
+        last = min(self._max_runs, runs + max(BATCH_RUNS, int(BATCH_SHARE * runs)))
         first = min(last, max(runs + 1, MIN_RUNS))
         for end in numpy.unique(numpy.linspace(first, last, BATCH_ENDS).round().astype(int)).tolist():
             if self._rule.chance(RATES, masses, passed, counted, end - runs + counted) >= BATCH_CHANCE:
@@ -149,9 +159,9 @@ class Schedule:
 
 
 def _rate_masses(passed: int, counted: int) -> NDArray[numpy.float64]:
-    """Return the probabilities of RATES after these runs."""
+    """Return the posterior probabilities (rates,) of RATES, if ``passed`` of ``counted`` runs passed."""
     from scipy.special import xlog1py, xlogy
 
-    log = xlogy(passed, RATES) + xlog1py(counted - passed, -RATES)
-    masses = numpy.exp(log - log.max())
+    log_likelihood = xlogy(passed, RATES) + xlog1py(counted - passed, -RATES)
+    masses = numpy.exp(log_likelihood - log_likelihood.max())
     return numpy.asarray(masses / masses.sum())

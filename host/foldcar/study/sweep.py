@@ -29,7 +29,7 @@ from foldcar.study.side_view_check import side_view_limits
 from foldcar.study.stopping import design_states
 from foldcar.version import __version__
 
-# How many cars that cannot be built are announced by name.
+# Number of unbuildable cars that are announced by name.
 SHOWN_SKIPPED = 5
 
 
@@ -103,10 +103,11 @@ class Sweep:
             counts.judged = sum(
                 len(self.designs[plan.id]) * plan.environments for plan in plans if plan.facts["success_defined"]
             )
+            # One pool for all experiments, so that simulators stay busy from one experiment to the next.
             with ChunkPool(writer, simulators) as pool:
                 for (experiment, environment), plan in zip(planned, plans, strict=True):
                     dynamic = writer.is_dynamic(plan.environment_id, partial(getattr, environment, "dynamic"))
-                    rule, rejected = self.until.get(plan.id), counts.rejected
+                    rule, earlier_rejected = self.until.get(plan.id), counts.rejected
                     with environment.runner(carsim, dynamic) as runner, pool.using(runner):
                         runs = ExperimentRuns(
                             plan, len(self.designs[plan.id]), environment, dynamic, writer, pool, counts, report
@@ -121,7 +122,7 @@ class Sweep:
                                 self._keep(finished, writer, report)
                     # Only dynamic programs reject runs, and all runs of those are finished here.
                     if plan.facts["success_defined"]:
-                        counts.judged -= counts.rejected - rejected
+                        counts.judged -= counts.rejected - earlier_rejected
                 for finished in pool.finish():
                     self._keep(finished, writer, report)
         if self.until:
@@ -156,6 +157,7 @@ class Sweep:
                 yield f"  and {len(skipped) - SHOWN_SKIPPED} more, which `foldcar sweep --dry-run` lists"
 
     def _keep(self, finished: list[FinishedRun], writer: StoreWriter, report: Callable[[Progress], None]) -> None:
+        """Store a finished chunk, count its outcomes and report the progress."""
         writer.add_results((run.run, run.answer) for run in finished)
         self.progress.new += len(finished)
         for run in finished:
@@ -175,7 +177,8 @@ def plan_experiment(
 ) -> PlannedExperiment:
     """Store an experiment and its family's designs, replacing an earlier one of that id. Raises FoldcarError.
 
-    ``rule``, ``engine``, ``searched`` and ``unlike`` are ExperimentInfo's ``until``, ``engine``, ``objectives`` and
+    ``rule`` is its stopping rule, ``engine`` the engine's name, ``searched`` the objectives of a search. ``unlike``
+    says what the side view cannot simulate. In ExperimentInfo these are ``until``, ``engine``, ``objectives`` and
     ``unlike_sides``.
     """
     first_design = next(iter(experiment.family))

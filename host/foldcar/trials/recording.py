@@ -9,7 +9,7 @@ from foldcar.errors import FoldcarError
 from foldcar.link.tlog import log_damage
 from foldcar.store.errors import StoreError
 from foldcar.store.log_files import log_file, sha256_of
-from foldcar.store.trial_records import INTERRUPTED, Ending, not_entered
+from foldcar.store.trial_records import INTERRUPTED, Ending, ending_without_outcome
 from foldcar.store.trial_writer import TrialWriter
 from foldcar.trials.driving import DriveEnd
 from foldcar.trials.person import Answers, print_line
@@ -35,7 +35,7 @@ def record_outcome(
     If ``outcome`` is None, it is asked for. Raises FoldcarError if it is unknown and ``answers`` is None.
     """
     digest = sha256_of(log)
-    ending = end.ending if end.outcome else not_entered(end.ending)
+    ending = end.ending if end.outcome else ending_without_outcome(end.ending)
     try:
         writer.complete(number, Ending(end.outcome or "aborted", ending, end.elapsed_time_s, "", digest))
     except StoreError as error:

@@ -8,6 +8,7 @@ void LineNoise::set(Kind kind, double probability, std::uint64_t until_us) {
   until_us_ = until_us;
 }
 
+// Returns the bytes as they arrive: until until_us each is dropped or changed with the set probability.
 std::vector<std::uint8_t> LineNoise::pass(const std::vector<std::uint8_t>& bytes, std::uint64_t now_us) {
   if (now_us >= until_us_ || probability_ <= 0) return bytes;
   std::vector<std::uint8_t> arrived;

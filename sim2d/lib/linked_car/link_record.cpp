@@ -35,6 +35,7 @@ std::vector<std::uint8_t> from_hex(JsonReader& reader, const char* key) {
   return bytes;
 }
 
+// Steps the car until t_us and records what it sends.
 void step_to(std::uint64_t t_us, LinkedCar& car, LinkRecord& record) {
   while (car.now_us() < t_us) {
     const std::vector<std::uint8_t> sent = car.step();

@@ -48,6 +48,8 @@ LinkedCar::LinkedCar(const Engine& engine, const std::vector<LinkedWorld>& world
   firmware_->begin(options_.design);
 }
 
+// Gives the host's bytes to the firmware, as they arrive over the noisy line. late: they waited while the simulation
+// stood still.
 void LinkedCar::receive(const std::vector<std::uint8_t>& bytes, bool late) {
   if (!plugged_in() || booting_) return;
   const std::vector<std::uint8_t> arrived = to_car_noise_.pass(bytes, now_us_);
@@ -56,6 +58,7 @@ void LinkedCar::receive(const std::vector<std::uint8_t>& bytes, bool late) {
   if (late) firmware_->stood_still();
 }
 
+// Begins a fault or event, for a time if the injection has one, else for good.
 void LinkedCar::inject(const Injection& injection) {
   const std::uint64_t until_us = injection.for_s ? now_us_ + to_us(*injection.for_s) : UINT64_MAX;
   switch (injection.kind) {
@@ -84,6 +87,7 @@ void LinkedCar::inject(const Injection& injection) {
   }
 }
 
+// Advances firmware and car by one step of the engine. Returns the bytes that a host receives from the car.
 std::vector<std::uint8_t> LinkedCar::step() {
   apply_faults();
   hal_.clock.advance_to_us(now_us_ - booted_us_);
@@ -122,7 +126,7 @@ void LinkedCar::place_at_start() {
   motion_sensor_ = MotionSensor();
 }
 
-// Obeys a host's FOLDCAR_SCENE, which the firmware does not know.
+// Parses the host's packets for FOLDCAR_SCENE, which only the simulator knows, and moves the car to that scene.
 void LinkedCar::follow_host(const std::vector<std::uint8_t>& bytes) {
   for (const std::uint8_t byte : bytes) {
     mavlink_message_t message;
@@ -135,7 +139,8 @@ void LinkedCar::follow_host(const std::vector<std::uint8_t>& bytes) {
   }
 }
 
-// Moves the car if it is disarmed and there is such a scene. Either way the answer is the scene in which it is then.
+// Moves the car to the start of another scene if it is disarmed and there is such a scene. In any case the scene in
+// which it is then is sent at once, as the answer.
 void LinkedCar::move_to(const std::string& scene_id) {
   const auto wanted = std::find_if(worlds_.begin(), worlds_.end(),
                                    [&](const LinkedWorld& world) { return world.scene.id == scene_id; });
@@ -160,6 +165,7 @@ void LinkedCar::restart(ResetReason reason) {
   booted_us_ = now_us_ + kBootUs;
 }
 
+// Sets the simulated hardware by the faults that are active now; ends those whose time is over.
 void LinkedCar::apply_faults() {
   if (battery_until_us_ != 0 && now_us_ >= battery_until_us_) {
     hal_.battery.volts = static_cast<float>(kLogicBattery_v);
@@ -170,6 +176,8 @@ void LinkedCar::apply_faults() {
   hal_.board.button = now_us_ < button_until_us_;
 }
 
+// Follows the firmware's trial: observes it from its start on, and keeps its outcome and time when the simulator or
+// the scene's program ends it. If asked for, puts the car back to the start when it is armed.
 void LinkedCar::update_outcome() {
   const State state = this->state();
   if (options_.put_back && state == State::kArmed && seen_state_ != State::kArmed) place_at_start();

@@ -13,8 +13,8 @@ constexpr double kFilterTime_s = 0.006;
 
 using Vector = std::array<double, 3>;
 
-// Transforms a vector from the world's axes into the car's: rotates it by minus heading, pitch (nose up) and roll (left
-// side up), in this order.
+// Transforms a vector from the world's axes into the car's: rotates it by minus heading, pitch (nose up) and roll
+// (left side up), in this order.
 Vector into_car(const Vector& v, double heading_rad, double pitch_rad, double roll_rad) {
   const auto [sh, ch] = sine_and_cosine(heading_rad);
   const auto [sp, cp] = sine_and_cosine(pitch_rad);
@@ -26,6 +26,8 @@ Vector into_car(const Vector& v, double heading_rad, double pitch_rad, double ro
 
 }  // namespace
 
+// Returns what an IMU at the car's origin measures, in the car's axes: specific force (acceleration plus g upwards)
+// and angular rate, from the differences of the last three poses, through a first-order low-pass filter.
 ImuSample MotionSensor::observe(const CarState& car, double step_s) {
   const Pose now{{car.x_m, car.y_m, car.z_m}, {car.heading_rad, car.pitch_rad, car.roll_rad}};
   Vector acceleration{0, 0, kGravity_m_s2};

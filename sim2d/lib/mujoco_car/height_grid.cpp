@@ -11,16 +11,18 @@
 namespace foldcar {
 namespace {
 
-constexpr double kMargin_m = 0.3;
-constexpr double kError_m = 2e-4;
+constexpr double kMargin_m = 0.3;  // the grid reaches so far beyond the course
+constexpr double kError_m = 2e-4;  // allowed in the middle of a cell
 constexpr double kSpacings_m[] = {0.02, 0.01, 0.005};
 constexpr std::size_t kMostPoints = 4000000;
 
+// Coordinate of the index-th of `count` equidistant points, limits included.
 double place_m(double from_m, double to_m, std::size_t index, std::size_t count) {
   return from_m + (to_m - from_m) * static_cast<double>(index) / static_cast<double>(count - 1);
 }
 
-// The heights of columns points of each of rows lines of constant y.
+// Returns the fields' summed heights at rows × columns equidistant points of a rectangle, row by row; a row has
+// constant y.
 std::vector<double> sampled(const std::vector<const GroundField*>& fields, double x0_m, double x1_m,
                             std::size_t columns, double y0_m, double y1_m, std::size_t rows) {
   std::vector<double> s_m(columns), line_m(columns), z_m;
@@ -35,6 +37,7 @@ std::vector<double> sampled(const std::vector<const GroundField*>& fields, doubl
   return z_m;
 }
 
+// Number of points, at least 3, that divide a length into pieces of at most spacing_m.
 std::size_t count(double from_m, double to_m, double spacing_m) {
   return std::max<std::size_t>(3, static_cast<std::size_t>(std::ceil((to_m - from_m) / spacing_m)) + 1);
 }
@@ -58,6 +61,8 @@ double error_m(const HeightGrid& grid, const std::vector<const GroundField*>& fi
 
 }  // namespace
 
+// Samples the rectangle around all fields, cut to the course and its margin, at finer spacings until the error is
+// allowed.
 HeightGrid height_grid(const Ground& ground, const CourseSpec& course) {
   std::vector<const GroundField*> fields;
   const double reach_m = hypotenuse(course.x_max_m - course.x_min_m, course.y_max_m - course.y_min_m) + kMargin_m;

@@ -16,9 +16,10 @@ struct HeightGrid {
   std::vector<double> z_m;
 };
 
-// The coarsest grid of 20, 10 or 5 mm whose error in the middles of its cells is within 0.2 mm, else the finest. It
-// ends where the ground is level, or a car's length beyond the course. Throws std::runtime_error above 4 million
-// points.
+// Samples the ground's heights, at the coarsest spacing of 20, 10 or 5 mm whose error in the middles of the cells is
+// within 0.2 mm, else at the finest with up to 4 million points. The grid ends where the ground is level, at most 0.3
+// m beyond the course; it is empty if all of the ground there is level. Throws std::runtime_error if even 20 mm take
+// more points.
 HeightGrid height_grid(const Ground& ground, const CourseSpec& course);
 
 }  // namespace foldcar

@@ -9,15 +9,16 @@
 namespace foldcar {
 namespace {
 
-// The height at which the car is put down is found this accurately, and the car falls this far.
+// Accuracy of the lowest height at which the car touches nothing, and how far above that it starts.
 constexpr double kRaster_m = 1e-5;
 constexpr double kDrop_m = 5e-4;
 
-// At this depth of a contact all of the lift of its slip is left.
+// The deeper a contact, the less of its slip's lift is removed: all of it at depth 0, nothing from this depth on.
 constexpr double kLiftDepth_m = 3e-3;
 
 constexpr double kTurn_rad = 2 * 3.14159265358979323846;
 
+// Upper bound of the ground's height in the scene.
 double highest_ground_m(const SceneSpec& scene) {
   double height_m = 0;
   for (const BlockSpec& block : scene.terrain.blocks) height_m = std::max(height_m, block.height_m);
@@ -28,6 +29,7 @@ double highest_ground_m(const SceneSpec& scene) {
   return std::max(height_m, smooth_m);
 }
 
+// Lower bound of the ground's height in the scene.
 double lowest_ground_m(const SceneSpec& scene) {
   double depth_m = 0;
   for (const HillSpec& hill : scene.terrain.hills) depth_m -= std::min(0.0, hill.height_m);
@@ -40,14 +42,14 @@ double lowest_ground_m(const SceneSpec& scene) {
 
 // Coulomb's law for contacts that slip.
 //
-// MuJoCo solves for contact accelerations a (normal n, tangential t) and forces f with a convex cost: in a contact that
-// slips, R f_n = r_n - a_n + μ |a_t - r_t| and |f_t| = μ f_n, with the reference accelerations r_n = -b v_n - k d and
-// r_t = -b v_t of velocities v and gap d, and the regularisation R. The last term of the first equation is no part of
-// Coulomb's law: with b = 420/s a tyre that spins at v_t = 0.7 m/s on a friction of 0.6 is pushed off the ground at
-// 18 g, and hammers it. As |a_t| is small beside b |v_t|, r_n - μ |r_t| in place of r_n takes the term away. Where
-// friction ends the slip within a step, |a_t - r_t| is smaller than |r_t| and the contact softer than meant; therefore
-// the share that is taken away falls to none at a depth of kLiftDepth_m. A contact that holds has r_t close to 0 and is
-// left as it is.
+// MuJoCo solves for contact accelerations a (normal n, tangential t) and forces f with a convex cost: in a contact
+// that slips, R f_n = r_n - a_n + μ |a_t - r_t| and |f_t| = μ f_n, with the reference accelerations r_n = -b v_n - k d
+// and r_t = -b v_t of velocities v and gap d, and the regularisation R. The last term of the first equation is no part
+// of Coulomb's law: with b = 420/s a tyre that spins at v_t = 0.7 m/s on a friction of 0.6 is pushed off the ground at
+// 18 g, and hammers it. As |a_t| is small beside b |v_t|, r_n - μ |r_t| in place of r_n removes the term. Where
+// friction ends the slip within a step, |a_t - r_t| is smaller than |r_t| and the contact becomes too soft; therefore
+// the removed share falls from 1 at the surface to 0 at a depth of kLiftDepth_m. A contact that holds has r_t close to
+// 0 and does not change.
 void cancel_lift_of_slip(mjData& data) {
   for (int i = 0; i < data.ncon; ++i) {
     const mjContact& contact = data.contact[i];
@@ -76,7 +78,8 @@ MujocoCar::MujocoCar(const BodySpec& body, const SceneSpec& scene, const Terrain
   update_state();
 }
 
-// The lowest height at which nothing touches, by bisection: contacts are as the engine will see them.
+// Puts the car at the start, level, just above the lowest height at which nothing touches. The height is found by
+// bisection with MuJoCo's own collisions.
 void MujocoCar::place_on_ground() {
   mjModel* model = built_.model.get();
   data_->qpos[0] = scene_.start.x_m;
@@ -103,6 +106,7 @@ void MujocoCar::place_on_ground() {
   data_->qpos[2] = high_m + kDrop_m;
 }
 
+// One step. mj_step2 ends MuJoCo's step with the forces prepared before, mj_step1 prepares the next one.
 void MujocoCar::step(const PulsesUs& pulses_us) {
   if (pulses_us != pulses_us_ || body_.supply_resistance_ohm > 0) drive_wheels(pulses_us);
   if (terrain_.has_patches()) take_friction();
@@ -118,6 +122,8 @@ void MujocoCar::step(const PulsesUs& pulses_us) {
   update_state();
 }
 
+// Sets each driven wheel's actuator to its servo's torque line: torque = fraction · stall - slope · rate, within ±
+// stall. The fraction of full power comes from the pulse; without pulses (not powered) the torque is 0.
 void MujocoCar::drive_wheels(const PulsesUs& pulses_us) {
   pulses_us_ = pulses_us;
   for (std::size_t i = 0; i < body_.wheels.size(); ++i) {
@@ -136,7 +142,7 @@ void MujocoCar::drive_wheels(const PulsesUs& pulses_us) {
   }
 }
 
-// The ground's friction under the middle of each part that stands on it.
+// Sets the friction of every tyre and belly: its grip times the ground's friction below its middle.
 void MujocoCar::take_friction() {
   mjModel& model = *built_.model;
   const auto take = [&](int geom, double grip) {
@@ -147,6 +153,7 @@ void MujocoCar::take_friction() {
   for (std::size_t i = 0; i < body_.segments.size(); ++i) take(built_.belly[i], body_.segments[i].grip);
 }
 
+// Adds one step's work at the wheels and energy drawn from the battery.
 void MujocoCar::count_energy() {
   const double step_s = built_.model->opt.timestep;
   for (std::size_t i = 0; i < body_.wheels.size(); ++i) {
@@ -160,6 +167,8 @@ void MujocoCar::count_energy() {
   supply_.end_step();
 }
 
+// Reads the main segment's pose and velocity from MuJoCo (xmat: rotation matrix by rows). The heading counts whole
+// turns.
 void MujocoCar::update_state() {
   const int origin = built_.segment[main_segment(body_)];
   const double* at = data_->xpos + 3 * origin;

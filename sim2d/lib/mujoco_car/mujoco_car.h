@@ -24,14 +24,16 @@ struct DeleteData {
   void operator()(mjData* data) const { mj_deleteData(data); }
 };
 
-// What the engine does between mj_step1 and mj_step2: takes away what MuJoCo adds to the normal forces of contacts that
-// slip. A model that is stepped without it differs in that alone.
+// Removes the lift that MuJoCo adds to the normal force of a contact that slips (reason and formula: mujoco_car.cpp).
+// To be called between mj_step1 and mj_step2.
 void cancel_lift_of_slip(mjData& data);
 
+// The car as a MuJoCo model: step() sets the servos' torque lines from the pulses, lets MuJoCo advance by one step and
+// reads the car's state. The pose is that of the main segment.
 class MujocoCar : public SimCar {
  public:
-  // Puts the car down, level, at the scene's start. body, scene, terrain and stopwatch (may be null) must outlive it.
-  // Throws std::runtime_error if MuJoCo refuses the model.
+  // Builds the model and puts the car down, level, at the scene's start. body, scene, terrain and stopwatch (may be
+  // null) must outlive it. Throws std::runtime_error if MuJoCo refuses the model.
   MujocoCar(const BodySpec& body, const SceneSpec& scene, const Terrain& terrain, const MujocoOptions& options,
             Stopwatch* stopwatch);
 

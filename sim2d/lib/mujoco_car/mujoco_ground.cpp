@@ -14,10 +14,10 @@ namespace {
 
 constexpr float kFloorColour[] = {0.93F, 0.92F, 0.88F, 1};
 constexpr float kPieceColour[] = {0.75F, 0.6F, 0.4F, 1};
-constexpr double kSunk_m = 0.1;
-constexpr double kFloorReach_m = 50;
-constexpr double kFloorDepth_m = 1;
-constexpr double kFieldBase_m = 0.2;
+constexpr double kSunk_m = 0.1;        // blocks reach so far below the ground
+constexpr double kFloorReach_m = 50;   // of the level floor around a height field, from the origin
+constexpr double kFloorDepth_m = 1;    // of that floor's boxes
+constexpr double kFieldBase_m = 0.2;   // thickness of a height field below its lowest point
 // MuJoCo refuses a height field without elevation.
 constexpr double kLeastRise_m = 1e-6;
 
@@ -45,6 +45,7 @@ void add_box(mjSpec* spec, const BlockSpec& block, const std::string& name) {
   set_heading(box.quat, block.heading_rad);
 }
 
+// Adds a ramp as a mesh: the convex hull of its corners, from height 0 at the back to height_m at the front.
 void add_ramp(mjSpec* spec, const BlockSpec& ramp, const std::string& name) {
   std::vector<float> corners;
   for (const double side : {-1.0, 1.0}) {
@@ -64,6 +65,7 @@ void add_ramp(mjSpec* spec, const BlockSpec& ramp, const std::string& name) {
   set_heading(geom.quat, ramp.heading_rad);
 }
 
+// Adds a round hump: a cylinder that lies across, whose top is at the block's height.
 void add_half_round(mjSpec* spec, const BlockSpec& block, const std::string& name) {
   const double radius_m = arc_radius_m(block);
   mjsGeom& geom = ground_geom(spec, mjGEOM_CYLINDER, name, kPieceColour);
@@ -75,6 +77,8 @@ void add_half_round(mjSpec* spec, const BlockSpec& block, const std::string& nam
                  r * sine(half_rad));
 }
 
+// Adds the smooth ground as a height field (heights as fractions of its rise) and, around it, a level floor of four
+// boxes.
 void add_height_field(mjSpec* spec, const HeightGrid& grid) {
   const auto [low, high] = std::minmax_element(grid.z_m.begin(), grid.z_m.end());
   const double low_m = *low, rise_m = std::max(*high - *low, kLeastRise_m);

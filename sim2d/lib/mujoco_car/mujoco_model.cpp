@@ -12,6 +12,7 @@
 namespace foldcar {
 namespace {
 
+// Stiffness of friction over that of the normal force: at 1, MuJoCo's default, tyres creep on slopes.
 constexpr double kImpedanceRatio = 10;
 
 constexpr float kCarColour[] = {0.1F, 0.45F, 0.7F, 0.6F};
@@ -30,7 +31,8 @@ void set_inertia(mjsBody& body, double mass_kg, double x_m, double y_m, double z
   set(body.inertia, xx, yy, zz);
 }
 
-// A geom of the car: it collides with the ground only, with a friction of its own.
+// Adds a massless geom of the car to a body. Bits and priority: it collides with the ground only, and its own friction
+// counts, not the ground's.
 mjsGeom& car_geom(mjsBody* of, const std::string& name, double friction, double contact_time_s, const float (&colour)[4]) {
   mjsGeom& geom = *mjs_addGeom(of, nullptr);
   mjs_setName(geom.element, name.c_str());
@@ -45,6 +47,7 @@ mjsGeom& car_geom(mjsBody* of, const std::string& name, double friction, double 
   return geom;
 }
 
+// Adds the pitch hinge, with its flexure's spring and limits, to the segment behind it.
 void add_hinge(mjsBody* rear, const std::string& name, const HingeSpec& spec) {
   mjsJoint& joint = *mjs_addJoint(rear, nullptr);
   mjs_setName(joint.element, name.c_str());
@@ -58,6 +61,8 @@ void add_hinge(mjsBody* rear, const std::string& name, const HingeSpec& spec) {
   joint.damping[0] = spec.damping_n_m_s_rad;
 }
 
+// Adds a wheel to its segment: a body turned by its camber, its axle, a disc's inertia and the tyre's geom, whose
+// centre is off the axle by the eccentricity.
 void add_wheel(mjsBody* of, const BodySpec& body, const WheelSpec& spec, double friction, TyreShape shape) {
   const std::string name = "wheel" + std::to_string(spec.channel);
   mjsBody* wheel = mjs_addBody(of, nullptr);
@@ -91,6 +96,8 @@ void add_wheel(mjsBody* of, const BodySpec& body, const WheelSpec& spec, double 
   }
 }
 
+// Adds a wheel's servo: an actuator with torque = stall · (control - rate / no-load speed), limited to ± stall, at the
+// supply's voltage.
 void add_servo(mjSpec* spec, const BodySpec& body, const WheelSpec& wheel) {
   const double scale = body.supply_v / wheel.servo.rated_v;
   const double stall_n_m = wheel.servo.stall_torque_n_m * scale, no_load = wheel.servo.no_load_speed_rad_s * scale;
@@ -110,6 +117,8 @@ void add_servo(mjSpec* spec, const BodySpec& body, const WheelSpec& wheel) {
   servo.forcerange[1] = stall_n_m;
 }
 
+// Adds the car: segments as a chain of bodies, the first one free, each with inertia, belly and wheels; then the
+// servos.
 void add_car(mjSpec* spec, const BodySpec& body, const SceneSpec& scene, TyreShape shape) {
   mjsBody* parent = mjs_findBody(spec, "world");
   for (std::size_t i = 0; i < body.segments.size(); ++i) {
@@ -142,6 +151,7 @@ int id(const mjModel& model, mjtObj kind, const std::string& name) { return mj_n
 
 }  // namespace
 
+// Describes options, ground and car for MuJoCo.
 std::unique_ptr<mjSpec, DeleteSpec> mujoco_spec(const BodySpec& body, const SceneSpec& scene, const Terrain& terrain,
                                                 const MujocoOptions& options) {
   std::unique_ptr<mjSpec, DeleteSpec> spec(mj_makeSpec());
@@ -160,6 +170,8 @@ std::unique_ptr<mjSpec, DeleteSpec> mujoco_spec(const BodySpec& body, const Scen
   return spec;
 }
 
+// Compiles the description and looks up the indices of the car's parts. Throws std::runtime_error with MuJoCo's
+// message.
 MujocoModel build_mujoco_model(const BodySpec& body, const SceneSpec& scene, const Terrain& terrain,
                                const MujocoOptions& options) {
   const auto spec = mujoco_spec(body, scene, terrain, options);

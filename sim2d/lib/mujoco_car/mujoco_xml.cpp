@@ -13,13 +13,14 @@ namespace {
 
 using Vector = std::array<double, 3>;
 
-// The ground around the car that is shown at least.
+// Radius of the ground that the overview shows beyond start, goal and terrain.
 constexpr double kReach_m = 0.5;
-// From the middle of what is shown to the camera, in radii of what is shown: from behind, right and above. To the lamp.
+// Directions from the middle of the overview to the camera (from behind, right and above) and to the lamp, in radii of
+// the overview.
 constexpr Vector kEye = {-1.4, -1.9, 1.5};
 constexpr Vector kLamp = {-0.6, -0.9, 3.0};
 
-// Start, goal and terrain within the course.
+// Circle around start, goal and terrain, as far as they lie within the course.
 struct Shown {
   double x_m, y_m, radius_m;
 };
@@ -40,7 +41,7 @@ Shown shown(const SceneSpec& scene) {
   return {0.5 * (*left + *right), 0.5 * (*low + *high), 0.5 * hypotenuse(*right - *left, *high - *low) + kReach_m};
 }
 
-// A camera at a multiple of kEye from a point, which it looks at.
+// Adds a camera that looks at the point (x_m, y_m, 0) of a body, from distance_m · kEye away.
 void add_camera(mjsBody* of, const char* name, double x_m, double y_m, double distance_m, mjtCamLight mode) {
   mjsCamera& camera = *mjs_addCamera(of, nullptr);
   mjs_setName(camera.element, name);
@@ -53,6 +54,7 @@ void add_camera(mjsBody* of, const char* name, double x_m, double y_m, double di
   std::copy(std::begin(axes), std::end(axes), camera.alt.xyaxes);
 }
 
+// Adds light and the camera "overview", which shows the whole scene.
 void add_lamp_and_overview(mjSpec* spec, const SceneSpec& scene) {
   const Shown what = shown(scene);
   mjsBody* world = mjs_findBody(spec, "world");
@@ -98,6 +100,8 @@ void add_sensors(mjSpec* spec, const BodySpec& body) {
 
 }  // namespace
 
+// Returns the scene and car as MuJoCo's XML, with cameras, light and sensors, and the car's start as key frame
+// "start".
 std::string mujoco_xml(const BodySpec& body, const SceneSpec& scene, const Terrain& terrain,
                        const MujocoOptions& options, const std::string& name) {
   if (body.supply_resistance_ohm > 0) {

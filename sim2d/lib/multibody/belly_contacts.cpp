@@ -7,16 +7,18 @@
 namespace foldcar {
 namespace {
 
-// Another kind of axis must separate by this much more: contacts do not change between kinds of equal depth.
+// A later kind of separating direction must be better by this much: contacts do not change between kinds of equal
+// depth.
 constexpr double kPreferred_m = 0.0005;
 
+// Half the length of the belly's box along a unit direction.
 double extent_m(const Belly& belly, const Vec3& direction) {
   double sum = 0;
   for (int i = 0; i < 3; ++i) sum += belly.half_m[i] * std::abs(dot(belly.axes[i], direction));
   return sum;
 }
 
-// Cuts off what lies beyond a plane through point.
+// Cuts off the part of a convex polygon that lies on the outward side of the plane through `point`.
 void clip(std::vector<Vec3>& polygon, const Vec3& point, const Vec3& outward, std::vector<Vec3>& scratch) {
   scratch.clear();
   for (std::size_t i = 0; i < polygon.size(); ++i) {
@@ -28,6 +30,8 @@ void clip(std::vector<Vec3>& polygon, const Vec3& point, const Vec3& outward, st
   polygon.swap(scratch);
 }
 
+// Direction of the largest separation (smallest penetration, out_m < 0) of belly and solid, and what it belongs to: a
+// face of the solid, a face of the belly, or an edge of each.
 struct Meeting {
   double out_m = -std::numeric_limits<double>::infinity();
   const Solid::Face* face = nullptr;  // of the solid, or
@@ -37,7 +41,8 @@ struct Meeting {
   Vec3 normal;    // into the belly
 };
 
-// The direction in which belly and solid are separate or the least deep; false if farther than margin_m apart.
+// Finds the direction of the largest separation of belly and solid, by the separating axis theorem: for two convex
+// bodies it is a face's normal of either or at right angles to an edge of each. False if they are over margin_m apart.
 bool find_meeting(const Belly& belly, const Solid& solid, double margin_m, Meeting& best) {
   for (const Solid::Face& face : solid.faces) {
     const double out_m = dot(face.normal, belly.middle - face.corners[0]) - extent_m(belly, face.normal);
@@ -73,7 +78,8 @@ bool find_meeting(const Belly& belly, const Solid& solid, double margin_m, Meeti
   return true;
 }
 
-// The belly's corner that is the farthest against a normal; along the axis that is left out, the middle of its edge.
+// Returns the belly's corner farthest against the normal. If but_axis is 0 to 2, the middle of the edge along that
+// axis.
 Vec3 deepest_m(const Belly& belly, const Vec3& normal, int but_axis) {
   Vec3 point = belly.middle;
   for (int i = 0; i < 3; ++i) {
@@ -82,7 +88,7 @@ Vec3 deepest_m(const Belly& belly, const Vec3& normal, int but_axis) {
   return point;
 }
 
-// The corners of the belly's face on a side of an axis.
+// Sets `polygon` to the corners of the belly's face at the end of `axis` on `side` (-1 or 1).
 void face_of(const Belly& belly, int axis, double side, std::vector<Vec3>& polygon) {
   const int j = (axis + 1) % 3, k = (axis + 2) % 3;
   const Vec3 middle = belly.middle + side * belly.half_m[axis] * belly.axes[axis];
@@ -92,6 +98,7 @@ void face_of(const Belly& belly, int axis, double side, std::vector<Vec3>& polyg
 
 }  // namespace
 
+// Adds the belly's corners whose height above the ground z = 0 is below margin_m, numbered from 0 in across_m.
 void add_level_ground_contacts(const Belly& belly, double margin_m, Contact contact, std::vector<Contact>& contacts) {
   contact.normal = {0, 0, 1};
   if (belly.middle.z - extent_m(belly, contact.normal) > margin_m) return;
@@ -109,6 +116,10 @@ void add_level_ground_contacts(const Belly& belly, double margin_m, Contact cont
   }
 }
 
+// Adds the contacts of the belly's box with a convex solid, in the direction of the largest separation. Edge on edge:
+// their nearest point. Else the other body's face is clipped to the sides of the separating face, and its corners
+// nearer than margin_m are the contacts. across_m numbers contacts (20: edges, from 30 and 50: faces), so that the
+// next step knows them.
 void add_solid_contacts(const Belly& belly, const Solid& solid, double margin_m, Contact contact,
                         std::vector<Contact>& contacts) {
   Meeting meeting;

@@ -6,8 +6,8 @@
 namespace foldcar {
 namespace {
 
-// All segments as one rigid body: mass, centre of mass, roll and yaw inertia by the parallel axis theorem. The other
-// members are those of the first segment.
+// Combines all segments to one rigid body: mass, centre of mass, roll and yaw inertia by the parallel axis theorem.
+// The other members are those of the first segment.
 SegmentSpec combined(const std::vector<SegmentSpec>& segments) {
   const SegmentSpec& first = segments.front();
   SegmentSpec one = first;
@@ -35,6 +35,8 @@ SegmentSpec combined(const std::vector<SegmentSpec>& segments) {
 
 }  // namespace
 
+// Computes the constants of the whole unfolded car, segments and wheels: mass, centre of mass, inertias about it, and
+// the extent of tyres, bellies and reach (from the main segment's centre of mass).
 CarConstants::CarConstants(const BodySpec& body) {
   const SegmentSpec chassis = combined(body.segments);
   const double half_track_m = 0.5 * body.track_m;

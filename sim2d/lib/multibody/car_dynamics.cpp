@@ -8,7 +8,7 @@ namespace {
 // Change of a hinge's angle over which the mass matrix is differentiated.
 constexpr double kDifference_rad = 1e-5;
 
-// Inverse of a symmetric positive definite matrix, by Gauss-Jordan elimination.
+// Replaces a symmetric positive definite n × n matrix by its inverse: Gauss-Jordan elimination, without pivoting.
 void invert(std::vector<double>& a, std::size_t n) {
   for (std::size_t k = 0; k < n; ++k) {
     const double pivot = 1 / a[k * n + k];
@@ -23,6 +23,7 @@ void invert(std::vector<double>& a, std::size_t n) {
   }
 }
 
+// product = matrix · vector, of n × n and n numbers.
 void multiply(const std::vector<double>& matrix, const double* vector, std::size_t n, double* product) {
   for (std::size_t i = 0; i < n; ++i) {
     double sum = 0;
@@ -54,12 +55,16 @@ CarDynamics::CarDynamics(const BodySpec& body, double step_s)
   update_inverses();
 }
 
+// Converts a segment's point from the drawing's coordinates to the first segment's axes: a turn by the segment's pitch
+// about the left axis, then a shift.
 Vec3 CarDynamics::place(std::size_t segment, const Vec3& point_m) const {
   const Frame& frame = frames_[segment];
   return {frame.x_m + frame.cosine * point_m.x + frame.sine * point_m.z, point_m.y,
           frame.z_m - frame.sine * point_m.x + frame.cosine * point_m.z};
 }
 
+// Updates the segments' frames, the hinges' and the axles' places from the hinges' angles, along the chain: each
+// segment is turned about the hinge that joins it to the one before.
 void CarDynamics::place_segments() {
   for (std::size_t i = 0; i < hinges_; ++i) {
     const HingeSpec& hinge = body_.hinges[i];
@@ -79,6 +84,10 @@ void CarDynamics::place_segments() {
   }
 }
 
+// Fills `row` so that row · u is the point's velocity along `direction`. Order of u: the first segment's velocity (3)
+// and angular velocity (3), the hinges' rates, the wheels' rates. Hinges and axles turn about the left axis, so that a
+// rate of 1 rad/s about `axis` moves the point at left × (point - axis); a hinge moves the segments behind it in the
+// chain.
 void CarDynamics::jacobian(const Vec3& point_m, const Vec3& direction, std::size_t segment, int wheel,
                            double* row) const {
   const Vec3 moment = cross(point_m, direction);
@@ -91,7 +100,9 @@ void CarDynamics::jacobian(const Vec3& point_m, const Vec3& direction, std::size
   if (wheel >= 0) row[6 + hinges_ + static_cast<std::size_t>(wheel)] = about(axle_[static_cast<std::size_t>(wheel)]);
 }
 
-// inertia_kg_m2 holds the principal moments about the segment's forward, left and up axes.
+// Adds a rigid part (a segment or, if wheel >= 0, that wheel) to the mass matrix: M = Σ factor rowᵀ row, with row · u
+// the velocity of its centre of mass along an axis and factor its mass, or the angular velocity about a principal axis
+// and its moment there. inertia_kg_m2: the moments about the segment's forward, left and up axes.
 void CarDynamics::add_part(double mass_kg, const Vec3& at_m, const Vec3& inertia_kg_m2, std::size_t segment, int wheel,
                            std::vector<double>& mass) const {
   std::vector<double> row(size_);
@@ -121,8 +132,9 @@ void CarDynamics::add_part(double mass_kg, const Vec3& at_m, const Vec3& inertia
   turning({frame.sine, 0, frame.cosine}, inertia_kg_m2.z);
 }
 
-// A wheel is a uniform disc. The rotor is geared to it: its inertia at the shaft resists the wheel's rate relative to the
-// segment, and its reaction stays in the gearbox.
+// Computes the mass matrix for the hinges' present angles. A wheel is a uniform disc. The servo's rotor is geared to
+// it: its inertia at the shaft resists the wheel's rate relative to the segment, and its reaction stays in the
+// gearbox.
 void CarDynamics::fill_mass(std::vector<double>& mass) const {
   mass.assign(size_ * size_, 0);
   for (std::size_t j = 0; j < frames_.size(); ++j) {
@@ -141,6 +153,8 @@ void CarDynamics::fill_mass(std::vector<double>& mass) const {
   }
 }
 
+// Computes M⁻¹ and (M + h D + h² K)⁻¹, where h is the step and the diagonal matrices D and K hold the damping and
+// stiffness of hinges and wheels: the second one makes a step of implicit Euler.
 void CarDynamics::update_inverses() {
   inverse_ = implicit_inverse_ = mass_;
   invert(inverse_, size_);
@@ -153,6 +167,9 @@ void CarDynamics::update_inverses() {
   invert(implicit_inverse_, size_);
 }
 
+// Adds one step's acceleration by gravity, flexures and wheel torques to the velocity, by implicit Euler: the matrix
+// of respond() holds damping and stiffness, so that the forces here are those for the velocity at the start of the
+// step.
 void CarDynamics::accelerate(const std::vector<double>& torque_n_m, const std::vector<double>& wheel_damping) {
   if (wheel_damping != damping_) {
     damping_ = wheel_damping;
@@ -177,6 +194,12 @@ void CarDynamics::respond(const double* row, double* response) const {
   multiply(implicit_inverse_, row, size_, response);
 }
 
+// Moves the car by one step of the velocities u (first segment's velocity and angular velocity in its own axes,
+// hinges' rates, wheels' rates), then computes `velocity` in the moved axes from the momentum M · velocity:
+// 1. Shift and turn of the first segment leave linear and angular momentum as they are in the world: both are turned
+//    into the new axes, and the angular one is taken about the new origin.
+// 2. A hinge's momentum changes by ∂(kinetic energy)/∂(its angle) per second (Lagrange), here by finite differences.
+// 3. The hinges take their new angles, and the velocity is M⁻¹ of these with the new momentum.
 void CarDynamics::move(const std::vector<double>& u) {
   multiply(mass_, velocity.data(), size_, momentum_.data());
   const Vec3 shift = step_s_ * Vec3{u[0], u[1], u[2]};
@@ -188,7 +211,7 @@ void CarDynamics::move(const std::vector<double>& u) {
   const Vec3 p = rotation.to_body(linear), l = rotation.to_body(angular - cross(shift, linear));
   const double moved_momentum[6] = {p.x, p.y, p.z, l.x, l.y, l.z};
   for (std::size_t i = 0; i < 6; ++i) momentum_[i] = moved_momentum[i];
-  // Lagrange's equation of a hinge: its momentum changes by the derivative of the kinetic energy by its angle.
+  // Step 2. energy(angle): kinetic energy at the old velocity if this hinge had that angle.
   for (std::size_t i = 0; i < hinges_; ++i) {
     const double at_rad = hinge_rad[i];
     const auto energy = [&](double angle_rad) {
@@ -200,7 +223,8 @@ void CarDynamics::move(const std::vector<double>& u) {
       for (std::size_t j = 0; j < size_; ++j) sum += 0.5 * velocity[j] * force_[j];
       return sum;
     };
-    // The order of these two evaluations affects the last bits. It is fixed, so that results do not depend on the compiler.
+    // The order of these two evaluations affects the last bits. It is fixed, so that results do not depend on the
+    // compiler.
     const double below_j = energy(at_rad - kDifference_rad), above_j = energy(at_rad + kDifference_rad);
     hinge_rad[i] = at_rad;
     momentum_[6 + i] += step_s_ * (above_j - below_j) / (2 * kDifference_rad);
@@ -214,6 +238,7 @@ void CarDynamics::move(const std::vector<double>& u) {
   multiply(inverse_, momentum_.data(), size_, velocity.data());
 }
 
+// Kinetic energy ½ uᵀ M u, potential energy of segments and wheels above z = 0, and the flexures' elastic energy.
 double CarDynamics::mechanical_energy_j() const {
   double energy_j = 0;
   for (std::size_t i = 0; i < size_; ++i) {

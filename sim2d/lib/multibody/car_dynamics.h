@@ -27,21 +27,24 @@ class CarDynamics {
   std::vector<double> hinge_rad, wheel_rad;
   std::vector<double> velocity;  // u
 
-  // A point of a segment, given as the car's drawing has it, in the first segment's axes.
+  // Converts a point of a segment from the drawing's coordinates (all hinges straight) to the first segment's axes,
+  // with the hinges at their present angles.
   Vec3 place(std::size_t segment, const Vec3& point_m) const;
   Vec3 axle(std::size_t wheel) const { return axle_[wheel]; }
   // A segment's pitch against the first one: a turn about the left axis.
   double fold_rad(std::size_t segment) const { return frames_[segment].angle_rad; }
 
-  // Adds the velocity that gravity, flexures and these wheel torques (N·m) give in one step. A torque falls by
-  // wheel_damping (N·m·s) with the wheel's rate, which like the flexures' force is taken at the end of the step.
+  // Adds to `velocity` what gravity, the flexures' springs and the wheel torques (N·m) give in one step. wheel_damping
+  // (N·m·s) is what each torque falls by per rad/s of its wheel. Implicit Euler: this fall and the flexures' force are
+  // those at the end of the step, so that stiff ones do not oscillate.
   void accelerate(const std::vector<double>& torque_n_m, const std::vector<double>& wheel_damping);
-  // Row of the Jacobian: velocity along a direction of a point (both in the first segment's axes) of a segment, and of
-  // one of its wheels unless wheel is negative.
+  // Fills a row of the Jacobian, size() numbers: row · u is the velocity along a direction of a point that moves with
+  // a segment or, if wheel >= 0, with that wheel. Point and direction are in the first segment's axes.
   void jacobian(const Vec3& point_m, const Vec3& direction, std::size_t segment, int wheel, double* row) const;
-  // response = (M + implicit terms)^-1 row, the velocity that a unit impulse along the row gives.
+  // response = (M + implicit terms)^-1 row: the change of u by a unit impulse along the row (terms: update_inverses).
   void respond(const double* row, double* response) const;
-  // Moves by one step of these velocities, then carries `velocity` over to the new axes: momentum is conserved.
+  // Moves the car by one step of the velocities u. Then expresses `velocity` in the new pose's axes, such that linear
+  // and angular momentum are conserved.
   void move(const std::vector<double>& u);
 
   double mechanical_energy_j() const;

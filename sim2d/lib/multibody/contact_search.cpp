@@ -14,14 +14,14 @@
 namespace foldcar {
 namespace {
 
-// The blocks within reach are looked for anew when the car has moved this far.
+// The list of blocks near the car is made anew when the car has moved this far.
 constexpr double kNearTolerance_m = 0.05;
 
-// Of more contacts the deepest are taken: no car needs as many to stand on.
+// If there are more contacts than this, only the deepest are kept: no car needs as many to stand on.
 constexpr std::size_t kMostContacts = 200;
 
-// The plane of an outline, through the frame of its cut. Heights are divided by the cosine of the roll for which it was
-// cut: there a leaning wheel is a circle.
+// Vertical plane along the car's heading, in which the ground is cut to an outline and wheels meet it as circles.
+// Heights are divided by the cosine of the roll for which it was cut, so that a leaning wheel is a circle there too.
 struct CutPlane {
   Vec3 forward, left, origin;
   double cosine, sine;  // of roll
@@ -40,15 +40,17 @@ struct CutPlane {
     world.z = to_metres(point.y) * cosine + across_m * sine;
     return world;
   }
-  // The ground's normal where the outline has that one and rises to the left by side_slope.
+  // The ground's unit normal in the world, from the outline's normal and the ground's rise to the left, side_slope
+  // (m/m).
   Vec3 normal(b2Vec2 in_plane, double side_slope) const {
     return unit(static_cast<double>(in_plane.x) * cosine * forward +
                 static_cast<double>(in_plane.y) * (Vec3{0, 0, 1} - side_slope * left));
   }
 };
 
-// Adds the contacts of a part with the ground at a point of the ground's outline: one at each end of the span across the car
-// over which this edge of the outline carries. point_on_part(across_m, ground_m) is the part's point opposite the ground.
+// Adds the contacts of a part with the ground at a point of the ground's outline: one at each end of the span across
+// the car over which this edge of the outline carries. point_on_part(across_m, ground_m) is the part's point opposite
+// the ground.
 template <typename PointOnPart>
 void add_contacts(const CutPlane& plane, const LateralSpan& span, const OutlineEdge& edge, b2Vec2 point,
                   const Vec3& normal, double margin_m, const PointOnPart& point_on_part, Contact contact,
@@ -69,6 +71,8 @@ void add_contacts(const CutPlane& plane, const LateralSpan& span, const OutlineE
 ContactSearch::ContactSearch(const BodySpec& body, const CarConstants& constants, const Terrain& terrain)
     : body_(body), terrain_(terrain), reach_m_(hypotenuse(2 * constants.reach_m, body.track_m)) {}
 
+// Finds all contacts of wheels and bellies with ground and blocks whose gap is below margin_m; ground: null if it is
+// level. Sets each contact's friction direction `along`.
 void ContactSearch::find(const CarDynamics& car, const TrackTerrain* ground, double margin_m,
                          std::vector<Contact>& contacts) {
   const Vec3 moved = car.position_m - near_at_m_;
@@ -97,6 +101,7 @@ double ContactSearch::highest_m() const {
   return height_m;
 }
 
+// Lists in near_ the blocks that a car at at_m could touch, also after moving by kNearTolerance_m.
 void ContactSearch::find_near(const Vec3& at_m) {
   near_once_ = true;
   near_at_m_ = at_m;
@@ -106,6 +111,8 @@ void ContactSearch::find_near(const Vec3& at_m) {
   }
 }
 
+// Adds the contacts of a tyre or belly (Part) with the nearby blocks. Throws if all blocks tested in this step have
+// too many faces: it would take too long.
 template <typename Part>
 void ContactSearch::add_nearby_solid_contacts(const Part& part, const Vec3& middle, double margin_m,
                                               const Contact& contact, std::vector<Contact>& contacts) {
@@ -122,6 +129,8 @@ void ContactSearch::add_nearby_solid_contacts(const Part& part, const Vec3& midd
   }
 }
 
+// Adds one tyre's contacts: with blocks, and with the ground, level (null) or as the outline below this side's wheels.
+// There Box2D meets each edge of the outline with the wheel's circle, in the outline's plane.
 void ContactSearch::find_tyre(std::size_t wheel, const CarDynamics& car, const TrackTerrain* ground, double margin_m,
                               std::vector<Contact>& contacts) {
   const WheelSpec& spec = body_.wheels[wheel];
@@ -172,6 +181,8 @@ void ContactSearch::find_tyre(std::size_t wheel, const CarDynamics& car, const T
   }
 }
 
+// Adds the contacts of one segment's belly (a box): with blocks, and with the ground, level (null) or as the outline
+// below the car's middle. There Box2D meets each edge of the outline with the box's side view, in the outline's plane.
 void ContactSearch::find_belly(std::size_t segment, const CarDynamics& car, const TrackTerrain* ground, double margin_m,
                                std::vector<Contact>& contacts) {
   const SegmentSpec& spec = body_.segments[segment];

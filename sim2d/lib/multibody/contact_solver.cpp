@@ -8,23 +8,24 @@
 namespace foldcar {
 namespace {
 
-// Share of a penetration that is closed in a step, and the speed at which it is at most.
+// A step closes this share of a penetration, at most at this speed.
 constexpr double kClosedShare = 0.2;
 constexpr double kClosingSpeed_m_s = 0.5;
-// Compliance of a contact as a share of its inverse mass: contacts of a statically indeterminate car share loads as
-// tyres of equal stiffness do, also of friction: else wheels can jam each other where they need not.
+// Compliance of a contact per inverse mass of its row. It distributes the loads of a statically indeterminate car,
+// friction too, as tyres of equal stiffness do; without it wheels can jam each other where they need not.
 constexpr double kCompliance = 0.02;
 constexpr double kYield = 1 / (1 + kCompliance);
-// An impact faster than kImpactSpeed_m_s takes kImpactTime_s, as tyres, film and servo shafts give way: in every step of
-// it a share exp(-step / kImpactTime_s) of the approach is left. Then the contact rebounds with kRestitution times what
-// the fastest approach exceeded kImpactSpeed_m_s by.
+// An impact faster than kImpactSpeed_m_s takes kImpactTime_s, as tyres, film and servo shafts give way: every step of
+// it multiplies the approach by exp(-step / kImpactTime_s). Then the contact rebounds at
+// kRestitution · (fastest approach - kImpactSpeed_m_s).
 constexpr double kImpactSpeed_m_s = 0.2;
 constexpr double kImpactTime_s = 0.008;
 constexpr double kRestitution = 0.2;
-// The iterations end when the last one changed no row's velocity by more than this.
+// A solution ends with the pass in which no row's velocity changes by more than this.
 constexpr double kTolerance_m_s = 5e-4;
 
-// Four sums side by side, which the compiler computes in vector registers; zeros fill rows up to a multiple of four.
+// Dot product of vectors whose length is a multiple of four (`padded`, filled up with zeros): four sums side by side,
+// which the compiler computes in vector registers.
 double dot(const double* a, const double* b, std::size_t padded) {
   double sums[4] = {0, 0, 0, 0};
   for (std::size_t i = 0; i < padded; i += 4) {
@@ -43,6 +44,9 @@ ContactSolver::ContactSolver(const BodySpec& body, double step_s, int iterations
       impact_share_(exponential(-step_s / kImpactTime_s)),
       limit_impulse_(2 * body.hinges.size()) {}
 
+// Adds the row whose Jacobian the caller has written at the end of jacobian_: its response M⁻¹ Jᵀ, effective mass,
+// first guess of the impulse, and the velocities to solve for. A gap may close within the step, not more; a
+// penetration (gap_m <= 0) may not grow, and in the solution with bias is closed in part.
 void ContactSolver::add_row(const CarDynamics& car, double impulse, double gap_m) {
   const std::size_t at = rows_.size() * padded_;
   response_.resize(at + padded_);
@@ -53,6 +57,8 @@ void ContactSolver::add_row(const CarDynamics& car, double impulse, double gap_m
                    gap_m > 0 ? -gap_m / step_s_ : 0});
 }
 
+// Begins, continues or ends an impact of the contact whose normal row was added last, and sets that row's velocities:
+// for kImpactTime_s a slower approach in each step, then one step with the rebound's velocity.
 void ContactSolver::set_impact(Contact& contact) {
   const double approach_m_s = -dot(&jacobian_[(rows_.size() - 1) * padded_], velocity_.data(), padded_);
   const bool arrives = contact.gap_m <= approach_m_s * step_s_;
@@ -74,6 +80,9 @@ void ContactSolver::set_impact(Contact& contact) {
   }
 }
 
+// Solves one step. Rows: normal, along, across of every contact, then both limits of every hinge. Starts from the last
+// step's impulses, and passes over all rows until the velocities settle: first with bias, which gives the returned
+// velocities (they also close penetrations), then without, which gives car.velocity and the impulses.
 const std::vector<double>& ContactSolver::solve(CarDynamics& car, std::vector<Contact>& contacts) {
   const std::size_t size = car.size();
   padded_ = (size + 3) / 4 * 4;
@@ -117,16 +126,21 @@ const std::vector<double>& ContactSolver::solve(CarDynamics& car, std::vector<Co
   return biased_velocity_;
 }
 
-// Change of a rigid row's impulse that brings its velocity to the wanted one.
+// Returns the change of the row's impulse (N·s) that brings its velocity to wanted_m_s, with all other impulses held.
 double ContactSolver::impulse_change(const Row& row, std::size_t index, double wanted_m_s) const {
   return (wanted_m_s - dot(&jacobian_[index * padded_], velocity_.data(), padded_)) * row.mass;
 }
 
+// Adds to velocity_ what an impulse (N·s) along row `index` gives.
 void ContactSolver::apply(std::size_t index, double impulse) {
   const double* response = &response_[index * padded_];
   for (std::size_t i = 0; i < padded_; ++i) velocity_[i] += impulse * response[i];
 }
 
+// One Gauss-Seidel pass: solves each row in turn for its velocity, then projects its impulse onto what is allowed, ≥ 0
+// for normals and limits, the cone |(a, b)| ≤ friction · normal impulse for a contact's two tangents. Returns the
+// largest change of a row's velocity (m/s) by its own impulse. kYield and kCompliance: the condition of a yielding
+// contact.
 double ContactSolver::iterate(const std::vector<Contact>& contacts, bool backward, bool use_bias) {
   double largest_m_s = 0;
   const auto solve_normal = [&](std::size_t index) {
@@ -144,6 +158,7 @@ double ContactSolver::iterate(const std::vector<Contact>& contacts, bool backwar
     Row &along = rows_[first + 1], &across = rows_[first + 2];
     // Without load there is no friction.
     if (rows_[first].impulse == 0 && along.impulse == 0 && across.impulse == 0) continue;
+    // Changes of impulse that would stop the slip along and across.
     const double stop_a = (impulse_change(along, first + 1, 0) - kCompliance * along.impulse) * kYield;
     const double stop_b = (impulse_change(across, first + 2, 0) - kCompliance * across.impulse) * kYield;
     double a = along.impulse + stop_a, b = across.impulse + stop_b;

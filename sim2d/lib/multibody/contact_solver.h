@@ -1,8 +1,8 @@
 // Contact impulses of one step: normal and both friction impulses of all contacts, solved together.
 //
-// The car has generalised velocities u and mass matrix M (car_dynamics.h). A row J of the contact Jacobian gives a point's
-// velocity along one direction, v = J u: every contact has three rows, its normal and two tangents, every hinge two, its
-// limits. An impulse λ along a row changes u by M⁻¹ Jᵀ λ, and so v of its own row by λ / m with
+// The car has generalised velocities u and mass matrix M (car_dynamics.h). A row J of the contact Jacobian gives a
+// point's velocity along one direction, v = J u: every contact has three rows, its normal and two tangents, every
+// hinge two, its limits. An impulse λ along a row changes u by M⁻¹ Jᵀ λ, and so v of its own row by λ / m with
 //
 //   m = 1 / (J M⁻¹ Jᵀ)                  the row's effective mass (`mass`; its inverse `inverse_mass`),
 //   Y = M⁻¹ Jᵀ                          the row's response (`response_`),
@@ -25,22 +25,22 @@
 //   (v + Δλ/m) + (c/m) (λ + Δλ) = b
 //   Δλ = [ (b - v) m - c λ ] / (1 + c)         m (b - v): `impulse_change`; 1 / (1 + c): kYield,
 //
-// and λ ← max(0, λ + Δλ). This is Box2D's soft step: its massScale is 1 / (1 + c) and its impulseScale c / (1 + c). There
-// they follow from a damped spring, here from c, and the spring's push is the bias b.
+// and λ ← max(0, λ + Δλ). This is Box2D's soft step: its massScale is 1 / (1 + c) and its impulseScale c / (1 + c).
+// There they follow from a damped spring, here from c, and the spring's push is the bias b.
 //
-// Friction. Of both tangents' impulses λ_t, Coulomb's cone |λ_t| ≤ μ λ asks for v_t = 0 within it and an impulse against
-// the slip on its surface. The step for b = 0 is projected back onto the cone; there both slips are weighed by one mass, as
-// else λ_t would not end up opposite to the slip.
+// Friction. Of both tangents' impulses λ_t, Coulomb's cone |λ_t| ≤ μ λ asks for v_t = 0 within it and an impulse
+// against the slip on its surface. The step for b = 0 is projected back onto the cone; there both slips are weighed by
+// one mass, as else λ_t would not end up opposite to the slip.
 //
-// Bias and energy. b would leave the car with the speed at which penetrations are closed. As Box2D does, rows are solved
-// twice: with the bias, which gives the velocities to move the positions with (`biased_velocity_`), then without it, from
-// those impulses, which gives u. Without bias is b = min(-g/h, 0): `unbiased_m_s`.
+// Bias and energy. b would leave the car with the speed at which penetrations are closed. As Box2D does, rows are
+// solved twice: with the bias, which gives the velocities to move the positions with (`biased_velocity_`), then
+// without it, from those impulses, which gives u. Without bias is b = min(-g/h, 0): `unbiased_m_s`.
 //
-// Impacts. Of an approach v⁻ < -v_impact a share exp(-h/τ) is left in every step of an impact, b = exp(-h/τ) v⁻, and in
-// the step after τ the contact rebounds, b = e (|v⁻|max - v_impact).
+// Impacts. An approach v⁻ < -v_impact begins an impact. It lasts τ; every step of it reduces the approach by the
+// factor exp(-h/τ), b = exp(-h/τ) v⁻. In the step after it the contact rebounds, b = e (|v⁻|max - v_impact).
 //
-// Projected Gauss-Seidel: rows are solved one after another, there and back in turn, from the last step's impulses, until
-// a pass changes no row's velocity by more than a tolerance.
+// Projected Gauss-Seidel: rows are solved one after another, there and back in turn, from the last step's impulses,
+// until a pass changes no row's velocity by more than a tolerance.
 #pragma once
 
 #include <cstddef>
@@ -62,28 +62,28 @@ struct Contact {
   double across_m = 0;  // lateral coordinate on the tyre or belly, which tells contacts of one wheel apart
   double friction = 0;
   double impulse_n_s[3] = {0, 0, 0};  // result: normal, along, across; on entry a guess
-  int impact_steps = 0;               // result: steps since an impact began, if it goes on; on entry the last step's
-  double approach_m_s = 0;            // the same of its fastest approach
+  int impact_steps = 0;     // steps since an impact began, 0 outside impacts; on entry as the last step left it
+  double approach_m_s = 0;  // fastest approach of this impact so far; on entry as the last step left it
 };
 
-// Solves a hinge's limits as well, as rows without friction.
+// Computes the impulses of contacts and of hinges at their limits (rows without friction), by projected Gauss-Seidel.
 class ContactSolver {
  public:
-  // iterations is the largest number of them.
+  // iterations: the largest number of passes over all rows in each of the two solutions of a step.
   ContactSolver(const BodySpec& body, double step_s, int iterations);
 
-  // Changes car.velocity and the contacts' impulses. Returns the velocities to move with, which also close penetrations
-  // without giving their energy to the car.
+  // Changes car.velocity and the contacts' impulses. Returns the velocities to move the car's pose with: they also
+  // close penetrations, and as they are not kept, closing gives the car no energy.
   const std::vector<double>& solve(CarDynamics& car, std::vector<Contact>& contacts);
 
  private:
-  // A row of the Jacobian; those of a contact are three in sequence: normal, along, across. The velocity that it is to
-  // have, b above, with bias and without.
+  // A row of the Jacobian; a contact has three in sequence: normal, along, across. biased_m_s and unbiased_m_s: the
+  // velocity b that the row is solved for (above), with and without the closing of penetrations.
   struct Row {
     double inverse_mass, mass, impulse, biased_m_s, unbiased_m_s;
   };
   void add_row(const CarDynamics& car, double impulse, double gap_m);
-  // Sets the velocities that the contact's normal row, the last one, is to have during an impact.
+  // During an impact sets the velocities b of the contact's normal row, which must be the last row added.
   void set_impact(Contact& contact);
   double impulse_change(const Row& row, std::size_t index, double wanted_m_s) const;
   void apply(std::size_t index, double impulse);

@@ -42,6 +42,8 @@ MultibodyCar::MultibodyCar(const BodySpec& body, double friction, const Terrain&
   place_on_ground(start, options.drop_m);
 }
 
+// Returns the lowest height (m) of the car's origin, in its present attitude, at which no contact that `counts`
+// accepts overlaps the ground: lowered from above in coarse steps until one does, then by bisection.
 template <typename Counts>
 double MultibodyCar::lowest_m(const Counts& counts) {
   const auto overlaps = [&](double z_m) {
@@ -69,7 +71,8 @@ double MultibodyCar::lowest_m(const Counts& counts) {
   return high_m;
 }
 
-// Rolled as far as the heights under its sides differ, then put at the drop above the lowest height without overlap.
+// Puts the car down at the start's place and heading, rolled as the ground's heights under its two sides differ,
+// drop_m above the lowest height without overlap.
 void MultibodyCar::place_on_ground(const PoseSpec& start, double drop_m) {
   state_.heading_rad = start.heading_rad;
   const auto [s, c] = sine_and_cosine(start.heading_rad);
@@ -97,6 +100,8 @@ void MultibodyCar::place_on_ground(const PoseSpec& start, double drop_m) {
   path_m_ = 0;
 }
 
+// Returns where to cut the terrain's outlines: the point on the ground below the main segment's centre of mass, seen
+// along the car's up axis (hence the shift aside in a roll), with heading, distance driven and sine of roll.
 CutPose MultibodyCar::cut_pose() const {
   const SegmentSpec& main = body_.segments[main_];
   const Rotation& turn = car_.turn;
@@ -115,6 +120,7 @@ void MultibodyCar::cut_terrain_if_stale() {
   ground_->cut(pose);
 }
 
+// One step: contacts at the present pose, servo torques, contact impulses, energy account, then the move.
 void MultibodyCar::step(const PulsesUs& pulses_us) {
   cut_terrain_if_stale();
   const bool timed = stopwatch_ != nullptr && steps_++ % kTimedStepInterval == 0;
@@ -132,7 +138,8 @@ void MultibodyCar::step(const PulsesUs& pulses_us) {
   update_state();
 }
 
-// The torque falls with the wheel's rate along the servo's line; the fall is taken at the end of the step.
+// Accelerates the car by the servos. A torque falls linearly with its wheel's rate; this fall enters as damping, which
+// CarDynamics::accelerate takes at the end of the step.
 void MultibodyCar::drive_wheels(const PulsesUs& pulses_us) {
   for (std::size_t i = 0; i < body_.wheels.size(); ++i) {
     const WheelSpec& spec = body_.wheels[i];
@@ -144,6 +151,7 @@ void MultibodyCar::drive_wheels(const PulsesUs& pulses_us) {
   car_.accelerate(torque_n_m_, damping_);
 }
 
+// Adds one step's work at the wheels (torque times mean rate) and energy drawn from the battery.
 void MultibodyCar::count_energy(const PulsesUs& pulses_us) {
   for (std::size_t i = 0; i < body_.wheels.size(); ++i) {
     const WheelSpec& spec = body_.wheels[i];
@@ -156,6 +164,8 @@ void MultibodyCar::count_energy(const PulsesUs& pulses_us) {
   supply_.end_step();
 }
 
+// Finds the contacts of this step, with their friction. One that the last step had too (same part and place across,
+// similar normal) starts from that one's impulses, from which the solver needs fewer passes, and continues its impact.
 void MultibodyCar::find_contacts() {
   last_contacts_.swap(contacts_);
   search_.find(car_, ground_ ? &*ground_ : nullptr, kMargin_m, contacts_);
@@ -178,6 +188,7 @@ void MultibodyCar::find_contacts() {
   }
 }
 
+// Computes the car's state from the dynamics: place, attitude and velocity of the main segment.
 void MultibodyCar::update_state() {
   const double fold_rad = car_.fold_rad(main_);
   const Rotation turn = car_.turn * rotation_by({0, fold_rad, 0});

@@ -9,7 +9,8 @@
 namespace foldcar {
 namespace {
 
-// The terrain is cut anew when the car has moved further than this: about a millimetre at the wheels.
+// The terrain is cut anew when heading, place aside or sine of roll differ by more than this from those of the last
+// cut.
 constexpr double kHeadingTolerance_rad = 0.01;
 constexpr double kSidewaysTolerance_m = 0.001;
 constexpr double kRollTolerance = 0.02;
@@ -17,10 +18,10 @@ constexpr double kRollTolerance = 0.02;
 constexpr double kAhead_m = 0.11;
 constexpr double kBehind_m = 0.03;
 
-// Lines whose heights differ by less than this carry it together.
+// Lines along the track whose heights differ by less than this carry the wheel or belly together.
 constexpr double kSameHeight_m = 0.0003;
 
-// What the ends of an outline continue as.
+// The point `metres` further along x at the same height: outlines continue level beyond their ends.
 b2Vec2 beyond(b2Vec2 end, double metres) { return {end.x + to_units(metres), end.y}; }
 
 }  // namespace
@@ -33,6 +34,7 @@ TrackTerrain::TrackTerrain(const Ground& ground, const BodySpec& body, const Car
       belly_drop_m_(constants.belly_clearance_m),
       reach_m_(constants.reach_m) {}
 
+// Whether the car at `pose` needs another cut than the last one.
 bool TrackTerrain::stale(const CutPose& pose) const {
   if (!cut_once_) return true;
   const double dx = pose.frame.x_m - at_.frame.x_m, dy = pose.frame.y_m - at_.frame.y_m;
@@ -47,14 +49,15 @@ bool TrackTerrain::outside_plan(const CutPose& pose) const {
   return pose.s_m - reach_m_ < planned_m_.s_min_m || pose.s_m + reach_m_ > planned_m_.s_max_m;
 }
 
-// Roll about the contacts moves the belly, belly_drop_m_ above them, sideways.
+// Returns the strip across the car over which an outline is cut (0: left wheels, 1: right wheels, 2: belly), at the
+// sine q of roll. Roll about the contacts moves the belly, belly_drop_m_ above them, sideways.
 LateralSpan TrackTerrain::across(int outline, double q) const {
   const double cosine = std::sqrt(1 - q * q), half_m = 0.5 * (outline < 2 ? tyre_width_m_ : belly_width_m_);
   const double middle_m = outline < 2 ? (outline == 0 ? 0.5 : -0.5) * track_m_ * cosine : -belly_drop_m_ * q;
   return {-half_m, half_m, middle_m, cosine, q};
 }
 
-// Plans the stations anew if the car has left the planned range.
+// Plans the stations, at which outlines are sampled, anew if the car has left the planned range, heading or track.
 void TrackTerrain::plan(const CutPose& pose) {
   const double dx = pose.frame.x_m - planned_at_.frame.x_m, dy = pose.frame.y_m - planned_at_.frame.y_m;
   const auto [s, c] = sine_and_cosine(planned_at_.frame.heading_rad);
@@ -78,6 +81,8 @@ void TrackTerrain::cut(const CutPose& pose) {
   }
 }
 
+// Converts an outline's profile to Box2D edges, which run from right to left and skip vertices too close to each
+// other. Each edge is given its neighbours' vertices, so that Box2D makes no contact with the joint of two edges.
 void TrackTerrain::make_edges(int outline) {
   const Profile& profile = profiles_[outline];
   std::vector<OutlineEdge>& edges = edges_[outline];
@@ -102,6 +107,7 @@ void TrackTerrain::make_edges(int outline) {
   }
 }
 
+// Returns the ground's rise to the left (m/m) below the wheels of outline k, at s_m before the cut's frame.
 double TrackTerrain::side_slope(int k, double s_m) const {
   const GroundOutline::Ends edges = grounds_[k].ends(at_.s_m + s_m);
   // The lines' heights are lowered by their share of the tilt; they stand closer together in a car that leans.

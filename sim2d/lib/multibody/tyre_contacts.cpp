@@ -14,13 +14,15 @@ constexpr double kAside_m = 1;
 
 double distance_m(const Solid::Face& face, const Vec3& point_m) { return dot(face.normal, point_m - face.corners[0]); }
 
+// Whether the point lies in the convex solid, without testing face `but`.
 bool within(const Solid& solid, const Vec3& point_m, const Solid::Face& but) {
   return std::all_of(solid.faces.begin(), solid.faces.end(), [&](const Solid::Face& face) {
     return &face == &but || distance_m(face, point_m) <= 0;
   });
 }
 
-// Calls visit with the outermost points of what the disc and the solid have in common, towards a wall.
+// Calls visit with points among which is the deepest one, against the wall's normal, of what disc and solid have in
+// common: the disc's own deepest point if it lies in the solid, and where the solid's other faces cut the disc.
 template <typename Visit>
 void for_each_overlap(const Tyre& tyre, const CrossDisc& disc, const Solid& solid, const Solid::Face& wall,
                       const Visit& visit) {
@@ -145,6 +147,8 @@ bool add_sideways_contacts(const Tyre& tyre, const CrossDisc& disc, double free_
 
 }  // namespace
 
+// Adds the contacts of a tyre, a cylinder, with the ground z = 0: the lowest point of each rim, if its gap is <
+// margin_m.
 void add_level_ground_contacts(const Tyre& tyre, double margin_m, Contact contact, std::vector<Contact>& contacts) {
   if (tyre.centre.z > tyre.radius_m + tyre.half_width_m + margin_m) return;
   contact.normal = {0, 0, 1};
@@ -157,6 +161,8 @@ void add_level_ground_contacts(const Tyre& tyre, double margin_m, Contact contac
   }
 }
 
+// Adds the contacts of a tyre with a convex solid: of the discs at its two rims, and of edges and corners under its
+// tread. If only one rim's disc overlaps and the way out sideways is shorter, contacts that push it sideways instead.
 void add_solid_contacts(const Tyre& tyre, const Solid& solid, double margin_m, Contact contact,
                         std::vector<Contact>& contacts) {
   const auto disc_at = [&](double across_m) {

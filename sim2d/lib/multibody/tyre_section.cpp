@@ -5,6 +5,8 @@
 
 namespace foldcar {
 
+// Finds where a line lies within a circle: the t between 0 and 1 with a t² + 2 b t + c <= 0, from `first` to `last`.
+// False if there is no such range.
 bool within_circle(double a, double b, double c, double& first, double& last) {
   if (b * b <= a * c) return false;
   const double root = std::sqrt(b * b - a * c);
@@ -13,6 +15,8 @@ bool within_circle(double a, double b, double c, double& first, double& last) {
   return first < last;
 }
 
+// Cuts a convex face by the plane through `centre` normal to `axis`: sets the cut's two ends and the face's edges on
+// which they lie. False if the plane does not cross the face.
 bool cut_face(const Solid::Face& face, const Vec3& centre, const Vec3& axis, Cut& cut) {
   int found = 0;
   Vec3 before = face.corners.back();
@@ -30,6 +34,10 @@ bool cut_face(const Solid::Face& face, const Vec3& centre, const Vec3& axis, Cut
   return found == 2;
 }
 
+// Sets gap, normal and point of a thin disc of the tyre against a convex solid. In the disc's plane the solid is a
+// convex polygon, its faces' cuts: from outside the nearest point of the polygon counts, from inside the nearest line.
+// At a corner of the polygon, where an edge of the solid crosses the plane, the normal is at right angles to that
+// edge. Leaves `disc` as it is if they are further than margin_m apart or the plane misses the solid.
 void meet_in_plane(const Tyre& tyre, const Solid& solid, double margin_m, CrossDisc& disc) {
   double inside_m = -std::numeric_limits<double>::infinity(), nearest_m2 = std::numeric_limits<double>::infinity();
   Vec3 away, normal, edge;  // edge: 0 on a face

@@ -43,6 +43,8 @@ CourseSpec read_course(JsonReader reader) {
   return course;
 }
 
+// Sets the firmware's parameters. An unknown name or a value outside its limits is an error, with the limits in its
+// text.
 void read_parameters(JsonReader reader, Parameters& parameters) {
   for (const auto& [name, value] : reader.numbers()) {
     const SetResult result = parameters.set(name.c_str(), static_cast<float>(value));
@@ -57,7 +59,7 @@ void read_parameters(JsonReader reader, Parameters& parameters) {
   }
 }
 
-// The firmware's inputs: the keys that the lines run and pulses have in common.
+// Reads the keys that the lines run and pulses have in common: set-point, time limit and parameters of the firmware.
 void read_set_point(JsonReader& reader, TrialSpec& trial) {
   trial.speed_m_s = reader.number("speed_m_s");
   trial.yaw_rate_rad_s = reader.number_or("yaw_rate_rad_s", 0);

@@ -36,6 +36,7 @@ std::string pulses_reply(const PulsesLine& pulses, double step_s) {
 
 namespace {
 
+// The at-th recorded value as JSON: the record's constant, or a vector, truth or number.
 ordered_json recorded_value(const Recorded& recorded, std::size_t at) {
   if (!recorded.record->constant.empty()) return ordered_json::parse(recorded.record->constant);
   const RecordedValue& value = recorded.values[at];
@@ -77,6 +78,7 @@ std::string error_reply(std::size_t line_number, const std::string& run_id, Erro
   return one_line({{"error", error}});
 }
 
+// Handles one input line. Bodies and scenes are kept and have no reply; every other line has one, if only an error.
 std::optional<std::string> BatchSession::answer(std::size_t line_number, const std::string& line) {
   std::string run_id;
   try {
@@ -151,6 +153,7 @@ const SceneSpec& BatchSession::scene(const char* line, const std::string& id) co
   return found->second;
 }
 
+// Returns the scene's terrain. The last one made is kept, because making it takes long and runs often share it.
 const SceneTerrain& BatchSession::terrain(const SceneSpec& scene, const Reality& reality) {
   const std::pair<double, double> factors = ground_factors(reality);
   if (!terrain_ || terrain_of_ != scene.id || terrain_factors_ != factors) {

@@ -10,7 +10,7 @@ using nlohmann::json;
 
 // Records of programs may have constants of 20 levels (host/foldcar/scenes/recorded.py), in an object of 5.
 constexpr int kDeepest = 32;
-constexpr std::size_t kShown = 60;
+constexpr std::size_t kShown = 60;  // bytes of a value in an error message
 
 std::string shown(const json& value) {
   std::string text = value.dump(-1, ' ', false, json::error_handler_t::replace);
@@ -28,6 +28,8 @@ std::string joined(const std::vector<std::string>& names) {
 
 }  // namespace
 
+// Parses a line that must be a JSON object. Throws InputError also for a key that occurs twice in an object, which the
+// library would accept, and for deep nesting: `keys` holds the keys seen in each object that is still open.
 json parse_object(const std::string& line) {
   std::vector<std::set<std::string>> keys;
   auto watch = [&](int depth, json::parse_event_t event, json& parsed) {
@@ -108,6 +110,7 @@ std::size_t JsonReader::choice(const char* key, const std::vector<std::string>& 
 
 JsonReader JsonReader::object(const char* key) { return JsonReader(at(key), path_ + "." + key, kind_ + "." + key); }
 
+// The number of objects is limited by the entry "<key>.count" of the limits.
 std::vector<JsonReader> JsonReader::objects(const char* key) {
   const Limits count = limits((std::string(key) + ".count").c_str());
   return objects(key, static_cast<std::size_t>(count.minimum), static_cast<std::size_t>(count.maximum));
@@ -154,6 +157,7 @@ std::vector<std::pair<std::string, double>> JsonReader::numbers() {
   return entries;
 }
 
+// Throws if the object has a key that nobody has read.
 void JsonReader::finish() const {
   for (const auto& [key, value] : value_->items()) {
     if (used_.count(key) == 0) fail(key, "is not a key that belongs here");

@@ -65,7 +65,9 @@ std::vector<double> read_corners(const JsonReader& reader, const std::string& ke
   return corners;
 }
 
-// Whose type is wanted: "t" of a condition; of a record one number or truth, or three numbers.
+// Reads an expression in postfix order and checks it: `types` is the stack of operands' types while it is evaluated (n
+// number, t truth). At the end a condition must leave one truth; a record's value one number, one truth or three
+// numbers.
 Expression read_expression(JsonReader& reader, const char* key, bool condition) {
   const json& value = reader.value(key);
   if (!value.is_array()) reader.fail(key, "must be an array of terms in postfix order");

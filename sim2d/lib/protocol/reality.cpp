@@ -59,12 +59,15 @@ const std::map<std::string, Limits>& each_wheel() {
   return table;
 }
 
+// Clamps a value to the limits of the input at `path`.
 double within(const std::string& path, double value) {
   const Limits limits = limits_of(path);
   return std::clamp(value, limits.minimum, limits.maximum);
 }
 
-// The differences of one car, or of one of its wheels, by name; 0 where there is none.
+// The differences of one car from its design, or of the wheel at a channel, by name: of() returns one, or `otherwise`
+// if it is not given; scale() multiplies a value by 1 + difference, shift() adds it, both within the limits of the
+// input at path.
 class Differences {
  public:
   explicit Differences(const Reality& reality) : reality_(reality) {}
@@ -92,6 +95,7 @@ class Differences {
   int channel_ = -1;
 };
 
+// Changes a segment from its design to this car's.
 void change(SegmentSpec& segment, const Differences& car) {
   const std::string place = "body.segments.";
   car.scale(segment.mass_kg, "mass", place + "mass_kg");
@@ -104,6 +108,7 @@ void change(SegmentSpec& segment, const Differences& car) {
   car.shift(segment.com_z_m, "com_z_m", place + "com_z_m");
 }
 
+// Changes a wheel and its servo from the design to this car's: `own` holds the wheel's differences, `car` the car's.
 void change(WheelSpec& wheel, const Differences& car, const Differences& own) {
   const std::string place = "body.wheels.";
   own.scale(wheel.radius_m, "wheel_radius", place + "radius_m");
@@ -162,6 +167,7 @@ std::pair<double, double> ground_factors(const Reality& reality) {
   return {ground.of("friction", 1), ground.of("obstacle_height", 1)};
 }
 
+// Returns the body as this car really is. Throws InputError if the supply's resistance is too large for its servos.
 BodySpec real_body(BodySpec body, const Reality& reality) {
   const Differences car(reality);
   for (SegmentSpec& segment : body.segments) change(segment, car);
@@ -177,6 +183,7 @@ BodySpec real_body(BodySpec body, const Reality& reality) {
   return body;
 }
 
+// Returns the scene as it really is: friction and heights of the terrain scaled, the start shifted.
 SceneSpec real_scene(SceneSpec scene, const Reality& reality) {
   const Differences ground(reality);
   const auto [friction, height] = ground_factors(reality);

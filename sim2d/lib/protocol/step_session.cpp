@@ -11,13 +11,14 @@ using nlohmann::ordered_json;
 
 constexpr int kMostRows = 3600 * 1000;
 
-// time, x, y, z, heading, pitch, roll, speed, yaw rate, energy
+// A row: time, x, y, z, heading, pitch, roll, speed, yaw rate, energy consumed; SI units.
 ordered_json state_row(const Snapshot& at) {
   const CarState& car = at.car;
   return {at.elapsed_time_s, car.x_m,        car.y_m,       car.z_m,           car.heading_rad,
           car.pitch_rad,     car.roll_rad,   car.speed_m_s, car.yaw_rate_rad_s, at.consumed_energy_j};
 }
 
+// Looks up a body or scene of an earlier line by its id. Throws InputError if there was no such line.
 template <typename Spec>
 std::shared_ptr<const Spec> find(const std::unordered_map<std::string, std::shared_ptr<const Spec>>& known,
                                  const char* kind, const std::string& id) {
@@ -92,6 +93,7 @@ ordered_json StepSession::rows(const json& line) const {
   return {{"rows", std::move(rows)}};
 }
 
+// Ends the trial at one of the rows of the last advance: its result is that of this row.
 ordered_json StepSession::end(const json& line) {
   JsonReader reader(line.at("end"), "end");
   const int row = reader.integer("row", 0, kMostRows);

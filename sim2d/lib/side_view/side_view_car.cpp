@@ -32,7 +32,8 @@ void drive(b2RevoluteJoint& joint, double torque_n_m, double goal_rad_s) {
   joint.SetMaxMotorTorque(to_torque(std::abs(torque_n_m)));
 }
 
-// How far, as a share of the translation, the car's shape gets before it meets the ground's; 1 if it does not.
+// Returns the fraction of the translation that the car's shape moves before it meets the ground's; 1 if they do not
+// meet.
 float share_to_ground(const b2Fixture& part, const b2Fixture& ground, const b2Vec2& translation) {
   float share = 1;
   b2ShapeCastInput input;
@@ -48,6 +49,7 @@ float share_to_ground(const b2Fixture& part, const b2Fixture& ground, const b2Ve
   return share;
 }
 
+// Kinetic energy of a body. Box2D gives the inertia about the body's origin: it is moved to the centre of mass.
 double kinetic_j(const b2Body& body) {
   const double inertia = body.GetInertia() - body.GetMass() * body.GetLocalCenter().LengthSquared();
   const double rate_rad_s = body.GetAngularVelocity();
@@ -97,7 +99,8 @@ SideViewCar::SideViewCar(const BodySpec& body, const SceneSpec& scene, const Ter
   update_state();
 }
 
-// Every segment's body has its origin at the car's, hinges flat.
+// Creates a body with a belly for every segment, and the hinges between them. With straight hinges all bodies have
+// their origin at the car's.
 void SideViewCar::add_segments() {
   b2BodyDef moving;
   moving.type = b2_dynamicBody;
@@ -134,8 +137,8 @@ void SideViewCar::add_segments() {
   }
 }
 
-// Both wheels in one: radius, eccentricity and grip are the means. The servos' rotors are part of the disc, but for what
-// turn_rotors adds.
+// Creates one disc for a left and a right wheel: radius, eccentricity and grip are their means, mass and inertia the
+// sums. The disc's inertia contains the servos' rotors; turn_rotors corrects for what they do to the segment.
 void SideViewCar::add_pair(const WheelSpec& left, const WheelSpec& right) {
   Pair& pair = pairs_.emplace_back();
   pair.wheels[0].wheel = &left;
@@ -173,6 +176,7 @@ void SideViewCar::add_pair(const WheelSpec& left, const WheelSpec& right) {
   pair.joint = static_cast<b2RevoluteJoint*>(world_.CreateJoint(&joint));
 }
 
+// Throws if a segment is too heavy for a pair of wheels (kHeaviest).
 void SideViewCar::check_masses() const {
   for (const b2Body* segment : segments_) {
     for (const Pair& pair : pairs_) {
@@ -185,6 +189,8 @@ void SideViewCar::check_masses() const {
   }
 }
 
+// Puts the car drop_m above where it would first touch: lifts it clear of the ground, casts every part down on the
+// ground and lowers all by the shortest way found.
 void SideViewCar::place_on_ground(double drop_m) {
   float top = 0;
   for (const b2Fixture* one = ground_.body().GetFixtureList(); one != nullptr; one = one->GetNext()) {
@@ -231,7 +237,9 @@ void SideViewCar::step(const PulsesUs& pulses_us) {
   update_state();
 }
 
-// Both servos' torques at this speed; together they would end at the mean of their speeds, weighed by their lines' slopes.
+// Drives every pair's joint with the sum of both servos' torques. A servo's torque falls linearly with the rate; the
+// sum of two such lines is a line too, and is zero at (sum of the torques at rest) / (sum of the slopes), the motor's
+// goal.
 void SideViewCar::drive_wheels(const PulsesUs& pulses_us) {
   for (Pair& pair : pairs_) {
     double torque_n_m = 0, drive_n_m = 0, slope = 0;
@@ -252,14 +260,14 @@ void SideViewCar::drive_wheels(const PulsesUs& pulses_us) {
   }
 }
 
-// A rotor resists the wheel's rate relative to the segment, and its reaction stays in the gearbox. With I its inertia, τ the
-// motor's torque and a_d, a_s the accelerations of disc and segment, their equations are
+// A rotor resists the wheel's rate relative to the segment, and its reaction stays in the gearbox. With I its inertia,
+// τ the motor's torque and a_d, a_s the accelerations of disc and segment, their equations are
 //
 //   (I_disc + I) a_d = τ + I a_s,   I_segment a_s = -τ + I (a_d - a_s)
 //
-// without contacts. Box2D's bodies have the left sides and ±τ; the rest are torques on them. They are those of the last
-// step's accelerations, of which a share 1 / (1 + g), g = Σ I / I_segment, comes in at each step: so they settle to the
-// solution of the equations, also where I exceeds I_segment.
+// without contacts. Box2D solves the left sides with ±τ; the terms with I on the right are applied as torques. They
+// are computed from the last step's accelerations and filtered: each step corrects a share 1 / (1 + g), g = Σ I /
+// I_segment, of their error. So they settle to the solution of the equations, also where I exceeds I_segment.
 template <typename Step>
 void SideViewCar::turn_rotors(const Step& step) {
   for (Pair& pair : pairs_) {
@@ -277,7 +285,8 @@ void SideViewCar::turn_rotors(const Step& step) {
   }
 }
 
-// A flexure's torque at the end of the step, -k (angle + step rate) - c rate, falls with the rate as a servo's does.
+// Drives every hinge's joint with its flexure's torque at the end of the step, -k (angle + step · rate) - c · rate:
+// like a servo's it falls linearly with the rate.
 void SideViewCar::bend_hinges() {
   for (std::size_t j = 0; j < hinges_.size(); ++j) {
     const HingeSpec& spec = body_.hinges[j];
@@ -288,7 +297,8 @@ void SideViewCar::bend_hinges() {
   }
 }
 
-// Of the pair's torque every servo gives what its line does at the speed in the middle of the step.
+// Adds one step's work at the wheels (torque times the rate in the middle of the step) and energy from the battery.
+// The joint's torque is divided between its two servos as their torques at the start of the step.
 void SideViewCar::count_energy() {
   for (const Pair& pair : pairs_) {
     const double middle_rad_s = 0.5 * (pair.start_rad_s - static_cast<double>(pair.joint->GetJointSpeed()));
@@ -305,6 +315,7 @@ void SideViewCar::count_energy() {
   supply_.end_step();
 }
 
+// Reads the main segment's pose and speed from Box2D. Heading and place across never change in the side view.
 void SideViewCar::update_state() {
   const b2Body& main = *segments_[main_];
   const b2Rot& turn = main.GetTransform().q;
@@ -317,6 +328,7 @@ void SideViewCar::update_state() {
   state_.speed_m_s = to_metres(main.GetLinearVelocityFromLocalPoint(b2Vec2_zero).x);
 }
 
+// Box2D calls this for every contact of a step: sets its friction, the part's grip times the ground's friction there.
 void SideViewCar::PreSolve(b2Contact* contact, const b2Manifold*) {
   const double *a = contact->GetFixtureA()->GetUserData().grip, *b = contact->GetFixtureB()->GetUserData().grip;
   const double grip = a != nullptr ? *a : *b;
@@ -329,7 +341,7 @@ void SideViewCar::PreSolve(b2Contact* contact, const b2Manifold*) {
   contact->SetFriction(static_cast<float>(grip * friction));
 }
 
-// The mean of both tracks.
+// Returns the ground's friction at x_m in the side view: the mean of those below the left and the right wheels.
 double SideViewCar::friction_at(double x_m) const {
   double sum = 0;
   for (const double side : {-0.5, 0.5}) {

@@ -10,13 +10,13 @@
 namespace foldcar {
 namespace {
 
-// The smooth ground is made in pieces of this length, each with this much more at its ends, whose vertices tell Box2D
-// how it goes on. Both are multiples of the distance at which outlines always have a vertex.
+// Smooth ground is made in pieces of kPiece_m. Each is cut kMore_m longer at both ends, because Box2D wants the next
+// vertex beyond an end. Both are multiples of the distance at which outlines always have a vertex.
 constexpr double kPiece_m = 0.4;
 constexpr double kMore_m = 0.02;
-// Ends are told from vertices by this, and steeper surfaces are walls.
+// Points nearer than this along x are the same place; a surface that extends less along x is a wall.
 constexpr double kSame_m = 1e-4;
-// Vertices nearer than this, in Box2D's units, it would merge.
+// Box2D would merge vertices nearer than this, in its units.
 constexpr float kLeast = 1.5F * b2_linearSlop;
 // Blocks reach this far below z = 0.
 constexpr double kSunk_m = 0.02;
@@ -25,7 +25,8 @@ double distance_m(const SliceFrame& frame, double x_m, double y_m) {
   return hypotenuse(x_m - frame.x_m, y_m - frame.y_m);
 }
 
-// Points of a block between two lines, in the frame: its corners, and where its edges cross the lines.
+// Returns the points that bound the part of a block between two lines along the track, y_min_m and y_max_m in the
+// frame: its upper corners there, and where its edges cross the lines.
 std::vector<Vec3> points_between(const Solid& solid, const SliceFrame& frame, double y_min_m, double y_max_m) {
   // No structured binding: a lambda may capture one only from C++20 on.
   const SineCosine turn = sine_and_cosine(frame.heading_rad);
@@ -55,7 +56,9 @@ struct Line {
   double z_m(double x_m) const { return z0_m + (x_m - x0_m) / (x1_m - x0_m) * (z1_m - z0_m); }
 };
 
-// Adds the upper side of the points' convex hull, by the monotone chain.
+// Adds the upper side of the convex hull of the points, seen from the side (x, z), as lines from left to right.
+// Andrew's monotone chain: in order of x, drop each point that lies on or below the line from the point before it to
+// the next.
 void add_upper_hull(std::vector<Vec3> points, std::vector<Line>& lines) {
   std::sort(points.begin(), points.end(),
             [](const Vec3& a, const Vec3& b) { return a.x < b.x || (a.x == b.x && a.z < b.z); });
@@ -72,7 +75,7 @@ void add_upper_hull(std::vector<Vec3> points, std::vector<Line>& lines) {
   }
 }
 
-// Where the highest line may change: at the lines' ends, and where two cross.
+// Returns, sorted, every x at which another line may become the highest: the lines' ends and where two cross.
 std::vector<double> changes_of(const std::vector<Line>& lines) {
   std::vector<double> at_m;
   for (auto one = lines.begin(); one != lines.end(); ++one) {
@@ -88,7 +91,8 @@ std::vector<double> changes_of(const std::vector<Line>& lines) {
   return at_m;
 }
 
-// The highest of the lines from left to right; where there is none an outline ends and another begins.
+// Returns the upper envelope of the lines, from left to right, as vertices in Box2D's units: between two changes one
+// line is the highest. A gap without lines ends an outline; the next line begins another.
 std::vector<std::vector<b2Vec2>> highest(std::vector<Line> lines) {
   std::sort(lines.begin(), lines.end(), [](const Line& a, const Line& b) { return a.x0_m < b.x0_m; });
   const std::vector<double> at_m = changes_of(lines);
@@ -142,8 +146,8 @@ Vec3 SideViewGround::to_world(double x_m, double y_m) const {
   return {frame_.x_m + cosine_ * x_m - sine_ * y_m, frame_.y_m + sine_ * x_m + cosine_ * y_m, 0};
 }
 
-// One outline of all blocks, with the floor where it is level: at edges that lie on each other or in a block bodies
-// would stumble.
+// Adds the upper envelope of all blocks below the wheels or the bellies (bits) to Box2D's world, with the level floor,
+// if any. One envelope, as wheels would catch on edges that lie on each other or inside a block.
 void SideViewGround::add_blocks(const CourseSpec& course, FixtureBits bits) {
   std::vector<Line> lines;
   const bool level = terrain_.ground() == nullptr;
@@ -178,6 +182,7 @@ void SideViewGround::add_blocks(const CourseSpec& course, FixtureBits bits) {
   }
 }
 
+// Adds the pieces of smooth ground that are still missing between x_min_m and x_max_m.
 void SideViewGround::extend(double x_min_m, double x_max_m) {
   if (terrain_.ground() == nullptr) return;
   const auto first = static_cast<long>(std::floor(x_min_m / kPiece_m));
@@ -187,6 +192,8 @@ void SideViewGround::extend(double x_min_m, double x_max_m) {
   while (end_ < end) add_piece(end_++);
 }
 
+// Adds the smooth ground from index · kPiece_m on, kPiece_m long, as one chain for each strip below wheels and belly.
+// The vertices before and after the chain's ends tell Box2D how the ground goes on.
 void SideViewGround::add_piece(long index) {
   const double x_m = static_cast<double>(index) * kPiece_m;
   const Vec3 at_m = to_world(x_m, 0);

@@ -30,8 +30,10 @@ void check_heights(double heights) {
                            ": let fewer pieces overlap, or make them smoother");
 }
 
+// Length of a chord that is error_m off an arc of this curvature in its middle: error = curvature · length² / 8.
 double chord_m(double curvature_1_m, double error_m) { return std::sqrt(8 * error_m / curvature_1_m); }
 
+// Upper bound of the ground's curvature (1/m) within the disc: the sum of the fields' bounds.
 double curvature_1_m(const std::vector<const GroundField*>& fields, const Disc& disc) {
   double sum = 0;
   for (const GroundField* field : fields) sum += field->curvature_1_m(disc);
@@ -40,6 +42,9 @@ double curvature_1_m(const std::vector<const GroundField*>& fields, const Disc& 
 
 }  // namespace
 
+// Chooses at which stations along the car and on how many lines across it heights are sampled: so close that chords
+// between them are off by at most kChordError_m and kLineError_m, by a bound of the ground's curvature in cells of
+// kCell_m. The plan holds while the car stays within kPlanSideways_m and kPlanTurn_rad.
 void GroundOutline::plan(const Ground& ground, const SliceFrame& frame, double s_m, const Span& span,
                          const LateralSpan& across) {
   // No structured binding: a lambda may capture one only from C++20 on.
@@ -90,6 +95,8 @@ void GroundOutline::plan(const Ground& ground, const SliceFrame& frame, double s
   check_heights(static_cast<double>(station_m_.size() * lines_ * fields_.size()));
 }
 
+// Samples the planned stations on all lines and takes, station by station, the highest line's height as the profile.
+// Its range across: from the first to the last line that is within tolerance_m of the highest.
 void GroundOutline::cut(const SliceFrame& frame, double s_m, const LateralSpan& across, double tolerance_m,
                         Profile& profile) {
   const auto [s, c] = sine_and_cosine(frame.heading_rad);
@@ -125,6 +132,7 @@ void GroundOutline::cut(const SliceFrame& frame, double s_m, const LateralSpan& 
   }
 }
 
+// Returns the heights of the first and the last line at s_m, interpolated between stations.
 GroundOutline::Ends GroundOutline::ends(double s_m) const {
   const auto next = std::clamp(std::upper_bound(station_m_.begin(), station_m_.end(), s_m), station_m_.begin() + 1,
                                station_m_.end() - 1);

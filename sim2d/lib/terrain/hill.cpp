@@ -22,6 +22,7 @@ const std::array<double, kIntervals + 2>& bell_table() {
   return table;
 }
 
+// exp(-u), interpolated in the table.
 double bell(const double* table, double u) {
   const double at = std::max(0.0, u) * kPerUnit;
   const auto i = static_cast<std::size_t>(at);
@@ -46,7 +47,8 @@ double Hill::height_m(double x_m, double y_m) const {
   return u < kLimit ? height_m_ * bell(bell_table().data(), u) : 0;
 }
 
-// Along a line the exponent is a quadratic function a·s² + b·s + c.
+// Adds the hill's height at the points s_m of a line to z_m. The exponent along it is a quadratic function a·s² + b·s
+// + c.
 void Hill::add_along(const Ray& ray, const std::vector<double>& s_m, std::vector<double>& z_m) const {
   const double dx = ray.x_m - reach_.x_m, dy = ray.y_m - reach_.y_m;
   const double along = ax_ * dx + ay_ * dy, along_1_m = ax_ * ray.cosine + ay_ * ray.sine;
@@ -63,9 +65,9 @@ void Hill::add_along(const Ray& ray, const std::vector<double>& s_m, std::vector
   }
 }
 
-// At a distance of r standard deviations the height is h·exp(-r²/2). Its second derivative along a line is
-// (t² - 1)·h·exp(-r²/2)/sd² with t ≤ r, the component of the distance along the line: in magnitude at most
-// max(1, r² - 1)·h·exp(-r²/2)/sd², which falls from r = 0 and has a second peak at r = √3.
+// Returns an upper bound of the curvature within the disc. At r standard deviations the height is h·exp(-r²/2). Its
+// second derivative along a line is (t² - 1)·h·exp(-r²/2)/sd² with t ≤ r, the component of the distance along the
+// line: in magnitude at most max(1, r² - 1)·h·exp(-r²/2)/sd², which falls from r = 0 and has a second peak at r = √3.
 double Hill::curvature_1_m(const Disc& disc) const {
   if (!overlap(disc, reach_)) return 0;
   const double dx = disc.x_m - reach_.x_m, dy = disc.y_m - reach_.y_m;

@@ -5,6 +5,7 @@
 namespace foldcar {
 namespace {
 
+// Depth at a distance r_m from the middle: the whole depth inside, 0 outside, a smooth step t²(3 - 2t) over edge_m.
 double depth_at(const PotholeSpec& spec, double r_m) {
   const double t = std::clamp((spec.radius_m - r_m) / spec.edge_m, 0.0, 1.0);
   return spec.depth_m * t * t * (3 - 2 * t);
@@ -26,8 +27,8 @@ void Pothole::add_along(const Ray& ray, const std::vector<double>& s_m, std::vec
   }
 }
 
-// Only the wall is curved. The radial second derivative is at most 6·depth/edge²; the tangential one, slope over r, is
-// at most the same.
+// Returns an upper bound of the curvature within the disc. Only the wall is curved. The radial second derivative is at
+// most 6·depth/edge²; the tangential one, slope over r, is at most the same.
 double Pothole::curvature_1_m(const Disc& disc) const {
   const double distance_m = hypotenuse(disc.x_m - spec_.x_m, disc.y_m - spec_.y_m);
   const bool meets_wall = distance_m - disc.radius_m < spec_.radius_m &&

@@ -9,17 +9,19 @@ namespace {
 
 constexpr double kCellsPerCorrelation = 8;
 constexpr double kKernelReach = 4;  // standard deviations
-// Curvature bounds are kept for blocks of so many cells by as many. The interpolated surface is curved only at the
-// edges of its cells; chords about as long as a cell miss more of such kinks than of an evenly curved surface, by this
-// factor.
+// Curvature bounds are kept for blocks of kBlockCells × kBlockCells cells. The interpolated surface is curved only at
+// the edges of its cells; chords about as long as a cell miss more of such kinks than of an evenly curved surface, by
+// kKinkFactor.
 constexpr std::size_t kBlockCells = 8;
 constexpr double kKinkFactor = 1.4;
 
+// Number of grid cells, at least 1, along a side.
 double cells(double side_m, double correlation_m) {
   return std::max(1.0, std::ceil(side_m * kCellsPerCorrelation / correlation_m - 1e-9));
 }
 
-// The finaliser of SplitMix64 (Steele, Lea and Flood, 2014): every bit of the result depends on every bit of the input.
+// The finaliser of SplitMix64 (Steele, Lea and Flood, 2014): every bit of the result depends on every bit of the
+// input.
 std::uint64_t hashed(std::uint64_t bits) {
   bits += 0x9e3779b97f4a7c15u;
   bits = (bits ^ (bits >> 30)) * 0xbf58476d1ce4e5b9u;
@@ -36,7 +38,8 @@ double noise(int seed, std::int64_t column, std::int64_t row) {
   return (static_cast<double>(bits >> 11) * 0x1p-53 - 0.5) * kRoot12;
 }
 
-// Gaussian weights of that standard deviation in cells, scaled so that blurring keeps a variance of 1.
+// Gaussian weights with a standard deviation of sd_cells cells, scaled so that blurred white noise keeps its variance
+// of 1.
 std::vector<double> blur_kernel(double sd_cells) {
   const int reach = static_cast<int>(std::ceil(kKernelReach * sd_cells));
   std::vector<double> weights;
@@ -49,7 +52,8 @@ std::vector<double> blur_kernel(double sd_cells) {
   return weights;
 }
 
-// 0 at the edge of a side of so many cells, 1 from fade_cells inside.
+// Factor that fades the heights out at the rectangle's rim: 0 at the first and last node of a side, 1 from fade_cells
+// inside.
 double window(std::size_t node, std::size_t cells_of_side, double fade_cells) {
   const double t = std::min(1.0, static_cast<double>(std::min(node, cells_of_side - node)) / fade_cells);
   return t * t * (3 - 2 * t);
@@ -61,6 +65,8 @@ double Rough::node_count(const RoughSpec& spec) {
   return (cells(spec.length_m, spec.correlation_m) + 1) * (cells(spec.width_m, spec.correlation_m) + 1);
 }
 
+// Makes the grid of heights: white noise, blurred along and then across by Gaussians of correlation_m / √2, which
+// gives the heights a Gaussian correlation of that length, times height_sd_m and the fade at the rim.
 Rough::Rough(const RoughSpec& spec)
     : spec_(spec),
       cosine_(cosine(spec.heading_rad)),
@@ -105,6 +111,7 @@ Rough::Rough(const RoughSpec& spec)
 
 Disc Rough::reach() const { return {spec_.x_m, spec_.y_m, 0.5 * hypotenuse(spec_.length_m, spec_.width_m)}; }
 
+// Height at a place in cells from the rectangle's corner, bilinear between the four nodes around it; 0 outside.
 double Rough::at(double along, double across) const {
   if (!(along >= 0 && across >= 0)) return 0;
   const auto column = static_cast<std::size_t>(along), row = static_cast<std::size_t>(across);
@@ -130,7 +137,8 @@ void Rough::add_along(const Ray& ray, const std::vector<double>& s_m, std::vecto
   for (std::size_t i = 0; i < s_m.size(); ++i) z_m[i] += at(along + along_1_m * s_m[i], across + across_1_m * s_m[i]);
 }
 
-// The larger principal curvature at every inner node.
+// Computes for every block of cells the largest curvature at its nodes: the larger principal one, from the second
+// differences of the heights along, across and diagonally.
 void Rough::find_curvature() {
   blocks_along_ = cells_along_ / kBlockCells + 1;
   blocks_across_ = cells_across_ / kBlockCells + 1;
@@ -150,6 +158,7 @@ void Rough::find_curvature() {
   }
 }
 
+// Returns the largest curvature (1/m) of the blocks of cells that the disc may touch; 0 outside the rectangle.
 double Rough::curvature_1_m(const Disc& disc) const {
   const double dx = disc.x_m - spec_.x_m, dy = disc.y_m - spec_.y_m;
   auto block = [](double cell, std::size_t count) {

@@ -16,7 +16,7 @@ struct ProfilePoint {
   double along_m, z_m;
 };
 
-// The surface along a block's heading, from its rear to its front edge.
+// Returns the upper surface of a block seen from the side, from its rear to its front edge; an arc as chords.
 std::vector<ProfilePoint> profile_of(const BlockSpec& block) {
   const double half_m = 0.5 * block.length_m, height_m = block.height_m;
   switch (block.kind) {
@@ -40,6 +40,8 @@ std::vector<ProfilePoint> profile_of(const BlockSpec& block) {
 
 }  // namespace
 
+// Makes the convex solid of a block: its outline seen from the side, extruded across its width. An edge is listed with
+// the normals of the faces that it joins; `directions` holds one unit vector for each set of parallel edges.
 Solid make_solid(const BlockSpec& block) {
   std::vector<ProfilePoint> outline = profile_of(block);
   Solid solid;

@@ -17,7 +17,8 @@ double distance_m(const CarState& a, const CarState& b) { return hypotenuse(a.x_
 
 }  // namespace
 
-// The circle that the set-point asks for is twice as wide as its radius.
+// would_leave_: whether the set-point's circle, of radius speed / yaw rate, is larger than kCaughtDistance_m, so that
+// a car that stays within that distance is caught.
 Ending::Ending(const SceneSpec& scene, const CarState& start, const TrialRequest& trial)
     : scene_(scene),
       would_leave_(std::abs(trial.speed_m_s) > kCaughtDistance_m * std::abs(trial.yaw_rate_rad_s)),
@@ -25,6 +26,7 @@ Ending::Ending(const SceneSpec& scene, const CarState& start, const TrialRequest
       last_moved_(start),
       last_left_(start) {}
 
+// Whether the car is still outside the goal's disc or before the goal's line; always true without a goal.
 bool Ending::short_of_goal(const CarState& state) const {
   if (!scene_.goal) return true;
   const GoalSpec& goal = *scene_.goal;
@@ -33,6 +35,8 @@ bool Ending::short_of_goal(const CarState& state) const {
   return dx * cosine(goal.heading_rad) + dy * sine(goal.heading_rad) > 0;
 }
 
+// Returns how the trial has ended, if it has: tipped, goal passed, off the course, or stuck, which is to stay within
+// kCaughtDistance_m for kCaughtTime_s or within kStuckDistance_m and kStuckTurn_rad for kStuckTime_s.
 std::optional<Outcome> Ending::check(const CarState& state, double elapsed_s) {
   if (state.up < kTippedUp) return Outcome::kTipped;
   const bool still_short = short_of_goal(state);

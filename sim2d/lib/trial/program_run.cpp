@@ -18,7 +18,8 @@ struct Moment {
   double rise_m, energy_j, time_s;
 };
 
-// The distance of the point that is ahead, left and above of the car's origin from a place.
+// Distance from the place (x_m, y_m, z_m) to a point of the car, given ahead, left and above of its origin in its
+// axes.
 double distance_m(const Moment& now, double ahead_m, double left_m, double up_m, double x_m, double y_m, double z_m) {
   const SineCosine heading = sine_and_cosine(now.car.heading_rad), pitch = sine_and_cosine(now.car.pitch_rad),
                    roll = sine_and_cosine(now.car.roll_rad);
@@ -48,7 +49,8 @@ double quotient(double a, double b) {
   return a / b;
 }
 
-// The stack after all terms.
+// Evaluates an expression in postfix order: every term takes its operands from the stack and puts its value on it.
+// Returns the stack at the end: one number or truth (0 or 1), or a vector of three.
 RecordedValue evaluated(const Expression& expression, const Moment& now) {
   using Kind = Term::Kind;
   std::vector<double> stack;
@@ -127,6 +129,8 @@ bool ProgramRun::holds(const Expression& expression, const CarState& state, doub
   return value_of(expression, state, elapsed_s).front() != 0;
 }
 
+// Returns the program's outcome, if one of its endings holds or its time limit is over. Passed: by the program's
+// verdict, if it has one, else by the ending that holds.
 std::optional<Outcome> ProgramRun::check(const CarState& state, double elapsed_s) const {
   const auto ended = std::find_if(program_.endings.begin(), program_.endings.end(), [&](const EndingSpec& ending) {
     return holds(ending.when, state, elapsed_s);
@@ -138,6 +142,8 @@ std::optional<Outcome> ProgramRun::check(const CarState& state, double elapsed_s
   return passed ? Outcome::kPassed : Outcome::kTerminated;
 }
 
+// Records what is due now: series every step_s and at the end, initial values at the first call, final ones at the
+// end.
 void ProgramRun::record(const CarState& state, double elapsed_s, bool ends) {
   const bool first = looks_ == 0;
   const bool look = elapsed_s >= looks_ * program_.step_s - kRounding_s;

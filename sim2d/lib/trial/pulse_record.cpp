@@ -8,6 +8,8 @@
 
 namespace foldcar {
 
+// Runs the firmware alone, without a car, through a trial and returns every change of its servo pulses, with times
+// from the trial's start (negative before it).
 std::vector<PulseChange> record_pulses(const TrialSpec& trial, double step_s) {
   Parameters parameters = trial.parameters;
   SimHal hal(kLogicBattery_v);

@@ -13,6 +13,7 @@
 namespace foldcar {
 namespace {
 
+// One row of a path: time, x, y, z, heading, pitch, roll, then every hinge's angle.
 PathRow path_row(const Trial& trial, std::size_t hinges) {
   const CarState& car = trial.now().car;
   PathRow row = {trial.now().elapsed_time_s, car.x_m, car.y_m, car.z_m, car.heading_rad, car.pitch_rad, car.roll_rad};
@@ -81,6 +82,7 @@ const char* text(Outcome outcome) {
   return "fault";
 }
 
+// Lets the car settle, starts the firmware's trial, and observes its first state.
 Trial::Trial(const Engine& engine, const BodySpec& body, const SceneSpec& scene, const TrialSpec& spec,
              Stopwatch* stopwatch, const Terrain* terrain)
     : scene_(scene),
@@ -106,6 +108,8 @@ void Trial::step() {
   observe();
 }
 
+// Reads the state after a step and decides whether the trial has ended. The simulator's endings (tipped, passed, …)
+// come before the firmware's (fault, time-out), and these before the program's.
 void Trial::observe() {
   const CarState& car = simulation_->state();
   now_.elapsed_time_s = simulation_->now_s() - start_s_;
@@ -129,6 +133,7 @@ TrialResult result_at(const Snapshot& at, Outcome outcome) {
   return result;
 }
 
+// Runs a trial to its end. Its path has a row every path_interval_s and one at the end; none if the interval is 0.
 TrialResult run_trial(const Engine& engine, const BodySpec& body, const SceneSpec& scene, const TrialSpec& spec,
                       Stopwatch* stopwatch, const Terrain* terrain) {
   Trial trial(engine, body, scene, spec, stopwatch, terrain);

@@ -195,7 +195,7 @@ def test_an_output_two_missing_folders_deep_is_refused_first(
 ) -> None:
     output = Path("no") / "such" / name
 
-    assert refused(*words, output) == f"{output}: cannot be written: there is no folder no to make such in"
+    assert refused(*words, output) == f"{output}: cannot be written: the folder no does not exist"
     assert list(tmp_path.iterdir()) == []
 
 

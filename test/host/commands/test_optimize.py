@@ -212,13 +212,13 @@ def test_of_designs_that_end_as_good_as_the_best_few_are_left_early() -> None:
 def test_a_design_that_fails_where_the_best_passes_is_left_early(listing: Path) -> None:
     (experiment,) = read_study(listing).experiments
     proposals = Proposals(experiment.family, [OBJECTIVES["success"]], "random", 1, 6)
-    assert proposals.next() is not None and not proposals.worse([row(None)] * 3, 30.0)
+    assert proposals.next() is not None and not proposals.is_worse([row(None)] * 3, 30.0)
     proposals.tell([0.9], [row(3.0)] * 27 + [row(None)] * 3, False, 5.0)
     assert proposals.next() is not None
 
-    looks = [proposals.worse([row(None)] * n, 30.0) for n in (1, 3, 6)]
+    looks = [proposals.is_worse([row(None)] * n, 30.0) for n in (1, 3, 6)]
 
-    assert looks == [False, False, True] and not proposals.worse([row(3.0)] * 29, 30.0)
+    assert looks == [False, False, True] and not proposals.is_worse([row(3.0)] * 29, 30.0)
 
 
 def test_the_film_is_that_of_the_flat_pieces() -> None:

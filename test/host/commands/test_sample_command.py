@@ -46,7 +46,7 @@ def test_mistakes_are_one_line_and_leave_no_file(refused: Any, tmp_path: Path) -
         (["--param", "friction"], "--param friction: not NAME=VALUE"),
         (["--param", "step_height=-1"], "height_m: -1 is not within 0.0001 to 1"),
         (["--plot", "a.gif"], "a picture's name ends in one of .png, .svg, .pdf"),
-        (["--plot", "nowhere/deeper/a.png"], "there is no folder"),
+        (["--plot", "nowhere/deeper/a.png"], "the folder nowhere does not exist"),
     ):
         assert part in refused("sample", PYRAMIDS, *arguments, "-o", file)
     assert [path.name for path in tmp_path.iterdir()] == ["scenes.jsonl"]

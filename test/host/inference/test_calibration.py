@@ -251,7 +251,7 @@ CSV = "experiment,vehicle_type,radius_mm,outcome,count,source,car\n"
     [
         ("", (), "holds no trials: drive some"),
         ("1,W_B_W,40,passed,3,x,simulated", (), "no trial to calibrate by: 3 of simulated cars (--simulated-trials"),
-        ("1,W_B_W,33,passed,3,x,built", (), "3 of cars that are no designs of the experiment as swept"),
+        ("1,W_B_W,33,passed,3,x,built", (), "3 of cars whose design was not swept"),
         ("2,W_B_W,40,passed,3,x,built", (), "experiment 2: was not swept into this store, which has 1"),
         ("1,W_B_W,40,passed,3,x,built\n2,W_B_W,40,passed,3,y,built", (), "has trials of experiments 1, 2: choose one"),
         ("", ("--name", "a b"), '--name "a b": a name is at most 40 letters'),

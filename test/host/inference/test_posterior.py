@@ -50,7 +50,7 @@ def test_the_likelihood_of_few_and_of_many_trials_is_the_integral_over_the_offse
     e = np.linspace(-40, 40, 20001)
 
     found = outcomes(logit[:, None], k, n, np.zeros(1, dtype=int), tau[:, None, None] ** 2)
-    mean, variance = found.further(tau[:, None] ** 2, tau**2)
+    mean, variance = found.new_car(tau[:, None] ** 2, tau**2)
 
     ways = binom.logpmf(passed, counted, 0.5) + counted * math.log(2)
     for index, (centre, sd) in enumerate(zip(logit, tau, strict=True)):
@@ -73,7 +73,7 @@ def test_two_cars_of_a_design_share_what_is_not_their_own() -> None:
     counts = np.array([0.0, 3.0]), np.array([4.0, 4.0])
 
     found = outcomes(np.array([[0.4, 0.4]]), *counts, np.arange(2), covariance)
-    mean, variance = found.further(np.full((1, 2), shared**2), np.array([shared**2]))
+    mean, variance = found.new_car(np.full((1, 2), shared**2), np.array([shared**2]))
 
     z = np.linspace(-7, 7, 281)
     weight = norm.pdf(z) / norm.pdf(z).sum()

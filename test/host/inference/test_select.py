@@ -173,8 +173,8 @@ def test_a_lone_failing_design_is_named_and_rates_beside_it_are_open(tmp_path: P
         (shown,) = read_experiments(opened)
         verdicts = dict(zip(shown.columns.names, shown.columns.page(0.1)["verdict"], strict=True))
 
-    sentence = "The trials of 110 mm contradict those of the other designs: rates of designs not driven beside it"
-    assert f"{sentence} (100 and 120 mm) are not to be trusted." in selection.remarks
+    sentence = "The trials of 110 mm contradict those of the other designs: do not trust the rates of undriven designs"
+    assert f"{sentence} beside it (100 and 120 mm)." in selection.remarks
     assert any(remark.startswith(sentence) for remark in compared.remarks)
     assert {"100 mm", "120 mm"} <= {design.label for design in selection.undecided}
     assert verdicts["100 mm"] == verdicts["120 mm"] == "open" and verdicts["80 mm"] == "good"

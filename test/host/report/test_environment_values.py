@@ -183,6 +183,6 @@ def test_bins_count_every_run_once() -> None:
     values = numpy.array([0.0, 1.0, 2.0, 3.0, numpy.nan])
     environment, passed = numpy.array([0, 0, 1, 2, 3, 4]), numpy.array([1, 0, 1, 1, 0, 1])
 
-    bins = binned(values, environment, passed, most=2)
+    bins = binned(values, environment, passed, max_bins=2)
 
     assert [(bin.first, bin.last, bin.runs, bin.passed) for bin in bins] == [(0, 1, 3, 2), (2, 3, 2, 1)]

@@ -148,7 +148,7 @@ def test_an_export_that_fails_leaves_the_old_file(
     [
         (("none.db", "--csv", "a.csv"), "none.db: no such store"),
         (("s.db",), "export: nothing to write; use --csv FILE, --parquet FILE, --trials FILE or --digest"),
-        (("s.db", "--csv", "none/b/a.csv"), "none/b/a.csv: cannot be written: there is no folder none"),
+        (("s.db", "--csv", "none/b/a.csv"), "none/b/a.csv: cannot be written: the folder none does not exist"),
     ],
 )
 def test_mistakes_are_one_line(

@@ -163,9 +163,9 @@ def test_environments_represent_all_and_tell_designs_apart() -> None:
     passed = (numpy.array([0.9, 0.5, 0.3])[:, None] > hardness).astype(float)
     passed[0, 7] = numpy.nan
 
-    chosen = informative_environments(passed, 20, met=[3])
+    chosen = informative_environments(passed, 20, excluded=[3])
 
-    assert chosen == informative_environments(passed, 20, met=[3]) and len(set(chosen)) == 20
+    assert chosen == informative_environments(passed, 20, excluded=[3]) and len(set(chosen)) == 20
     assert not {3, 7} & set(chosen)
     shares = numpy.nanmean(passed, axis=1)
     assert numpy.abs(passed[:, chosen].mean(axis=1) - shares).max() <= 0.05

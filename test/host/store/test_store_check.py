@@ -47,7 +47,7 @@ def test_values_that_a_table_does_not_take_are_found_and_refused(store: Path, fo
         answer = foldcar(*words)
         assert answer.returncode == 2
         assert answer.stderr == (
-            "foldcar: error: s.db: is damaged: CHECK constraint failed in run; `foldcar check s.db` says what else is\n"
+            "foldcar: error: s.db: is damaged: CHECK constraint failed in run; `foldcar check s.db` lists all damage\n"
         )
     checked = foldcar("check", "s.db")
     assert checked.returncode == 1 and "CHECK constraint failed in run" in checked.stdout
@@ -57,7 +57,7 @@ def test_lost_references_are_found(store: Path) -> None:
     alter(store, "DELETE FROM scene WHERE id = 1")
     alter(store, "DELETE FROM run WHERE outcome = 'passed'")
     findings = check_store(store).findings
-    assert "table sample: 1 rows refer to rows of scene that are not there" in findings
+    assert "table sample: 1 rows refer to missing rows of scene" in findings
     assert any(finding.startswith("table recorded: ") and "rows of run" in finding for finding in findings)
 
 
@@ -82,7 +82,7 @@ def test_json_that_is_none_is_named(store: Path, foldcar: Any, column: str) -> N
     answer = foldcar("trials", "list", "s.db")
 
     where = "foldcar: error: s.db: trial (id=1) is damaged"
-    assert (answer.returncode, answer.stderr) == (2, f"{where}: its {column} is not what foldcar writes\n")
+    assert (answer.returncode, answer.stderr) == (2, f"{where}: foldcar does not write such a value of {column}\n")
 
 
 DAMAGED_TEXTS = ("{", "null", "[]", "{}", "NaN", "[" * 3000 + "]" * 3000)
@@ -170,9 +170,9 @@ def test_logs_outside_of_the_folder_are_refused(tmp_path: Path, store: Path, fol
     for log in ("../../etc/passwd", "/etc/passwd", "s-logs/../../x", "s-logs/link", "", "a\x00b"):
         change(store, TRIAL, "id = 1", log=log)
 
-        with Store.open(store) as opened, pytest.raises(StoreError, match="leads out of the folder"):
+        with Store.open(store) as opened, pytest.raises(StoreError, match="is outside the folder"):
             log_file(store, str(opened.trial(1).log))
-        assert any("leads out of the folder" in finding for finding in check_store(store).findings)
+        assert any("is outside the folder" in finding for finding in check_store(store).findings)
     answer = foldcar("trials", "export", "s.db", "1", "--mcap", "x.mcap")
-    assert answer.returncode == 2 and "leads out of the folder" in answer.stderr and answer.stderr.count("\n") == 1
+    assert answer.returncode == 2 and "is outside the folder" in answer.stderr and answer.stderr.count("\n") == 1
     assert sorted(file.name for file in tmp_path.iterdir()) == ["s-logs", "s.db"]

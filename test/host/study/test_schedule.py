@@ -118,7 +118,7 @@ def test_a_sweep_in_mujoco_makes_the_runs_of_the_schedule(
             info = store.info().experiments["1 (MuJoCo)"]
             assert info.stored_runs == info.planned_runs == len(orders[-1])
     assert orders[0] == orders[1] and resumed.states == counts.states
-    assert resumed.new + resumed.there == counts.new == resumed.total == counts.total
+    assert resumed.new + resumed.reused == counts.new == resumed.total == counts.total
     # The same schedule on the results alone.
     passed = numpy.zeros((3, 24), bool)
     for design, sample, outcome, _ in orders[0]:

@@ -40,7 +40,7 @@ def run(store: Path, write_listing: WriteListing, listing_data: Any, carsim_bina
     def sweep(file: Path = store, **options: Any) -> tuple[int, int]:
         counts = swept(write_listing(listing_data), file, carsim_binary, **options)
         assert counts.passed == sum(result.outcome == "passed" for result in rows(file))
-        return counts.new, counts.there
+        return counts.new, counts.reused
 
     return sweep
 
@@ -75,7 +75,7 @@ def test_a_sweep_keeps_out_of_another_studys_store(
     write_listing(listing_data)
 
     message = refused("sweep", "listing.json", "--store", "s.db", "--json")
-    assert message.startswith("s.db: holds the study of renamed.json, which has none of these experiments; sweep")
+    assert message.startswith("s.db: holds the study of another listing, renamed.json; sweep")
     assert "--store listing.db" in message
 
 

@@ -121,7 +121,7 @@ def test_runs_go_where_they_are_undecided_and_are_the_same_however_they_are_made
     stored, everything = rows(store), rows(full_store)
     assert stored == rows(tmp_path / "resumed.db")
     assert 20 <= interrupted < len(stored) == counts.total == counts.new
-    assert (resumed.there, resumed.total) == (interrupted, counts.total)
+    assert (resumed.reused, resumed.total) == (interrupted, counts.total)
     made = Counter(result.design["width_mm"] for result in stored)
     for width in WIDTHS:
         passed = [result.outcome == "passed" for result in everything if result.design["width_mm"] == width]

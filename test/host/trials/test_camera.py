@@ -99,7 +99,7 @@ def test_places_by_a_photo_are_a_correction_of_the_trial(trial: Any, tmp_path: P
     scene = {**SCENE, "start": {"x_m": 0.11, "y_m": 0.0, "heading_rad": 0.0}}
 
     with write_trials(tmp_path / "s.db") as writer:
-        made = [writer.place(1, {"car": (0.01, 0.02, -0.03)}, scene, "by photo.jpg", "Ada") for _ in range(2)]
+        made = [writer.put_deviations(1, {"car": (0.01, 0.02, -0.03)}, scene, "by photo.jpg", "Ada") for _ in range(2)]
 
     with Store.open(tmp_path / "s.db") as store:
         result, drive = store.trial(1), store.trial_drive(1)

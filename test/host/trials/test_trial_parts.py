@@ -123,7 +123,7 @@ def test_a_log_is_whole_up_to_where_it_was_cut(tmp_path: Path) -> None:
     for damage in (bytes(4096), b"12345678nonsense", bytes(7), b"12345678\xfd\xff", after_all_times):
         log.file.write_bytes(data + damage)
         assert len(list(read_tlog(log.file))) == 5
-        assert f"its last {len(damage)} bytes, from where no packet begins, are" in str(log_damage(log.file))
+        assert f"its last {len(damage)} bytes are not packets" in str(log_damage(log.file))
     log.close()
     with pytest.raises(LogError, match="exists already"):
         TlogWriter(log.file)

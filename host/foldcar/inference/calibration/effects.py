@@ -1,7 +1,7 @@
-"""Draws the reality of a drive from values of the simulator's parameters.
+"""Draws the reality of a drive (how car and ground differ from design and scene) from the simulator's parameters.
 
-Input: values by name, a seed, the numbers of the drive and of the car. Output: the differences of car and ground that
-carsim applies. Random differences depend on seed and number alone, so that runs with other values share them.
+Input: parameters by name, a seed, the numbers of the drive and of the car. Output: the differences that carsim applies.
+Random differences depend on seed and number alone, so that runs with other values share them.
 
 No calibration infers the parameters of REAL_ONLY: only a reality may have them.
 """
@@ -14,7 +14,7 @@ from typing import Any
 from foldcar.car.body import CHANNELS
 from foldcar.car.variation import draw, workshop
 
-# Parameters that are a factor of the reality.
+# Parameters that a reality contains unchanged, as factors.
 GROUND_FACTORS = ("friction", "obstacle_height")
 
 
@@ -29,7 +29,7 @@ class RealParameter:
     mujoco_only: bool = False
 
 
-# By their names in a variation of the car.
+# Parameters of realities only, by their names in a variation of the car.
 REAL_ONLY = {
     "wheel_camber_rad": RealParameter("rad", 0.0, -0.3, 0.3, mujoco_only=True),
     "tyre_contact_time_s": RealParameter("s", 0.005, 0.004, 0.05, mujoco_only=True),
@@ -42,10 +42,10 @@ REAL_ONLY = {
 def drawn_reality(
     values: Mapping[str, float], listed: Mapping[str, float], seed: int, drive: int, car: int | str
 ) -> dict[str, Any]:
-    """Return how car and ground of a drive differ from design and scene, as the run line's ``reality`` (docs/carsim.md).
+    """Return how car and ground of a drive differ from design and scene, as ``reality`` in a run line of carsim.
 
-    ``listed`` are the listing's own spreads by name, empty without any. Those of wheels give way to ``wheel_spread``, if
-    ``values`` has it. ``drive`` draws the start's scatter, ``car`` what belongs to the car.
+    ``values`` are the simulator's parameters by name. ``listed`` are the listing's spreads by name; ``wheel_spread``, if
+    in ``values``, replaces those of wheels. The number ``drive`` selects the random start, ``car`` the car's differences.
     """
     spread = dict(listed)
     if "wheel_spread" in values:
@@ -54,12 +54,12 @@ def drawn_reality(
                 spread[name] = values["wheel_spread"] * quantity.sd
     reality = draw(spread, seed, car)
     for name in ("servo_torque", "servo_speed"):
-        # A difference is relative: 0 is the design's.
+        # A reality has relative differences, 0 for the design's value; ``values`` has factors.
         reality[name] = [values[name] * (1 + deviation) - 1 for deviation in reality.get(name, [0.0] * CHANNELS)]
     reality["com_z_m"] = reality.get("com_z_m", 0.0) + values["com_height_m"]
     reality["track_m"] = values["track_m"]
     for name in REAL_ONLY.keys() & values.keys():
-        # A spread of the listing has its draw already.
+        # The listing's own spread may have drawn a difference, to which this one is added.
         reality[name] = reality.get(name, 0.0) + values[name]
     reality |= {name: values[name] for name in GROUND_FACTORS}
     for name, deviate in start_deviates(seed, drive).items():

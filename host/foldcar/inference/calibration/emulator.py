@@ -33,11 +33,11 @@ from foldcar.statistics.built_cars import centre_factor
 NETWORKS = 4
 HIDDEN = (64, 64)
 BATCH = 256
-# More steps fit the noise of single runs.
+# Steps of gradient descent: more would fit the noise of single runs. An epoch uses every run once.
 STEPS, MAX_EPOCHS = 2400, 100
-# The weights' penalty counts as much as this number of runs.
+# L2 penalty of the weights: PENALTY_RUNS divided by the number of runs, within the limits.
 PENALTY_RUNS, PENALTY_LIMITS = 2400.0, (0.05, 0.5)
-# No simulation shows a probability closer to 0 or 1 than this logit: 1 in 400.
+# Predicted logits are clipped to ± this, a probability of 1 in 400: a bank cannot show rates closer to 0 or 1.
 MAX_LOGIT = 6.0
 # Runs of each set of parameters: in at most MAX_CELLS cells of trials, and of OTHERS random designs of the family.
 MAX_CELLS, OTHERS = 12, 2
@@ -45,6 +45,7 @@ MAX_CELLS, OTHERS = 12, 2
 WIDENING = 1.2
 # Standard deviation of the noise added to draws of the first posterior, in scores.
 NOISE = 0.4
+# Largest estimate of the standard deviation between cars, in log-odds.
 MAX_CAR_SD = 3.0
 
 
@@ -57,9 +58,10 @@ class PassClassifier(Protocol):
 
 @dataclass(frozen=True)
 class Emulator:
-    """The networks, made by :meth:`Bank.emulator`.
+    """Predicts success from parameters and a cell's inputs; :meth:`Bank.emulator` fits it.
 
-    The first ``designs`` of a cell's inputs describe its design. ``car_sd`` is the standard deviation of cars' logits.
+    The first ``designs`` numbers of a cell's inputs describe its design. ``car_sd`` is the standard deviation of the
+    success logits of cars of one design.
     """
 
     networks: tuple[PassClassifier, ...]
@@ -68,7 +70,7 @@ class Emulator:
 
     @property
     def centre_factor(self) -> float:
-        """The ratio of the median car's logit to that of the mean rate over cars."""
+        """The median car's logit, divided by the logit of the cars' mean rate."""
         return float(centre_factor(self.car_sd))
 
     def logits(self, scores: FloatArray, inputs: FloatArray) -> FloatArray:
@@ -98,11 +100,15 @@ class Bank:
         return Bank(*(np.concatenate([getattr(bank, field.name) for bank in (self, other)]) for field in fields(self)))
 
     def emulator(self, inputs: FloatArray, designs: int, seed: int) -> Emulator:
-        """Fit an emulator; the first ``designs`` of the ``inputs`` (cells, k) describe designs. Raises FoldcarError."""
+        """Fit an emulator to the runs.
+
+        The first ``designs`` columns of the cells' ``inputs`` (cells, k) describe designs. Raises FoldcarError if all
+        runs passed or all failed.
+        """
         if len(np.unique(self.passed)) < 2:
-            how = "pass" if self.passed.any() else "fail"
+            verb = "pass" if self.passed.any() else "fail"
             raise FoldcarError(
-                f"all {len(self.passed)} simulations of the designs with trials {how}, whatever the parameters: "
+                f"all {len(self.passed)} simulations of the designs with trials {verb}, whatever the parameters: "
                 "nothing can be inferred; check the listing and the designs"
             )
         networks = _fit(np.hstack([self.scores, inputs[self.cells]]), self.passed, seed)
@@ -110,31 +116,35 @@ class Bank:
         return replace(result, car_sd=self._car_sd(result, inputs))
 
     def _car_sd(self, emulator: Emulator, inputs: FloatArray) -> float:
-        """Estimate the standard deviation of cars' logits.
+        """Estimate the standard deviation of the success logits of cars of one design.
 
-        It is the mean product of two residuals of one car, in units of their slopes, less that of two cars of one set,
-        which share the emulator's error.
+        Two runs of one car share the car's offset and the emulator's error, so their residuals correlate; two runs of
+        different cars of one parameter set share only the error. The variance of offsets is the difference of the two
+        mean products of residuals, each divided by the product of the slopes of rate by logit, rate (1 - rate).
         """
         rate = np.empty(len(self.scores))
         for cell in np.unique(self.cells):
             rows = self.cells == cell
             rate[rows] = expit(emulator.logits(self.scores[rows], inputs[[cell]])[:, 0])
         cars = self.sets * (int(self.cars.max()) + 1) + self.cars
-        values = np.stack([self.passed - rate, rate * (1 - rate)])
-        same_car, same_set = _pair_products(cars, values), _pair_products(self.sets, values)
-        two_cars = same_set - same_car
-        variance = same_car[0] / max(same_car[1], 1e-9) - two_cars[0] / max(two_cars[1], 1e-9)
+        residuals_and_slopes = np.stack([self.passed - rate, rate * (1 - rate)])
+        same_car, same_set = _pair_products(cars, residuals_and_slopes), _pair_products(self.sets, residuals_and_slopes)
+        different_cars = same_set - same_car
+        variance = same_car[0] / max(same_car[1], 1e-9) - different_cars[0] / max(different_cars[1], 1e-9)
         return float(np.sqrt(np.clip(variance, 0, MAX_CAR_SD**2)))
 
 
 def _pair_products(groups: IntArray, values: FloatArray) -> FloatArray:
-    """Return, for each row of ``values`` (k, n), the sum of products of all pairs within a group (n,)."""
+    """Return (k,): for each row of ``values`` (k, n), the sum of products of ordered pairs within the groups (n,).
+
+    In each group it is (Σx)² - Σx².
+    """
     _, index = np.unique(groups, return_inverse=True)
     return np.array([(np.bincount(index, row) ** 2 - np.bincount(index, row**2)).sum() for row in values])
 
 
 def _fit(inputs: FloatArray, passed: FloatArray, seed: int) -> tuple[PassClassifier, ...]:
-    """Fit the networks to inputs (runs, k) and outcomes (runs,)."""
+    """Fit NETWORKS networks with different random starts to inputs (runs, k) and outcomes (runs,), 0 or 1."""
     runs = len(inputs)
     # Sums of several threads would depend on the number of threads.
     with threadpool_limits(1), warnings.catch_warnings():
@@ -147,6 +157,7 @@ def _fit(inputs: FloatArray, passed: FloatArray, seed: int) -> tuple[PassClassif
                 learning_rate_init=3e-3,
                 batch_size=min(BATCH, runs),
                 max_iter=min(MAX_EPOCHS, -(-STEPS * BATCH // runs)),
+                # Never stop early.
                 n_iter_no_change=MAX_EPOCHS,
                 random_state=(seed * NETWORKS + number) % 2**32,
             ).fit(inputs, passed)
@@ -162,30 +173,31 @@ def prior_scores(sets: int, seed: int) -> FloatArray:
 
 
 def scores_near(draws: FloatArray, sets: int, seed: int) -> FloatArray:
-    """Return scores (sets, parameters) around draws of a posterior."""
+    """Return scores (sets, parameters): randomly chosen ``draws`` (n, parameters) of a posterior, with added noise."""
     stream = np.random.default_rng(seed)
     chosen = draws[stream.integers(0, len(draws), sets)]
     return np.asarray(chosen + NOISE * stream.standard_normal(chosen.shape))
 
 
 def cell_inputs(experiment: SweptExperiment, cells: Sequence[Cell]) -> tuple[FloatArray, int]:
-    """Return inputs (cells + designs, k) of the cells and of each design in any scene, and the number of a design's.
+    """Return the emulator's inputs (cells + designs, k), and how many of the k columns describe the design.
 
-    Inputs are the varied parameters, each with mean 0 and variance 1 over the designs, and one indicator for each scene.
+    The rows are the cells, then each design in any scene. A row has the varied parameters, each with mean 0 and variance
+    1 over the designs, and an indicator for each scene, all 0 for any scene.
     """
     table = np.array([list(experiment.varied(design).values()) for design in range(len(experiment.designs))])
     spread = table.std(axis=0)
-    design = (table - table.mean(axis=0)) / np.where(spread > 0, spread, 1.0)
-    columns: dict[str, int] = {}
-    column_of = [
-        None if cell.scene is None else columns.setdefault(json.dumps(cell.scene), len(columns)) for cell in cells
-    ]
-    scenes = np.zeros((len(cells) + len(design), len(columns)))
-    for row, column in enumerate(column_of):
-        if column is not None:
-            scenes[row, column] = 1.0
-    designs = np.vstack([design[[cell.design for cell in cells]], design])
-    return np.hstack([designs, scenes]), design.shape[1]
+    standardised = (table - table.mean(axis=0)) / np.where(spread > 0, spread, 1.0)
+    scene_columns: dict[str, int] = {}
+    for cell in cells:
+        if cell.scene is not None:
+            scene_columns.setdefault(json.dumps(cell.scene), len(scene_columns))
+    scenes = np.zeros((len(cells) + len(standardised), len(scene_columns)))
+    for row, cell in enumerate(cells):
+        if cell.scene is not None:
+            scenes[row, scene_columns[json.dumps(cell.scene)]] = 1.0
+    designs = np.vstack([standardised[[cell.design for cell in cells]], standardised])
+    return np.hstack([designs, scenes]), standardised.shape[1]
 
 
 def simulate_bank(
@@ -195,24 +207,26 @@ def simulate_bank(
     first: int,
     done: Callable[[int], None],
 ) -> Bank:
-    """Simulate sets of parameters, the rows of ``scores``, which are numbered from ``first``.
+    """Simulate the sets of parameters that are the rows of ``scores`` (sets, parameters); set i has number ``first`` + i.
 
-    Each set is driven in at most MAX_CELLS cells of the trials, and by OTHERS designs of the family in any scene.
+    Each set is simulated in at most MAX_CELLS cells of the trials, and with OTHERS designs of the family in any scene.
+    ``done`` is called with numbers of finished runs. Failed simulations are left out.
     """
     experiment, stream = simulator.experiment, np.random.default_rng((simulator.seed, first))
     cells, cars = len(observed.cells), len(observed.car_design)
     runs: list[CalibrationRun] = []
+    # For each run: number of the set, row of the inputs, car.
     rows: list[tuple[int, int, int]] = []
-    drivers = [np.unique(observed.car[observed.cell == cell]) for cell in range(cells)]
+    cars_in_cell = [np.unique(observed.car[observed.cell == cell]) for cell in range(cells)]
     for index, values in enumerate(values_of(scores)):
         chosen = np.sort(stream.permutation(cells)[:MAX_CELLS])
-        drives = [(int(cell), int(stream.choice(drivers[cell])), observed.cells[cell]) for cell in chosen]
+        drives = [(int(cell), int(stream.choice(cars_in_cell[cell])), observed.cells[cell]) for cell in chosen]
         for other, design in enumerate(stream.integers(0, len(experiment.designs), OTHERS)):
             drives.append((cells + int(design), cars + other, Cell(int(design), None)))
         for row, car, cell in drives:
             scene = experiment.scenes[int(stream.integers(len(experiment.scenes)))] if cell.scene is None else cell.scene
             rows.append((first + index, row, car))
-            # The numbers seed the deviations of the car, which its drives of a set share, and those of the drive.
+            # The numbers are seeds: a car keeps its deviations in all drives of a set; a drive has its own.
             car_number = (first + index) * (cars + OTHERS) + car
             drive_number = first * (MAX_CELLS + OTHERS) + len(runs)
             runs.append(CalibrationRun(cell.design, values, scene, car_number, drive_number))

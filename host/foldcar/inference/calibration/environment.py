@@ -1,9 +1,9 @@
-"""The environment of an experiment under a calibration or a reality: sample k is simulated with its draw k mod n.
+"""The environment of an experiment under a calibration or a reality: sample k is simulated with draw k mod n.
 
-A reality is a file of what a simulated car and its ground differ in from what the host believes, for trials whose truth
-is known: a JSON object of parameters, those that it leaves out keep the simulator's nominal values; some are of realities
-only, so that a truth may lie outside what a calibration can find. An Environment for sweeps has scenes, variations and
-fingerprints of its own, so that its runs stand beside the nominal ones and are never taken for them.
+A reality is a file of true parameter values that the host does not know: it makes simulated trials with a known truth. It
+is a JSON object of parameters. Those that it leaves out keep the simulator's nominal values. Some parameters belong to
+realities only, so that a truth may lie outside what a calibration can infer. A CalibratedEnvironment has fingerprints of
+its own, so that stores keep its runs apart from the nominal ones.
 """
 
 import hashlib
@@ -26,11 +26,11 @@ from foldcar.study.environments import Environment
 from foldcar.study.experiments import Experiment, Study
 from foldcar.study.listing_file import load_listing
 
-# Beyond these scores the priors have no mass that matters, and the simulator's limits come near.
+# Largest score of a parameter of a reality: beyond it a prior has a mass of 1e-9, and the simulator's limits are near.
 MAX_REAL_SCORE = 6.0
-# Realities may leave it out.
+# The only parameter that a reality may lack; the listing's spreads of wheels then apply.
 WHEEL_SPREAD = "wheel_spread"
-# Of the hash of the values, in a reality's name.
+# Number of hexadecimal digits of the values' hash in a reality's name.
 NAME_DIGITS = 8
 
 
@@ -39,10 +39,11 @@ class CalibratedEnvironment(Environment):
 
     def __init__(self, experiment: Experiment, calibration: Calibration, listed_id: str) -> None:
         super().__init__(experiment)
-        beyond, optional = (set(), set()) if calibration.kind == CALIBRATION_KIND else (set(REAL_ONLY), {WHEEL_SPREAD})
+        required, allowed = set(NAMES), set(NAMES)
+        if calibration.kind != CALIBRATION_KIND:
+            required, allowed = required - {WHEEL_SPREAD}, allowed | set(REAL_ONLY)
         if not all(
-            set(NAMES) - optional <= set(draw) <= set(NAMES) | beyond and all(map(math.isfinite, draw.values()))
-            for draw in calibration.draws
+            required <= set(draw) <= allowed and all(map(math.isfinite, draw.values())) for draw in calibration.draws
         ):
             raise FoldcarError(
                 f'calibration "{calibration.name}": its parameters are not those of this foldcar: calibrate again'
@@ -57,56 +58,58 @@ class CalibratedEnvironment(Environment):
         self._seed = experiment.variation_seed
         self.listed_fingerprint = self.fingerprint
         effects_code = hashlib.sha256(Path(effects.__file__).read_bytes()).hexdigest()
-        under = (calibration.fingerprint, self._seed, effects_code)
-        self.fingerprint = _hashed(self.fingerprint, *under)
-        self.spread_fingerprint = _hashed(dict(experiment.variation), *under, variation_code())
+        draws_identity = (calibration.fingerprint, self._seed, effects_code)
+        self.fingerprint = _hashed(self.fingerprint, *draws_identity)
+        self.spread_fingerprint = _hashed(dict(experiment.variation), *draws_identity, variation_code())
 
     @property
     def calibration(self) -> dict[str, str] | None:
-        """As in ExperimentInfo."""
-        one = self._calibration
-        under = {"name": one.name, "fingerprint": one.fingerprint, "experiment": self._listed_id}
-        return under if one.kind == CALIBRATION_KIND else {"kind": one.kind, **under}
+        """Name, fingerprint and listed experiment of the calibration, and the kind of a reality, as in ExperimentInfo."""
+        kind, name, fingerprint = self._calibration.kind, self._calibration.name, self._calibration.fingerprint
+        identity = {"name": name, "fingerprint": fingerprint, "experiment": self._listed_id}
+        return identity if kind == CALIBRATION_KIND else {"kind": kind, **identity}
 
     def variation(self, k: int) -> dict[str, Any]:
         """Return how car and ground of sample ``k`` differ from design and scene by the calibration's draw."""
         return drawn_reality(self._calibration.draw_of(k), self._experiment.variation, self._seed, k, k)
 
     def variation_identity(self) -> str:
-        """A hash of the code that applies variations."""
+        """Return a hash of the code that applies variations."""
         return variation_code()
 
 
 def calibrated_id(experiment: str, calibration: Calibration) -> str:
-    """The name, in stores, of an experiment under a calibration or a reality."""
-    how = "calibrated" if calibration.kind == CALIBRATION_KIND else calibration.kind
-    return f"{experiment} ({how} {calibration.name})"
+    """Return the name, in stores, of an experiment under a calibration or a reality: "width (calibrated lab)"."""
+    label = "calibrated" if calibration.kind == CALIBRATION_KIND else calibration.kind
+    return f"{experiment} ({label} {calibration.name})"
 
 
 def calibrated_study(study: Study, calibration: Calibration) -> Study:
-    """The study with its experiments named for the calibration."""
-    named = (replace(experiment, id=calibrated_id(experiment.id, calibration)) for experiment in study.experiments)
-    return replace(study, experiments=tuple(named))
+    """Return the study with the calibration's name added to the names of its experiments."""
+    renamed = (replace(experiment, id=calibrated_id(experiment.id, calibration)) for experiment in study.experiments)
+    return replace(study, experiments=tuple(renamed))
 
 
 def calibrated_environment(experiment: Experiment, calibration: Calibration) -> CalibratedEnvironment:
-    """The environment of an experiment of :func:`calibrated_study`."""
+    """Return the environment of an experiment of :func:`calibrated_study`."""
     listed_id = experiment.id.removesuffix(calibrated_id("", calibration))
     return CalibratedEnvironment(experiment, calibration, listed_id)
 
 
 def _hashed(*parts: Any) -> str:
+    """Return the SHA-256 hash of values that JSON can hold."""
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
 
 def read_reality(file: Path, engine: str) -> dict[str, float]:
-    """Return the parameters of a reality for an engine by name. Raises FoldcarError.
+    """Read the parameters of a reality from a JSON file, by name, and check that the engine simulates them.
 
-    Parameters that ``file`` leaves out have their nominal values; differences between wheels stay those of the listing.
+    Parameters that ``file`` leaves out have their nominal values, except WHEEL_SPREAD, which is then missing. Raises
+    FoldcarError.
     """
     data, _ = load_listing(file)
     if not isinstance(data, Mapping):
-        raise FoldcarError(f"{file}: is not a JSON object of parameters, as docs/calibration.md has them")
+        raise FoldcarError(f"{file}: is not a JSON object of parameters; docs/calibration.md lists them")
     values = {name: value for name, value in NOMINAL.items() if name != WHEEL_SPREAD}
     for name, value in data.items():
         if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
@@ -115,21 +118,21 @@ def read_reality(file: Path, engine: str) -> dict[str, float]:
             parameter_named(name, value, f"{file}: {name}", MAX_REAL_SCORE, with_nominal=True, others=REAL_ONLY)
             values[name] = float(value)
             continue
-        one = REAL_ONLY[name]
-        if not one.least <= value <= one.largest:
-            limits = f"{one.least:g} to {one.largest:g} ({one.unit})"
+        parameter = REAL_ONLY[name]
+        if not parameter.least <= value <= parameter.largest:
+            limits = f"{parameter.least:g} to {parameter.largest:g} ({parameter.unit})"
             raise FoldcarError(f"{file}: {name}: {value:g} is outside {limits}")
-        if value != one.nominal:
-            if one.mujoco_only and ENGINES[engine].environment != MUJOCO_ENVIRONMENT:
+        if value != parameter.nominal:
+            if parameter.mujoco_only and ENGINES[engine].environment != MUJOCO_ENVIRONMENT:
                 raise FoldcarError(f"{file}: {name}: {engine} has no such tyres; --engine {MUJOCO} has them")
             values[name] = float(value)
     return values
 
 
 def as_calibration(file: Path, values: Mapping[str, float]) -> Calibration:
-    """A calibration whose only draw is ``values``: sweeps take parameters in that form. It is not stored.
+    """Return a calibration whose only draw is ``values``, the form in which sweeps take parameters. It is not stored.
 
-    Its name tells files of one name and other values apart.
+    Its name ends with a hash of the values, because files of the same name may have other values.
     """
     unnamed = Calibration("", "", "", "", (values,), {}, REALITY_KIND)
     return replace(unnamed, name=f"{file.stem} {unnamed.fingerprint[:NAME_DIGITS]}")

@@ -42,7 +42,7 @@ class SweptDesign:
 
 @dataclass(frozen=True)
 class SweptExperiment:
-    """``designs`` and ``scenes`` in the store's order; ``info`` as the store has it."""
+    """A swept experiment: its stored description, its ``designs`` and ``scenes`` in the store's order."""
 
     info: ExperimentInfo
     designs: tuple[SweptDesign, ...]
@@ -58,11 +58,12 @@ class SweptExperiment:
 
     @cached_property
     def _indices(self) -> dict[frozenset[tuple[str, float]], int]:
+        """The designs' indices by their parameters."""
         return {frozenset(design.parameters.items()): i for i, design in enumerate(self.designs)}
 
 
 def read_experiment(store: Store, name: str) -> SweptExperiment:
-    """Return the experiment ``name`` of ``store``. Raises FoldcarError."""
+    """Read the designs and scenes of experiment ``name``. Raises FoldcarError if it cannot be calibrated."""
     place = f"{store.path}: experiment {name}"
     experiments = store.info().experiments
     if name not in experiments:
@@ -94,16 +95,17 @@ def read_experiment(store: Store, name: str) -> SweptExperiment:
 
 
 def nominal_counts(store: Store, experiment: SweptExperiment) -> dict[int, tuple[int, int]]:
-    """Return numbers of passed and of all counted nominal runs by the design's index."""
+    """Return the pair (passed, counted) of numbers of nominal runs, by the design's index."""
     counts = store.design_counts(experiment.info.id)
     return dict(enumerate(zip(counts.passed, counts.counted, strict=True)))
 
 
 @dataclass(frozen=True, slots=True)
 class CalibrationRun:
-    """A design by its index, under ``values``, in a scene of docs/carsim.md.
+    """A run of the design with index ``design`` in a scene, as in docs/carsim.md.
 
-    ``car`` selects the car's random differences from its design, ``number`` what varies from drive to drive.
+    ``values`` are the simulator's parameters by name. ``car`` is the seed of the car's differences from its design,
+    ``number`` that of the drive's differences.
     """
 
     design: int
@@ -114,7 +116,7 @@ class CalibrationRun:
 
 
 class Simulator:
-    """Simulates runs of one experiment. ``seed`` is that of all random differences."""
+    """Simulates runs of one experiment in ``jobs`` processes; ``seed`` belongs to all random differences."""
 
     def __init__(self, experiment: SweptExperiment, carsim: Carsim, jobs: int, seed: int) -> None:
         self.experiment = experiment
@@ -142,9 +144,10 @@ class Simulator:
         return np.array(results)
 
     def _run(self, chunk: list[CalibrationRun]) -> list[float]:
+        """Simulate a chunk with one call of carsim; results as in :meth:`passes`."""
         bodies, scenes, requests = {}, {}, []
-        for name, run in zip(map(str, range(len(chunk))), chunk, strict=True):
-            design = self.experiment.designs[run.design]
+        for index, run in enumerate(chunk):
+            name, design = str(index), self.experiment.designs[run.design]
             reality = drawn_reality(run.values, self.experiment.info.variation, self.seed, run.number, run.car)
             bodies[name], scenes[name] = canonical_json(design.body), canonical_json(run.scene)
             label = f"design {run.design + 1}, drive {run.number}"

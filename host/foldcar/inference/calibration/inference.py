@@ -41,9 +41,10 @@ COMMON, SIMILAR, LENGTH = 0.35, 0.35, 0.4
 
 @dataclass(frozen=True)
 class Problem:
-    """Trials, the emulator that explains them, and the cells' ``inputs``.
+    """What a posterior is drawn from: trials, emulator, and priors.
 
-    ``priors`` are those of parameters, by index, whose scores are not standard normal before the trials.
+    ``inputs`` are the emulator's, as in :func:`cell_inputs`: a row for each cell of the trials, then for each design.
+    ``priors`` are the priors of scores that are not standard normal, by the parameter's index.
     """
 
     observed: Observations
@@ -53,7 +54,7 @@ class Problem:
 
     @cached_property
     def correlation(self) -> FloatArray:
-        """Correlations (designs, cars) of a further car's discrepancy with those of the cars of the trials."""
+        """Correlations (designs, cars): of the discrepancy of a new car of each design with that of each driven car."""
         designs = self.inputs[len(self.observed.cells) :, : self.emulator.designs]
         return design_correlation(designs)[:, self.observed.car_design]
 
@@ -86,30 +87,36 @@ class Problem:
         return self.emulator.logits(scores, self.inputs[len(self.observed.cells) + designs])
 
     def offsets(self, scores: FloatArray, tau: FloatArray, designs: IntArray) -> tuple[FloatArray, FloatArray]:
-        """Return mean and variance (n, designs) of the discrepancy of a further car of each design.
+        """Return mean and variance (n, designs) of the discrepancy, in log-odds, of a new car of each design.
 
-        ``scores`` (n, parameters) and ``tau`` (n,) are draws of the posterior.
+        ``scores`` (n, parameters) and ``tau`` (n,), the discrepancy's standard deviation, are draws of the posterior.
         """
-        cars = self._outcomes(scores, tau)
-        pairs = [cars.further(tau[:, None] ** 2 * self.correlation[design], tau**2) for design in designs.tolist()]
-        means, variances = zip(*pairs, strict=True)
+        driven_cars = self._outcomes(scores, tau)
+        new_cars = [
+            driven_cars.new_car(tau[:, None] ** 2 * self.correlation[design], tau**2) for design in designs.tolist()
+        ]
+        means, variances = zip(*new_cars, strict=True)
         return np.column_stack(means), np.column_stack(variances)
 
     def _outcomes(self, scores: FloatArray, tau: FloatArray) -> Outcomes:
-        """Infer cars' offsets for scores (n, parameters) with discrepancies τ (n,)."""
+        """Infer the driven cars' log-odds offsets for scores (n, parameters) and standard deviations τ (n,).
+
+        Cars of similar designs share a part of the discrepancy; each car also has its own variance, ``car_sd`` squared.
+        """
         logits = self.emulator.logits(scores, self.inputs[: len(self.observed.cells)])
-        shared = self.correlation[self.observed.car_design]
-        covariance = tau[:, None, None] ** 2 * shared + self.emulator.car_sd**2 * np.eye(len(shared))
+        correlation = self.correlation[self.observed.car_design]
+        covariance = tau[:, None, None] ** 2 * correlation + self.emulator.car_sd**2 * np.eye(len(correlation))
         cell, car, passed, counted = self._groups
         return outcomes(self.emulator.centre_factor * logits[:, cell], passed, counted, car, covariance)
 
     @cached_property
     def _groups(self) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
-        """Cell, car, number of passed and of all trials (groups,) for each car in each cell."""
+        """Trials grouped by car and cell: four arrays (groups,) of cell, car, trials passed, trials in all."""
         cars = len(self.observed.car_design)
-        groups, of = np.unique(self.observed.cell * cars + self.observed.car, return_inverse=True)
-        passed = np.bincount(of, self.observed.passed)
-        return groups // cars, groups % cars, np.asarray(passed), np.bincount(of).astype(np.float64)
+        # One number for each pair of cell and car, from which both are recovered.
+        groups, group_of_trial = np.unique(self.observed.cell * cars + self.observed.car, return_inverse=True)
+        passed = np.bincount(group_of_trial, self.observed.passed)
+        return groups // cars, groups % cars, np.asarray(passed), np.bincount(group_of_trial).astype(np.float64)
 
 
 @dataclass(frozen=True)
@@ -135,7 +142,11 @@ class Inference:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """Numbers of parameter sets from the prior and around the first posterior, of checked designs and their scenes."""
+    """How many simulations each stage of a calibration takes, ``runs`` in all.
+
+    ``first`` sets of parameters come from the prior, ``second`` from around the first posterior. Then the rates of
+    ``checked`` designs are simulated, with each published draw in ``scenes`` scenes.
+    """
 
     first: int
     second: int
@@ -145,14 +156,14 @@ class Plan:
 
 
 def plan(runs: int, observed: Observations, designs: int) -> Plan:
-    """Plan about ``runs`` simulated runs, at least MIN_RUNS, for these trials and a family of ``designs``."""
+    """Divide about ``runs`` simulations, at least MIN_RUNS, among the stages; ``designs`` is the size of the family."""
     runs = max(MIN_RUNS, runs)
-    last = (1 - FIRST - SECOND) * runs / DRAWS
-    checked = max(len(np.unique(observed.car_design)), min(designs, MAX_CHECKED, int(last)))
-    each = min(len(observed.cells), MAX_CELLS) + OTHERS
-    first, second = int(FIRST * runs / each), int(SECOND * runs / each)
-    scenes = max(1, int(last / checked))
-    return Plan(first, second, checked, scenes, each * (first + second) + DRAWS * checked * scenes)
+    check_runs_per_draw = (1 - FIRST - SECOND) * runs / DRAWS
+    checked = max(len(np.unique(observed.car_design)), min(designs, MAX_CHECKED, int(check_runs_per_draw)))
+    runs_per_set = min(len(observed.cells), MAX_CELLS) + OTHERS
+    first, second = int(FIRST * runs / runs_per_set), int(SECOND * runs / runs_per_set)
+    scenes = max(1, int(check_runs_per_draw / checked))
+    return Plan(first, second, checked, scenes, runs_per_set * (first + second) + DRAWS * checked * scenes)
 
 
 def infer(
@@ -162,52 +173,62 @@ def infer(
     done: Callable[[int], None] = lambda runs: None,
     priors: Mapping[int, ScorePrior] = MappingProxyType({}),
 ) -> Inference:
-    """Infer the parameters; ``priors`` are as in Problem. Raises FoldcarError.
+    """Infer the simulator's parameters from trials with about ``runs`` simulations. Raises FoldcarError.
 
-    ``done`` is called with numbers of finished runs, which add up to Plan.runs.
+    The emulator is fitted twice: to runs with parameters from the prior, then also to runs near the first posterior.
+    Last, the rates of designs are simulated. ``done`` is called with numbers of finished runs, which add up to Plan.runs.
+    ``priors`` are as in Problem.
     """
     seed, experiment = simulator.seed, simulator.experiment
-    inputs, width = cell_inputs(experiment, observed.cells)
+    inputs, design_inputs = cell_inputs(experiment, observed.cells)
     planned = plan(runs, observed, len(experiment.designs))
 
-    def problem_of(bank: Bank) -> Problem:
-        return Problem(observed, bank.emulator(inputs, width, seed), inputs, dict(priors))
+    def fitted_problem(bank: Bank) -> Problem:
+        return Problem(observed, bank.emulator(inputs, design_inputs, seed), inputs, dict(priors))
 
     bank = simulate_bank(simulator, prior_scores(planned.first, seed), observed, 0, done)
-    problem = problem_of(bank)
-    close = scores_near(problem.posterior(seed).scores, planned.second, seed)
-    problem = problem_of(bank.joined(simulate_bank(simulator, close, observed, planned.first, done)))
+    first_posterior = fitted_problem(bank).posterior(seed)
+    near_scores = scores_near(first_posterior.scores, planned.second, seed)
+    problem = fitted_problem(bank.joined(simulate_bank(simulator, near_scores, observed, planned.first, done)))
     driven = np.unique(observed.car_design)
+    # The checked designs are the driven ones, and others evenly spaced over the family.
     spaced = planned.checked - (len(driven) if planned.checked < len(experiment.designs) else 0)
     designs = np.union1d(np.linspace(0, len(experiment.designs) - 1, spaced).round().astype(int), driven)
-    first = (planned.first + planned.second) * (MAX_CELLS + OTHERS + len(observed.car_design))
-    return checked(simulator, problem, problem.posterior(seed), designs, planned.scenes, first, done)
+    # Above the numbers of all earlier cars and drives, so that the check has cars of its own.
+    first_number = (planned.first + planned.second) * (MAX_CELLS + OTHERS + len(observed.car_design))
+    return simulated_rates(simulator, problem, problem.posterior(seed), designs, planned.scenes, first_number, done)
 
 
-def checked(
+def simulated_rates(
     simulator: Simulator,
     problem: Problem,
     posterior: Posterior,
     designs: IntArray,
     scenes: int,
-    first: int,
+    first_number: int,
     done: Callable[[int], None],
 ) -> Inference:
-    """Simulate the rates of ``designs`` with DRAWS draws in ``scenes`` scenes each, numbered from ``first``."""
+    """Simulate the ``designs`` (indices) with DRAWS draws of the posterior, each in ``scenes`` scenes; return the result.
+
+    Every scene of a draw has a car and a drive of its own, numbered from ``first_number``.
+    """
     chosen = np.random.default_rng(simulator.seed).choice(len(posterior.scores), DRAWS, replace=False)
-    every = simulator.experiment.scenes
-    check = [
-        # Each of the published draws with cars and in scenes of its own.
-        CalibrationRun(int(design), values, every[number % len(every)], first + number, first + number)
-        for number, values in enumerate(values for values in values_of(posterior.scores[chosen]) for _ in range(scenes))
+    all_scenes = simulator.experiment.scenes
+    values_of_drives = [values for values in values_of(posterior.scores[chosen]) for _ in range(scenes)]
+    runs = [
+        CalibrationRun(int(design), values, all_scenes[i % len(all_scenes)], first_number + i, first_number + i)
+        for i, values in enumerate(values_of_drives)
         for design in designs
     ]
-    table = simulator.passes(check, done).reshape(-1, len(designs))
+    table = simulator.passes(runs, done).reshape(-1, len(designs))
     return Inference(problem, posterior, chosen, designs, table)
 
 
 def design_correlation(designs: FloatArray) -> FloatArray:
-    """Return correlations (designs, designs) of the discrepancies of designs (designs, k)."""
+    """Return correlations (designs, designs) of the discrepancies of designs with parameters (designs, k).
+
+    A discrepancy is the sum of a part of all designs, a part of similar designs, and a part of each design.
+    """
     scaled = unit_range(designs)
     shared: FloatArray = COMMON + SIMILAR * Matern(scaled, LENGTH).covariance(scaled, scaled)
     return shared + (1 - COMMON - SIMILAR) * np.eye(len(designs))

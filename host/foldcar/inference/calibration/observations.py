@@ -25,17 +25,17 @@ ABORTED, OTHER_ENVIRONMENT, NO_DESIGN = "aborted", "other environment", "no desi
 _REASONS = {
     SIMULATED: "of simulated cars",
     BUILT: "of built cars",
-    UNKNOWN: "of cars that may be built or simulated (tell with `foldcar trials correct` and --car)",
+    UNKNOWN: "of cars that may be built or simulated (`foldcar trials correct --car` says which)",
     WITHDRAWN: "withdrawn",
     ABORTED: "aborted",
     OTHER_ENVIRONMENT: "in another environment than the experiment's",
-    NO_DESIGN: "of cars that are no designs of the experiment as swept",
+    NO_DESIGN: "of cars whose design was not swept",
 }
 
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """A design by its index, and a scene of docs/carsim.md, None for any of the experiment's."""
+    """A design by its index, and a scene as in docs/carsim.md; None stands for any scene of the experiment."""
 
     design: int
     scene: Mapping[str, Any] | None
@@ -83,32 +83,40 @@ def experiment_with_trials(store: Store, named: str | None) -> str:
         raise FoldcarError(
             f"{store.path}: holds no trials: drive some (`foldcar log`) or import them (`foldcar trials import`)"
         )
-    return _only(
-        with_trials, named, f"{store.path}: has no trials of experiment", f"{store.path}: has trials of experiments"
-    )
+    place = f"{store.path}: has"
+    return _chosen_experiment(with_trials, named, f"{place} no trials of experiment", f"{place} trials of experiments")
 
 
 def experiment_to_measure(store: Store, named: str | None) -> str:
     """Return ``named`` if it was swept or has trials; None stands for the only such experiment. Raises FoldcarError."""
     swept = [info.listed_id for info in store.info().experiments.values()] if store.holds_study() else []
-    known = list(dict.fromkeys([*swept, *(trial.experiment for trial in store.trials())]))
-    return _only(known, named, f"{store.path}: has no experiment", f"{store.path}: has experiments")
+    experiments = list(dict.fromkeys([*swept, *(trial.experiment for trial in store.trials())]))
+    return _chosen_experiment(experiments, named, f"{store.path}: has no experiment", f"{store.path}: has experiments")
 
 
-def _only(known: list[str], named: str | None, unknown: str, several: str) -> str:
-    if named is None and len(known) > 1:
-        raise FoldcarError(f"{several} {', '.join(known)}: choose one with --experiment")
-    if named is None and known:
-        return known[0]
-    if named not in known:
-        raise FoldcarError(f'{unknown} "{named or ""}"; it has {", ".join(known) or "none"}')
+def _chosen_experiment(experiments: list[str], named: str | None, if_unknown: str, if_several: str) -> str:
+    """Return the ``named`` experiment, or the only one if ``named`` is None.
+
+    Raises FoldcarError. It starts with ``if_unknown`` if there is no such experiment, with ``if_several`` if None may be
+    one of several.
+    """
+    if named is None and len(experiments) > 1:
+        raise FoldcarError(f"{if_several} {', '.join(experiments)}: choose one with --experiment")
+    if named is None and experiments:
+        return experiments[0]
+    if named not in experiments:
+        raise FoldcarError(f'{if_unknown} "{named or ""}"; it has {", ".join(experiments) or "none"}')
     return named
 
 
 def observe(store: Store, experiment: SweptExperiment, simulated: bool) -> Observations:
-    """Return the trials of built cars or, if ``simulated``, those of simulated cars. Raises FoldcarError without any."""
+    """Read the completed trials of built cars or, if ``simulated``, of simulated ones, in the experiment's environment.
+
+    Notes say which trials are left out. Raises FoldcarError if no trial remains.
+    """
     name = experiment.info.id
-    other_environment, here = store.trials_elsewhere(experiment.info), store.trials_here(experiment.info)
+    other_environment = store.trials_in_other_environments(experiment.info)
+    ids_in_samples = store.trials_in_environment(experiment.info)
     kept: list[tuple[Trial, int]] = []
     left_out = Counter[str]()
     for trial in store.trials(name):
@@ -128,7 +136,7 @@ def observe(store: Store, experiment: SweptExperiment, simulated: bool) -> Obser
         hint = " (--simulated-trials calibrates by them)" if left_out[SIMULATED] else ""
         raise FoldcarError(f"{store.path}: experiment {name}: no trial to calibrate by: {reasons}{hint}")
     notes = [f"Trials left out: {reasons}."] if reasons else []
-    result = _observed(store, experiment, kept, here)
+    result = _observed(store, experiment, kept, ids_in_samples)
     # A car that `foldcar log` drove has reported the hash of its design. How other cars were built is unknown, and a
     # simulated car may have any centre of mass.
     from_sheets = not simulated and all(trial.source is None and trial.design_hash for trial, _ in kept)
@@ -137,14 +145,15 @@ def observe(store: Store, experiment: SweptExperiment, simulated: bool) -> Obser
 
 
 def _observed(
-    store: Store, experiment: SweptExperiment, trials: Sequence[tuple[Trial, int]], here: set[int]
+    store: Store, experiment: SweptExperiment, trials: Sequence[tuple[Trial, int]], ids_in_samples: set[int]
 ) -> Observations:
+    """Sort trials, each with the index of its design, into cells and cars, which are numbered as they first appear."""
     cells: dict[tuple[int, str | None], int] = {}
     cars: dict[tuple[int, str | None], int] = {}
     cell, car = [], []
     for trial, design in trials:
-        drive = store.trial_drive(trial.id) if trial.id in here else None
-        scene = drive[2] if drive is not None else _sampled(experiment, trial, here)
+        drive = store.trial_drive(trial.id) if trial.id in ids_in_samples else None
+        scene = drive[2] if drive is not None else _sampled_scene(experiment, trial, ids_in_samples)
         cell.append(cells.setdefault((design, scene), len(cells)))
         car.append(cars.setdefault((design, trial.car_name), len(cars)))
     return Observations(
@@ -153,18 +162,23 @@ def _observed(
         np.array(car),
         np.array([design for design, _ in cars]),
         np.array([float(trial.outcome == PASSED) for trial, _ in trials]),
-        False,
-        (),
+        simulated=False,
+        notes=(),
     )
 
 
-def _sampled(experiment: SweptExperiment, trial: Trial, here: set[int]) -> str | None:
-    """Return the scene of an imported trial's sample if it is one of the experiment's."""
-    known = trial.id in here and trial.sample is not None and trial.sample < len(experiment.scenes)
-    return json.dumps(experiment.scenes[trial.sample or 0]) if known else None
+def _sampled_scene(experiment: SweptExperiment, trial: Trial, ids_in_samples: set[int]) -> str | None:
+    """Return the scene of an imported trial's sample as JSON; None if it is not one of the experiment's scenes.
+
+    ``ids_in_samples`` are the numbers of trials whose sample is one of the experiment's.
+    """
+    if trial.id not in ids_in_samples or trial.sample is None or trial.sample >= len(experiment.scenes):
+        return None
+    return json.dumps(experiment.scenes[trial.sample])
 
 
 def _notes(observed: Observations, simulated: bool) -> list[str]:
+    """Return sentences on what the trials cannot show."""
     counts = observed.counts()
     passed, counted = int(observed.passed.sum()), len(observed.passed)
     notes = []

@@ -123,13 +123,13 @@ NAMED_CELLS = (
 )
 # What a rule and a tilted board measure.
 MEASURABLE = ("obstacle_height", "com_height_m", "track_m")
-# Farther out, the emulator has seen no runs.
+# Largest score of a measured value: farther out, the emulator was fitted to no runs.
 MAX_SCORE = 2.5
 NOMINAL: Mapping[str, float] = {parameter.name: parameter.nominal for parameter in PARAMETERS}
 
 
 def values_of(scores: FloatArray) -> list[dict[str, float]]:
-    """The parameters by name for each row of ``scores`` (n, parameters), rounded to six significant digits."""
+    """Return the parameters' values by name for each row of scores (n, parameters), rounded to six digits."""
     columns = np.column_stack([parameter.value(scores[:, i]) for i, parameter in enumerate(PARAMETERS)])
     return [{name: float(f"{value:.6g}") for name, value in zip(NAMES, row, strict=True)} for row in columns]
 
@@ -137,15 +137,16 @@ def values_of(scores: FloatArray) -> list[dict[str, float]]:
 def parameter_named(
     name: str, value: float, place: str, largest_score: float, with_nominal: bool, others: Iterable[str] = ()
 ) -> Parameter:
-    """The parameter, whose ``value`` lies within these scores, or at its nominal value. FoldcarError names the limits.
+    """Return the parameter ``name`` after a check that the score of ``value`` is at most ± ``largest_score``.
 
-    It also names ``others`` that are known where the name stands.
+    ``with_nominal`` also allows the values from there to the nominal one. Raises FoldcarError, which starts with
+    ``place`` and names the limits. ``others`` are further known names, for the message about an unknown name.
     """
     if name not in NAMES:
         known = [*NAMES, *others]
         raise FoldcarError(f'{place}: unknown parameter "{name}"{did_you_mean(name, known)}; known: {", ".join(known)}')
     result = PARAMETERS[NAMES.index(name)]
-    # The least value of a scatter is none at all.
+    # A half-normal parameter is a standard deviation, which may be 0.
     low = 0.0 if result.prior == "half-normal" else float(result.value(-largest_score))
     high = float(result.value(largest_score))
     if with_nominal:
@@ -167,7 +168,7 @@ class ScorePrior(NamedTuple):
 
 
 def measured_value(text: str, place: str) -> tuple[str, float]:
-    """Parse a measured value, NAME=VALUE. FoldcarError names the ``place`` and the limits."""
+    """Parse a measured value, NAME=VALUE, to name and value. Raises FoldcarError, which starts with ``place``."""
     name, _, number = (part.strip() for part in text.partition("="))
     try:
         value = decimal_number(number)
@@ -178,7 +179,10 @@ def measured_value(text: str, place: str) -> tuple[str, float]:
 
 
 def measured_priors(measured: Mapping[str, float], place: str) -> dict[int, ScorePrior]:
-    """The priors of measured values, by the parameter's index. FoldcarError names the ``place``."""
+    """Return priors of standard deviation 0 at the measured values, by the parameter's index.
+
+    Raises FoldcarError, which starts with ``place``, for an unknown name or a value outside the limits.
+    """
     priors = {}
     for name, value in measured.items():
         parameter = parameter_named(name, value, f"{place} {name}", MAX_SCORE, with_nominal=False)
@@ -187,14 +191,16 @@ def measured_priors(measured: Mapping[str, float], place: str) -> dict[int, Scor
 
 
 def built_priors(vehicle_type: str, from_sheets: bool) -> dict[int, ScorePrior]:
-    """The priors that built cars have instead of those of PARAMETERS, by the parameter's index.
+    """Return narrower priors for what is known of built cars, by the parameter's index.
 
+    A type that names its cells fixes their supply; a car built ``from_sheets`` has its parts where they are drawn.
     Example: ``built_priors("W_B_W+cells=nimh", from_sheets=True)``
     """
-    named = split_type(vehicle_type)[1].cells != DEFAULT_CHOICES.cells
+    cells_named = split_type(vehicle_type)[1].cells != DEFAULT_CHOICES.cells
+    narrowed = (*(NAMED_CELLS if cells_named else ()), *((SHEETS_COM_HEIGHT,) if from_sheets else ()))
     priors = {}
-    for narrow in (*(NAMED_CELLS if named else ()), *((SHEETS_COM_HEIGHT,) if from_sheets else ())):
-        index = NAMES.index(narrow.name)
+    for parameter in narrowed:
+        index = NAMES.index(parameter.name)
         wide = PARAMETERS[index]
-        priors[index] = ScorePrior(wide.score(narrow.middle), narrow.sd / wide.sd, narrow.source)
+        priors[index] = ScorePrior(wide.score(parameter.middle), parameter.sd / wide.sd, parameter.source)
     return priors

@@ -49,7 +49,11 @@ class Posterior:
 
 
 def sample_posterior(likelihood: Likelihood, parameters: int, seed: int, particles: int = PARTICLES) -> Posterior:
-    """Draw from the posterior of scores, which are standard normal before the trials, and of the discrepancy."""
+    """Draw from the posterior of the scores (standard normal prior) and of the discrepancy.
+
+    Sequential Monte Carlo: the likelihood's exponent, ``temperature``, rises from 0 to 1. At each step the particles are
+    resampled by weight, then moved by MOVES Crank-Nicolson proposals, whose ``size`` adapts to the rate ACCEPTED.
+    """
     stream = np.random.default_rng(seed)
 
     def log_likelihood(latent: FloatArray) -> FloatArray:
@@ -65,10 +69,10 @@ def sample_posterior(likelihood: Likelihood, parameters: int, seed: int, particl
         latent, current = latent[kept], current[kept]
         temperature = min(1.0, temperature + step)
         for _ in range(MOVES):
-            moved = np.sqrt(1 - size**2) * latent + size * stream.standard_normal(latent.shape)
-            proposed = log_likelihood(moved)
-            accepted = np.log(stream.random(particles)) < temperature * (proposed - current)
-            latent[accepted], current[accepted] = moved[accepted], proposed[accepted]
+            proposal = np.sqrt(1 - size**2) * latent + size * stream.standard_normal(latent.shape)
+            proposal_likelihood = log_likelihood(proposal)
+            accepted = np.log(stream.random(particles)) < temperature * (proposal_likelihood - current)
+            latent[accepted], current[accepted] = proposal[accepted], proposal_likelihood[accepted]
             size = float(np.clip(size * np.exp(accepted.mean() - ACCEPTED), 0.02, 0.95))
     return Posterior(latent[:, :parameters], np.asarray(DISCREPANCY.value(latent[:, parameters])), current)
 
@@ -88,22 +92,25 @@ class Outcomes:
         """Log evidence (n,) of the outcomes, without the binomial coefficients."""
         return np.asarray(self.factors.evidence)
 
-    def further(self, cross: FloatArray, variance: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return mean and variance (n,) of another car's offset.
+    def new_car(self, cross: FloatArray, variance: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return mean and variance (n,) of the offset of a car that was not driven, given the trials.
 
-        ``cross`` (n, cars) are its covariances with the cars of the trials, ``variance`` (n,) is its prior variance.
+        ``cross`` (n, cars) are its covariances with the driven cars, ``variance`` (n,) is its prior variance. Its offset
+        is ``loads`` times the driven cars' factors, plus a part of its own that trials do not change.
         """
         loads = np.linalg.solve(self.root, cross[..., None])[..., 0]
-        removed = (loads**2).sum(axis=1) - (np.einsum("nc,ncd->nd", loads, self.factors.root) ** 2).sum(axis=1)
-        return (loads * self.factors.mode).sum(axis=1), np.maximum(variance - removed, 0)
+        # What the factors contribute before the trials, less what they contribute after them.
+        reduction = (loads**2).sum(axis=1) - (np.einsum("nc,ncd->nd", loads, self.factors.root) ** 2).sum(axis=1)
+        return (loads * self.factors.mode).sum(axis=1), np.maximum(variance - reduction, 0)
 
 
 def outcomes(
     logits: FloatArray, passed: FloatArray, counted: FloatArray, car: IntArray, covariance: FloatArray
 ) -> Outcomes:
-    """Infer cars' offsets from groups of trials: ``passed`` of ``counted`` (groups,), each of one ``car`` in one cell.
+    """Infer cars' log-odds offsets by Laplace's method, for each of n draws of the parameters.
 
-    ``logits`` (n, groups) are simulated, ``covariance`` (n, cars, cars) is that of the offsets before the trials.
+    A group is the trials of one car in one cell: ``passed`` of ``counted`` (groups,) by the car with index ``car``
+    (groups,). ``logits`` (n, groups) are simulated. ``covariance`` (n, cars, cars) is the offsets' prior covariance.
     """
     root = np.linalg.cholesky(covariance + JITTER * np.eye(covariance.shape[1]))
     # Newton steps may overflow before they are halved.
@@ -112,16 +119,19 @@ def outcomes(
 
 
 def _next_step(log_likelihood: FloatArray, limit: float) -> float:
-    """Return the largest step of the temperature, up to ``limit``, that leaves EFFECTIVE of the particles effective."""
+    """Return the largest step of the temperature, up to ``limit``, that keeps the effective sample size.
+
+    This size is (Σw)² / Σw² for the particles' weights w = likelihood^step; it stays at least EFFECTIVE of their number.
+    """
 
     def excess(step: float) -> float:
-        scaled = step * log_likelihood
-        return float(np.exp(2 * logsumexp(scaled) - logsumexp(2 * scaled))) / len(scaled) - EFFECTIVE
+        log_weights = step * log_likelihood
+        return float(np.exp(2 * logsumexp(log_weights) - logsumexp(2 * log_weights))) / len(log_weights) - EFFECTIVE
 
     return limit if excess(limit) >= 0 else float(brentq(excess, 0.0, limit))
 
 
 def _resampled(weights: FloatArray, stream: np.random.Generator) -> IntArray:
-    """Return indices of a systematic resampling."""
-    places = (np.arange(len(weights)) + stream.random()) / len(weights)
-    return np.searchsorted(np.cumsum(weights), places).clip(max=len(weights) - 1)
+    """Return indices (n,) of a systematic resampling: n evenly spaced points of the cumulated weights (n,)."""
+    points = (np.arange(len(weights)) + stream.random()) / len(weights)
+    return np.searchsorted(np.cumsum(weights), points).clip(max=len(weights) - 1)

@@ -18,6 +18,7 @@ from foldcar.inference.calibration.parameters import FloatArray
 from foldcar.inference.calibration.posterior import IntArray, Posterior
 from foldcar.statistics.smoothed_simulation import smoothed_simulation
 
+# Gauss-Hermite quadrature for the mean over a standard normal variable.
 _NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(15)
 _WEIGHTS = _WEIGHTS / _WEIGHTS.sum()
 
@@ -40,21 +41,26 @@ class Rates:
     emulator_error: float
 
     def errors(self, designs: IntArray) -> dict[int, tuple[float, float]]:
-        """Return shift and variance by the index of the checked ``designs``."""
+        """Return the emulator's (shift, variance) by the design's index; ``designs`` are the checked ones."""
         return dict(zip(designs.tolist(), zip(self.shifts.tolist(), self.variances.tolist(), strict=True), strict=True))
 
 
 def rates_of(inference: Inference, experiment: SweptExperiment, seed: int) -> Rates:
-    """Predict the rates of the checked designs; the emulator's log-odds are shifted to those that were simulated."""
+    """Predict the success rates of the checked designs.
+
+    The emulator's log-odds are shifted so that their mean rates equal the simulated ones. Then the uncertainty of the
+    simulated rates and the cars' offsets are added as random draws.
+    """
     problem, posterior, designs = inference.problem, inference.posterior, inference.designs
-    runs = np.column_stack([np.nansum(inference.table, axis=0), np.isfinite(inference.table).sum(axis=0)])
+    passed_and_counted = np.column_stack([np.nansum(inference.table, axis=0), np.isfinite(inference.table).sum(axis=0)])
     varied = [list(experiment.varied(design).values()) for design in designs.tolist()]
-    simulated = smoothed_simulation(np.array(varied), runs, inference.table.T)
+    simulated = smoothed_simulation(np.array(varied), passed_and_counted, inference.table.T)
     rates, logits = expit(simulated.mean), problem.logits(posterior.scores, designs)
-    shifts = np.array([_shift(*pair) for pair in zip(logits[inference.chosen].T, rates, strict=True)])
+    shifts = np.array([_shift(column, rate) for column, rate in zip(logits[inference.chosen].T, rates, strict=True)])
     mean, variance = problem.offsets(posterior.scores, posterior.discrepancy, designs)
-    beyond = abs(expit(logits).mean(axis=0) - rates) - np.sqrt(simulated.variance) * rates * (1 - rates)
-    error = max(0.0, float(beyond[np.isin(designs, problem.observed.car_design)].max()))
+    # The emulator's error beyond one standard deviation of the simulated rate.
+    excess_error = abs(expit(logits).mean(axis=0) - rates) - np.sqrt(simulated.variance) * rates * (1 - rates)
+    error = max(0.0, float(excess_error[np.isin(designs, problem.observed.car_design)].max()))
     stream = np.random.default_rng(seed)
     offsets = mean + np.sqrt(variance) * stream.standard_normal(mean.shape)
     errors = stream.standard_normal((len(mean), simulated.columns.shape[1])) @ simulated.columns.T
@@ -70,9 +76,9 @@ def _shift(logits: FloatArray, rate: float) -> float:
 def trial_chances(
     problem: Problem, posterior: Posterior, counts: Mapping[int, int], errors: Mapping[int, tuple[float, float]]
 ) -> dict[int, FloatArray]:
-    """Return log probabilities (n, trials + 1) of the number of passes of a further car, by the design's index.
+    """Return log probabilities (n, trials + 1) of the number of passes of a new car, by the design's index.
 
-    ``counts`` are numbers of trials and ``errors`` the emulator's shifts and variances, as in Rates, by design.
+    ``counts`` are the numbers of its trials, ``errors`` the emulator's (shift, variance) as in Rates, by design.
     """
     designs = np.array(list(counts))
     means, variances = problem.offsets(posterior.scores, posterior.discrepancy, designs)
@@ -86,13 +92,15 @@ def trial_chances(
 def count_chances(
     problem: Problem, logits: FloatArray, mean: FloatArray, variance: FloatArray, counted: int
 ) -> FloatArray:
-    """Return log probabilities (n, counted + 1) of the number of passes in ``counted`` trials of a further car.
+    """Return log probabilities (n, counted + 1) of 0 … ``counted`` passes in ``counted`` trials of a new car.
 
-    ``logits`` (n,) are its design's, ``mean`` and ``variance`` (n,) those of its discrepancy.
+    ``logits`` (n,) are simulated, ``mean`` and ``variance`` (n,) those of its discrepancy. Binomial probabilities are
+    averaged over the car's normal offset by quadrature.
     """
     spread = np.sqrt(variance + problem.emulator.car_sd**2)
-    nodes = expit((problem.emulator.centre_factor * logits + mean)[:, None] + spread[:, None] * _NODES)
-    return np.asarray(np.log(binom.pmf(np.arange(counted + 1)[:, None], counted, nodes[:, None]) @ _WEIGHTS + 1e-300))
+    rates = expit((problem.emulator.centre_factor * logits + mean)[:, None] + spread[:, None] * _NODES)
+    # The tiny addend keeps the logarithm finite.
+    return np.asarray(np.log(binom.pmf(np.arange(counted + 1)[:, None], counted, rates[:, None]) @ _WEIGHTS + 1e-300))
 
 
 def fraction_interval(chances: FloatArray, confidence: float) -> tuple[float, float]:

@@ -32,7 +32,11 @@ Nominal = Mapping[int, tuple[int, int]]
 def summarise(
     inference: Inference, experiment: SweptExperiment, nominal: Nominal, seed: int, runs: int, leave_one_out: bool
 ) -> dict[str, Any]:
-    """Return the summary; ``leave_one_out`` also predicts each design from the trials of the other designs."""
+    """Return the summary of an inference that took ``runs`` simulations.
+
+    ``nominal`` are the numbers (passed, counted) of nominal runs by the design's index. ``leave_one_out`` also predicts
+    each design from the trials of the other designs.
+    """
     observed, rates = inference.problem.observed, rates_of(inference, experiment, seed)
     counts = observed.counts()
     trials = {design: counted for design, (_, counted) in counts.items()}
@@ -59,9 +63,9 @@ def summarise(
 def left_out(
     inference: Inference, experiment: SweptExperiment, nominal: Nominal, rates: Rates, seed: int
 ) -> list[dict[str, Any]]:
-    """Predict each design's trials from those of the other designs, with log scores of the outcomes.
+    """Predict each design's trials from those of the other designs: a row for each design, with the log score.
 
-    The emulator stays the same, because it was fitted to simulations only. Empty for fewer than two designs.
+    The emulator stays the same, because it was fitted to simulations only. Returns no rows for fewer than two designs.
     """
     observed, errors, rows = inference.problem.observed, rates.errors(inference.designs), []
     counts = observed.counts()
@@ -82,31 +86,36 @@ def left_out(
 
 
 def _nominal_log_score(runs: tuple[int, int] | None, passed: int, counted: int) -> float | None:
-    """The log probability of the trials if a car passes as often as nominal ``runs`` (passed, all); None without runs."""
+    """Return the log probability of the trials at the rate of nominal ``runs`` (passed, all); None without runs."""
     if runs is None or not runs[1]:
         return None
     return float(binom.logpmf(passed, counted, (runs[0] + 0.5) / (runs[1] + 1)))
 
 
 def _parameters(inference: Inference) -> list[dict[str, Any]]:
+    """Return a row for each parameter and for the discrepancy, with its prior and its posterior."""
     problem, posterior = inference.problem, inference.posterior
     rows = []
     for index, (parameter, scores) in enumerate(zip(PARAMETERS, posterior.scores.T, strict=True)):
         prior = problem.priors.get(index, ScorePrior(0.0, 1.0, parameter.source))
         # The reduction of the prior's variance; a measured value has no variance.
-        explained = max(0.0, 1 - float(scores.var()) / prior.sd**2) if index in problem.free else None
-        rows.append(_parameter(parameter, np.asarray(parameter.value(scores)), prior, explained))
+        variance_reduction = max(0.0, 1 - float(scores.var()) / prior.sd**2) if index in problem.free else None
+        rows.append(_parameter(parameter, np.asarray(parameter.value(scores)), prior, variance_reduction))
     return [*rows, _parameter(DISCREPANCY, posterior.discrepancy, ScorePrior(0.0, 1.0, DISCREPANCY.source), None)]
 
 
-def _parameter(parameter: Parameter, values: FloatArray, prior: ScorePrior, explained: float | None) -> dict[str, Any]:
-    before = [float(parameter.value(prior.mean + prior.sd * z)) for z in (-1.6448536, 0.0, 1.6448536)]
+def _parameter(
+    parameter: Parameter, values: FloatArray, prior: ScorePrior, variance_reduction: float | None
+) -> dict[str, Any]:
+    """Return the row of a parameter with posterior draws ``values`` (n,)."""
+    # The 5 %, 50 % and 95 % points of the standard normal distribution.
+    prior_ends = [float(parameter.value(prior.mean + prior.sd * z)) for z in (-1.6448536, 0.0, 1.6448536)]
     return {
         **{name: getattr(parameter, name) for name in ("name", "unit", "meaning", "nominal")},
         "source": prior.source,
-        "prior": dict(zip(("low", "median", "high"), before, strict=True)),
-        "posterior": _middle(values),
-        "explained": explained,
+        "prior": dict(zip(("low", "median", "high"), prior_ends, strict=True)),
+        "posterior": _quantiles(values),
+        "explained": variance_reduction,
     }
 
 
@@ -136,8 +145,8 @@ def _designs(
             "passed": passed,
             "counted": counted,
             "nominal": nominal_passed / runs if runs else None,
-            "simulated": {**_middle(calibrated), "mean": float(calibrated.mean())},
-            "built": {**_middle(built), "mean": float(built.mean())},
+            "simulated": {**_quantiles(calibrated), "mean": float(calibrated.mean())},
+            "built": {**_quantiles(built), "mean": float(built.mean())},
         }
         if counted:
             row["predicted"] = _ends(chances[design], CONFIDENCE)
@@ -149,42 +158,44 @@ def _designs(
 def _log_likelihood(
     inference: Inference, nominal: Nominal, rates: Rates, chances: Mapping[int, FloatArray]
 ) -> dict[str, float | None]:
-    """Return log-likelihoods of the numbers of passes, with independent trials and one rate for each design.
+    """Return log-likelihoods of the numbers of passed trials under four predictions of the designs' rates.
 
-    Without a discrepancy: ``draws`` is the mean over the published draws, ``best`` has the trials' own rates, ``nominal``
-    those of nominal runs. ``expected`` is the mean over the posterior with the discrepancy integrated out.
+    ``draws`` is the mean over the published draws, ``nominal`` uses the rates of nominal runs, ``best`` the trials' own
+    rates, the highest likelihood possible. ``expected`` is that of new cars, whose discrepancy is integrated out.
     """
     counts = inference.problem.observed.counts()
     published = dict(zip(inference.designs.tolist(), rates.calibrated[inference.chosen].T, strict=True))
     scores = [_nominal_log_score(nominal.get(design), k, n) for design, (k, n) in counts.items()]
-    known = [score for score in scores if score is not None]
+    defined_scores = [score for score in scores if score is not None]
     return {
         "expected": sum(log_score(chances[design], k) for design, (k, _) in counts.items()),
         "draws": float(sum(binom.logpmf(k, n, published[design]).mean() for design, (k, n) in counts.items())),
-        "nominal": sum(known) if len(known) == len(scores) else None,
+        "nominal": sum(defined_scores) if len(defined_scores) == len(scores) else None,
         "best": float(sum(binom.logpmf(k, n, k / n) for k, n in counts.values())),
     }
 
 
-def _middle(values: FloatArray) -> dict[str, float]:
+def _quantiles(values: FloatArray) -> dict[str, float]:
+    """Return the median of draws (n,) and the ends of their central CONFIDENCE interval."""
     low, high, median = np.quantile(values, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2, 0.5]).tolist()
     return {"low": low, "high": high, "median": median}
 
 
 def _ends(chances: FloatArray, confidence: float) -> dict[str, float]:
+    """Return the interval of the fraction that passes, for log probabilities (n, trials + 1)."""
     return dict(zip(("low", "high"), fraction_interval(chances, confidence), strict=True))
 
 
 def findings(summary: Mapping[str, Any]) -> list[str]:
     """Return sentences about the summary; the first says whether the calibration explains the trials."""
-    findings = [*_fit(summary), *_known_better(summary)]
+    findings = [*_fit(summary), *_learned(summary)]
     strong = [pair for pair in summary["correlations"] if abs(pair["correlation"]) >= MIN_CORRELATION]
     for pair in strong[:MAX_PAIRS]:
         first, second = pair["parameters"]
-        other = "lower" if pair["correlation"] > 0 else "higher"
+        direction = "lower" if pair["correlation"] > 0 else "higher"
         findings.append(
             f"The trials cannot tell {first} and {second} apart (correlation {pair['correlation']:+.2f}): lower {first} "
-            f"with {other} {second} explains them as well."
+            f"with {direction} {second} explains them as well."
         )
     if summary["emulator"]["error"] > MAX_EMULATOR_ERROR:
         findings.append(
@@ -198,6 +209,7 @@ def findings(summary: Mapping[str, Any]) -> list[str]:
 
 
 def _fit(summary: Mapping[str, Any]) -> Iterator[str]:
+    """Yield whether the calibrated simulator explains the trials, and whether its discrepancy exceeds the prior."""
     designs = [design for design in summary["designs"] if design["counted"]]
     outside = [
         design_text(design["design"])
@@ -211,12 +223,13 @@ def _fit(summary: Mapping[str, Any]) -> Iterator[str]:
         )
     else:
         yield f"The calibrated simulator's 95 % intervals cover the trials of all {len(designs)} designs."
-    tau = next(parameter for parameter in summary["parameters"] if parameter["name"] == DISCREPANCY.name)
-    if tau["posterior"]["median"] > 1.3 * tau["prior"]["median"]:
+    discrepancy = next(parameter for parameter in summary["parameters"] if parameter["name"] == DISCREPANCY.name)
+    if discrepancy["posterior"]["median"] > 1.3 * discrepancy["prior"]["median"]:
         yield "The discrepancy is larger than its prior: the simulator lacks something that decides the trials."
 
 
-def _known_better(summary: Mapping[str, Any]) -> Iterator[str]:
+def _learned(summary: Mapping[str, Any]) -> Iterator[str]:
+    """Yield which parameters the trials narrowed, by falling reduction of variance, and which they did not."""
     rows = [parameter for parameter in summary["parameters"] if parameter["explained"] is not None]
     for row in sorted(rows, key=lambda row: -row["explained"]):
         if row["explained"] >= INFORMATIVE:
@@ -225,6 +238,6 @@ def _known_better(summary: Mapping[str, Any]) -> Iterator[str]:
                 for ends in (row["prior"], row["posterior"])
             )
             yield f"{row['name']} is {after} {row['unit']}, before the trials {before}."
-    unknown = [row["name"] for row in rows if row["explained"] < UNINFORMATIVE]
-    if unknown:
-        yield f"The trials say almost nothing about {listed(unknown)}: the intervals are those of the prior."
+    uninformed = [row["name"] for row in rows if row["explained"] < UNINFORMATIVE]
+    if uninformed:
+        yield f"The trials say almost nothing about {listed(uninformed)}: the intervals are those of the prior."

@@ -26,7 +26,7 @@ from foldcar.simulation.scenic_runner import ScenicRunner
 
 @dataclass(frozen=True, slots=True)
 class Recipe:
-    """How to create a sweep's runner. ``engine`` is a key of ENGINES, ``build`` the build id of the sweep's carsim.
+    """How a worker creates a sweep's runner: ``engine`` is a key of ENGINES, ``build`` the build id of its carsim.
 
     For a dynamic program: ``program`` is its path on the machine of the sweep, ``files`` are the files of its folder by
     name, ``environment`` are the other arguments of ScenicRunner as JSON. ``code`` is the hash of foldcar's code that
@@ -65,7 +65,10 @@ def fault_of_worker(recipe: Recipe) -> str:
 def run_chunk(
     recipe: Recipe, bodies: Mapping[str, str], scenes: Mapping[str, str], requests: Sequence[RunRequest]
 ) -> tuple[list[dict[str, Any]], float]:
-    """Run a chunk as Simulators.run does (foldcar.study.chunks); errors name the program's original path."""
+    """Run a chunk on this worker; return the answers and the time of simulation (s), as Simulators.run does.
+
+    Errors name the Scenic program's path on the sweep's machine. Raises CarsimError, which names this worker.
+    """
     started_s = time.perf_counter()
     try:
         runner, folder = _runner(recipe)

@@ -113,36 +113,39 @@ class ClusterSimulators:
 
     chunk_s = 2.5
     # Maximum number of threads on this machine that wait for chunks.
-    most = 1024
+    max_count = 1024
 
     def __init__(self, client: Any, carsim: Carsim, print_line: Callable[[str], None]) -> None:
         import dask
 
-        self._client, self._carsim, self._say = client, carsim, print_line
+        self._client, self._carsim, self._print_line = client, carsim, print_line
         self._wait_s = float(dask.utils.parse_timedelta(dask.config.get("foldcar.wait", WAIT)))
         self._lock = threading.RLock()
         self._stopped = threading.Event()
         self._recipes: dict[Runner, Recipe] = {}
         # Each worker's number of threads, and why it cannot run a recipe ("" if it can).
         self._threads: dict[str, int] = {}
-        self._looked_s = -POLL_S
+        self._updated_s = -POLL_S
         self._faults: dict[tuple[Recipe, str], str] = {}
 
     @property
     def count(self) -> int:
-        """As in Simulators."""
+        """The number of chunks that can run at the same time: the threads of workers without a fault, at least 1."""
         faulty = {worker for (_, worker), fault in self._faults.items() if fault}
         threads = sum(threads for worker, threads in self._threads.items() if worker not in faulty)
-        return min(max(1, threads), self.most)
+        return min(max(1, threads), self.max_count)
 
     def stop(self, runner: Runner) -> None:
-        """As in Simulators."""
+        """Stop all runs, those of other runners, too; `run` raises FoldcarError."""
         self._stopped.set()
 
     def run(
         self, runner: Runner, bodies: Mapping[str, str], scenes: Mapping[str, str], requests: Sequence[RunRequest]
     ) -> tuple[list[dict[str, Any]], float]:
-        """As in Simulators."""
+        """Return the answers of ``runner.run`` on a worker, and the time of simulation (s). Raises FoldcarError.
+
+        A chunk that kills its workers is halved, until the run that kills them is alone.
+        """
         import distributed
 
         with self._lock:
@@ -162,26 +165,29 @@ class ClusterSimulators:
             raise FoldcarError(f"--scheduler: it no longer answers: {reason}; the same command resumes") from error
 
     def _result(self, recipe: Recipe, chunk: tuple[Any, ...]) -> tuple[list[dict[str, Any]], float]:
-        """Return what `run_chunk` returns on one of the workers that can run the recipe."""
+        """Run a chunk on one of the workers that can run the recipe; return what `run_chunk` returns.
+
+        The chunk is submitted again if all these workers disappear.
+        """
         while True:
             workers, done = self._await_workers(recipe), threading.Event()
             future = self._client.submit(run_chunk, recipe, *chunk, workers=workers, retries=RETRIES, pure=False)
             future.add_done_callback(lambda _, done=done: done.set())
             # Dask would wait for the named workers forever, even if they are gone.
             while not done.wait(POLL_S) and self._threads.keys() & workers:
-                self._look()
+                self._update_workers()
             if done.is_set():
                 answers: tuple[list[dict[str, Any]], float] = future.result()
                 return answers
             future.cancel()
 
     def _await_workers(self, recipe: Recipe) -> list[str]:
-        """Return the workers that can run the recipe. Raises FoldcarError if there is none in time, or after `stop`."""
+        """Wait for workers that can run the recipe, and return them. Raises FoldcarError after a time or `stop`."""
         started_s, is_announced = time.monotonic(), False
         while True:
             with self._lock:
-                self._look()
-                self._check(recipe)
+                self._update_workers()
+                self._check_workers(recipe)
                 if workers := [worker for worker in self._threads if not self._faults[recipe, worker]]:
                     return workers
             message = f"there is no worker{' that can run this sweep' if self._threads else ''}"
@@ -189,19 +195,19 @@ class ClusterSimulators:
                 raise FoldcarError(f"--scheduler: {message} for {self._wait_s:g} s; the same command resumes")
             if not is_announced:
                 is_announced = True
-                self._say(f"--scheduler: {message}; waiting up to {self._wait_s:g} s")
+                self._print_line(f"--scheduler: {message}; waiting up to {self._wait_s:g} s")
             self._stopped.wait(POLL_S)
 
-    def _look(self) -> None:
-        """Ask the scheduler for its workers, at most once in LOOK_S. FoldcarError after `stop`."""
+    def _update_workers(self) -> None:
+        """Ask the scheduler for its workers, at most once in POLL_S. Raises FoldcarError after `stop`."""
         if self._stopped.is_set():
             raise FoldcarError("stopped")
         with self._lock:
-            if time.monotonic() - self._looked_s >= POLL_S:
-                self._threads, self._looked_s = self._client.nthreads(), time.monotonic()
+            if time.monotonic() - self._updated_s >= POLL_S:
+                self._threads, self._updated_s = self._client.nthreads(), time.monotonic()
 
-    def _check(self, recipe: Recipe) -> None:
-        """Check whether new workers can run the recipe; print those that cannot."""
+    def _check_workers(self, recipe: Recipe) -> None:
+        """Check whether new workers can run the recipe; print a line for each worker that cannot."""
         new_workers = [worker for worker in self._threads if (recipe, worker) not in self._faults]
         if not new_workers:
             return
@@ -219,7 +225,7 @@ class ClusterSimulators:
                 fault = f"it has foldcar {version}, here is {__version__}: install the same there"
             else:
                 fault = f"it has no foldcar: pip install 'foldcar[cluster]=={__version__}' in its environment"
-            is_named = any(self._faults[other] for other in self._faults if other[1] == worker)
+            was_printed = any(fault for (_, other), fault in self._faults.items() if other == worker)
             self._faults[recipe, worker] = fault
-            if fault and not is_named:
-                self._say(f"worker {worker} gets no runs: {fault}")
+            if fault and not was_printed:
+                self._print_line(f"worker {worker} gets no runs: {fault}")

@@ -44,7 +44,7 @@ def fresh_id(experiment: str) -> str:
 
 @dataclass
 class DesignSimulator:
-    """One experiment's environment with its simulators. Create it with :func:`open_simulator`."""
+    """Simulates designs of one experiment in its environment. Create it with :func:`open_simulator`."""
 
     _experiment: Experiment
     _environment: Environment
@@ -56,33 +56,32 @@ class DesignSimulator:
     _searched: Sequence[str]
     _plan: PlannedExperiment | None = None
     _positions: dict[Values, int] = field(default_factory=dict)
-    # Paths of earlier searches do not count: the limit holds for each search.
 
     def rows(self, values: Values, samples: Sequence[int]) -> list[Row]:
-        """Return a buildable design's results in these samples; simulate missing ones. Raises FoldcarError."""
-        plan, position = self._place(values)
+        """Return a buildable design's results in these samples, in order; simulate missing ones. Raises FoldcarError."""
+        plan, position = self._plan_and_position(values)
         runs: list[PlannedRun] = []
         for index, sample in enumerate(samples):
             self._samples.reach(sample)
-            (run,) = (planned for planned in self._writer.planned_runs(plan, sample) if planned.design == position)
+            (run,) = (run for run in self._writer.planned_runs(plan, sample) if run.design == position)
             runs.append(run)
             if run.outcome is None and not self._pool.joins(run):
                 for finished in self._pool.add(run, len(samples) - index):
                     self._keep(finished)
         for finished in self._pool.finish():
             self._keep(finished)
-        stored = [self._writer.result(run) for run in runs]
-        return [Row(planned["outcome"], planned["elapsed_time_s"], planned["consumed_energy_j"]) for planned in stored]
+        results = [self._writer.result(run) for run in runs]
+        return [Row(result["outcome"], result["elapsed_time_s"], result["consumed_energy_j"]) for result in results]
 
     def finish(self, skipped: Sequence[Values] = ()) -> None:
-        """Store the designs in the family's order, and those that cannot be built as skipped ones."""
+        """Store the designs in the family's order; ``skipped`` are designs that cannot be built."""
         if self._positions:
-            self._record(sorted({*self._positions, *skipped}))
+            self._store_experiment(sorted({*self._positions, *skipped}))
 
-    def _place(self, values: Values) -> tuple[PlannedExperiment, int]:
-        """Return the plan with a design's position in it; a new design is added to the store."""
+    def _plan_and_position(self, values: Values) -> tuple[PlannedExperiment, int]:
+        """Return the stored experiment, and a design's position in it; a new design is added to the store."""
         if self._plan is None:
-            self._record([*self._known(), values])
+            self._store_experiment([*self._stored_designs(), values])
         assert self._plan is not None
         if values not in self._positions:
             design = self._experiment.family.design(values)
@@ -91,7 +90,8 @@ class DesignSimulator:
             self._writer.add_design(self._experiment.id, self._positions[values], planned)
         return self._plan, self._positions[values]
 
-    def _record(self, members: Sequence[Values]) -> None:
+    def _store_experiment(self, members: Sequence[Values]) -> None:
+        """Store the experiment with these designs in this order, replacing its earlier designs."""
         family = self._experiment.family.only(dict.fromkeys(members))
         experiment = replace(self._experiment, family=family)
         designs = PlannedDesigns(experiment, self._table, None)
@@ -99,8 +99,11 @@ class DesignSimulator:
         built = [values for values in dict.fromkeys(members) if family.error(values) is None]
         self._positions = {values: position for position, values in enumerate(built)}
 
-    def _known(self) -> list[Values]:
-        """Return the family's designs that an earlier sweep or search has stored in the experiment."""
+    def _stored_designs(self) -> list[Values]:
+        """Return the family's designs that an earlier sweep or search has stored in the experiment.
+
+        The experiment keeps the larger number of environments.
+        """
         environment_id = self._writer.environment(self._environment.fingerprint)
         spread_id = self._writer.spread(self._environment.spread_fingerprint)
         environments, designs = self._writer.swept(self._experiment.id, environment_id, spread_id)
@@ -110,6 +113,7 @@ class DesignSimulator:
         return [values for values in stored_values if family.has(values)]
 
     def _keep(self, finished: list[FinishedRun]) -> None:
+        """Store a finished chunk and report its number of runs."""
         self._writer.add_results((run.run, run.answer) for run in finished)
         self._simulated(len(finished))
 
@@ -124,9 +128,10 @@ def open_simulator(
     simulated: Callable[[int], None],
     searched: Sequence[str],
 ) -> Iterator[DesignSimulator]:
-    """Yield the simulator of an experiment in its ``environment``; ``simulated`` is called with numbers of new runs.
+    """Yield the DesignSimulator of an experiment in its ``environment``. Raises FoldcarError.
 
-    ``searched`` names the objectives by which designs are chosen from these runs; empty if no designs are chosen.
+    ``simulated`` is called with numbers of new runs. ``searched`` names the objectives by which a search chooses designs
+    from these runs; empty if it does not.
     """
     dynamic = writer.is_dynamic(writer.environment(environment.fingerprint), lambda: environment.dynamic)
     samples, table = StoredSamples(environment, writer, dynamic), carsim.parameter_table()

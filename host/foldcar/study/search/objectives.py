@@ -17,7 +17,9 @@ from foldcar.statistics.rate import limited_mean, wilson_interval
 from foldcar.study.search.design_simulator import Row
 
 Interval = tuple[float, float]
+# Number of bootstrap samples.
 RESAMPLES = 2000
+# 1 mm² in cm².
 CM2 = 0.01
 # A run that is at least as good as any other.
 PERFECT = Row("passed", 0.0, 0.0)
@@ -25,11 +27,11 @@ PERFECT = Row("passed", 0.0, 0.0)
 
 @dataclass(frozen=True)
 class Objective:
-    """An objective of a search.
+    """An objective of a search, maximised if ``largest``, else minimised.
 
-    ``value(rows, limit_s)`` is a design's value, ``interval(rows, limit_s)`` its 95 % interval. There is at least one
-    row, and no row of a rejected run. ``each(row, limit_s, target)`` is the loss of a run against a target value: a
-    design reaches the target if the losses of its runs sum to 0 or less; NaN if unknown.
+    ``value(rows, limit_s)`` is a design's value, ``interval(rows, limit_s)`` its 95 % interval; rows are results of its
+    runs, at least one, without rejected runs. ``run_loss(row, limit_s, target)`` is the loss of a run against a target
+    value: a design reaches the target if the losses of its runs sum to 0 or less; NaN if unknown.
     ``unit`` is empty for fractions. The functions are None if the value depends on the design only.
     """
 
@@ -39,19 +41,21 @@ class Objective:
     meaning: str
     value: Callable[[Sequence[Row], float], float] | None
     interval: Callable[[Sequence[Row], float], Interval] | None
-    each: Callable[[Row, float, float], float] | None
+    run_loss: Callable[[Row, float, float], float] | None
 
     def excess(self, rows: Sequence[Row], best: Sequence[Row], limit_s: float) -> tuple[list[float], float]:
-        """Return how much more each of ``rows`` loses than the ``best`` design, and by how much a run could lose less.
+        """Return each run's loss minus the best design's loss in the same environment, and the largest advantage.
 
-        Rows are in the order of environments and include rejected ones. Without a result of both, the excess is 0.
+        ``rows`` and ``best`` are in the order of environments and include rejected runs. If one of both losses is
+        unknown, the excess is 0. The largest advantage is the best design's largest loss minus that of a perfect run.
         """
-        assert self.each is not None and self.value is not None
+        assert self.run_loss is not None and self.value is not None
         target = self.value([row for row in best if row.passed is not None], limit_s)
-        losses, best_losses = ([self.each(row, limit_s, target) for row in group] for group in (rows, best))
+        losses, best_losses = ([self.run_loss(row, limit_s, target) for row in group] for group in (rows, best))
         finite = [loss for loss in best_losses if math.isfinite(loss)]
-        excess = [a - b if math.isfinite(a - b) else 0.0 for a, b in zip(losses, best_losses[: len(losses)], strict=True)]
-        return excess, max(finite, default=0.0) - self.each(PERFECT, limit_s, target)
+        differences = [loss - best_loss for loss, best_loss in zip(losses, best_losses[: len(losses)], strict=True)]
+        excess = [difference if math.isfinite(difference) else 0.0 for difference in differences]
+        return excess, max(finite, default=0.0) - self.run_loss(PERFECT, limit_s, target)
 
 
 def _times_s(rows: Sequence[Row], limit_s: float) -> list[float]:
@@ -66,19 +70,19 @@ def _time(rows: Sequence[Row], limit_s: float) -> float:
 
 
 def _time_interval(rows: Sequence[Row], limit_s: float) -> Interval:
+    """Return the 95 % interval of the mean time (s)."""
     times = _times_s(rows, limit_s)
     return limited_mean(len(times), len(rows), math.fsum(times), math.fsum(time**2 for time in times), limit_s)[1:]
 
 
 def _energy(rows: Sequence[Row], limit_s: float) -> float:
     """Return the energy drawn in all runs per run that passed (J)."""
-    table = _energies(rows)
-    passed = table[:, 1].sum()
-    return float(table[:, 0].sum() / passed) if passed else math.inf
+    energy_j, passed = _energies(rows).sum(axis=0)
+    return float(energy_j / passed) if passed else math.inf
 
 
 def _energy_interval(rows: Sequence[Row], limit_s: float) -> Interval:
-    """Return percentiles of the ratio over resampled runs (Efron's bootstrap), with a fixed seed."""
+    """Return the 95 % interval of :func:`_energy`: percentiles over resampled runs (Efron's bootstrap), fixed seed."""
     table = _energies(rows)
     picks = np.random.default_rng(0).integers(0, len(table), (RESAMPLES, len(table)))
     totals = table[picks].sum(axis=1)
@@ -88,7 +92,7 @@ def _energy_interval(rows: Sequence[Row], limit_s: float) -> Interval:
 
 
 def _energies(rows: Sequence[Row]) -> Any:
-    """Return (runs, 2): energy (J) and whether the run passed. A failed run has unknown energy and gets the mean."""
+    """Return (runs, 2): energy (J) and 1 if the run passed, else 0; a run of unknown energy gets the mean energy."""
     energies_j = [row.consumed_energy_j for row in rows if row.consumed_energy_j is not None]
     mean = math.fsum(energies_j) / len(energies_j) if energies_j else math.inf
     return np.array([(mean if row.consumed_energy_j is None else row.consumed_energy_j, row.passed) for row in rows])
@@ -101,7 +105,10 @@ def film_area_cm2(design: Design) -> float:
 
 
 def is_dominated(losses: Sequence[float], others: Iterable[Sequence[float]]) -> bool:
-    """Return whether ``losses`` (less is better) are dominated: another is as good in all and better in one."""
+    """Return whether one of ``others`` is at least as good as ``losses`` in each objective, and better in one.
+
+    Smaller losses are better.
+    """
     return any(
         list(other) != list(losses) and all(a <= b for a, b in zip(other, losses, strict=True)) for other in others
     )

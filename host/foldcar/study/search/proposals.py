@@ -37,9 +37,9 @@ BUILDABLE = "buildable"
 
 @dataclass(frozen=True)
 class Tried:
-    """A design that was tried. ``objectives`` are its values over ``environments`` samples; ``pruned`` if not all.
+    """A design that was tried: its ``objectives`` over the first ``environments`` samples.
 
-    ``mean_time_s`` is the objective "time" over them, which breaks ties.
+    ``pruned`` is whether it was stopped before all samples. ``mean_time_s`` is the objective "time", which breaks ties.
     """
 
     values: Values
@@ -50,9 +50,9 @@ class Tried:
 
 
 class Proposals:
-    """The study: :meth:`next` proposes an untried design, :meth:`tell` takes its result.
+    """An Optuna study of a family: :meth:`next` proposes an untried design, :meth:`tell` takes its result.
 
-    ``designs`` is the number of points of a grid.
+    ``sampler`` is ``tpe``, ``nsga2``, ``grid`` or another name for random designs. A grid has at most ``designs`` points.
     """
 
     def __init__(self, family: Family, objectives: Sequence[Objective], sampler: str, seed: int, designs: int) -> None:
@@ -79,7 +79,7 @@ class Proposals:
         self.unbuildable: dict[Values, str] = {}
 
     def next(self) -> Values | None:
-        """Return a new design that can be built, or None if none is found. Pass its result to :meth:`tell`."""
+        """Return an untried design that can be built, or None if there is no more. Pass its result to :meth:`tell`."""
         seen = {*(tried.values for tried in self.tried), *self.unbuildable}
         repeats = 0
         while True:
@@ -107,12 +107,12 @@ class Proposals:
                 seen.add(values)
             repeats += 1
 
-    def worse(self, rows: Sequence[Row], limit_s: float) -> bool:
-        """Return whether the proposed design is worse than the best by its ``rows`` so far, in order of environments.
+    def is_worse(self, rows: Sequence[Row], limit_s: float) -> bool:
+        """Return whether the proposed design is worse than the best design, judged by its ``rows`` so far.
 
-        A design that would be at least as good as the best in all environments is called worse with a probability of at
-        most PRUNING_RISK over all checks (:func:`evidence_of_worse`). This holds although the best was chosen by all its
-        runs, because their order is random.
+        Rows are in the order of environments. The probability that a design is called worse in any check, although over
+        all environments it is at least as good as the best, is at most PRUNING_RISK (:func:`evidence_of_worse`). This
+        holds although the best was chosen by all its runs, because their order is random.
         """
         if self._best is None or not math.isfinite(self._best[0]):
             return False
@@ -120,14 +120,14 @@ class Proposals:
         return evidence_of_worse(excess, len(self._best[1]), max_gain) >= 1 / PRUNING_RISK
 
     def refuse(self, reason: str) -> None:
-        """Record that the proposed design has no result, for a reason that holds whenever it is tried."""
+        """Record that the proposed design can have no result, with the reason, so that it is not proposed again."""
         assert self._trial is not None
         self.unbuildable[self._suggested] = reason
         self._trial.set_constraint(BUILDABLE, 1.0)
         self._study.tell(self._trial, state=TrialState.PRUNED)
 
     def tell(self, objectives: Sequence[float], rows: Sequence[Row], pruned: bool, mean_time_s: float) -> None:
-        """Record the result of the proposed design (see Tried); ``rows`` as in :meth:`worse`."""
+        """Record the result of the proposed design (see Tried); ``rows`` as in :meth:`is_worse`."""
         assert self._trial is not None
         self._trial.set_constraint(BUILDABLE, 0.0)
         self._study.tell(self._trial, list(objectives))
@@ -149,9 +149,11 @@ class Proposals:
         return [tried for _, tried in sorted(front, key=lambda pair: (pair[0], pair[1].mean_time_s))[:count]]
 
     def _values(self, indices: dict[str, int]) -> Values:
+        """Return a design's values from the indices of its varied parameters' values."""
         return tuple(levels[indices.get(key, 0)] for key, levels in self._levels.items())
 
     def _sampler_of(self, number: int) -> Any:
+        """Return a new sampler for proposal ``number``, with a seed of its own, so that a resumed search repeats it."""
         seed = (self._seed * 1_000_003 + number) % 2**32
         if self._sampler == "tpe":
             return optuna.samplers.TPESampler(seed=seed, multivariate=True)
@@ -160,7 +162,7 @@ class Proposals:
         return optuna.samplers.RandomSampler(seed=seed)
 
     def _enqueue_new_design(self, seen: set[Values]) -> bool:
-        """Make a random design that is not in ``seen`` the next proposal. Return False if none is found."""
+        """Make a random buildable design that is not in ``seen`` the next proposal; return False after DRAWS failures."""
         draw = random.Random(f"{self._seed}/{len(seen)}")
         for _ in range(DRAWS):
             indices = {key: draw.randrange(len(self._levels[key])) for key in self._varied}
@@ -172,17 +174,20 @@ class Proposals:
 
 
 def grid(levels: Sequence[int], points: int) -> list[tuple[int, ...]]:
-    """Return a grid of at most ``points`` points; all parameters are divided as equally as possible."""
+    """Return at most ``points`` grid points, as indices of the values of each parameter.
+
+    ``levels`` are the parameters' numbers of values. The coarsest parameter is divided further as long as that fits.
+    """
     counts = [1] * len(levels)
 
     def fits(axis: int) -> bool:
-        level_count = counts[axis] + 1
-        return level_count <= levels[axis] and math.prod(counts) // counts[axis] * level_count <= points
+        new_count = counts[axis] + 1
+        return new_count <= levels[axis] and math.prod(counts) // counts[axis] * new_count <= points
 
     while axes := [axis for axis in range(len(levels)) if fits(axis)]:
         counts[min(axes, key=lambda axis: counts[axis] / levels[axis])] += 1
     # Use the middles of equal parts.
-    places = [
+    indices = [
         [(2 * i + 1) * level // (2 * count) for i in range(count)] for level, count in zip(levels, counts, strict=True)
     ]
-    return list(itertools.product(*places))
+    return list(itertools.product(*indices))

@@ -1,7 +1,7 @@
 """The search: tries proposed designs, and tests the best ones in new environments.
 
-Input: an experiment of a listing. Output: runs in the store with a sweep's keys, and a Found. The best of many designs
-was also lucky in the environments in which it was chosen. Only runs in new environments give its rate without bias.
+Input: an experiment of a listing. Output: runs in the store with a sweep's keys, and a SearchResult. The best of many
+designs was also lucky in the environments that chose it, so only runs in new environments give its rate without bias.
 Stored runs are not simulated again, so that an interrupted search continues.
 """
 
@@ -33,9 +33,10 @@ FRESH_BIT = 1 << 40
 
 @dataclass(frozen=True)
 class Plan:
-    """The settings of a search, with at most ``designs`` designs and, unless None, ``runs`` runs.
+    """The settings of a search with at most ``designs`` designs and ``runs`` runs (None: no limit).
 
-    The ``best`` designs are tested in ``fresh`` new environments. ``prune``: designs that seem worse are stopped early.
+    The ``best`` designs are tested in ``fresh`` new environments. ``prune`` is whether designs that are probably worse
+    than the best are stopped early.
     """
 
     objectives: tuple[Objective, ...]
@@ -50,9 +51,10 @@ class Plan:
 
 @dataclass(frozen=True)
 class Judged:
-    """One of the best designs: its values when it was chosen, and those in new environments with 95 % intervals.
+    """One of the best designs: the objectives' values that chose it, and ``fresh`` ones with 95 % ``intervals``.
 
-    A value that depends on the design only has no interval. A value is None if every run was rejected.
+    Fresh values are from new environments; None if every run was rejected. A value that depends on the design only has
+    no interval.
     """
 
     design: Mapping[str, float]
@@ -62,10 +64,11 @@ class Judged:
 
 
 @dataclass
-class Found:
-    """The counts and the result of a search. ``runs`` counts runs of tried designs, ``new`` all simulated runs.
+class SearchResult:
+    """The counts and the result of a search.
 
-    ``exhausted`` says that there was no other design to try.
+    ``runs`` counts runs of tried designs, ``new`` all simulated runs. ``exhausted`` is whether every design was tried.
+    ``unbuildable`` has the reasons by design.
     """
 
     planned: int
@@ -86,7 +89,10 @@ class Found:
 
 
 def searched_study(study: Study, fresh: int) -> Study:
-    """Return the study's only experiment, and the same in ``fresh`` new samples and built cars. Raises FoldcarError."""
+    """Return the study with its only experiment, and the same experiment with ``fresh`` new samples and built cars.
+
+    Raises FoldcarError if the study has several experiments.
+    """
     if len(study.experiments) > 1:
         names = ", ".join(experiment.id for experiment in study.experiments)
         raise FoldcarError(f"{study.listing_name}: experiments: has several; choose one with --experiment: {names}")
@@ -108,8 +114,8 @@ def search(
     carsim: Carsim,
     simulators: Simulators | int,
     command: str,
-    result: Found,
-    report: Callable[[Found], None] = lambda result: None,
+    result: SearchResult,
+    report: Callable[[SearchResult], None] = lambda result: None,
     environment_of: Callable[[Experiment], Environment] = Environment,
 ) -> None:
     """Search the family of the first experiment of :func:`searched_study`; the second has the new environments.
@@ -148,9 +154,10 @@ def _try_designs(
     plan: Plan,
     proposals: Proposals,
     simulator: DesignSimulator,
-    result: Found,
-    report: Callable[[Found], None],
+    result: SearchResult,
+    report: Callable[[SearchResult], None],
 ) -> None:
+    """Try proposed designs, batch by batch of their environments, until a limit of the plan is reached."""
     first = plan.objectives[0]
     while result.designs < plan.designs and (plan.runs is None or result.runs + experiment.environments <= plan.runs):
         values = proposals.next()
@@ -162,7 +169,9 @@ def _try_designs(
         for batch in batches(experiment.environments):
             all_rows += simulator.rows(values, batch)
             pruned = (
-                plan.prune and len(all_rows) < experiment.environments and proposals.worse(all_rows, experiment.timeout_s)
+                plan.prune
+                and len(all_rows) < experiment.environments
+                and proposals.is_worse(all_rows, experiment.timeout_s)
             )
             if pruned:
                 break
@@ -187,13 +196,15 @@ def _try_designs(
 
 
 def _value(objective: Objective, experiment: Experiment, values: Values, rows: Sequence[Row]) -> float:
+    """Return a design's objective, by its results or, for the area of its sheets, by its pieces."""
     if objective.value is None:
         return film_area_cm2(experiment.family.design(values))
     return objective.value(rows, experiment.timeout_s)
 
 
 def _judged(experiment: Experiment, plan: Plan, tried: Tried, rows: Sequence[Row]) -> Judged:
-    """Return a design with its objectives in the environments that chose it, and in these ``rows``."""
+    """Return a design with its objectives in the environments that chose it, and in new ones, which gave ``rows``."""
+    # None stands for an objective that is unknown because all runs were rejected.
     objectives = [objective if rows or objective.value is None else None for objective in plan.objectives]
     return Judged(
         experiment.family.design(tried.values).columns,
@@ -220,7 +231,7 @@ def batches(environments: int) -> list[range]:
 
 
 def _check(experiment: Experiment, environment: Environment, plan: Plan) -> None:
-    """Raise FoldcarError if the plan makes no sense for the experiment."""
+    """Raise FoldcarError if the plan cannot be carried out for the experiment."""
     if all(objective.value is None for objective in plan.objectives):
         raise FoldcarError("--objective sheet-area: needs no simulation; add an objective such as success")
     if plan.runs is not None and plan.runs < experiment.environments:

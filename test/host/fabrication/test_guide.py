@@ -19,7 +19,7 @@ from foldcar.car.proof.step import Added
 from foldcar.fabrication.assembly.facets import merge_shapes
 from foldcar.fabrication.assembly.guide import guide_page, steps
 from foldcar.fabrication.assembly.guide_pictures import Scene, Step, is_hidden, service_picture
-from foldcar.fabrication.assembly.guide_state import State
+from foldcar.fabrication.assembly.guide_state import AssemblyState
 from foldcar.fabrication.assembly.hidden_surfaces import camera, visible_facets
 from foldcar.fabrication.patterns.options import options
 from foldcar.fabrication.patterns.sheets import CutCar, cut_car
@@ -124,9 +124,9 @@ def test_everything_is_soldered_once_before_the_lipo_is_in_and_the_guide_ends_wi
 
 def test_nuts_are_drawn_apart_on_the_side_from_which_they_are_proved_to_come() -> None:
     folded = car("hinged")
-    mounts, state, drawn = {mount.name: mount for mount in folded.mounts}, State(folded), 0
+    mounts, state, drawn = {mount.name: mount for mount in folded.mounts}, AssemblyState(folded), 0
     for step in assembly_steps(folded):
-        state.apply_step(step)
+        state.advance(step)
         shape = Scene(step, state).shape
         for added in (add for add in step.adds if add.nut_mm):
             screw = mounts[added.name]
@@ -149,8 +149,8 @@ def test_nuts_are_drawn_apart_on_the_side_from_which_they_are_proved_to_come() -
 
 def test_hidden_surfaces_agree_with_rays() -> None:
     folded = car("w95")
-    state = State(folded)
-    state.close({piece.name: {crease.name: 0.6 for crease in piece.creases} for piece in folded.pieces})
+    state = AssemblyState(folded)
+    state.close_folds({piece.name: {crease.name: 0.6 for crease in piece.creases} for piece in folded.pieces})
     parts = [part for part in (*folded.placed, *folded.mounts) if part.body == "segment0" and not is_hidden(state, part)]
     facets = list(merge_shapes(state.shape(part) for part in parts).facets)
     view = camera(-55, 32)
@@ -234,7 +234,7 @@ def test_pictures_show_what_goes_in() -> None:
 
     for step, shown in zip(proved, assembly("w65"), strict=True):
         first = step.adds[0].body if step.adds else ""
-        seen = {view.facet.key for picture in shown.pictures for view in picture.seen}
+        seen = {view.facet.key for picture in shown.pictures for view in picture.visible}
         for added in step.adds:
             hidden_in_others = step.unit and added.body != first
             if added.kind == "unit" or hidden_in_others or added.name == folded.parts.wiring.name:

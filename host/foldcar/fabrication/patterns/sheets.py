@@ -140,11 +140,11 @@ class Pattern:
 
 @dataclass(frozen=True, slots=True)
 class CutCar:
-    """A car split along folds to fit the sheets, and its flat ``pieces``; ``whole`` is the car before."""
+    """A car split along folds to fit the sheets, and its flat ``pieces``; ``unsplit_car`` is the car before."""
 
     car: FoldedCar
     pieces: tuple[FlatPiece, ...]
-    whole: FoldedCar
+    unsplit_car: FoldedCar
 
 
 def cut_car(folded: FoldedCar, chosen: Options) -> CutCar:
@@ -231,7 +231,7 @@ def _lay_out(cut: CutCar, chosen: Options, title: str, command: str) -> tuple[tu
             for copy in copies:
                 turn = copy.motion.quarter_turns
                 if turn not in drawn:
-                    marks = join_marks(piece, cut.car, cut.whole)
+                    marks = join_marks(piece, cut.car, cut.unsplit_car)
                     drawn[turn], unlabelled = piece_shapes(piece, chosen, marks, turn)
                     missing |= dict.fromkeys(unlabelled)
                 on_sheets[first + copy.sheet].append([shape.moved(copy.motion) for shape in drawn[turn]])

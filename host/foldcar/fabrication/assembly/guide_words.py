@@ -310,7 +310,7 @@ def _cautions(car: FoldedCar, step: AssemblyStep, state: AssemblyState) -> Itera
             yield (
                 "It stands outside, on the side without print, on the hook-and-loop tape, between the small holes at its "
                 f"corners; its leads are on the {side}. Push both leads through the lid's round hole, "
-                f"{car.parts.assembly.lead_hole_mm.value:g} mm wide, state anything is soldered to them."
+                f"{car.parts.assembly.lead_hole_mm.value:g} mm wide, before anything is soldered to them."
             )
         else:
             yield f"It stands on hook-and-loop tape in its outline, its leads on the {side}; it comes out for its cells."

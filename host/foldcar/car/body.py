@@ -19,6 +19,7 @@ from foldcar.car.folded.weight import body_properties
 from foldcar.car.folded_car import folded_car
 from foldcar.car.parts.bought import Film
 from foldcar.car.parts.catalogue import Catalogue, catalogue
+from foldcar.car.supply import stall_current_a
 from foldcar.errors import FoldcarError
 
 MM = 1e-3
@@ -30,9 +31,9 @@ def body_json(design: Design) -> dict[str, Any]:
     Raises DesignError if the design cannot be compiled.
     """
     car = folded_car(design)
-    # Wheels of one unit are alike.
-    first = {axle.unit: axle.wheel for axle in reversed(car.axles)}
-    wheel_kg = {unit: body_properties(car, wheel).mass_kg for unit, wheel in first.items()}
+    # Wheels of one unit are alike: the first one's mass is that of all.
+    first_wheels = {axle.unit: axle.wheel for axle in reversed(car.axles)}
+    wheel_kg = {unit: body_properties(car, wheel).mass_kg for unit, wheel in first_wheels.items()}
     body = {
         "segments": [_segment(design, car, index) for index in range(len(design.segments))],
         "hinges": [_hinge(hinge, car.parts.film) for hinge in car.hinges],
@@ -41,14 +42,14 @@ def body_json(design: Design) -> dict[str, Any]:
         "supply_v": car.parts.cells.supply_v.value,
     }
     if (resistance_ohm := car.parts.cells.supply_resistance_ohm.value) > 0:
-        body["supply_resistance_ohm"] = min(resistance_ohm, _max_resistance_ohm(body))
+        body["supply_resistance_ohm"] = min(resistance_ohm, _max_resistance_ohm(car))
     rounded: dict[str, Any] = json.loads(json.dumps(body), parse_float=lambda digits: _rounded(float(digits)))
     return rounded
 
 
-def _max_resistance_ohm(body: Mapping[str, Any]) -> float:
+def _max_resistance_ohm(car: FoldedCar) -> float:
     """The simulator's limit, at which the voltage of the cells halves if all servos stall."""
-    return _rounded(0.499 * body["supply_v"] / sum(wheel["servo"]["stall_current_a"] for wheel in driven_wheels(body)))
+    return _rounded(0.499 * car.parts.cells.supply_v.value / stall_current_a(car))
 
 
 def full_speed_m_s(design: Design) -> float:

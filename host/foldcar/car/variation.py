@@ -49,9 +49,9 @@ def spread_named(name_or_object: Any, place: str) -> Mapping[str, float]:
     unknown names or values that are not numbers within the limits.
     """
     changes = dict(name_or_object) if isinstance(name_or_object, Mapping) else {"from": name_or_object}
-    start = changes.pop("from", None)
-    if start != WORKSHOP:
-        raise FoldcarError(f'{place}: unknown variation {start!r}; known: "{WORKSHOP}"')
+    base = changes.pop("from", None)
+    if base != WORKSHOP:
+        raise FoldcarError(f'{place}: unknown variation {base!r}; known: "{WORKSHOP}"')
     spread = {name: quantity.sd for name, quantity in workshop().items()}
     for name, value in changes.items():
         if name not in spread:

@@ -87,27 +87,32 @@ def assemble(graph: Graph) -> Assembly:
         for path, pose in fused.poses.items()
     }
     bodies = [builder.fused[next(iter(sheet))].first.body for sheet in builder.sheets]
-    distinct, placed, joins = _counted(builder.pieces(), list(zip(bodies, roots, strict=True)), list(builder.joins()))
+    places = list(zip(bodies, roots, strict=True))
+    distinct, placed, joins = _merge_equal_pieces(builder.pieces(), places, list(builder.joins()))
     mounts = []
     for mount in graph.mounts:
-        on = str(mount.face)
-        mounts.append(replace(mount, pose=compose(world[on], mount.pose), face=builder.names[builder.owner[on]]))
-    axles = (replace(axle, center_mm=apply(world[on], *axle.center_mm)) for on, axle in graph.axles)
+        face_path = str(mount.face)
+        face = builder.names[builder.owner[face_path]]
+        mounts.append(replace(mount, pose=compose(world[face_path], mount.pose), face=face))
+    axles = (replace(axle, center_mm=apply(world[face_path], *axle.center_mm)) for face_path, axle in graph.axles)
     return Assembly(tuple(distinct), tuple(placed), tuple(joins), tuple(mounts), tuple(axles))
 
 
 def _seams(graph: Graph, fused: dict[str, Fused], owner: dict[str, str]) -> Iterator[Seam]:
-    """Yield each connection of two fused faces once. Raises ComponentError if its edges differ in length after fusing."""
-    seen = set()
+    """Yield one seam for each pair of edges of fused faces that links connect.
+
+    Raises ComponentError if the two edges of a seam differ in length.
+    """
+    yielded = set()
     for link in (link for link in graph.links if link.kind != "rigid"):
         a, b = ((owner[path], fused[owner[path]].edges[path, index]) for path, index in (link.a, link.b))
-        if (a, b) not in seen:
-            first, second = (math.dist(*side(fused[path].face.outline_mm, index)) for path, index in (a, b))
-            if abs(first - second - 2 * link.inset_mm) > 1e-4:
-                message = f"meets {link.b[0]} in edges of {first:g} and {second:g} mm once they are fused"
+        if (a, b) not in yielded:
+            length_a, length_b = (math.dist(*side(fused[path].face.outline_mm, index)) for path, index in (a, b))
+            if abs(length_a - length_b - 2 * link.inset_mm) > 1e-4:
+                message = f"meets {link.b[0]} in edges of {length_a:g} and {length_b:g} mm once they are fused"
                 raise ComponentError(link.a[0], message)
-            seen.add((a, b))
-            yield Seam(link, a, b, second)
+            yielded.add((a, b))
+            yield Seam(link, a, b, length_b)
 
 
 class _Pieces:
@@ -187,14 +192,18 @@ class _Pieces:
         return Piece(label, label, (*faces, *(face for face, _ in own_tabs)), folds, root.thickness_mm)
 
     def root_poses(self) -> list[Pose]:
-        """The pose of each piece's first face in the car."""
-        steps: dict[int, list[tuple[int, Pose]]] = defaultdict(list)
+        """Return the pose of each piece's first face in the car.
+
+        Placements and tabs between pieces give relative poses of pieces; from the face at ``graph.origin`` they are
+        followed to all other pieces. Raises ComponentError for a piece that is not reached.
+        """
+        neighbours: dict[int, list[tuple[int, Pose]]] = defaultdict(list)
 
         def add(a: str, b: str, relative: Pose) -> None:
-            """Record a neighbour: ``relative`` is the pose of fused face b in the frame of a."""
+            """Record that the pieces of fused faces a and b are neighbours; ``relative`` is b's pose in a's frame."""
             step = compose(self.local(a), relative, inverse(self.local(b)))
-            steps[self.home[a]].append((self.home[b], step))
-            steps[self.home[b]].append((self.home[a], inverse(step)))
+            neighbours[self.home[a]].append((self.home[b], step))
+            neighbours[self.home[b]].append((self.home[a], inverse(step)))
 
         for placement in self.graph.placements:
             a, b = self.owner[placement.on], self.owner[placement.face]
@@ -209,8 +218,8 @@ class _Pieces:
                 add(edge_a[0], edge_b[0], compose(translation(0, 0, link.inset_mm), across))
         path, pose = self.graph.origin or (next(iter(self.graph.atoms)), IDENTITY)
         first = self.owner[path]
-        begin = compose(pose, inverse(self.fused[first].poses[path]), inverse(self.local(first)))
-        poses = propagate_poses(self.home[first], begin, steps)
+        start_pose = compose(pose, inverse(self.fused[first].poses[path]), inverse(self.local(first)))
+        poses = propagate_poses(self.home[first], start_pose, neighbours)
         for face, index in self.home.items():
             if index not in poses:
                 raise ComponentError(face, "is joined to nothing")
@@ -247,6 +256,7 @@ class _Pieces:
 
 
 def _tab(name: str, seam: Seam) -> Face:
+    """Return the face of a tab: a trapezoid on the seam, as deep as its link says."""
     length, depth = seam.length_mm, seam.link.depth_mm
     inset = min(depth, length / 4)
     return Face(name, ((0.0, 0.0), (length, 0.0), (length - inset, depth), (inset, depth)), (), "tab")
@@ -262,20 +272,21 @@ def _titles(labels: list[str]) -> list[str]:
     return numbered
 
 
-def _counted(
-    pieces: list[Piece], places: list[tuple[str, Pose]], bound: list[IndexedJoin]
+def _merge_equal_pieces(
+    pieces: list[Piece], places: list[tuple[str, Pose]], indexed_joins: list[IndexedJoin]
 ) -> tuple[list[Piece], list[PlacedPiece], list[Join]]:
-    """Return distinct pieces with counts, their placed copies, and the joins by piece names, numbered from 1.
+    """Merge equal pieces to one with a count; return distinct pieces, their placed copies and the numbered joins.
 
-    Equal pieces are merged only if lamination onto others is their only join; every other piece has its own name.
+    Only pieces whose only joins are laminations onto others are merged. ``places`` are (body, pose) of the pieces. Joins
+    are numbered from 1; those of one seam share a number.
     """
-    single = {join.b[0] for join in bound} | {join.a[0] for join in bound if join.kind != "laminate"}
+    unmergeable = {join.b[0] for join in indexed_joins} | {join.a[0] for join in indexed_joins if join.kind != "laminate"}
     distinct: list[Piece] = []
     index_of: list[int] = []
     index_by_content: dict[Piece, int] = {}
     for i, piece in enumerate(pieces):
         anonymous = replace(piece, faces=tuple(_without_names(face) for face in piece.faces))
-        index = len(distinct) if i in single else index_by_content.setdefault(anonymous, len(distinct))
+        index = len(distinct) if i in unmergeable else index_by_content.setdefault(anonymous, len(distinct))
         if index < len(distinct):
             distinct[index] = replace(distinct[index], count=distinct[index].count + 1)
         else:
@@ -283,12 +294,12 @@ def _counted(
         index_of.append(index)
     names = _titles([piece.label for piece in distinct])
     distinct = [replace(piece, name=title, label=title) for piece, title in zip(distinct, names, strict=True)]
-    placed, copies = [], Counter[int]()
+    placed_pieces, copies = [], Counter[int]()
     for index, (body, pose) in zip(index_of, places, strict=True):
-        placed.append(PlacedPiece(distinct[index].name, copies[index], body, pose))
+        placed_pieces.append(PlacedPiece(distinct[index].name, copies[index], body, pose))
         copies[index] += 1
 
-    def end(index: int, ref: EdgeRef) -> tuple[str, EdgeRef]:
+    def named_end(index: int, ref: EdgeRef) -> tuple[str, EdgeRef]:
         """Return a piece's name and an edge with its face's name; a merged piece has the names of the piece kept."""
         face = [face.name for face in pieces[index].faces].index(ref.face)
         piece = distinct[index_of[index]]
@@ -296,13 +307,13 @@ def _counted(
 
     joins: list[Join] = []
     numbers: dict[object, int] = {}
-    for join in bound:
-        a, b = end(*join.a), end(*join.b)
+    for join in indexed_joins:
+        a, b = named_end(*join.a), named_end(*join.b)
         # Laminations of all copies of a piece share a number.
         seam = a[0] if join.kind == "laminate" else join.seam
         number = numbers.setdefault((join.kind, seam), len(numbers) + 1)
         joins.append(Join(number, join.kind, *a, *b, join.length_mm, join.slot))
-    return distinct, placed, joins
+    return distinct, placed_pieces, joins
 
 
 def _without_names(face: Face) -> Face:

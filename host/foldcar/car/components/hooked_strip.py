@@ -188,8 +188,8 @@ def build_rim(shape: Shape, size: WheelSize) -> None:
     for strip in range(size.strips):
         _strip(shape, size, strip, per_strip)
     for strip in range(size.strips):
-        before = (strip - 1) % size.strips
-        shape.touch("lock", f"rim {strip} tongue head.tip", f"rim {before} {per_strip - 1}", f"rim {before} slot")
+        previous = (strip - 1) % size.strips
+        shape.touch("lock", f"rim {strip} tongue head.tip", f"rim {previous} {per_strip - 1}", f"rim {previous} slot")
         for tie in range(size.ties):
             name, notch = f"rim {strip} {tie * size.facets_per_tie}", strip * size.ties + tie
             shape.touch("rim", f"{name}.inner tip", f"inner.notch {notch}")
@@ -227,17 +227,17 @@ def _tongue_mm(size: WheelSize) -> Point:
 
 def _slot(size: WheelSize) -> list[Point]:
     """Return the slot in the last facet's frame: narrow where the tongue passes, wide where its head is put in."""
-    short, distance_mm = _start_mm(size)
-    along = math.sqrt(_through_mm(size) ** 2 - (2 * distance_mm) ** 2)
-    start = size.facet_mm - short - OUTSIDE_MM
+    overlap, distance_mm = _start_mm(size)
+    through_length = math.sqrt(_through_mm(size) ** 2 - (2 * distance_mm) ** 2)
+    start = size.facet_mm - overlap - OUTSIDE_MM
     right = start + size.film_mm / 2 + size.clearance_mm
-    middle, left = start - along - OVER_MM, start - along - OVER_MM - WIDE_MM
+    middle, left = start - through_length - OVER_MM, start - through_length - OVER_MM - WIDE_MM
     width, spread = _tongue_mm(size)
-    narrow = width / 2 + size.clearance_mm
-    wide = narrow + spread
-    half = [(left, wide), (middle, wide), (middle, narrow), (right, narrow)]
-    across = size.between_mm / 2
-    return [*((x, across - y) for x, y in half), *((x, across + y) for x, y in reversed(half))]
+    narrow_half = width / 2 + size.clearance_mm
+    wide_half = narrow_half + spread
+    half_outline = [(left, wide_half), (middle, wide_half), (middle, narrow_half), (right, narrow_half)]
+    middle_y = size.between_mm / 2
+    return [*((x, middle_y - y) for x, y in half_outline), *((x, middle_y + y) for x, y in reversed(half_outline))]
 
 
 def _through_mm(size: WheelSize) -> float:
@@ -304,21 +304,21 @@ def turn_rad(size: WheelSize) -> float:
 
 def _layer(size: WheelSize) -> dict[str, Point]:
     """A circle with a straight edge ``wall 1`` … for each wall."""
-    radius, half = size.hub_mm / math.cos(WALL_RAD / 2), WALL_RAD / 2
-    arc = 2 * math.pi / WALLS - WALL_RAD
-    steps = math.ceil(arc / 2 / math.acos(1 - EVEN_MM / radius))
+    radius, half_wall = size.hub_mm / math.cos(WALL_RAD / 2), WALL_RAD / 2
+    arc_rad = 2 * math.pi / WALLS - WALL_RAD
+    steps = math.ceil(arc_rad / 2 / math.acos(1 - EVEN_MM / radius))
     angles = {}
     for i, direction in enumerate(DIRECTIONS_RAD, 1):
-        angles[f"wall {i}"] = direction - half
-        angles |= {f"arc {i} {k}": direction + half + arc * k / steps for k in range(steps)}
+        angles[f"wall {i}"] = direction - half_wall
+        angles |= {f"arc {i} {k}": direction + half_wall + arc_rad * k / steps for k in range(steps)}
     return dict(zip(angles, on_circle(radius, angles.values()), strict=True))
 
 
 def _wall_slot(size: WheelSize, angle_rad: float) -> list[Point]:
     """A slot around the axle, in which a hook turns; the hook points clockwise."""
-    low = size.hub_mm - size.film_mm / 2 - PLAY_MM
-    high = math.hypot(size.hub_mm + size.film_mm / 2, WALL_NECK_MM / 2 + WALL_HOOK_MM) + size.clearance_mm
-    half = math.atan(WALL_NECK_MM / 2 / (size.hub_mm - size.film_mm / 2)) + size.clearance_mm / size.hub_mm
-    start, end = angle_rad - half, angle_rad + half + turn_rad(size)
-    steps = [start + (end - start) * i / ARC_STEPS for i in range(ARC_STEPS + 1)]
-    return [*on_circle(high, steps), *on_circle(low, reversed(steps))]
+    inner_radius = size.hub_mm - size.film_mm / 2 - PLAY_MM
+    outer_radius = math.hypot(size.hub_mm + size.film_mm / 2, WALL_NECK_MM / 2 + WALL_HOOK_MM) + size.clearance_mm
+    half_angle = math.atan(WALL_NECK_MM / 2 / (size.hub_mm - size.film_mm / 2)) + size.clearance_mm / size.hub_mm
+    start, end = angle_rad - half_angle, angle_rad + half_angle + turn_rad(size)
+    angles = [start + (end - start) * i / ARC_STEPS for i in range(ARC_STEPS + 1)]
+    return [*on_circle(outer_radius, angles), *on_circle(inner_radius, reversed(angles))]

@@ -101,27 +101,27 @@ def check_film_apart(car: FoldedCar) -> Iterator[Finding]:
     bends = [(piece.name, c.parent.face, c.child.face) for piece in car.pieces for c in piece.creases if c.bend]
     joined = scene.ignored(("tab", "lap")) | {(title(name, a), title(name, b)) for name, a, b in bends}
 
-    def film(body: str, but: frozenset[str] = frozenset()) -> Blocks:
-        placed = (copy for copy in roles.placed(body) if copy.piece not in but)
+    def film_of_body(body: str, excluded: frozenset[str] = frozenset()) -> Blocks:
+        placed = (copy for copy in roles.placed(body) if copy.piece not in excluded)
         return merge_blocks(scene.solid(("piece", copy.piece, copy.copy), stage) for copy in placed)
 
     for body in (*roles.bodies, *(wheels[0] for wheels in roles.wheel_units.values())):
-        solids = film(body)
+        solids = film_of_body(body)
         titles = list(dict.fromkeys(solids.titles))
         for n, face_title in enumerate(titles, 1):
-            met = first_obstacle(solids.where({face_title}), solids.where(set(titles[n:])), ignored=joined)
-            if met is not None:
-                yield Finding("crossing", face_title, f"runs into {met}")
+            obstacle = first_obstacle(solids.where({face_title}), solids.where(set(titles[n:])), ignored=joined)
+            if obstacle is not None:
+                yield Finding("crossing", face_title, f"runs into {obstacle}")
     strips = frozenset(piece.name for piece in car.pieces if any(crease.flexure for crease in piece.creases))
     for hinge in car.hinges:
-        front, rear = (film(body, strips) for body in (hinge.front, hinge.rear))
+        front, rear = (film_of_body(body, strips) for body in (hinge.front, hinge.rear))
         for angle in (hinge.min_rad, hinge.max_rad):
             moved = rear.moved(hinge_motion(hinge, angle))
             for face_title in dict.fromkeys(moved.titles):
-                met = first_obstacle(moved.where({face_title}), front)
-                if met is not None:
+                obstacle = first_obstacle(moved.where({face_title}), front)
+                if obstacle is not None:
                     place = f"between {hinge.front} and {hinge.rear}, folded by {math.degrees(angle):.1f} degrees"
-                    yield Finding("hinge", place, f"{face_title} runs into {met}")
+                    yield Finding("hinge", place, f"{face_title} runs into {obstacle}")
 
 
 CLOSURE_MM = 0.05
@@ -140,16 +140,17 @@ def check_joins(car: FoldedCar, bodies: Bodies) -> Iterator[Finding]:
     for join in (join for join in car.joins if join.kind in checks):
         ends = itertools.product(copies[join.piece_a, join.a.face], copies[join.piece_b, join.b.face])
         for a, b in ends:
-            # Hooks of wheels turn behind the film.
+            # Hooks of wheels are turned behind the film after they went through their slots.
             hook = join.kind in ("tab_slot", "lock") and a.body.startswith("wheel")
             if a.body == b.body and not hook:
                 yield from checks[join.kind](join, a, b)
 
 
 def _gap_mm(join: Join, a: PlacedFace, b: PlacedFace) -> float:
-    """Return the larger distance (mm) between the ends of two edges, in the better of the two directions.
+    """Return the gap (mm) between two joined edges: the larger distance of their ends, in either direction of the edges.
 
-    A tab lies on the inside of a wall and may be narrower: its edge must lie along the wall's edge, seen across the wall.
+    A tab may be narrower than its wall and lies one film inside it. So its gap is the largest distance of its ends from
+    the line of the wall's edge, in the wall's plane.
     """
     first, second = a.edge_mm(join.a.index), b.edge_mm(join.b.index)
     if join.kind == "tab":

@@ -52,20 +52,20 @@ class Stage:
     def poses(self, thing: Thing) -> dict[str, Pose]:
         """The poses of a piece's faces by their names, or the pose of a mount by its name."""
         kind, name, copy = thing
-        return (
-            self.faces(self.roles.copies[name, copy]) if kind == "piece" else {name: self.mount(self.roles.mounts[name])}
-        )
+        if kind == "piece":
+            return self.faces(self.roles.copies[name, copy])
+        return {name: self.mount(self.roles.mounts[name])}
 
     def _shift(self, host: Host) -> Pose:
-        """The motion of a face relative to its place in the finished car."""
+        """Return the motion of a face from its pose in the finished car to its pose at this stage."""
         if host is None:
             return IDENTITY
         piece, face = host
-        above = self._shift(self.roles.host(piece))
+        host_motion = self._shift(self.roles.host(piece))
         current, finished = self._folded(piece.piece)[face], self.roles.finished[piece.piece][face]
-        return (
-            above if current == finished else compose(above, piece.pose, current, inverse(finished), inverse(piece.pose))
-        )
+        if current == finished:
+            return host_motion
+        return compose(host_motion, piece.pose, current, inverse(finished), inverse(piece.pose))
 
 
 TONGUES = frozenset({"lock", "tab_slot", "rim"})
@@ -144,32 +144,32 @@ class Scene:
         return plate(shape, piece.thickness_mm, title(name, face_name))
 
     def _through(self, join: Join) -> Iterator[tuple[str, shapely.Geometry]]:
-        """Yield the part of each face, in its frame, that goes through the slot of a join: from the film to the tip.
+        """Yield (face, region) of a tongue's piece: the part of each face, in its frame, that is in the slot of a join.
 
-        All faces of the tongue's piece are returned, because tongues may share a slot. If the piece locks into itself,
-        only the tongue's face is.
+        It is the band of the face whose height over the slot's face is between the film and the tongue's tip. All faces
+        of the piece are cut, because tongues may share a slot; of a piece that locks into itself only the tongue's.
         """
         roles, piece = self.roles, self.roles.pieces[join.piece_a]
         tip = np.mean(edge(roles.faces[join.piece_a], join.a), axis=0)
         copies = ([copy for copy in roles.car.placed if copy.piece == name] for name in (join.piece_a, join.piece_b))
         # A piece with a tongue occurs only once in a body, so the body tells which copies are joined.
         tongue, slotted = next(pair for pair in itertools.product(*copies) if pair[0].body == pair[1].body)
-        onto = inverse(roles.pose_of(slotted, join.b.face))
-        height = apply(compose(onto, roles.pose_of(tongue, join.a.face)), *tip)[2]
-        half = roles.pieces[join.piece_b].thickness_mm / 2
+        to_slot = inverse(roles.pose_of(slotted, join.b.face))
+        height = apply(compose(to_slot, roles.pose_of(tongue, join.a.face)), *tip)[2]
+        half_film = roles.pieces[join.piece_b].thickness_mm / 2
         for face in (face for face in piece.faces if join.piece_a != join.piece_b or face.name == join.a.face):
-            relative = np.array(compose(onto, roles.pose_of(tongue, face.name))) * (1.0 if height > 0 else -1.0)
+            relative = np.array(compose(to_slot, roles.pose_of(tongue, face.name))) * (1.0 if height > 0 else -1.0)
             # Height of (x, y) of the face over the film: slope @ (x, y) + offset.
             slope, offset = relative[2, :2], relative[2, 3]
             heights = np.array(face.outline_mm) @ slope + offset
-            if np.linalg.norm(slope) > UPRIGHT and heights.max() > -half:
-                yield face.name, _band(slope, offset, -half, abs(height) + BEHIND_MM)
+            if np.linalg.norm(slope) > UPRIGHT and heights.max() > -half_film:
+                yield face.name, _band(slope, offset, -half_film, abs(height) + BEHIND_MM)
 
 
 def _band(slope: NDArray[np.float64], offset: float, low: float, high: float) -> shapely.Geometry:
-    """The points of the plane (mm) where ``slope`` @ point + ``offset`` is between two values, as a long rectangle."""
-    steep = float(np.linalg.norm(slope))
-    out = slope / steep
-    along = np.array((-out[1], out[0])) * FAR_MM
-    first, last = out * (low - offset) / steep, out * (high - offset) / steep
-    return shapely.Polygon([first - along, first + along, last + along, last - along])
+    """Return the band of the plane (mm) where low ≤ slope · point + offset ≤ high, as a long rectangle."""
+    steepness = float(np.linalg.norm(slope))
+    direction = slope / steepness
+    half_length = np.array((-direction[1], direction[0])) * FAR_MM
+    first, last = direction * (low - offset) / steepness, direction * (high - offset) / steepness
+    return shapely.Polygon([first - half_length, first + half_length, last + half_length, last - half_length])

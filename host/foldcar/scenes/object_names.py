@@ -21,13 +21,13 @@ def terrain_objects(scenario: Any, scene: Any) -> list[tuple[str, int]]:
     variables = _variables(scenario)
     pairs = [pair for pair in zip(scenario.objects, scene.objects, strict=True) if is_a(pair[1], "Terrain")]
     totals = Counter(type(sampled).__name__ for _, sampled in pairs)
-    numbers = Counter[str]()
+    count_so_far = Counter[str]()
     objects = []
     for original, sampled in pairs:
-        kind = type(sampled).__name__
-        numbers[kind] += 1
-        number = f" {numbers[kind]}" if totals[kind] > 1 else ""
-        name = variables.get(id(original)) or _in_words(kind) + number
+        class_name = type(sampled).__name__
+        count_so_far[class_name] += 1
+        number_text = f" {count_so_far[class_name]}" if totals[class_name] > 1 else ""
+        name = variables.get(id(original)) or _in_words(class_name) + number_text
         objects.append((name, len(terrain_pieces(sampled))))
     return objects
 
@@ -39,9 +39,9 @@ def _variables(scenario: Any) -> dict[int, str]:
         for index, thing in enumerate(things):
             variables.setdefault(id(thing), name if len(things) == 1 else f"{name}[{index}]")
     # The variable of a loop names only the object of the loop's last pass.
-    unnamed = {_line(thing) for thing in scenario.objects if id(thing) not in variables}
-    looped = {id(thing) for thing in scenario.objects if _line(thing) in unnamed}
-    return {thing: name for thing, name in variables.items() if thing not in looped}
+    unnamed_lines = {_line(thing) for thing in scenario.objects if id(thing) not in variables}
+    unnamed_objects = {id(thing) for thing in scenario.objects if _line(thing) in unnamed_lines}
+    return {thing: name for thing, name in variables.items() if thing not in unnamed_objects}
 
 
 def _line(thing: Any) -> Any:

@@ -31,12 +31,12 @@ def is_a(thing: Any, kind: str) -> bool:
 def finite(name: str, value: Any, thing: Any = None) -> float:
     """Return ``value`` as a rounded float. Raises UnusableError, which names ``name``, if it is not a finite number."""
     try:
-        value_read = float(value)
+        number = float(value)
     except (TypeError, ValueError):
         raise UnusableError(f"{name}: {value} is not a number", thing) from None
-    if not math.isfinite(value_read):
-        raise UnusableError(f"{name}: {value_read} is not finite", thing)
-    return rounded(value_read)
+    if not math.isfinite(number):
+        raise UnusableError(f"{name}: {number} is not finite", thing)
+    return rounded(number)
 
 
 def rounded(value: float) -> float:

@@ -39,6 +39,7 @@ def hooks(mutations: Mutations) -> Iterator[None]:
 
     The program keeps `new` and `mutate` for its simulations, in which they act like Scenic's.
     """
+    # Each function below replaces the one of Scenic's with the same name, and calls it.
     compiler, scenario = ScenicToPythonTransformer, DynamicScenario
     scenics_new, scenics_mutate, scenics_visit = veneer.new, veneer.mutate, compiler.visit
     scenics_execute, scenics_inherit = translator.executeCodeIn, scenario._inherit

@@ -22,7 +22,7 @@ PASSED, STOPS = "p", ("s", " ", "\n", "\r", "q", "\x1b")
 class DriveView:
     """Shows a drive on a terminal, and stops it when a key is pressed.
 
-    Nothing is shown if the output is not a terminal. The countdown begins with the first call of :meth:`look`.
+    Nothing is shown if the output is not a terminal. The countdown begins with the first call of :meth:`update`.
     ``other_input`` is a file whose input ends the wait for messages early, or None.
     """
 
@@ -55,7 +55,7 @@ class DriveView:
             return "passed, said by key"
         return "stopped by key" if key in STOPS else None
 
-    def look(self, car: Car) -> None:
+    def update(self, car: Car) -> None:
         """Show the car's state at most REFRESH_HZ times a second."""
         now_s = time.monotonic()
         self._begun_s = now_s if self._begun_s is None else self._begun_s

@@ -100,16 +100,16 @@ def _card(thing: Obstacle, scene: Mapping[str, Any], course: Course) -> tuple[fl
 
 
 def ask_deviations(
-    answers: Answers | None, things: Mapping[str, Obstacle], given: list[str] | None
+    answers: Answers | None, things: Mapping[str, Obstacle], option_texts: list[str] | None
 ) -> dict[str, tuple[float, float, float]]:
-    """Return measured deviations (m, m, rad) by name: those of the options, or else those that are typed.
+    """Return measured deviations (m, m, rad) by name: from ``option_texts`` or, if that is None, as they are typed.
 
-    Nothing is asked if ``answers`` is None.
+    Without ``answers`` nothing is asked. Raises FoldcarError for an option that cannot be parsed.
     """
     names = [CAR, *things]
     deviations: dict[str, tuple[float, float, float]] = {}
-    if given is not None:
-        for text in given:
+    if option_texts is not None:
+        for text in option_texts:
             name, deviation = parse_deviation(text, names)
             if name in deviations:
                 raise FoldcarError(f'--deviation "{text}": {name} is given twice')
@@ -147,31 +147,31 @@ def parse_deviation(text: str, names: Sequence[str]) -> tuple[str, tuple[float, 
     return words[0], (x_mm / 1000, y_mm / 1000, math.radians(turned_deg))
 
 
-def placed(scene: Mapping[str, Any], things: Mapping[str, Obstacle], deviations: Deviations) -> dict[str, Any]:
+def scene_as_placed(scene: Mapping[str, Any], things: Mapping[str, Obstacle], deviations: Deviations) -> dict[str, Any]:
     """Return the scene as built on the floor: car and obstacles are moved by their deviations (m, m, rad).
 
     An obstacle turns around the middle of its footprint.
     """
-    moved: dict[str, Any] = copy.deepcopy(dict(scene))
+    placed_scene: dict[str, Any] = copy.deepcopy(dict(scene))
     for name, deviation in deviations.items():
         if name == CAR:
-            _move(moved["start"], (moved["start"]["x_m"], moved["start"]["y_m"]), deviation)
+            _move(placed_scene["start"], (placed_scene["start"]["x_m"], placed_scene["start"]["y_m"]), deviation)
             continue
         for index in things[name].pieces:
-            _move(moved["terrain"][index], (things[name].x_m, things[name].y_m), deviation)
-    return moved
+            _move(placed_scene["terrain"][index], (things[name].x_m, things[name].y_m), deviation)
+    return placed_scene
 
 
-def _move(thing: dict[str, Any], middle: tuple[float, float], deviation: tuple[float, float, float]) -> None:
+def _move(piece: dict[str, Any], middle: tuple[float, float], deviation: tuple[float, float, float]) -> None:
     """Move a piece of an obstacle by the obstacle's deviation, turned around the obstacle's ``middle``."""
     x_m, y_m, turned_rad = deviation
-    ahead, left = thing["x_m"] - middle[0], thing["y_m"] - middle[1]
+    ahead, left = piece["x_m"] - middle[0], piece["y_m"] - middle[1]
     cos, sin = math.cos(turned_rad), math.sin(turned_rad)
     # Written as a change of the planned position, so that a piece in the middle keeps its exact coordinates.
-    thing["x_m"] += x_m + ahead * (cos - 1) - left * sin
-    thing["y_m"] += y_m + ahead * sin + left * (cos - 1)
-    if "heading_rad" in thing:
-        thing["heading_rad"] += turned_rad
+    piece["x_m"] += x_m + ahead * (cos - 1) - left * sin
+    piece["y_m"] += y_m + ahead * sin + left * (cos - 1)
+    if "heading_rad" in piece:
+        piece["heading_rad"] += turned_rad
 
 
 def _place(x_m: float, y_m: float, heading_rad: float) -> tuple[str, str, str]:
@@ -188,6 +188,7 @@ def _degrees(angle_rad: float) -> float:
 
 
 def _letters(number: int) -> str:
+    """Return the letters of obstacle ``number`` (from 0), like the columns of a spreadsheet: A, …, Z, AA, AB, …"""
     text = ""
     number += 1
     while number:

@@ -53,10 +53,10 @@ class PluggedCar:
         if car is not None:
             car.connection.close()
 
-    def connect_again(self, typed: str) -> None:
+    def connect_again(self, typed_port: str) -> None:
         """Connect at the typed port, else at the last one; if that is gone, detect the new one. Raises FoldcarError."""
-        port = typed or self._port
-        if not typed and port.startswith(SERIAL_PATHS) and not Path(port).exists():
+        port = typed_port or self._port
+        if not typed_port and port.startswith(SERIAL_PATHS) and not Path(port).exists():
             port = choose_port(None)
         self.close()
         self.connect(port)
@@ -137,17 +137,11 @@ def _servo_battery_text(car: Car, parameters: Mapping[str, float], assumed_v: fl
 
 def require_same_car(car: Car, identity: CarIdentity) -> None:
     """Raise FoldcarError if the car's design or firmware differs from ``identity``."""
-    new_identity = car.identity()
-    if (new_identity.hash, new_identity.build, new_identity.simulated) != (
-        identity.hash,
-        identity.build,
-        identity.simulated,
-    ):
-        before, after = (
-            f"{car_identity.name} ({car_identity.hash}, firmware {car_identity.build})"
-            for car_identity in (identity, new_identity)
-        )
-        raise FoldcarError(f"{car.port}: the car has changed from {before} to {after}: start a new session for it")
+    identities = identity, car.identity()
+    before, after = ((car_identity.hash, car_identity.build, car_identity.simulated) for car_identity in identities)
+    if before != after:
+        changed = " to ".join(f"{i.name} ({i.hash}, firmware {i.build})" for i in identities)
+        raise FoldcarError(f"{car.port}: the car has changed from {changed}: start a new session for it")
 
 
 def _end_earlier_trial(car: Car) -> None:

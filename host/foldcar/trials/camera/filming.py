@@ -170,20 +170,23 @@ def _rows(times_s: Any, filmed: Filmed) -> list[list[float]]:
 
 
 def _position_remarks(filmed: Filmed, times_s: Any, start: Mapping[str, float], refusal: str) -> list[str]:
-    """Return a remark if the car stood away from its position in the trial; raise FoldcarError if too far."""
-    before = filmed.poses[times_s < 0]
-    if not len(before):
+    """Return a remark if the car stood away from its position ``start`` in the trial before it set off.
+
+    Raises FoldcarError, beginning with ``refusal``, if it stood too far away.
+    """
+    poses_before = filmed.poses[times_s < 0]
+    if not len(poses_before):
         return []
-    x, y, _, heading, *_ = numpy.median(before, axis=0)
+    x, y, _, heading, *_ = numpy.median(poses_before, axis=0)
     distance_m = math.hypot(x - start["x_m"], y - start["y_m"])
-    turned = math.remainder(heading - start["heading_rad"], math.tau)
-    if distance_m < REMARKED_M and abs(turned) < REMARKED_RAD:
+    turned_rad = math.remainder(heading - start["heading_rad"], math.tau)
+    if distance_m < REMARKED_M and abs(turned_rad) < REMARKED_RAD:
         return []
     remark = (
-        f"the car began {1000 * distance_m:.0f} mm and {math.degrees(turned):+.1f}° from its position in the trial: at "
-        f"{1000 * x:.0f}, {1000 * y:.0f} mm, {math.degrees(heading):.1f}°"
+        f"the car began {1000 * distance_m:.0f} mm and {math.degrees(turned_rad):+.1f}° from its position in the trial: "
+        f"at {1000 * x:.0f}, {1000 * y:.0f} mm, {math.degrees(heading):.1f}°"
     )
-    if distance_m > OTHER_TRIAL_M or abs(turned) > OTHER_TRIAL_RAD:
+    if distance_m > OTHER_TRIAL_M or abs(turned_rad) > OTHER_TRIAL_RAD:
         raise FoldcarError(f"{refusal}: {remark}; if it is a film of this trial, correct the positions by a photo")
     return [remark]
 
@@ -227,6 +230,7 @@ def find_start(times_s: Floats, poses: Floats, simulated: Floats, where: str) ->
 
 
 def _pace(scale: float) -> str:
+    """Return a time scale in words: "2 times as slow"."""
     return f"{scale:.2g} times as slow" if scale > 1 else f"{1 / max(scale, 1e-3):.2g} times as fast"
 
 
@@ -234,10 +238,15 @@ def _time_scale(times_s: Floats, distances_m: Floats, simulated: Floats, simulat
     """Return how many times longer the film's car takes for the distances of SCALED_M that both cars reach."""
     farthest = min(distances_m.max(), simulated_distances_m.max())
     distances = SCALED_M[: int(numpy.searchsorted(SCALED_M, farthest, "right"))]
-    first, end = (int(numpy.argmax(distance >= distances[-1])) + 1 for distance in (distances_m, simulated_distances_m))
-    reached = [_when(times_s[:first], distances_m[:first], distance) for distance in distances]
-    simulated_times_s = [_when(simulated[:end, 0], simulated_distances_m[:end], distance) for distance in distances]
-    return float(numpy.polyfit(simulated_times_s, reached, 1)[0])
+
+    def passing_times_s(row_times_s: Floats, row_distances_m: Floats) -> list[float]:
+        """Return the times at which the car passes ``distances``; later rows, in which it may come back, are cut off."""
+        end = int(numpy.argmax(row_distances_m >= distances[-1])) + 1
+        return [_when(row_times_s[:end], row_distances_m[:end], distance) for distance in distances]
+
+    film_times_s = passing_times_s(times_s, distances_m)
+    simulated_times_s = passing_times_s(simulated[:, 0], simulated_distances_m)
+    return float(numpy.polyfit(simulated_times_s, film_times_s, 1)[0])
 
 
 def _when(times_s: Floats, distances_m: Floats, distance: float) -> float:
@@ -290,20 +299,21 @@ def propose(
 
 
 def _passed(times_s: Floats, poses: Floats, goal: Mapping[str, Any], index: int) -> Ending:
-    """Return the ending at the moment between two frames at which the car reached the goal."""
+    """Return the ending of a car that reached the goal between frame ``index`` and the frame before, interpolated."""
     steps = numpy.linspace(0, 1, 21)
-    before = max(index - 1, 0)
+    previous = max(index - 1, 0)
     fraction = next(
         step
         for step in steps
-        if not _short_of_goal(goal, *(poses[before, :2] + step * (poses[index, :2] - poses[before, :2])))
+        if not _short_of_goal(goal, *(poses[previous, :2] + step * (poses[index, :2] - poses[previous, :2])))
     )
-    x, y = poses[before, :2] + fraction * (poses[index, :2] - poses[before, :2])
-    time_s = times_s[before] + fraction * (times_s[index] - times_s[before])
+    x, y = poses[previous, :2] + fraction * (poses[index, :2] - poses[previous, :2])
+    time_s = times_s[previous] + fraction * (times_s[index] - times_s[previous])
     return Ending("passed", float(time_s), float(x), float(y), "its middle reached the goal")
 
 
 def _short_of_goal(goal: Mapping[str, Any] | None, x: float, y: float) -> bool:
+    """Whether a position is outside the goal's disc or before its line; always true without a goal."""
     if goal is None:
         return True
     dx, dy = goal["x_m"] - x, goal["y_m"] - y

@@ -70,8 +70,8 @@ class Pose:
 
     def by_corners(self, pixel: float) -> tuple[Floats, Floats]:
         """Return values and covariance without the ground; at the optimum both terms' gradients balance."""
-        spread = numpy.asarray(pixel**2 * numpy.linalg.pinv(self.information, hermitian=True), float)
-        return self.values + spread @ self.weights @ (self.values - self.expected), spread
+        covariance = numpy.asarray(pixel**2 * numpy.linalg.pinv(self.information, hermitian=True), float)
+        return self.values + covariance @ self.weights @ (self.values - self.expected), covariance
 
     def freedom(self, pixel: float) -> float:
         """Return the degrees of freedom of the residuals: 8 minus the effective number of fitted values."""
@@ -136,7 +136,7 @@ def find_pose(
 
 
 def _poses_by_marker(pixels: Floats, view: View, marker: CarMarker) -> list[Floats]:
-    """Return the two poses that fit the marker without the ground."""
+    """Return up to two poses (6,) of the car that fit the marker alone, which looks nearly the same tilted either way."""
     count, turns, shifts, _ = cv2.solvePnPGeneric(
         marker_corners(marker.size_m),
         ideal_pixels(view.lens, pixels),
@@ -155,13 +155,16 @@ def _poses_by_marker(pixels: Floats, view: View, marker: CarMarker) -> list[Floa
 def _pose_on_ground(
     start: Floats, pixels: Floats, view: View, marker: CarMarker, ground: Standing, pixel: float
 ) -> tuple[float, Pose]:
-    """Refine a pose with the ground below it, twice, because the ground's values change with position and tilt."""
-    first = _refined(start, pixels, view, marker, ground.at(Place.of(start)), pixel)[1].values
-    return _refined(first, pixels, view, marker, ground.at(Place.of(first)), pixel)
+    """Return the cost and the refined pose with the ground below it as a prior.
+
+    It is refined twice, because the ground's values change with position and tilt.
+    """
+    first = _refined(start, pixels, view, marker, ground.stance_at(Place.of(start)), pixel)[1].values
+    return _refined(first, pixels, view, marker, ground.stance_at(Place.of(first)), pixel)
 
 
 def _refined(
-    start: Floats, pixels: Floats, view: View, marker: CarMarker, stands: Stance | None, pixel: float
+    start: Floats, pixels: Floats, view: View, marker: CarMarker, stance: Stance | None, pixel: float
 ) -> tuple[float, Pose]:
     corners, observed = marker.corners, pixels.ravel()
 
@@ -171,9 +174,9 @@ def _refined(
         return view.pixels(points.reshape(-1, 3)).reshape(len(poses), 8)
 
     values, weights, expected = start.copy(), numpy.zeros((6, 6)), numpy.zeros(6)
-    if stands is not None:
-        expected[GROUND_INDICES] = stands.values
-        weights[numpy.ix_(GROUND_INDICES, GROUND_INDICES)] = numpy.linalg.inv(stands.covariance)
+    if stance is not None:
+        expected[GROUND_INDICES] = stance.values
+        weights[numpy.ix_(GROUND_INDICES, GROUND_INDICES)] = numpy.linalg.inv(stance.covariance)
 
     def cost_of(values: Floats, projection: Floats) -> float:
         residual, ground_residual = (projection - observed) / pixel, values - expected
@@ -206,4 +209,4 @@ def _refined(
                 break
     values[3:] = [math.remainder(angle, math.tau) for angle in values[3:]]
     residuals = (projections[0] - observed).reshape(4, 2)
-    return cost, Pose(values, information * pixel**2, weights, expected, residuals, stands is not None)
+    return cost, Pose(values, information * pixel**2, weights, expected, residuals, stance is not None)

@@ -139,52 +139,58 @@ def track(
 
 
 def _find_markers(frames: Iterable[tuple[float, Grey]], floor_ids: set[int]) -> _MarkersSeen:
-    """Find the car's marker in all frames, near its last position, and the floor's in every CHECK_FRAMES-th frame."""
+    """Find the car's marker in all frames, and the floor markers in every CHECK_FRAMES-th frame.
+
+    The car's marker is searched where it would be if it moved on as in the last frame. If it is lost, the whole frame is
+    searched, in every SEARCH_FRAMES-th frame.
+    """
     detector, seen = Detector(), _MarkersSeen()
-    car: Floats | None = None
-    drift = numpy.zeros(2)
-    lost = 0
+    last_corners: Floats | None = None
+    motion = numpy.zeros(2)
+    frames_lost = 0
     for frame, (time_s, grey) in enumerate(frames):
         seen.times_s.append(time_s)
         seen.size = (grey.shape[1], grey.shape[0])
-        car_corners = None if car is None else detector.find_near(grey, car + drift, CAR_ID)
+        car_corners = None if last_corners is None else detector.find_near(grey, last_corners + motion, CAR_ID)
         all_markers = None
-        if car_corners is None and lost % SEARCH_FRAMES == 0:
+        if car_corners is None and frames_lost % SEARCH_FRAMES == 0:
             all_markers = detector.find(grey)
-            car_corners, car = all_markers.get(CAR_ID), None
-        drift = numpy.zeros(2)
+            car_corners, last_corners = all_markers.get(CAR_ID), None
+        motion = numpy.zeros(2)
         if car_corners is not None:
-            if car is not None:
-                drift = car_corners.mean(axis=0) - car.mean(axis=0)
-            seen.car[frame], car, lost = car_corners, car_corners, 0
+            if last_corners is not None:
+                motion = car_corners.mean(axis=0) - last_corners.mean(axis=0)
+            seen.car[frame], last_corners, frames_lost = car_corners, car_corners, 0
         else:
-            lost += 1
+            frames_lost += 1
         if frame % CHECK_FRAMES == 0 or all_markers is not None:
-            searched = all_markers or {}
+            found_markers = all_markers or {}
             for number in floor_ids:
-                corners, before = searched.get(number), seen.floor.get(number)
-                if corners is None and before is not None:
-                    corners = detector.find_near(grey, before[-1], number)
+                corners, earlier = found_markers.get(number), seen.floor.get(number)
+                if corners is None and earlier is not None:
+                    corners = detector.find_near(grey, earlier[-1], number)
                 if corners is not None:
                     seen.floor.setdefault(number, []).append(corners)
     return seen
 
 
 def _view(seen: _MarkersSeen, course: Course, lens: Lens | None, where: str) -> tuple[View, list[str]]:
-    """Return the camera's view and remarks. Raises FoldcarError if the camera moved."""
+    """Return the camera's view by the floor markers' median corners, and remarks. Raises FoldcarError if it moved."""
     if not seen.times_s:
         raise FoldcarError(f"{where}: has no frames")
-    means = {number: numpy.median(corners, axis=0) for number, corners in seen.floor.items()}
+    median_corners = {number: numpy.median(corners, axis=0) for number, corners in seen.floor.items()}
     # If only one marker moves, it was pushed; if several do, the camera moved.
-    pushed = []
-    for number, mean in means.items():
-        distances = numpy.abs(numpy.array(seen.floor[number]) - mean).mean(axis=(1, 2))
+    moved_ids = []
+    for number, median in median_corners.items():
+        distances = numpy.abs(numpy.array(seen.floor[number]) - median).mean(axis=(1, 2))
         if numpy.quantile(distances, 0.9) > MAX_STILL_PX * seen.size[0] / 1920:
-            pushed.append(number)
-    if len(pushed) > 1:
-        raise FoldcarError(f"{where}: the camera moved, or floor markers {pushed[0]} and {pushed[1]} did: use a tripod")
-    view = find_view({k: mean for k, mean in means.items() if k not in pushed}, course, seen.size, lens, where)
-    return view, [*view.remarks, *(f"floor marker {number} was pushed during the film: left out" for number in pushed)]
+            moved_ids.append(number)
+    if len(moved_ids) > 1:
+        which = f"floor markers {moved_ids[0]} and {moved_ids[1]}"
+        raise FoldcarError(f"{where}: the camera moved, or {which} did: use a tripod")
+    still_corners = {number: median for number, median in median_corners.items() if number not in moved_ids}
+    view = find_view(still_corners, course, seen.size, lens, where)
+    return view, [*view.remarks, *(f"floor marker {number} was pushed during the film: left out" for number in moved_ids)]
 
 
 def smooth(times_s: Floats, poses: Floats, covariances: Floats) -> tuple[Floats, Floats, Floats]:

@@ -173,7 +173,7 @@ class Design:
 
     @property
     def segments(self) -> tuple[Segment, ...]:
-        """The rigid parts, front to back."""
+        """The rigid parts, front to back: groups of modules between hinges."""
         segments = []
         for hinge, group in itertools.groupby(range(len(self.modules)), lambda i: self.modules[i] == HINGE):
             if not hinge:

@@ -49,13 +49,13 @@ def condition(
 
 def _freeze(roots: Collection[Any], sample: Any) -> None:
     """Fix the roots, and the values that they depend on, at their values in ``sample``."""
-    for node in [node for root in roots for node in _reachable(root)]:
-        if node not in sample:
+    for value_node in [value_node for root in roots for value_node in _reachable(root)]:
+        if value_node not in sample:
             continue
-        value = sample[node]
-        constant = _without_noise(value) if isinstance(node, Constructible) else ConstantSamplable(value)
+        value = sample[value_node]
+        constant = _without_noise(value) if isinstance(value_node, Constructible) else ConstantSamplable(value)
         # Not the node's own method: a converted value's method would also fix the value before conversion.
-        Samplable.conditionTo(node, constant)
+        Samplable.conditionTo(value_node, constant)
 
 
 def _refuse_shared(scenario: Any, frozen_parts: Collection[Any]) -> None:

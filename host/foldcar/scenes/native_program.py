@@ -33,12 +33,15 @@ class NativeProgram:
         self._names, self._endings, self._limits, self._records = translator.names, endings, limits, records
 
     def of_scene(self, scene: Any) -> dict[str, Any]:
-        """Return the member `program` of a scene of docs/carsim.md. Raises UnusableError or FoldcarError."""
+        """Return the member `program` of a scene (docs/carsim.md): endings, time limit, verdict and records.
+
+        Values that are known in a sample only are inserted. Raises UnusableError or FoldcarError.
+        """
         sample = SampledValues(scene, self._names)
         step_s = outer_step_s(scene.params)
         endings = [
-            {"when": _resolved(terms, sample), "outcome": "passed" if passed else "terminated"}
-            for terms, passed in self._endings
+            {"when": _resolved(terms, sample), "outcome": "passed" if is_pass else "terminated"}
+            for terms, is_pass in self._endings
         ]
         records: list[dict[str, Any]] = []
         verdict: Any = None

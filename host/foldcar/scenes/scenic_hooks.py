@@ -62,6 +62,7 @@ def hooks(mutations: Mutations) -> Iterator[None]:
         scenics_param(params)
 
     def visit(self: Any, node: Any) -> Any:
+        """Compile a node of the syntax tree, like Scenic's; nodes that it creates without a line get the node's."""
         refuse_degrees(node, self.filename)
         compiled = scenics_visit(self, node)
         if isinstance(node, ast.AST) and hasattr(node, "lineno"):

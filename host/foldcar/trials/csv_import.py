@@ -228,10 +228,10 @@ def swept_experiments(store: Path) -> dict[str, ExperimentInfo]:
     """Return a store's experiments by their names in the listing; empty if there is no store or no study in it."""
     if not store.exists():
         return {}
-    with Store.open(store) as opened:
-        if not opened.holds_study():
+    with Store.open(store) as opened_store:
+        if not opened_store.holds_study():
             return {}
-        infos = opened.info().experiments.values()
+        infos = opened_store.info().experiments.values()
     return {**{info.listed_id: info for info in infos}, **{info.id: info for info in infos}}
 
 

@@ -220,16 +220,16 @@ def collect(car: Car, trial: int, log: Path) -> DriveEnd:
     The car's times count from its boot. The first packet of the trial that the host received gives the offset to the
     host's clock.
     """
-    first = next((message for message in read_tlog(log) if _is_of(message[1], trial)), None)
-    if first is None:
+    first_message = next((message for message in read_tlog(log) if _is_of(message[1], trial)), None)
+    if first_message is None:
         raise FoldcarError(f"{log}: contains no message of trial {trial} from before the cable was unplugged")
-    offset_us = first[0] - 1000 * first[1].time_boot_ms
+    offset_us = first_message[0] - 1000 * first_message[1].time_boot_ms
     status = _wait_for_storage(car)
     if status is None:
         raise FoldcarError(f"{car.port}: the car is still storing its log after {STORING_S:g} s")
     lost_bytes = status.log_lost if status.trial_id == trial else 0
-    for stored in reversed(list_logs(car)):
-        records, damaged_bytes = records_of(fetch_log(car, stored))
+    for stored_log in reversed(list_logs(car)):
+        records, damaged_bytes = records_of(fetch_log(car, stored_log))
         messages = [m for _, m in messages_of(records) if _is_of(m, trial)]
         if not messages:
             continue

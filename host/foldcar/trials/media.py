@@ -50,7 +50,10 @@ class Arrivals:
         self._begun.append((time.time(), trial))
 
     def is_growing(self, file: Path) -> bool:
-        """Return whether the file changed in the last SETTLED_S; also works if its time is in the future."""
+        """Whether the file was changed in the last SETTLED_S.
+
+        If its time is in the future, as that of a camera with a wrong clock, the file is compared with its last state.
+        """
         age_s = time.time() - _changed_s(file)
         if age_s >= 0:
             return age_s < SETTLED_S

@@ -57,11 +57,11 @@ class Answers:
     def choice(self, question: str, choices: Mapping[str, str], default: str | None) -> str:
         """Ask until the answer is a key or a value of ``choices``, or empty for the default; returns the value."""
         while True:
-            typed = self.line(question).lower().replace("-", "_").replace(" ", "_")
-            if not typed and default is not None:
+            answer = self.line(question).lower().replace("-", "_").replace(" ", "_")
+            if not answer and default is not None:
                 return default
-            if choices.get(typed, typed) in choices.values():
-                return choices.get(typed, typed)
+            if choices.get(answer, answer) in choices.values():
+                return choices.get(answer, answer)
             print_line(f"  type one of {', '.join(f'{key} ({value})' for key, value in choices.items())}")
 
     def keys(self) -> contextlib.AbstractContextManager[Callable[[], str | None]]:

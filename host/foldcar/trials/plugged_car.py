@@ -68,11 +68,11 @@ class PluggedCar:
         end_s = time.monotonic() + time_limit_s + RECONNECT_TIMEOUT_S
         question = "The car drives on. When it has stopped, plug it in and press Enter, or type its port; q gives up: "
         while True:
-            typed = "" if answers is None else answers.line(question)
-            if typed.lower() == "q":
+            answer = "" if answers is None else answers.line(question)
+            if answer.lower() == "q":
                 return DriveEnd("did not come back", "aborted", None)
             try:
-                self.connect_again(typed)
+                self.connect_again(answer)
                 require_same_car(self.connected, identity)
                 if self.connected.is_under_way(self.connected.request("FOLDCAR_TRIAL")):
                     raise LinkLostError("the car still drives, counts or waits for its button")

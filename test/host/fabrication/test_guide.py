@@ -17,7 +17,7 @@ from foldcar.car.folded.pose import compose
 from foldcar.car.proof.prove import assembly_steps
 from foldcar.car.proof.step import Added
 from foldcar.fabrication.assembly.facets import merge_shapes
-from foldcar.fabrication.assembly.guide import guide_page, steps
+from foldcar.fabrication.assembly.guide import build_steps, guide_page
 from foldcar.fabrication.assembly.guide_pictures import Scene, Step, is_hidden, service_picture
 from foldcar.fabrication.assembly.guide_state import AssemblyState
 from foldcar.fabrication.assembly.hidden_surfaces import camera, visible_facets
@@ -36,7 +36,7 @@ def cut(name: str) -> CutCar:
 @cache
 def guide(name: str) -> list[Step]:
     """The steps of a car's guide; their pictures are drawn once."""
-    return steps(car(name), cut(name), "laser")
+    return build_steps(car(name), cut(name), "laser")
 
 
 DRIVING = ["Load the firmware", "Find the neutrals", "Drive a metre"]
@@ -189,7 +189,7 @@ def test_guide_shows_every_piece_and_tells_every_join(name: str, machine: str, s
     folded = car(name)
     parted = cut_car(folded, options(machine, sheet=sheet))
 
-    guide_steps = steps(folded, parted, machine)
+    guide_steps = build_steps(folded, parted, machine)
 
     text = " ".join(line for step in guide_steps for line in step.lines)
     numbers: set[int] = set()

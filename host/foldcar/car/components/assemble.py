@@ -82,7 +82,7 @@ def assemble(graph: Graph) -> Assembly:
     builder = _Pieces(graph)
     roots = builder.root_poses()
     world = {
-        path: compose(roots[builder.home[first]], builder.local(first), pose)
+        path: compose(roots[builder.piece_of[first]], builder.local(first), pose)
         for first, fused in builder.fused.items()
         for path, pose in fused.poses.items()
     }
@@ -119,8 +119,8 @@ class _Pieces:
     """The pieces of a graph.
 
     ``sheets`` are the fused faces of each piece, parents before children, with their poses in its first face's frame.
-    ``home`` is the index of a fused face's piece. ``tabs`` grow from edge b of a seam and are glued to the face of edge
-    a, in that face's plane.
+    ``piece_of`` is the index of a fused face's piece. ``tabs`` grow from edge b of a seam and are glued to the face of
+    edge a, in that face's plane.
     """
 
     def __init__(self, graph: Graph) -> None:
@@ -135,10 +135,10 @@ class _Pieces:
                 step = across_crease(self._ends(edge), self._ends(opposite), seam.link.angle_rad)
                 steps[edge[0]].append((opposite[0], step))
         self.sheets: list[dict[str, Pose]] = []
-        self.home: dict[str, int] = {}
-        for first in (first for first in self.fused if first not in self.home):
+        self.piece_of: dict[str, int] = {}
+        for first in (first for first in self.fused if first not in self.piece_of):
             self.sheets.append(propagate_poses(first, IDENTITY, steps))
-            self.home |= dict.fromkeys(self.sheets[-1], len(self.sheets) - 1)
+            self.piece_of |= dict.fromkeys(self.sheets[-1], len(self.sheets) - 1)
             count = sum(seam.a[0] in self.sheets[-1] for seam in self.folds)
             if count >= len(self.sheets[-1]):
                 # A tree of folds has one fold fewer than faces.
@@ -152,7 +152,7 @@ class _Pieces:
             self.names |= {first: first if used[name] > 1 else name for first, name in short.items()}
         self.tabs: list[tuple[Face, Seam]] = []
         for index in range(len(self.sheets)):
-            own_seams = [seam for seam in self.seams if seam.link.kind == "tab" and self.home[seam.b[0]] == index]
+            own_seams = [seam for seam in self.seams if seam.link.kind == "tab" and self.piece_of[seam.b[0]] == index]
             # Tabs of one piece that join the same two faces are numbered.
             titles = _titles([f"{self.names[seam.b[0]]} tab to {self.names[seam.a[0]]}" for seam in own_seams])
             self.tabs += [(_tab(title, seam), seam) for title, seam in zip(titles, own_seams, strict=True)]
@@ -160,7 +160,7 @@ class _Pieces:
 
     def local(self, first: str) -> Pose:
         """The pose of a fused face in its piece."""
-        return self.sheets[self.home[first]][first]
+        return self.sheets[self.piece_of[first]][first]
 
     def _ends(self, edge: Edge) -> tuple[Point, Point]:
         return side(self.fused[edge[0]].face.outline_mm, edge[1])
@@ -183,10 +183,10 @@ class _Pieces:
             crease = Crease(name, *ends, link.angle_rad, link.kind == "hinge", *limits, link.kind == "bend")
             creases.append((order[child[0]], crease))
         creases.sort(key=lambda pair: pair[0])
-        own_tabs = [(face, seam) for face, seam in self.tabs if self.home[seam.b[0]] == index]
-        grown = (Crease(face.name, self._ref(s.b), EdgeRef(face.name, 0), s.link.angle_rad) for face, s in own_tabs)
+        own_tabs = [(face, seam) for face, seam in self.tabs if self.piece_of[seam.b[0]] == index]
+        tab_creases = (Crease(face.name, self._ref(s.b), EdgeRef(face.name, 0), s.link.angle_rad) for face, s in own_tabs)
         faces = [replace(self.fused[first].face, name=self.names[first]) for first in sheet]
-        folds = (*(crease for _, crease in creases), *grown)
+        folds = (*(crease for _, crease in creases), *tab_creases)
         root = self.fused[next(iter(sheet))].first
         label = root.piece or self.names[root.path]
         return Piece(label, label, (*faces, *(face for face, _ in own_tabs)), folds, root.thickness_mm)
@@ -202,8 +202,8 @@ class _Pieces:
         def add(a: str, b: str, relative: Pose) -> None:
             """Record that the pieces of fused faces a and b are neighbours; ``relative`` is b's pose in a's frame."""
             step = compose(self.local(a), relative, inverse(self.local(b)))
-            neighbours[self.home[a]].append((self.home[b], step))
-            neighbours[self.home[b]].append((self.home[a], inverse(step)))
+            neighbours[self.piece_of[a]].append((self.piece_of[b], step))
+            neighbours[self.piece_of[b]].append((self.piece_of[a], inverse(step)))
 
         for placement in self.graph.placements:
             a, b = self.owner[placement.on], self.owner[placement.face]
@@ -213,14 +213,14 @@ class _Pieces:
                 compose(self.fused[a].poses[placement.on], placement.pose, inverse(self.fused[b].poses[placement.face])),
             )
         for link, edge_a, edge_b, _ in self.seams:
-            if link.kind == "tab" and self.home[edge_a[0]] != self.home[edge_b[0]]:
+            if link.kind == "tab" and self.piece_of[edge_a[0]] != self.piece_of[edge_b[0]]:
                 across = across_crease(self._ends(edge_a), self._ends(edge_b), link.angle_rad)
                 add(edge_a[0], edge_b[0], compose(translation(0, 0, link.inset_mm), across))
         path, pose = self.graph.origin or (next(iter(self.graph.atoms)), IDENTITY)
         first = self.owner[path]
         start_pose = compose(pose, inverse(self.fused[first].poses[path]), inverse(self.local(first)))
-        poses = propagate_poses(self.home[first], start_pose, neighbours)
-        for face, index in self.home.items():
+        poses = propagate_poses(self.piece_of[first], start_pose, neighbours)
+        for face, index in self.piece_of.items():
             if index not in poses:
                 raise ComponentError(face, "is joined to nothing")
         return [poses[i] for i in range(len(self.sheets))]
@@ -231,13 +231,14 @@ class _Pieces:
         Joins of one seam get the same number: edges that tuck into the same edge, and all hooks of a strip in a disc.
         """
         for i, (face, (_, a, b, length)) in enumerate(self.tabs):
-            kind: JoinKind = "lap" if self.home[a[0]] == self.home[b[0]] else "tab"
-            ends = (self.home[b[0]], EdgeRef(face.name, 0)), (self.home[a[0]], self._ref(a))
+            kind: JoinKind = "lap" if self.piece_of[a[0]] == self.piece_of[b[0]] else "tab"
+            ends = (self.piece_of[b[0]], EdgeRef(face.name, 0)), (self.piece_of[a[0]], self._ref(a))
             yield IndexedJoin(i, kind, *ends, length)
         for placement in (placement for placement in self.graph.placements if placement.laminated):
             faces = self.owner[placement.face], self.owner[placement.on]
-            layer, on = ((self.home[face], self._ref((face, 0))) for face in faces)
+            layer, on = ((self.piece_of[face], self._ref((face, 0))) for face in faces)
             yield IndexedJoin(None, "laminate", layer, on, 0.0)
+        # Contacts of the same two edges of fused faces are one join.
         by_ends: dict[tuple[object, ...], IndexedJoin] = {}
         for contact in self.graph.contacts:
             first, second = (self.owner[path] for path, _ in (contact.a, contact.b))
@@ -247,9 +248,9 @@ class _Pieces:
             )
             seam: object = ("tuck", first, b) if contact.kind == "tuck" else contact
             if self.fused[first].face.role == "rim":
-                seam = (self.home[first], self.home[second])
+                seam = (self.piece_of[first], self.piece_of[second])
             length = 0.0 if contact.kind == "laminate" else math.dist(*self.graph.ends_mm(contact.a))
-            ends = (self.home[first], self._ref(a)), (self.home[second], self._ref(b))
+            ends = (self.piece_of[first], self._ref(a)), (self.piece_of[second], self._ref(b))
             join = IndexedJoin(seam, contact.kind, *ends, length, contact.slot)
             by_ends.setdefault((contact.kind, a, b, contact.slot), join)
         yield from by_ends.values()

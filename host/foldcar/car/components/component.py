@@ -122,11 +122,11 @@ class Component:
     ) -> None:  # fmt: skip
         """``keys`` are the outermost parameters that set values. Raises ComponentError for a value outside its limits."""
         self.path, self.body, self.parts = path, body, parts or catalogue()
-        unused_values = dict(values or {})
-        self.keys = {name: name for name in unused_values} if keys is None else keys
+        given_values = dict(values or {})
+        self.keys = {name: name for name in given_values} if keys is None else keys
         self.values = {
             parameter.name: parameter.default_with(self.parts) for parameter in self.parameters
-        } | unused_values
+        } | given_values
         for parameter in self.parameters:
             limit_error = parameter.limit_error(self[parameter.name], self.parts)
             if limit_error:

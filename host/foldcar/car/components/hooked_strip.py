@@ -214,6 +214,7 @@ def _strip(shape: Shape, size: WheelSize, strip: int, count: int) -> None:
         outline = facet(length_mm, width_mm, hooks, 0.0 if i else _tongue_mm(size)[0])
         shape.face(f"rim {strip} {i}", outline, role="rim", piece="wheel rim")
     for i in range(count - 1):
+        # The last facet dips under the start of the next strip.
         extra_deg = dip_deg if i == count - 2 else 0.0
         shape.connect(f"rim {strip} {i}.next", f"rim {strip} {i + 1}.last", "bend", turn_deg + extra_deg)
     _tongue(shape, size, strip)
@@ -221,7 +222,7 @@ def _strip(shape: Shape, size: WheelSize, strip: int, count: int) -> None:
 
 
 def _tongue_mm(size: WheelSize) -> Point:
-    """Width of the tongue, and how far its head reaches beyond it on each side."""
+    """Return the tongue's width (mm), and how far its head reaches beyond it on each side (mm)."""
     return min(4.0, 0.36 * size.between_mm), min(1.5, 0.15 * size.between_mm)
 
 
@@ -282,8 +283,11 @@ EVEN_MM = 0.02
 
 
 def build_hub(shape: Shape, size: WheelSize) -> None:
-    """Add faces ``hub`` and ``wall 1`` …, and cut slots into the face ``outer``."""
-    shape.face("hub", _layer(size), piece="wheel hub")
+    """Add the hub: a layer on the inner disc with walls folded up, whose hooks lock into slots of the outer disc.
+
+    Faces ``hub`` and ``wall 1`` …; the slots are cut into the face ``outer``.
+    """
+    shape.face("hub", _hub_outline(size), piece="wheel hub")
     shape.place("hub", "inner", translation(0, 0, size.film_mm), laminated=True)
     length = 2 * size.hub_mm * math.tan(WALL_RAD / 2)
     hook = Hook(WALL_NECK_MM, WALL_HOOK_MM, 0.0, 2 * size.clearance_mm + size.film_mm)
@@ -302,8 +306,8 @@ def turn_rad(size: WheelSize) -> float:
     return math.atan((WALL_NECK_MM / 2 + WALL_HOOK_MM) / inside) - math.atan(WALL_NECK_MM / 2 / inside)
 
 
-def _layer(size: WheelSize) -> dict[str, Point]:
-    """A circle with a straight edge ``wall 1`` … for each wall."""
+def _hub_outline(size: WheelSize) -> dict[str, Point]:
+    """Return the outline of the hub's layer: a circle with a straight edge ``wall 1`` … for each wall."""
     radius, half_wall = size.hub_mm / math.cos(WALL_RAD / 2), WALL_RAD / 2
     arc_rad = 2 * math.pi / WALLS - WALL_RAD
     steps = math.ceil(arc_rad / 2 / math.acos(1 - EVEN_MM / radius))
@@ -315,7 +319,10 @@ def _layer(size: WheelSize) -> dict[str, Point]:
 
 
 def _wall_slot(size: WheelSize, angle_rad: float) -> list[Point]:
-    """A slot around the axle, in which a hook turns; the hook points clockwise."""
+    """Return the outline of a slot in the outer disc: an arc around the axle, in which a hook turns into its lock.
+
+    ``angle_rad`` is the direction of the hook before it turns; the hook points clockwise.
+    """
     inner_radius = size.hub_mm - size.film_mm / 2 - PLAY_MM
     outer_radius = math.hypot(size.hub_mm + size.film_mm / 2, WALL_NECK_MM / 2 + WALL_HOOK_MM) + size.clearance_mm
     half_angle = math.atan(WALL_NECK_MM / 2 / (size.hub_mm - size.film_mm / 2)) + size.clearance_mm / size.hub_mm

@@ -168,10 +168,11 @@ def _horn_solids(parts: Catalogue, center: tuple[float, float, float]) -> list[S
 def _tyre(shape: Shape, size: WheelSize) -> None:
     """Add the tyre: a ring of boxes over both discs and the rim."""
     tyre = shape.parts.tyre
-    width, thick = tyre.running_width_mm(size.width_mm), tyre.thickness_mm.value
+    width, thickness = tyre.running_width_mm(size.width_mm), tyre.thickness_mm.value
     step = 2 * math.pi / TYRE_BOXES
-    middle = size.disc_radius_mm + thick / 2
-    box = (thick, 2 * middle * math.tan(step / 2), width)
-    solids = [Solid("box", box, compose(rotation("z", i * step), translation(middle, 0, 0))) for i in range(TYRE_BOXES)]
+    mean_radius = size.disc_radius_mm + thickness / 2
+    box = (thickness, 2 * mean_radius * math.tan(step / 2), width)
+    poses = (compose(rotation("z", i * step), translation(mean_radius, 0, 0)) for i in range(TYRE_BOXES))
+    solids = [Solid("box", box, pose) for pose in poses]
     pose, size_mm = translation(0, 0, (size.width_mm - size.film_mm) / 2), (2 * size.radius_mm, 2 * size.radius_mm, width)
     shape.box(tyre.name, "tyre", "inner", pose, size_mm, tyre.mass_kg(size.radius_mm, size.width_mm), solids=solids)

@@ -64,8 +64,8 @@ def mount_properties(mount: Mount) -> MassProperties:
         else:
             squares = np.square((x, y, z))
             moments = mass_kg / 12 * (squares.sum() - squares)
-        own = MassProperties(mass_kg, np.zeros(3), np.diag(moments))
-        properties.append(_turned(own, compose(mount.pose, solid.pose)))
+        about_centre = MassProperties(mass_kg, np.zeros(3), np.diag(moments))
+        properties.append(_turned(about_centre, compose(mount.pose, solid.pose)))
     return assemble(properties)
 
 

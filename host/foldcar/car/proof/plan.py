@@ -86,9 +86,9 @@ class Building:
         numbers = set()
         for join in self.roles.car.joins:
             ends = {join.piece_a, join.piece_b}
-            shaped = ends <= self._folded or (join.kind == "laminate" and flat)
-            together = ends <= self._in_units if unit else not ends & self._in_units
-            if join.number not in self._made_joins | self._lid_joins and ends <= complete and shaped and together:
+            are_folded = ends <= self._folded or (join.kind == "laminate" and flat)
+            are_together = ends <= self._in_units if unit else not ends & self._in_units
+            if join.number not in self._made_joins | self._lid_joins and ends <= complete and are_folded and are_together:
                 numbers.add(join.number)
         self._made_joins |= numbers
         return tuple(sorted(numbers))

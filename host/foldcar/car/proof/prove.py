@@ -108,10 +108,10 @@ class _Prover:
                 self._add_finding(place, message)
 
     def service_step(self, number: str, step: AssemblyStep) -> AssemblyStep:
-        """Prove one step of service. The lid's levers and pull tabs are reached while it is shut.
+        """Prove one step of service: tools reach what they use, folds open, parts come out; return it with their paths.
 
-        A lid opens on the path on which it was shut, which is checked again if the wheels came later. Parts that are
-        taken out stay out.
+        A lid opens on the path on which it was shut; with a part on the lid this is checked again, because the wheels
+        were added after it was shut. Parts that are taken out stay out.
         """
         place = f"{number}, {step.title}"
         self._check_tool_uses(place, step.tool_uses, CAR)
@@ -283,7 +283,11 @@ class _Prover:
 
 
 def _closing(lid: Lid, angles_rad: Mapping[str, float]) -> Iterator[dict[str, float]]:
-    """Yield fractions of the lid's folds while it closes: the flap bends inwards first, and is upright at the end."""
+    """Yield the fractions of the lid's folds, step by step, while it closes.
+
+    First the flap is bent inwards. While the lid turns down, the flap is bent further, by the lid's own angle up to half
+    of the way, and back to upright over the second half, so that it passes the wall.
+    """
     hinge, *flaps = lid.creases
     if not flaps:
         yield from ({hinge: i / SWING_STEPS} for i in range(SWING_STEPS + 1))

@@ -88,14 +88,17 @@ class Roles:
     def is_on_lid(self, mount: Mount) -> bool:
         """Whether a mount lies on the outer side of a lid."""
         host = self.mount_host(mount)
-        on = self._on_beam(host, mount.body)
-        if host is None or on is None or on[1] not in self.lids[on[0].piece].faces or self.is_fastener(mount):
+        on_beam = self._on_beam(host, mount.body)
+        if host is None or on_beam is None or self.is_fastener(mount):
+            return False
+        beam, face = on_beam
+        if face not in self.lids[beam.piece].faces:
             return False
         # Printed sides, along +z of their frames, look inwards.
         return compose(inverse(self.pose_of(*host)), mount.pose)[2][3] < 0
 
     def _on_beam(self, host: Host, body: str) -> Host:
-        """Follow a host to the beam that it is fixed to in the end; None if there is no beam."""
+        """Follow a host to the beam that carries it; return the beam and the face on it, or None if there is no beam."""
         while host is not None and host[0] is not self.base.get(body):
             host = self.host(host[0])
         return host

@@ -89,7 +89,7 @@ class Scene:
         # Cache of the solids of pieces and mounts at their latest poses.
         self._last: dict[Thing, tuple[dict[str, Pose], Blocks]] = {}
         self._tongues: dict[tuple[str, str], list[shapely.Geometry]] = defaultdict(list)
-        # All faces of a tongue's piece are cut where it meets a face of another piece.
+        # All faces of a tongue's piece are cut where it meets a face of another piece: one join of the pair suffices.
         cuts = {(j.piece_a, j.piece_b, j.b.face, j.a.face if j.piece_a == j.piece_b else ""): j for j in roles.car.joins}
         for join in (join for join in cuts.values() if join.kind in TONGUES and not tongues):
             for face, tongue in self._through(join):

@@ -50,7 +50,7 @@ def guide_page(folded: FoldedCar, cut: CutCar, machine: str, title: str, sheets:
         facts=facts(folded, sheets),
         rows=parts_list(folded, sheets),
         finished=Drawing(whole_car(folded, FROM_FRONT), FROM_FRONT, "The finished car", caption="the finished car"),
-        steps=steps(folded, cut, machine),
+        steps=build_steps(folded, cut, machine),
         upkeep=Step("Open, charge, connect, reset", lines, service_picture(folded)),
         done=operations(folded, cut),
         kinds=kinds(),
@@ -62,20 +62,20 @@ def guide_page(folded: FoldedCar, cut: CutCar, machine: str, title: str, sheets:
     )
 
 
-def steps(folded: FoldedCar, cut: CutCar, machine: str) -> list[Step]:
+def build_steps(folded: FoldedCar, cut: CutCar, machine: str) -> list[Step]:
     """Return all steps, from cutting on a machine of that name to a car that has driven a metre."""
-    steps = [out_of_sheets(cut, machine), *splice_steps(folded, cut)]
+    all_steps = [cutting_step(cut, machine), *splice_steps(folded, cut)]
     state = AssemblyState(folded)
-    for step, done in operations_by_step(folded):
+    for step, step_operations in operations_by_step(folded):
         lines = step_lines(step, state)
         state.advance(step)
         repeated = len(state.unit_bodies(step.unit)) if step.unit else 1
         title = f"{step.title} ({repeated} times)" if repeated > 1 else step.title
-        steps.append(Step(title, lines, step_pictures(step, state, step.title), done))
-    return [*steps, *(Step(title, lines) for title, lines in driving_steps(folded))]
+        all_steps.append(Step(title, lines, step_pictures(step, state, step.title), step_operations))
+    return [*all_steps, *(Step(title, lines) for title, lines in driving_steps(folded))]
 
 
-def out_of_sheets(cut: CutCar, machine: str) -> Step:
+def cutting_step(cut: CutCar, machine: str) -> Step:
     """Return the step that cuts all pieces, with a picture of each, for a machine of that name."""
     pictures = []
     for piece in cut.car.pieces:

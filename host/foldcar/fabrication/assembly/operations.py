@@ -191,7 +191,10 @@ def is_wound(piece: Piece) -> bool:
 
 
 def disc_turns(car: FoldedCar, step: AssemblyStep) -> list[Join]:
-    """Return a join for each disc that a step turns relative to a wheel's hub until the hooks hold."""
+    """Return one join for each disc that a step turns relative to a wheel's hub until the hooks hold.
+
+    Discs are the pieces of wheels without creases; the hub's hooks lock into their slots.
+    """
     discs = {piece.name for piece in car.pieces if not piece.creases} & _on_wheels(car)
     joins: dict[str, Join] = {}
     for join in car.joins:

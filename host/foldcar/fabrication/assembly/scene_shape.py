@@ -67,7 +67,7 @@ class SceneShapes:
         return parts
 
     def _faces(self, piece: Piece) -> int:
-        """Return the number of a piece's faces among the shared pieces, and add them on first use."""
+        """Return the index of a folded piece among ``pieces``; on first use add its faces, in units of UNIT_MM."""
         if piece not in self._film:
             plain, poses, faces = _without_small_holes(piece), face_poses(piece), []
             for face in plain.faces:

@@ -312,7 +312,10 @@ def _changed_order(order: Sequence[int], rng: random.Random) -> list[int]:
 
 
 def _first_orders(pieces: Sequence[tuple[str, Polygon, int]]) -> list[list[int]]:
-    """Return two orders of the copies: by decreasing area of the box, and by decreasing length."""
+    """Return two orders of the copies, each a list of indices of ``pieces`` (name, outline, count).
+
+    They are sorted by decreasing area of the bounding box, and by its decreasing longer side.
+    """
     boxes = [outline.bounds for _, outline, _ in pieces]
     sides = [(x1 - x0, y1 - y0) for x0, y0, x1, y1 in boxes]
     copies = [index for index, (_, _, count) in enumerate(pieces) for _ in range(count)]

@@ -157,11 +157,11 @@ def lbrn(sheet: Sheet) -> str:
                 circle = ET.SubElement(root, "Shape", Type="Ellipse", CutIndex=index, Rx=radius, Ry=radius)
                 _lbrn_moved(circle, shape.center_mm)
                 continue
-            made = _lbrn_moved(ET.SubElement(root, "Shape", Type="Path", CutIndex=index), (0.0, 0.0))
+            element = _lbrn_moved(ET.SubElement(root, "Shape", Type="Path", CutIndex=index), (0.0, 0.0))
             # Without handles: LightBurn's lines are Bezier curves of degree one.
             vertices = (f"V{_lbrn_number(x)} {_lbrn_number(y)}c0x1c1x1" for x, y in shape.points_mm)
-            ET.SubElement(made, "VertList").text = "".join(vertices)
-            ET.SubElement(made, "PrimList").text = "LineClosed" if shape.closed else "LineOpen"
+            ET.SubElement(element, "VertList").text = "".join(vertices)
+            ET.SubElement(element, "PrimList").text = "LineClosed" if shape.closed else "LineOpen"
     ET.indent(root, " ")
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{ET.tostring(root, encoding="unicode")}\n'
 

@@ -50,10 +50,10 @@ class Detector:
         """Return ids and corners of all markers of a picture."""
         quads, ids, _ = self._aruco.detectMarkers(grey)
         squares = [quad.reshape(4, 2).astype(float) for quad in quads]
-        numbers = [] if ids is None else ids.ravel().tolist()
+        marker_ids = [] if ids is None else ids.ravel().tolist()
         return [
-            (k, refined(grey, square))
-            for k, square in zip(numbers, squares, strict=True)
+            (number, refined(grey, square))
+            for number, square in zip(marker_ids, squares, strict=True)
             if _shortest(square) >= MIN_SIDE_PX
         ]
 

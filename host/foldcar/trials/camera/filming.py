@@ -111,8 +111,9 @@ def track_trial(
     )
     start = find_start(filmed.times_s, filmed.poses, _simulated(body, settings, scene, carsim), str(film))
     times_s = filmed.times_s - start.film_s
-    turns = abs(settings["speed_m_s"]) <= 0.05 * abs(settings["yaw_rate_rad_s"])
-    ending = propose(times_s, filmed.poses, scene, settings["time_limit_s"], turns, filmed.film_s - start.film_s)
+    turns_on_the_spot = abs(settings["speed_m_s"]) <= 0.05 * abs(settings["yaw_rate_rad_s"])
+    film_end_s = filmed.film_s - start.film_s
+    ending = propose(times_s, filmed.poses, scene, settings["time_limit_s"], turns_on_the_spot, film_end_s)
     elapsed_s = store.trial(number).elapsed_time_s
     if ending.outcome in ("passed", "off_course") and elapsed_s is not None and ending.time_s > elapsed_s + LATE_S:
         raise FoldcarError(
@@ -194,27 +195,29 @@ def _position_remarks(filmed: Filmed, times_s: Any, start: Mapping[str, float], 
 def find_start(times_s: Floats, poses: Floats, simulated: Floats, where: str) -> Start:
     """Find the start of the trial on the film's clock; ``simulated`` are rows of time in the trial, x, y.
 
-    Raises FoldcarError, beginning with ``where``, if the car moves in the first frame, if it never moves, or if no real
-    car has this time scale.
+    The film's car and the simulated car pass the same distances (SET_OFF_M) at their own times; the start is the median
+    difference of these times. Raises FoldcarError, beginning with ``where``, if the car moves in the first frame, if it
+    never moves, or if no real car has this time scale.
     """
-    resting = times_s < times_s[0] + REST_S
-    distances = numpy.linalg.norm(poses[:, :2] - numpy.median(poses[resting, :2], axis=0), axis=1)
-    if numpy.ptp(poses[resting, :2], axis=0).max() > SET_OFF_M[0]:
+    is_resting = times_s < times_s[0] + REST_S
+    distances = numpy.linalg.norm(poses[:, :2] - numpy.median(poses[is_resting, :2], axis=0), axis=1)
+    if numpy.ptp(poses[is_resting, :2], axis=0).max() > SET_OFF_M[0]:
         raise FoldcarError(f"{where}: the car moves from the first frame on: start filming before it starts")
-    beyond = numpy.flatnonzero(distances > SET_OFF_M[-1])
-    simulated_away = numpy.linalg.norm(simulated[:, 1:3] - simulated[0, 1:3], axis=1)
-    if not len(beyond) or simulated_away.max() < SET_OFF_M[-1]:
+    rows_beyond = numpy.flatnonzero(distances > SET_OFF_M[-1])
+    simulated_distances = numpy.linalg.norm(simulated[:, 1:3] - simulated[0, 1:3], axis=1)
+    if not len(rows_beyond) or simulated_distances.max() < SET_OFF_M[-1]:
         raise FoldcarError(
             f"{where}: the car does not move by {1000 * SET_OFF_M[-1]:.0f} mm, so that its start cannot be found"
         )
     # The search goes back from here to the last time at which the car stood still.
-    first_beyond = int(beyond[0])
+    first_beyond = int(rows_beyond[0])
     film_times_s = [_when(times_s[: first_beyond + 1], distances[: first_beyond + 1], distance) for distance in SET_OFF_M]
-    end = int(numpy.argmax(simulated_away >= SET_OFF_M[-1]))
-    simulated_times_s = [_when(simulated[: end + 1, 0], simulated_away[: end + 1], distance) for distance in SET_OFF_M]
+    simulated_beyond = int(numpy.argmax(simulated_distances >= SET_OFF_M[-1]))
+    until = slice(simulated_beyond + 1)
+    simulated_times_s = [_when(simulated[until, 0], simulated_distances[until], distance) for distance in SET_OFF_M]
     offsets = numpy.subtract(film_times_s, simulated_times_s)
     # Short distances are noisy; over long ones an obstacle may slow the car down. Use the scale that is nearer to 1.
-    long_scale = _time_scale(times_s, distances, simulated, simulated_away)
+    long_scale = _time_scale(times_s, distances, simulated, simulated_distances)
     scale = min(
         float(numpy.polyfit(simulated_times_s, film_times_s, 1)[0]),
         long_scale,
@@ -259,32 +262,36 @@ def _when(times_s: Floats, distances_m: Floats, distance: float) -> float:
 
 
 def propose(
-    times_s: Floats, poses: Floats, scene: Mapping[str, Any], time_limit_s: float, turns: bool, film_end_s: float
-) -> Ending:
-    """Propose the end of the drive. ``turns``: the car was commanded to turn (nearly) on the spot."""
+    times_s: Floats, poses: Floats, scene: Mapping[str, Any], time_limit_s: float, turns_on_the_spot: bool,
+    film_end_s: float,
+) -> Ending:  # fmt: skip
+    """Propose the end of the drive by its track: ``poses`` (n, 6) at ``times_s`` from the trial's start.
+
+    ``turns_on_the_spot``: the car was commanded to turn nearly on the spot, so that it may stay at its place.
+    """
     driving = numpy.flatnonzero((times_s >= 0) & (times_s <= time_limit_s))
     if not len(driving):
         return Ending(None, 0.0, float(poses[0, 0]), float(poses[0, 1]), "the film does not show the drive")
-    was_short = True
-    moved_at = held_from = int(driving[0])
+    was_before_goal = True
+    still_since = held_since = int(driving[0])
     for index in driving.tolist():
         time_s, (x, y, _, heading, pitch, roll) = float(times_s[index]), poses[index]
         if math.cos(pitch) * math.cos(roll) < TIPPED_UP:
             return Ending("tipped", time_s, x, y, f"tilted by more than {math.degrees(math.acos(TIPPED_UP)):.0f}°")
-        short = _short_of_goal(scene["goal"], x, y)
-        if was_short and not short:
+        is_before_goal = _short_of_goal(scene["goal"], x, y)
+        if was_before_goal and not is_before_goal:
             return _passed(times_s, poses, scene["goal"], index)
-        was_short = short
+        was_before_goal = is_before_goal
         course = scene["course"]
         if not (course["x_min_m"] <= x <= course["x_max_m"] and course["y_min_m"] <= y <= course["y_max_m"]):
             return Ending("off_course", time_s, x, y, "its middle left the course")
-        if math.dist((x, y), poses[held_from, :2]) > HELD_M:
-            held_from = index
-        elif not turns and time_s - times_s[held_from] >= HELD_S:
+        if math.dist((x, y), poses[held_since, :2]) > HELD_M:
+            held_since = index
+        elif not turns_on_the_spot and time_s - times_s[held_since] >= HELD_S:
             return Ending("stuck", time_s, x, y, f"less than {1000 * HELD_M:.0f} mm in {HELD_S:g} s")
-        if math.dist((x, y), poses[moved_at, :2]) > STUCK_M or abs(heading - poses[moved_at, 3]) > STUCK_RAD:
-            moved_at = index
-        elif time_s - times_s[moved_at] >= STUCK_S:
+        if math.dist((x, y), poses[still_since, :2]) > STUCK_M or abs(heading - poses[still_since, 3]) > STUCK_RAD:
+            still_since = index
+        elif time_s - times_s[still_since] >= STUCK_S:
             return Ending("stuck", time_s, x, y, f"less than {1000 * STUCK_M:.0f} mm in {STUCK_S:g} s")
     last = int(driving[-1])
     time_s, (x, y, _, _, pitch, roll) = float(times_s[last]), poses[last]

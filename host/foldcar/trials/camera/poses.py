@@ -85,7 +85,8 @@ def rotation(heading: float, pitch: float, roll: float) -> Floats:
 
 
 def rotations(turns: Floats) -> Floats:
-    """Return the :func:`rotation` (n, 3, 3) of each row (n, 3)."""
+    """Return the :func:`rotation` (n, 3, 3) of each row (n, 3) of heading, pitch, roll (rad)."""
+    # Cosines and sines of heading, pitch and roll; positive pitch is nose up, a negative rotation about y.
     (ch, cp, cr), (sh, sp, sr) = numpy.cos(turns).T, numpy.sin(turns * [1.0, -1.0, 1.0]).T
     rows = [
         [ch * cp, ch * sp * sr - sh * cr, ch * sp * cr + sh * sr],
@@ -117,22 +118,22 @@ def find_pose(
     # Start with a car that stands on the ground: from far away, the tilt of the marker alone is too uncertain.
     middle_and_top = numpy.array([pixels.mean(axis=0), pixels[:2].mean(axis=0)])
     middle, front = view.on_plane(middle_and_top, ground.radius_m + marker.z_m)
-    ahead = front - middle
-    ahead = ahead / max(float(numpy.hypot(*ahead)), 1e-9)
-    x, y = middle - marker.x_m * ahead
-    level = numpy.array([x, y, ground.radius_m, math.atan2(ahead[1], ahead[0]), 0.0, 0.0])
-    cost, best = _pose_on_ground(level, pixels, view, marker, ground, pixel)
+    direction = front - middle
+    direction = direction / max(float(numpy.hypot(*direction)), 1e-9)
+    x, y = middle - marker.x_m * direction
+    level_pose = numpy.array([x, y, ground.radius_m, math.atan2(direction[1], direction[0]), 0.0, 0.0])
+    cost, best_pose = _pose_on_ground(level_pose, pixels, view, marker, ground, pixel)
     if cost <= MAX_CONTRADICTION:
-        return best
+        return best_pose
     starts = [*([] if guess is None else [guess]), *_poses_by_marker(pixels, view, marker)]
     if not starts:
         return None
-    candidates = [(cost, best), *(_pose_on_ground(start, pixels, view, marker, ground, pixel) for start in starts)]
-    cost, best = min(candidates, key=lambda candidate: candidate[0])
+    candidates = [(cost, best_pose), *(_pose_on_ground(start, pixels, view, marker, ground, pixel) for start in starts)]
+    cost, best_pose = min(candidates, key=lambda candidate: candidate[0])
     cost_without_ground, best_without_ground = min(
         (_refined(start, pixels, view, marker, None, pixel) for start in starts), key=lambda candidate: candidate[0]
     )
-    return best_without_ground if cost - cost_without_ground > MAX_CONTRADICTION else best
+    return best_without_ground if cost - cost_without_ground > MAX_CONTRADICTION else best_pose
 
 
 def _poses_by_marker(pixels: Floats, view: View, marker: CarMarker) -> list[Floats]:

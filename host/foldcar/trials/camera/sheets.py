@@ -26,7 +26,10 @@ CAPTION_MM = 7.0
 
 
 def sheets(course: Course, obstacles: int = 4) -> bytes:
-    """Return the file's bytes, with cards for ``obstacles`` obstacles. Raises FoldcarError if a marker is too large."""
+    """Return the bytes of the PDF with a course's markers, cards for ``obstacles`` obstacles, and the lens's board.
+
+    Raises FoldcarError if a marker is too large for a page.
+    """
     rl_config.useA85 = 0
     binary = io.BytesIO()
     canvas = Canvas(binary, pagesize=(PAGE_MM[0] * mm, PAGE_MM[1] * mm), invariant=1, pageCompression=1)

@@ -202,13 +202,13 @@ def smooth(times_s: Floats, poses: Floats, covariances: Floats) -> tuple[Floats,
     poses = poses.copy()
     poses[:, 3:] = numpy.unwrap(poses[:, 3:], axis=0)
     n = len(times_s)
-    states, spreads = numpy.zeros((n, 12)), numpy.zeros((n, 12, 12))
-    predicted, predicted_spreads = numpy.zeros((n, 12)), numpy.zeros((n, 12, 12))
+    states, state_covariances = numpy.zeros((n, 12)), numpy.zeros((n, 12, 12))
+    predicted_states, predicted_covariances = numpy.zeros((n, 12)), numpy.zeros((n, 12, 12))
     transitions = numpy.zeros((n, 12, 12))
-    used = numpy.zeros(n, dtype=bool)
+    is_used = numpy.zeros(n, dtype=bool)
     state = numpy.concatenate([poses[0], numpy.zeros(6)])
-    spread = numpy.zeros((12, 12))
-    spread[:6, :6], spread[6:, 6:] = covariances[0] + 1e-12 * numpy.eye(6), numpy.diag(FIRST_RATE**2)
+    covariance = numpy.zeros((12, 12))
+    covariance[:6, :6], covariance[6:, 6:] = covariances[0] + 1e-12 * numpy.eye(6), numpy.diag(FIRST_RATE**2)
     last_used_s = times_s[0]
     for k in range(n):
         dt = times_s[k] - times_s[k - 1] if k else 0.0
@@ -216,20 +216,21 @@ def smooth(times_s: Floats, poses: Floats, covariances: Floats) -> tuple[Floats,
         transition[:6, 6:] = dt * numpy.eye(6)
         noise[:6, :6], noise[6:, 6:] = numpy.diag(DENSITY * dt**3 / 3), numpy.diag(DENSITY * dt)
         noise[:6, 6:] = noise[6:, :6] = numpy.diag(DENSITY * dt**2 / 2)
-        state, spread = transition @ state, transition @ spread @ transition.T + noise
-        predicted[k], predicted_spreads[k], transitions[k] = state, spread, transition
+        state, covariance = transition @ state, transition @ covariance @ transition.T + noise
+        predicted_states[k], predicted_covariances[k], transitions[k] = state, covariance, transition
         innovation = poses[k] - state[:6]
         innovation[3:] = numpy.remainder(innovation[3:] + numpy.pi, 2 * numpy.pi) - numpy.pi
-        inverse_spread = numpy.linalg.inv(spread[:6, :6] + covariances[k])
-        if k == 0 or innovation @ inverse_spread @ innovation <= GATE_CHI2 or times_s[k] - last_used_s > MAX_LOST_S:
-            gain = spread[:, :6] @ inverse_spread if k else numpy.zeros((12, 6))
+        inverse_covariance = numpy.linalg.inv(covariance[:6, :6] + covariances[k])
+        if k == 0 or innovation @ inverse_covariance @ innovation <= GATE_CHI2 or times_s[k] - last_used_s > MAX_LOST_S:
+            gain = covariance[:, :6] @ inverse_covariance if k else numpy.zeros((12, 6))
             state = state + gain @ innovation
-            spread = spread - gain @ spread[:6]
-            spread = (spread + spread.T) / 2
-            used[k], last_used_s = True, times_s[k]
-        states[k], spreads[k] = state, spread
+            covariance = covariance - gain @ covariance[:6]
+            covariance = (covariance + covariance.T) / 2
+            is_used[k], last_used_s = True, times_s[k]
+        states[k], state_covariances[k] = state, covariance
     for k in range(n - 2, -1, -1):
-        gain = spreads[k] @ transitions[k + 1].T @ numpy.linalg.pinv(predicted_spreads[k + 1], hermitian=True)
-        states[k] += gain @ (states[k + 1] - predicted[k + 1])
-        spreads[k] += gain @ (spreads[k + 1] - predicted_spreads[k + 1]) @ gain.T
-    return states[:, :6], spreads[:, :6, :6], used
+        inverse_predicted = numpy.linalg.pinv(predicted_covariances[k + 1], hermitian=True)
+        gain = state_covariances[k] @ transitions[k + 1].T @ inverse_predicted
+        states[k] += gain @ (states[k + 1] - predicted_states[k + 1])
+        state_covariances[k] += gain @ (state_covariances[k + 1] - predicted_covariances[k + 1]) @ gain.T
+    return states[:, :6], state_covariances[:, :6, :6], is_used

@@ -212,35 +212,37 @@ def _split(
 def _fit(seen: Mapping[int, Floats], course: Course, size: tuple[int, int], lens: Lens | None) -> View:
     """Fit camera, lens, scale of print and floor markers to the corners ``seen`` in a picture, by least squares."""
     visible_course = replace(course, floor=tuple(marker for marker in course.floor if marker.id in seen))
-    start = lens or assumed_lens(*size)
+    start_lens = lens or assumed_lens(*size)
     pixels = numpy.concatenate([seen[marker.id] for marker in visible_course.floor])
     points = numpy.concatenate([floor_corners(marker, visible_course.floor_size_m) for marker in visible_course.floor])
-    spreads = numpy.concatenate([
+    # Standard deviations of the unknowns from the lens on: lens, scale, offsets of the markers. The pose has no prior.
+    prior_sds = numpy.concatenate([
         [FOCAL, RADIAL, MIDDLE, MIDDLE] if lens is None else [1e-9] * 4,
         [PRINTED],
         numpy.tile([PLACING_M, PLACING_M, PLACING_RAD], len(visible_course.floor)),
     ])  # fmt: skip
 
     def residuals(unknowns: Floats) -> Floats:
-        fitted_lens, turn, shift, scale, floor = _split(unknowns, start, lens is not None, visible_course)
+        fitted_lens, turn, shift, scale, floor = _split(unknowns, start_lens, lens is not None, visible_course)
         placed = numpy.concatenate([floor_corners(marker, visible_course.floor_size_m * scale) for marker in floor])
         projected = fitted_lens.pixels(placed @ cv2.Rodrigues(turn)[0].T + shift)
-        return numpy.concatenate([((pixels - projected) / PIXEL).ravel(), unknowns[6:] / spreads])
+        return numpy.concatenate([((pixels - projected) / PIXEL).ravel(), unknowns[6:] / prior_sds])
 
+    # Without a lens several focal lengths are tried, because the fit has local minima.
     best = None
     for focal in (0.8,) if lens else (0.55, 0.8, 1.15):
-        guess = start if lens else replace(start, focal_px=focal * max(size))
+        guess = start_lens if lens else replace(start_lens, focal_px=focal * max(size))
         _, turn, shift = cv2.solvePnP(points, ideal_pixels(guess, pixels), numpy.eye(3), None, flags=cv2.SOLVEPNP_IPPE)
         unknowns = numpy.concatenate([turn.ravel(), shift.ravel(), numpy.zeros(5 + 3 * len(visible_course.floor))])
         unknowns[6] = 0.0 if lens else math.log(focal / 0.8)
-        scales = numpy.concatenate([[0.01] * 3, [0.01] * 3, spreads])
+        scales = numpy.concatenate([[0.01] * 3, [0.01] * 3, prior_sds])
         # Moved markers are recognised by their residuals, which a robust loss would hide.
         fit = least_squares(residuals, unknowns, x_scale=scales, max_nfev=8)
         if best is None or fit.cost < best.cost:
             best = fit
     assert best is not None
     best = least_squares(residuals, best.x, x_scale=scales, max_nfev=60)
-    result, turn, shift, scale, floor = _split(best.x, start, lens is not None, visible_course)
+    result, turn, shift, scale, floor = _split(best.x, start_lens, lens is not None, visible_course)
     covariance = numpy.linalg.pinv(best.jac.T @ best.jac)
     fitted_course = replace(visible_course, floor=tuple(floor))
     return View(result, turn, shift, fitted_course, scale, (), best.x, covariance, lens is not None)

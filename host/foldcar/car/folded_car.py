@@ -232,6 +232,7 @@ def switch_cap(design: Design) -> str:
     It is the cap nearer to the electronics, except a cap on the module of the electronics itself.
     """
     index, last = design.electronics, len(design.modules) - 1
+    # In the first module the electronics take the rear cap, in the last one the front cap, else the nearer one.
     in_front = index > 0 and (index == last or index <= last - index)
     return "front cap 1" if in_front else f"rear cap {len(design.segments)}"
 

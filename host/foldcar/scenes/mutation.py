@@ -75,7 +75,10 @@ class Mutations:
 
 
 def _place_of(copy: Any, specifiers: Sequence[Any]) -> Any:
-    """Return a specifier of all that ``specifiers`` set, taken from ``copy``; its pose is the copy's with noise."""
+    """Return a specifier that gives a Point the properties and the noisy pose of its hidden ``copy``.
+
+    Properties are those that the Point's ``specifiers`` set.
+    """
     specified = {name for specifier in specifiers for name in specifier.priorities} - {"mutationScale"}
     values = {name: getattr(copy, name) for name in copy.properties if name in specified}
     for name, kind in NOISY.items():

@@ -209,7 +209,10 @@ def _vocabulary_on_path() -> Iterator[None]:
 
 
 def _check_params(program: Path, params: Mapping[str, Any], declared: Mapping[str, Any]) -> None:
-    """Raise FoldcarError for a parameter that the program does not declare, or that is not a finite number like it."""
+    """Raise FoldcarError for a parameter that the program does not declare, or a value that is not a finite number.
+
+    Parameters whose declared value is not a number take any value that is not infinite.
+    """
     for name, value in params.items():
         if name not in declared:
             names = ", ".join(sorted(declared)) or "none"

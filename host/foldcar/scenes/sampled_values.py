@@ -117,7 +117,7 @@ class SampledValues:
         return [bool(value)]
 
     def place(self, node: Any) -> Terms:
-        """Return the terms of a place's coordinates (m), its height relative to the car's at the start."""
+        """Return the terms x, y, z (m) of a place; z is relative to the car's height at the start."""
         from scenic.core.type_support import toVector
 
         value = self.value(node)

@@ -250,15 +250,15 @@ def _is_of(message: Any, trial: int) -> bool:
     return bool(message.get_type() == "FOLDCAR_TRIAL" and message.trial_id == trial)
 
 
-def drive_end(dialect: Any, last: Any, lost_bytes: int) -> DriveEnd:
+def drive_end(dialect: Any, message: Any, lost_bytes: int) -> DriveEnd:
     """Return how a drive ended, from its log's last FOLDCAR_TRIAL; ``lost_bytes`` are reported missing by the car."""
-    elapsed_s = last.elapsed_ms / 1000
-    lost_bytes = max(lost_bytes, last.log_lost)
+    elapsed_s = message.elapsed_ms / 1000
+    lost_bytes = max(lost_bytes, message.log_lost)
     lost_text = f", {lost_bytes} bytes of its log lost" if lost_bytes else ""
-    if last.end == dialect.FOLDCAR_END_TIME_LIMIT:
+    if message.end == dialect.FOLDCAR_END_TIME_LIMIT:
         return DriveEnd(f"time limit, untethered{lost_text}", "timeout", elapsed_s)
-    if last.end == dialect.FOLDCAR_END_FAULT:
+    if message.end == dialect.FOLDCAR_END_FAULT:
         return DriveEnd(f"fault, untethered{lost_text}", "aborted", elapsed_s)
-    if last.end == dialect.FOLDCAR_END_NONE:
+    if message.end == dialect.FOLDCAR_END_NONE:
         return DriveEnd(f"its log breaks off, untethered{lost_text}", "aborted", elapsed_s)
     return DriveEnd(f"stopped, untethered{lost_text}", None, elapsed_s)

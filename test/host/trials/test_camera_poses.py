@@ -163,8 +163,8 @@ def test_a_card_on_a_hill_or_a_hole_lies_as_high_as_these_carry_it() -> None:
     body = json.loads(car_texts()[0])
     ground = standing(scene, carsim_heights(Carsim()), body)
 
-    marker = car_marker(body, COURSE)
-    placed = measure_placement(photo(COURSE, *cards), "photo", COURSE, None, scene, things, marker, ground)
+    lid_marker = car_marker(body, COURSE)
+    placed = measure_placement(photo(COURSE, *cards), "photo", COURSE, None, scene, things, lid_marker, ground)
 
     for name, true in {"A": (0.01, -0.015, 0.05), "B": (-0.01, 0.02, 0.0)}.items():
         off = numpy.abs(numpy.subtract(placed.deviations[name], true))

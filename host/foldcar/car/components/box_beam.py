@@ -89,8 +89,8 @@ class BoxBeam(Component):
         # From each end of the beam to its flap's fold.
         notch, _ = latch_mm(self.parts)
         fold_starts = {end: self[f"flap_{end}"] + notch * self[f"latch_{end}"] for end in ("front", "rear")}
-        self._lid(shape, fold_starts)
-        self._flap(shape, fold_starts)
+        self._add_lid(shape, fold_starts)
+        self._add_flap(shape, fold_starts)
         for panel, following in (("right", "floor"), ("floor", "left"), ("left", "lid"), ("lid", "flap")):
             shape.connect(f"{panel}.far", f"{following}.near", "fold", 90)
         for edge in ("far", "far front", "far rear"):
@@ -98,9 +98,9 @@ class BoxBeam(Component):
                 shape.touch("tuck", f"lid.{edge}", "right.near")
         for end in ("front", "rear"):
             if self[f"latch_{end}"]:
-                self._latch(shape, end)
+                self._add_latch(shape, end)
 
-    def _lid(self, shape: Shape, fold_starts: Mapping[str, float]) -> None:
+    def _add_lid(self, shape: Shape, fold_starts: Mapping[str, float]) -> None:
         """Add the lid with its latches' notches; it is narrower than the floor by wall, flap and their clearance.
 
         ``fold_starts`` are the distances (mm) from each end of the beam to the fold of the flap.
@@ -128,7 +128,7 @@ class BoxBeam(Component):
         points["rear"] = (0.0, width)
         shape.face("lid", points)
 
-    def _flap(self, shape: Shape, fold_starts: Mapping[str, float]) -> None:
+    def _add_flap(self, shape: Shape, fold_starts: Mapping[str, float]) -> None:
         """Add the flap with its latches' levers at the fold's edge and the edges of their tongues at the other.
 
         ``fold_starts`` are the distances of the fold's ends from the beam's ends. The origin is the fold's rear end.
@@ -153,7 +153,7 @@ class BoxBeam(Component):
                      "rear lever 4": (near, 0.0)}  # fmt: skip
         shape.face("flap", {"near": (0.0, 0.0), **front, **rear})
 
-    def _latch(self, shape: Shape, end: str) -> None:
+    def _add_latch(self, shape: Shape, end: str) -> None:
         """Add the latch at an end: a tongue at the flap's lower edge, folded outwards through a slot of the right wall.
 
         Require free space for the finger that pushes its lever, and add the pull tab if it is set for this end.
@@ -163,7 +163,7 @@ class BoxBeam(Component):
         reach = 1.5 * film + assembly.flap_gap_mm.value + assembly.lock_reach_mm.value
         x = self[f"flap_{end}"] + notch / 2
         slot_center = (self["length"] - x if end == "front" else x, assembly.flap_mm.value)
-        shape.face(f"{end} tongue", _tongue(width, reach), role="tab")
+        shape.face(f"{end} tongue", _tongue_outline(width, reach), role="tab")
         shape.connect(f"flap.lock {end}", f"{end} tongue.near", "fold", -90)
         shape.rectangular_hole("right", f"{end} lock slot", "slot", slot_center, width + 2 * play, film + play)
         shape.touch("lock", f"{end} tongue.tip", "right", f"{end} lock slot")
@@ -175,12 +175,12 @@ class BoxBeam(Component):
         shape.require_clearance(f"{end} tongue", ToolClearance("finger", finger_pose, finger, finger_length))
         shape.require_clearance(f"{end} tongue", ToolClearance("tongue", tongue_pose, stroke, width))
         if self[f"pull_{end}"]:
-            self._pull_tab(shape, end, notch - 2 * assembly.grip_gap_mm.value)
+            self._add_pull_tab(shape, end, notch - 2 * assembly.grip_gap_mm.value)
 
-    def _pull_tab(self, shape: Shape, end: str, width_mm: float) -> None:
+    def _add_pull_tab(self, shape: Shape, end: str, width_mm: float) -> None:
         """Add the lid's pull tab across a notch, with room for two fingers."""
         film, (finger, finger_length) = self.parts.film_mm, self.parts.tools.finger_mm
-        shape.face(f"{end} pull tab", _tongue(width_mm, self.parts.assembly.grip_mm.value), role="tab")
+        shape.face(f"{end} pull tab", _tongue_outline(width_mm, self.parts.assembly.grip_mm.value), role="tab")
         shape.connect(f"lid.{end} grip", f"{end} pull tab.near", "fold", -90)
         for side in (-1, 1):
             finger_start = translation(width_mm / 2, film, side * (finger / 2 + film))
@@ -188,7 +188,7 @@ class BoxBeam(Component):
             shape.require_clearance(f"{end} pull tab", ToolClearance("finger", pose, finger, finger_length))
 
 
-def _tongue(width_mm: float, reach_mm: float) -> dict[str, Point]:
+def _tongue_outline(width_mm: float, reach_mm: float) -> dict[str, Point]:
     """Return the outline of a tongue with its corners cut off, folded along its first edge."""
     corner = min(1.0, reach_mm / 2)
     return {"near": (0.0, 0.0), "1": (width_mm, 0.0), "tip": (width_mm - corner, reach_mm), "3": (corner, reach_mm)}
@@ -197,7 +197,7 @@ def _tongue(width_mm: float, reach_mm: float) -> dict[str, Point]:
 ARROW_MM, MIN_ARROW_MM, ARROW_WIDTH_MM = 24.0, 16.0, 9.0
 
 
-def _front_arrow(shape: Shape, floor: str) -> None:
+def _mark_front(shape: Shape, floor: str) -> None:
     """Mark a floor with an arrow to the front, behind the cap's tab, if the floor is long enough for the word in it."""
     length, width = shape.face_size_mm(floor)
     tip, y, half = length - flap_end_mm(shape.parts) - 2.0, width / 2, ARROW_WIDTH_MM / 2
@@ -234,7 +234,7 @@ def put_cap(shape: Shape, cap: str, end: str, module: str, outer_mm: Point, slit
         at = (width / 2, height / 2)
         shape.rectangular_hole(f"{cap}.cap", f"{cap}.slit", "slit", at, slit_mm, assembly.cable_slit_mm.value)
     if end == "front":
-        _front_arrow(shape, f"{module}.beam.floor")
+        _mark_front(shape, f"{module}.beam.floor")
     for panel, edge in CAP_EDGES.items():
         wall = f"{module}.beam.{panel if end == 'front' else OPPOSITE[panel]}.{end}"
         if panel == "lid":

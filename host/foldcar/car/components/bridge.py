@@ -60,10 +60,10 @@ def middle_mm(parts: Catalogue, y_mm: float) -> float:
 
 
 def put_bridge(shape: Shape, floor: str, x_mm: float, y_mm: float, side: int) -> None:
-    """Put the bridge onto the face ``floor``, and the boards onto it, their middle at (x, y), USB towards +y.
+    """Add the bridge that carries the boards over the LiPo, and the boards on it, to the face ``floor``.
 
-    Faces ``bridge.shelf``, x forward and its origin at its right rear corner, legs, feet and ``bridge.flange`` at the
-    front edge (``side`` 1) or the rear one (-1).
+    The boards' middle is at (x, y), USB towards +y. Faces are ``bridge.shelf`` (x forward, origin at its right rear
+    corner), a leg and a foot on each side, and ``bridge.flange`` at the front edge (``side`` 1) or the rear one (-1).
     """
     parts, assembly, film = shape.parts, shape.parts.assembly, shape.parts.film_mm
     half_length, (_, right_span), shelf_z = half_width_mm(parts), span_mm(parts), shelf_height_mm(parts)
@@ -91,10 +91,10 @@ def put_bridge(shape: Shape, floor: str, x_mm: float, y_mm: float, side: int) ->
     slot_center, play = (x_mm + side * half_length, middle_mm(parts, y_mm)), assembly.slot_clearance_mm.value
     shape.rectangular_hole(floor, "bridge slot", "slot", slot_center, film + play, assembly.tongue_mm.value + 2 * play)
     shape.touch("tab_slot", "bridge.flange.tip", floor, "bridge slot")
-    _fasten(shape, "bridge.shelf", (half_length, right_span))
+    _add_boards_with_fasteners(shape, "bridge.shelf", (half_length, right_span))
 
 
-def _fasten(shape: Shape, shelf: str, middle: tuple[float, float]) -> None:
+def _add_boards_with_fasteners(shape: Shape, shelf: str, middle: tuple[float, float]) -> None:
     """Add the boards on the shelf: spacers and screws at the Feather's free holes, a foam pad under its other end.
 
     ``middle`` is the boards' middle on the shelf. The radio module covers the other holes in part. The pad is pressed to

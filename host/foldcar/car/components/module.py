@@ -150,12 +150,12 @@ class ElectronicsModule(BrainModule):
         shape.part(parts.lipo, "beam.floor", lipo, turned=True, marked=True)
         hole = plug_room_mm(parts.plugs.usb) + 2 * (parts.feather.usb.tolerance + assembly.slot_clearance_mm.value)
         shape.round_hole("beam.left", "USB", "opening", (x, usb_height_mm(parts)), hole)
-        self._battery(shape, layout, y)
+        self._place_battery(shape, layout, y)
         wires = (self["length"] / 2, across / 2, wall_mm(self["height"], parts) / 2)
         shape.part(parts.wiring, "beam.floor", wires)
         shape.graph.wires += _power_wires(parts)
 
-    def _battery(self, shape: Shape, layout: Layout, boards_y: float) -> None:
+    def _place_battery(self, shape: Shape, layout: Layout, boards_y: float) -> None:
         """Add pad and battery on the floor or the roof, as far across the car as needed to balance the boards.
 
         ``boards_y`` is y of the boards' middle; the walls limit the battery's y.
@@ -166,7 +166,7 @@ class ElectronicsModule(BrainModule):
         reach = (across - film - (battery.length_mm if layout.turned else battery.width_mm).value) / 2
         offset = (boards_y - across / 2) * boards_kg / battery.mass_kg.value
         if parts.battery_place == "roof":
-            self._on_roof(shape, layout.battery_mm, across / 2 + offset)
+            self._place_on_roof(shape, layout.battery_mm, across / 2 + offset)
             return
         y, z = across / 2 - min(max(offset, -reach), reach), film / 2
         for part in (pad, battery):
@@ -175,7 +175,7 @@ class ElectronicsModule(BrainModule):
             shape.part(part, "beam.floor", center, turned=layout.turned, marked=True)
             z += height
 
-    def _on_roof(self, shape: Shape, x: float, y: float) -> None:
+    def _place_on_roof(self, shape: Shape, x: float, y: float) -> None:
         """Add pad and battery on the lid's unprinted side, their middle at ``x`` and as near to ``y`` as its folds allow.
 
         Holes at their corners show their places on both sides. The lid's y runs from the left wall, its z into the car.
@@ -188,7 +188,7 @@ class ElectronicsModule(BrainModule):
         y = lid_mm / 2 + (min(max(y - lid_mm / 2, -reach), reach) if reach > 0 else 0.0)
         shape.part(parts.pad, "beam.lid", (x, y, -(film + parts.pad.height_mm.value) / 2), turned=True)
         battery_z = film / 2 + parts.pad.height_mm.value + battery.height_mm.value / 2
-        hole = self._lead_hole(shape, x + battery.width_mm.value / 2)
+        hole = self._cut_lead_hole(shape, x + battery.width_mm.value / 2)
         # The leads pass the hole as one round of two wires.
         wire_mm, lid_z = parts.wiring.wire_diameter_mm.value, battery_z - film / 2
         lead = cylinder(2 * wire_mm, lid_z - 2 * wire_mm, lid_z + film + wire_mm, hole[0] - x, hole[1] - y)
@@ -203,7 +203,7 @@ class ElectronicsModule(BrainModule):
                 for i, (dx, dy) in enumerate(corners, 1):
                     shape.round_hole("beam.lid", f"{part.name} corner {i}", "mark", (x + dx, y + dy), corner)
 
-    def _lead_hole(self, shape: Shape, end_mm: float) -> Point:
+    def _cut_lead_hole(self, shape: Shape, end_mm: float) -> Point:
         """Cut a hole for the battery's leads into the lid, in front of the battery on the roof and near the left wall.
 
         Returns its middle. Raises ComponentError if the module is too short for battery, lead hole, latch and fingers at

@@ -55,16 +55,16 @@ def put_servo(shape: Shape, name: str, wall: str, axis_mm: Point, inward: float,
     """
     parts, servo, film = shape.parts, shape.parts.servo, shape.parts.film_mm
     x, y = axis_mm[0] + inward * (servo.length_mm.value / 2 - servo.axis_from_end_mm.value), axis_mm[1]
-    hole = _opening(shape, wall, f"{name}.wall opening", x, y)
+    hole = _cut_servo_opening(shape, wall, f"{name}.wall opening", x, y)
     outline = rectangle_around((0.0, 0.0), doubler_length_mm(parts), height_mm)
     shape.layer(f"{name}.doubler", wall, outline, (x, y), "servo doubler")
-    _opening(shape, f"{name}.doubler", f"{name}.opening", 0.0, 0.0)
+    _cut_servo_opening(shape, f"{name}.doubler", f"{name}.opening", 0.0, 0.0)
     # The ears' undersides lie on the outside of the wall.
     depth = servo.ear_underside_mm.value - servo.depth_mm.value / 2 - film / 2
     # The box's length and width lie in the wall, its depth across it; half a turn puts its shaft's end at the axis.
     pose = compose(translation(x, y, depth), rotation("z", 0.0 if inward > 0 else math.pi))
     size, title = (servo.length_mm.value, servo.width_mm.value, servo.depth_mm.value), shape.path(name)
-    shape.box(servo.name, title, wall, pose, size, servo.mass_kg.value, [hole], _solids(parts))
+    shape.box(servo.name, title, wall, pose, size, servo.mass_kg.value, [hole], _servo_solids(parts))
     for i, direction in enumerate((-1, 1), 1):
         under_head = (x + direction * servo.screw_spacing_mm.value / 2, y, -film / 2 - servo.ear_thickness_mm.value)
         seat, grip = compose(translation(*under_head), rotation("x", math.pi)), servo.ear_thickness_mm.value + 2 * film
@@ -118,7 +118,7 @@ def put_rod(
     shape.box(rod.name, shape.path("rod"), walls[0], pose, (diameter, diameter, length), mass_kg, solids=solids)
 
 
-def _solids(parts: Catalogue) -> list[Solid]:
+def _servo_solids(parts: Catalogue) -> list[Solid]:
     """Return the servo's body, ears, turret, idler and spline in the body's frame, whose z points to its bottom."""
     servo = parts.servo
     length, width, depth = servo.length_mm.value, servo.width_mm.value, servo.depth_mm.value
@@ -142,7 +142,7 @@ def _solids(parts: Catalogue) -> list[Solid]:
     ]
 
 
-def _opening(shape: Shape, face: str, name: str, x: float, y: float) -> str:
+def _cut_servo_opening(shape: Shape, face: str, name: str, x: float, y: float) -> str:
     """Cut the servo's opening, with a notch for the screw at each end, and return its full name.
 
     Separate screw holes would leave less than 1 mm of film beside the opening, which holds nothing. A notch holds its

@@ -55,7 +55,7 @@ class Wheel(Component):
         size = WheelSize(self["radius"], self["tire_thickness"], self.parts)
         # The discs are drawn as seen from inside the wheel.
         for name, mirror in (("inner", -1), ("outer", 1)):
-            shape.face(name, _disc(size, mirror), piece=f"wheel {name} disc")
+            shape.face(name, _disc_outline(size, mirror), piece=f"wheel {name} disc")
         out = (size.width_mm - size.film_mm) / 2
         poses = {
             "inner": compose(translation(0, -out, 0), rotation("x", -math.pi / 2)),
@@ -63,7 +63,7 @@ class Wheel(Component):
         }
         build_hub(shape, size)
         if self["driven"]:
-            self._holes(shape, size)
+            self._cut_holes(shape, size)
         else:
             for face in ("inner", "hub", "outer"):
                 shape.round_hole(face, f"{face}.rod", "axle", (0, 0), wheel_hole_mm(self.parts))
@@ -72,12 +72,12 @@ class Wheel(Component):
             shape.place(f"rim {strip} 0", "inner", compose(inverse(poses["inner"]), first_facet_pose(size, strip)))
         shape.place("outer", "inner", compose(inverse(poses["inner"]), poses["outer"]))
         if self["driven"]:
-            _horn(shape, size)
+            _add_horn(shape, size)
         if self.parts.tyre.thickness_mm.value > 0:
-            _tyre(shape, size)
+            _add_tyre(shape, size)
         shape.begin_at("inner", poses["inner"])
 
-    def _holes(self, shape: Shape, size: WheelSize) -> None:
+    def _cut_holes(self, shape: Shape, size: WheelSize) -> None:
         """Cut holes for the horn's screws into inner disc and hub, and the hole for the driver into the outer disc."""
         assembly, horn = self.parts.assembly, self.parts.horn
         for face in ("inner", "hub"):
@@ -94,7 +94,7 @@ class Wheel(Component):
         shape.round_hole("outer", "outer.access", "opening", (0, 0), 2 * access_radius_mm(self.parts))
 
 
-def _disc(size: WheelSize, mirror: int) -> dict[str, Point]:
+def _disc_outline(size: WheelSize, mirror: int) -> dict[str, Point]:
     """Return the outline of a disc with a notch for each tie: the bottom of notch i is the edge ``notch i``.
 
     ``mirror`` is -1 if directions in the wheel's frame run clockwise in the disc's, else 1.
@@ -119,7 +119,7 @@ def _disc(size: WheelSize, mirror: int) -> dict[str, Point]:
 TYRE_BOXES = 48
 
 
-def _horn(shape: Shape, size: WheelSize) -> None:
+def _add_horn(shape: Shape, size: WheelSize) -> None:
     """Mount the horn on the inner disc's side towards the car, screws from outside."""
     horn, parts = shape.parts.horn, shape.parts
     film_bottom = -size.film_mm / 2
@@ -165,7 +165,7 @@ def _horn_solids(parts: Catalogue, center: tuple[float, float, float]) -> list[S
     return solids
 
 
-def _tyre(shape: Shape, size: WheelSize) -> None:
+def _add_tyre(shape: Shape, size: WheelSize) -> None:
     """Add the tyre: a ring of boxes over both discs and the rim."""
     tyre = shape.parts.tyre
     width, thickness = tyre.running_width_mm(size.width_mm), tyre.thickness_mm.value

@@ -28,11 +28,11 @@ OVERLAP_MM2 = 1e-3
 
 def check_flat(piece: Piece, hole_to_fold_mm: float) -> Iterator[Finding]:
     """Yield findings about the flat piece; every hole must be ``hole_to_fold_mm`` or more from every fold."""
-    unsound = [finding for face in piece.faces for finding in _outlines(piece, face)]
+    unsound = [finding for face in piece.faces for finding in _check_outlines(piece, face)]
     yield from unsound
-    yield from _holes_at_folds(piece, hole_to_fold_mm)
+    yield from _check_holes_at_folds(piece, hole_to_fold_mm)
     if not unsound:
-        yield from _overlaps(piece)
+        yield from _check_overlaps(piece)
 
 
 def flat_polygons(piece: Piece) -> dict[str, shapely.Polygon]:
@@ -45,7 +45,7 @@ def flat_polygons(piece: Piece) -> dict[str, shapely.Polygon]:
     return flat
 
 
-def _outlines(piece: Piece, face: Face) -> Iterator[Finding]:
+def _check_outlines(piece: Piece, face: Face) -> Iterator[Finding]:
     """Yield findings on outlines that cross themselves, and on holes outside of their face or in each other."""
     place = f"{piece.name}: {face.name}"
     outline = shapely.Polygon(face.outline_mm)
@@ -64,7 +64,7 @@ def _outlines(piece: Piece, face: Face) -> Iterator[Finding]:
         occupied = shapely.union(occupied, shape)
 
 
-def _holes_at_folds(piece: Piece, min_distance_mm: float) -> Iterator[Finding]:
+def _check_holes_at_folds(piece: Piece, min_distance_mm: float) -> Iterator[Finding]:
     """Yield findings on holes that are too near to a fold."""
     faces = {face.name: face for face in piece.faces}
     refs = (ref for crease in piece.creases if not crease.bend for ref in (crease.parent, crease.child))
@@ -79,7 +79,7 @@ def _holes_at_folds(piece: Piece, min_distance_mm: float) -> Iterator[Finding]:
                 yield Finding("hole", place, f"is {nearest:.2f} mm from a fold, the limit is {min_distance_mm:g} mm")
 
 
-def _overlaps(piece: Piece) -> Iterator[Finding]:
+def _check_overlaps(piece: Piece) -> Iterator[Finding]:
     """Yield findings on faces of a piece that overlap in the flat."""
     flat = flat_polygons(piece)
     names, shapes = list(flat), list(flat.values())
@@ -133,7 +133,7 @@ TAB_OVER_MM2 = 0.05
 
 def check_joins(car: FoldedCar, bodies: Bodies) -> Iterator[Finding]:
     """Yield findings about every join, in each body that has both its faces."""
-    checks = {"tab": _tab, "lap": _tab, "tab_slot": _tongue, "lock": _tongue}
+    checks = {"tab": _check_tab, "lap": _check_tab, "tab_slot": _check_tongue, "lock": _check_tongue}
     copies: dict[tuple[str, str], list[PlacedFace]] = defaultdict(list)
     for face in (face for faces in bodies.values() for face in faces):
         copies[face.piece.name, face.face.name].append(face)
@@ -159,7 +159,7 @@ def _gap_mm(join: Join, a: PlacedFace, b: PlacedFace) -> float:
     return float(min(np.max(np.linalg.norm(first - other, axis=1)) for other in (second, second[::-1])))
 
 
-def _tab(join: Join, a: PlacedFace, b: PlacedFace) -> Iterator[Finding]:
+def _check_tab(join: Join, a: PlacedFace, b: PlacedFace) -> Iterator[Finding]:
     """Yield findings on a tab: edges that do not meet, a tab that stands off its face or reaches beyond it."""
     place = f"join {join.number}: {a.title} on {b.title}"
     gap = _gap_mm(join, a, b)
@@ -180,7 +180,7 @@ def _tab(join: Join, a: PlacedFace, b: PlacedFace) -> Iterator[Finding]:
         yield Finding("tab", place, f"{outside.area:.2f} mm² of the tab lie beside its face or over a hole in it")
 
 
-def _tongue(join: Join, a: PlacedFace, b: PlacedFace) -> Iterator[Finding]:
+def _check_tongue(join: Join, a: PlacedFace, b: PlacedFace) -> Iterator[Finding]:
     """Yield findings on a tongue: a missing slot, a tongue that is too short or does not fit the slot."""
     place = f"join {join.number}: {a.title} through {b.title}"
     slot = next((hole for hole in b.face.holes if hole.name == join.slot), None)

@@ -99,20 +99,20 @@ def plan_assembly(car: FoldedCar) -> tuple[AssemblyStep, ...]:
     """Return all assembly steps of a car, in order; the insertion paths are empty."""
     roles = roles_of(car)
     building = Building(roles)
-    _segments(roles, building)
-    _inside(roles, building)
+    _plan_segments(roles, building)
+    _plan_inside(roles, building)
     # Wheels would be in the way of a battery on an open lid.
     shut_first = any(roles.is_on_lid(mount) for mount in car.mounts)
     if shut_first:
-        _shut_lids(roles, building)
+        _plan_shutting(roles, building)
     for unit, wheels in roles.wheel_units.items():
-        _wheels(roles, building, unit, wheels)
+        _plan_wheels(roles, building, unit, wheels)
     if not shut_first:
-        _shut_lids(roles, building)
+        _plan_shutting(roles, building)
     return tuple(building.steps)
 
 
-def _shut_lids(roles: Roles, building: Building) -> None:
+def _plan_shutting(roles: Roles, building: Building) -> None:
     """Add the step in which the lids are folded shut and locked, if there are lids."""
     folds = {name: dict.fromkeys(lid.creases, 1.0) for name, lid in sorted(roles.lids.items()) if lid.creases}
     if folds:
@@ -120,7 +120,7 @@ def _shut_lids(roles: Roles, building: Building) -> None:
         building.steps.append(AssemblyStep(SHUT, folds, (), tuple(shutting)))
 
 
-def _segments(roles: Roles, building: Building) -> None:
+def _plan_segments(roles: Roles, building: Building) -> None:
     """Add the steps of beams, their layers and walls, servos, rods, caps and connectors of segments.
 
     Layers are taped onto flat pieces: a cap or connector with layers is a unit, assembled outside the car.
@@ -148,23 +148,23 @@ def _segments(roles: Roles, building: Building) -> None:
     for title, group in (("Close the ends", caps), ("Join the segments", connectors)):
         with_layers = [piece for piece in group if layers_on([piece])]
         for piece in with_layers:
-            flat, unit = f"Tape the layers onto the flat {piece.piece}", _unit(roles, piece)
+            flat, unit = f"Tape the layers onto the flat {piece.piece}", _unit_name(roles, piece)
             building.step(flat, [piece, *layers_on([piece])], unit=unit, flat=True)
             for mount in (m for m in roles.car.mounts if (host := roles.mount_host(m)) is not None and host[0] is piece):
                 building.step(f"Put the {mount.name} into the flat {piece.piece}", mounts=[mount], unit=unit, flat=True)
-        units = [Added("unit", _unit(roles, piece), 0, piece.body) for piece in with_layers]
+        units = [Added("unit", _unit_name(roles, piece), 0, piece.body) for piece in with_layers]
         without_layers = [piece for piece in group if piece not in with_layers]
         folds = {piece.piece: roles.all_folded(piece.piece) for piece in with_layers}
         building.step(title, without_layers, units=units, folds=folds)
     building.step("Glue the other layers on", [layer for layer in layers if roles.host(layer) is None])
 
 
-def _unit(roles: Roles, piece: PlacedPiece) -> str:
+def _unit_name(roles: Roles, piece: PlacedPiece) -> str:
     """Return the name of the unit that is assembled on a copy of a piece."""
     return piece.piece if roles.pieces[piece.piece].count == 1 else f"{piece.piece} {piece.copy + 1}"
 
 
-def _inside(roles: Roles, building: Building) -> None:
+def _plan_inside(roles: Roles, building: Building) -> None:
     """Add the steps of the carriers with their boards, of the parts under them, and of other parts."""
     car, wheels = roles.car, set(roles.wheels)
     carriers = [other for other in roles.non_base_copies() if roles.is_carrier(other)]
@@ -178,13 +178,14 @@ def _inside(roles: Roles, building: Building) -> None:
     under_carrier = [m for m in parts if m.part == car.parts.lipo.name and carriers]
     for carrier in carriers:
         boards = sorted((m for m in roles.carried(carrier) if not roles.is_fastener(m)), key=lambda m: m.pose[2][3])
-        name, parts_on, all_folds = _unit(roles, carrier), building.with_screws(boards), roles.all_folded(carrier.piece)
+        name, parts_on = _unit_name(roles, carrier), building.with_screws(boards)
+        all_folds = roles.all_folded(carrier.piece)
         building.step(f"Screw the boards onto the flat {carrier.piece}", [carrier], parts_on, unit=name, flat=True)
         building.step(f"Fold the {carrier.piece}", folds={carrier.piece: all_folds} if all_folds else {}, unit=name)
     for mount in under_carrier:
         building.step(f"Put the {mount.name} in", mounts=building.with_screws([mount]))
     for carrier in carriers:
-        units = [Added("unit", _unit(roles, carrier), 0, carrier.body)]
+        units = [Added("unit", _unit_name(roles, carrier), 0, carrier.body)]
         building.step(f"Put the {carrier.piece} with the boards in", units=units)
     for mount in (mount for mount in parts if mount not in under_carrier):
         building.step(f"Put the {mount.name} in", mounts=building.with_screws([mount]))
@@ -193,7 +194,7 @@ def _inside(roles: Roles, building: Building) -> None:
     building.step("Plug all wires in", mounts=plugged_parts)
 
 
-def _wheels(roles: Roles, building: Building, unit: str, wheels: Sequence[str]) -> None:
+def _plan_wheels(roles: Roles, building: Building, unit: str, wheels: Sequence[str]) -> None:
     """Add the steps of a unit's wheels: assembled outside the car, then put onto horns or onto their rod."""
     car = roles.car
     placed = [piece for wheel in wheels for piece in roles.placed(wheel)]

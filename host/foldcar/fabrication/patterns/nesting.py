@@ -337,22 +337,32 @@ def _lay_out(area: _Area, title: _Turns, turns: Sequence[_Turns], order: Sequenc
     first_candidate = [0] * len(turns)
     for index in order:
         motion = None
-        while motion is None:
-            if first_candidate[index] == len(sheets):
-                if len(sheets) == MAX_SHEETS:
-                    raise NestingError(f"--sheet: the pieces need more than {MAX_SHEETS} sheets")
-                sheets.append(_Sheet(area))
-                titles.append(sheets[-1].place(title) if title_first else None)
-                motion = sheets[-1].place(turns[index])
-                if motion is None:
-                    sheets[-1], titles[-1] = _Sheet(area), None
-            motion = motion or sheets[first_candidate[index]].place(turns[index])
+        while motion is None and first_candidate[index] < len(sheets):
+            motion = sheets[first_candidate[index]].place(turns[index])
             first_candidate[index] += motion is None
+        if motion is None:
+            if len(sheets) == MAX_SHEETS:
+                raise NestingError(f"--sheet: the pieces need more than {MAX_SHEETS} sheets")
+            sheet, title_motion, motion = _new_sheet(area, title if title_first else [], turns[index])
+            sheets.append(sheet)
+            titles.append(title_motion)
         copies.append((index, first_candidate[index], motion))
     for number, sheet in enumerate(sheets):
         sheet.top_of_pieces = sheet.top
         titles[number] = titles[number] or sheet.place(title)
     return _Layout(tuple(copies), tuple(sheets), tuple(titles))
+
+
+def _new_sheet(area: _Area, title: _Turns, piece: _Turns) -> tuple[_Sheet, Motion | None, Motion]:
+    """Return a sheet with the piece on it, and the motions of title and piece; without title if both do not fit."""
+    sheet = _Sheet(area)
+    title_motion = sheet.place(title)
+    motion = sheet.place(piece)
+    if motion is None:
+        sheet, title_motion = _Sheet(area), None
+        motion = sheet.place(piece)
+    assert motion is not None, "pieces fit on an empty sheet"
+    return sheet, title_motion, motion
 
 
 def fits(extent_mm: tuple[float, float], size_mm: tuple[float, float], margin_mm: float) -> bool:

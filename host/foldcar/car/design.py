@@ -206,8 +206,8 @@ def modules_of(type_string: str) -> tuple[str, ...]:
     letters = tuple(type_string.partition("+")[0].split("_"))
     for letter in letters:
         if letter not in MODULES:
-            known = ", ".join(f"{name} ({kind.title})" for name, kind in MODULES.items())
-            raise DesignError(None, f'"{type_string}" has unknown module "{letter}"; known: {known}')
+            known_modules = ", ".join(f"{name} ({kind.title})" for name, kind in MODULES.items())
+            raise DesignError(None, f'"{type_string}" has unknown module "{letter}"; known: {known_modules}')
     with component_errors(DesignError):
         parts = catalogue_of(DEFAULT_CHOICES)
         modules = [module for letter in letters for module in _module_values(letter, letter, {}, parts)]
@@ -237,13 +237,13 @@ def _module_values(letter: str, place: str, values: Mapping[str, float], parts: 
         key = next((key for key in candidates if key in values), None)
         if key is not None:
             keys[parameter.name] = key
-    own = {name: values[key] for name, key in keys.items()}
+    own_values = {name: values[key] for name, key in keys.items()}
     if not issubclass(kind, Composite):
         defaults = {option.name: option.default_with(parts) for option in kind.parameters if option.optional}
-        return [ModuleValues(kind, defaults | own, keys)]
+        return [ModuleValues(kind, defaults | own_values, keys)]
     return [
         ModuleValues(type(module), {p.name: module[p.name] for p in module.parameters}, module.keys, root)
-        for module, root in kind(own, place, parts=parts, keys=keys).modules()
+        for module, root in kind(own_values, place, parts=parts, keys=keys).modules()
     ]
 
 

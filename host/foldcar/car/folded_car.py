@@ -153,8 +153,8 @@ def _check_stance(design: Design, car: FoldedCar) -> None:
     while high - low > STANCE_TOLERANCE_MM:
         middle = (low + high) / 2
         low, high = (low, middle) if is_clear(middle) else (middle, high)
-    why = f"beside {max(design.radii_mm):g}: the tilted body is less than {belly:g} above the ground"
-    message = f"{design.of(module, 'radius'):g} is below the minimum {minimum_text(high)} ({why})"
+    reason = f"beside {max(design.radii_mm):g}: the tilted body is less than {belly:g} above the ground"
+    message = f"{design.of(module, 'radius'):g} is below the minimum {minimum_text(high)} ({reason})"
     raise DesignError(design.of_modules[module].keys.get("radius"), message)
 
 

@@ -66,8 +66,8 @@ def refuse_useless_properties(cls: Any, specifiers: Sequence[Any], caller: Frame
         is_ours = _derives(cls, "Thing") and name not in SCENICS_FINAL
         if is_ours and name in scenic_private.final_properties(cls):
             sources = scenic_private.sources_of(cls, name)
-            how = f"follows from {', '.join(sources)}: set these" if sources else "has no meaning here"
-            raise at(SpecifierError(f"{cls.__name__}: {name} {how}"), *_line_of(caller))
+            remedy = f"follows from {', '.join(sources)}: set these" if sources else "has no meaning here"
+            raise at(SpecifierError(f"{cls.__name__}: {name} {remedy}"), *_line_of(caller))
         reason = next((reason for kind, names, reason in USELESS if name in names and _derives(cls, kind)), "")
         if reason and not _reads(caller, name):
             raise at(SpecifierError(f"{cls.__name__}: {name} has no effect: {reason}"), *_line_of(caller))

@@ -49,7 +49,7 @@ class SceneSource:
 
     @property
     def needs_scenic(self) -> str:
-        """The part, with its line, that Scenic must evaluate beside carsim; "" if there is none."""
+        """The part, with its line, that Scenic must evaluate beside carsim; "" if carsim evaluates everything."""
         return self._native[1]
 
     @cached_property

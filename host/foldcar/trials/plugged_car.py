@@ -169,7 +169,7 @@ def _clear_fault(car: Car, answers: Answers | None) -> None:
 
 
 def design_of(identity: CarIdentity, experiment: Experiment, family: Family) -> Design:
-    """Return the design of ``family`` that has the car's hash. Raises FoldcarError if there is none."""
+    """Return the design of ``family`` with the car's hash. Raises FoldcarError if no design has it."""
     if identity.refused:
         raise FoldcarError("the car refuses its own car.json: load the design again with `foldcar flash`")
     if not identity.hash:

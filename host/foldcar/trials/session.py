@@ -234,16 +234,16 @@ class Session:
         print_line(f"\nTrial {number}: sample {sample} of experiment {experiment.id}{mark}")
         self._take_media(writer)
         self._arrivals.begin(number)
-        scene, things = self._scene(sample)
+        scene, obstacles = self._scene(sample)
         if identity.simulated:
             enter_sample(self._plugged.connected, scene, sample, experiment)
-        moves = "" if self._standing is None else moves_text(self._standing, standing(scene, things, {}))
-        show_placement(scene, things)
+        moves = "" if self._standing is None else moves_text(self._standing, standing(scene, obstacles, {}))
+        show_placement(scene, obstacles)
         if moves:
             print_line(f"after trial {self.driven[-1]}: {moves}; the car goes back to its place")
         if not options.yes:
             self._draw(sample, checked_car)
-        deviations = ask_deviations(self._questions, things, options.deviations)
+        deviations = ask_deviations(self._questions, obstacles, options.deviations)
         if not options.yes and self._answers.line("Enter starts the countdown, q ends: ").lower() == "q":
             return None
         body = body_json(design)
@@ -254,7 +254,7 @@ class Session:
         car = None if identity.simulated is None else SIMULATED if identity.simulated else BUILT
         if identity.simulated and deviations:
             print_line("the simulated car drives in the planned scene: the deviations are stored, but not simulated")
-        placed_scene = scene_as_placed(scene, things, deviations)
+        placed_scene = scene_as_placed(scene, obstacles, deviations)
         trial_number = writer.begin(
             experiment.id,
             trial_design,
@@ -265,7 +265,7 @@ class Session:
             options.operator,
         )
         self.driven.append(trial_number)
-        self._standing = standing(scene, things, deviations)
+        self._standing = standing(scene, obstacles, deviations)
         end = self._drive(settings, trial_number, log, identity)
         if end.ending == DRIVES_ON:
             longest_s = options.countdown_s + settings["time_limit_s"]

@@ -15,7 +15,7 @@ from browser import page_findings
 from foldcar.car.folded.model import FoldedCar
 from foldcar.car.folded.pose import compose
 from foldcar.car.proof.prove import assembly_steps
-from foldcar.car.proof.step import Added
+from foldcar.car.proof.step import AddedPart
 from foldcar.fabrication.assembly.facets import merge_shapes
 from foldcar.fabrication.assembly.guide import build_steps, guide_page
 from foldcar.fabrication.assembly.guide_pictures import Scene, Step, is_hidden, service_picture
@@ -54,7 +54,7 @@ def page() -> str:
     return guide_page(car("hinged"), cut("hinged"), "laser", "a <hinged>")
 
 
-def label(folded: FoldedCar, added: Added) -> str:
+def label(folded: FoldedCar, added: AddedPart) -> str:
     labels = {("piece", piece.name): piece.label for piece in folded.pieces}
     labels |= {("mount", mount.name): mount.part for mount in folded.mounts}
     return labels.get((added.kind, added.name), added.name)

@@ -59,10 +59,16 @@ class Blocks:
         """Cache of fcl's objects by the solids' indices."""
         return {}
 
-    def where(self, titles: Collection[str], among: bool = True) -> "Blocks":
-        """Return the solids whose title is among ``titles``, or, without ``among``, those whose title is not."""
-        kept = [i for i, title in enumerate(self.titles) if (title in titles) == among]
-        return blocks_of([self.part(i) for i in kept], [self.titles[i] for i in kept])
+    def with_titles(self, titles: Collection[str]) -> "Blocks":
+        """Return the solids whose title is among ``titles``."""
+        return self._selected([i for i, title in enumerate(self.titles) if title in titles])
+
+    def without_titles(self, titles: Collection[str]) -> "Blocks":
+        """Return the solids whose title is not among ``titles``."""
+        return self._selected([i for i, title in enumerate(self.titles) if title not in titles])
+
+    def _selected(self, indices: Sequence[int]) -> "Blocks":
+        return blocks_of([self.part(i) for i in indices], [self.titles[i] for i in indices])
 
     def moved(self, pose: Pose) -> "Blocks":
         """Return the solids moved by a pose."""
@@ -150,14 +156,15 @@ AXES: tuple[Vector, ...] = ((0, 0, 1), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1,
 
 @dataclass(frozen=True)
 class ExitPath:
-    """A path out as straight moves, or None with the obstacle ``met`` in each direction that was tried.
+    """A path out as straight moves; without a path ``moves_mm`` is None.
 
-    ``stuck`` names a solid that the moving ones overlap before they move.
+    ``obstacles`` are (direction, title) of what the moving solids met in each direction that was tried. ``overlapped``
+    is the title of a solid that they overlap before they move.
     """
 
     moves_mm: tuple[Vector, ...] | None
-    met: tuple[tuple[Vector, str], ...] = ()
-    stuck: str = ""
+    obstacles: tuple[tuple[Vector, str], ...] = ()
+    overlapped: str = ""
 
 
 # Pairs of titles that may overlap, because they are joined.
@@ -220,7 +227,7 @@ def find_exit_path(
     """
     overlapped = first_obstacle(moving, standing, ignored=ignored)
     if overlapped is not None:
-        return ExitPath(None, stuck=overlapped)
+        return ExitPath(None, overlapped=overlapped)
     directions: list[Vector] = []
     for direction in own_axes if only_own else (*AXES, *own_axes):
         if all(np.dot(direction, other) < 0.999 for other in directions):

@@ -109,7 +109,8 @@ def check_film_apart(car: FoldedCar) -> Iterator[Finding]:
         solids = film_of_body(body)
         titles = list(dict.fromkeys(solids.titles))
         for n, face_title in enumerate(titles, 1):
-            obstacle = first_obstacle(solids.where({face_title}), solids.where(set(titles[n:])), ignored=joined)
+            later_faces = solids.with_titles(set(titles[n:]))
+            obstacle = first_obstacle(solids.with_titles({face_title}), later_faces, ignored=joined)
             if obstacle is not None:
                 yield Finding("crossing", face_title, f"runs into {obstacle}")
     strips = frozenset(piece.name for piece in car.pieces if any(crease.flexure for crease in piece.creases))
@@ -118,7 +119,7 @@ def check_film_apart(car: FoldedCar) -> Iterator[Finding]:
         for angle in (hinge.min_rad, hinge.max_rad):
             moved = rear.moved(hinge_motion(hinge, angle))
             for face_title in dict.fromkeys(moved.titles):
-                obstacle = first_obstacle(moved.where({face_title}), front)
+                obstacle = first_obstacle(moved.with_titles({face_title}), front)
                 if obstacle is not None:
                     place = f"between {hinge.front} and {hinge.rear}, folded by {math.degrees(angle):.1f} degrees"
                     yield Finding("hinge", place, f"{face_title} runs into {obstacle}")

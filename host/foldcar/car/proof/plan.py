@@ -12,7 +12,7 @@ from functools import lru_cache
 
 from foldcar.car.folded.model import FoldedCar, Mount, PlacedPiece
 from foldcar.car.proof.roles import Roles, roles_of
-from foldcar.car.proof.step import Added, AssemblyStep, Folds, ToolUse
+from foldcar.car.proof.step import AddedPart, AssemblyStep, Folds, ToolUse
 
 # Endings of the names of the disc on the horn and of the layer glued to it (components/wheel.py).
 INNER = ("wheel inner disc", "wheel hub")
@@ -39,7 +39,7 @@ class Building:
 
     def step(
         self, title: str, pieces: Iterable[PlacedPiece] = (), mounts: Iterable[Mount] = (),
-        units: Iterable[Added] = (), folds: Folds | None = None, unit: str = "", flat: bool = False,
+        units: Iterable[AddedPart] = (), folds: Folds | None = None, unit: str = "", flat: bool = False,
     ) -> None:  # fmt: skip
         """Append a step, unless it would be empty. Pieces come in folded, unless the step is ``flat``."""
         pieces, mounts, units, folds = list(pieces), list(mounts), list(units), dict(folds or {})
@@ -56,9 +56,9 @@ class Building:
             self._in_units -= {added.name for step in self.steps if step.unit == added_unit.name for added in step.adds}
         joins = self._joins(flat, unit)
         adds = (
-            *(Added("piece", piece.piece, piece.copy, piece.body) for piece in pieces),
+            *(AddedPart("piece", piece.piece, piece.copy, piece.body) for piece in pieces),
             *units,
-            *(Added("mount", mount.name, 0, mount.body) for mount in mounts),
+            *(AddedPart("mount", mount.name, 0, mount.body) for mount in mounts),
         )
         screws = [mount for mount in mounts if self.roles.is_fastener(mount)]
         drivers = ((m.name, i) for m in screws for i, clearance in enumerate(m.clearances) if clearance.tool == "driver")
@@ -152,7 +152,7 @@ def _plan_segments(roles: Roles, building: Building) -> None:
             building.step(flat, [piece, *layers_on([piece])], unit=unit, flat=True)
             for mount in (m for m in roles.car.mounts if (host := roles.mount_host(m)) is not None and host[0] is piece):
                 building.step(f"Put the {mount.name} into the flat {piece.piece}", mounts=[mount], unit=unit, flat=True)
-        units = [Added("unit", _unit_name(roles, piece), 0, piece.body) for piece in with_layers]
+        units = [AddedPart("unit", _unit_name(roles, piece), 0, piece.body) for piece in with_layers]
         without_layers = [piece for piece in group if piece not in with_layers]
         folds = {piece.piece: roles.all_folded(piece.piece) for piece in with_layers}
         building.step(title, without_layers, units=units, folds=folds)
@@ -185,7 +185,7 @@ def _plan_inside(roles: Roles, building: Building) -> None:
     for mount in under_carrier:
         building.step(f"Put the {mount.name} in", mounts=building.with_screws([mount]))
     for carrier in carriers:
-        units = [Added("unit", _unit_name(roles, carrier), 0, carrier.body)]
+        units = [AddedPart("unit", _unit_name(roles, carrier), 0, carrier.body)]
         building.step(f"Put the {carrier.piece} with the boards in", units=units)
     for mount in (mount for mount in parts if mount not in under_carrier):
         building.step(f"Put the {mount.name} in", mounts=building.with_screws([mount]))
@@ -212,7 +212,7 @@ def _plan_wheels(roles: Roles, building: Building, unit: str, wheels: Sequence[s
     building.step(f"Wind the rims around the discs{suffix}", strips, unit=unit)
     tyres = [m for m in mounts if m.part == car.parts.tyre.name]
     building.step(f"Stretch the tyres over the rims{suffix}", mounts=tyres, unit=unit)
-    units = [Added("unit", unit, n, wheel) for n, wheel in enumerate(wheels)]
+    units = [AddedPart("unit", unit, n, wheel) for n, wheel in enumerate(wheels)]
     if not horns:
         axles = {axle.center_mm[0] for axle in car.axles if axle.unit == unit}
         on_rods = [m for m in car.mounts if any(abs(m.pose[0][3] - x) < SAME_MM for x in axles)]
@@ -247,7 +247,7 @@ def plan_service(car: FoldedCar) -> tuple[AssemblyStep, ...]:
         on_lid = roles.is_on_lid(mount)
         title = f"Take {mount.name} {'off' if on_lid else 'out'}"
         (with_lid_shut if on_lid else with_lid_open).append(
-            AssemblyStep(title, {}, (Added("mount", mount.name, 0, mount.body),), ())
+            AssemblyStep(title, {}, (AddedPart("mount", mount.name, 0, mount.body),), ())
         )
     gripped = [(name, face) for name in folds for face in roles.lids[name].gripped]
     grips = tuple(ToolUse(face.name, i, name) for name, face in gripped for i in range(len(face.clearances)))

@@ -25,7 +25,7 @@ from foldcar.car.proof.blocks import (
 from foldcar.car.proof.plan import plan_assembly, plan_service
 from foldcar.car.proof.roles import Lid, roles_of
 from foldcar.car.proof.scene import Scene, Stage, title
-from foldcar.car.proof.step import Added, AssemblyStep, Folds, Thing, ToolUse, Vector
+from foldcar.car.proof.step import AddedPart, AssemblyStep, Folds, Thing, ToolUse, Vector
 
 CAR = ("", "")
 # Steps of a lid's turn: film 100 mm from the fold leaves the convex hull of two successive positions by 0.02 mm only.
@@ -72,7 +72,7 @@ class _Prover:
         """Prove one step, carry it out, and return it with the insertion paths. ``number`` names it in findings."""
         place = f"{number}, {step.title}"
         self._fold(place, step)
-        proved: list[Added] = []
+        proved: list[AddedPart] = []
         for added in step.adds:
             group = (step.unit, added.body) if step.unit else CAR
             first = step.adds[0].body
@@ -165,12 +165,12 @@ class _Prover:
     def _solid(self, key: Thing) -> Blocks:
         return self.scene.solid(key, self.stage)
 
-    def _things(self, added: Added) -> list[Thing]:
+    def _things(self, added: AddedPart) -> list[Thing]:
         if added.kind == "unit":
             return list(self.standing.get((added.name, added.body), {}))
         return [(added.kind, added.name, added.copy)]
 
-    def _is_bent(self, added: Added) -> bool:
+    def _is_bent(self, added: AddedPart) -> bool:
         """Whether a part is laid out, wound or stretched, so that it has no straight insertion path."""
         if added.kind == "piece":
             return added.name in self.roles.bases or self.roles.is_wound(added.name)
@@ -178,7 +178,7 @@ class _Prover:
             return False
         return self.roles.mounts[added.name].part in (self.car.parts.wiring.name, self.car.parts.tyre.name)
 
-    def _with_insertion_path(self, place: str, added: Added, present: Mapping[Thing, Blocks]) -> Added:
+    def _with_insertion_path(self, place: str, added: AddedPart, present: Mapping[Thing, Blocks]) -> AddedPart:
         """Return the part with its insertion path, the reverse of a path out; add a finding if there is no path."""
         moving, standing = merge_blocks(self._solid(key) for key in self._things(added)), merge_blocks(present.values())
         own_axes: list[Vector] = []
@@ -228,7 +228,7 @@ class _Prover:
         rest = find_exit_path(nut.moved(translation(*nut_clearance)), standing, own_axes)
         return screw_path, rest if rest.moves_mm is None else ExitPath((nut_clearance, *rest.moves_mm))
 
-    def _name(self, added: Added) -> str:
+    def _name(self, added: AddedPart) -> str:
         if added.kind == "unit" and added.name not in self.roles.wheel_units:
             return " with ".join(key[1] for key in self._things(added)[:2])
         return added.body if added.kind == "unit" else added.name
@@ -265,11 +265,11 @@ class _Prover:
             for key in piece_keys:
                 last_poses = last.poses(key)
                 faces |= {title(name, face) for face, pose in first.poses(key).items() if pose != last_poses[face]}
-            still_faces = [standing[key].where(faces, among=False) for key in piece_keys]
+            still_faces = [standing[key].without_titles(faces) for key in piece_keys]
             obstacles = merge_blocks([*still_faces, *(blocks for key, blocks in standing.items() if key not in keys)])
             start: Blocks | None = None
             for fractions_of_creases, stage in zip(path, stages, strict=True):
-                swinging_faces = [self.scene.solid(key, stage).where(faces) for key in piece_keys]
+                swinging_faces = [self.scene.solid(key, stage).with_titles(faces) for key in piece_keys]
                 end = merge_blocks(
                     [*swinging_faces, *(self.scene.solid(key, stage) for key in keys if key not in piece_keys)]
                 )
@@ -303,10 +303,10 @@ def _closing(lid: Lid, angles_rad: Mapping[str, float]) -> Iterator[dict[str, fl
 
 def _failure_message(path: ExitPath) -> str:
     """Return why a part does not fit, or what it meets along each way out."""
-    if path.stuck:
-        return f"does not fit: at its place it runs into {path.stuck}"
+    if path.overlapped:
+        return f"does not fit: at its place it runs into {path.overlapped}"
     obstacles = []
-    for move, obstacle in path.met:
+    for move, obstacle in path.obstacles:
         axis = int(np.argmax(np.abs(move)))
         direction = "(" + ", ".join(f"{value:.2f}" for value in move) + ")"
         if abs(move[axis]) > 0.999:

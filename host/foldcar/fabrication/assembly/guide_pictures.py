@@ -16,7 +16,7 @@ from foldcar.car.folded.pose import edge
 from foldcar.car.parts.bought import Screw, Spacer
 from foldcar.car.proof.prove import assembly_steps, service_steps
 from foldcar.car.proof.roles import roles_of
-from foldcar.car.proof.step import Added, AssemblyStep
+from foldcar.car.proof.step import AddedPart, AssemblyStep
 from foldcar.fabrication.assembly.drawing import Arrow, Drawing, Mark
 from foldcar.fabrication.assembly.faces import Fraction, Matrix, face_poses, glued_offset_mm, moved
 from foldcar.fabrication.assembly.facets import Shape, merge_shapes, shank_and_nut
@@ -59,7 +59,7 @@ class Step:
 
     @property
     def effort(self) -> str:
-        """The step's operations and their time as text; "" if there are none."""
+        """The step's operations and their time as text; "" without operations."""
         counts = [f"{count} {name}" for name, count in self.done.named()]
         return f"{', '.join(counts)}: about {minutes(self.done.minutes)}" if counts else ""
 
@@ -190,7 +190,7 @@ class Scene:
         arrows = [(arrow, arrow.points_mm[0] - arrow.points_mm[-1]) for arrow in self.arrows]
         return [arrow for arrow, back in arrows if back @ view.toward > -BEHIND * np.linalg.norm(back)]
 
-    def _show_added(self, added: Added) -> list[Shape]:
+    def _show_added(self, added: AddedPart) -> list[Shape]:
         """Return the shapes of the parts of ``added``, apart from their places; a nut is apart from its screw."""
         parts = self.state.parts_of(added)
         if added.nut_mm:
@@ -201,7 +201,7 @@ class Scene:
             return [*self._show_apart(added, [shank]), *self._show_apart(nut_added, [nut])]
         return self._show_apart(added, parts)
 
-    def _show_apart(self, added: Added, parts: Sequence[Part]) -> list[Shape]:
+    def _show_apart(self, added: AddedPart, parts: Sequence[Part]) -> list[Shape]:
         """Return the shapes of ``parts`` before their insertion; add an arrow along their path, and their marks.
 
         A part behind an earlier one, in the direction they come from, stands farther out by the earlier one's shift.
@@ -237,7 +237,7 @@ class Scene:
                 shifts.append(earlier.shift_mm)
         return max(shifts, key=lambda shift: float(shift @ out))
 
-    def _moves(self, added: Added, box: Vector) -> list[Vector]:
+    def _moves(self, added: AddedPart, box: Vector) -> list[Vector]:
         """Return the moves of the insertion path, shortened for the picture; the first is long enough to be seen.
 
         A strip that is wound around a wheel has no path: it is drawn to come from outside along the radius.
@@ -254,7 +254,7 @@ class Scene:
         lengths_mm = [min(max(length, 0.0 if i else min_length_mm), APART_MM) for i, length in enumerate(lengths)]
         return [move * (drawn / length) for move, length, drawn in zip(moves, lengths, lengths_mm, strict=True)]
 
-    def _is_screw(self, added: Added) -> bool:
+    def _is_screw(self, added: AddedPart) -> bool:
         return added.kind == "mount" and is_screw(self.state.car.parts, self.state.mounts[added.name])
 
     def _add_fold_arrows(self, part: PlacedPiece) -> None:

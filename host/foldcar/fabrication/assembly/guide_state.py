@@ -9,7 +9,7 @@ from foldcar.car.folded.model import FoldedCar, Mount, PlacedPiece
 from foldcar.car.folded.pose import apply
 from foldcar.car.proof.roles import roles_of
 from foldcar.car.proof.scene import Stage
-from foldcar.car.proof.step import Added, AssemblyStep, Folds
+from foldcar.car.proof.step import AddedPart, AssemblyStep, Folds
 from foldcar.fabrication.assembly.faces import Matrix
 from foldcar.fabrication.assembly.facets import Shape, film_shape, mount_shape
 from foldcar.fabrication.assembly.hidden_surfaces import Vector
@@ -48,7 +48,7 @@ class AssemblyState:
             target = self._units.setdefault((step.unit, added.body), []) if step.unit else self.in_place
             target.extend(self.parts_of(added))
 
-    def parts_of(self, added: Added) -> list[Part]:
+    def parts_of(self, added: AddedPart) -> list[Part]:
         """Return what ``added`` brings in: the parts of a unit, a mount, or the copy of a piece."""
         if added.kind == "unit":
             return list(self._units.get((added.name, added.body), []))

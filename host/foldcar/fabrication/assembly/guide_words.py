@@ -16,7 +16,7 @@ from foldcar.car.folded.model import FoldedCar, Join
 from foldcar.car.leads import leads
 from foldcar.car.parts.catalogue import Catalogue
 from foldcar.car.proof.plan import SHUT
-from foldcar.car.proof.step import Added, AssemblyStep, Vector
+from foldcar.car.proof.step import AddedPart, AssemblyStep, Vector
 from foldcar.fabrication.assembly.guide_state import AssemblyState
 from foldcar.fabrication.assembly.operations import disc_turns, folds_of_step, is_screw, is_wound, plugs_in, soldered_in
 from foldcar.fabrication.assembly.parts_list import tyre_cut
@@ -90,7 +90,7 @@ def _insertion_lines(step: AssemblyStep, state: AssemblyState) -> list[str]:
     return [f"{text[0].upper()}{text[1:]}." for text in texts]
 
 
-def _part_label(added: Added, state: AssemblyState) -> str:
+def _part_label(added: AddedPart, state: AssemblyState) -> str:
     """Return the name of an added unit, piece or bought part as the guide prints it."""
     if added.kind == "unit":
         return added.name
@@ -99,7 +99,7 @@ def _part_label(added: Added, state: AssemblyState) -> str:
     return state.mounts[added.name].part
 
 
-def _insertion(added: Added, state: AssemblyState, in_unit: bool) -> str:
+def _insertion(added: AddedPart, state: AssemblyState, in_unit: bool) -> str:
     """Return how a part goes in: the sides it comes from, or how it is wound, stretched or laid.
 
     ``in_unit``: it goes into a unit that is assembled apart from the car, such as a wheel.
@@ -115,7 +115,7 @@ def _insertion(added: Added, state: AssemblyState, in_unit: bool) -> str:
     return "lay it down"
 
 
-def _screw_insertion(screw: Added, state: AssemblyState, in_unit: bool) -> str:
+def _screw_insertion(screw: AddedPart, state: AssemblyState, in_unit: bool) -> str:
     """Return the side a screw comes from, what it passes, its tool, and its nut; without a nut its last part holds it."""
     labels = {("mount", name): mount.part for name, mount in state.mounts.items()}
     labels |= {("piece", name): NUMBER.sub("", piece.label) for name, piece in state.pieces.items()}
@@ -130,7 +130,7 @@ def _screw_insertion(screw: Added, state: AssemblyState, in_unit: bool) -> str:
     return f"{_directions(screw, screw.way_mm, state, in_unit)}{through}{into}, with the {DRIVER}{nut}"
 
 
-def _directions(added: Added, moves: Sequence[Vector], state: AssemblyState, in_unit: bool) -> str:
+def _directions(added: AddedPart, moves: Sequence[Vector], state: AssemblyState, in_unit: bool) -> str:
     """Return from which sides a part comes along its moves (3,), as in ``from above, then from the left``.
 
     Along y the sides are those of the wheel if it goes into a unit (``in_unit``), else of the car.

@@ -116,7 +116,7 @@ def _hidden(shapes: NDArray[np.object_], planes: Vector) -> dict[int, list[BaseG
     for rear, front, is_wholly_hidden in zip(behind[undecided], ahead[undecided], wholly[undecided], strict=True):
         region = shapes[front]
         if not is_wholly_hidden:
-            region = _nearer(_polygons(shapely.intersection(shapes[rear], region)), planes[front] - planes[rear])
+            region = _nearer_part(_polygons(shapely.intersection(shapes[rear], region)), planes[front] - planes[rear])
         hiding[rear].append(region)
     return hiding
 
@@ -154,22 +154,25 @@ def _depth(facet: Facet, view: Camera) -> Vector:
     return np.array([point @ view.toward - a * (point @ view.right) - b * (point @ view.up), a, b])
 
 
-def _nearer(region: BaseGeometry, ahead: Vector) -> BaseGeometry:
-    """Return the part of a region in which the depth difference c + a u + b v exceeds TOUCHING_MM; ahead = (c, a, b)."""
+def _nearer_part(region: BaseGeometry, lead_plane: Vector) -> BaseGeometry:
+    """Return the part of a region in which one face is nearer than another by more than TOUCHING_MM.
+
+    ``lead_plane`` (c, a, b) is the difference of their depths: c + a u + b v at the picture's point (u, v).
+    """
+    constant, gradient = lead_plane[0], lead_plane[1:]
     corners = shapely.get_coordinates(region)
-    lead = ahead[0] + corners @ ahead[1:] - TOUCHING_MM
-    if (lead <= 0).all():
+    leads = constant + corners @ gradient - TOUCHING_MM
+    if (leads <= 0).all():
         return Polygon()
-    if (lead > 0).all():
+    if (leads > 0).all():
         return region
-    # The half plane is represented by a square on the line that is larger than the region.
-    slope = math.hypot(ahead[1], ahead[2])
-    along = np.array([-ahead[2], ahead[1]]) / slope
-    inward = np.array([ahead[1], ahead[2]]) / slope
+    # The half plane is cut out by a square larger than the region, one of whose sides lies on the line of lead 0.
+    slope = math.hypot(*gradient)
+    along, inward = np.array([-gradient[1], gradient[0]]) / slope, gradient / slope
     middle = corners.mean(axis=0)
-    middle = middle - inward * (ahead[0] + middle @ ahead[1:] - TOUCHING_MM) / slope
-    size = 4 * (np.ptp(corners, axis=0).sum() + abs(lead).max() / slope)
-    square = [middle + s * size * along + t * size * inward for s, t in ((-1, 0), (1, 0), (1, 1), (-1, 1))]
+    on_line = middle - inward * (constant + middle @ gradient - TOUCHING_MM) / slope
+    size = 4 * (np.ptp(corners, axis=0).sum() + abs(leads).max() / slope)
+    square = [on_line + s * size * along + t * size * inward for s, t in ((-1, 0), (1, 0), (1, 1), (-1, 1))]
     return _polygons(shapely.intersection(region, Polygon(square)))
 
 

@@ -133,7 +133,7 @@ def operations_by_step(car: FoldedCar) -> list[tuple[AssemblyStep, Operations]]:
         # Caps count by their tabs' tape, whether they carry a switch or not.
         taped = {name for join in joins if join.kind == "tab" for name in (join.piece_a, join.piece_b)}
         # Of the parts, only the LiPo needs tape: pads are adhesive. Wires count as plugs.
-        done = Operations(
+        step_operations = Operations(
             fold=sum(piece.count * len(folds_of_step(step, fold_fractions, piece)) for piece in folded_pieces),
             wind=sum(piece.count for piece in folded_pieces if is_wound(piece)),
             tape=sum(join.kind in TAPED for join in joins) + sum(mount.part == car.parts.lipo.name for mount in parts),
@@ -147,7 +147,7 @@ def operations_by_step(car: FoldedCar) -> list[tuple[AssemblyStep, Operations]]:
         )
         for name, creases in step.folds.items():
             fold_fractions.setdefault(name, {}).update(creases)
-        result.append((step, done))
+        result.append((step, step_operations))
     return result
 
 

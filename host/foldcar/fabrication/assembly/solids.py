@@ -102,7 +102,7 @@ def obj_files(solids: Sequence[Solid], name: str) -> dict[str, bytes]:
         mesh.visual, mesh.metadata["name"] = TextureVisuals(material=materials[solid.material]), title
         scene.add_geometry(mesh, node_name=title, geom_name=title)
     header = "foldcar, millimetres, x forward, y left, z up"
-    text, others = export_obj(
+    text, other_files = export_obj(
         scene, include_normals=False, return_texture=True, digits=DIGITS, mtl_name=f"{name}.mtl", header=header
     )
-    return {f"{name}.obj": text.encode(), **others}
+    return {f"{name}.obj": text.encode(), **other_files}

@@ -146,9 +146,9 @@ class Sheet:
     @property
     def layers(self) -> Iterator[tuple[Layer, list[tuple[Shape, ...]]]]:
         """Yield every layer in the order of cutting, with its cuts in their order."""
-        return ((layer, list(self.on(layer.name))) for layer in LAYERS.values())
+        return ((layer, list(self.cuts_on(layer.name))) for layer in LAYERS.values())
 
-    def on(self, layer: LayerName) -> Iterator[tuple[Shape, ...]]:
+    def cuts_on(self, layer: LayerName) -> Iterator[tuple[Shape, ...]]:
         """Yield a layer's cuts in the order of cutting: a closed line or circle alone, a group's open lines together.
 
         Small cuts come first, because large cuts loosen the film: cuts are grouped by size in factors of two. In each

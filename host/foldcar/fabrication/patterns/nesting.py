@@ -214,15 +214,17 @@ def nest(
     title_mm: tuple[float, float],
     box_mm: tuple[float, float] = (0.0, 0.0),
 ) -> Nest:
-    """Lay out pieces (name, outline, count), with a title of that size on every sheet that has room for it.
+    """Lay out the copies of pieces (name, outline, count) on few sheets, each with a title and a box if there is room.
 
-    Then, on each sheet, a box of ``box_mm``, if any, takes a place that pieces and title leave free. The last sheet is
-    the one with most film left. Raises NestingError, which names the piece, its size and the sheet's, if a piece does not
-    fit on a sheet.
+    ``size_mm`` is that of a sheet, ``title_mm`` and ``box_mm`` (for a QR code) are those of title and box; a size 0 means
+    without it. Boxes take places that pieces and titles leave free. The last sheet is the one with most film left. Raises
+    NestingError, which names the piece, its size and the sheet's, if a piece does not fit on a sheet.
     """
     area = _Area(size_mm, margin_mm, gap_mm)
+    # In the first turn that fits, or [] if none does.
     title, box = (area.turned(shapely.box(0, 0, *size))[:1] if min(size) > 0 else [] for size in (title_mm, box_mm))
     if title and title[0].turn:
+        # A title is not turned, so that it can be read.
         title = []
     turns = [area.turned(outline) for _, outline, _ in pieces]
     for (name, outline, _), turned in zip(pieces, turns, strict=True):
@@ -385,7 +387,7 @@ def too_large_message(name: str, outline: Polygon, size_mm: tuple[float, float],
 def suggest_sheet(is_enough: Callable[[Options], bool], outlines: Iterable[Polygon], options: Options) -> str:
     """Return a text that suggests the machine's smallest larger sheet for which ``is_enough`` holds.
 
-    If there is none, suggest a sheet as large as the outlines (mm).
+    Without such a sheet, suggest one as large as the outlines (mm).
     """
     width, height = options.sheet_size_mm
     for name in MACHINES[options.machine].sheets:

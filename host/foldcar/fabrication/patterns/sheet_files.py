@@ -261,7 +261,7 @@ def preview(sheets: Sequence[Sheet], title: str) -> bytes:
         )  # fmt: skip
         axes.set_title(f"{sheet.name}: {sheet.film}", fontsize=14, loc="left")
         axes.add_patch(Rectangle((0, 0), sheet.width_mm, sheet.height_mm, fill=False, edgecolor="0.7", clip_on=False))
-        outer = itertools.chain.from_iterable(sheet.on("CUT_OUTER"))
+        outer = itertools.chain.from_iterable(sheet.cuts_on("CUT_OUTER"))
         outlines = [_picture_points(shape) for shape in outer if isinstance(shape, Path) and shape.closed]
         axes.add_collection(PolyCollection(outlines, facecolors="#eef3f8"))
         for layer, groups in sheet.layers:

@@ -42,8 +42,8 @@ class MeasuredPlacement:
 
 
 def measure_placement(
-    grey: Grey, where: str, course: Course, lens: Lens | None, scene: Mapping[str, Any], things: Mapping[str, Obstacle],
-    car: CarMarker, ground: Standing,
+    grey: Grey, where: str, course: Course, lens: Lens | None, scene: Mapping[str, Any],
+    obstacles: Mapping[str, Obstacle], car: CarMarker, ground: Standing,
 ) -> MeasuredPlacement:  # fmt: skip
     """Measure the deviations of car and obstacles from the planned ``scene`` in a grey photo.
 
@@ -56,17 +56,17 @@ def measure_placement(
     errors: dict[str, tuple[float, float, float]] = {}
     missing = []
     printed = course.printed(view.scale)
-    for number, (name, thing) in enumerate(things.items()):
+    for number, (name, obstacle) in enumerate(obstacles.items()):
         marker_pixels = corners.get(FIRST_OBSTACLE_ID + number) if number < MAX_OBSTACLES else None
         if marker_pixels is None:
             missing.append(name)
             continue
-        card = card_of(thing, scene["terrain"], printed)
-        height_m = _card_height(thing, 2 * printed.card_reach_m, ground) if card.on_ground else 0.0
+        card = card_of(obstacle, scene["terrain"], printed)
+        height_m = _card_height(obstacle, 2 * printed.card_reach_m, ground) if card.on_ground else 0.0
         x, y, heading = _level_pose(view, marker_pixels, printed.obstacle_size_m, height_m)
         x, y = x + card.left_m * math.sin(heading), y - card.left_m * math.cos(heading)
-        turned = math.remainder(heading - thing.heading_rad, math.tau) if card.turns else 0.0
-        deviations[name] = (x - thing.x_m, y - thing.y_m, turned)
+        turned = math.remainder(heading - obstacle.heading_rad, math.tau) if card.turns else 0.0
+        deviations[name] = (x - obstacle.x_m, y - obstacle.y_m, turned)
         card_errors = (math.hypot(LAID_M, LAID_RAD * card.left_m), LAID_M, LAID_RAD)
         if card.on_ground:
             middle = marker_pixels.mean(axis=0, keepdims=True)
@@ -91,9 +91,9 @@ def measure_placement(
     return MeasuredPlacement(deviations, errors, tuple(missing), view.remarks)
 
 
-def _card_height(thing: Obstacle, side_m: float, ground: Standing) -> float:
+def _card_height(obstacle: Obstacle, side_m: float, ground: Standing) -> float:
     """Return the height (m) of the middle of a stiff card that rests on an obstacle (see the head of this file)."""
-    x, y = numpy.meshgrid(thing.x_m + side_m * BELOW_CARD, thing.y_m + side_m * BELOW_CARD)
+    x, y = numpy.meshgrid(obstacle.x_m + side_m * BELOW_CARD, obstacle.y_m + side_m * BELOW_CARD)
     heights_below = ground.heights(x, y)
     return float((heights_below + heights_below[::-1, ::-1]).max()) / 2
 

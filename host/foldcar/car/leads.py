@@ -159,7 +159,7 @@ class _Ways:
             extension_names = [self.mounts[w.a].part for w in self.car.wires if w.b == axle.servo and w.a in self.mounts]
             for extension in (extension for extension in parts.extensions.sold if extension.name in extension_names):
                 available, extension_name = _extended_mm(self.car, available, extension), extension.name
-            length, needed = self._needed(way, allowance_mm)
+            length, needed = self._lengths_mm(way, allowance_mm)
             yield Lead(axle.servo, f"{self.wing} {axle.channel}", "plug", length, needed, available, extension_name)
 
     def lipo(self) -> Lead:
@@ -171,7 +171,8 @@ class _Ways:
         way, side = min((self.way(end, socket_mouth, lipo.body, feather.name), side) for side, end in ends)
         allowance_mm = self.parts.wiring.slack_mm.value + self.parts.plugs.battery.inserted_mm.value
         available = self.parts.lipo.lead_length_mm.min_value
-        return Lead(lipo.name, f"{feather.name} JST", "plug", *self._needed(way, allowance_mm), available, leaves=side)
+        lengths_mm = self._lengths_mm(way, allowance_mm)
+        return Lead(lipo.name, f"{feather.name} JST", "plug", *lengths_mm, available, leaves=side)
 
     def supply(self) -> Iterator[Lead]:
         """Yield the battery's leads, + to the switch and - to the terminal block, and the wire between these two."""
@@ -191,13 +192,13 @@ class _Ways:
             by_side.append([])
             for sign, name, target, part in connections:
                 way = max(self.way(start, target, battery.body, part) for start in (end, end + lift))
-                needed = self._needed(way, joint)
+                needed = self._lengths_mm(way, joint)
                 by_side[-1].append(Lead(f"{battery.name} {sign}", name, "solder", *needed, available, leaves=side))
         yield from min(by_side, key=lambda pair: sum(lead.needed_mm for lead in pair))
-        needed = self._needed(self.way(tails, block, switch.body, wing.name), 2 * joint)
+        needed = self._lengths_mm(self.way(tails, block, switch.body, wing.name), 2 * joint)
         yield Lead(f"{switch.name} 2", f"{wing.name} terminal +", "wire", *needed, 0.0)
 
-    def _needed(self, way: tuple[float, int], ends_mm: float) -> tuple[float, float]:
+    def _lengths_mm(self, way: tuple[float, int], ends_mm: float) -> tuple[float, float]:
         """Return the length of a way (mm), and that of the lead along it, with slack and ``ends_mm`` for its ends.
 
         ``way`` is the length of the way (mm) and its number of hinges.

@@ -33,20 +33,21 @@ def terrain_objects(scenario: Any, scene: Any) -> list[tuple[str, int]]:
 
 
 def _variables(scenario: Any) -> dict[int, str]:
-    """Return the variable of each object by the object's id."""
+    """Return the name of the variable that holds each object, by the object's id; ``name[index]`` in a list."""
     variables: dict[int, str] = {}
-    for name, things in named_instances(scenario).items():
-        for index, thing in enumerate(things):
-            variables.setdefault(id(thing), name if len(things) == 1 else f"{name}[{index}]")
-    # The variable of a loop names only the object of the loop's last pass.
-    unnamed_lines = {_line(thing) for thing in scenario.objects if id(thing) not in variables}
-    unnamed_objects = {id(thing) for thing in scenario.objects if _line(thing) in unnamed_lines}
-    return {thing: name for thing, name in variables.items() if thing not in unnamed_objects}
+    for name, instances in named_instances(scenario).items():
+        for index, instance in enumerate(instances):
+            variables.setdefault(id(instance), name if len(instances) == 1 else f"{name}[{index}]")
+    # A loop's variable holds only the object of the last pass: if one object of a line has no variable, none of this
+    # line has one.
+    unnamed_lines = {_line(instance) for instance in scenario.objects if id(instance) not in variables}
+    unnamed_ids = {id(instance) for instance in scenario.objects if _line(instance) in unnamed_lines}
+    return {instance_id: name for instance_id, name in variables.items() if instance_id not in unnamed_ids}
 
 
-def _line(thing: Any) -> Any:
-    """Return the file and the line that made the object."""
-    return getattr(thing, "creationLine", thing)
+def _line(instance: Any) -> Any:
+    """Return the file and the line that made the object; the object itself if Scenic has not recorded them."""
+    return getattr(instance, "creationLine", instance)
 
 
 def _in_words(kind: str) -> str:

@@ -177,8 +177,12 @@ def _put_board(
     shape: Shape, board: Feather | FeatherWing, on: str, under: Pose, boxes: Sequence[Box],
     clearances: Sequence[ToolClearance], holes: Sequence[str], pins: Sequence[Box] = (),
 ) -> None:  # fmt: skip
-    """Add a board with ``boxes``, weightless ``pins`` and ``clearances``, all in the board's frame."""
+    """Add a board on the face ``on``; ``under`` is the pose of the middle of its underside, the board's frame.
+
+    ``boxes``, weightless ``pins`` and ``clearances`` are in the board's frame; ``holes`` are those of its screws.
+    """
     length, width, height = board.size_mm
+    # From the frame of the mount, the middle of its box, to the board's frame, on its underside.
     down = translation(0, 0, -height / 2)
     middle = translation(0, 0, (board.board_mm.value - height) / 2)
     screw_holes = tuple((x, y, pattern.diameter_mm) for pattern in board.holes for x, y in pattern.at_mm)

@@ -261,6 +261,7 @@ def _out(moving: Blocks, standing: Blocks, direction: Vector) -> Vector:
         return vector(np.array(direction) * CLEAR_MM)
     low, high = moving.low.min(axis=0), moving.high.max(axis=0)
     low_bounds, high_bounds = standing.low.min(axis=0), standing.high.max(axis=0)
+    # Bounds are apart as soon as they are apart along one axis.
     lengths = [
         (high_bounds[i] - low[i] if direction[i] > 0 else high[i] - low_bounds[i]) / abs(direction[i])
         for i in range(3)

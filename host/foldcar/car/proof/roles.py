@@ -67,7 +67,10 @@ class Roles:
             yield from (copy for copy in self.placed(body) if copy is not self.base[body])
 
     def _host(self, copy: PlacedPiece) -> Host:
-        """Return the piece and face that a copy is fixed to and moves with; None for a beam or a loose piece."""
+        """Return the piece and face that a copy is glued to and moves with; None for a beam or a loose piece.
+
+        The body's beam is preferred. A layer's host is the face that it lies on; another piece's host is no layer.
+        """
         base = self.base.get(copy.body)
         if base is None or copy is base:
             return None

@@ -47,9 +47,9 @@ class SceneShapes:
         self._film: dict[Piece, int] = {}
 
     def add(self, folded: FoldedCar) -> list[dict[str, Any]]:
-        """Add a car; return its parts ``{"piece": its number, "body", "pose"}``, for a hinge's strip with ``"beyond"``.
+        """Add a car's shapes; return its parts ``{"piece": the shape's number, "body", "pose": 12 numbers}``.
 
-        ``"beyond"`` maps the number of each face that belongs to another body to this body.
+        A hinge's strip also has ``"beyond"``: the body by the number of each face that moves with another body.
         """
         pieces, parts = {piece.name: piece for piece in folded.pieces}, []
         for placed in folded.placed:
@@ -86,6 +86,7 @@ class SceneShapes:
 
 
 def _rows(pose: Any) -> list[float]:
+    """Return the 12 numbers of a pose's upper three rows; the fourth is always (0, 0, 0, 1)."""
     rows: list[float] = np.round(pose[:3], DECIMALS).ravel().tolist()
     return rows
 

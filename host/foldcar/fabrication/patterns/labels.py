@@ -188,9 +188,11 @@ def join_marks(piece: FlatPiece, car: FoldedCar, unsplit_car: FoldedCar) -> Iter
         for name, ref, slot in ((join.piece_a, join.a, None), (join.piece_b, join.b, join.slot)):
             if name != piece.name or ref.face not in faces:
                 continue
+            # A laminate's base is marked along the outline of the part laid onto it.
             if join.kind == "laminate" and ref is join.b:
                 if (join.number, ref.face) not in done:
-                    yield from (EdgeMark(str(join.number), edges) for edges in _under(faces[ref.face], join, unsplit_car))
+                    layers = _edges_under_layers(faces[ref.face], join, unsplit_car)
+                    yield from (EdgeMark(str(join.number), edges) for edges in layers)
                 done.add((join.number, ref.face))
                 continue
             edges = _edges(faces[ref.face], ref, join, slot)
@@ -210,7 +212,7 @@ def join_marks(piece: FlatPiece, car: FoldedCar, unsplit_car: FoldedCar) -> Iter
         yield EdgeMark(name, tuple(longest), shapely.MultiLineString(outline).convex_hull)
 
 
-def _under(face: FlatFace, join: Join, unsplit_car: FoldedCar) -> Iterator[tuple[Edge, ...]]:
+def _edges_under_layers(face: FlatFace, join: Join, unsplit_car: FoldedCar) -> Iterator[tuple[Edge, ...]]:
     """Yield the edges beside which a laminating join's number stands on the lower face, for each layer laid on it.
 
     They are the edges of holes of the face under the layer or, without holes, of the layer's outline.

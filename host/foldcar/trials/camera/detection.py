@@ -185,7 +185,7 @@ def _fit_lines(
         covariance = (weights * from_middle * (offsets - mean_offset[:, None])).sum(axis=1)
         slope = covariance / numpy.where(spread > 0, spread, 1.0)
         residual = numpy.abs(offsets - mean_offset[:, None] - slope[:, None] * from_middle)
-        # The median residual of the points that are not excluded.
+        # Exclude points beyond 3.7 times the median residual of those not yet excluded: 2.5 standard deviations.
         ordered = numpy.sort(numpy.where(weights > 0, residual, numpy.inf), axis=1)
         median = ordered[rows, numpy.minimum(total.astype(int) // 2, ordered.shape[1] - 1)]
         weights = numpy.where((residual <= numpy.maximum(0.1, 3.7 * median)[:, None]) & (weights > 0), 1.0, 0.0)

@@ -131,6 +131,7 @@ def course_json(course: Course) -> dict[str, Any]:
         }
         for marker in course.floor
     ]
+    # A field in metres, as ``floor_size_m``, is in millimetres in the file: ``floor_size_mm``.
     sizes = {f"{name}m": _mm(value) for name, value in asdict(course).items() if name != "floor"}
     return {"floor": floor, **sizes}
 

@@ -82,6 +82,7 @@ def draw(spread: Mapping[str, float], seed: int, sample: int | str) -> dict[str,
         stream = random.Random(f"{seed}/{sample}/{name}")
         count = CHANNELS if quantity.per == "wheel" else 1
         draws = [sd * max(-CUT_OFF, min(CUT_OFF, stream.gauss(0, 1))) for _ in range(count)]
+        # A half-normal quantity is the magnitude of a vector, such as an eccentricity, of random direction.
         if quantity.distribution == "half-normal":
             draws = [abs(value) for value in draws]
             variation[phase_name(name)] = [stream.uniform(0, 2 * math.pi) for _ in range(count)]

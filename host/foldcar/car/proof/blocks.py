@@ -87,6 +87,7 @@ def blocks_of(corners_mm: Iterable[Points], titles: str | Sequence[str]) -> Bloc
 def merge_blocks(groups: Iterable[Blocks]) -> Blocks:
     """Return all solids of the groups."""
     groups = list(groups)
+    # The starts of a group's solids are indices into its own corners: shift them by the corners before.
     shifts = np.cumsum([0, *(len(group.corners_mm) for group in groups)])
     starts = [group.starts + shift for group, shift in zip(groups, shifts[:-1], strict=True)]
     corners = np.concatenate([np.zeros((0, 3)), *(group.corners_mm for group in groups)])

@@ -25,7 +25,7 @@ from foldcar.car.proof.blocks import (
 from foldcar.car.proof.plan import plan_assembly, plan_service
 from foldcar.car.proof.roles import Lid, roles_of
 from foldcar.car.proof.scene import Scene, Stage, title
-from foldcar.car.proof.step import AddedPart, AssemblyStep, Folds, Thing, ToolUse, Vector
+from foldcar.car.proof.step import AddedPart, AssemblyStep, Folds, PartKey, ToolUse, Vector
 
 CAR = ("", "")
 # Steps of a lid's turn: film 100 mm from the fold leaves the convex hull of two successive positions by 0.02 mm only.
@@ -65,7 +65,7 @@ class _Prover:
         self.joined = self.scene.ignored()
         self.stage = Stage(self.roles, {})
         # Solids in the car (CAR), and in units by the unit's name and body.
-        self.standing: dict[tuple[str, str], dict[Thing, Blocks]] = {CAR: {}}
+        self.standing: dict[tuple[str, str], dict[PartKey, Blocks]] = {CAR: {}}
         self.findings: list[Finding] = []
 
     def step(self, number: str, step: AssemblyStep) -> AssemblyStep:
@@ -86,7 +86,7 @@ class _Prover:
                 proved_part, present = added, self.standing.get(group, {})
                 if present and not self._is_bent(added):
                     proved_part = self._with_insertion_path(place, added, present)
-            self.standing.setdefault(group, {}).update({key: self._solid(key) for key in self._things(added)})
+            self.standing.setdefault(group, {}).update({key: self._solid(key) for key in self._part_keys(added)})
             if proved_part.body == first or step.unit not in self.roles.wheel_units:
                 self._check_tool_uses(place, [use for use in step.tool_uses if use.name == added.name], group)
             proved.append(proved_part)
@@ -121,7 +121,7 @@ class _Prover:
         self._close(step.folds)
         proved = []
         for added in step.adds:
-            for key in self._things(added):
+            for key in self._part_keys(added):
                 self.standing[CAR].pop(key, None)
             proved.append(self._with_insertion_path(place, added, self.standing[CAR]))
         return replace(step, adds=tuple(proved))
@@ -162,10 +162,10 @@ class _Prover:
         for standing in self.standing.values():
             standing.update({key: self._solid(key) for key in standing})
 
-    def _solid(self, key: Thing) -> Blocks:
+    def _solid(self, key: PartKey) -> Blocks:
         return self.scene.solid(key, self.stage)
 
-    def _things(self, added: AddedPart) -> list[Thing]:
+    def _part_keys(self, added: AddedPart) -> list[PartKey]:
         if added.kind == "unit":
             return list(self.standing.get((added.name, added.body), {}))
         return [(added.kind, added.name, added.copy)]
@@ -178,9 +178,10 @@ class _Prover:
             return False
         return self.roles.mounts[added.name].part in (self.car.parts.wiring.name, self.car.parts.tyre.name)
 
-    def _with_insertion_path(self, place: str, added: AddedPart, present: Mapping[Thing, Blocks]) -> AddedPart:
+    def _with_insertion_path(self, place: str, added: AddedPart, present: Mapping[PartKey, Blocks]) -> AddedPart:
         """Return the part with its insertion path, the reverse of a path out; add a finding if there is no path."""
-        moving, standing = merge_blocks(self._solid(key) for key in self._things(added)), merge_blocks(present.values())
+        moving = merge_blocks(self._solid(key) for key in self._part_keys(added))
+        standing = merge_blocks(present.values())
         own_axes: list[Vector] = []
         mount = self.roles.mounts[added.name] if added.kind == "mount" else None
         if mount is not None:
@@ -190,8 +191,8 @@ class _Prover:
         if mount is not None and self.roles.is_fastener(mount):
             exit_path, nut_path = self._screw_ways(mount, standing, own_axes)
             added = replace(added, passes=self.roles.passed_by(mount))
-            for thing in (thing for thing in added.passes if thing not in present):
-                self._add_finding(place, f"{self._name(added)} passes {thing[1]}, which is not there yet")
+            for _, missing_name, _ in (key for key in added.passes if key not in present):
+                self._add_finding(place, f"{self._name(added)} passes {missing_name}, which is not there yet")
         elif mount is not None and self._plugs_onto(mount, present):
             # Pins go straight into their sockets.
             exit_path = find_exit_path(moving, standing, own_axes[4:], self.joined, only_own=True)
@@ -205,7 +206,7 @@ class _Prover:
             insertion_paths.append(tuple(vector(-np.array(move)) for move in reversed(moves)))
         return replace(added, way_mm=insertion_paths[0], nut_mm=insertion_paths[1])
 
-    def _plugs_onto(self, mount: Mount, present: Mapping[Thing, Blocks]) -> bool:
+    def _plugs_onto(self, mount: Mount, present: Mapping[PartKey, Blocks]) -> bool:
         """Whether a mount is a board that is plugged onto a board in place, header on header."""
         boards = self.roles.board_names
         names = {self.roles.mounts[name].part for kind, name, _ in present if kind == "mount"}
@@ -230,7 +231,7 @@ class _Prover:
 
     def _name(self, added: AddedPart) -> str:
         if added.kind == "unit" and added.name not in self.roles.wheel_units:
-            return " with ".join(key[1] for key in self._things(added)[:2])
+            return " with ".join(key[1] for key in self._part_keys(added)[:2])
         return added.body if added.kind == "unit" else added.name
 
     def _check_tool_uses(self, place: str, tool_uses: Sequence[ToolUse], group: tuple[str, str]) -> None:

@@ -15,7 +15,7 @@ from foldcar.car.folded.model import Face, FoldedCar, Join, Mount, Piece, Placed
 from foldcar.car.folded.placed import polygon
 from foldcar.car.folded.pose import apply, compose, folded, inverse
 from foldcar.car.parts.bought import Screw
-from foldcar.car.proof.step import Thing
+from foldcar.car.proof.step import PartKey
 
 PARALLEL = 0.999
 # A shank stands in a bore if it overlaps the bore's wall by no more than this.
@@ -67,9 +67,9 @@ class Roles:
             yield from (copy for copy in self.placed(body) if copy is not self.base[body])
 
     def _host(self, copy: PlacedPiece) -> Host:
-        """Return the piece and face that a copy is glued to and moves with; None for a beam or a loose piece.
+        """Return the piece and face that a copy is glued to and moves with; None for a body's base or a loose piece.
 
-        The body's beam is preferred. A layer's host is the face that it lies on; another piece's host is no layer.
+        The base is preferred. A layer moves with the face that it lies on; other pieces never move with a layer.
         """
         base = self.base.get(copy.body)
         if base is None or copy is base:
@@ -152,12 +152,13 @@ class Roles:
         others = [m for m in self.car.mounts if not self.is_fastener(m)]
         return [m for m in others if any(stands_in(screw, a, m, b) for a in screw.solids for b in m.solids)]
 
-    def passed_by(self, screw: Mount) -> tuple[Thing, ...]:
+    def passed_by(self, screw: Mount) -> tuple[PartKey, ...]:
         """Return the parts with bores and the pieces that a screw's shank passes through, in order from its head."""
         # The second of a screw's solids is its shank.
         shank = screw.solids[1]
         to_shank = inverse(compose(screw.pose, shank.pose))
-        passed: list[tuple[float, Thing]] = []
+        # Each with its height (mm) along the shank.
+        passed: list[tuple[float, PartKey]] = []
         for mount in self.held_by(screw):
             holding_solids = [solid for solid in mount.solids if stands_in(screw, shank, mount, solid)]
             heights = [compose(to_shank, mount.pose, solid.pose)[2][3] for solid in holding_solids]
@@ -169,7 +170,7 @@ class Roles:
                 is_across = abs(pose[2][2]) > PARALLEL and abs(height) < shank.size_mm[2] / 2
                 if is_across and shapely.Polygon(face.outline_mm).contains(shapely.Point(x, y)):
                     passed.append((height, ("piece", copy.piece, copy.copy)))
-        return tuple(thing for _, thing in sorted(passed, key=lambda copy: -copy[0]))
+        return tuple(part for _, part in sorted(passed, key=lambda height_and_part: -height_and_part[0]))
 
     def from_outside(self, mount: Mount, clearance: ToolClearance) -> bool:
         """Whether a tool reaches the mount while the lid is shut.

@@ -18,7 +18,7 @@ from foldcar.car.folded.placed import polygon
 from foldcar.car.folded.pose import apply, compose, edge, folded, inverse, side
 from foldcar.car.proof.blocks import Blocks, Ignored, clearance_blocks, merge_blocks, plate, solid_blocks
 from foldcar.car.proof.roles import Host, Roles
-from foldcar.car.proof.step import Folds, Thing, ToolUse
+from foldcar.car.proof.step import Folds, PartKey, ToolUse
 
 
 class Stage:
@@ -49,9 +49,9 @@ class Stage:
         """The pose of a mount."""
         return compose(self._shift(self.roles.mount_host(mount)), mount.pose)
 
-    def poses(self, thing: Thing) -> dict[str, Pose]:
+    def poses(self, key: PartKey) -> dict[str, Pose]:
         """The poses of a piece's faces by their names, or the pose of a mount by its name."""
-        kind, name, copy = thing
+        kind, name, copy = key
         if kind == "piece":
             return self.faces(self.roles.copies[name, copy])
         return {name: self.mount(self.roles.mounts[name])}
@@ -87,28 +87,31 @@ class Scene:
     def __init__(self, roles: Roles, tongues: bool = False) -> None:
         self.roles = roles
         # Cache of the solids of pieces and mounts at their latest poses.
-        self._last: dict[Thing, tuple[dict[str, Pose], Blocks]] = {}
+        self._last: dict[PartKey, tuple[dict[str, Pose], Blocks]] = {}
         self._tongues: dict[tuple[str, str], list[shapely.Geometry]] = defaultdict(list)
         # All faces of a tongue's piece are cut where it meets a face of another piece: one join of the pair suffices.
         cuts = {(j.piece_a, j.piece_b, j.b.face, j.a.face if j.piece_a == j.piece_b else ""): j for j in roles.car.joins}
         for join in (join for join in cuts.values() if join.kind in TONGUES and not tongues):
             for face, tongue in self._through(join):
                 self._tongues[join.piece_a, face].append(tongue)
-        self._face = cache(self._made_face)
+        self._face = cache(self._build_face)
         self._mount = cache(lambda mount: merge_blocks(solid_blocks(solid, mount.name) for solid in mount.shape))
 
-    def solid(self, thing: Thing, stage: Stage) -> Blocks:
-        """Return the solids of a copy of a piece, or of a mount; none for loose wires."""
-        poses, (kind, name, _) = stage.poses(thing), thing
-        if thing not in self._last or self._last[thing][0] != poses:
+    def solid(self, key: PartKey, stage: Stage) -> Blocks:
+        """Return the solids of a copy of a piece, or of a mount; none for loose wires.
+
+        The last result for each part is reused while the part has not moved.
+        """
+        poses, (kind, name, _) = stage.poses(key), key
+        if key not in self._last or self._last[key][0] != poses:
             if kind == "piece":
                 parts = [self._face(name, face).moved(pose) for face, pose in poses.items()]
             else:
                 mount = self.roles.mounts[name]
                 loose = mount.part == self.roles.car.parts.wiring.name
                 parts = [] if loose else [self._mount(mount).moved(poses[name])]
-            self._last[thing] = poses, merge_blocks(parts)
-        return self._last[thing][1]
+            self._last[key] = poses, merge_blocks(parts)
+        return self._last[key][1]
 
     def screw(self, mount: Mount, stage: Stage) -> list[Blocks]:
         """Return head with shank, the first two solids of a screw, and then its nut, if it has one."""
@@ -132,8 +135,8 @@ class Scene:
         ends = [(title(join.piece_a, join.a.face), title(join.piece_b, join.b.face)) for join in glued]
         return frozenset(ends) | {(b, a) for a, b in ends}
 
-    def _made_face(self, name: str, face_name: str) -> Blocks:
-        """Return a face in its own frame, without its tongues and the strips that bend at its folds."""
+    def _build_face(self, name: str, face_name: str) -> Blocks:
+        """Return a face's solids in its own frame, without its tongues and the strips that bend at its folds."""
         piece, face = self.roles.pieces[name], self.roles.faces[name][face_name]
         folds = (ref for c in piece.creases if not c.bend for ref in (c.parent, c.child) if ref.face == face_name)
         lines = (shapely.LineString(side(face.outline_mm, ref.index)) for ref in folds)

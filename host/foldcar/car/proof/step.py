@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 Vector = tuple[float, float, float]
-# A copy of a piece, or a mount: its kind ("piece" or "mount"), its name, the number of the copy (0 for a mount).
-Thing = tuple[str, str, int]
+# Identifies a copy of a piece, or a mount: kind ("piece" or "mount"), name, number of the copy (0 for a mount).
+PartKey = tuple[str, str, int]
 # Fractions of folds' angles by piece and crease.
 Folds = Mapping[str, Mapping[str, float]]
 
@@ -29,7 +29,7 @@ class AddedPart:
     body: str
     way_mm: tuple[Vector, ...] = ()
     nut_mm: tuple[Vector, ...] = ()
-    passes: tuple[Thing, ...] = ()
+    passes: tuple[PartKey, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

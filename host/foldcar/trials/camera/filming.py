@@ -128,7 +128,7 @@ def track_trial(
     digest = sha256_of(film)
     assert digest is not None
     facts = _facts(filmed, start, ending, lens, remarks)
-    record = Track(number, film.name, digest, round(start.film_s, 4), ending.outcome, facts, _rows(times_s, filmed))
+    record = Track(number, film.name, digest, round(start.film_s, 4), ending.outcome, facts, _track_rows(times_s, filmed))
     return record, tuple(remarks)
 
 
@@ -157,16 +157,16 @@ def _facts(filmed: Filmed, start: Start, ending: Ending, lens: Lens | None, rema
     }  # fmt: skip
 
 
-def _rows(times_s: Any, filmed: Filmed) -> list[list[float]]:
-    """Return rows of time, pose and the stored elements of its covariance."""
+def _track_rows(times_s: Any, filmed: Filmed) -> list[list[float]]:
+    """Return rows of time (s), pose (x, y, z, heading, pitch, roll) and the stored elements of its covariance."""
     covariance_elements = [(0, 0), (0, 1), (0, 3), (1, 1), (1, 3), (3, 3), (2, 2), (4, 4), (5, 5)]
     return [
         [
             round(float(time_s), 4),
             *(round(float(value), 5) for value in pose),
-            *(float(f"{spread[k]:.3g}") for k in covariance_elements),
+            *(float(f"{covariance[element]:.3g}") for element in covariance_elements),
         ]
-        for time_s, pose, spread in zip(times_s, filmed.poses, filmed.covariances, strict=True)
+        for time_s, pose, covariance in zip(times_s, filmed.poses, filmed.covariances, strict=True)
     ]
 
 

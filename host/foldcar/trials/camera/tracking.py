@@ -96,6 +96,10 @@ def track(
         )
 
     def poses_of(corner_rows: Sequence[tuple[int, Floats]], pixel: float, ground: Standing) -> list[tuple[float, Pose]]:
+        """Return time (s) and pose of the car in each frame, from its marker's corners; skip frames without a pose.
+
+        ``pixel`` is the corners' standard deviation (pixels).
+        """
         result, guess = [], None
         for frame, corners in corner_rows:
             pose = find_pose(corners, view, car, ground, guess, pixel)

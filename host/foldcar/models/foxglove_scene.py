@@ -90,6 +90,7 @@ def _block(piece: Mapping[str, Any]) -> dict[str, Any]:
         profile = [(-half, 0.0), *((float(x), float(z)) for x, z in zip(x_m[:-1], arc_z_m[:-1], strict=True))]
     count = len(profile)
     points = [vector(x, y, z) for y in (-half_width, half_width) for x, z in profile]
+    # Three indices of points for each triangle: the right end, the left end, two for each side between them.
     indices = [i for k in range(1, count - 1) for i in (0, k, k + 1)]
     indices += [i for k in range(1, count - 1) for i in (count, count + k + 1, count + k)]
     for k in range(count):

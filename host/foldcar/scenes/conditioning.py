@@ -75,15 +75,16 @@ def _refuse_shared(scenario: Any, frozen_parts: Collection[Any]) -> None:
 
 
 def _ownership(scenario: Any) -> dict[int, Any]:
-    """Return the owner of each random value, by the value's id."""
+    """Return the owner of each random value, by the value's id: the first part of the scene that depends on it."""
     names = _names(scenario)
-    instances = [thing for thing in scenic_private.instances(scenario) if isinstance(thing, Object) or id(thing) in names]
-    parts = {id(thing): thing for thing in [*scenario.params.values(), *instances]}
+    instances = scenic_private.instances(scenario)
+    owning_instances = [instance for instance in instances if isinstance(instance, Object) or id(instance) in names]
+    parts = [*scenario.params.values(), *owning_instances]
     # A parameter's value, an object or a named point owns itself, even if others depend on it.
-    owners = dict(parts)
-    for owner in parts.values():
-        for node in _random_now(owner):
-            owners.setdefault(id(node), owner)
+    owners = {id(part): part for part in parts}
+    for part in list(owners.values()):
+        for value in _random_now(part):
+            owners.setdefault(id(value), part)
     return owners
 
 

@@ -194,7 +194,7 @@ class _Prover:
             for _, missing_name, _ in (key for key in added.passes if key not in present):
                 self._add_finding(place, f"{self._name(added)} passes {missing_name}, which is not there yet")
         elif mount is not None and self._plugs_onto(mount, present):
-            # Pins go straight into their sockets.
+            # Pins go straight into their sockets: along +z or -z, the last two of the axes.
             exit_path = find_exit_path(moving, standing, own_axes[4:], self.joined, only_own=True)
         else:
             exit_path = find_exit_path(moving, standing, own_axes, self.joined)
@@ -255,7 +255,8 @@ class _Prover:
     def _check_swing(self, place: str, name: str, failure: str, path: Sequence[Mapping[str, float]]) -> None:
         """Add a finding if faces of a piece, or parts on them, collide while its creases close along ``path``.
 
-        ``path`` has the closed fraction of each crease, step by step.
+        ``path`` has the closed fraction of each crease, step by step. The solids swept between successive steps must be
+        free of all that stands still.
         """
         stages = [self.stage.closed({name: fractions}) for fractions in path]
         first, last = stages[0], stages[-1]

@@ -164,7 +164,7 @@ def folds_of_step(step: AssemblyStep, fractions_before: Mapping[str, Mapping[str
 def plugs_in(car: FoldedCar, step: AssemblyStep) -> list[Wire]:
     """Return the wires plugged in during a step: the boards' stack with the upper board, all others with the wiring.
 
-    A wire to the switch is soldered (see ``soldered_in``); a wire from the switch also has a plug or terminal to go to.
+    Wires that end at the switch are left out: they are soldered (see ``soldered_in``).
     """
     added_parts = _added_parts(car, step)
     wires = [w for w in car.wires if w.carries in PLUGGED and not w.b.startswith(car.parts.switch.name)]

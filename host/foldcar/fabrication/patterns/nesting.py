@@ -291,6 +291,7 @@ def _search_layout(
     tries = min(MAX_TRIES, int(MAX_POSITIONS / positions)) if len(order) > 1 else 0
     sparse_cells = SPARSE_FRACTION * math.prod(area.usable_mm) / CELL_MM**2
     for number in range(MAX_EXTENSIONS * tries):
+        # Search on only while a sheet might be saved: there are more than the bound, and the last is nearly empty.
         if number >= tries and (len(best.sheets) <= min_sheets or best.film_cost[-1] > sparse_cells):
             break
         change_title = rng.random() < TITLE_CHANGE_PROBABILITY

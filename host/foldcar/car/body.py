@@ -19,6 +19,7 @@ from foldcar.car.folded.weight import body_properties
 from foldcar.car.folded_car import folded_car
 from foldcar.car.parts.bought import Film
 from foldcar.car.parts.catalogue import Catalogue, catalogue
+from foldcar.car.supply import stall_current_a
 from foldcar.errors import FoldcarError
 
 MM = 1e-3
@@ -30,25 +31,25 @@ def body_json(design: Design) -> dict[str, Any]:
     Raises DesignError if the design cannot be compiled.
     """
     car = folded_car(design)
-    # Wheels of one unit are alike.
-    first = {axle.unit: axle.wheel for axle in reversed(car.axles)}
-    wheel_kg = {unit: body_properties(car, wheel).mass_kg for unit, wheel in first.items()}
+    # Wheels of one unit are alike: the first one's mass is that of all.
+    first_wheels = {axle.unit: axle.wheel for axle in reversed(car.axles)}
+    wheel_kg = {unit: body_properties(car, wheel).mass_kg for unit, wheel in first_wheels.items()}
     body = {
-        "segments": [_segment(design, car, index) for index in range(len(design.segments))],
-        "hinges": [_hinge(hinge, car.parts.film) for hinge in car.hinges],
+        "segments": [_segment_json(design, car, index) for index in range(len(design.segments))],
+        "hinges": [_hinge_json(hinge, car.parts.film) for hinge in car.hinges],
         "track_m": (car.axles[0].center_mm[1] - car.axles[1].center_mm[1]) * MM,
-        "wheels": [_wheel(axle, wheel_kg[axle.unit], car.parts) for axle in car.axles],
+        "wheels": [_wheel_json(axle, wheel_kg[axle.unit], car.parts) for axle in car.axles],
         "supply_v": car.parts.cells.supply_v.value,
     }
     if (resistance_ohm := car.parts.cells.supply_resistance_ohm.value) > 0:
-        body["supply_resistance_ohm"] = min(resistance_ohm, _max_resistance_ohm(body))
+        body["supply_resistance_ohm"] = min(resistance_ohm, _max_resistance_ohm(car))
     rounded: dict[str, Any] = json.loads(json.dumps(body), parse_float=lambda digits: _rounded(float(digits)))
     return rounded
 
 
-def _max_resistance_ohm(body: Mapping[str, Any]) -> float:
+def _max_resistance_ohm(car: FoldedCar) -> float:
     """The simulator's limit, at which the voltage of the cells halves if all servos stall."""
-    return _rounded(0.499 * body["supply_v"] / sum(wheel["servo"]["stall_current_a"] for wheel in driven_wheels(body)))
+    return _rounded(0.499 * car.parts.cells.supply_v.value / stall_current_a(car))
 
 
 def full_speed_m_s(design: Design) -> float:
@@ -57,7 +58,7 @@ def full_speed_m_s(design: Design) -> float:
     return _rounded(line.no_load_speed_rad_s * min(design.of(i, "radius") for i in design.driven_modules) * MM)
 
 
-def _segment(design: Design, car: FoldedCar, index: int) -> dict[str, Any]:
+def _segment_json(design: Design, car: FoldedCar, index: int) -> dict[str, Any]:
     """Return the segment with that index as carsim's input."""
     box = design.segments[index]
     properties = body_properties(car, f"segment{index}")
@@ -79,7 +80,7 @@ def _segment(design: Design, car: FoldedCar, index: int) -> dict[str, Any]:
     }
 
 
-def _hinge(hinge: HingeJoint, film: Film) -> dict[str, Any]:
+def _hinge_json(hinge: HingeJoint, film: Film) -> dict[str, Any]:
     """Return a hinge as carsim's input."""
     # A loss factor is damping times angular frequency over stiffness, at the frequency of its measurement.
     damping = film.loss_factor.value * hinge.stiffness_n_m_rad / (2 * math.pi * film.loss_frequency_hz.value)
@@ -93,7 +94,7 @@ def _hinge(hinge: HingeJoint, film: Film) -> dict[str, Any]:
     }
 
 
-def _wheel(axle: Axle, mass_kg: float, parts: Catalogue) -> dict[str, Any]:
+def _wheel_json(axle: Axle, mass_kg: float, parts: Catalogue) -> dict[str, Any]:
     """Return a wheel as carsim's input, with its servo if it is driven."""
     servo, supply_v = parts.servo, parts.cells.supply_v.value
     line = servo.at_voltage(supply_v)
@@ -151,7 +152,7 @@ def car_json(design: Design) -> dict[str, Any]:
         "format": FORMAT,
         "name": design_name(design),
         "hash": _hash(design, body),
-        **_geometry(body),
+        **_firmware_geometry(body),
         "length_m": design.length_mm / 1000,
         "width_m": design.width_mm / 1000,
         "mass_kg": round(sum(weights), 4),
@@ -176,11 +177,11 @@ def design_hash(design: Design) -> str:
 
 
 def _hash(design: Design, body: Mapping[str, Any]) -> str:
-    content = [design.type, dict(sorted(design.values.items())), _geometry(body)]
+    content = [design.type, dict(sorted(design.values.items())), _firmware_geometry(body)]
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:HASH_DIGITS]
 
 
-def _geometry(body: Mapping[str, Any]) -> dict[str, Any]:
+def _firmware_geometry(body: Mapping[str, Any]) -> dict[str, Any]:
     """Return what the firmware needs to know of the body: radius and positions of driven wheels."""
     wheels = [
         {

@@ -10,22 +10,22 @@ under its module (``{"W": {"length": 60}}``), its place (``{"W2": …}``) or, if
 adds a user's own modules: an error in it is a message of one line that names file and line.
 """
 
-import cmath
 import itertools
-import math
 import operator
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from foldcar.car.components.component import ROUNDING, minimum_text
 from foldcar.car.components.composite import Composite
 from foldcar.car.components.hinge_module import HingeModule
 from foldcar.car.components.module import BrainModule, Module, WheelModule
+
+# Exported from here too, because `compose` raises it.
+from foldcar.car.design_checks import DesignError as DesignError
+from foldcar.car.design_checks import check_design
 from foldcar.car.design_parameters import (
     MODULES,
     PLACE,
-    declared,
     find_parameter,
     key_of,
     parameter_of,
@@ -35,21 +35,12 @@ from foldcar.car.design_parameters import (
 )
 from foldcar.car.parts.catalogue import DEFAULT_CHOICES, Catalogue, PartChoices, PartError, catalogue_of, split_type
 from foldcar.car.user_modules import component_errors
-from foldcar.errors import FoldcarError
 
 HINGE = HingeModule.letter
 # Each driven wheel has a servo of its own, and the servo driver has eight outputs; the simulator takes eight wheels.
 MAX_AXLES = 4
 # The simulator's limit.
 MAX_SEGMENTS = 8
-
-
-class DesignError(FoldcarError):
-    """A design that cannot be built. ``parameter`` is the key of the value at fault, or None for the type string."""
-
-    def __init__(self, parameter: str | None, message: str) -> None:
-        super().__init__(f"{parameter}: {message}" if parameter else message)
-        self.parameter, self.message = parameter, message
 
 
 @dataclass(frozen=True)
@@ -114,7 +105,7 @@ class Design:
 
     @cached_property
     def of_modules(self) -> tuple[ModuleValues, ...]:
-        """The values of each module, front to back. Raises ComponentError if those of a composite do not fit."""
+        """The values of each module, front to back. Raises ComponentError if a composite's values are not allowed."""
         places = zip(self.letters, places_of(self.letters), strict=True)
         modules = (_module_values(letter, place, self.values, self.parts) for letter, place in places)
         return tuple(itertools.chain.from_iterable(modules))
@@ -182,7 +173,7 @@ class Design:
 
     @property
     def segments(self) -> tuple[Segment, ...]:
-        """The rigid parts, front to back."""
+        """The rigid parts, front to back: groups of modules between hinges."""
         segments = []
         for hinge, group in itertools.groupby(range(len(self.modules)), lambda i: self.modules[i] == HINGE):
             if not hinge:
@@ -202,7 +193,7 @@ class Design:
 
 
 def _is_of_car(key: str) -> bool:
-    """Whether a parameter concerns the car: it is shared, a switch, or of a composite."""
+    """Whether the parameter is shown in the car's title: it is shared, a switch, or of a composite."""
     parameter = parameter_of(key)
     if parameter is None:
         return False
@@ -215,8 +206,8 @@ def modules_of(type_string: str) -> tuple[str, ...]:
     letters = tuple(type_string.partition("+")[0].split("_"))
     for letter in letters:
         if letter not in MODULES:
-            known = ", ".join(f"{name} ({kind.title})" for name, kind in MODULES.items())
-            raise DesignError(None, f'"{type_string}" has unknown module "{letter}"; known: {known}')
+            known_modules = ", ".join(f"{name} ({kind.title})" for name, kind in MODULES.items())
+            raise DesignError(None, f'"{type_string}" has unknown module "{letter}"; known: {known_modules}')
     with component_errors(DesignError):
         parts = catalogue_of(DEFAULT_CHOICES)
         modules = [module for letter in letters for module in _module_values(letter, letter, {}, parts)]
@@ -228,7 +219,7 @@ def modules_of(type_string: str) -> tuple[str, ...]:
     if axles > MAX_AXLES:
         raise DesignError(None, f'"{type_string}" has {axles} axles, the servo driver serves {MAX_AXLES}')
     if order[0] == HINGE or order[-1] == HINGE or (HINGE, HINGE) in itertools.pairwise(order):
-        raise DesignError(None, f'"{type_string}" has a hinge (H) beside no segment: each must join two')
+        raise DesignError(None, f'"{type_string}" has a hinge (H) at an end or beside another: each joins two segments')
     segments = order.count(HINGE) + 1
     if segments > MAX_SEGMENTS:
         raise DesignError(None, f'"{type_string}" has {segments} segments, the simulator takes {MAX_SEGMENTS}')
@@ -236,20 +227,23 @@ def modules_of(type_string: str) -> tuple[str, ...]:
 
 
 def _module_values(letter: str, place: str, values: Mapping[str, float], parts: Catalogue) -> list[ModuleValues]:
-    """Return the values of the module (or modules) at a place: the place's, else the letter's, else the shared ones."""
+    """Return the values of the module at a place, or of a composite's modules.
+
+    Each is the value of the place (``W2.radius``), else of the letter (``W.radius``), else the shared one (``radius``).
+    """
     kind, keys = MODULES[letter], dict[str, str]()
     for parameter in kind.parameters:
         candidates = (f"{place}.{parameter.name}", f"{letter}.{parameter.name}", parameter.name)
         key = next((key for key in candidates if key in values), None)
         if key is not None:
             keys[parameter.name] = key
-    own = {name: values[key] for name, key in keys.items()}
+    own_values = {name: values[key] for name, key in keys.items()}
     if not issubclass(kind, Composite):
         defaults = {option.name: option.default_with(parts) for option in kind.parameters if option.optional}
-        return [ModuleValues(kind, defaults | own, keys)]
+        return [ModuleValues(kind, defaults | own_values, keys)]
     return [
         ModuleValues(type(module), {p.name: module[p.name] for p in module.parameters}, module.keys, root)
-        for module, root in kind(own, place, parts=parts, keys=keys).modules()
+        for module, root in kind(own_values, place, parts=parts, keys=keys).modules()
     ]
 
 
@@ -267,37 +261,8 @@ def compose(type_string: str, values: Mapping[str, float], choices: PartChoices 
             raise DesignError(None, str(error)) from error
     design = Design(letters, _complete_values(type_string, letters, values, catalogue_of(choices)), choices)
     with component_errors(DesignError):
-        _check(type_string, design)
+        check_design(type_string, design)
     return design
-
-
-def _check(type_string: str, design: Design) -> None:
-    """Raise DesignError or ComponentError for a value that is not allowed."""
-    for key, value in design.values.items():
-        limit_error = declared(key).limit_error(value, design.parts)
-        if limit_error:
-            raise DesignError(key, limit_error)
-    tyre = design.parts.tyre
-    for module in design.wheel_modules:
-        width_mm, setting = design.of(module, "tire_thickness"), design.of_modules[module].keys.get("tire_thickness")
-        if tyre.width_mm is not None and width_mm < tyre.width_mm.value:
-            raise DesignError(setting, f"{width_mm:g} is below the {tyre.width_mm.value:g} of the {tyre.name}")
-    if not design.driven_modules:
-        raise DesignError(None, f'"{type_string}" has no driven axle: at least one W needs "driven": true')
-    _check_alike(design)
-    _check_wheels(design)
-
-
-def _check_alike(design: Design) -> None:
-    """Raise DesignError if modules differ in uniform parameters: the beams' width and height, the track."""
-    first: dict[str, ModuleValues] = {}
-    for module in design.of_modules:
-        for name in (parameter.name for parameter in module.kind.parameters if parameter.uniform):
-            other = first.setdefault(name, module)
-            value, common = module.values[name], other.values[name]
-            if value != common:
-                differs = f"{value:g} differs from the {common:g} of {other.keys.get(name, name)}"
-                raise DesignError(module.keys.get(name), f"{differs}: all modules share one {name}")
 
 
 def compose_columns(type_string: str, columns: Mapping[str, float | str]) -> Design:
@@ -314,42 +279,46 @@ def compose_columns(type_string: str, columns: Mapping[str, float | str]) -> Des
 def _complete_values(
     type_string: str, letters: tuple[str, ...], values: Mapping[str, float], parts: Catalogue
 ) -> dict[str, float]:
-    """Return the values by key, with defaults for those not set. Raises DesignError for a key that sets nothing."""
+    """Return the values by key, with defaults for parameters that are not set.
+
+    If places (``W1.length``, ``W2.length``) set a parameter for every module, it has no value of its own. Raises
+    DesignError for a key that sets nothing.
+    """
     complete: dict[str, float] = {}
     for key, parameter in parameters().items():
         if parameter.modules.isdisjoint(letters):
             continue
-        keys = place_keys(key, letters)
-        set_by_place = {place: float(values[place]) for place in keys if place in values}
-        all_set = bool(keys) and len(set_by_place) == len(keys)
-        if key in values and all_set:
-            raise DesignError(key, f"sets nothing, as {', '.join(set_by_place)} set it for every module: leave it out")
-        if key in values or not (all_set or parameter.declared.optional):
+        keys_of_places = place_keys(key, letters)
+        values_by_place = {place: float(values[place]) for place in keys_of_places if place in values}
+        all_places_set = bool(keys_of_places) and len(values_by_place) == len(keys_of_places)
+        if key in values and all_places_set:
+            raise DesignError(key, f"sets nothing, as {', '.join(values_by_place)} set it for every module: leave it out")
+        if key in values or not (all_places_set or parameter.declared.optional):
             complete[key] = float(values.get(key, parameter.declared.default_with(parts)))
-        complete |= set_by_place
+        complete |= values_by_place
     for key in values:
         if key not in complete:
             raise DesignError(key, _unknown_key_message(type_string, letters, key, complete))
     return complete
 
 
-def _unknown_key_message(type_string: str, letters: Sequence[str], key: str, known: Iterable[str]) -> str:
-    """Return why a key sets nothing in a car."""
+def _unknown_key_message(type_string: str, letters: Sequence[str], key: str, parameter_keys: Iterable[str]) -> str:
+    """Return the message for a key of the design that sets no parameter of the car."""
     group, _, name = key.partition(".")
     place = PLACE.fullmatch(group)
     if place is not None and place[1] in letters:
-        every = find_parameter(place[1], name)
+        of_letter = find_parameter(place[1], name)
         if int(place[2]) > letters.count(place[1]):
             return f"{type_string} has {letters.count(place[1])} modules {place[1]}"
-        if every is not None and every.declared.uniform:
-            return f"the whole car has one value of it: set {every.key}"
-    return f"{type_string} has no such parameter; it has {', '.join(known)}"
+        if of_letter is not None and of_letter.declared.uniform:
+            return f"the whole car has one value of it: set {of_letter.key}"
+    return f"{type_string} has no such parameter; it has {', '.join(parameter_keys)}"
 
 
 def design_errors(
     type_string: str, values: Mapping[str, float], parts: Catalogue
 ) -> dict[str, tuple[DesignError, float]]:
-    """Return the error and the limit for every value beyond its limits, by key."""
+    """Return the error and the violated limit of every value that is outside its limits, by key."""
     letters, errors = modules_of(type_string), {}
     for key, value in values.items():
         parameter = parameter_of(key)
@@ -361,46 +330,3 @@ def design_errors(
             limit = declaration.maximum if value > declaration.maximum else declaration.minimum_with(parts)
             errors[key] = (DesignError(key, limit_error), limit)
     return errors
-
-
-def _check_wheels(design: Design) -> None:
-    """Raise DesignError if neighbouring wheels would touch or the belly would touch the ground."""
-    height, belly = design.height_mm, design.parts.assembly.belly_clearance_mm
-    # Axles are at half the body's height.
-    least = height / 2 + belly.value
-    wheels = [(design.of(i, "radius"), design.of_modules[i].keys.get("radius"), i) for i in design.wheel_modules]
-    for radius, key, _ in wheels:
-        if radius < least - ROUNDING:
-            why = f"half of height {height:g} and {belly.value:g} under the belly"
-            raise DesignError(key, f"{radius:g} is below the minimum {minimum_text(least)} ({why})")
-    for front, rear in itertools.pairwise(wheels):
-        least_distance = front[0] + rear[0] + design.parts.assembly.wheel_distance_mm.value
-        distance, flat = _folded_distance_mm(design, front[2], rear[2])
-        if distance < least_distance:
-            folded = "" if distance == flat else ", folded to the limits of H"
-            lengths = " and ".join(f"{key} {value:g}" for key, value in design.values.items() if key.endswith(".length"))
-            other, (radius, key, _) = sorted((front, rear), key=lambda wheel: wheel[0])
-            beside = "" if front[0] == rear[0] else f" beside {min(front, rear)[0]:g}"
-            needs = f"{radius:g}{beside} needs axles at least {least_distance:g} apart, or wheels touch"
-            raise DesignError(key or other[1], f"{needs}, but {lengths} puts two of them {distance:.4g} apart{folded}")
-
-
-def _folded_distance_mm(design: Design, front: int, rear: int) -> tuple[float, float]:
-    """Return the distance (mm) of two modules' axles: the minimum over the limits of the hinges between, and flat.
-
-    Hinges are at the floor, half the body's height below the axles.
-    """
-    centers, hinges = design.module_centers_mm, [i for i in range(front, rear) if design.modules[i] == HINGE]
-    flat = centers[front] - centers[rear]
-    if not hinges:
-        return flat, flat
-    hinges.reverse()
-    drop, places = design.height_mm / 2, [centers[i] for i in (rear, *hinges, front)]
-    # Steps from the rear axle forwards, along (real) and up (imaginary); each hinge pitches all steps after it.
-    rises = [-drop, *[0.0] * (len(hinges) - 1), drop]
-    steps = [complex(ahead - behind, up) for behind, ahead, up in zip(places, places[1:], rises, strict=False)]
-    distances = []
-    for sign, name in ((0, "fold_down"), (-1, "fold_down"), (1, "fold_up")):
-        folds = itertools.accumulate((sign * math.radians(design.of(i, name)) for i in hinges), initial=0.0)
-        distances.append(abs(sum(step * cmath.rect(1.0, fold) for step, fold in zip(steps, folds, strict=True))))
-    return min(distances), distances[0]

@@ -38,15 +38,17 @@ class DesignParameter:
 
 @cache
 def parameters() -> dict[str, DesignParameter]:
-    """Every parameter by key, in the order of the results' columns: shared ones first."""
-    having: dict[str, tuple[Parameter, set[str]]] = {}
+    """Return every parameter by key, in the order of the results' columns: shared ones first."""
+    declared_by_key: dict[str, Parameter] = {}
+    letters_by_key: dict[str, set[str]] = {}
     for shared in (True, False):
         for letter, kind in MODULES.items():
             for parameter in kind.parameters:
                 if parameter.shared == shared:
                     key = parameter.name if shared else f"{letter}.{parameter.name}"
-                    having.setdefault(key, (parameter, set()))[1].add(letter)
-    return {key: DesignParameter(key, frozenset(letters), parameter) for key, (parameter, letters) in having.items()}
+                    declared_by_key.setdefault(key, parameter)
+                    letters_by_key.setdefault(key, set()).add(letter)
+    return {key: DesignParameter(key, frozenset(letters_by_key[key]), declared_by_key[key]) for key in declared_by_key}
 
 
 # A place: the letter of a module and its number among those, counted from the front.
@@ -80,13 +82,13 @@ def parameter_of(key: str) -> DesignParameter | None:
 
 
 def key_of(column: str) -> str | None:
-    """Return the key of a column of results, ``W2.radius`` of ``W2_radius_mm``, or None for columns of other values."""
+    """Return the key of a column of results: ``W2.radius`` for ``W2_radius_mm``; None if it is not a parameter's."""
     for key, parameter in parameters().items():
         if parameter.column == column:
             return key
-    group, _, rest = column.partition("_")
+    group, _, name_and_unit = column.partition("_")
     names = {parameter.declared.name for parameter in parameters().values()}
-    candidates = (find_parameter(group, name) for name in names if rest.startswith(name))
+    candidates = (find_parameter(group, name) for name in names if name_and_unit.startswith(name))
     return next((p.key for p in candidates if p is not None and p.column == column), None)
 
 

@@ -56,19 +56,20 @@ class Car(Component):
         outer_mm = self.design.width_mm, self.design.height_mm
         for number, segment in enumerate(self.design.segments, 1):
             for end, module in (("front", segment.modules[0]), ("rear", segment.modules[-1])):
-                outer = module == (0 if end == "front" else len(self.names) - 1)
-                slit = 0.0 if outer else self.parts.assembly.cable_slit_length_mm.value
-                put_cap(shape, f"{end} cap {number}", end, self.names[module], outer_mm, slit)
+                is_outer = module == (0 if end == "front" else len(self.names) - 1)
+                slit_mm = 0.0 if is_outer else self.parts.assembly.cable_slit_length_mm.value
+                put_cap(shape, f"{end} cap {number}", end, self.names[module], outer_mm, slit_mm)
         cap = f"{switch_cap(self.design)}.cap"
         width, height = shape.face_size_mm(cap)
         put_switch(shape, cap, (width / 2, height / 2))
         for i, name in enumerate(self.names):
             hinge = self.children[name]
             if isinstance(hinge, HingeModule):
-                before = self.design.segment_at(i)
-                caps = (f"rear cap {before + 1}", f"front cap {before + 2}")
+                front_segment = self.design.segment_at(i)
+                caps = (f"rear cap {front_segment + 1}", f"front cap {front_segment + 2}")
                 hinge.join(shape, name, (self.names[i - 1], self.names[i + 1]), caps)
-        across, up = (wall_mm(outer, self.parts) for outer in outer_mm)
+        # The car's frame: x from the middle of its length, z from the middle of its height, where the axles are.
+        across, up = (wall_mm(size, self.parts) for size in outer_mm)
         rear_of_first = self.design.length_mm / 2 - self.design.length_of(0)
         shape.begin_at(f"{self.names[0]}.beam.floor", translation(rear_of_first, -across / 2, -up / 2))
 
@@ -133,26 +134,27 @@ def _check_stance(design: Design, car: FoldedCar) -> None:
     """Raise DesignError if wheels of different radii tilt the body so far that it would touch the ground."""
     if len(set(design.radii_mm)) == 1:
         return
-    x, _, z = center_mm(car)
+    center_x, _, center_z = center_mm(car)
     half, belly = design.height_mm / 2, design.parts.assembly.belly_clearance_mm.value
     ends = [segment.center_mm + side * segment.length_mm / 2 for segment in design.segments for side in (-1, 1)]
 
     def is_clear(min_radius_mm: float) -> bool:
         """Return whether the body clears the ground if no wheel is smaller than ``min_radius_mm``."""
-        wheels = [(at, max(radius, min_radius_mm)) for at, radius in zip(design.axles_mm, design.radii_mm, strict=True)]
-        stands = standing(wheels, (x, z))
-        return all(stands.height_mm(end, -half) >= belly - ROUNDING for end in ends)
+        radii = (max(radius, min_radius_mm) for radius in design.radii_mm)
+        stance = standing(list(zip(design.axles_mm, radii, strict=True)), (center_x, center_z))
+        return all(stance.height_mm(end, -half) >= belly - ROUNDING for end in ends)
 
     low, high = min(design.radii_mm), max(design.radii_mm)
     # A car that tips over its first or last axle does so on equal wheels too.
     if is_clear(low) or not is_clear(high):
         return
     module = min(design.wheel_modules, key=lambda i: design.of(i, "radius"))
+    # Bisection: ``high`` is the smallest minimum radius so far with which the body is clear.
     while high - low > STANCE_TOLERANCE_MM:
         middle = (low + high) / 2
         low, high = (low, middle) if is_clear(middle) else (middle, high)
-    why = f"beside {max(design.radii_mm):g}: the tilted body is less than {belly:g} above the ground"
-    message = f"{design.of(module, 'radius'):g} is below the minimum {minimum_text(high)} ({why})"
+    reason = f"beside {max(design.radii_mm):g}: the tilted body is less than {belly:g} above the ground"
+    message = f"{design.of(module, 'radius'):g} is below the minimum {minimum_text(high)} ({reason})"
     raise DesignError(design.of_modules[module].keys.get("radius"), message)
 
 
@@ -171,11 +173,11 @@ def wheel_units(design: Design) -> dict[WheelValues, list[int]]:
 
 def _unit_title(design: Design, modules: Sequence[int]) -> str:
     """Return the name of these modules' wheels: ``wheel`` if all are alike, ``rear wheel``, ``axle 2 wheel``."""
-    every = design.wheel_modules
-    if len(modules) == len(every):
+    all_modules = design.wheel_modules
+    if len(modules) == len(all_modules):
         return "wheel"
-    numbers = [every.index(module) + 1 for module in modules]
-    if len(every) == 2:
+    numbers = [all_modules.index(module) + 1 for module in modules]
+    if len(all_modules) == 2:
         return ("front wheel", "rear wheel")[numbers[0] - 1]
     return f"axle {' and '.join(map(str, numbers))} wheel"
 
@@ -195,7 +197,7 @@ def _wheel(values: WheelValues, choices: PartChoices) -> Assembly:
 
 
 def _hinges(frame: Assembly, parts: Catalogue) -> list[HingeJoint]:
-    """Return a hinge for the crease of every flexure, front to back."""
+    """Return the hinge joint of every flexure, front to back: at the middle of its crease, in the car's frame."""
     pieces = {piece.name: piece for piece in frame.pieces}
     hinges = []
     for placed in frame.placed:
@@ -225,82 +227,89 @@ MIN_FOLD_MM = 1.0
 
 
 def switch_cap(design: Design) -> str:
-    """Return the outer cap that carries the switch: the nearer to the electronics, unless their module ends there."""
+    """Return the name of the outer cap that carries the switch.
+
+    It is the cap nearer to the electronics, except a cap on the module of the electronics itself.
+    """
     index, last = design.electronics, len(design.modules) - 1
+    # In the first module the electronics take the rear cap, in the last one the front cap, else the nearer one.
     in_front = index > 0 and (index == last or index <= last - index)
     return "front cap 1" if in_front else f"rear cap {len(design.segments)}"
 
 
 def settings_from_car(design: Design, module: int) -> dict[str, float]:
-    """Return the values that the car sets for a module other than a hinge."""
-    settings = _flap(design, module)
+    """Return the values, by name, that a module gets from its place in the car; it is not a hinge."""
+    settings = _flap_settings(design, module)
     if module in design.wheel_modules:
         # Only a module that is a segment of its own has a cap at its inner end.
         alone = len(design.segment_of(module).modules) == 1
         tab = design.parts.assembly.cap_tab_mm.value if alone else 0.0
         settings |= {"towards_middle": _towards_middle(design, module), "tab_depth": tab}
     if module == design.electronics:
-        settings |= {"floor_front": _floor(design, module, -1), "floor_rear": _floor(design, module, 1)}
+        settings |= {"floor_front": _free_floor_mm(design, module, -1), "floor_rear": _free_floor_mm(design, module, 1)}
         settings |= dict(zip(("usb_low", "usb_high"), _between_tyres(design, module), strict=True))
     return settings
 
 
 def _towards_middle(design: Design, module: int) -> float:
+    """Return 1 if the middle of its segment lies in front of the module's middle, else -1."""
     return -1.0 if design.module_centers_mm[module] > design.segment_of(module).center_mm else 1.0
 
 
-def _flap(design: Design, module: int) -> dict[str, float]:
-    """Return where the lid's flap ends on a module, and whether the module has latches and the pull tab.
+def _flap_settings(design: Design, module: int) -> dict[str, float]:
+    """Return the settings of a module's flap: ``flap_END`` (mm), ``latch_END`` and ``pull_END`` (0 or 1) of both ends.
 
     A long segment has a latch at each end, a short one at the end with the longer module. One latch has the pull tab.
     """
     segment, length = design.segment_of(module), design.length_of(module)
-    end, (notch, _) = flap_end_mm(design.parts), latch_mm(design.parts)
+    flap_end, (notch, _) = flap_end_mm(design.parts), latch_mm(design.parts)
     ends = {"front": segment.modules[0], "rear": segment.modules[-1]}
-    long = segment.length_mm - 2 * end > design.parts.assembly.lock_distance_mm.value
-    latched = list(ends) if long else [max(ends, key=lambda at: design.length_of(ends[at]))]
+    is_long = segment.length_mm - 2 * flap_end > design.parts.assembly.lock_distance_mm.value
+    latched_ends = list(ends) if is_long else [max(ends, key=lambda end: design.length_of(ends[end]))]
     settings: dict[str, float] = {}
-    for at, outer in ends.items():
-        latch = module == outer and at in latched
-        settings |= {f"flap_{at}": end * (module == outer), f"latch_{at}": float(latch)}
-        settings |= {f"pull_{at}": float(latch and at == latched[0])}
-    least = notch + MIN_FOLD_MM + end * [*ends.values()].count(module)
-    if (settings["latch_front"] or settings["latch_rear"]) and length < least - ROUNDING:
+    for end, end_module in ends.items():
+        has_latch = module == end_module and end in latched_ends
+        settings |= {f"flap_{end}": flap_end * (module == end_module), f"latch_{end}": float(has_latch)}
+        settings |= {f"pull_{end}": float(has_latch and end == latched_ends[0])}
+    min_length = notch + MIN_FOLD_MM + flap_end * [*ends.values()].count(module)
+    if (settings["latch_front"] or settings["latch_rear"]) and length < min_length - ROUNDING:
         key = design.of_modules[module].keys.get("length")
-        raise DesignError(key, f"{length:g} is below the minimum {minimum_text(least)} (the latch of a segment's lid)")
+        reason = "the latch of a segment's lid"
+        raise DesignError(key, f"{length:g} is below the minimum {minimum_text(min_length)} ({reason})")
     return settings
 
 
-def _floor(design: Design, module: int, step: int) -> float:
+def _free_floor_mm(design: Design, module: int, step: int) -> float:
     """Return the free floor (mm) before (``step`` -1) or behind (1) a module, up to a servo, cap tab or switch."""
-    free, i = 0.0, module + step
+    free_mm, i = 0.0, module + step
     while i in design.segment_of(module).modules:
         if i in design.wheel_modules:
             driven = design.of(i, "driven")
-            long, short = servo_reach_mm(design.parts) if driven else (ROD_LAYER_MM, ROD_LAYER_MM)
-            # The long side points forward if ``towards_middle`` is 1.
-            return free + design.length_of(i) / 2 - (long if _towards_middle(design, i) == step else short)
+            long_reach, short_reach = servo_reach_mm(design.parts) if driven else (ROD_LAYER_MM, ROD_LAYER_MM)
+            # A servo's long side points forward if ``towards_middle`` is 1: towards this module if it equals ``step``.
+            reach = long_reach if _towards_middle(design, i) == step else short_reach
+            return free_mm + design.length_of(i) / 2 - reach
         if design.modules[i] != BrainModule.letter:
-            return free
-        free += design.length_of(i)
+            return free_mm
+        free_mm += design.length_of(i)
         i += step
     cap = f"{'front' if step < 0 else 'rear'} cap {design.segment_at(module) + 1}"
     gap = design.parts.assembly.part_gap_mm.value
     depth = switch_depth_mm(design.parts) + gap if cap == switch_cap(design) else 0.0
-    return free - max(design.parts.assembly.cap_tab_mm.value, depth)
+    return free_mm - max(design.parts.assembly.cap_tab_mm.value, depth)
 
 
 def _between_tyres(design: Design, module: int) -> tuple[float, float]:
-    """Return the limits (mm from the module's rear) between which a USB plug clears the tyres next to it."""
+    """Return the minimum and maximum x (mm from the module's rear) at which a USB plug clears the tyres next to it."""
     rear = design.module_centers_mm[module] - design.length_of(module) / 2
     gap = design.parts.assembly.part_gap_mm.value
     usb_offset_mm = usb_height_mm(design.parts) - wall_mm(design.height_mm, design.parts) / 2
     low, high = -FAR_MM, FAR_MM
     for x, radius in zip(design.axles_mm, design.radii_mm, strict=True):
         reach = radius + plug_room_mm(design.parts.plugs.usb) / 2 + gap
-        need = math.sqrt(max(reach**2 - usb_offset_mm**2, 0.0))
+        min_offset = math.sqrt(max(reach**2 - usb_offset_mm**2, 0.0))
         if x < rear:
-            low = max(low, x + need - rear)
+            low = max(low, x + min_offset - rear)
         elif x > rear:
-            high = min(high, x - need - rear)
+            high = min(high, x - min_offset - rear)
     return low, high

@@ -71,31 +71,31 @@ def extra_wire_m(leads_of_car: Iterable[Lead], wiring: PartData) -> float:
 def with_extensions(car: FoldedCar) -> FoldedCar:
     """Return the car with an extension for each servo whose lead is too short, and with the mass of all its wire.
 
-    Raises DesignError if no extension is long enough.
+    It is the shortest extension that is long enough. Raises DesignError if none is.
     """
-    sold, mounts = car.parts.extensions.sold, {mount.name: mount for mount in car.mounts}
+    extensions, mounts = car.parts.extensions.sold, {mount.name: mount for mount in car.mounts}
     servos, car_leads = {axle.servo for axle in car.axles if axle.driven}, leads(car)
-    added: dict[str, Mount] = {}
+    joints: dict[str, Mount] = {}
     for lead in (lead for lead in car_leads if lead.start in servos and lead.missing_mm > 0):
-        extended = ((extension, _extended_mm(car, lead.available_mm, extension)) for extension in sold)
-        extension = next((extension for extension, length in extended if length >= lead.needed_mm), None)
+        lengths = ((extension, _extended_mm(car, lead.available_mm, extension)) for extension in extensions)
+        extension = next((extension for extension, length in lengths if length >= lead.needed_mm), None)
         if extension is None:
-            longest_mm = _extended_mm(car, lead.available_mm, sold[-1])
-            longest = f"{longest_mm:.0f} mm with the longest extension, {sold[-1].name}"
+            longest_mm = _extended_mm(car, lead.available_mm, extensions[-1])
+            longest = f"{longest_mm:.0f} mm with the longest extension, {extensions[-1].name}"
             message = f"the lead of the {lead.start} must be {lead.needed_mm:.0f} mm long, but is {longest}"
             raise DesignError(None, f"{message}: make the car shorter")
-        added[lead.start] = _joint(car, mounts[lead.start], extension)
+        joints[lead.start] = _joint(car, mounts[lead.start], extension)
     wires: list[Wire] = []
     for wire in car.wires:
-        if wire.carries == "signal" and wire.b in added:
-            name = added[wire.b].name
-            wires += [replace(wire, b=name), Wire(name, wire.b, "signal", wire.note)]
+        if wire.carries == "signal" and wire.b in joints:
+            joint_name = joints[wire.b].name
+            wires += [replace(wire, b=joint_name), Wire(joint_name, wire.b, "signal", wire.note)]
         else:
             wires.append(wire)
     wiring = car.parts.wiring
-    more_kg = extra_wire_m(car_leads, wiring) * wiring.wire_kg_m.value
-    heavier = (replace(m, mass_kg=m.mass_kg + more_kg) if m.part == wiring.name else m for m in car.mounts)
-    return replace(car, mounts=(*heavier, *added.values()), wires=tuple(wires))
+    extra_kg = extra_wire_m(car_leads, wiring) * wiring.wire_kg_m.value
+    own_mounts = (replace(m, mass_kg=m.mass_kg + extra_kg) if m.part == wiring.name else m for m in car.mounts)
+    return replace(car, mounts=(*own_mounts, *joints.values()), wires=tuple(wires))
 
 
 def _extended_mm(car: FoldedCar, lead_mm: float, extension: Bought) -> float:
@@ -105,14 +105,14 @@ def _extended_mm(car: FoldedCar, lead_mm: float, extension: Bought) -> float:
 
 def _joint(car: FoldedCar, servo: Mount, extension: Bought) -> Mount:
     """Return the mount of an extension's socket with the servo's plug, on the floor under the servo, beside its wall."""
-    parts, film, sold = car.parts, car.parts.film_mm, car.parts.extensions
-    size = (sold.joint_length_mm.value, sold.joint_width_mm.value, sold.joint_height_mm.value)
+    parts, film, extensions = car.parts, car.parts.film_mm, car.parts.extensions
+    size = (extensions.joint_length_mm.value, extensions.joint_width_mm.value, extensions.joint_height_mm.value)
     # z of the servo's frame points inwards; its ears lie on the wall's outside.
-    wall = parts.servo.depth_mm.value / 2 - parts.servo.ear_underside_mm.value + 2 * film
-    x, y, _ = apply(servo.pose, 0.0, 0.0, wall + JOINT_GAP_MM + size[1] / 2)
-    up = _height_mm(_segments(car)[servo.body], "floor") + film / 2 + size[2] / 2
+    wall_z = parts.servo.depth_mm.value / 2 - parts.servo.ear_underside_mm.value + 2 * film
+    x, y, _ = apply(servo.pose, 0.0, 0.0, wall_z + JOINT_GAP_MM + size[1] / 2)
+    z = _height_mm(_segments(car)[servo.body], "floor") + film / 2 + size[2] / 2
     name = f"extension of {servo.name}"
-    return Mount(extension.name, name, servo.body, translation(x, y, up), size, extension.mass_kg.value)
+    return Mount(extension.name, name, servo.body, translation(x, y, z), size, extension.mass_kg.value)
 
 
 def _segments(car: FoldedCar) -> dict[str, list[PlacedFace]]:
@@ -126,7 +126,7 @@ def _height_mm(faces: Iterable[PlacedFace], name: str) -> float:
 
 
 def _ends(mount: Mount, battery: BoxPart) -> Iterator[tuple[str, Points]]:
-    """Yield the middles of both ends of a battery's length, each with its side of the car."""
+    """Yield (side, point) of both ends of a battery: "front", "rear", "left" or "right", and the end's middle (3,)."""
     axis = min((0, 1), key=lambda i: abs(mount.size_mm[i] - battery.length_mm.value))
     pose = np.array(mount.pose)
     for offset in (-pose[:3, axis] * mount.size_mm[axis] / 2, pose[:3, axis] * mount.size_mm[axis] / 2):
@@ -159,46 +159,50 @@ class _Ways:
             extension_names = [self.mounts[w.a].part for w in self.car.wires if w.b == axle.servo and w.a in self.mounts]
             for extension in (extension for extension in parts.extensions.sold if extension.name in extension_names):
                 available, extension_name = _extended_mm(self.car, available, extension), extension.name
-            length, needed = self._needed(way, allowance_mm)
+            length, needed = self._lengths_mm(way, allowance_mm)
             yield Lead(axle.servo, f"{self.wing} {axle.channel}", "plug", length, needed, available, extension_name)
 
     def lipo(self) -> Lead:
         """Return the LiPo's lead to its socket on the Feather."""
         feather, lipo = self.parts.feather, self.of_part[self.parts.lipo.name]
-        (x, y, z), (_, wide, _) = feather.battery_socket.at_mm, feather.battery_socket.size_mm
-        mouth = self._at(feather.name, (x, y + wide / 2, z - feather.height_mm.value / 2))
+        (x, y, z), (_, width, _) = feather.battery_socket.at_mm, feather.battery_socket.size_mm
+        socket_mouth = self._at(feather.name, (x, y + width / 2, z - feather.height_mm.value / 2))
         ends = _ends(lipo, self.parts.lipo)
-        way, side = min((self.way(end, mouth, lipo.body, feather.name), side) for side, end in ends)
-        ends_mm = self.parts.wiring.slack_mm.value + self.parts.plugs.battery.inserted_mm.value
+        way, side = min((self.way(end, socket_mouth, lipo.body, feather.name), side) for side, end in ends)
+        allowance_mm = self.parts.wiring.slack_mm.value + self.parts.plugs.battery.inserted_mm.value
         available = self.parts.lipo.lead_length_mm.min_value
-        return Lead(lipo.name, f"{feather.name} JST", "plug", *self._needed(way, ends_mm), available, leaves=side)
+        lengths_mm = self._lengths_mm(way, allowance_mm)
+        return Lead(lipo.name, f"{feather.name} JST", "plug", *lengths_mm, available, leaves=side)
 
     def supply(self) -> Iterator[Lead]:
         """Yield the battery's leads, + to the switch and - to the terminal block, and the wire between these two."""
         parts, wing = self.parts, self.parts.featherwing
         battery, switch = self.of_part[parts.battery.name], self.of_part[parts.switch.name]
         joint, available = parts.wiring.joint_mm.value, parts.battery.lead_length_mm.min_value
-        (x, y, z), (_, wide, _) = wing.terminal_block.at_mm, wing.terminal_block.size_mm
-        block = self._at(wing.name, (x, y + wide / 2, z - wing.height_mm.value / 2))
+        (x, y, z), (_, width, _) = wing.terminal_block.at_mm, wing.terminal_block.size_mm
+        block = self._at(wing.name, (x, y + width / 2, z - wing.height_mm.value / 2))
         tails = self._at(switch.name, (0.0, 0.0, -switch.size_mm[2] / 2))
-        targets = (("+", f"{switch.name} 1", tails, switch.name), ("-", f"{wing.name} terminal -", block, wing.name))
+        connections = (("+", f"{switch.name} 1", tails, switch.name), ("-", f"{wing.name} terminal -", block, wing.name))
         # The battery is lifted above the walls, with its leads on, to change its cells; on the roof it is turned over.
-        walls = _height_mm(self.bodies[battery.body], "left")
-        least = battery.size_mm[2] if parts.battery_place == "roof" else 0.0
-        lift = np.array((0.0, 0.0, max(least, walls - (battery.pose[2][3] - battery.size_mm[2] / 2))))
+        wall_top = _height_mm(self.bodies[battery.body], "left")
+        min_lift = battery.size_mm[2] if parts.battery_place == "roof" else 0.0
+        lift = np.array((0.0, 0.0, max(min_lift, wall_top - (battery.pose[2][3] - battery.size_mm[2] / 2))))
         by_side: list[list[Lead]] = []
         for side, end in _ends(battery, parts.battery):
             by_side.append([])
-            for sign, name, target, at in targets:
-                way = max(self.way(start, target, battery.body, at) for start in (end, end + lift))
-                needed = self._needed(way, joint)
+            for sign, name, target, part in connections:
+                way = max(self.way(start, target, battery.body, part) for start in (end, end + lift))
+                needed = self._lengths_mm(way, joint)
                 by_side[-1].append(Lead(f"{battery.name} {sign}", name, "solder", *needed, available, leaves=side))
         yield from min(by_side, key=lambda pair: sum(lead.needed_mm for lead in pair))
-        needed = self._needed(self.way(tails, block, switch.body, wing.name), 2 * joint)
+        needed = self._lengths_mm(self.way(tails, block, switch.body, wing.name), 2 * joint)
         yield Lead(f"{switch.name} 2", f"{wing.name} terminal +", "wire", *needed, 0.0)
 
-    def _needed(self, way: tuple[float, int], ends_mm: float) -> tuple[float, float]:
-        """Return the length of a way, and the length that its lead needs, with slack and the lengths of its ends."""
+    def _lengths_mm(self, way: tuple[float, int], ends_mm: float) -> tuple[float, float]:
+        """Return the length of a way (mm), and that of the lead along it, with slack and ``ends_mm`` for its ends.
+
+        ``way`` is the length of the way (mm) and its number of hinges.
+        """
         wiring, (length, hinges) = self.parts.wiring, way
         slack = length * (1 + wiring.slack_share.value) + hinges * wiring.hinge_slack_mm.value
         return length, slack + ends_mm
@@ -206,9 +210,12 @@ class _Ways:
     def _at(self, part: str, point: tuple[float, float, float]) -> Points:
         return np.array(apply(self.of_part[part].pose, *point))
 
-    def way(self, start: Points, end: Points, body: str, at: str) -> tuple[float, int]:
-        """Return the length (mm) of the way from a point in ``body`` to one at part ``at``, and its number of hinges."""
-        first, last = (int(name.removeprefix("segment")) for name in (body, self.of_part[at].body))
+    def way(self, start: Points, end: Points, body: str, part: str) -> tuple[float, int]:
+        """Return the length (mm) of a lead's way and the number of hinges that it passes.
+
+        It goes from a point in ``body`` to a point at ``part``, at each hinge through the slits of the caps.
+        """
+        first, last = (int(name.removeprefix("segment")) for name in (body, self.of_part[part].body))
         position = self._inside(start, body)
         length = float(np.abs(start - position).sum())
         for i in range(first, last) if first < last else range(first - 1, last - 1, -1):
@@ -216,11 +223,11 @@ class _Ways:
             slits = [min(self._holes(f"segment{i}", 0), key=lambda point: float(point[0])),
                      max(self._holes(f"segment{i + 1}", 0), key=lambda point: float(point[0]))]  # fmt: skip
             hinge = self.car.hinges[i]
-            turns = (hinge_motion(hinge, angle) for angle in (hinge.min_rad, 0.0, hinge.max_rad))
-            gap = max(float(np.linalg.norm(slits[0] - np.array(apply(turn, *slits[1])))) for turn in turns)
-            near, far = slits if first < last else slits[::-1]
-            length += float(np.abs(near - position).sum()) + gap
-            position = far
+            motions = (hinge_motion(hinge, angle) for angle in (hinge.min_rad, 0.0, hinge.max_rad))
+            gap = max(float(np.linalg.norm(slits[0] - np.array(apply(turn, *slits[1])))) for turn in motions)
+            own_slit, other_slit = slits if first < last else slits[::-1]
+            length += float(np.abs(own_slit - position).sum()) + gap
+            position = other_slit
         return length + float(np.abs(end - position).sum()), abs(last - first)
 
     def _inside(self, start: Points, body: str) -> Points:

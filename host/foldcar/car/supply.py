@@ -35,30 +35,37 @@ class Supply:
         return self.servos * CAPACITOR_UF
 
 
+def stall_current_a(car: FoldedCar) -> float:
+    """Return the current (A) of all servos of a car while they are stalled at the cells' voltage without load."""
+    line = car.parts.servo.at_voltage(car.parts.cells.supply_v.value)
+    return sum(axle.driven for axle in car.axles) * line.stall_current_a
+
+
 def supply(car: FoldedCar) -> Supply:
-    """Return the supply of a car's servos."""
+    """Return the currents of a car's servos, and the switch, fuse and wire that bear them."""
     parts, servos = car.parts, sum(axle.driven for axle in car.axles)
-    line = parts.servo.at_voltage(parts.cells.supply_v.value)
-    stall_a = servos * line.stall_current_a
+    free_a = servos * parts.servo.at_voltage(parts.cells.supply_v.value).no_load_current_a
+    stall_a = stall_current_a(car)
     fuse_a = next(fuse for fuse in FUSES_A if fuse >= stall_a)
     usual, strong = parts.switch.current_a.value, parts.switch.strong_current_a.value
+    switch_a = usual if stall_a <= usual else strong
     gauge = next(gauge for gauge in parts.wiring.gauges if gauge.current_a >= fuse_a)
-    return Supply(servos, stall_a, servos * line.no_load_current_a, usual if stall_a <= usual else strong, fuse_a, gauge)
+    return Supply(servos, stall_a, free_a, switch_a, fuse_a, gauge)
 
 
 def check_supply(car: FoldedCar) -> Iterator[Finding]:
     """Yield a finding if no switch of this size bears the stalled servos' current."""
-    needs = supply(car)
-    if needs.stall_a > needs.switch_a:
-        drawn = f"{needs.servos} stalled servos draw {needs.stall_a:.1f} A, more than its {needs.switch_a:g} A"
-        yield Finding("supply", car.parts.switch.name, f"{drawn}: drive fewer axles (W.driven=0)")
+    currents = supply(car)
+    if currents.stall_a > currents.switch_a:
+        excess = f"{currents.servos} stalled servos draw {currents.stall_a:.1f} A, more than its {currents.switch_a:g} A"
+        yield Finding("supply", car.parts.switch.name, f"{excess}: drive fewer axles (W.driven=0)")
 
 
 def fresh_cells_warning(parts: Catalogue) -> str:
-    """Return why the chosen cells harm the servos while they are fresh; "" if they do not."""
-    most_v, fresh_v = parts.servo.operating_points[-1].voltage_v, parts.cells.fresh_v.value
-    if fresh_v <= most_v:
+    """Return a warning if the voltage of the fresh cells exceeds the servos' limit, else ""."""
+    limit_v, fresh_v = parts.servo.operating_points[-1].voltage_v, parts.cells.fresh_v.value
+    if fresh_v <= limit_v:
         return ""
     return (
-        f"{parts.cells.name} have {fresh_v:g} V when fresh, more than the {most_v:g} V that the servos may get: use NiMH"
+        f"{parts.cells.name} have {fresh_v:g} V when fresh, more than the {limit_v:g} V that the servos may get: use NiMH"
     )

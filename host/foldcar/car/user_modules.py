@@ -74,7 +74,10 @@ def _identifies_module(file: Path, folder: Path) -> bool:
 
 
 def _check(file: Path, kind: type[Module] | type[Composite]) -> None:
-    """Raise FoldcarError if the module cannot be made with its defaults, or a composite's modules form no chain."""
+    """Raise FoldcarError if the module cannot be made with its defaults, or a composite's modules do not form a chain.
+
+    The module is removed from MODULES then.
+    """
     try:
         instance = kind(path=kind.letter)
         if isinstance(instance, Composite):
@@ -145,8 +148,8 @@ def forbid_new_files() -> Iterator[None]:
 def component_errors(refusal: Callable[[str | None, str], FoldcarError]) -> Iterator[None]:
     """Convert exceptions of components to the exception that ``refusal(key, message)`` returns.
 
-    ``key`` is that of the wrong parameter, or None. If a user's component raised the exception, the message has its file
-    and line. Other exceptions of foldcar itself pass through.
+    ``key`` is the key of the wrong parameter, or None. If a user's component raised the exception, the message has its
+    file and line. Other exceptions of foldcar's own code are not converted.
     """
     try:
         yield
@@ -163,7 +166,7 @@ def component_errors(refusal: Callable[[str | None, str], FoldcarError]) -> Iter
 
 
 def _place_of(error: BaseException) -> str | None:
-    """File and line of the user's component that raised the exception, or None if none did."""
+    """Return "FILE:LINE" of the user's component that raised the exception, or None if foldcar's own code did."""
     for frame in reversed(traceback.extract_tb(error.__traceback__)):
         if Path(frame.filename) in USER_FILES:
             return f"{frame.filename}:{frame.lineno}"

@@ -49,9 +49,9 @@ def spread_named(name_or_object: Any, place: str) -> Mapping[str, float]:
     unknown names or values that are not numbers within the limits.
     """
     changes = dict(name_or_object) if isinstance(name_or_object, Mapping) else {"from": name_or_object}
-    start = changes.pop("from", None)
-    if start != WORKSHOP:
-        raise FoldcarError(f'{place}: unknown variation {start!r}; known: "{WORKSHOP}"')
+    base = changes.pop("from", None)
+    if base != WORKSHOP:
+        raise FoldcarError(f'{place}: unknown variation {base!r}; known: "{WORKSHOP}"')
     spread = {name: quantity.sd for name, quantity in workshop().items()}
     for name, value in changes.items():
         if name not in spread:
@@ -82,6 +82,7 @@ def draw(spread: Mapping[str, float], seed: int, sample: int | str) -> dict[str,
         stream = random.Random(f"{seed}/{sample}/{name}")
         count = CHANNELS if quantity.per == "wheel" else 1
         draws = [sd * max(-CUT_OFF, min(CUT_OFF, stream.gauss(0, 1))) for _ in range(count)]
+        # A half-normal quantity is the magnitude of a vector, such as an eccentricity, of random direction.
         if quantity.distribution == "half-normal":
             draws = [abs(value) for value in draws]
             variation[phase_name(name)] = [stream.uniform(0, 2 * math.pi) for _ in range(count)]

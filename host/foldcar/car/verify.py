@@ -47,7 +47,7 @@ class CheckError(FoldcarError):
 
 
 def raise_on_findings(title: str, findings: Sequence[str]) -> None:
-    """Raise CheckError with the first finding, if there are any."""
+    """Raise CheckError with the first of the findings; without findings return."""
     if findings:
         rest_text = f" (and {len(findings) - 1} more)" if len(findings) > 1 else ""
         raise CheckError(f"{title}: {findings[0]}{rest_text}")

@@ -222,8 +222,8 @@ def _photo(
     from foldcar.trials.camera.film import read_photo
     from foldcar.trials.camera.filming import car_marker
     from foldcar.trials.camera.ground import standing
-    from foldcar.trials.camera.photo import find_placed
-    from foldcar.trials.placement import lettered, placed
+    from foldcar.trials.camera.photo import measure_placement
+    from foldcar.trials.placement import lettered, scene_as_placed
 
     if listing is None:
         raise FoldcarError(f"{photo}: a photo needs --listing LISTING, whose program says where the obstacles are")
@@ -235,14 +235,14 @@ def _photo(
     (experiment,) = read_study(listing, trial.experiment).experiments
     scene, obstacles = Environment(experiment).sample_with_obstacles(trial.sample)
     obstacles_by_letter = lettered(obstacles)
-    if canonical_json(placed(scene, obstacles_by_letter, trial.deviations)) != drive[2]:
+    if canonical_json(scene_as_placed(scene, obstacles_by_letter, trial.deviations)) != drive[2]:
         raise FoldcarError(
             f"{listing}: sample {trial.sample} of {experiment.program} differs from the scene of trial {number}: "
             "the program, its parameters, its seed or foldcar have changed; use the listing and program of the trial"
         )
     body: dict[str, Any] = json.loads(drive[0])
     ground = standing(scene, carsim_heights(Carsim()), body)
-    seen = find_placed(grey, str(photo), course, lens, scene, obstacles_by_letter, car_marker(body, course), ground)
+    seen = measure_placement(grey, str(photo), course, lens, scene, obstacles_by_letter, car_marker(body, course), ground)
     for remark in seen.remarks:
         print_note(f"{photo}: {remark}")
     for name in seen.missing:
@@ -259,7 +259,7 @@ def _photo(
         corrections = writer.put_deviations(
             number,
             deviations,
-            placed(scene, obstacles_by_letter, deviations),
+            scene_as_placed(scene, obstacles_by_letter, deviations),
             f"by {photo.name}: {', '.join(errors)}",
             operator,
         )

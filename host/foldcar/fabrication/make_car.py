@@ -50,21 +50,21 @@ class MadeCar:
     checks: tuple[str, ...]
 
 
-def make_car(design: Design, chosen: Options, command: str = "", larger: bool = False) -> MadeCar:
+def make_car(design: Design, options: Options, command: str = "", larger: bool = False) -> MadeCar:
     """Make the car with all its files. Raises CheckError if a check fails, FoldcarError if the car cannot be cut.
 
     ``command`` makes the same files again; it is printed on the sheets. ``larger``: the machine's next larger sheet is
     used if a piece does not fit on the chosen one.
     """
     title, folded = design.title, folded_car(design)
-    chosen = enlarge_sheet(folded, chosen) if larger else chosen
-    pieces = cut_car(folded, chosen)
+    options = enlarge_sheet(folded, options) if larger else options
+    pieces = cut_car(folded, options)
     try:
-        cut = pattern_of(pieces, chosen, title, command)
+        cut = pattern_of(pieces, options, title, command)
     except NestingError as error:
         raise NestingError(f"{error} ({title})") from error
-    test_piece = coupon(chosen, folded.parts)
-    endings = ["svg", "dxf", *(["lbrn2"] if MACHINES[chosen.machine].files == "lbrn2" else [])]
+    test_piece = coupon(options, folded.parts)
+    endings = ["svg", "dxf", *(["lbrn2"] if MACHINES[options.machine].files == "lbrn2" else [])]
     verified = verify(design)
     raise_on_findings(title, [*map(str, verified.findings), *cut.torn])
     done = operations(folded, pieces)
@@ -73,7 +73,7 @@ def make_car(design: Design, chosen: Options, command: str = "", larger: bool = 
         "body.json": json.dumps(body_json(design), indent=2) + "\n",
         "car.json": json.dumps(car_json(design), indent=2) + "\n",
         "how_to_cut.md": how_to_cut(cut, command),
-        GUIDE: guide_page(folded, pieces, chosen.machine, title, cut.sheets),
+        GUIDE: guide_page(folded, pieces, options.machine, title, cut.sheets),
         "wiring.md": wiring_text(folded, title),
         "wiring.svg": wiring_drawing(folded, title),
         "parts.md": parts_list_text(folded, title, cut.sheets, done),
@@ -98,7 +98,7 @@ def make_car(design: Design, chosen: Options, command: str = "", larger: bool = 
         "command": command,
         "type": design.type,
         "parameters": dict(design.values),
-        "options": asdict(chosen),
+        "options": asdict(options),
         "least_film_mm": round(cut.least_film_mm, 2),
         "cut_length_mm": round(cut.cut_length_mm, 1),
         "mass_kg": round(made.mass_kg, 6),

@@ -60,24 +60,27 @@ def height_map(heights: Heights, scene: Mapping[str, Any], extent: Extent, cells
 
 
 def height_scale(maps: Sequence[HeightMap]) -> ScalarMappable:
-    """Return the colour scale (mm) over all heights of the maps, linear in height on both sides of 0."""
-    low = min((float(numpy.min(height_map.z_m)) for height_map in maps), default=0.0) * 1e3
-    high = max((float(numpy.max(height_map.z_m)) for height_map in maps), default=0.0) * 1e3
-    low, high = min(low, 0.0), max(high, 0.0)
-    high = max(high, MIN_RANGE_MM + low)
-    values = numpy.linspace(low, high, COLOURS)
-    depth = max(-low, high / 2)
-    colours = [ABOVE(value / high) if value >= 0 else BELOW(-value / depth) for value in values]
-    return ScalarMappable(Normalize(low, high), ListedColormap(colours))
+    """Return the colour scale (mm) over all heights of the maps: white at 0, linear in height above and below.
+
+    Below 0 the colours reach down to half of the maximum height at least, so that shallow holes stay pale.
+    """
+    low_mm = min((float(numpy.min(height_map.z_m)) for height_map in maps), default=0.0) * 1e3
+    high_mm = max((float(numpy.max(height_map.z_m)) for height_map in maps), default=0.0) * 1e3
+    low_mm, high_mm = min(low_mm, 0.0), max(high_mm, 0.0)
+    high_mm = max(high_mm, MIN_RANGE_MM + low_mm)
+    heights_mm = numpy.linspace(low_mm, high_mm, COLOURS)
+    depth_mm = max(-low_mm, high_mm / 2)
+    colours = [ABOVE(height_mm / high_mm) if height_mm >= 0 else BELOW(-height_mm / depth_mm) for height_mm in heights_mm]
+    return ScalarMappable(Normalize(low_mm, high_mm), ListedColormap(colours))
 
 
 def shaded(ground: HeightMap, scale: ScalarMappable) -> NDArray[Any]:
     """Return the map's colours, (rows, columns, 3); level ground has the scale's colour."""
     colours = scale.to_rgba(ground.z_m * 1e3)[..., :3]
     slope_y, slope_x = numpy.gradient(ground.z_m * STEEPER, ground.cell_m)
-    towards = numpy.cos(ALTITUDE_RAD) * (slope_y * numpy.sin(AZIMUTH_RAD) + slope_x * numpy.cos(AZIMUTH_RAD))
-    level = numpy.sin(ALTITUDE_RAD)
+    slope_to_light = numpy.cos(ALTITUDE_RAD) * (slope_y * numpy.sin(AZIMUTH_RAD) + slope_x * numpy.cos(AZIMUTH_RAD))
+    level_light = numpy.sin(ALTITUDE_RAD)
     # Lambert's cosine law, relative to level ground.
-    lit = (level - towards) / numpy.sqrt(1 + slope_x**2 + slope_y**2) - level
-    result: NDArray[Any] = numpy.clip(colours * (1 + SHADE * lit)[..., None], 0.0, 1.0)
+    relative_light = (level_light - slope_to_light) / numpy.sqrt(1 + slope_x**2 + slope_y**2) - level_light
+    result: NDArray[Any] = numpy.clip(colours * (1 + SHADE * relative_light)[..., None], 0.0, 1.0)
     return result

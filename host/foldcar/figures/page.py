@@ -13,7 +13,7 @@ from foldcar.shown_text import markdown_text
 
 
 def page_template(package: str, file: str, filters: Mapping[str, Callable[..., Any]] | None = None) -> Template:
-    """Return a template with jinja's filters, ``filters``, and ``markdown``, which escapes texts."""
+    """Return a package's template ``file``, with ``filters`` and the filter ``markdown``, which escapes texts."""
     environment = Environment(
         loader=PackageLoader(package, "."),
         autoescape=True,

@@ -24,7 +24,7 @@ LETTER = {"boxstyle": "circle,pad=0.25", "facecolor": "white", "edgecolor": INK,
 
 def draw_placement(
     scene: Mapping[str, Any],
-    things: Mapping[str, Obstacle],
+    obstacles: Mapping[str, Obstacle],
     length_m: float,
     width_m: float,
     heights: Heights,
@@ -49,19 +49,19 @@ def draw_placement(
         axes = figure.subplots()
         draw_top_view(axes, scene, ground, scale)
         _draw_car(axes, scene["start"], length_m, width_m)
-        for letter, thing in things.items():
-            place = (thing.x_m, thing.y_m)
+        for letter, obstacle in obstacles.items():
+            place = (obstacle.x_m, obstacle.y_m)
             axes.plot(*place, "+", color="white", markersize=9, markeredgewidth=3, zorder=7)
             axes.plot(*place, "+", color=INK, markersize=7, zorder=7)
             axes.annotate(letter, place, (10, 10), textcoords="offset points", bbox=LETTER, ha="center",
                           va="center", fontsize=9, zorder=8)  # fmt: skip
-            edge = thing.near_edge_m(scene["terrain"])
+            edge = obstacle.near_edge_m(scene["terrain"])
             axes.plot(*zip(*edge, strict=True), ".-", color=ACCENT, markersize=7, zorder=7)
             for end in edge:
                 # Away from the other end; on long edges, which may end at the picture's, towards it.
                 middle_m = sum(y_m for _, y_m in edge) / len(edge)
                 above = (end[1] >= middle_m) != (abs(end[1] - middle_m) > LONG_M)
-                right = end[0] > thing.x_m
+                right = end[0] > obstacle.x_m
                 text, offset = f"{round(1000 * end[0])}, {round(1000 * end[1])}", (4 if right else -4, 5 if above else -5)
                 axes.annotate(text, end, offset, textcoords="offset points", ha="left" if right else "right",
                               va="bottom" if above else "top", fontsize=8, zorder=8,
@@ -76,7 +76,7 @@ def draw_placement(
             axes.annotate(text, (x_m, y_m - side_m / 2), (0, -5), textcoords="offset points", ha="center", va="top",
                           fontsize=8, zorder=8)  # fmt: skip
         axes.plot([0], [0], "x", color=ACCENT, markersize=8, zorder=7, label="mark on the floor, 0, 0")
-        if things:
+        if obstacles:
             axes.plot([], [], ".-", color=ACCENT, label="edges to measure by tape: x, y (mm)")
         axes.set_title(title)
         if scene["terrain"]:

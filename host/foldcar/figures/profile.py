@@ -35,30 +35,34 @@ def travelled_m(path: Sequence[Sequence[float]]) -> Floats:
 
 
 def driven_line(path: Sequence[Sequence[float]], margin_m: float, spacing_m: float = 1e-3) -> Line:
-    """Return the line that the car's centre drove, extended by ``margin_m``, with a point every ``spacing_m``."""
+    """Return the line that the car's centre drove, with a point every ``spacing_m``.
+
+    It is extended straight by ``margin_m`` at both ends. ``path`` has rows of time, x, y, z and heading (docs/carsim.md).
+    """
     rows = numpy.asarray(path, dtype=float)
     travelled = travelled_m(path)
     # Rolling back does not lengthen the line.
-    furthest = numpy.maximum.accumulate(travelled)
-    new = numpy.concatenate([[True], travelled[1:] > furthest[:-1]])
-    s, x, y, heading = travelled[new], rows[new, 1], rows[new, 2], numpy.unwrap(rows[:, 4])[new]
-    first, last = min(float(numpy.min(travelled)), 0.0) - margin_m, s[-1] + margin_m
-    at = numpy.arange(first, last + spacing_m / 2, spacing_m)
-    before, after = numpy.minimum(at - s[0], 0.0), numpy.maximum(at - s[-1], 0.0)
+    farthest = numpy.maximum.accumulate(travelled)
+    is_farther = numpy.concatenate([[True], travelled[1:] > farthest[:-1]])
+    s, x, y = travelled[is_farther], rows[is_farther, 1], rows[is_farther, 2]
+    heading = numpy.unwrap(rows[:, 4])[is_farther]
+    first_m, last_m = min(float(numpy.min(travelled)), 0.0) - margin_m, s[-1] + margin_m
+    distances = numpy.arange(first_m, last_m + spacing_m / 2, spacing_m)
+    beyond_start, beyond_end = numpy.minimum(distances - s[0], 0.0), numpy.maximum(distances - s[-1], 0.0)
     return Line(
-        at,
-        numpy.interp(at, s, x) + before * numpy.cos(heading[0]) + after * numpy.cos(heading[-1]),
-        numpy.interp(at, s, y) + before * numpy.sin(heading[0]) + after * numpy.sin(heading[-1]),
-        numpy.interp(at, s, heading),
+        distances,
+        numpy.interp(distances, s, x) + beyond_start * numpy.cos(heading[0]) + beyond_end * numpy.cos(heading[-1]),
+        numpy.interp(distances, s, y) + beyond_start * numpy.sin(heading[0]) + beyond_end * numpy.sin(heading[-1]),
+        numpy.interp(distances, s, heading),
     )
 
 
 def straight_line(start: Mapping[str, Any], first_m: float, last_m: float) -> Line:
     """Return the straight line along a pose's heading between two distances, with a point every millimetre."""
-    at = numpy.arange(first_m, last_m + 5e-4, 1e-3, dtype=float)
+    distances = numpy.arange(first_m, last_m + 5e-4, 1e-3, dtype=float)
     heading = start["heading_rad"]
-    x, y = start["x_m"] + at * numpy.cos(heading), start["y_m"] + at * numpy.sin(heading)
-    return Line(at, x, y, numpy.full(len(at), heading))
+    x, y = start["x_m"] + distances * numpy.cos(heading), start["y_m"] + distances * numpy.sin(heading)
+    return Line(distances, x, y, numpy.full(len(distances), heading))
 
 
 def strip_heights_m(heights: Heights, scene: Mapping[str, Any], line: Line, left_m: float, width_m: float) -> Floats:

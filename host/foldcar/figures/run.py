@@ -61,16 +61,19 @@ def draw_run(
         save_figure(figure, file)
 
 
-def poses_to_draw(travelled: Sequence[float], spacing_m: float) -> list[int]:
-    """Return the rows at which to draw the car: the first, the last, and one for each ``spacing_m`` of new distance."""
-    chosen = [0]
-    for index, distance in enumerate(travelled):
-        if distance >= travelled[chosen[-1]] + spacing_m:
-            chosen.append(index)
-    last = len(travelled) - 1
-    while len(chosen) > 1 and abs(travelled[last] - travelled[chosen[-1]]) < spacing_m * 0.8:
-        chosen.pop()
-    return chosen if last == 0 else [*chosen, last]
+def poses_to_draw(distances_m: Sequence[float], spacing_m: float) -> list[int]:
+    """Return the indices of the rows of a path at which to draw the car, by its distance travelled at each row (m).
+
+    They are the first row, the last row, and between them one for each ``spacing_m``, so that pictures do not overlap.
+    """
+    drawn_rows = [0]
+    for index, distance in enumerate(distances_m):
+        if distance >= distances_m[drawn_rows[-1]] + spacing_m:
+            drawn_rows.append(index)
+    last = len(distances_m) - 1
+    while len(drawn_rows) > 1 and abs(distances_m[last] - distances_m[drawn_rows[-1]]) < spacing_m * 0.8:
+        drawn_rows.pop()
+    return drawn_rows if last == 0 else [*drawn_rows, last]
 
 
 def segment_places(body: Mapping[str, Any], row: Any) -> list[tuple[Any, Any]]:
@@ -83,22 +86,24 @@ def segment_places(body: Mapping[str, Any], row: Any) -> list[tuple[Any, Any]]:
     gaps = [max(0.0, abs(s["x_m"]) - s["length_m"] / 2) for s in segments]
     main = gaps.index(min(gaps))
     folds = [float(angle) for angle in row[7 : 7 + len(hinges)]]
-    places: dict[int, tuple[Any, Any]] = {main: (_turn(float(row[5])), numpy.zeros(2))}
+    poses: dict[int, tuple[Any, Any]] = {main: (_turn(float(row[5])), numpy.zeros(2))}
     pitches = {main: float(row[5])}
-    for near, far, hinge in [
+    # From the main segment, which has the car's pose, over the hinges to both ends of the car.
+    for known, neighbour, hinge in [
         *((i, i + 1, i) for i in range(main, len(segments) - 1)),
         *((i, i - 1, i - 1) for i in range(main, 0, -1)),
     ]:
         # A hinge angle is positive with the front segment's nose up.
-        pitches[far] = pitches[near] + (folds[hinge] if far < near else -folds[hinge])
-        turn, origin = places[near]
+        pitches[neighbour] = pitches[known] + (folds[hinge] if neighbour < known else -folds[hinge])
+        turn, origin = poses[known]
         joint = numpy.array([hinges[hinge]["x_m"], hinges[hinge]["z_m"]])
-        far_turn = _turn(pitches[far])
-        places[far] = far_turn, joint @ turn + origin - joint @ far_turn
-    return [places[index] for index in range(len(segments))]
+        neighbour_turn = _turn(pitches[neighbour])
+        poses[neighbour] = neighbour_turn, joint @ turn + origin - joint @ neighbour_turn
+    return [poses[index] for index in range(len(segments))]
 
 
 def _turn(pitch: float) -> Any:
+    """Return the matrix (2, 2) that turns row vectors (x, z) by a pitch (rad), nose up."""
     return numpy.array([[numpy.cos(pitch), numpy.sin(pitch)], [-numpy.sin(pitch), numpy.cos(pitch)]])
 
 
@@ -123,20 +128,19 @@ def _draw_side(
     reach = max(reach, *(abs(box["x_m"]) + box["length_m"] / 2 for box in body["segments"]))
     line = driven_line(rows, margin_m=reach + MARGIN_M)
     lowest, highest = 0.0, 0.0
-    for name, left, colour, order in (("left", 0.5, FAR_COLOUR, 1), ("right", -0.5, NEAR_COLOUR, 2)):
+    for name, side_factor, colour, zorder in (("left", 0.5, FAR_COLOUR, 1), ("right", -0.5, NEAR_COLOUR, 2)):
         tyre = max(wheel["width_m"] for wheel in wheels if wheel["side"] == name)
-        strip = strip_heights_m(heights, scene, line, left * body["track_m"], tyre)
+        strip = strip_heights_m(heights, scene, line, side_factor * body["track_m"], tyre)
         lowest, highest = min(lowest, float(numpy.min(strip))), max(highest, float(numpy.max(strip)))
-        axes.fill_between(
-            line.distance_m, strip, -1.0, color=colour, linewidth=0, zorder=order, label=f"ground under the {name} wheels"
-        )
-        axes.plot(line.distance_m, strip, color="#6b4a17", linewidth=0.8, linestyle="--" if left > 0 else "-", zorder=3)
+        label, line_style = f"ground under the {name} wheels", "--" if name == "left" else "-"
+        axes.fill_between(line.distance_m, strip, -1.0, color=colour, linewidth=0, zorder=zorder, label=label)
+        axes.plot(line.distance_m, strip, color="#6b4a17", linewidth=0.8, linestyle=line_style, zorder=3)
     travelled = travelled_m(rows)
     spacing_m = max(2.05 * reach, (line.distance_m[-1] - line.distance_m[0]) / MAX_POSES)
-    chosen = poses_to_draw(list(travelled), spacing_m)
-    for index in chosen:
-        final = index == chosen[-1]
-        colour = FAILURE if final and result["outcome"] != "passed" else ACCENT
+    drawn_rows = poses_to_draw(list(travelled), spacing_m)
+    for index in drawn_rows:
+        is_last = index == drawn_rows[-1]
+        colour = FAILURE if is_last and result["outcome"] != "passed" else ACCENT
         top = _draw_car(axes, body, travelled[index], rows[index], colour)
         axes.annotate(f"{rows[index, 0]:.2f} s", (travelled[index], top + 0.012), ha="center", fontsize=8, color=INK)
     axes.set_aspect("equal")
@@ -152,26 +156,26 @@ def _draw_side(
 def _draw_car(axes: Axes, body: Mapping[str, Any], distance_m: float, row: Any, colour: str) -> float:
     """Draw the car at a row of the path, and return the height (m) of its highest point."""
     z, roll = float(row[3]), float(row[6])
-    places = segment_places(body, row)
+    poses = segment_places(body, row)
     top = z
     for wheel in sorted(body["wheels"], key=lambda w: str(w["side"])):  # left wheels first: they are behind
-        near = wheel["side"] == "right"
-        lift = body["track_m"] / 2 * numpy.sin(roll) * (-1.0 if near else 1.0)
-        turn, origin = places[wheel["segment"]]
+        is_near = wheel["side"] == "right"
+        lift = body["track_m"] / 2 * numpy.sin(roll) * (-1.0 if is_near else 1.0)
+        turn, origin = poses[wheel["segment"]]
         x, height = numpy.array([wheel["x_m"], 0.0]) @ turn + origin + [distance_m, z + lift]
         top = max(top, height + wheel["radius_m"])
         axes.add_patch(
             Circle(
                 (x, height),
                 wheel["radius_m"],
-                facecolor="#ffffff66" if near else "none",
+                facecolor="#ffffff66" if is_near else "none",
                 edgecolor=colour,
-                linewidth=1.3 if near else 0.8,
-                linestyle="-" if near else ":",
-                zorder=6 if near else 4,
+                linewidth=1.3 if is_near else 0.8,
+                linestyle="-" if is_near else ":",
+                zorder=6 if is_near else 4,
             )
         )
-    for box, (turn, origin) in zip(body["segments"], places, strict=True):
+    for box, (turn, origin) in zip(body["segments"], poses, strict=True):
         half_length, half_height = box["length_m"] / 2, box["height_m"] / 2
         corners = numpy.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * [half_length, half_height]
         outline = (corners + numpy.array([box["x_m"], box["center_z_m"]])) @ turn + origin + [distance_m, z]
@@ -182,6 +186,7 @@ def _draw_car(axes: Axes, body: Mapping[str, Any], distance_m: float, row: Any, 
 
 
 def _title(body: Mapping[str, Any], scene: Mapping[str, Any], result: Mapping[str, Any]) -> str:
+    """Return outcome and time of a run, with the ids of car and scene if they have any."""
     outcome, elapsed = result["outcome"], result["elapsed_time_s"]
     parts = [f"{OUTCOME_LABELS.get(outcome, outcome)} after {elapsed:.2f} s"]
     parts += [f"car {body['id']}"] if "id" in body else [f"track {body['track_m'] * 1e3:.0f} mm"]

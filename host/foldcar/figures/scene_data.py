@@ -21,9 +21,9 @@ MAX_POINTS = 1_500_000
 
 
 def ground_data(scene: Mapping[str, Any], heights: Heights, scenes: int = 1) -> tuple[dict[str, Any], bytes]:
-    """Return the head ``{"scene", "grid"}`` and the bytes of one of a page's ``scenes``.
+    """Return what ``ground.js`` reads for one scene: the head ``{"scene", "grid"}``, and the heights as bytes.
 
-    Without smooth ground the grid is None, and there are no bytes.
+    The more ``scenes`` a page has, the coarser the grid. Without smooth ground the grid is None, and the bytes are empty.
     """
     bounds = smooth_bounds_m(scene)
     if bounds is None:
@@ -49,6 +49,7 @@ def ground_data(scene: Mapping[str, Any], heights: Heights, scenes: int = 1) -> 
 
 def varints(values: NDArray[numpy.int64]) -> bytes:
     """Encode integers as zigzag LEB128: 0, -1, 1, -2 … become 0, 1, 2, 3 …, in groups of 7 bits."""
+    # The zigzag code moves the sign to the lowest bit, so that small negative numbers are short too.
     remaining = ((values << 1) ^ (values >> 63)).astype(numpy.uint64)
     groups = numpy.zeros((len(remaining), 10), dtype=numpy.uint8)
     is_used = numpy.zeros(groups.shape, dtype=bool)

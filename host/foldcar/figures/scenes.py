@@ -83,19 +83,19 @@ def draw_environment(scenes: Sequence[Mapping[str, Any]], file: Path, heights: H
 
 def _draw_profile(axes: Axes, scene: Mapping[str, Any], heights: Heights) -> None:
     """Draw the ground under both wheel tracks from start straight to goal; heights (mm) are exaggerated."""
-    heading_rad, way_m = _way(scene)
+    heading_rad, way_m = _straight_way(scene)
     line = straight_line({**scene["start"], "heading_rad": heading_rad}, -VIEW_MARGIN_M, way_m + VIEW_MARGIN_M)
-    for name, side, colour, look in (("left", 0.5, ACCENT, "-"), ("right", -0.5, FAILURE, "--")):
+    for name, side, colour, line_style in (("left", 0.5, ACCENT, "-"), ("right", -0.5, FAILURE, "--")):
         strip_mm = strip_heights_m(heights, scene, line, side * TRACK_M, TYRE_M) * 1e3
         label = f"ground under the {name} wheels"
-        axes.plot(line.distance_m, strip_mm, look, color=colour, linewidth=1.0, label=label)
+        axes.plot(line.distance_m, strip_mm, line_style, color=colour, linewidth=1.0, label=label)
     axes.margins(x=0)
     axes.set_xlabel("distance from the start (m)")
     axes.set_ylabel("height (mm)")
 
 
-def _way(scene: Mapping[str, Any]) -> tuple[float, float]:
-    """Return heading and distance (m) from the start to the goal or its line; without a goal, to the course's end."""
+def _straight_way(scene: Mapping[str, Any]) -> tuple[float, float]:
+    """Return heading (rad) and distance (m) from the start straight to the goal; without a goal, to the course's edge."""
     start, goal, course = scene["start"], scene["goal"], scene["course"]
     heading_rad = start["heading_rad"]
     if goal is not None:
@@ -103,9 +103,9 @@ def _way(scene: Mapping[str, Any]) -> tuple[float, float]:
         heading_rad = goal["heading_rad"] if goal["kind"] == "line" else math.atan2(ahead[1], ahead[0])
         return heading_rad, ahead[0] * math.cos(heading_rad) + ahead[1] * math.sin(heading_rad)
     slopes = {"x": math.cos(heading_rad), "y": math.sin(heading_rad)}
-    ways = [
+    distances = [
         (course[f"{axis}_{'max' if slope > 0 else 'min'}_m"] - start[f"{axis}_m"]) / slope
         for axis, slope in slopes.items()
         if abs(slope) > 1e-9
     ]
-    return heading_rad, min(ways)
+    return heading_rad, min(distances)

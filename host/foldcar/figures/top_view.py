@@ -22,7 +22,7 @@ OUTLINE = {"fill": False, "edgecolor": "#00000059", "linewidth": 0.5, "zorder": 
 
 
 def view_of(scenes: Sequence[Mapping[str, Any]], path: Any = ()) -> Extent:
-    """Return the extent of several scenes: starts, goals, terrain and path, and the course if there is no goal."""
+    """Return the extent that shows starts, goals, terrain and the path of several scenes, and courses without a goal."""
     x: list[float] = []
     y: list[float] = []
     for scene in scenes:
@@ -35,7 +35,7 @@ def view_of(scenes: Sequence[Mapping[str, Any]], path: Any = ()) -> Extent:
         x += [place[0] for place in places]
         y += [place[1] for place in places]
         for piece in scene["terrain"]:
-            reach = _half_diagonal_m(piece)
+            reach = _visible_radius_m(piece)
             # The view does not extend to the ends of a long wall across the course.
             x += [piece["x_m"] - min(reach, 0.4), piece["x_m"] + min(reach, 0.4)]
             y += [piece["y_m"] - min(reach, 0.4), piece["y_m"] + min(reach, 0.4)]
@@ -83,8 +83,8 @@ def _draw_outline(axes: Axes, piece: Mapping[str, Any]) -> None:
     place = (piece["x_m"], piece["y_m"])
     kind = kind_of(piece)
     if kind.form == "patch":
-        look = {"fill": False, "edgecolor": PATCH_COLOUR, "linewidth": 0.8, "hatch": "////", "zorder": 1.5, "alpha": 0.5}
-        axes.add_patch(_rectangle(axes, piece, look))
+        hatching = {"fill": False, "edgecolor": PATCH_COLOUR, "linewidth": 0.8, "hatch": "////", "zorder": 1.5}
+        axes.add_patch(_rectangle(axes, piece, {**hatching, "alpha": 0.5}))
         axes.annotate(
             f"friction {piece['friction']:g}",
             place,
@@ -130,7 +130,8 @@ def _draw_course(axes: Axes, course: Mapping[str, float]) -> None:
     axes.add_patch(Rectangle(corner, *size, fill=False, edgecolor="#777777", linewidth=1.0, zorder=3))
 
 
-def _half_diagonal_m(piece: Mapping[str, Any]) -> float:
+def _visible_radius_m(piece: Mapping[str, Any]) -> float:
+    """Return the distance (m) from the middle of a piece to which the picture should show it."""
     along, across = reach_m(piece)
     shape = kind_of(piece).shape
     if shape == "rectangle":
@@ -155,14 +156,14 @@ def _draw_goal(axes: Axes, scene: Mapping[str, Any]) -> None:
 
 def _line_in_course(x: float, y: float, heading_rad: float, course: Mapping[str, float]) -> Any:
     """Return the ends, (2, 2), of the line through the point across the heading, clipped to the course."""
-    along = numpy.array([-numpy.sin(heading_rad), numpy.cos(heading_rad)])
-    reach = []
-    for position, slope, axis in ((x, along[0], "x"), (y, along[1], "y")):
+    direction = numpy.array([-numpy.sin(heading_rad), numpy.cos(heading_rad)])
+    intervals = []
+    for position, slope, axis in ((x, direction[0], "x"), (y, direction[1], "y")):
         if abs(slope) > 1e-12:
             limits = (course[f"{axis}_min_m"], course[f"{axis}_max_m"])
-            reach.append(sorted((limit - position) / slope for limit in limits))
-    low, high = max(r[0] for r in reach), min(r[1] for r in reach)
-    return numpy.array([[x, y]]) + numpy.array([[low], [high]]) * along
+            intervals.append(sorted((limit - position) / slope for limit in limits))
+    low, high = max(r[0] for r in intervals), min(r[1] for r in intervals)
+    return numpy.array([[x, y]]) + numpy.array([[low], [high]]) * direction
 
 
 def _draw_arrow(axes: Axes, x: float, y: float, heading_rad: float, length_m: float, colour: str) -> None:

@@ -65,6 +65,7 @@ def foxglove_scene(body: Mapping[str, Any], scene: Mapping[str, Any], grid: Heig
 
 
 def _entity(name: str, frame: str, **shapes: Sequence[Any]) -> dict[str, Any]:
+    """Return a foxglove.SceneEntity with these shapes; the format requires lists of all kinds."""
     kinds = ("metadata", "arrows", "cubes", "spheres", "cylinders", "lines", "triangles", "texts", "models")
     zero = {"sec": 0, "nsec": 0}
     head = {"timestamp": zero, "frame_id": frame, "id": name, "lifetime": zero, "frame_locked": True}
@@ -76,24 +77,25 @@ def _pose(place: tuple[float, float, float], heading_rad: float = 0.0) -> dict[s
 
 
 def _block(piece: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a block as triangles: its outline from the side, extruded across."""
-    half, height, across = piece["length_m"] / 2, piece["height_m"], piece["width_m"] / 2
+    """Return a block as triangles: its profile (x, z), extruded across; the two ends are fans of triangles."""
+    half, height, half_width = piece["length_m"] / 2, piece["height_m"], piece["width_m"] / 2
     if piece["kind"] == "box":
-        side = [(-half, 0.0), (half, 0.0), (half, height), (-half, height)]
+        profile = [(-half, 0.0), (half, 0.0), (half, height), (-half, height)]
     elif piece["kind"] == "ramp":
-        side = [(-half, 0.0), (half, 0.0), (half, height)]
+        profile = [(-half, 0.0), (half, 0.0), (half, height)]
     else:
         radius = (half**2 + height**2) / (2 * height)
-        along = numpy.linspace(half, -half, ARC_SLICES + 1)
-        arc = numpy.sqrt(numpy.maximum(radius**2 - along**2, 0.0)) + height - radius
-        side = [(-half, 0.0), *((float(x), float(z)) for x, z in zip(along[:-1], arc[:-1], strict=True))]
-    count = len(side)
-    points = [vector(x, y, z) for y in (-across, across) for x, z in side]
+        x_m = numpy.linspace(half, -half, ARC_SLICES + 1)
+        arc_z_m = numpy.sqrt(numpy.maximum(radius**2 - x_m**2, 0.0)) + height - radius
+        profile = [(-half, 0.0), *((float(x), float(z)) for x, z in zip(x_m[:-1], arc_z_m[:-1], strict=True))]
+    count = len(profile)
+    points = [vector(x, y, z) for y in (-half_width, half_width) for x, z in profile]
+    # Three indices of points for each triangle: the right end, the left end, two for each side between them.
     indices = [i for k in range(1, count - 1) for i in (0, k, k + 1)]
     indices += [i for k in range(1, count - 1) for i in (count, count + k + 1, count + k)]
     for k in range(count):
-        following = (k + 1) % count
-        indices += [k, count + k, count + following, k, count + following, following]
+        next_index = (k + 1) % count
+        indices += [k, count + k, count + next_index, k, count + next_index, next_index]
     pose = _pose((piece["x_m"], piece["y_m"], 0.0), piece["heading_rad"])
     return {"pose": pose, "points": points, "color": PIECE, "colors": [], "indices": indices}
 
@@ -108,9 +110,11 @@ def _surface(grid: HeightGrid) -> dict[str, Any]:
     y = numpy.linspace(grid.y_min_m, grid.y_max_m, grid.z_m.shape[0])[rows]
     # A resolution of 0.1 mm keeps the message small.
     z = numpy.round(grid.z_m[numpy.ix_(rows, columns)], 4)
-    u, v = (numpy.round(side, 4).ravel() for side in numpy.meshgrid(x, y))
-    points = [vector(*point) for point in numpy.stack([u, v, z.ravel()], axis=1).tolist()]
-    first = (numpy.arange(len(y) - 1)[:, None] * len(x) + numpy.arange(len(x) - 1)).ravel()
-    cells = numpy.stack([first, first + 1, first + len(x) + 1, first, first + len(x) + 1, first + len(x)], axis=1)
+    grid_x, grid_y = (numpy.round(side, 4).ravel() for side in numpy.meshgrid(x, y))
+    points = [vector(*point) for point in numpy.stack([grid_x, grid_y, z.ravel()], axis=1).tolist()]
+    # Two triangles for each cell, by the indices of its corners relative to the first one.
+    first_corners = (numpy.arange(len(y) - 1)[:, None] * len(x) + numpy.arange(len(x) - 1)).ravel()
+    corners = [0, 1, len(x) + 1, 0, len(x) + 1, len(x)]
+    cells = numpy.stack([first_corners + corner for corner in corners], axis=1)
     pose, indices = _pose((0.0, 0.0, 0.0)), cells.ravel().tolist()
     return {"pose": pose, "points": points, "color": FLOOR, "colors": [], "indices": indices}

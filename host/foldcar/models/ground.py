@@ -75,7 +75,7 @@ def smooth_ground(
     if bounds is None:
         return None
     x_min, x_max, y_min, y_max = bounds
-    smooth = {**scene, "terrain": [piece for piece in scene["terrain"] if kind_of(piece).form == "smooth"]}
+    smooth_scene = {**scene, "terrain": [piece for piece in scene["terrain"] if kind_of(piece).form == "smooth"]}
     grid = None
     for spacing_m in spacings_m:
         columns = max(2, math.ceil((x_max - x_min) / spacing_m) + 1)
@@ -86,13 +86,13 @@ def smooth_ground(
             break
         x = numpy.linspace(x_min, x_max, columns, dtype=float)
         y = numpy.linspace(y_min, y_max, rows, dtype=float)
-        z = heights(smooth, *numpy.meshgrid(x, y))
+        z = heights(smooth_scene, *numpy.meshgrid(x, y))
         grid = HeightGrid(x_min, x_max, y_min, y_max, z)
         if spacing_m == spacings_m[-1]:
             break
-        between = heights(smooth, *numpy.meshgrid((x[1:] + x[:-1]) / 2, (y[1:] + y[:-1]) / 2))
-        means = (z[1:, 1:] + z[1:, :-1] + z[:-1, 1:] + z[:-1, :-1]) / 4
-        if numpy.abs(between - means).max() <= ERROR_M:
+        centre_heights = heights(smooth_scene, *numpy.meshgrid((x[1:] + x[:-1]) / 2, (y[1:] + y[:-1]) / 2))
+        interpolated = (z[1:, 1:] + z[1:, :-1] + z[:-1, 1:] + z[:-1, :-1]) / 4
+        if numpy.abs(centre_heights - interpolated).max() <= ERROR_M:
             break
     assert grid is not None
     return grid
@@ -118,19 +118,22 @@ class _Part:
 
 
 def start_height_m(body: Mapping[str, Any], scene: Mapping[str, Any], grid: HeightGrid | None) -> float:
-    """Return the height (m) of the car's frame at the scene's start."""
+    """Return the height (m) of the car's frame at the scene's start: just above contact of any part with the ground.
+
+    The highest ground over the underside of each part is found at points of its footprint.
+    """
     start, min_height = scene["start"], -math.inf
     cos, sin = math.cos(start["heading_rad"]), math.sin(start["heading_rad"])
     blocks = [piece for piece in scene["terrain"] if kind_of(piece).form == "block"]
-    grounds = [(rectangle(block, reach_m(block)), partial(_block_top, block)) for block in blocks]
+    surfaces = [(rectangle(block, reach_m(block)), partial(_block_top, block)) for block in blocks]
     for part in _parts(body):
         ahead, left = part.x_m * cos - part.y_m * sin, part.x_m * sin + part.y_m * cos
         place = {**start, "x_m": start["x_m"] + ahead, "y_m": start["y_m"] + left}
-        beneath = rectangle(place, (part.half_length_m, part.half_width_m))
-        for area, top in ((beneath, partial(_grid_top, grid)), *grounds):
-            common = beneath.intersection(area)
-            if common.area > MIN_AREA_M2:
-                x, y = _points(common)
+        footprint = rectangle(place, (part.half_length_m, part.half_width_m))
+        for area, top in ((footprint, partial(_grid_top, grid)), *surfaces):
+            overlap = footprint.intersection(area)
+            if overlap.area > MIN_AREA_M2:
+                x, y = _points(overlap)
                 along = (x - start["x_m"]) * cos + (y - start["y_m"]) * sin
                 min_height = max(min_height, float(numpy.max(top(x, y) - part.underside(along))))
     return float(math.ceil(min_height / RASTER_M) * RASTER_M + FALL_M)
@@ -154,8 +157,8 @@ def _points(area: shapely.Polygon) -> Floats:
     edge = shapely.get_coordinates(shapely.segmentize(area, SPACING_M)).T
     x_min, y_min, x_max, y_max = area.bounds
     inner = numpy.meshgrid(numpy.arange(x_min, x_max, SPACING_M), numpy.arange(y_min, y_max, SPACING_M))
-    within = shapely.contains_xy(area, *inner)
-    return numpy.concatenate([edge, numpy.stack([axis[within] for axis in inner])], axis=1)
+    is_inside = shapely.contains_xy(area, *inner)
+    return numpy.concatenate([edge, numpy.stack([axis[is_inside] for axis in inner])], axis=1)
 
 
 def _block_top(block: Mapping[str, Any], x: Floats, y: Floats) -> Floats:
@@ -163,16 +166,20 @@ def _block_top(block: Mapping[str, Any], x: Floats, y: Floats) -> Floats:
     half, height = block["length_m"] / 2, block["height_m"]
     if block["kind"] == "box":
         return numpy.full_like(x, height)
-    turned = block["heading_rad"]
-    along = (x - block["x_m"]) * math.cos(turned) + (y - block["y_m"]) * math.sin(turned)
+    heading_rad = block["heading_rad"]
+    along = (x - block["x_m"]) * math.cos(heading_rad) + (y - block["y_m"]) * math.sin(heading_rad)
     if block["kind"] == "ramp":
         return numpy.asarray(numpy.clip((along / half + 1) / 2, 0.0, 1.0) * height)
+    # A half round is the segment of a circle through both ends of its base.
     radius = (half**2 + height**2) / (2 * height)
     return numpy.asarray(numpy.sqrt(numpy.maximum(radius**2 - along**2, 0.0)) + height - radius)
 
 
 def _grid_top(grid: HeightGrid | None, x: Floats, y: Floats) -> Floats:
-    """Return heights of the grid, and of the level floor around it."""
+    """Return the heights (m) of the grid at points x, y; 0 on the level floor around it.
+
+    In a cell it is the higher of both ways to split the cell into two triangles, because engines differ in them.
+    """
     if grid is None:
         return numpy.zeros_like(x)
     rows, columns = grid.z_m.shape
@@ -181,6 +188,7 @@ def _grid_top(grid: HeightGrid | None, x: Floats, y: Floats) -> Floats:
     inside = (u >= 0) & (u <= columns - 1) & (v >= 0) & (v <= rows - 1)
     column = numpy.clip(u.astype(int), 0, columns - 2)
     row = numpy.clip(v.astype(int), 0, rows - 2)
+    # Corners of the cell: a and b in its lower row, c and d in its upper row.
     s, t = u - column, v - row
     a, b = grid.z_m[row, column], grid.z_m[row, column + 1]
     c, d = grid.z_m[row + 1, column], grid.z_m[row + 1, column + 1]

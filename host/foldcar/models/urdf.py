@@ -69,9 +69,9 @@ def _add_wheel(robot: Element, body: Mapping[str, Any], wheel: Mapping[str, Any]
     """Add a wheel's link, its axle, and the transmission of its servo if it has one."""
     name = wheel_name(wheel)
     link = add(robot, "link", name=name)
-    spin, across = wheel_inertia_kg_m2(wheel)
+    axle_inertia, diameter_inertia = wheel_inertia_kg_m2(wheel)
     center = tyre_center_m(wheel)
-    _add_inertial(link, center, wheel["mass_kg"], [across, spin, across])
+    _add_inertial(link, center, wheel["mass_kg"], [diameter_inertia, axle_inertia, diameter_inertia])
     size = {"radius": numbers(wheel["radius_m"]), "length": numbers(wheel["width_m"])}
     _add_shape(link, center, math.pi / 2, wheel["grip"], "cylinder", **size)
     _add_friction(robot, link, wheel["grip"])
@@ -79,8 +79,8 @@ def _add_wheel(robot: Element, body: Mapping[str, Any], wheel: Mapping[str, Any]
     joint = _add_joint(robot, f"{name}_axle", "continuous", _link(wheel["segment"]), name, place)
     if "servo" not in wheel:
         return
-    stall, no_load = servo_limits(body, wheel)
-    add(joint, "limit", effort=numbers(stall), velocity=numbers(no_load))
+    stall_torque, no_load_speed = servo_limits(body, wheel)
+    add(joint, "limit", effort=numbers(stall_torque), velocity=numbers(no_load_speed))
     transmission = add(robot, "transmission", name=f"{name}_transmission")
     add(transmission, "type").text = "transmission_interface/SimpleTransmission"
     effort = "hardware_interface/EffortJointInterface"
@@ -98,6 +98,7 @@ def _link(segment: int) -> str:
 
 
 def _add_inertial(link: Element, com: tuple[float, ...], mass: float, inertias: list[float]) -> None:
+    """Add mass (kg), centre of mass (m) and moments of inertia (kg m², about x, y, z through it) to a link."""
     inertial = add(link, "inertial")
     add(inertial, "origin", xyz=numbers(*com))
     add(inertial, "mass", value=numbers(mass))
@@ -106,7 +107,7 @@ def _add_inertial(link: Element, com: tuple[float, ...], mass: float, inertias: 
 
 
 def _add_shape(link: Element, middle: tuple[float, ...], turn_rad: float, grip: float, shape: str, **size: str) -> None:
-    """Add a shape for drawing and for contacts."""
+    """Add a shape to a link, for drawing and for contacts, turned about x; ``grip`` is its friction coefficient."""
     for purpose in ("visual", "collision"):
         holder = add(link, purpose)
         add(holder, "origin", xyz=numbers(*middle), rpy=numbers(turn_rad, 0, 0))
@@ -125,6 +126,7 @@ def _add_friction(robot: Element, link: Element, grip: float) -> None:
 
 
 def _add_joint(robot: Element, name: str, kind: str, parent: str, child: str, place: tuple[float, ...]) -> Element:
+    """Add a joint about y at ``place`` (m) in the frame of the link ``parent``."""
     joint = add(robot, "joint", name=name, type=kind)
     add(joint, "parent", link=parent)
     add(joint, "child", link=child)

@@ -148,7 +148,7 @@ def _hinge(body: Mapping[str, Any], index: int) -> Node:
 def _wheel(body: Mapping[str, Any], wheel: Mapping[str, Any]) -> Node:
     """Return the joint of a wheel with its sensor and, if it is driven, its servo."""
     name = wheel_name(wheel)
-    spin, across = wheel_inertia_kg_m2(wheel)
+    axle_inertia, diameter_inertia = wheel_inertia_kg_m2(wheel)
     center = tyre_center_m(wheel)
     # The axis of a Webots cylinder is z.
     cylinder = Node("Cylinder", {"radius": wheel["radius_m"], "height": wheel["width_m"]})
@@ -160,13 +160,13 @@ def _wheel(body: Mapping[str, Any], wheel: Mapping[str, Any]) -> Node:
         "children": [placed(shape(cylinder, TYRE_COLOUR), center, lying)],
         "contactMaterial": f"{name} tyre",
         "boundingObject": placed(cylinder, center, lying),
-        "physics": _physics(wheel["mass_kg"], center, [across, spin, across]),
+        "physics": _physics(wheel["mass_kg"], center, [diameter_inertia, axle_inertia, diameter_inertia]),
     }
     devices = [Node("PositionSensor", {"name": f"{name} angle"})]
     if "servo" in wheel:
-        stall, no_load = servo_limits(body, wheel)
+        stall_torque, no_load_speed = servo_limits(body, wheel)
         # Webots downloads a sound unless one is given.
-        motor = {"name": f"{name} servo", "maxVelocity": no_load, "maxTorque": stall, "sound": ""}
+        motor = {"name": f"{name} servo", "maxVelocity": no_load_speed, "maxTorque": stall_torque, "sound": ""}
         devices.insert(0, Node("RotationalMotor", motor))
     joint = {
         "jointParameters": Node("HingeJointParameters", {"axis": vector(0, 1, 0), "anchor": axle}),

@@ -71,7 +71,7 @@ def _place(at: Mapping[str, float], z_m: float = 0) -> dict[str, Any]:
 
 
 def _floor(grid: HeightGrid | None) -> list[Node]:
-    """Return a flat floor, or the uneven ground with flat floor around it."""
+    """Return a flat floor or, if the scene has smooth ground, its grid and four boxes as the floor around it."""
     if grid is None:
         plane = Node("Plane", {"size": vector(FLOOR_M, FLOOR_M)})
         return [_solid("floor", shape(plane, FLOOR_COLOUR), plane)]
@@ -83,12 +83,12 @@ def _floor(grid: HeightGrid | None) -> list[Node]:
     surface = Node("ElevationGrid", {**fields, "height": heights})
     place = {"translation": vector(grid.x_min_m, grid.y_min_m, 0)}
     solids = [_solid("uneven ground", shape(surface, FLOOR_COLOUR), surface, **place)]
-    far = FLOOR_M / 2
+    half_floor = FLOOR_M / 2
     for name, x_min, x_max, y_min, y_max in (
-        ("floor behind", -far, grid.x_min_m, -far, far),
-        ("floor ahead", grid.x_max_m, far, -far, far),
-        ("floor to the right", grid.x_min_m, grid.x_max_m, -far, grid.y_min_m),
-        ("floor to the left", grid.x_min_m, grid.x_max_m, grid.y_max_m, far),
+        ("floor behind", -half_floor, grid.x_min_m, -half_floor, half_floor),
+        ("floor ahead", grid.x_max_m, half_floor, -half_floor, half_floor),
+        ("floor to the right", grid.x_min_m, grid.x_max_m, -half_floor, grid.y_min_m),
+        ("floor to the left", grid.x_min_m, grid.x_max_m, grid.y_max_m, half_floor),
     ):
         box = Node("Box", {"size": vector(x_max - x_min, y_max - y_min, SUNK_M)})
         middle = vector((x_max + x_min) / 2, (y_max + y_min) / 2, -SUNK_M / 2)
@@ -112,8 +112,8 @@ def _block(piece: Mapping[str, Any], name: str) -> Node:
         middle, turn = (0.0, 0.0, height - radius), (1.0, 0.0, 0.0, math.pi / 2)
     else:
         raise FoldcarError(f"{name}: a {piece['kind']} cannot be written for Webots")
-    seen = placed(shape(geometry, PIECE_COLOUR), middle, turn)
-    return _solid(name, seen, placed(geometry, middle, turn), **place)
+    visible = placed(shape(geometry, PIECE_COLOUR), middle, turn)
+    return _solid(name, visible, placed(geometry, middle, turn), **place)
 
 
 def _wedge(length: float, width: float, height: float) -> Node:
@@ -133,7 +133,10 @@ def _solid(name: str, seen: Node, bounds: Node, **place: Any) -> Node:
 
 
 def _looking() -> tuple[float, float, float, float]:
-    """Return the rotation (axis, angle in rad) from x forward, y left, z up to the axes of the viewpoint."""
+    """Return the rotation (axis, angle in rad) of a viewpoint at EYE_M that looks at LOOKS_AT_M.
+
+    It turns the axes x forward, y left, z up to those of the viewpoint.
+    """
     forward = numpy.subtract(LOOKS_AT_M, EYE_M)
     forward = forward / numpy.linalg.norm(forward)
     left = numpy.cross((0, 0, 1), forward)
@@ -150,21 +153,24 @@ def controller_program() -> str:
 
 
 def controller_drive(body: Mapping[str, Any], pulses: PulseTrain, settling_s: float) -> str:
-    """Return the drive of a car that first stands for ``settling_s``, for the controller; fractions to 1e-6."""
+    """Return the controller's JSON file: the motors, and at which times their fractions of full speed change.
+
+    The car first stands for ``settling_s``.
+    """
     rows: list[list[float | None]] = []
-    for t_s, widths in zip(pulses.times_s, pulses.widths_us, strict=True):
-        fractions = [drive_fraction(wheel["servo"], widths[wheel["channel"]]) for wheel in driven_wheels(body)]
+    for t_s, widths_us in zip(pulses.times_s, pulses.widths_us, strict=True):
+        fractions = [drive_fraction(wheel["servo"], widths_us[wheel["channel"]]) for wheel in driven_wheels(body)]
         row = [None if fraction is None else round(fraction, 6) for fraction in fractions]
         if not rows or rows[-1][1:] != row:
             rows.append([round(t_s, 6), *row])
     motors = [f"{wheel_name(wheel)} servo" for wheel in driven_wheels(body)]
     lines = ",\n  ".join(json.dumps(row) for row in rows)
-    head = f'"settling_s": {json.dumps(settling_s)},\n "motors": {json.dumps(motors)}'
-    return f'{{{head},\n "changes": [\n  {lines}]}}\n'
+    header = f'"settling_s": {json.dumps(settling_s)},\n "motors": {json.dumps(motors)}'
+    return f'{{{header},\n "changes": [\n  {lines}]}}\n'
 
 
 def drive_fraction(servo: Mapping[str, float], pulse_us: float) -> float | None:
-    """Return the fraction of full speed, positive forward; None without a pulse, when the motor has no torque."""
+    """Return a servo's fraction of full speed, positive forward, for a pulse; None without a pulse (no torque)."""
     if pulse_us <= 0:
         return None
     offset_us = servo["direction"] * (pulse_us - servo["neutral_us"])

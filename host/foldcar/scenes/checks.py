@@ -64,19 +64,20 @@ def check_free_start(start: Pose, ego: Any, terrain: Sequence[Pose], owners: Seq
 
     ``owners`` are the Scenic objects of the pieces of ``terrain``.
     """
-    half = (finite("length", ego.length, ego) / 2, finite("width", ego.width, ego) / 2)
+    half_size_m = (finite("length", ego.length, ego) / 2, finite("width", ego.width, ego) / 2)
     for piece, owner in zip(terrain, owners, strict=True):
         if kind_of(piece).form != "block":
             continue
-        reach = reach_m(piece)
-        apart = math.hypot(piece["x_m"] - start["x_m"], piece["y_m"] - start["y_m"])
-        if apart > math.hypot(*reach) + math.hypot(*half) or _stands_level(start, half, piece):
+        half_piece_m = reach_m(piece)
+        distance_m = math.hypot(piece["x_m"] - start["x_m"], piece["y_m"] - start["y_m"])
+        if distance_m > math.hypot(*half_piece_m) + math.hypot(*half_size_m) or _stands_level(start, half_size_m, piece):
             continue
-        what = f"{piece['kind']} at ({piece['x_m']:.4g}, {piece['y_m']:.4g})"
-        raise UnusableError(f"the start is inside an obstacle: the car would stand across the edge of a {what}", owner)
+        edge = f"the edge of a {piece['kind']} at ({piece['x_m']:.4g}, {piece['y_m']:.4g})"
+        raise UnusableError(f"the start is inside an obstacle: the car would stand across {edge}", owner)
 
 
 def _stands_level(start: Pose, half: tuple[float, float], piece: Pose) -> bool:
+    """Whether a car with these half sizes (m) stands completely beside a piece, or completely on it."""
     car = rectangle(start, half)
     shared_m2 = car.intersection(rectangle(piece, reach_m(piece))).area
     return bool(shared_m2 < ROUNDING_M2 or shared_m2 > car.area - ROUNDING_M2)
@@ -102,8 +103,8 @@ def _check_overlap(course: Mapping[str, float], place: Pose, bounds: Sequence[fl
     for axis, low_end, high_end in (("x", bounds[0], bounds[1]), ("y", bounds[2], bounds[3])):
         low, high = course[f"{axis}_min_m"], course[f"{axis}_max_m"]
         if not (low <= high_end and low_end <= high):
-            where = f"{place[f'{axis}_m']} m is outside the course, {low} to {high} (param course_{axis}_…)"
-            raise UnusableError(f"{axis}: {where}", thing)
+            message = f"{place[f'{axis}_m']} m is outside the course, {low} to {high} (param course_{axis}_…)"
+            raise UnusableError(f"{axis}: {message}", thing)
 
 
 def rectangle(place: Pose, half: tuple[float, float]) -> Any:

@@ -42,47 +42,49 @@ def condition(
     if not objects and not params:
         raise FoldcarError('condition: names nothing: leave "objects" and "params" out to freeze everything')
     values = {name: [value] for name, value in scenario.params.items()}
-    chosen = [*_named("params", values, params or ()), *_named("objects", named_instances(scenario), objects or ())]
-    _refuse_shared(scenario, chosen)
-    _freeze(chosen, scene.sample)
+    frozen_parts = [*_named("params", values, params or ()), *_named("objects", named_instances(scenario), objects or ())]
+    _refuse_shared(scenario, frozen_parts)
+    _freeze(frozen_parts, scene.sample)
 
 
 def _freeze(roots: Collection[Any], sample: Any) -> None:
     """Fix the roots, and the values that they depend on, at their values in ``sample``."""
-    for node in [node for root in roots for node in _reachable(root)]:
-        if node not in sample:
+    for value_node in [value_node for root in roots for value_node in _reachable(root)]:
+        if value_node not in sample:
             continue
-        value = sample[node]
-        constant = _without_noise(value) if isinstance(node, Constructible) else ConstantSamplable(value)
+        value = sample[value_node]
+        constant = _without_noise(value) if isinstance(value_node, Constructible) else ConstantSamplable(value)
         # Not the node's own method: a converted value's method would also fix the value before conversion.
-        Samplable.conditionTo(node, constant)
+        Samplable.conditionTo(value_node, constant)
 
 
-def _refuse_shared(scenario: Any, chosen: Collection[Any]) -> None:
-    """Raise FoldcarError if one of ``chosen`` depends on a random value that belongs to another part."""
+def _refuse_shared(scenario: Any, frozen_parts: Collection[Any]) -> None:
+    """Raise FoldcarError if one of ``frozen_parts`` depends on a random value that belongs to another part."""
     owners = _ownership(scenario)
-    chosen_ids = {id(thing) for thing in chosen}
+    frozen_ids = {id(thing) for thing in frozen_parts}
     names = _names(scenario)
-    for thing in chosen:
-        others = {id(owners[id(node)]): owners[id(node)] for node in _random_now(thing) if id(node) in owners}
-        foreign = [_label(other, names) for identity, other in others.items() if identity not in chosen_ids]
-        if foreign:
+    for thing in frozen_parts:
+        needed = [owners[id(node)] for node in _random_now(thing) if id(node) in owners]
+        others = {id(owner): owner for owner in needed if id(owner) not in frozen_ids}
+        if others:
+            labels = " and of ".join(_label(owner, names) for owner in others.values())
             raise FoldcarError(
-                f"condition: {_label(thing, names)} depends on a random value of {' and of '.join(foreign)}, which would "
-                "be frozen too: name it as well, or leave both"
+                f"condition: {_label(thing, names)} depends on a random value of {labels}, which would be frozen too: "
+                "name it as well, or leave both"
             )
 
 
 def _ownership(scenario: Any) -> dict[int, Any]:
-    """Return the owner of each random value, by the value's id."""
+    """Return the owner of each random value, by the value's id: the first part of the scene that depends on it."""
     names = _names(scenario)
-    instances = [thing for thing in scenic_private.instances(scenario) if isinstance(thing, Object) or id(thing) in names]
-    own = {id(thing): thing for thing in [*scenario.params.values(), *instances]}
+    instances = scenic_private.instances(scenario)
+    owning_instances = [instance for instance in instances if isinstance(instance, Object) or id(instance) in names]
+    parts = [*scenario.params.values(), *owning_instances]
     # A parameter's value, an object or a named point owns itself, even if others depend on it.
-    owners = dict(own)
-    for owner in own.values():
-        for node in _random_now(owner):
-            owners.setdefault(id(node), owner)
+    owners = {id(part): part for part in parts}
+    for part in list(owners.values()):
+        for value in _random_now(part):
+            owners.setdefault(id(value), part)
     return owners
 
 
@@ -92,7 +94,10 @@ def _random_now(root: Any) -> Iterator[Any]:
 
 
 def _reachable(root: Any, stop: Callable[[Any], bool] = lambda node: False) -> Iterator[Any]:
-    """Yield every random value on which ``root`` depends, including itself, once; ``stop`` excludes values."""
+    """Yield once every random value on which ``root`` depends, including itself.
+
+    Values for which ``stop`` is true are left out, with those that only they depend on.
+    """
     seen: set[int] = set()
     waiting = [root]
     while waiting:
@@ -107,8 +112,8 @@ def _reachable(root: Any, stop: Callable[[Any], bool] = lambda node: False) -> I
 
 def _names(scenario: Any) -> dict[int, str]:
     """Return the names of parameters and objects in messages, by their ids."""
-    named = {id(thing): f'"{name}"' for name, things in named_instances(scenario).items() for thing in things}
-    return {**named, **{id(value): f'param "{name}"' for name, value in scenario.params.items()}}
+    object_names = {id(thing): f'"{name}"' for name, things in named_instances(scenario).items() for thing in things}
+    return {**object_names, **{id(value): f'param "{name}"' for name, value in scenario.params.items()}}
 
 
 def _label(thing: Any, names: Mapping[int, str]) -> str:
@@ -117,20 +122,20 @@ def _label(thing: Any, names: Mapping[int, str]) -> str:
 
 
 def _without_noise(thing: Any) -> Any:
-    """Return a copy of a sampled object on which mutation has no effect."""
-    twin = copy.copy(thing)
+    """Return a copy of a sampled object to which Scenic's `mutate` does not add noise."""
+    noiseless = copy.copy(thing)
     if isinstance(thing, Object):
         # Scenic reads an object's attributes from its dynamic proxy, which outside simulations is the object itself.
-        object.__setattr__(twin, "_dynamicProxy", twin)
-    object.__setattr__(twin, "_conditioned", twin)
-    object.__setattr__(twin, "mutationScale", 0)
-    return twin
+        object.__setattr__(noiseless, "_dynamicProxy", noiseless)
+    object.__setattr__(noiseless, "_conditioned", noiseless)
+    object.__setattr__(noiseless, "mutationScale", 0)
+    return noiseless
 
 
-def _named(kind: str, known: Mapping[str, list[Any]], names: Collection[str]) -> list[Any]:
+def _named(kind: str, things_by_name: Mapping[str, list[Any]], names: Collection[str]) -> list[Any]:
     """Return the things with these names in the program. Raises FoldcarError for unknown names."""
     for name in names:
-        if name not in known:
-            names_known = ", ".join(sorted(known)) or "none"
-            raise FoldcarError(f'condition: {kind}: no "{name}"; the program names: {names_known}')
-    return [thing for name in names for thing in known[name]]
+        if name not in things_by_name:
+            known_names = ", ".join(sorted(things_by_name)) or "none"
+            raise FoldcarError(f'condition: {kind}: no "{name}"; the program names: {known_names}')
+    return [thing for name in names for thing in things_by_name[name]]

@@ -24,7 +24,7 @@ REPEAT_S = 0.5
 
 @contextlib.contextmanager
 def contained(limit_s: float, what: str, program: Path) -> Iterator[None]:
-    """Raise a FoldcarError that begins with ``what`` if code of ``program`` in the block takes too long or ends Python.
+    """Run code of ``program`` in the block. Raises FoldcarError, beginning with ``what``, if it takes too long or exits.
 
     After the block the working folder is what it was before.
     """
@@ -53,30 +53,31 @@ def time_limit(limit_s: float, what: str) -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread() or not hasattr(signal, "setitimer"):
         yield
         return
-    inside, up = True, False
+    in_block, time_is_up = True, False
 
     def interrupt(number: int, frame: Any) -> None:
-        nonlocal up
-        if inside:
-            up = True
+        nonlocal time_is_up
+        if in_block:
+            time_is_up = True
             raise _TimeUpError
 
     handler = signal.signal(signal.SIGALRM, interrupt)
+    # A block may be within another one with a limit, whose timer runs on afterwards.
     outer_s, outer_repeat_s = signal.setitimer(signal.ITIMER_REAL, limit_s, REPEAT_S)
-    begun_s = time.monotonic()
+    started_s = time.monotonic()
     try:
         yield
-        if up:
+        if time_is_up:
             # The block has suppressed the interruption.
             raise _TimeUpError
     except (_TimeUpError, Exception):
         # Some libraries, such as ctypes, convert the interruption to another error.
-        if not up:
+        if not time_is_up:
             raise
         raise FoldcarError(f"{what} takes longer than the limit of {limit_s:g} s of wall time") from None
     finally:
-        inside = False
+        in_block = False
         if outer_s:
-            outer_s = max(outer_s - (time.monotonic() - begun_s), 0.001)
+            outer_s = max(outer_s - (time.monotonic() - started_s), 0.001)
         signal.signal(signal.SIGALRM, handler)
         signal.setitimer(signal.ITIMER_REAL, outer_s, outer_repeat_s)

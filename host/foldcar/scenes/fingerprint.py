@@ -31,8 +31,8 @@ def environment_fingerprint(
     """
     folder = program.parent.resolve()
     contents = sorted((Path(os.path.relpath(folder / name, folder)).as_posix(), digest) for name, digest in files.items())
-    head = [program.name, contents, params, seed, condition, scenic_version(), scene_code()]
-    return hashlib.sha256(json.dumps(head, sort_keys=True).encode()).hexdigest()
+    identity = [program.name, contents, params, seed, condition, scenic_version(), scene_code()]
+    return hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()
 
 
 def spread_fingerprint(spread: Mapping[str, float], seed: int) -> str:
@@ -57,17 +57,17 @@ def scenic_version() -> str:
     return version("scenic")
 
 
-def code_digest(places: Sequence[Path]) -> str:
+def code_digest(paths: Sequence[Path]) -> str:
     """Return the hash of names and contents of files, and of all files below folders except compiled Python.
 
-    Raises FileNotFoundError if one of ``places`` has no files: code that has moved would go unnoticed.
+    Raises FileNotFoundError if one of ``paths`` has no files: code that has moved would go unnoticed.
     """
     digest = hashlib.sha256()
-    for place in places:
-        below = [*place.rglob("*"), place]
-        files = [file for file in below if "__pycache__" not in file.parts and file.is_file()]
+    for path in paths:
+        candidates = [*path.rglob("*"), path]
+        files = [file for file in candidates if "__pycache__" not in file.parts and file.is_file()]
         if not files:
-            raise FileNotFoundError(f"{place}: no code to hash")
+            raise FileNotFoundError(f"{path}: no code to hash")
         for name, file in sorted((file.relative_to(PACKAGE).as_posix(), file) for file in files):
             content = file.read_bytes()
             # The length makes the encoding unambiguous: different lists of files give different bytes.

@@ -38,7 +38,11 @@ class Mutations:
         self._copies: dict[int, Any] = {}
 
     def create(self, cls: Any, specifiers: list[Any]) -> Any:
-        """Create an instance of a Scenic class."""
+        """Create an instance of a Scenic class, like Scenic's `new`.
+
+        A Point to be followed is created twice: a hidden copy, to which Scenic adds noise, and the Point, which takes its
+        place from the copy.
+        """
         number = len(self._created)
         # The number is taken first, because a property's default may create things too.
         self._created.append(None)
@@ -52,7 +56,10 @@ class Mutations:
         return thing
 
     def mutate_points(self, things: Sequence[Any], scale: Any) -> list[Any]:
-        """Mutate the Points of ``things``; return the others, for Scenic's `mutate`. Raises TypeError like Scenic's."""
+        """Mutate the Points among ``things``; return the other things, for Scenic's `mutate`.
+
+        ``scale`` is that of the noise. Raises TypeError if it is not a number, like Scenic's `mutate`.
+        """
         points = [thing for thing in things if isinstance(thing, Point) and not isinstance(thing, Object)]
         if points and not isinstance(scale, int | float):
             raise TypeError('"mutate X by Y" with Y not a number')
@@ -68,7 +75,10 @@ class Mutations:
 
 
 def _place_of(copy: Any, specifiers: Sequence[Any]) -> Any:
-    """Return a specifier with the properties that ``specifiers`` set, and the place that ``copy`` has with its noise."""
+    """Return a specifier that gives a Point the properties and the noisy pose of its hidden ``copy``.
+
+    Properties are those that the Point's ``specifiers`` set.
+    """
     specified = {name for specifier in specifiers for name in specifier.priorities} - {"mutationScale"}
     values = {name: getattr(copy, name) for name in copy.properties if name in specified}
     for name, kind in NOISY.items():

@@ -58,40 +58,41 @@ class Translator:
     def __init__(self, tree: Any, scenario: Any) -> None:
         from scenic.syntax import veneer
 
-        self._ego, known = scenario.egoObject, named_things(scenario)
+        self._ego, named_values = scenario.egoObject, named_things(scenario)
         standard = {name: getattr(veneer, name, getattr(builtins, name, math)) for name in STANDARD}
-        self._redefined = {name for name, value in standard.items() if known.get(name, value) is not value}
-        stored = Counter(
+        self._redefined = {name for name, value in standard.items() if named_values.get(name, value) is not value}
+        assignment_counts = Counter(
             node.id for node in ast.walk(tree) if isinstance(node, ast.Name) and not isinstance(node.ctx, ast.Load)
         )
         # A name that is assigned twice may have had another value where the expression stands.
-        self.names = {name: value for name, value in known.items() if stored[name] == 1}
+        self.names = {name: value for name, value in named_values.items() if assignment_counts[name] == 1}
         self._turned = not _stands_in_world(scenario.egoObject)
 
     def truth(self, node: Any) -> Terms:
-        """Translate a condition."""
+        """Translate a condition to terms in postfix order. Raises NotNativeError for forms that carsim does not have."""
         if self.is_constant(node):
             return [PerSample(lambda sample: [bool(sample.value(node))])]
         match node:
             case ast.BoolOp():
-                joined = "and" if isinstance(node.op, ast.And) else "or"
-                return folded([self._part(part) for part in node.values], joined)
+                operation = "and" if isinstance(node.op, ast.And) else "or"
+                return joined([self._bool_operand(operand) for operand in node.values], operation)
             case ast.UnaryOp(op=ast.Not()):
                 return [*self.truth(node.operand), "not"]
             case ast.Compare(ops=[ast.In() | ast.NotIn() as operator]):
-                inside = self._inside(node.left, node.comparators[0])
-                return inside if isinstance(operator, ast.In) else [*inside, "not"]
+                region_terms = self._inside(node.left, node.comparators[0])
+                return region_terms if isinstance(operator, ast.In) else [*region_terms, "not"]
             case ast.Compare() if all(type(operator) in COMPARISONS for operator in node.ops):
                 sides = [self.number(side) for side in (node.left, *node.comparators)]
                 pairs = zip(sides, node.ops, sides[1:], strict=False)
-                return folded([[*left, *right, COMPARISONS[type(operator)]] for left, operator, right in pairs], "and")
+                # `a < b < c` means `a < b and b < c`.
+                return joined([[*left, *right, COMPARISONS[type(operator)]] for left, operator, right in pairs], "and")
         raise NotNativeError(shown(node))
 
-    def _part(self, node: Any) -> Terms:
+    def _bool_operand(self, node: Any) -> Terms:
         return [PerSample(lambda sample: sample.truth(node))] if self.is_constant(node) else self.truth(node)
 
     def number(self, node: Any) -> Terms:
-        """Translate a number."""
+        """Translate an expression that is a number to terms in postfix order. Raises NotNativeError for other forms."""
         if self.is_constant(node):
             return [PerSample(lambda sample: sample.number(node))]
         match node:
@@ -110,7 +111,7 @@ class Translator:
             case ast.Call(func=ast.Name(id="min" | "max" as name) as called, keywords=[]) if len(
                 node.args
             ) > 1 and self._is_standard(called):
-                return folded([self.number(argument) for argument in node.args], name)
+                return joined([self.number(argument) for argument in node.args], name)
         if type(node).__name__ == "DistanceFromOp":
             return self._distance(node)
         raise NotNativeError(shown(node))
@@ -168,6 +169,7 @@ class Translator:
         return isinstance(node, ast.Attribute) and node.attr == "position" and self._is_ego(node.value)
 
     def _motion(self, node: ast.Attribute) -> Terms:
+        """Translate a property of the car's motion, such as `ego.speed` or `ego.position.x`."""
         if node.attr == "z":
             return self._height()
         of_position = self.is_position(node.value)
@@ -181,26 +183,28 @@ class Translator:
         return ["rise_m", PerSample(lambda sample: [finite("z", sample.ego.position.z)]), "+"]
 
     def _distance(self, node: Any) -> Terms:
-        # Without a second end it is the distance from the ego.
-        ends: list[Any] = [end if end is not None else ast.Name("ego", ast.Load()) for end in (node.target, node.base)]
-        places = [end for end in ends if self.is_constant(end)]
-        others = [end for end in ends if not self.is_constant(end)]
-        if len(places) != 1:
+        """Translate `distance from A to B`, where one of them is the car or a side of it, the other a constant place."""
+        # Without a second point it is the distance from the ego.
+        ego = ast.Name("ego", ast.Load())
+        points: list[Any] = [ego if point is None else point for point in (node.target, node.base)]
+        constant_points = [point for point in points if self.is_constant(point)]
+        car_points = [point for point in points if not self.is_constant(point)]
+        if len(constant_points) != 1:
             raise NotNativeError(shown(node))
-        (place,), (car,) = places, others
-        if self._is_region(place):
+        (constant_point,), (car_point,) = constant_points, car_points
+        if self._is_region(constant_point):
             raise NotNativeError("the distance from a region")
-        where = PerSample(lambda sample: sample.place(place))
-        if self._is_ego(car) or self.is_position(car):
-            return [where, "distance_m"]
-        if type(car).__name__ == "PositionOfOp" and self._is_ego(car.target):
-            side = type(car.position).__name__
+        place_terms = PerSample(lambda sample: sample.place(constant_point))
+        if self._is_ego(car_point) or self.is_position(car_point):
+            return [place_terms, "distance_m"]
+        if type(car_point).__name__ == "PositionOfOp" and self._is_ego(car_point.target):
+            side = type(car_point.position).__name__
             if side in SIDES:
-                return [PerSample(lambda sample: sample.side(side)), where, "distance_from_m"]
+                return [PerSample(lambda sample: sample.side(side)), place_terms, "distance_from_m"]
         raise NotNativeError(shown(node))
 
     def _inside(self, thing: Any, region: Any) -> Terms:
-        # `ego in region` holds if the whole car is inside.
+        """Translate `ego.position in REGION`; not `ego in REGION`, which holds if the whole car is inside."""
         if not (self.is_position(thing) and self._is_region(region)):
             raise NotNativeError("a region")
         if not self.is_constant(region):
@@ -209,8 +213,8 @@ class Translator:
 
     def _is_region(self, node: Any) -> bool:
         value = self.names.get(node.id) if isinstance(node, ast.Name) else None
-        called = node.func.id if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) else ""
-        return type(value).__name__ in REGIONS or called in REGIONS
+        function_name = node.func.id if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) else ""
+        return type(value).__name__ in REGIONS or function_name in REGIONS
 
 
 def _stands_in_world(ego: Any) -> bool:
@@ -219,11 +223,11 @@ def _stands_in_world(ego: Any) -> bool:
     return bool(alwaysGlobalOrientation(ego.parentOrientation))
 
 
-def folded(parts: list[Terms], operation: str) -> Terms:
-    """Return the terms that apply a binary operation to any number of operands in turn."""
-    terms = list(parts[0])
-    for part in parts[1:]:
-        terms += [*part, operation]
+def joined(operands: list[Terms], operation: str) -> Terms:
+    """Return the terms that apply a binary operation to one operand after the other: a, b, op, c, op, …"""
+    terms = list(operands[0])
+    for operand in operands[1:]:
+        terms += [*operand, operation]
     return terms
 
 

@@ -33,12 +33,15 @@ class NativeProgram:
         self._names, self._endings, self._limits, self._records = translator.names, endings, limits, records
 
     def of_scene(self, scene: Any) -> dict[str, Any]:
-        """Return the member `program` of a scene of docs/carsim.md. Raises UnusableError or FoldcarError."""
+        """Return the member `program` of a scene (docs/carsim.md): endings, time limit, verdict and records.
+
+        Values that are known in a sample only are inserted. Raises UnusableError or FoldcarError.
+        """
         sample = SampledValues(scene, self._names)
         step_s = outer_step_s(scene.params)
         endings = [
-            {"when": _resolved(terms, sample), "outcome": "passed" if passed else "terminated"}
-            for terms, passed in self._endings
+            {"when": _resolved(terms, sample), "outcome": "passed" if is_pass else "terminated"}
+            for terms, is_pass in self._endings
         ]
         records: list[dict[str, Any]] = []
         verdict: Any = None
@@ -59,6 +62,7 @@ class NativeProgram:
         }
 
     def _time_limit_s(self, sample: SampledValues, step_s: float) -> float | None:
+        """Return the limit of `terminate after` (s), or None if there is no limit below carsim's own."""
         if not self._limits:
             return None
         duration = self._limits[-1]
@@ -70,7 +74,7 @@ class NativeProgram:
 
 
 def native_program(scenario: Any, program: Path, success: SuccessRule) -> tuple[NativeProgram | None, str]:
-    """Translate the program; else return None and the part, with its line, that needs Scenic beside the simulation."""
+    """Return the translated program and ""; or None and the part, with its line, that needs Scenic beside carsim."""
     tree = parsed_program(read_text(program))
     line = 0
     try:
@@ -78,30 +82,30 @@ def native_program(scenario: Any, program: Path, success: SuccessRule) -> tuple[
         translator = Translator(tree, scenario)
         endings, limits, records = [], [], []
         conditions = (*scenario.terminationConditions, *scenario.terminateSimulationConditions)
-        passing = {condition.line for condition in conditions if str(condition) in success.endings}
-        for kind in ("TerminateWhen", "TerminateSimulationWhen"):
-            for node in _statements(tree, kind):
+        passing_lines = {condition.line for condition in conditions if str(condition) in success.endings}
+        for statement_kind in ("TerminateWhen", "TerminateSimulationWhen"):
+            for node in _statements(tree, statement_kind):
                 line = node.lineno
-                endings.append((translator.truth(node.cond), line in passing))
+                endings.append((translator.truth(node.cond), line in passing_lines))
         for node in _statements(tree, "TerminateAfter"):
             line = node.lineno
             if not translator.is_constant(node.duration.value):
                 raise NotNativeError(shown(node.duration.value))
             limits.append(node.duration)
-        for kind, name in RECORDS.items():
-            for node in _statements(tree, kind):
+        for statement_kind, record_kind in RECORDS.items():
+            for node in _statements(tree, statement_kind):
                 line = node.lineno
                 constant = translator.is_constant(node.value)
                 terms = [] if constant else translator.recorded(node.value)
-                record = _record_name(scenario, node)
-                if record == VERDICT and translator.is_position(node.value):
+                record_name = _record_name(scenario, node)
+                if record_name == VERDICT and translator.is_position(node.value):
                     raise NotNativeError(f"a position as `{VERDICT}`")
-                records.append((record, name, node.value, terms))
+                records.append((record_name, record_kind, node.value, terms))
         expressions = (*scenario.recordedExprs, *scenario.recordedInitialExprs, *scenario.recordedFinalExprs)
         line = 0
         if len(endings) > MAX_STATEMENTS or len(records) > MAX_STATEMENTS:
             raise NotNativeError(f"more than {MAX_STATEMENTS} conditions or records")
-        expressions_terms = (*(ending[0] for ending in endings), *(record[3] for record in records))
+        expressions_terms = (*(ending[0] for ending in endings), *(record_name[3] for record_name in records))
         if any(len(terms) > MAX_TERMS for terms in expressions_terms):
             raise NotNativeError(f"an expression of more than {MAX_TERMS} terms")
         if (len(endings), len(records)) != (len(conditions), len(expressions)) or len(limits) > 1:
@@ -112,8 +116,9 @@ def native_program(scenario: Any, program: Path, success: SuccessRule) -> tuple[
 
 
 def _check_only_translatable_parts(scenario: Any) -> None:
+    """Raise NotNativeError, with its name, if the program has a part that carsim cannot evaluate."""
     dynamic = scenario.dynamicScenario
-    parts = {
+    is_present = {
         "a modular scenario": scenic_private.is_modular(dynamic) or scenic_private.has_compose(dynamic),
         "monitors": bool(scenario.monitors),
         "behaviors": bool(scenic_private.agents(dynamic)),
@@ -121,8 +126,8 @@ def _check_only_translatable_parts(scenario: Any) -> None:
             requirement.proposition.has_temporal_operator for requirement in scenario.requirements
         ),
     }
-    for name, present in parts.items():
-        if present:
+    for name, found_part in is_present.items():
+        if found_part:
             raise NotNativeError(name)
 
 
@@ -131,18 +136,14 @@ def _statements(tree: Any, kind: str) -> Iterator[Any]:
 
 
 def _record_name(scenario: Any, node: Any) -> str:
-    """Return the name under which Scenic keeps a record: the statement's, or else one that Scenic makes."""
-    expressions = (*scenario.recordedExprs, *scenario.recordedInitialExprs, *scenario.recordedFinalExprs)
-    return str(
-        next(
-            expression.name
-            for expression in expressions
-            if expression.line == node.lineno and node.name in (None, expression.name)
-        )
-    )
+    """Return the name under which Scenic keeps a record: the name in the statement, or one that Scenic makes."""
+    records = (*scenario.recordedExprs, *scenario.recordedInitialExprs, *scenario.recordedFinalExprs)
+    matching = (record for record in records if record.line == node.lineno and node.name in (None, record.name))
+    return str(next(matching).name)
 
 
 def _resolved(terms: Terms, sample: SampledValues) -> Terms:
+    """Return the terms with those that depend on the sample replaced by their values in it."""
     resolved: Terms = []
     for term in terms:
         resolved += term.read(sample) if isinstance(term, PerSample) else [term]
@@ -150,4 +151,5 @@ def _resolved(terms: Terms, sample: SampledValues) -> Terms:
 
 
 def _as_truth(node: Any, terms: Terms) -> Terms:
+    """Return the terms of a boolean: for an expression that is a number, whether it is not 0."""
     return terms if is_truth(node) else [*terms, "abs", 0.0, ">"]

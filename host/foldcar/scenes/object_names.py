@@ -21,32 +21,33 @@ def terrain_objects(scenario: Any, scene: Any) -> list[tuple[str, int]]:
     variables = _variables(scenario)
     pairs = [pair for pair in zip(scenario.objects, scene.objects, strict=True) if is_a(pair[1], "Terrain")]
     totals = Counter(type(sampled).__name__ for _, sampled in pairs)
-    numbers = Counter[str]()
+    count_so_far = Counter[str]()
     objects = []
     for original, sampled in pairs:
-        kind = type(sampled).__name__
-        numbers[kind] += 1
-        number = f" {numbers[kind]}" if totals[kind] > 1 else ""
-        name = variables.get(id(original)) or _in_words(kind) + number
+        class_name = type(sampled).__name__
+        count_so_far[class_name] += 1
+        number_text = f" {count_so_far[class_name]}" if totals[class_name] > 1 else ""
+        name = variables.get(id(original)) or _in_words(class_name) + number_text
         objects.append((name, len(terrain_pieces(sampled))))
     return objects
 
 
 def _variables(scenario: Any) -> dict[int, str]:
-    """Return the variable of each object by the object's id."""
+    """Return the name of the variable that holds each object, by the object's id; ``name[index]`` in a list."""
     variables: dict[int, str] = {}
-    for name, things in named_instances(scenario).items():
-        for index, thing in enumerate(things):
-            variables.setdefault(id(thing), name if len(things) == 1 else f"{name}[{index}]")
-    # The variable of a loop names only the object of the loop's last pass.
-    unnamed = {_line(thing) for thing in scenario.objects if id(thing) not in variables}
-    looped = {id(thing) for thing in scenario.objects if _line(thing) in unnamed}
-    return {thing: name for thing, name in variables.items() if thing not in looped}
+    for name, instances in named_instances(scenario).items():
+        for index, instance in enumerate(instances):
+            variables.setdefault(id(instance), name if len(instances) == 1 else f"{name}[{index}]")
+    # A loop's variable holds only the object of the last pass: if one object of a line has no variable, none of this
+    # line has one.
+    unnamed_lines = {_line(instance) for instance in scenario.objects if id(instance) not in variables}
+    unnamed_ids = {id(instance) for instance in scenario.objects if _line(instance) in unnamed_lines}
+    return {instance_id: name for instance_id, name in variables.items() if instance_id not in unnamed_ids}
 
 
-def _line(thing: Any) -> Any:
-    """Return the file and the line that made the object."""
-    return getattr(thing, "creationLine", thing)
+def _line(instance: Any) -> Any:
+    """Return the file and the line that made the object; the object itself if Scenic has not recorded them."""
+    return getattr(instance, "creationLine", instance)
 
 
 def _in_words(kind: str) -> str:

@@ -43,44 +43,46 @@ class Obstacle:
         return [(self.x_m + a * cos - b * sin, self.y_m + a * sin + b * cos) for a, b in ends]
 
     def near_edge_m(self, terrain: Sequence[Mapping[str, Any]]) -> list[tuple[float, float]]:
-        """Return the points (x, y) to measure from the mark on the floor, the origin.
+        """Return the points (x, y) of the obstacle whose distances from the mark on the floor (the origin) are measured.
 
-        They are the nearest corner and the end of its longer edge, which determines the heading best. A round obstacle
-        has its nearest point only, or none if the mark is in its middle.
+        They are the nearest corner, and the other end of its longer edge, which determines the heading best. Of a round
+        obstacle it is the nearest point alone; no point if the mark is in its middle.
         """
         if len(self.pieces) == 1 and kind_of(terrain[self.pieces[0]]).shape == "disc":
-            away_m = math.hypot(self.x_m, self.y_m)
-            scale = abs(1 - self.length_m / 2 / away_m) if away_m else 0.0
+            distance_m = math.hypot(self.x_m, self.y_m)
+            scale = abs(1 - self.length_m / 2 / distance_m) if distance_m else 0.0
             return [(scale * self.x_m, scale * self.y_m)] if scale else []
         corners = self.corners_m
         # Rounded, so that the last bit does not decide between corners at equal distance: the first is taken.
-        far = [round(math.hypot(*corner), 6) for corner in corners]
-        first = far.index(min(far))
-        beside = corners[(first + 1) % 4], corners[(first - 1) % 4]
+        distances = [round(math.hypot(*corner), 6) for corner in corners]
+        first = distances.index(min(distances))
+        neighbours = corners[(first + 1) % 4], corners[(first - 1) % 4]
         # Of equal edges, the one whose other end is nearer to the mark.
-        second = max(beside, key=lambda corner: (round(math.dist(corner, corners[first]), 6), -math.hypot(*corner)))
+        second = max(neighbours, key=lambda corner: (round(math.dist(corner, corners[first]), 6), -math.hypot(*corner)))
         return [corners[first], second]
 
 
 def obstacles_of(
     terrain: Sequence[Mapping[str, Any]], objects: Sequence[tuple[str, float, Sequence[int]]]
 ) -> list[Obstacle]:
-    """Return the obstacles of ``objects``, which are a class, a heading (rad) and indices of pieces each, in order.
+    """Return the obstacles of ``objects``, each a class name, a heading (rad) and indices of pieces, in their order.
 
-    Pieces that belong to the floor itself, such as rough ground, are left out.
+    Objects with the same middle, such as stacked blocks, are one obstacle. Pieces of the floor itself, such as rough
+    ground, are left out.
     """
-    by_middle: dict[tuple[float, float], Obstacle] = {}
+    obstacle_by_middle: dict[tuple[float, float], Obstacle] = {}
     for name, heading_rad, indices in objects:
-        standing = tuple(index for index in indices if not kind_of(terrain[index]).is_floor)
-        if not standing:
+        standing_pieces = tuple(index for index in indices if not kind_of(terrain[index]).is_floor)
+        if not standing_pieces:
             continue
-        obstacle = _obstacle(name, heading_rad, standing, terrain)
-        below = by_middle.get((obstacle.x_m, obstacle.y_m))
-        if below is not None:
-            length_m, width_m = max(below.length_m, obstacle.length_m), max(below.width_m, obstacle.width_m)
-            obstacle = replace(below, pieces=below.pieces + obstacle.pieces, length_m=length_m, width_m=width_m)
-        by_middle[obstacle.x_m, obstacle.y_m] = obstacle
-    return list(by_middle.values())
+        obstacle = _obstacle(name, heading_rad, standing_pieces, terrain)
+        same_middle = obstacle_by_middle.get((obstacle.x_m, obstacle.y_m))
+        if same_middle is not None:
+            length_m, width_m = max(same_middle.length_m, obstacle.length_m), max(same_middle.width_m, obstacle.width_m)
+            pieces = same_middle.pieces + obstacle.pieces
+            obstacle = replace(same_middle, pieces=pieces, length_m=length_m, width_m=width_m)
+        obstacle_by_middle[obstacle.x_m, obstacle.y_m] = obstacle
+    return list(obstacle_by_middle.values())
 
 
 def footprint(name: str, terrain: Sequence[Mapping[str, Any]], index: int) -> Obstacle:
@@ -91,9 +93,10 @@ def footprint(name: str, terrain: Sequence[Mapping[str, Any]], index: int) -> Ob
 
 
 def _obstacle(name: str, heading_rad: float, indices: tuple[int, ...], terrain: Sequence[Mapping[str, Any]]) -> Obstacle:
+    """Return the pieces with these indices as one obstacle, whose footprint is their bounding box along the heading."""
     if len(indices) == 1:
         return footprint(name, terrain, *indices)
-    # The bounding box of all pieces along the object's heading; its middle is rotated back.
+    # The pieces are rotated by the negative heading, and the middle of their bounding box is rotated back.
     places = ({"heading_rad": heading_rad, **terrain[index]} for index in indices)
     ground = shapely.union_all([rectangle(place, reach_m(place)) for place in places])
     x_min, y_min, x_max, y_max = affinity.rotate(ground, -heading_rad, (0, 0), use_radians=True).bounds

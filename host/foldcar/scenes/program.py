@@ -62,7 +62,10 @@ def compile_program(program: Path, params: Mapping[str, Any], files: ProgramFile
 def _compiled(
     program: Path, files: ProgramFiles, params: Mapping[str, Any], followed: Collection[int] = ()
 ) -> tuple[Any, set[int]]:
-    """Return the scenario, and the Points that it mutates; ``followed`` as in Mutations. Raises FoldcarError."""
+    """Compile the program once; return the scenario, and the numbers of the Points that it mutates.
+
+    ``followed`` are the numbers of mutated Points known from an earlier compilation (see Mutations). Raises FoldcarError.
+    """
     with _no_collection(), warnings.catch_warnings():
         # Scenic installs an excepthook, and warns if another library has done so before.
         warnings.filterwarnings("ignore", message="unable to install sys.excepthook")
@@ -74,7 +77,7 @@ def _compiled(
     mutations = Mutations(followed)
     limited = contained(COMPILE_LIMIT_S, f"{program}: compiling", program)
     try:
-        with _no_collection(), files.inside(anew=True), _vocabulary_found(), hooks(mutations), limited:
+        with _no_collection(), files.inside(anew=True), _vocabulary_on_path(), hooks(mutations), limited:
             scenario = scenic.scenarioFromFile(str(program), params=dict(params))
             refuse_same_names(scenario)
             if is_dynamic(scenario):
@@ -87,7 +90,7 @@ def _compiled(
 
 
 def may_end_itself(scenario: Any) -> bool:
-    """Whether the program can end a simulation, by conditions, monitors or behaviors, and so needs no Goal."""
+    """Whether the program can end a simulation, by a time limit, conditions, monitors or behaviors; it needs no Goal."""
     dynamic = scenario.dynamicScenario
     conditions = [*scenario.terminationConditions, *scenario.terminateSimulationConditions]
     limited = scenic_private.is_limited(dynamic) or scenic_private.has_compose(dynamic)
@@ -124,7 +127,7 @@ class ProgramError(FoldcarError):
 
 
 def _place(error: BaseException) -> tuple[str | None, int | None, int | None]:
-    """Return the Scenic file, line and column (from 0) at fault, as far as the error has them."""
+    """Return the Scenic file, line and column (from 0) at fault; None for each that is unknown."""
     file, line, offset = (getattr(error, name, None) for name in ("filename", "lineno", "offset"))
     if isinstance(file, str) and file.endswith(".scenic"):
         return file, line, offset - 1 if offset else None
@@ -137,16 +140,16 @@ def _place(error: BaseException) -> tuple[str | None, int | None, int | None]:
 
 
 def one_line(error: BaseException, program: Path) -> str:
-    """Format the error as one line, with the line of the program if the error has one."""
+    """Format the error as one line of text, with the program's line number if it is known, and a hint."""
     file, line, _ = _place(error)
-    where = "" if line is None else line_prefix(file, line, program)
-    kind = "" if type(error).__module__.startswith("scenic.") else f"{type(error).__name__}: "
+    line_text = "" if line is None else line_prefix(file, line, program)
+    error_class = "" if type(error).__module__.startswith("scenic.") else f"{type(error).__name__}: "
     message = overlap_hint(" ".join(str(error).split()) or "no message")
     text = linecache.getline(file, line).rstrip() if file is not None and line is not None else ""
     hint = syntax_hint(error, text)
     # Scenic's guess is wrong where `new` is present.
     message = message.removesuffix(" Perhaps you forgot 'new'?").removesuffix(".") if hint else message
-    return where + kind + message + hint + _name_hint(error)
+    return line_text + error_class + message + hint + _name_hint(error)
 
 
 def _undefined_name(error: BaseException) -> str | None:
@@ -168,13 +171,13 @@ def _name_hint(error: BaseException) -> str:
         return "; the line `model model` at the top of the program defines foldcar's objects"
     if name[:1].isupper():
         return f"; foldcar's objects: {', '.join(sorted(classes))}{did_you_mean(name, classes)}"
-    return did_you_mean(name, [known for known in names if not known.startswith("_")])
+    return did_you_mean(name, [defined for defined in names if not defined.startswith("_")])
 
 
 def line_prefix(file: str | None, line: int, program: Path) -> str:
     """Return the line as a prefix of messages on ``program``; ``file`` may be an imported program."""
-    same = file is None or Path(file).resolve() == program.resolve()
-    return f"line {line}: " if same else f"{file}: line {line}: "
+    is_program = file is None or Path(file).resolve() == program.resolve()
+    return f"line {line}: " if is_program else f"{file}: line {line}: "
 
 
 def overlap_hint(message: str) -> str:
@@ -184,18 +187,19 @@ def overlap_hint(message: str) -> str:
 
 @contextlib.contextmanager
 def _no_collection() -> Iterator[None]:
-    """Disable garbage collection: importing and compiling discard little, and take two thirds of the time without it."""
-    collecting = gc.isenabled()
+    """Disable garbage collection within the block, which makes importing and compiling a third faster."""
+    was_enabled = gc.isenabled()
     gc.disable()
     try:
         yield
     finally:
-        if collecting:
+        if was_enabled:
             gc.enable()
 
 
 @contextlib.contextmanager
-def _vocabulary_found() -> Iterator[None]:
+def _vocabulary_on_path() -> Iterator[None]:
+    """Within the block, Scenic finds foldcar's vocabulary as `model model`."""
     folder = str(VOCABULARY_DIR)
     sys.path.append(folder)
     try:
@@ -205,11 +209,15 @@ def _vocabulary_found() -> Iterator[None]:
 
 
 def _check_params(program: Path, params: Mapping[str, Any], declared: Mapping[str, Any]) -> None:
+    """Raise FoldcarError for a parameter that the program does not declare, or a value that is not a finite number.
+
+    Parameters whose declared value is not a number take any value that is not infinite.
+    """
     for name, value in params.items():
         if name not in declared:
-            known = ", ".join(sorted(declared)) or "none"
-            close = did_you_mean(name, declared)
-            raise FoldcarError(f"{program}: param {name}: unknown; the program's parameters are: {known}{close}")
+            names = ", ".join(sorted(declared)) or "none"
+            suggestion = did_you_mean(name, declared)
+            raise FoldcarError(f"{program}: param {name}: unknown; the program's parameters are: {names}{suggestion}")
         if _is_number(declared[name]) and not _is_number(value):
             raise FoldcarError(f"{program}: param {name}: {value!r} is not a number")
         if _is_number(value) and not math.isfinite(value):
@@ -227,12 +235,13 @@ def named_things(scenario: Any) -> dict[str, Any]:
 
 def named_instances(scenario: Any) -> dict[str, list[Any]]:
     """Return a compiled program's objects and points by the names of its variables; a list by the list's name."""
-    own = {id(thing) for thing in scenic_private.instances(scenario)}
+    instance_ids = {id(value) for value in scenic_private.instances(scenario)}
     instances = {} if scenario.egoObject is None else {"ego": [scenario.egoObject]}
-    for name, value in named_things(scenario).items():
-        things = [scenic_private.unsampled(thing) for thing in (value if isinstance(value, list | tuple) else [value])]
-        if things and all(id(thing) in own for thing in things):
-            instances[name] = things
+    for name, variable in named_things(scenario).items():
+        items = variable if isinstance(variable, list | tuple) else [variable]
+        values = [scenic_private.unsampled(item) for item in items]
+        if values and all(id(value) in instance_ids for value in values):
+            instances[name] = values
     return instances
 
 

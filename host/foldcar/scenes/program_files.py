@@ -59,8 +59,8 @@ class ProgramFiles:
 
     def unchanged(self) -> bool:
         """Whether the files are unchanged, and no new ones are beside the program."""
-        now = {name: digest_or_missing(self._folder / name) for name in self._digests}
-        return {**now, **self._neighbours()} == self._digests
+        current = {name: digest_or_missing(self._folder / name) for name in self._digests}
+        return {**current, **self._neighbours()} == self._digests
 
     @contextmanager
     def inside(self, anew: bool = False) -> Iterator[None]:
@@ -70,37 +70,42 @@ class ProgramFiles:
         """
         if anew:
             self._modules.forget()
-        failed: Exception | None = None
+        error_of_block: Exception | None = None
         with only_minimal_variables(), self._modules.loaded(), heard_files() as heard:
             try:
                 yield
             except Exception as error:
-                failed = error
+                error_of_block = error
         # Checked before the failure is raised, which may have been caused by a file that is being changed.
         self._record_digests(heard)
-        if failed is not None:
-            raise failed
+        if error_of_block is not None:
+            raise error_of_block
 
     def _record_digests(self, heard: RecordedFiles) -> None:
+        """Record the digests of the files that the block has read. Raises FoldcarError if one has changed or is too late.
+
+        Files that the program wrote itself, installed files and compiled Python are not recorded.
+        """
         self._written |= heard.written
         for path, state in heard.read.items():
             if path.suffix == ".pyc" or path in self._written or not is_own(path, self._folder):
                 continue
+            # State None: the file is missing. If it appears later, reading it is noticed then.
             if state is None and (self._fixed or not path.is_relative_to(self._folder)):
-                # If the file appears later, reading it is noticed then.
                 continue
             name = self._name(path)
-            earlier, now = self._digests.get(name), digest_or_missing(path) if file_state(path) == state else None
-            if now is None or now != (earlier or now):
+            recorded, current = self._digests.get(name), digest_or_missing(path) if file_state(path) == state else None
+            if current is None or current != (recorded or current):
                 raise _changed(self._program.parent / name)
-            if earlier is None and self._fixed:
+            if recorded is None and self._fixed:
                 raise FoldcarError(
                     f"{self._program}: reads {self._program.parent / name} for the first time after sample 0, too late "
                     "to tell environments apart by it; read it at the program's head"
                 )
-            self._digests[name] = now
+            self._digests[name] = current
 
     def _name(self, path: Path) -> str:
+        """Return a file's path relative to the program's folder, or its full path if it is outside."""
         for candidate, folder in ((path, self._folder), (path.resolve(), self._folder.resolve())):
             if candidate.is_relative_to(folder):
                 return candidate.relative_to(folder).as_posix()
@@ -141,35 +146,36 @@ class _Modules:
 
     @contextmanager
     def loaded(self) -> Iterator[None]:
-        """Within the block only the program's modules and installed modules are loaded."""
-        others, path = _pop_own_modules(self._folder), list(sys.path)
+        """Within the block sys.modules and sys.path are as if this program were alone in a new Python."""
+        other_modules, outer_path = _pop_own_modules(self._folder), list(sys.path)
         sys.modules.update(self._modules)
         # Without the working directory, so that a program finds the same modules wherever it is started.
-        sys.path[:] = self._path or [str(self._folder), *filter(None, path)]
+        sys.path[:] = self._path or [str(self._folder), *filter(None, outer_path)]
         finder: Any = _Finder(self._folder)
         sys.meta_path.insert(sys.meta_path.index(PathFinder) if PathFinder in sys.meta_path else 0, finder)
         try:
             yield
         finally:
             sys.meta_path.remove(finder)
-            self._path, sys.path[:] = list(sys.path), path
+            self._path, sys.path[:] = list(sys.path), outer_path
             self._modules = _pop_own_modules(self._folder)
-            sys.modules.update(others)
+            sys.modules.update(other_modules)
 
 
 def _pop_own_modules(folder: Path) -> dict[str, ModuleType]:
-    """Remove the modules that are not installed from sys.modules, and return them."""
+    """Remove the program's modules from sys.modules, and return them by name."""
     names = sys.modules.keys() - _installed
-    own = {name for name in names if _is_own_module(sys.modules[name], folder)} - {"__main__"}
-    _installed.update(names - own)
-    if own:
-        # Compiled code cannot be loaded twice, so a library under development stays completely.
-        stay = {name.partition(".")[0] for name in _installed}
-        own = {name for name in own if name.partition(".")[0] not in stay}
-    return {name: sys.modules.pop(name) for name in own}
+    own_names = {name for name in names if _is_own_module(sys.modules[name], folder)} - {"__main__"}
+    _installed.update(names - own_names)
+    if own_names:
+        # Compiled code cannot be loaded twice, so a package with compiled modules, which count as installed, stays.
+        installed_packages = {name.partition(".")[0] for name in _installed}
+        own_names = {name for name in own_names if name.partition(".")[0] not in installed_packages}
+    return {name: sys.modules.pop(name) for name in own_names}
 
 
 def _is_own_module(module: object, folder: Path) -> bool:
+    """Whether a module is the program's: loaded from a source file, or a package folder, that is not installed."""
     attributes = vars(module) if isinstance(module, ModuleType) else {}
     spec, file = attributes.get("__spec__"), attributes.get("__file__")
     if isinstance(file, str):

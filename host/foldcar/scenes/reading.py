@@ -31,12 +31,12 @@ def is_a(thing: Any, kind: str) -> bool:
 def finite(name: str, value: Any, thing: Any = None) -> float:
     """Return ``value`` as a rounded float. Raises UnusableError, which names ``name``, if it is not a finite number."""
     try:
-        value_read = float(value)
+        number = float(value)
     except (TypeError, ValueError):
         raise UnusableError(f"{name}: {value} is not a number", thing) from None
-    if not math.isfinite(value_read):
-        raise UnusableError(f"{name}: {value_read} is not finite", thing)
-    return rounded(value_read)
+    if not math.isfinite(number):
+        raise UnusableError(f"{name}: {number} is not finite", thing)
+    return rounded(number)
 
 
 def rounded(value: float) -> float:
@@ -67,13 +67,14 @@ def _name(thing: Any) -> str:
     return f"{type(thing).__name__} at ({x}, {y})"
 
 
-def outer_step_s(params: Mapping[str, Any], given: float | None = None) -> float:
-    """Return the outer step (s): ``given``, else ``param timestep`` (Scenic's name for it), else ``param outer_step_s``.
+def outer_step_s(params: Mapping[str, Any], override_s: float | None = None) -> float:
+    """Return the interval (s) at which Scenic looks at a simulation.
 
-    Raises UnusableError if it is not a number or beyond the limits.
+    It is ``override_s``, else ``param timestep`` (Scenic's name for it), else ``param outer_step_s``. Raises
+    UnusableError if it is not a number or beyond the limits.
     """
     name = "timestep" if "timestep" in params else "outer_step_s"
-    value = params.get(name, OUTER_STEP_S) if given is None else given
+    value = params.get(name, OUTER_STEP_S) if override_s is None else override_s
     low, high = OUTER_STEP_LIMITS_S
     try:
         step_s = float(value)

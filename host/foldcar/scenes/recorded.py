@@ -13,9 +13,10 @@ MAX_DEPTH = 20
 
 
 def to_json(value: Any, name: str, depth: int = 0) -> Any:
-    """Return ``value`` as JSON data, copied. Raises FoldcarError, which names the record, for other types of values.
+    """Convert the value of the record ``name`` to JSON data.
 
-    Vectors become [x, y, z], orientations [yaw, pitch, roll] in radians, numpy's arrays lists.
+    Vectors become [x, y, z], orientations [yaw, pitch, roll] in radians, numpy's arrays lists. ``depth`` counts the lists
+    and dictionaries around the value. Raises FoldcarError, which names the record, for other types of values.
     """
     if depth > MAX_DEPTH:
         raise FoldcarError(f"record {name}: its value is nested deeper than {MAX_DEPTH}")
@@ -36,13 +37,13 @@ def to_json(value: Any, name: str, depth: int = 0) -> Any:
     if isinstance(value, list | tuple):
         return [to_json(item, name, depth + 1) for item in value]
     if isinstance(value, dict):
-        keys = [key for key in value if not isinstance(key, str)]
-        if keys:
-            raise FoldcarError(f"record {name}: the key {keys[0]!r} of its value is not a string")
+        other_keys = [key for key in value if not isinstance(key, str)]
+        if other_keys:
+            raise FoldcarError(f"record {name}: the key {other_keys[0]!r} of its value is not a string")
         return {_text(key, name): to_json(item, name, depth + 1) for key, item in value.items()}
     if type(value).__module__ == "scenic.core.vectors":
-        angles = getattr(value, "eulerAngles", None)
-        return to_json(list(value) if angles is None else list(angles), name)
+        euler_angles = getattr(value, "eulerAngles", None)
+        return to_json(list(value) if euler_angles is None else list(euler_angles), name)
     raise FoldcarError(f"record {name}: a {type(value).__name__} cannot be stored; record its numbers instead")
 
 

@@ -63,14 +63,14 @@ def refuse_useless_properties(cls: Any, specifiers: Sequence[Any], caller: Frame
     of Scenic's that has no meaning here.
     """
     for name in (name for specifier in specifiers for name in specifier.priorities if name != NAME):
-        own = _derives(cls, "Thing") and name not in SCENICS_FINAL
-        if own and name in scenic_private.final_properties(cls):
+        is_ours = _derives(cls, "Thing") and name not in SCENICS_FINAL
+        if is_ours and name in scenic_private.final_properties(cls):
             sources = scenic_private.sources_of(cls, name)
-            how = f"follows from {', '.join(sources)}: set these" if sources else "has no meaning here"
-            raise at(SpecifierError(f"{cls.__name__}: {name} {how}"), *_line_of(caller))
-        why = next((why for kind, useless, why in USELESS if name in useless and _derives(cls, kind)), "")
-        if why and not _reads(caller, name):
-            raise at(SpecifierError(f"{cls.__name__}: {name} has no effect: {why}"), *_line_of(caller))
+            remedy = f"follows from {', '.join(sources)}: set these" if sources else "has no meaning here"
+            raise at(SpecifierError(f"{cls.__name__}: {name} {remedy}"), *_line_of(caller))
+        reason = next((reason for kind, names, reason in USELESS if name in names and _derives(cls, kind)), "")
+        if reason and not _reads(caller, name):
+            raise at(SpecifierError(f"{cls.__name__}: {name} has no effect: {reason}"), *_line_of(caller))
         owners = [] if name in scenic_private.defaults(cls) or not _derives(cls, "Thing") else _owners(name, caller)
         if owners and not _reads(caller, name):
             raise at(SpecifierError(f"{cls.__name__} has no property {name}; {owners[0]} has"), *_line_of(caller))
@@ -101,12 +101,16 @@ def refuse_misspelt_parameters(names: Iterable[str], caller: FrameType) -> None:
         _refuse_misspelt(InvalidScenarioError, f"nothing reads param {name}", name, _vocabularys_parameters(), caller)
 
 
-def _refuse_misspelt(error: type[Exception], what: str, name: str, known: Iterable[str], caller: FrameType) -> None:
-    """Raise the error unless the name is known, resembles no known one, or the program reads it."""
-    longer = [other for other in known if other.startswith(f"{name}_")]
-    near = [] if name in known else difflib.get_close_matches(name, known, n=1, cutoff=SIMILARITY) or longer
-    if near and not _reads(caller, name):
-        raise at(error(f"{what}; did you mean {near[0]}?"), *_line_of(caller))
+def _refuse_misspelt(
+    error: type[Exception], message: str, name: str, known_names: Iterable[str], caller: FrameType
+) -> None:
+    """Raise ``error`` if a name is unknown but resembles a known one, and the program does not read it itself."""
+    if name in known_names:
+        return
+    similar_names = difflib.get_close_matches(name, known_names, n=1, cutoff=SIMILARITY)
+    similar_names += [other for other in known_names if other.startswith(f"{name}_")]
+    if similar_names and not _reads(caller, name):
+        raise at(error(f"{message}; did you mean {similar_names[0]}?"), *_line_of(caller))
 
 
 def _reads(caller: FrameType, name: str) -> bool:
@@ -128,9 +132,9 @@ def refuse_misspelt_attributes(scenario: Any, program: Path) -> None:
                 continue
             thing = things.get(node.value.id)
             if isinstance(thing, Constructible) and not hasattr(thing, node.attr):
-                close = did_you_mean(node.attr, scenic_private.defaults(type(thing)))
-                what = f"{node.value.id} has no property {node.attr}{close}"
-                raise at(InvalidScenarioError(what), str(program), node.lineno)
+                suggestion = did_you_mean(node.attr, scenic_private.defaults(type(thing)))
+                message = f"{node.value.id} has no property {node.attr}{suggestion}"
+                raise at(InvalidScenarioError(message), str(program), node.lineno)
 
 
 @cache
@@ -139,15 +143,19 @@ def _vocabularys_parameters() -> frozenset[str]:
 
 
 def refuse_undefined_names(code: CodeType, namespace: Mapping[str, Any]) -> None:
-    """Raise NameError, with file and line, for the first name in a nested block of ``code`` that is nowhere assigned."""
-    nested = list(_blocks(code))
+    """Raise NameError, with file and line, for the first undefined name in a function or condition within ``code``.
+
+    Python itself would raise it only when the block runs. A name is defined if it is assigned anywhere in ``code``, is in
+    ``namespace``, or built in.
+    """
+    blocks = list(_blocks(code))
     assigned = {
         instruction.argval
-        for block in nested
+        for block in blocks
         for instruction in dis.get_instructions(block)
         if instruction.opname.startswith("STORE_")
     }
-    for block in nested[1:]:
+    for block in blocks[1:]:
         lines = dict(dis.findlinestarts(block))
         line: int | None = block.co_firstlineno
         for instruction in dis.get_instructions(block):
@@ -176,12 +184,12 @@ def refuse_degrees(node: ast.AST, file: str) -> None:
         return
     for number in _numbers(angle):
         if abs(number) > 2 * math.pi:
-            what = f"`{statement}`: {number:g} is more than a turn of 2 pi radians; for degrees write {number:g} deg"
-            raise at(InvalidScenarioError(what), file, getattr(node, "lineno", 0))
+            message = f"`{statement}`: {number:g} is more than a turn of 2 pi radians; for degrees write {number:g} deg"
+            raise at(InvalidScenarioError(message), file, getattr(node, "lineno", 0))
 
 
 def _numbers(angle: ast.AST) -> Iterator[float]:
-    """Yield the number that ``angle`` is, or the numbers in a distribution's arguments."""
+    """Yield the number of a literal ``angle``, or the literal numbers in the arguments of a distribution."""
     if isinstance(angle, ast.Call) and isinstance(angle.func, ast.Name) and angle.func.id in DISTRIBUTIONS:
         for argument in angle.args:
             yield from _numbers(argument)
@@ -196,23 +204,25 @@ def _numbers(angle: ast.AST) -> Iterator[float]:
 
 def refuse_lost_statements(inherited: Any) -> None:
     """Raise Scenic's InvalidScenarioError if an ``inherited`` scenario has statements that Scenic drops."""
-    lost = [(statement.line, statement.ty.value) for place in DROPPED for statement in getattr(inherited, place)]
+    statements = [statement for attribute in DROPPED for statement in getattr(inherited, attribute)]
+    dropped = [(statement.line, statement.ty.value) for statement in statements]
     if scenic_private.is_limited(inherited):
         # Scenic does not keep its line.
-        lost.append((0, "terminate after"))
-    if lost:
-        line, kind = max(lost)
-        what = "Scenic drops such statements from an imported program, and from the top level beside a `scenario`"
-        error = InvalidScenarioError(f"`{kind}`: {what}; move them to the program, or into the scenario, that is run")
+        dropped.append((0, "terminate after"))
+    if dropped:
+        line, kind = max(dropped)
+        reason = "Scenic drops such statements from an imported program, and from the top level beside a `scenario`"
+        error = InvalidScenarioError(f"`{kind}`: {reason}; move them to the program, or into the scenario, that is run")
         raise at(error, scenic_private.file_of(inherited), line)
 
 
 def refuse_same_names(scenario: Any) -> None:
-    """Raise Scenic's InvalidScenarioError, with the line, if two records have one name: only one would be kept."""
-    lines: dict[str, int] = {}
+    """Raise Scenic's InvalidScenarioError, with the line, if two records have the same name: Scenic would keep one."""
+    line_of_name: dict[str, int] = {}
     records = [*scenario.recordedExprs, *scenario.recordedInitialExprs, *scenario.recordedFinalExprs]
     for record in sorted(records, key=lambda record: int(record.line)):
-        if record.name in lines:
-            what = f"`{record.ty.value} … as {record.name}`: line {lines[record.name]} records under this name already"
-            raise at(InvalidScenarioError(what), None, record.line)
-        lines[record.name] = record.line
+        if record.name in line_of_name:
+            earlier_line = line_of_name[record.name]
+            message = f"`{record.ty.value} … as {record.name}`: line {earlier_line} records under this name already"
+            raise at(InvalidScenarioError(message), None, record.line)
+        line_of_name[record.name] = record.line

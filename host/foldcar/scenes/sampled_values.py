@@ -60,6 +60,7 @@ class SampledValues:
         return value
 
     def _evaluated(self, node: Any) -> Any:
+        """Evaluate one of the forms of expressions that :meth:`Translator.is_constant` admits."""
         match node:
             case ast.Constant():
                 return node.value
@@ -90,29 +91,33 @@ class SampledValues:
         return Vector(self.value(node.left), self.value(node.right))  # `left @ right`
 
     def _called(self, node: ast.Call) -> Any:
+        """Evaluate a call of a function of `math`, a function of FUNCTIONS or a region of Scenic."""
         from scenic.core import regions
 
         arguments = [self.value(argument) for argument in node.args]
-        named = {keyword.arg: self.value(keyword.value) for keyword in node.keywords if keyword.arg}
+        keyword_arguments = {keyword.arg: self.value(keyword.value) for keyword in node.keywords if keyword.arg}
         if isinstance(node.func, ast.Attribute):
-            return getattr(math, node.func.attr)(*arguments, **named)
+            return getattr(math, node.func.attr)(*arguments, **keyword_arguments)
         assert isinstance(node.func, ast.Name)
-        called = FUNCTIONS.get(node.func.id) or getattr(regions, node.func.id)
-        return called(*arguments, **named)
+        function = FUNCTIONS.get(node.func.id) or getattr(regions, node.func.id)
+        return function(*arguments, **keyword_arguments)
 
     def number(self, node: Any) -> Terms:
         """Return the term of a number."""
         return [finite("a value of the program", self.value(node))]
 
     def truth(self, node: Any) -> Terms:
-        """Return the term of a part of `and` or `or`, which Scenic computes bitwise for values other than booleans."""
+        """Return the term of an operand of `and` or `or`.
+
+        Raises UnusableError unless it is true, false, 0 or 1: for other values Scenic computes bitwise.
+        """
         value = self.value(node)
         if not isinstance(value, bool | numpy.bool_ | int) or value not in (0, 1):
             raise UnusableError(f"line {node.lineno}: {value!r} beside `and` or `or` is neither True nor False")
         return [bool(value)]
 
     def place(self, node: Any) -> Terms:
-        """Return the terms of a place's coordinates (m), its height relative to the car's at the start."""
+        """Return the terms x, y, z (m) of a place; z is relative to the car's height at the start."""
         from scenic.core.type_support import toVector
 
         value = self.value(node)
@@ -123,17 +128,23 @@ class SampledValues:
         return [x, y, rounded(z - float(self.ego.position.z))]
 
     def region(self, node: Any) -> Terms:
-        """Return the terms of the condition that the car is in a region of the ground."""
+        """Return the terms of the condition that the car's position is in a region of the ground.
+
+        A circle is x, y, radius and "in_disc". Of polygons each is one term, the list of its corners' coordinates
+        x0, y0, x1, y1, …; several are joined by "or".
+        """
         region = self.value(node)
         if type(region).__name__ == "CircularRegion":
-            return [*(finite("a region", part) for part in (region.center.x, region.center.y, region.radius)), "in_disc"]
+            numbers = (region.center.x, region.center.y, region.radius)
+            return [*(finite("a region", number) for number in numbers), "in_disc"]
         polygons = region.polygons.geoms
         if any(polygon.interiors for polygon in polygons):
             raise UnusableError("a region with a hole cannot be used in a condition")
         terms: Terms = []
         for count, polygon in enumerate(polygons):
-            corners = [finite("a region", part) for corner in polygon.exterior.coords[:-1] for part in corner[:2]]
-            terms += [corners] if count == 0 else [corners, "or"]
+            corners = polygon.exterior.coords[:-1]
+            coordinates = [finite("a region", coordinate) for corner in corners for coordinate in corner[:2]]
+            terms += [coordinates] if count == 0 else [coordinates, "or"]
         return terms
 
     def side(self, name: str) -> Terms:
@@ -143,9 +154,10 @@ class SampledValues:
 
 
 def attribute_of(value: Any, node: ast.Attribute) -> Any:
-    """Return the attribute's value. Raises UnusableError if a class of the program computes it."""
-    written = [cls for cls in type(value).__mro__ if node.attr in vars(cls) and not cls.__module__.startswith("scenic.")]
-    if written and is_scenic(value):
+    """Return the attribute's value. Raises UnusableError if a class defined in the program computes it."""
+    defining_classes = [cls for cls in type(value).__mro__ if node.attr in vars(cls)]
+    is_of_program = any(not cls.__module__.startswith("scenic.") for cls in defining_classes)
+    if is_of_program and is_scenic(value):
         kind = type(value).__name__
         raise UnusableError(
             f"line {node.lineno}: `{node.attr}` of a {kind} is code, which a condition or record cannot use"
@@ -161,8 +173,8 @@ def is_scenic(value: Any) -> bool:
 def is_plain(value: Any) -> bool:
     """Whether using the value runs no code of the program: a value of Python, numpy or a class of Scenic."""
     # Scenic samples the members of a container only where the container is used as a value.
-    plain = isinstance(value, bool | int | float | str | numpy.generic | numpy.ndarray | None)
-    return plain or (is_scenic(value) and not isinstance(value, type) and not inspect.isroutine(value))
+    is_builtin = isinstance(value, bool | int | float | str | numpy.generic | numpy.ndarray | None)
+    return is_builtin or (is_scenic(value) and not isinstance(value, type) and not inspect.isroutine(value))
 
 
 def shown(node: Any) -> str:

@@ -53,8 +53,8 @@ def scene_with_obstacles(
     no Goal; the scene's goal is None then. ``native`` has the program's statements about runs, if carsim evaluates them.
     """
     try:
-        described, obstacles = _scene_with_obstacles(scene, needs_goal)
-        return described if native is None else described | {"program": native.of_scene(scene)}, obstacles
+        scene_data, obstacles = _scene_with_obstacles(scene, needs_goal)
+        return scene_data if native is None else scene_data | {"program": native.of_scene(scene)}, obstacles
     except UnusableError as problem:
         # The line where the program, or an imported one, creates the object.
         file, number = getattr(problem.thing, "creationLine", (None, 0))
@@ -110,6 +110,7 @@ def _scene_with_obstacles(scene: Any, needs_goal: bool) -> tuple[dict[str, Any],
 
 
 def _goal(thing: Any) -> dict[str, Any]:
+    """Return a Goal as JSON: a disc if it has a reach, else a line that the car must cross."""
     place = pose(thing)
     if thing.reach is None:
         return {"kind": "line", **place}
@@ -132,39 +133,42 @@ def terrain_pieces(thing: Any) -> list[dict[str, Any]]:
 
 
 def _checked(part: Any, thing: Any) -> dict[str, Any]:
-    """Return a piece in its object's frame with all keys of its kind. Raises UnusableError for a value beyond limits."""
+    """Return a piece in its object's frame with all keys of its kind.
+
+    Raises UnusableError for an unknown or missing key, or a value outside its limits.
+    """
     if not isinstance(part, Mapping) or part.get("kind") not in KINDS:
         raise UnusableError(f"{part!r} is not a piece of terrain; its kind must be one of {', '.join(KINDS)}", thing)
     kind = part["kind"]
     sizes = KINDS[kind].sizes
-    unknown = [key for key in part if key != "kind" and key not in sizes and key not in PLACE_KEYS]
-    if unknown:
-        raise UnusableError(f"{kind}: unknown key {unknown[0]}; its keys are {', '.join(sizes)}", thing)
-    checked: dict[str, Any] = {"kind": kind}
-    for key, (low, high) in {**PLACE_KEYS, **sizes}.items():
+    unknown_keys = [key for key in part if key != "kind" and key not in sizes and key not in PLACE_KEYS]
+    if unknown_keys:
+        raise UnusableError(f"{kind}: unknown key {unknown_keys[0]}; its keys are {', '.join(sizes)}", thing)
+    piece: dict[str, Any] = {"kind": kind}
+    for key, (minimum, maximum) in {**PLACE_KEYS, **sizes}.items():
         if key in sizes and key not in part:
             raise UnusableError(f"{kind}: {key} is missing", thing)
-        checked[key] = finite(f"{kind}: {key}", part.get(key, 0.0), thing)
-        if not low <= checked[key] <= high:
-            hint = "; lengths are in metres" if high == HEIGHT_M[1] else ""
-            raise UnusableError(f"{kind}: {key}: {part[key]} is not within {low:g} to {high:g}{hint}", thing)
+        piece[key] = finite(f"{kind}: {key}", part.get(key, 0.0), thing)
+        if not minimum <= piece[key] <= maximum:
+            hint = "; lengths are in metres" if maximum == HEIGHT_M[1] else ""
+            raise UnusableError(f"{kind}: {key}: {part[key]} is not within {minimum:g} to {maximum:g}{hint}", thing)
     if kind in BOUNDED:
-        key, limit, what = BOUNDED[kind]
-        if checked[key] > limit(checked):
-            raise UnusableError(f"{kind}: {key}: {checked[key]:g} is above {what}, {limit(checked):g}", thing)
+        key, limit, maximum_text = BOUNDED[kind]
+        if piece[key] > limit(piece):
+            raise UnusableError(f"{kind}: {key}: {piece[key]:g} is above {maximum_text}, {limit(piece):g}", thing)
     if kind == "rough":
-        cells = GRID_FINENESS / checked["correlation_m"]
-        nodes = (checked["length_m"] * cells + 1) * (checked["width_m"] * cells + 1)
+        cells = GRID_FINENESS / piece["correlation_m"]
+        nodes = (piece["length_m"] * cells + 1) * (piece["width_m"] * cells + 1)
         if nodes > MAX_NODES:
             raise UnusableError(f"rough: correlation_m: makes {nodes:.3g} heights, the limit is {MAX_NODES:.3g}", thing)
-        if checked["seed"] != int(checked["seed"]):
-            raise UnusableError(f"rough: seed: {checked['seed']:g} is not an integer", thing)
-        checked["seed"] = int(checked["seed"])
-    return checked
+        if piece["seed"] != int(piece["seed"]):
+            raise UnusableError(f"rough: seed: {piece['seed']:g} is not an integer", thing)
+        piece["seed"] = int(piece["seed"])
+    return piece
 
 
 def _placed(part: dict[str, Any], place: Mapping[str, float]) -> dict[str, Any]:
-    """Return the piece in the world's frame; ``place`` is its object's pose."""
+    """Return a piece, given in its object's frame, in the world's frame; ``place`` is the object's pose."""
     cos, sin = math.cos(place["heading_rad"]), math.sin(place["heading_rad"])
     ahead, left = part["x_m"], part["y_m"]
     piece = {

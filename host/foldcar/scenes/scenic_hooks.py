@@ -39,6 +39,7 @@ def hooks(mutations: Mutations) -> Iterator[None]:
 
     The program keeps `new` and `mutate` for its simulations, in which they act like Scenic's.
     """
+    # Each function below replaces the one of Scenic's with the same name, and calls it.
     compiler, scenario = ScenicToPythonTransformer, DynamicScenario
     scenics_new, scenics_mutate, scenics_visit = veneer.new, veneer.mutate, compiler.visit
     scenics_execute, scenics_inherit = translator.executeCodeIn, scenario._inherit
@@ -61,6 +62,7 @@ def hooks(mutations: Mutations) -> Iterator[None]:
         scenics_param(params)
 
     def visit(self: Any, node: Any) -> Any:
+        """Compile a node of the syntax tree, like Scenic's; nodes that it creates without a line get the node's."""
         refuse_degrees(node, self.filename)
         compiled = scenics_visit(self, node)
         if isinstance(node, ast.AST) and hasattr(node, "lineno"):

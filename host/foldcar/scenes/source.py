@@ -49,7 +49,7 @@ class SceneSource:
 
     @property
     def needs_scenic(self) -> str:
-        """The part, with its line, that Scenic must evaluate beside carsim; "" if there is none."""
+        """The part, with its line, that Scenic must evaluate beside carsim; "" if carsim evaluates everything."""
         return self._native[1]
 
     @cached_property
@@ -111,9 +111,9 @@ class SceneSource:
             raise ProgramError(f"{self.program}: sample {k}", error, self.program) from error
         # Scenic would check all requirements again in the simulation, even soft ones that this sample need not fulfil.
         scene.temporalRequirements = tuple(
-            temporalrequirement
-            for temporalrequirement in scene.temporalRequirements
-            if temporalrequirement.proposition.has_temporal_operator
+            requirement
+            for requirement in scene.temporalRequirements
+            if requirement.proposition.has_temporal_operator
         )
         return scene
 
@@ -138,18 +138,18 @@ class SceneSource:
             )
 
     def _rejection_reason(self, k: int) -> str:
-        """Return the reason for a rejection, read from Scenic's output, the only place where Scenic reports it."""
+        """Draw sample ``k`` once more, and return Scenic's reason for its rejection, which Scenic only prints."""
         from scenic.core.distributions import RejectionException
 
-        printed = io.StringIO()
+        output = io.StringIO()
         with (
             seeded(f"{self.seed}/{k}"),
             self.files.inside(),
-            contextlib.redirect_stdout(printed),
+            contextlib.redirect_stdout(output),
             contextlib.suppress(RejectionException),
         ):
             self.scenario.generate(maxIterations=1, verbosity=2)
-        reason = " ".join(printed.getvalue().rpartition("because of")[2].split())
+        reason = " ".join(output.getvalue().rpartition("because of")[2].split())
         return overlap_hint(reason or "its requirements")
 
 
@@ -160,7 +160,7 @@ def open_environment(
     condition: Mapping[str, Any] | None = None,
     files: Files | None = None,
 ) -> SceneSource:
-    """Compile ``program`` with ``params`` in place of its own parameters.
+    """Compile ``program`` with ``params`` in place of its own parameters; return the source of its scenes.
 
     ``files`` are the files that the program must consist of, as fixed_files returned them; None allows any files.
 

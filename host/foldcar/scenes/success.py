@@ -25,7 +25,7 @@ LITERALS = (ast.Tuple, ast.Constant, ast.UnaryOp, ast.USub, ast.UAdd, ast.Load)
 
 @dataclass(frozen=True, slots=True)
 class SuccessRule:
-    """When runs have passed. ``defined``: runs can pass; ``text`` is the rule, or why there is none, as a sentence.
+    """The rule by which a run has passed. ``text`` states it as a sentence, or why no rule is ``defined``.
 
     ``endings`` are the conditions, as Scenic names them, that end a run as passed.
     """
@@ -36,39 +36,40 @@ class SuccessRule:
 
 
 def success_rule(scenario: Any, program: Path) -> SuccessRule:
-    """Return the success rule of a compiled program."""
-    goal = any(is_a(thing, "Goal") for thing in scenario.objects)
-    ways = ["it reaches its Goal"] if goal else []
+    """Return the success rule of a compiled program (see the head of this file)."""
+    has_goal = any(is_a(thing, "Goal") for thing in scenario.objects)
+    alternatives = ["it reaches its Goal"] if has_goal else []
     endings: frozenset[str] = frozenset()
     ambiguous = ""
     records = [*scenario.recordedFinalExprs, *scenario.recordedExprs]
     if any(record.name == VERDICT for record in records):
-        ways.append(f"the program ends it and its record `{VERDICT}` is true then")
+        alternatives.append(f"the program ends it and its record `{VERDICT}` is true then")
     else:
         conditions = [*scenario.terminationConditions, *scenario.terminateSimulationConditions]
         lines = {condition.line for condition in conditions}
-        # The program need not be parsed without conditions. An approach is line, text and the place's text.
-        candidates = _approaches(program, scenario, goal) if lines else ()
+        # An approach is the line and text of a condition, and the text of the place that the car approaches.
+        candidates = _approaches(program, scenario, has_goal) if lines else ()
         approaches = [approach for approach in candidates if approach[0] in lines]
         if len({place for _, _, place in approaches}) > 1:
             approaches = [approach for approach in approaches if approach[2].lower() == TARGET]
             if not approaches:
                 ambiguous = " (it measures the distance to several places, and none is named `target`)"
-        ways += [f"`{text}` (line {line}) ends it with the car upright" for line, text, _ in approaches]
+        alternatives += [f"`{text}` (line {line}) ends it with the car upright" for line, text, _ in approaches]
         endings = frozenset(str(c) for c in conditions if c.line in {line for line, _, _ in approaches})
-    if ways:
-        return SuccessRule(True, f"a run has passed if {', or if '.join(ways)}, within the time limit", endings)
+    if alternatives:
+        rule = ", or if ".join(alternatives)
+        return SuccessRule(True, f"a run has passed if {rule}, within the time limit", endings)
     return SuccessRule(
         False,
         f"success is undefined: {program.name} has no Goal, no `record final … as {VERDICT}` and no "
-        f"`terminate when` on the distance of the car to its target{ambiguous}; no share of passed runs is given",
+        f"`terminate when` on the distance of the car to its target{ambiguous}; no fraction of passed runs is reported",
     )
 
 
-def _approaches(program: Path, scenario: Any, goal: bool) -> Iterator[tuple[int, str, str]]:
-    """Yield the conditions to terminate that hold when the car is close to its Goal or, without a Goal, to a place.
+def _approaches(program: Path, scenario: Any, has_goal: bool) -> Iterator[tuple[int, str, str]]:
+    """Yield (line, text, place's text) of the conditions to terminate that hold when the car is close to its target.
 
-    Each has its line, its text and the place's text.
+    The target is the Goal or, in a program without a Goal, a place.
     """
     source = read_text(program)
     things = named_things(scenario)
@@ -76,9 +77,9 @@ def _approaches(program: Path, scenario: Any, goal: bool) -> Iterator[tuple[int,
         if type(node).__name__ not in ("TerminateWhen", "TerminateSimulationWhen"):
             continue
         condition: Any = node
-        for part in _conjuncts(condition.cond):
-            place = _approached_place(part)
-            if place is not None and _is_target(place, things, goal):
+        for conjunct in _conjuncts(condition.cond):
+            place = _approached_place(conjunct)
+            if place is not None and _is_target(place, things, has_goal):
                 text = " ".join((ast.get_source_segment(source, node) or "").split())
                 yield condition.lineno, text, ast.get_source_segment(source, place) or ast.dump(place)
 
@@ -91,7 +92,10 @@ def _conjuncts(condition: ast.AST) -> list[ast.AST]:
 
 
 def _approached_place(condition: ast.AST) -> ast.expr | None:
-    """Return the place of `distance from ego to PLACE <= …` in any order and form; None for other conditions."""
+    """Return the PLACE of a condition `distance from ego to PLACE <= …`, also written `… >= distance to PLACE`.
+
+    None for other conditions.
+    """
     if not isinstance(condition, ast.Compare) or len(condition.ops) != 1:
         return None
     (operator,), left, right = condition.ops, condition.left, condition.comparators[0]
@@ -108,17 +112,17 @@ def _approached_place(condition: ast.AST) -> ast.expr | None:
     return places[0] if len(places) == 1 else None
 
 
-def _is_target(place: ast.expr, things: dict[str, Any], goal: bool) -> bool:
-    """Whether a place is the car's target: the Goal if there is one, else a place without terrain."""
+def _is_target(place: ast.expr, things: dict[str, Any], has_goal: bool) -> bool:
+    """Whether a place can be the car's target: the Goal if the program has one, else a point or a Marker."""
     root = place
     while isinstance(root, ast.Attribute):
         root = root.value
     if not isinstance(root, ast.Name):
-        return not goal and all(isinstance(part, LITERALS) or _is_vector(part) for part in ast.walk(place))
+        return not has_goal and all(isinstance(part, LITERALS) or _is_vector(part) for part in ast.walk(place))
     if root.id not in things:
         return False
     thing = things[root.id]
-    if goal:
+    if has_goal:
         return is_a(thing, "Goal")
     return not (is_a(thing, "Terrain") or is_a(thing, "Robot") or isinstance(thing, list | tuple | dict | set))
 

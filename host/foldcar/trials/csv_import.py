@@ -107,16 +107,16 @@ def _rows(file: Path, text: str, separator: str) -> Iterator[tuple[int, list[str
 def _check_header(file: Path, header: list[str]) -> None:
     """Raise FoldcarError for unknown, repeated and missing columns."""
     parameter_columns = [parameter.column for parameter in parameters().values()]
-    known = [*REQUIRED, *OPTIONAL, *parameter_columns]
-    if len(header) == 1 and (separator := next((sign for sign in "\t|" if sign in header[0]), None)):
+    known_columns = [*REQUIRED, *OPTIONAL, *parameter_columns]
+    if len(header) == 1 and (separator := next((candidate for candidate in "\t|" if candidate in header[0]), None)):
         separator_text = "tabs" if separator == "\t" else f'"{separator}"'
         raise FoldcarError(
             f"{file}: its columns are separated by {separator_text}; separate them by commas or semicolons"
         )
     for name in header:
-        if name not in known and key_of(name) is None:
-            close = did_you_mean(name.lower(), known)
-            raise FoldcarError(f'{file}: unknown column "{name}"; known: {", ".join(known)}{close}')
+        if name not in known_columns and key_of(name) is None:
+            suggestion = did_you_mean(name.lower(), known_columns)
+            raise FoldcarError(f'{file}: unknown column "{name}"; known: {", ".join(known_columns)}{suggestion}')
         if header.count(name) > 1:
             raise FoldcarError(f'{file}: column "{name}" occurs twice')
     for name in REQUIRED:
@@ -171,13 +171,14 @@ def _trial(
 def _design(
     place: str, row: Mapping[str, str], experiment_id: str, swept: ExperimentInfo | None, defaults: dict[str, float]
 ) -> Design:
-    """Return the car of a row; add the parameters that are not given to ``defaults``."""
+    """Return the car of a row; add the parameters that are not in the row, nor fixed in the sweep, to ``defaults``."""
     design_values = {name: _number(place, row, name, decimal_number) for name in row if key_of(name)}
-    of_family = swept is not None and row["vehicle_type"] == swept.vehicle_type
-    if swept is not None and of_family:
-        missing = [name for name in swept.varied if name not in design_values]
-        if missing:
-            raise FoldcarError(f'{place}: {", ".join(missing)}: missing; experiment "{experiment_id}" has several values')
+    is_swept_type = swept is not None and row["vehicle_type"] == swept.vehicle_type
+    if swept is not None and is_swept_type:
+        missing_columns = [name for name in swept.varied if name not in design_values]
+        if missing_columns:
+            reason = f'experiment "{experiment_id}" has several values'
+            raise FoldcarError(f"{place}: {', '.join(missing_columns)}: missing; {reason}")
         design_values = {**swept.fixed, **design_values}
     try:
         design = compose_columns(
@@ -227,20 +228,20 @@ def swept_experiments(store: Path) -> dict[str, ExperimentInfo]:
     """Return a store's experiments by their names in the listing; empty if there is no store or no study in it."""
     if not store.exists():
         return {}
-    with Store.open(store) as opened:
-        if not opened.holds_study():
+    with Store.open(store) as opened_store:
+        if not opened_store.holds_study():
             return {}
-        infos = opened.info().experiments.values()
+        infos = opened_store.info().experiments.values()
     return {**{info.listed_id: info for info in infos}, **{info.id: info for info in infos}}
 
 
 def import_notes(store: Path, trials: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Return a sentence for each experiment, sample and car of the trials that the store's study does not have."""
+    """Return a remark on each experiment, sample and car of the trials that was not swept in the store's study."""
     swept = swept_experiments(store)
     notes = []
     for name in dict.fromkeys(trial["experiment"] for trial in trials):
-        own_trials = [trial for trial in trials if trial["experiment"] == name]
-        samples = {trial["sample"] for trial in own_trials if "sample" in trial}
+        trials_of_experiment = [trial for trial in trials if trial["experiment"] == name]
+        samples = {trial["sample"] for trial in trials_of_experiment if "sample" in trial}
         if name not in swept:
             if swept:
                 notes.append(f'experiment "{name}" was not swept in {store}, only {", ".join(swept)}')
@@ -254,7 +255,7 @@ def import_notes(store: Path, trials: Sequence[Mapping[str, Any]]) -> list[str]:
         with Store.open(store) as opened:
             swept_designs = {frozenset(design.items()) for design in opened.designs(info.id).values()}
         unswept: Counter[str] = Counter()
-        for trial in own_trials:
+        for trial in trials_of_experiment:
             values = {key: value for key, value in trial["design"].items() if info.fixed.get(key) != value}
             is_swept = trial["vehicle_type"] == info.vehicle_type and frozenset(trial["design"].items()) in swept_designs
             unswept[design_text(values) or trial["vehicle_type"]] += not is_swept

@@ -22,7 +22,7 @@ PASSED, STOPS = "p", ("s", " ", "\n", "\r", "q", "\x1b")
 class DriveView:
     """Shows a drive on a terminal, and stops it when a key is pressed.
 
-    Nothing is shown if the output is not a terminal. The countdown begins with the first call of :meth:`look`.
+    Nothing is shown if the output is not a terminal. The countdown begins with the first call of :meth:`update`.
     ``other_input`` is a file whose input ends the wait for messages early, or None.
     """
 
@@ -55,7 +55,7 @@ class DriveView:
             return "passed, said by key"
         return "stopped by key" if key in STOPS else None
 
-    def look(self, car: Car) -> None:
+    def update(self, car: Car) -> None:
         """Show the car's state at most REFRESH_HZ times a second."""
         now_s = time.monotonic()
         self._begun_s = now_s if self._begun_s is None else self._begun_s
@@ -77,14 +77,15 @@ class DriveView:
             self._announced = True
 
     def _panel(self, car: Car, remaining_s: float) -> Group:
-        """Return the car's last reported state."""
+        """Return what is shown: the car's last reported state, its pulses and battery, the quality of the link."""
         latest, link = car.connection.latest, car.connection
         trial, pulses, status = (latest.get(name) for name in ("FOLDCAR_TRIAL", "SERVO_OUTPUT_RAW", "SYS_STATUS"))
-        head = Text(f"ARMED    {remaining_s:5.1f} s  stand clear", style="bold yellow")
+        headline = Text(f"ARMED    {remaining_s:5.1f} s  stand clear", style="bold yellow")
         if trial is not None and trial.state == car.dialect.FOLDCAR_STATE_COUNTING:
-            head = Text(f"COUNTING {trial.countdown_ms / 1000:5.1f} s  stand clear", style="bold yellow")
+            headline = Text(f"COUNTING {trial.countdown_ms / 1000:5.1f} s  stand clear", style="bold yellow")
         elif trial is not None and trial.state == car.dialect.FOLDCAR_STATE_RUNNING:
-            head = Text(f"DRIVING  {trial.elapsed_ms / 1000:5.1f} s  {self._time_limit_s:g} s at most", style="bold red")
+            text = f"DRIVING  {trial.elapsed_ms / 1000:5.1f} s  {self._time_limit_s:g} s at most"
+            headline = Text(text, style="bold red")
         table = Table.grid(padding=(0, 2))
         if pulses is not None:
             widths = {number: getattr(pulses, f"servo{number}_raw") for number in range(1, CHANNELS + 1)}
@@ -96,4 +97,4 @@ class DriveView:
             f"{100 * link.lost / packets if packets else 0:.1f} % of {link.received} packets lost, {link.damaged} damaged"
         )
         table.add_row("link", f"{loss_text}, silent for {link.silence_s():.1f} s")
-        return Group(head, Text("p: it has passed   s, space: stop"), table)
+        return Group(headline, Text("p: it has passed   s, space: stop"), table)

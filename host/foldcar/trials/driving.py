@@ -106,14 +106,14 @@ def drive(
 
 
 def _count_down(car: Car, countdown_s: int, view: DriveView) -> str | None:
-    """Wait for the countdown; return why it was stopped, None if it was not."""
+    """Wait for the countdown; return how it was ended early, or None if it ran out."""
     end_s = time.monotonic() + countdown_s
     while (remaining_s := end_s - time.monotonic()) > 0:
         car.connection.receive(min(STEP_S, remaining_s), view.other_input)
-        view.look(car)
-        stop = view.wants_stop()
-        if stop is not None:
-            return stop
+        view.update(car)
+        ending = view.wants_stop()
+        if ending is not None:
+            return ending
     return None
 
 
@@ -129,32 +129,32 @@ def _watch(car: Car, trial: int, view: DriveView, end_s: float, must_be_unplugge
     If it ``must_be_unplugged``, it is stopped when its wheels start while the cable is still plugged in.
     """
     dialect, connection = car.dialect, car.connection
-    booted_ms = 0
+    last_boot_ms = 0
 
     def has_ended(message: Any) -> bool:
         return _is_of(message, trial) and not car.is_under_way(message)
 
     while True:
         for message in connection.receive(STEP_S, view.other_input):
-            kind = message.get_type()
-            if kind == "FOLDCAR_TRIAL":
-                if message.time_boot_ms < booted_ms:
+            message_type = message.get_type()
+            if message_type == "FOLDCAR_TRIAL":
+                if message.time_boot_ms < last_boot_ms:
                     return DriveEnd("the car restarted", "aborted", None)
-                booted_ms = message.time_boot_ms
+                last_boot_ms = message.time_boot_ms
                 if has_ended(message):
                     return _car_ended(car, message)
                 if must_be_unplugged and _is_of(message, trial) and message.state == dialect.FOLDCAR_STATE_RUNNING:
                     car.stop_trial()
                     return DriveEnd(STILL_PLUGGED_IN, "aborted", message.elapsed_ms / 1000)
-            elif kind == "FOLDCAR_TRUTH" and message.trial_id == trial and message.outcome:
+            elif message_type == "FOLDCAR_TRUTH" and message.trial_id == trial and message.outcome:
                 return _simulated_outcome(car, message)
-        view.look(car)
-        stop = view.wants_stop()
-        if stop is not None:
+        view.update(car)
+        ending = view.wants_stop()
+        if ending is not None:
             car.stop_trial()
             # Its message has the trial's final elapsed time.
             connection.wait_for(has_ended, 1.0)
-            return DriveEnd(stop, None, _elapsed_s(car, trial))
+            return DriveEnd(ending, None, _elapsed_s(car, trial))
         if connection.silence_s() > SILENCE_S:
             raise LinkLostError(f"{car.port}: the car is silent for {SILENCE_S:g} s")
         if time.monotonic() > end_s:
@@ -173,7 +173,7 @@ def _car_ended(car: Car, message: Any) -> DriveEnd:
 
 
 def _pace_hint(car: Car, message: str) -> str:
-    """Return why heartbeats were late, if ``message`` is about them and the car is simulated faster than real time."""
+    """Return a hint on --speedup if ``message`` is about late heartbeats of a car that is simulated too fast, else ""."""
     rate = car.connection.clock_rate.value
     if rate < MIN_FAST_RATE or not any(word in message for word in ("heartbeat", "CMD_TIMEOUT")):
         return ""
@@ -198,19 +198,20 @@ def _simulated_outcome(car: Car, message: Any) -> DriveEnd:
 
 
 def _elapsed_s(car: Car, trial: int) -> float | None:
-    last = car.connection.latest.get("FOLDCAR_TRIAL")
-    return last.elapsed_ms / 1000 if last is not None and last.trial_id == trial else None
+    """Return the time (s) of the trial that the car reported last, None if it reported another trial."""
+    message = car.connection.latest.get("FOLDCAR_TRIAL")
+    return message.elapsed_ms / 1000 if message is not None and message.trial_id == trial else None
 
 
 def _stand_still(car: Car) -> None:
     """Stop and disarm the car if possible; a car with a fault refuses, but is already at rest."""
 
-    def log_the_rest() -> None:
+    def receive_last_messages() -> None:
         car.connection.wait_for(lambda message: False, AFTERWARDS_S)
 
-    for step in (car.stop_trial, car.disarm, log_the_rest):
+    for action in (car.stop_trial, car.disarm, receive_last_messages):
         with contextlib.suppress(FoldcarError, KeyboardInterrupt):
-            step()
+            action()
 
 
 def collect(car: Car, trial: int, log: Path) -> DriveEnd:
@@ -219,16 +220,16 @@ def collect(car: Car, trial: int, log: Path) -> DriveEnd:
     The car's times count from its boot. The first packet of the trial that the host received gives the offset to the
     host's clock.
     """
-    first = next((message for message in read_tlog(log) if _is_of(message[1], trial)), None)
-    if first is None:
+    first_message = next((message for message in read_tlog(log) if _is_of(message[1], trial)), None)
+    if first_message is None:
         raise FoldcarError(f"{log}: contains no message of trial {trial} from before the cable was unplugged")
-    offset_us = first[0] - 1000 * first[1].time_boot_ms
+    offset_us = first_message[0] - 1000 * first_message[1].time_boot_ms
     status = _wait_for_storage(car)
     if status is None:
         raise FoldcarError(f"{car.port}: the car is still storing its log after {STORING_S:g} s")
     lost_bytes = status.log_lost if status.trial_id == trial else 0
-    for stored in reversed(list_logs(car)):
-        records, damaged_bytes = records_of(fetch_log(car, stored))
+    for stored_log in reversed(list_logs(car)):
+        records, damaged_bytes = records_of(fetch_log(car, stored_log))
         messages = [m for _, m in messages_of(records) if _is_of(m, trial)]
         if not messages:
             continue
@@ -249,15 +250,15 @@ def _is_of(message: Any, trial: int) -> bool:
     return bool(message.get_type() == "FOLDCAR_TRIAL" and message.trial_id == trial)
 
 
-def drive_end(dialect: Any, last: Any, lost_bytes: int) -> DriveEnd:
+def drive_end(dialect: Any, message: Any, lost_bytes: int) -> DriveEnd:
     """Return how a drive ended, from its log's last FOLDCAR_TRIAL; ``lost_bytes`` are reported missing by the car."""
-    elapsed_s = last.elapsed_ms / 1000
-    lost_bytes = max(lost_bytes, last.log_lost)
-    gap = f", {lost_bytes} bytes of its log lost" if lost_bytes else ""
-    if last.end == dialect.FOLDCAR_END_TIME_LIMIT:
-        return DriveEnd(f"time limit, untethered{gap}", "timeout", elapsed_s)
-    if last.end == dialect.FOLDCAR_END_FAULT:
-        return DriveEnd(f"fault, untethered{gap}", "aborted", elapsed_s)
-    if last.end == dialect.FOLDCAR_END_NONE:
-        return DriveEnd(f"its log breaks off, untethered{gap}", "aborted", elapsed_s)
-    return DriveEnd(f"stopped, untethered{gap}", None, elapsed_s)
+    elapsed_s = message.elapsed_ms / 1000
+    lost_bytes = max(lost_bytes, message.log_lost)
+    lost_text = f", {lost_bytes} bytes of its log lost" if lost_bytes else ""
+    if message.end == dialect.FOLDCAR_END_TIME_LIMIT:
+        return DriveEnd(f"time limit, untethered{lost_text}", "timeout", elapsed_s)
+    if message.end == dialect.FOLDCAR_END_FAULT:
+        return DriveEnd(f"fault, untethered{lost_text}", "aborted", elapsed_s)
+    if message.end == dialect.FOLDCAR_END_NONE:
+        return DriveEnd(f"its log breaks off, untethered{lost_text}", "aborted", elapsed_s)
+    return DriveEnd(f"stopped, untethered{lost_text}", None, elapsed_s)

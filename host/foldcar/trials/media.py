@@ -16,11 +16,11 @@ SETTLED_S = 2.0
 
 def media_kind(file: Path) -> str:
     """Return the kind of a photo or film by its name's suffix. Raises FoldcarError if it is neither."""
-    for kind, endings in MEDIA_ENDINGS.items():
-        if file.suffix.lower() in endings:
+    for kind, suffixes in MEDIA_ENDINGS.items():
+        if file.suffix.lower() in suffixes:
             return kind
-    known = ", ".join(ending for endings in MEDIA_ENDINGS.values() for ending in endings)
-    raise FoldcarError(f"{file}: is neither a photo nor a film; its name must end with one of {known}")
+    suffix_list = ", ".join(ending for suffixes in MEDIA_ENDINGS.values() for ending in suffixes)
+    raise FoldcarError(f"{file}: is neither a photo nor a film; its name must end with one of {suffix_list}")
 
 
 def _changed_s(file: Path) -> float:
@@ -50,7 +50,10 @@ class Arrivals:
         self._begun.append((time.time(), trial))
 
     def is_growing(self, file: Path) -> bool:
-        """Return whether the file changed in the last SETTLED_S; also works if its time is in the future."""
+        """Whether the file was changed in the last SETTLED_S.
+
+        If its time is in the future, as that of a camera with a wrong clock, the file is compared with its last state.
+        """
         age_s = time.time() - _changed_s(file)
         if age_s >= 0:
             return age_s < SETTLED_S
@@ -64,22 +67,23 @@ class Arrivals:
         return [file for file in self._new() if self.is_growing(file)]
 
     def take(self) -> list[tuple[int, Path]]:
-        """Return the new complete files with the numbers of their trials; each file is returned once."""
-        settled = []
+        """Return (trial number, file) of the new complete files; each file is returned once."""
+        trial_files = []
         for file in self._new() if self._begun else []:
             if not self.is_growing(file):
                 self._known.add(file)
                 trials = [trial for begun_s, trial in self._begun if begun_s <= _changed_s(file)]
-                settled.append(((trials or [self._begun[-1][1]])[-1], file))
-        return settled
+                last_trial = self._begun[-1][1]
+                trial_files.append((trials[-1] if trials else last_trial, file))
+        return trial_files
 
     def _new(self) -> list[Path]:
         """Return the new photos and films, without hidden files, which are unfinished copies."""
-        endings = [ending for kind_endings in MEDIA_ENDINGS.values() for ending in kind_endings]
+        suffixes = [ending for kind_endings in MEDIA_ENDINGS.values() for ending in kind_endings]
         try:
             files = sorted(self._folder.iterdir()) if self._folder else []
         except OSError:
             # An unplugged folder may come back.
             return []
-        media_files = (file for file in files if file.suffix.lower() in endings and not file.name.startswith("."))
+        media_files = (file for file in files if file.suffix.lower() in suffixes and not file.name.startswith("."))
         return [file for file in media_files if file not in self._known]

@@ -36,67 +36,70 @@ def standing(scene: Mapping[str, Any], obstacles: Mapping[str, Obstacle], deviat
 
 
 def next_sample(
-    samples: int, counts: Mapping[int, int], now: Standing | None, of_sample: Callable[[int], Standing]
+    samples: int, counts: Mapping[int, int], current: Standing | None, standing_in_sample: Callable[[int], Standing]
 ) -> int:
     """Return the sample (0 to ``samples`` - 1) to drive next.
 
-    ``counts`` is the number of trials in each sample. ``now`` are the obstacles on the floor, None if they are unknown.
+    ``counts`` is the number of trials in each sample. ``current`` are the obstacles on the floor, None if unknown.
 
     The candidates are the samples with the fewest trials. Those of the first block that contains a candidate are put into
     the order that moves the fewest obstacles; of equal orders, into the one that moves them the shortest distance. The
     result is the first sample in that order.
     """
-    fewest = min(counts.get(sample, 0) for sample in range(samples))
-    candidates = [sample for sample in range(samples) if counts.get(sample, 0) == fewest]
+    min_count = min(counts.get(sample, 0) for sample in range(samples))
+    candidates = [sample for sample in range(samples) if counts.get(sample, 0) == min_count]
     block = [sample for sample in candidates if sample // BLOCK == candidates[0] // BLOCK]
-    standings: dict[int | None, Standing | None] = {None: now, **{sample: of_sample(sample) for sample in block}}
+    standings: dict[int | None, Standing | None] = {sample: standing_in_sample(sample) for sample in block}
+    standings[None] = current
     costs = {pair: _cost(standings[pair[0]], standings[pair[1]]) for pair in itertools.permutations(standings, 2)}
 
     def cost(order: tuple[int, ...]) -> tuple[float, ...]:
         steps = [costs[pair] for pair in itertools.pairwise((None, *order))]
         # Rounding makes sums of the same distances in different orders equal.
-        return sum(moved for moved, _ in steps), round(sum(distance_m for _, distance_m in steps), 9)
+        return sum(moved_count for moved_count, _ in steps), round(sum(distance_m for _, distance_m in steps), 9)
 
     return min(itertools.permutations(block), key=cost)[0]
 
 
-def _cost(current: Standing | None, later: Standing | None) -> tuple[int, float]:
-    """Return how many obstacles move, and their total distance (m)."""
-    if current is None or later is None:
+def _cost(current: Standing | None, next_standing: Standing | None) -> tuple[int, float]:
+    """Return how many obstacles move from one arrangement to the next, and their total distance (m)."""
+    if current is None or next_standing is None:
         return 0, 0.0
-    moved = [letter for letter in {**current, **later} if _move(current.get(letter), later.get(letter))]
-    both = [(current[letter][0], later[letter][0]) for letter in moved if letter in current and letter in later]
-    return len(moved), sum(math.hypot(b.x_m - a.x_m, b.y_m - a.y_m) for a, b in both)
+    pairs = [(current.get(letter), next_standing.get(letter)) for letter in {**current, **next_standing}]
+    moves = [(old, new) for old, new in pairs if _move(old, new)]
+    # Obstacles that are put down or taken away have no distance.
+    obstacles = [(old[0], new[0]) for old, new in moves if old is not None and new is not None]
+    return len(moves), sum(math.hypot(new.x_m - old.x_m, new.y_m - old.y_m) for old, new in obstacles)
 
 
-def moves_text(current: Standing, later: Standing) -> str:
+def moves_text(current: Standing, next_standing: Standing) -> str:
     """Return how to move the obstacles, such as "A and D stay; move B 120 mm back along x; take E away"."""
-    moves = {letter: _move(current.get(letter), later.get(letter)) for letter in {**current, **later}}
-    stay = [letter for letter, move in moves.items() if not move]
+    moves = {letter: _move(current.get(letter), next_standing.get(letter)) for letter in {**current, **next_standing}}
+    staying = [letter for letter, move in moves.items() if not move]
     letters_by_move: dict[str, list[str]] = {}
     for letter, move in moves.items():
         if move:
             letters_by_move.setdefault(move, []).append(letter)
     texts = [move.format(listed(letters)) for move, letters in letters_by_move.items()]
-    stay_texts = [f"{listed(stay)} {'stay' if len(stay) > 1 else 'stays'}"] if stay else []
+    stay_texts = [f"{listed(staying)} {'stay' if len(staying) > 1 else 'stays'}"] if staying else []
     return "; ".join([*stay_texts, *texts]) or "nothing to move"
 
 
-def _move(current: tuple[Obstacle, str] | None, later: tuple[Obstacle, str] | None) -> str:
+def _move(current: tuple[Obstacle, str] | None, next_standing: tuple[Obstacle, str] | None) -> str:
     """Return how to move one obstacle, with {} for its letter; "" if it stays."""
     if current is None:
         return "put {} down"
-    if later is None:
+    if next_standing is None:
         return "take {} away"
-    (a, old_text), (b, new_text) = current, later
+    (old, old_text), (new, new_text) = current, next_standing
     if old_text != new_text:
         return "exchange {} for another size"
-    x_m, y_m = b.x_m - a.x_m, b.y_m - a.y_m
-    turned_rad = math.remainder(b.heading_rad - a.heading_rad, math.tau)
+    x_m, y_m = new.x_m - old.x_m, new.y_m - old.y_m
+    turned_rad = math.remainder(new.heading_rad - old.heading_rad, math.tau)
     shifts = [
-        f"{1000 * abs(by_m):.0f} mm {words[by_m < 0]}"
-        for by_m, words in ((x_m, ("on along x", "back along x")), (y_m, ("to the left", "to the right")))
-        if abs(by_m) >= MIN_M
+        f"{1000 * abs(shift_m):.0f} mm {direction_words[shift_m < 0]}"
+        for shift_m, direction_words in ((x_m, ("on along x", "back along x")), (y_m, ("to the left", "to the right")))
+        if abs(shift_m) >= MIN_M
     ]
     texts = [f"move {{}} {' and '.join(shifts)}"] if shifts else []
     if abs(turned_rad) >= MIN_RAD:

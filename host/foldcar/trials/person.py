@@ -40,28 +40,28 @@ class Answers:
         print(question, end="", flush=True)
         while b"\n" not in self._typed:
             self._idle()
-            data = self._input.read(IDLE_S)
-            if data is None:
+            received = self._input.read(IDLE_S)
+            if received is None:
                 continue
-            if not data:
+            if not received:
                 print_line("")
                 raise FoldcarError(f'no answer to "{question.strip()}": the input has ended; see `foldcar log --help`')
-            self._typed += data
+            self._typed += received
         line, _, self._typed = self._typed.partition(b"\n")
-        typed = line.decode(errors="replace")
+        answer = line.decode(errors="replace")
         if not self.is_terminal:
             # Echo the line of a script, as a terminal does.
-            print_line(typed)
-        return typed.strip()
+            print_line(answer)
+        return answer.strip()
 
     def choice(self, question: str, choices: Mapping[str, str], default: str | None) -> str:
         """Ask until the answer is a key or a value of ``choices``, or empty for the default; returns the value."""
         while True:
-            typed = self.line(question).lower().replace("-", "_").replace(" ", "_")
-            if not typed and default is not None:
+            answer = self.line(question).lower().replace("-", "_").replace(" ", "_")
+            if not answer and default is not None:
                 return default
-            if choices.get(typed, typed) in choices.values():
-                return choices.get(typed, typed)
+            if choices.get(answer, answer) in choices.values():
+                return choices.get(answer, answer)
             print_line(f"  type one of {', '.join(f'{key} ({value})' for key, value in choices.items())}")
 
     def keys(self) -> contextlib.AbstractContextManager[Callable[[], str | None]]:

@@ -37,15 +37,15 @@ def lettered(obstacles: Iterable[Obstacle]) -> dict[str, Obstacle]:
     return {_letters(number): obstacle for number, obstacle in enumerate(obstacles)}
 
 
-def instructions(scene: Mapping[str, Any], things: Mapping[str, Obstacle]) -> Iterator[tuple[str, ...]]:
+def instructions(scene: Mapping[str, Any], obstacles: Mapping[str, Obstacle]) -> Iterator[tuple[str, ...]]:
     """Yield rows with the columns HEADS: the car, the obstacles, rough ground, the goal, the floor."""
     start = scene["start"]
     yield CAR, *_place(start["x_m"], start["y_m"], start["heading_rad"]), "", "", "its middle"
-    obstacle_pieces = {index for thing in things.values() for index in thing.pieces}
+    obstacle_pieces = {index for obstacle in obstacles.values() for index in obstacle.pieces}
     ground = [footprint("", scene["terrain"], k) for k in range(len(scene["terrain"])) if k not in obstacle_pieces]
-    for name, thing in [*things.items(), *(("floor", piece) for piece in ground)]:
-        place = _place(thing.x_m, thing.y_m, thing.heading_rad)
-        yield name, *place, *_by_tape(scene, thing), what_it_is(scene, thing)
+    for name, obstacle in [*obstacles.items(), *(("floor", piece) for piece in ground)]:
+        place = _place(obstacle.x_m, obstacle.y_m, obstacle.heading_rad)
+        yield name, *place, *_by_tape(scene, obstacle), what_it_is(scene, obstacle)
     goal = scene["goal"]
     if goal is not None:
         is_line = goal["kind"] == "line"
@@ -54,32 +54,32 @@ def instructions(scene: Mapping[str, Any], things: Mapping[str, Obstacle]) -> It
     yield "floor", *[""] * 5, f"friction {scene['friction']:g} in the simulation"
 
 
-def what_it_is(scene: Mapping[str, Any], thing: Obstacle) -> str:
+def what_it_is(scene: Mapping[str, Any], obstacle: Obstacle) -> str:
     """Return a description of the obstacle with its sizes."""
-    text = "; ".join(description(scene["terrain"][index]) for index in thing.pieces)
-    if len(thing.pieces) > 1:
-        return f"{thing.name} {1000 * thing.length_m:.0f} × {1000 * thing.width_m:.0f} mm: {text}"
+    text = "; ".join(description(scene["terrain"][index]) for index in obstacle.pieces)
+    if len(obstacle.pieces) > 1:
+        return f"{obstacle.name} {1000 * obstacle.length_m:.0f} × {1000 * obstacle.width_m:.0f} mm: {text}"
     return text
 
 
-def _by_tape(scene: Mapping[str, Any], thing: Obstacle) -> tuple[str, str]:
+def _by_tape(scene: Mapping[str, Any], obstacle: Obstacle) -> tuple[str, str]:
     """Return the coordinates of the near edge, and the distances of its ends from the mark (mm)."""
-    ends = thing.near_edge_m(scene["terrain"])
+    ends = obstacle.near_edge_m(scene["terrain"])
     places = [f"{_mm(x_m)}, {_mm(y_m)}" for x_m, y_m in ends]
     return " to ".join(places), " and ".join(_mm(math.hypot(*end)) for end in ends)
 
 
-def show_placement(scene: Mapping[str, Any], things: Mapping[str, Obstacle]) -> None:
+def show_placement(scene: Mapping[str, Any], obstacles: Mapping[str, Obstacle]) -> None:
     """Print the :func:`instructions` as a table."""
     table = ResultTable(*HEADS, left=("place", "from the mark (mm)", ""))
-    for row in instructions(scene, things):
+    for row in instructions(scene, obstacles):
         table.add_row(*row)
     table.print_on(shown_console(120))
 
 
 def draw_placement(
-    scene: Mapping[str, Any], things: Mapping[str, Obstacle], design: Design, carsim: Carsim, picture: Path, title: str,
-    course: Course | None = None,
+    scene: Mapping[str, Any], obstacles: Mapping[str, Obstacle], design: Design, carsim: Carsim, picture: Path,
+    title: str, course: Course | None = None,
 ) -> None:  # fmt: skip
     """Draw the scene, the car, a camera's markers and cards. A missing folder is created. Raises FoldcarError."""
     from foldcar.figures.placement import draw_placement
@@ -88,28 +88,29 @@ def draw_placement(
     make_output_folder(picture.parent)
     length_m, width_m = design.length_mm / 1000, design.width_mm / 1000
     markers = [(m.id, m.x_m, m.y_m, m.turn_rad, course.floor_size_m) for m in course.floor] if course else []
-    cards = [_card(thing, scene, course) for thing in things.values()] if course else []
-    draw_placement(scene, things, length_m, width_m, carsim_heights(carsim), picture, title, markers, cards)
+    cards = [_card(obstacle, scene, course) for obstacle in obstacles.values()] if course else []
+    draw_placement(scene, obstacles, length_m, width_m, carsim_heights(carsim), picture, title, markers, cards)
 
 
-def _card(thing: Obstacle, scene: Mapping[str, Any], course: Course) -> tuple[float, float, float, float]:
+def _card(obstacle: Obstacle, scene: Mapping[str, Any], course: Course) -> tuple[float, float, float, float]:
     """Return middle (x, y), turn and side of an obstacle's card (m, rad)."""
-    left_m = card_of(thing, scene["terrain"], course).left_m
-    x_m, y_m = thing.x_m - left_m * math.sin(thing.heading_rad), thing.y_m + left_m * math.cos(thing.heading_rad)
-    return x_m, y_m, thing.heading_rad, 2 * course.card_reach_m
+    left_m = card_of(obstacle, scene["terrain"], course).left_m
+    heading_rad = obstacle.heading_rad
+    x_m, y_m = obstacle.x_m - left_m * math.sin(heading_rad), obstacle.y_m + left_m * math.cos(heading_rad)
+    return x_m, y_m, heading_rad, 2 * course.card_reach_m
 
 
 def ask_deviations(
-    answers: Answers | None, things: Mapping[str, Obstacle], given: list[str] | None
+    answers: Answers | None, obstacles: Mapping[str, Obstacle], option_texts: list[str] | None
 ) -> dict[str, tuple[float, float, float]]:
-    """Return measured deviations (m, m, rad) by name: those of the options, or else those that are typed.
+    """Return measured deviations (m, m, rad) by name: from ``option_texts`` or, if that is None, as they are typed.
 
-    Nothing is asked if ``answers`` is None.
+    Without ``answers`` nothing is asked. Raises FoldcarError for an option that cannot be parsed.
     """
-    names = [CAR, *things]
+    names = [CAR, *obstacles]
     deviations: dict[str, tuple[float, float, float]] = {}
-    if given is not None:
-        for text in given:
+    if option_texts is not None:
+        for text in option_texts:
             name, deviation = parse_deviation(text, names)
             if name in deviations:
                 raise FoldcarError(f'--deviation "{text}": {name} is given twice')
@@ -147,31 +148,33 @@ def parse_deviation(text: str, names: Sequence[str]) -> tuple[str, tuple[float, 
     return words[0], (x_mm / 1000, y_mm / 1000, math.radians(turned_deg))
 
 
-def placed(scene: Mapping[str, Any], things: Mapping[str, Obstacle], deviations: Deviations) -> dict[str, Any]:
+def scene_as_placed(
+    scene: Mapping[str, Any], obstacles: Mapping[str, Obstacle], deviations: Deviations
+) -> dict[str, Any]:
     """Return the scene as built on the floor: car and obstacles are moved by their deviations (m, m, rad).
 
     An obstacle turns around the middle of its footprint.
     """
-    moved: dict[str, Any] = copy.deepcopy(dict(scene))
+    placed_scene: dict[str, Any] = copy.deepcopy(dict(scene))
     for name, deviation in deviations.items():
         if name == CAR:
-            _move(moved["start"], (moved["start"]["x_m"], moved["start"]["y_m"]), deviation)
+            _move(placed_scene["start"], (placed_scene["start"]["x_m"], placed_scene["start"]["y_m"]), deviation)
             continue
-        for index in things[name].pieces:
-            _move(moved["terrain"][index], (things[name].x_m, things[name].y_m), deviation)
-    return moved
+        for index in obstacles[name].pieces:
+            _move(placed_scene["terrain"][index], (obstacles[name].x_m, obstacles[name].y_m), deviation)
+    return placed_scene
 
 
-def _move(thing: dict[str, Any], middle: tuple[float, float], deviation: tuple[float, float, float]) -> None:
+def _move(piece: dict[str, Any], middle: tuple[float, float], deviation: tuple[float, float, float]) -> None:
     """Move a piece of an obstacle by the obstacle's deviation, turned around the obstacle's ``middle``."""
     x_m, y_m, turned_rad = deviation
-    ahead, left = thing["x_m"] - middle[0], thing["y_m"] - middle[1]
+    ahead, left = piece["x_m"] - middle[0], piece["y_m"] - middle[1]
     cos, sin = math.cos(turned_rad), math.sin(turned_rad)
     # Written as a change of the planned position, so that a piece in the middle keeps its exact coordinates.
-    thing["x_m"] += x_m + ahead * (cos - 1) - left * sin
-    thing["y_m"] += y_m + ahead * sin + left * (cos - 1)
-    if "heading_rad" in thing:
-        thing["heading_rad"] += turned_rad
+    piece["x_m"] += x_m + ahead * (cos - 1) - left * sin
+    piece["y_m"] += y_m + ahead * sin + left * (cos - 1)
+    if "heading_rad" in piece:
+        piece["heading_rad"] += turned_rad
 
 
 def _place(x_m: float, y_m: float, heading_rad: float) -> tuple[str, str, str]:
@@ -188,6 +191,7 @@ def _degrees(angle_rad: float) -> float:
 
 
 def _letters(number: int) -> str:
+    """Return the letters of obstacle ``number`` (from 0), like the columns of a spreadsheet: A, …, Z, AA, AB, …"""
     text = ""
     number += 1
     while number:

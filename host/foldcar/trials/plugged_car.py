@@ -53,10 +53,10 @@ class PluggedCar:
         if car is not None:
             car.connection.close()
 
-    def connect_again(self, typed: str) -> None:
+    def connect_again(self, typed_port: str) -> None:
         """Connect at the typed port, else at the last one; if that is gone, detect the new one. Raises FoldcarError."""
-        port = typed or self._port
-        if not typed and port.startswith(SERIAL_PATHS) and not Path(port).exists():
+        port = typed_port or self._port
+        if not typed_port and port.startswith(SERIAL_PATHS) and not Path(port).exists():
             port = choose_port(None)
         self.close()
         self.connect(port)
@@ -68,11 +68,11 @@ class PluggedCar:
         end_s = time.monotonic() + time_limit_s + RECONNECT_TIMEOUT_S
         question = "The car drives on. When it has stopped, plug it in and press Enter, or type its port; q gives up: "
         while True:
-            typed = "" if answers is None else answers.line(question)
-            if typed.lower() == "q":
+            answer = "" if answers is None else answers.line(question)
+            if answer.lower() == "q":
                 return DriveEnd("did not come back", "aborted", None)
             try:
-                self.connect_again(typed)
+                self.connect_again(answer)
                 require_same_car(self.connected, identity)
                 if self.connected.is_under_way(self.connected.request("FOLDCAR_TRIAL")):
                     raise LinkLostError("the car still drives, counts or waits for its button")
@@ -137,17 +137,11 @@ def _servo_battery_text(car: Car, parameters: Mapping[str, float], assumed_v: fl
 
 def require_same_car(car: Car, identity: CarIdentity) -> None:
     """Raise FoldcarError if the car's design or firmware differs from ``identity``."""
-    new_identity = car.identity()
-    if (new_identity.hash, new_identity.build, new_identity.simulated) != (
-        identity.hash,
-        identity.build,
-        identity.simulated,
-    ):
-        before, after = (
-            f"{car_identity.name} ({car_identity.hash}, firmware {car_identity.build})"
-            for car_identity in (identity, new_identity)
-        )
-        raise FoldcarError(f"{car.port}: the car has changed from {before} to {after}: start a new session for it")
+    identities = identity, car.identity()
+    before, after = ((car_identity.hash, car_identity.build, car_identity.simulated) for car_identity in identities)
+    if before != after:
+        changed = " to ".join(f"{i.name} ({i.hash}, firmware {i.build})" for i in identities)
+        raise FoldcarError(f"{car.port}: the car has changed from {changed}: start a new session for it")
 
 
 def _end_earlier_trial(car: Car) -> None:
@@ -175,7 +169,7 @@ def _clear_fault(car: Car, answers: Answers | None) -> None:
 
 
 def design_of(identity: CarIdentity, experiment: Experiment, family: Family) -> Design:
-    """Return the design of ``family`` that has the car's hash. Raises FoldcarError if there is none."""
+    """Return the design of ``family`` with the car's hash. Raises FoldcarError if no design has it."""
     if identity.refused:
         raise FoldcarError("the car refuses its own car.json: load the design again with `foldcar flash`")
     if not identity.hash:

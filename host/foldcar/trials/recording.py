@@ -30,41 +30,43 @@ def record_outcome(
     writer: TrialWriter, number: int, end: DriveEnd, log: Path, outcome: str | None, note: str | None,
     answers: Answers | None, mark: str = "",
 ) -> Ending:  # fmt: skip
-    """Complete the row of trial ``number`` and print it, with the ``mark`` of a simulated car; return what was stored.
+    """Complete the row of trial ``number``, print its outcome, and return what was stored.
 
-    If ``outcome`` is None, it is asked for. Raises FoldcarError if it is unknown and ``answers`` is None.
+    An aborted drive is stored as aborted. Else the outcome is ``outcome`` or, if that is None, asked for; without
+    ``answers`` it is that of the drive. ``mark`` is printed behind it, for a simulated car. Raises FoldcarError if the
+    outcome remains unknown.
     """
     digest = sha256_of(log)
     ending = end.ending if end.outcome else ending_without_outcome(end.ending)
     try:
         writer.complete(number, Ending(end.outcome or "aborted", ending, end.elapsed_time_s, "", digest))
     except StoreError as error:
-        later = f"trial {number} is stored without its outcome; enter it later with `foldcar trials correct`"
-        raise StoreError(f"{error}; {later}") from error
-    drove = f" after {end.elapsed_time_s:.2f} s" if end.elapsed_time_s is not None else ""
-    print_line(f"Ended{drove}: {end.ending}")
+        advice = f"trial {number} is stored without its outcome; enter it later with `foldcar trials correct`"
+        raise StoreError(f"{error}; {advice}") from error
+    elapsed_text = f" after {end.elapsed_time_s:.2f} s" if end.elapsed_time_s is not None else ""
+    print_line(f"Ended{elapsed_text}: {end.ending}")
     outcome = "aborted" if end.error is not None else outcome
     if outcome is None and answers is not None:
-        suggested = f" [{end.outcome}]" if end.outcome else ""
-        outcome = answers.choice(f"{OUTCOME_QUESTION}{suggested}: ", OUTCOME_KEYS, end.outcome)
+        default_text = f" [{end.outcome}]" if end.outcome else ""
+        outcome = answers.choice(f"{OUTCOME_QUESTION}{default_text}: ", OUTCOME_KEYS, end.outcome)
     outcome = outcome or end.outcome
     if outcome is None:
         raise FoldcarError(f"trial {number}: {end.ending}: its outcome is unknown; with --yes, give it by --outcome")
-    stored = Ending(outcome, end.ending, end.elapsed_time_s, note or "", digest)
-    writer.complete(number, stored)
+    final_ending = Ending(outcome, end.ending, end.elapsed_time_s, note or "", digest)
+    writer.complete(number, final_ending)
     print_line(f"Trial {number}: {outcome}{mark}; log: {log if digest else 'none'}")
     if digest is None and end.error is None:
         raise FoldcarError(f"{log}: was deleted or moved; trial {number} is stored without its log")
-    return stored
+    return final_ending
 
 
 def complete_interrupted(writer: TrialWriter) -> None:
     """Complete the trials whose session was killed, as aborted unless a correction says otherwise."""
     for number, log, outcome in writer.unfinished():
-        file = log_file(writer.path, log)
-        digest = sha256_of(file)
+        log_path = log_file(writer.path, log)
+        digest = sha256_of(log_path)
         writer.complete(number, Ending(outcome, INTERRUPTED, None, "", digest))
-        damage = log_damage(file) if digest else None
+        damage = log_damage(log_path) if digest else None
         print_line(
             f"Trial {number} was interrupted: it counts as {outcome}; its log is kept{f'; {damage}' if damage else ''}"
         )

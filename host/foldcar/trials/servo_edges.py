@@ -53,17 +53,20 @@ def find_edges(direction_at: Callable[[int], int]) -> ServoEdges:
 
 
 def _edge(direction_at: Callable[[int], int], directions: dict[int, int], minimum: int) -> float:
-    """Return the shortest pulse (µs) with at least the direction ``minimum``; ``directions`` are earlier observations."""
-    below = max(pulse for pulse, direction in directions.items() if direction < minimum)
-    above = min(pulse for pulse, direction in directions.items() if direction >= minimum)
-    while above - below > RESOLUTION_US:
-        middle = (below + above) // 2
+    """Return, by bisection, the pulse (µs) from which on the servo turns with at least the direction ``minimum``.
+
+    ``directions`` has the observed directions by pulse, and gets the new ones.
+    """
+    longest_below = max(pulse for pulse, direction in directions.items() if direction < minimum)
+    shortest_above = min(pulse for pulse, direction in directions.items() if direction >= minimum)
+    while shortest_above - longest_below > RESOLUTION_US:
+        middle = (longest_below + shortest_above) // 2
         directions[middle] = direction_at(middle)
         if directions[middle] < minimum:
-            below = middle
+            longest_below = middle
         else:
-            above = middle
-    return (below + above) / 2
+            shortest_above = middle
+    return (longest_below + shortest_above) / 2
 
 
 def calibrate_outputs(car: Car, outputs: list[int]) -> None:
@@ -96,12 +99,12 @@ def calibrate_outputs(car: Car, outputs: list[int]) -> None:
         direction = int(values[f"CH{number}_DIRECTION"])
         print_line(f"\nOutput {number}, {side}")
 
-        def turns(pulse_us: int, number: int = number, direction: int = direction) -> int:
+        def direction_at(pulse_us: int, number: int = number, direction: int = direction) -> int:
             test_output(number, pulse_us)
             answer = answers.choice(f"  {pulse_us} µs: f, b or n? ", DIRECTIONS, None)
             return {"forward": 1, "backward": -1, "not": 0}[answer] * direction
 
-        edges = find_edges(turns)
+        edges = find_edges(direction_at)
         active_test.clear()
         car.stop_trial()
         for name, value in {"NEUTRAL_US": edges.neutral_us, "DEADBAND_US": edges.deadband_us}.items():

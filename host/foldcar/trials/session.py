@@ -35,7 +35,7 @@ from foldcar.trials.driving import CTRL_C, DRIVES_ON, DriveEnd, drive
 from foldcar.trials.media import Arrivals, media_kind
 from foldcar.trials.order import Standing, moves_text, next_sample, standing
 from foldcar.trials.person import IDLE_S, Answers, print_line, print_warning
-from foldcar.trials.placement import ask_deviations, draw_placement, lettered, placed, show_placement
+from foldcar.trials.placement import ask_deviations, draw_placement, lettered, scene_as_placed, show_placement
 from foldcar.trials.plugged_car import SIMULATED_TEXT, PluggedCar, enter_sample, require_same_car, welcome
 from foldcar.trials.recording import OUTCOME_KEYS, OUTCOME_QUESTION, complete_interrupted, record_outcome
 
@@ -135,7 +135,7 @@ class Session:
                         checked_car = self._after_error(trial.end.error)
                     if options.trials is None and options.yes:
                         break
-                    if not self._goes_on(writer, trial):
+                    if not self._ask_what_next(writer, trial):
                         break
                 self._take_media(writer, wait=True)
         finally:
@@ -156,12 +156,12 @@ class Session:
             enter_sample(self._plugged.connected, self._scene(sample)[0], sample, self._experiment)
         return CheckedCar(identity, design)
 
-    def _goes_on(self, writer: TrialWriter, trial: "_Driven") -> bool:
+    def _ask_what_next(self, writer: TrialWriter, trial: "_Driven") -> bool:
         """Ask what to do after a trial and do it. Return whether the session continues.
 
         Another outcome is stored as a correction, so that the first one is kept.
         """
-        options, answers, number, stored = self._options, self._questions, trial.number, trial.stored
+        options, answers, number, ending = self._options, self._questions, trial.number, trial.stored
         self._again = None
         if answers is None or None not in (options.outcome, options.note):
             return True
@@ -179,15 +179,15 @@ class Session:
                     self._repeated += 1
                     return True
                 if key == "u" and not argument:
-                    outcome = answers.choice(f"{OUTCOME_QUESTION} [{stored.outcome}]: ", OUTCOME_KEYS, stored.outcome)
-                    if outcome != stored.outcome:
+                    outcome = answers.choice(f"{OUTCOME_QUESTION} [{ending.outcome}]: ", OUTCOME_KEYS, ending.outcome)
+                    if outcome != ending.outcome:
                         writer.correct(number, {"outcome": outcome}, CORRECTED_AT_ONCE, options.operator)
-                        stored = replace(stored, outcome=outcome)
+                        ending = replace(ending, outcome=outcome)
                     print_line(f"Trial {number}: {outcome}")
                 elif key == "n" and argument:
-                    stored = replace(stored, note=f"{stored.note}; {argument}" if stored.note else argument)
-                    writer.complete(number, stored)
-                    print_line(f"Trial {number}: {stored.note}")
+                    ending = replace(ending, note=f"{ending.note}; {argument}" if ending.note else argument)
+                    writer.complete(number, ending)
+                    print_line(f"Trial {number}: {ending.note}")
                 elif key == "m" and argument:
                     self._attach(writer, number, Path(argument).expanduser())
                 else:
@@ -196,6 +196,7 @@ class Session:
                 print_warning(error)
 
     def _attach(self, writer: TrialWriter, number: int, file: Path) -> None:
+        """Add a photo or film to trial ``number`` as soon as the file has stopped growing."""
         kind = media_kind(file)
         while self._arrivals.is_growing(file):
             self._idle()
@@ -233,16 +234,16 @@ class Session:
         print_line(f"\nTrial {number}: sample {sample} of experiment {experiment.id}{mark}")
         self._take_media(writer)
         self._arrivals.begin(number)
-        scene, things = self._scene(sample)
+        scene, obstacles = self._scene(sample)
         if identity.simulated:
             enter_sample(self._plugged.connected, scene, sample, experiment)
-        moves = "" if self._standing is None else moves_text(self._standing, standing(scene, things, {}))
-        show_placement(scene, things)
+        moves = "" if self._standing is None else moves_text(self._standing, standing(scene, obstacles, {}))
+        show_placement(scene, obstacles)
         if moves:
             print_line(f"after trial {self.driven[-1]}: {moves}; the car goes back to its place")
         if not options.yes:
             self._draw(sample, checked_car)
-        deviations = ask_deviations(self._questions, things, options.deviations)
+        deviations = ask_deviations(self._questions, obstacles, options.deviations)
         if not options.yes and self._answers.line("Enter starts the countdown, q ends: ").lower() == "q":
             return None
         body = body_json(design)
@@ -253,17 +254,18 @@ class Session:
         car = None if identity.simulated is None else SIMULATED if identity.simulated else BUILT
         if identity.simulated and deviations:
             print_line("the simulated car drives in the planned scene: the deviations are stored, but not simulated")
+        placed_scene = scene_as_placed(scene, obstacles, deviations)
         trial_number = writer.begin(
             experiment.id,
             trial_design,
-            Drive(body, settings, placed(scene, things, deviations), fingerprint, experiment.program_name, sample),
+            Drive(body, settings, placed_scene, fingerprint, experiment.program_name, sample),
             deviations,
             CarFacts(identity.build, identity.hash, self._plugged.connected.port, car, options.car),
             str(log.relative_to(store_folder(options.store))),
             options.operator,
         )
         self.driven.append(trial_number)
-        self._standing = standing(scene, things, deviations)
+        self._standing = standing(scene, obstacles, deviations)
         end = self._drive(settings, trial_number, log, identity)
         if end.ending == DRIVES_ON:
             longest_s = options.countdown_s + settings["time_limit_s"]
@@ -296,16 +298,19 @@ class Session:
             car.connection.log = None
 
     def _after_error(self, error: FoldcarError) -> CheckedCar:
-        """After a lost link, wait for a car. Raise every other error; with ``yes``, raise all errors."""
+        """After a lost link, wait until a car is plugged in, and return it.
+
+        Raises ``error`` if it is another error, if nobody can be asked, or if the person ends the session.
+        """
         if self._options.yes or not self._answers.is_terminal or not isinstance(error, LinkLostError):
             raise error
         print_warning(error)
         while True:
-            typed = self._answers.line("Plug the car in and press Enter, or type its port; q ends: ")
-            if typed.lower() == "q":
+            typed_port = self._answers.line("Plug the car in and press Enter, or type its port; q ends: ")
+            if typed_port.lower() == "q":
                 raise error
             try:
-                self._plugged.connect_again(typed)
+                self._plugged.connect_again(typed_port)
                 return self._welcome()
             except FoldcarError as new_error:
                 print_warning(new_error)
@@ -331,6 +336,7 @@ class Session:
         return logs_folder(self._options.store)
 
     def _log_file(self, number: int) -> Path:
+        """Return the path of a new log of trial ``number``. Raises FoldcarError if the disk is nearly full."""
         make_output_folder(self._logs)
         free = shutil.disk_usage(self._logs).free
         if free < MIN_FREE_BYTES:

@@ -134,9 +134,9 @@ class Big(WheelModule):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (('("car1.rear", "vhinge1.front"),', ""), ":7: Snake: its connections make no single chain, but vhinge1"),
+        (('("car1.rear", "vhinge1.front"),', ""), ":7: Snake: its connections must make one chain, but make vhinge1"),
         (('("car1.rear", "vhinge1.front")', '("car1.rear", "car2.rear")'), ":7: Snake: car1.rear meets car2.rear: a"),
-        (('"car2.front"', '"car0.front"'), ":7: Snake: its connections make no single chain, but car2; vhinge0 - v"),
+        (('"car2.front"', '"car0.front"'), ":7: Snake: its connections must make one chain, but make car2; vhinge0 - v"),
         (('("car1.rear", "vhinge1.front")', '("brain0.rear", "vhinge1.front")'), ":7: Snake: brain0.rear meets vhinge1"),
         (('"car0.rear"', '"cart.rear"'), ':7: Snake: connects "cart.rear"; it has vhinge0, vhinge1, brain0, car0'),
         (('root = "brain0"', 'root = "car0"'), ':7: Snake: root "car0" is not one module B, nor a composite'),

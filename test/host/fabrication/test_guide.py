@@ -15,11 +15,11 @@ from browser import page_findings
 from foldcar.car.folded.model import FoldedCar
 from foldcar.car.folded.pose import compose
 from foldcar.car.proof.prove import assembly_steps
-from foldcar.car.proof.step import Added
+from foldcar.car.proof.step import AddedPart
 from foldcar.fabrication.assembly.facets import merge_shapes
-from foldcar.fabrication.assembly.guide import guide_page, steps
+from foldcar.fabrication.assembly.guide import build_steps, guide_page
 from foldcar.fabrication.assembly.guide_pictures import Scene, Step, is_hidden, service_picture
-from foldcar.fabrication.assembly.guide_state import State
+from foldcar.fabrication.assembly.guide_state import AssemblyState
 from foldcar.fabrication.assembly.hidden_surfaces import camera, visible_facets
 from foldcar.fabrication.patterns.options import options
 from foldcar.fabrication.patterns.sheets import CutCar, cut_car
@@ -36,7 +36,7 @@ def cut(name: str) -> CutCar:
 @cache
 def guide(name: str) -> list[Step]:
     """The steps of a car's guide; their pictures are drawn once."""
-    return steps(car(name), cut(name), "laser")
+    return build_steps(car(name), cut(name), "laser")
 
 
 DRIVING = ["Load the firmware", "Find the neutrals", "Drive a metre"]
@@ -54,7 +54,7 @@ def page() -> str:
     return guide_page(car("hinged"), cut("hinged"), "laser", "a <hinged>")
 
 
-def label(folded: FoldedCar, added: Added) -> str:
+def label(folded: FoldedCar, added: AddedPart) -> str:
     labels = {("piece", piece.name): piece.label for piece in folded.pieces}
     labels |= {("mount", mount.name): mount.part for mount in folded.mounts}
     return labels.get((added.kind, added.name), added.name)
@@ -124,9 +124,9 @@ def test_everything_is_soldered_once_before_the_lipo_is_in_and_the_guide_ends_wi
 
 def test_nuts_are_drawn_apart_on_the_side_from_which_they_are_proved_to_come() -> None:
     folded = car("hinged")
-    mounts, state, drawn = {mount.name: mount for mount in folded.mounts}, State(folded), 0
+    mounts, state, drawn = {mount.name: mount for mount in folded.mounts}, AssemblyState(folded), 0
     for step in assembly_steps(folded):
-        state.apply_step(step)
+        state.advance(step)
         shape = Scene(step, state).shape
         for added in (add for add in step.adds if add.nut_mm):
             screw = mounts[added.name]
@@ -149,8 +149,8 @@ def test_nuts_are_drawn_apart_on_the_side_from_which_they_are_proved_to_come() -
 
 def test_hidden_surfaces_agree_with_rays() -> None:
     folded = car("w95")
-    state = State(folded)
-    state.close({piece.name: {crease.name: 0.6 for crease in piece.creases} for piece in folded.pieces})
+    state = AssemblyState(folded)
+    state.close_folds({piece.name: {crease.name: 0.6 for crease in piece.creases} for piece in folded.pieces})
     parts = [part for part in (*folded.placed, *folded.mounts) if part.body == "segment0" and not is_hidden(state, part)]
     facets = list(merge_shapes(state.shape(part) for part in parts).facets)
     view = camera(-55, 32)
@@ -189,7 +189,7 @@ def test_guide_shows_every_piece_and_tells_every_join(name: str, machine: str, s
     folded = car(name)
     parted = cut_car(folded, options(machine, sheet=sheet))
 
-    guide_steps = steps(folded, parted, machine)
+    guide_steps = build_steps(folded, parted, machine)
 
     text = " ".join(line for step in guide_steps for line in step.lines)
     numbers: set[int] = set()
@@ -234,7 +234,7 @@ def test_pictures_show_what_goes_in() -> None:
 
     for step, shown in zip(proved, assembly("w65"), strict=True):
         first = step.adds[0].body if step.adds else ""
-        seen = {view.facet.key for picture in shown.pictures for view in picture.seen}
+        seen = {view.facet.key for picture in shown.pictures for view in picture.visible}
         for added in step.adds:
             hidden_in_others = step.unit and added.body != first
             if added.kind == "unit" or hidden_in_others or added.name == folded.parts.wiring.name:

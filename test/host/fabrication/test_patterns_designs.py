@@ -67,7 +67,7 @@ def test_pieces_have_room_for_their_labels_and_no_film_that_may_tear(name: str, 
 
     for flat in cut.pieces:
         for turn in range(4):
-            assert piece_shapes(flat, chosen, join_marks(flat, cut.car, cut.whole), turn)[1] == []
+            assert piece_shapes(flat, chosen, join_marks(flat, cut.car, cut.unsplit_car), turn)[1] == []
     films = [film for flat in cut.pieces if (film := narrowest_film(flat, chosen)) is not None]
     assert not any(film.narrow for film in films)
     # The film around a servo's notches: 1 mm, as between a fold's cuts, is enough.
@@ -83,7 +83,7 @@ def test_numbers_of_layers_stand_where_the_layers_lie() -> None:
     for flat in (flat for flat in cut.pieces if flat.name.startswith("beam")):
         openings = [ring for face in flat.faces for name, ring in face.holes.items() if name.endswith("wall opening")]
         (floor,) = (face for face in flat.faces if face.name.endswith("floor"))
-        for mark in join_marks(flat, cut.car, cut.whole):
+        for mark in join_marks(flat, cut.car, cut.unsplit_car):
             if mark.text == numbers["servo doubler"]:
                 assert any(set(mark.edges) <= set(ring) for ring in openings)
                 doublers += 1

@@ -43,7 +43,7 @@ def test_a_parts_list_names_each_part_once_with_what_to_order_and_the_date_of_it
 
 def test_the_guide_s_tools_are_complete_and_none_is_a_part(monkeypatch: pytest.MonkeyPatch) -> None:
     # The pictures of the steps take long.
-    monkeypatch.setattr("foldcar.fabrication.assembly.guide.steps", lambda *_: [])
+    monkeypatch.setattr("foldcar.fabrication.assembly.guide.build_steps", lambda *_: [])
     rows = parts_list(car("w95"))
     page = guide_page(car("w95"), cut_car(car("w95"), options("laser")), "laser", "a car")
     tools = page.partition("Tools and materials")[2].partition("</ul>")[0]

@@ -10,7 +10,7 @@ import pytest
 from foldcar.scenes.obstacles import Obstacle, obstacles_of
 from foldcar.scenes.source import open_environment
 from foldcar.scenes.terrain_kinds import KINDS
-from foldcar.trials.placement import CAR, instructions, lettered, parse_deviation, placed
+from foldcar.trials.placement import CAR, instructions, lettered, parse_deviation, scene_as_placed
 from study_car import empty_scene
 
 BOX = {"kind": "box", "heading_rad": 0.1, "length_m": 0.2, "width_m": 0.3, "height_m": 0.02}
@@ -87,7 +87,7 @@ def test_a_deviation_moves_a_ramp_rigidly(sampled: tuple[dict[str, Any], dict[st
     scene, things = sampled
     name, by = parse_deviation("A 20 -10 15", [CAR, *things])
 
-    moved = placed(scene, things, {name: by})
+    moved = scene_as_placed(scene, things, {name: by})
 
     ramp = things["A"].pieces
     before = numpy.vstack([corners(scene["terrain"][k]) for k in ramp])

@@ -122,7 +122,7 @@ WIDTH = "vehicles.1.params.0.common.width"
         ("environments.1.condition", {}, ".sample: is missing"),
         ("environments.1.scenic_filename", "no.scenic", ": "),
         ("vehicles.1.type", "W_Q_W", ': "W_Q_W" has unknown module "Q"; known: W'),
-        ("vehicles.1.type", "W_B_H", ': "W_B_H" has a hinge (H) beside no segment: each must join'),
+        ("vehicles.1.type", "W_B_H", ': "W_B_H" has a hinge (H) at an end or beside another: each joins'),
         ("vehicles.1.type", "W_W", ': "W_W" has no module B'),
         ("vehicles.1.params.0.H", {"length": 20}, ": W_B_W has no module H; known: common, B, W"),
         ("vehicles.1.params.0.common.widht", 9, 'vehicles.1.params.0.common: unknown parameter "widht"; known: he'),

@@ -26,7 +26,7 @@ from foldcar.trials.camera.filming import car_marker
 from foldcar.trials.camera.ground import Place, fit_heights, height_remarks, standing
 from foldcar.trials.camera.lens import BOARD_SQUARES, SQUARE_M, board, calibrate
 from foldcar.trials.camera.markers import FIRST_OBSTACLE_ID, FloorMarker, course_json, read_course, rectangle
-from foldcar.trials.camera.photo import find_placed
+from foldcar.trials.camera.photo import measure_placement
 from foldcar.trials.camera.poses import find_pose
 from foldcar.trials.camera.view import find_view
 from study_car import car_texts
@@ -105,7 +105,7 @@ def test_a_car_that_leans_on_a_pyramid_is_where_it_is_seen() -> None:
 
 def test_a_car_with_wheels_of_two_radii_stands_tilted() -> None:
     body = body_json(compose("W_B_W", {"W2.radius": 50}))
-    stance = standing({**SCENE, "terrain": []}, carsim_heights(Carsim()), body).at(Place(0.5, 0.0, 0.3))
+    stance = standing({**SCENE, "terrain": []}, carsim_heights(Carsim()), body).stance_at(Place(0.5, 0.0, 0.3))
 
     # Axles 140 mm apart, the car's middle halfway between them.
     assert stance.values == pytest.approx([0.055, math.asin(10 / 140), 0.0], abs=3e-4)
@@ -118,7 +118,7 @@ def test_a_car_with_a_wheel_on_a_step_stands_on_a_diagonal() -> None:
     ground = standing({**SCENE, "terrain": [box]}, carsim_heights(Carsim()), body)
     sure = ground.rescaled(ground.factors, 0 * ground.factors)
 
-    stance = sure.at(Place(0.5, 0.0, 0.0))
+    stance = sure.stance_at(Place(0.5, 0.0, 0.0))
 
     # It leans between two planes: one has the other front wheel on the floor, one the other rear wheel.
     height, slope, bank = 0.025 / 2, 0.025 / 2 / ahead, 0.025 / 2 / left
@@ -140,7 +140,7 @@ def test_a_photo_gives_the_places_of_car_and_obstacles() -> None:
     picture = photo(COURSE, card_marker, pose=pose)
     ground = standing({**SCENE, "terrain": []}, carsim_heights(Carsim()), body)
     things = {"A": thing, "B": thing}
-    placed = find_placed(picture, "photo", COURSE, None, SCENE, things, car_marker(body, COURSE), ground)
+    placed = measure_placement(picture, "photo", COURSE, None, SCENE, things, car_marker(body, COURSE), ground)
 
     assert placed.missing == ("B",)
     for name, true in {"A": (0.01, -0.01, 0.02), "car": (0.004, -0.005, 0.03)}.items():
@@ -163,7 +163,8 @@ def test_a_card_on_a_hill_or_a_hole_lies_as_high_as_these_carry_it() -> None:
     body = json.loads(car_texts()[0])
     ground = standing(scene, carsim_heights(Carsim()), body)
 
-    placed = find_placed(photo(COURSE, *cards), "photo", COURSE, None, scene, things, car_marker(body, COURSE), ground)
+    lid_marker = car_marker(body, COURSE)
+    placed = measure_placement(photo(COURSE, *cards), "photo", COURSE, None, scene, things, lid_marker, ground)
 
     for name, true in {"A": (0.01, -0.015, 0.05), "B": (-0.01, 0.02, 0.0)}.items():
         off = numpy.abs(numpy.subtract(placed.deviations[name], true))

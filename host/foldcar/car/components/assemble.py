@@ -82,40 +82,45 @@ def assemble(graph: Graph) -> Assembly:
     builder = _Pieces(graph)
     roots = builder.root_poses()
     world = {
-        path: compose(roots[builder.home[first]], builder.local(first), pose)
+        path: compose(roots[builder.piece_of[first]], builder.local(first), pose)
         for first, fused in builder.fused.items()
         for path, pose in fused.poses.items()
     }
     bodies = [builder.fused[next(iter(sheet))].first.body for sheet in builder.sheets]
-    distinct, placed, joins = _counted(builder.pieces(), list(zip(bodies, roots, strict=True)), list(builder.joins()))
+    places = list(zip(bodies, roots, strict=True))
+    distinct, placed, joins = _merge_equal_pieces(builder.pieces(), places, list(builder.joins()))
     mounts = []
     for mount in graph.mounts:
-        on = str(mount.face)
-        mounts.append(replace(mount, pose=compose(world[on], mount.pose), face=builder.names[builder.owner[on]]))
-    axles = (replace(axle, center_mm=apply(world[on], *axle.center_mm)) for on, axle in graph.axles)
+        face_path = str(mount.face)
+        face = builder.names[builder.owner[face_path]]
+        mounts.append(replace(mount, pose=compose(world[face_path], mount.pose), face=face))
+    axles = (replace(axle, center_mm=apply(world[face_path], *axle.center_mm)) for face_path, axle in graph.axles)
     return Assembly(tuple(distinct), tuple(placed), tuple(joins), tuple(mounts), tuple(axles))
 
 
 def _seams(graph: Graph, fused: dict[str, Fused], owner: dict[str, str]) -> Iterator[Seam]:
-    """Yield each connection of two fused faces once. Raises ComponentError if its edges differ in length after fusing."""
-    seen = set()
+    """Yield one seam for each pair of edges of fused faces that links connect.
+
+    Raises ComponentError if the two edges of a seam differ in length.
+    """
+    yielded = set()
     for link in (link for link in graph.links if link.kind != "rigid"):
         a, b = ((owner[path], fused[owner[path]].edges[path, index]) for path, index in (link.a, link.b))
-        if (a, b) not in seen:
-            first, second = (math.dist(*side(fused[path].face.outline_mm, index)) for path, index in (a, b))
-            if abs(first - second - 2 * link.inset_mm) > 1e-4:
-                message = f"meets {link.b[0]} in edges of {first:g} and {second:g} mm once they are fused"
+        if (a, b) not in yielded:
+            length_a, length_b = (math.dist(*side(fused[path].face.outline_mm, index)) for path, index in (a, b))
+            if abs(length_a - length_b - 2 * link.inset_mm) > 1e-4:
+                message = f"meets {link.b[0]} in edges of {length_a:g} and {length_b:g} mm once they are fused"
                 raise ComponentError(link.a[0], message)
-            seen.add((a, b))
-            yield Seam(link, a, b, second)
+            yielded.add((a, b))
+            yield Seam(link, a, b, length_b)
 
 
 class _Pieces:
     """The pieces of a graph.
 
     ``sheets`` are the fused faces of each piece, parents before children, with their poses in its first face's frame.
-    ``home`` is the index of a fused face's piece. ``tabs`` grow from edge b of a seam and are glued to the face of edge
-    a, in that face's plane.
+    ``piece_of`` is the index of a fused face's piece. ``tabs`` grow from edge b of a seam and are glued to the face of
+    edge a, in that face's plane.
     """
 
     def __init__(self, graph: Graph) -> None:
@@ -130,10 +135,10 @@ class _Pieces:
                 step = across_crease(self._ends(edge), self._ends(opposite), seam.link.angle_rad)
                 steps[edge[0]].append((opposite[0], step))
         self.sheets: list[dict[str, Pose]] = []
-        self.home: dict[str, int] = {}
-        for first in (first for first in self.fused if first not in self.home):
+        self.piece_of: dict[str, int] = {}
+        for first in (first for first in self.fused if first not in self.piece_of):
             self.sheets.append(propagate_poses(first, IDENTITY, steps))
-            self.home |= dict.fromkeys(self.sheets[-1], len(self.sheets) - 1)
+            self.piece_of |= dict.fromkeys(self.sheets[-1], len(self.sheets) - 1)
             count = sum(seam.a[0] in self.sheets[-1] for seam in self.folds)
             if count >= len(self.sheets[-1]):
                 # A tree of folds has one fold fewer than faces.
@@ -147,7 +152,7 @@ class _Pieces:
             self.names |= {first: first if used[name] > 1 else name for first, name in short.items()}
         self.tabs: list[tuple[Face, Seam]] = []
         for index in range(len(self.sheets)):
-            own_seams = [seam for seam in self.seams if seam.link.kind == "tab" and self.home[seam.b[0]] == index]
+            own_seams = [seam for seam in self.seams if seam.link.kind == "tab" and self.piece_of[seam.b[0]] == index]
             # Tabs of one piece that join the same two faces are numbered.
             titles = _titles([f"{self.names[seam.b[0]]} tab to {self.names[seam.a[0]]}" for seam in own_seams])
             self.tabs += [(_tab(title, seam), seam) for title, seam in zip(titles, own_seams, strict=True)]
@@ -155,7 +160,7 @@ class _Pieces:
 
     def local(self, first: str) -> Pose:
         """The pose of a fused face in its piece."""
-        return self.sheets[self.home[first]][first]
+        return self.sheets[self.piece_of[first]][first]
 
     def _ends(self, edge: Edge) -> tuple[Point, Point]:
         return side(self.fused[edge[0]].face.outline_mm, edge[1])
@@ -178,23 +183,27 @@ class _Pieces:
             crease = Crease(name, *ends, link.angle_rad, link.kind == "hinge", *limits, link.kind == "bend")
             creases.append((order[child[0]], crease))
         creases.sort(key=lambda pair: pair[0])
-        own_tabs = [(face, seam) for face, seam in self.tabs if self.home[seam.b[0]] == index]
-        grown = (Crease(face.name, self._ref(s.b), EdgeRef(face.name, 0), s.link.angle_rad) for face, s in own_tabs)
+        own_tabs = [(face, seam) for face, seam in self.tabs if self.piece_of[seam.b[0]] == index]
+        tab_creases = (Crease(face.name, self._ref(s.b), EdgeRef(face.name, 0), s.link.angle_rad) for face, s in own_tabs)
         faces = [replace(self.fused[first].face, name=self.names[first]) for first in sheet]
-        folds = (*(crease for _, crease in creases), *grown)
+        folds = (*(crease for _, crease in creases), *tab_creases)
         root = self.fused[next(iter(sheet))].first
         label = root.piece or self.names[root.path]
         return Piece(label, label, (*faces, *(face for face, _ in own_tabs)), folds, root.thickness_mm)
 
     def root_poses(self) -> list[Pose]:
-        """The pose of each piece's first face in the car."""
-        steps: dict[int, list[tuple[int, Pose]]] = defaultdict(list)
+        """Return the pose of each piece's first face in the car.
+
+        Placements and tabs between pieces give relative poses of pieces; from the face at ``graph.origin`` they are
+        followed to all other pieces. Raises ComponentError for a piece that is not reached.
+        """
+        neighbours: dict[int, list[tuple[int, Pose]]] = defaultdict(list)
 
         def add(a: str, b: str, relative: Pose) -> None:
-            """Record a neighbour: ``relative`` is the pose of fused face b in the frame of a."""
+            """Record that the pieces of fused faces a and b are neighbours; ``relative`` is b's pose in a's frame."""
             step = compose(self.local(a), relative, inverse(self.local(b)))
-            steps[self.home[a]].append((self.home[b], step))
-            steps[self.home[b]].append((self.home[a], inverse(step)))
+            neighbours[self.piece_of[a]].append((self.piece_of[b], step))
+            neighbours[self.piece_of[b]].append((self.piece_of[a], inverse(step)))
 
         for placement in self.graph.placements:
             a, b = self.owner[placement.on], self.owner[placement.face]
@@ -204,14 +213,14 @@ class _Pieces:
                 compose(self.fused[a].poses[placement.on], placement.pose, inverse(self.fused[b].poses[placement.face])),
             )
         for link, edge_a, edge_b, _ in self.seams:
-            if link.kind == "tab" and self.home[edge_a[0]] != self.home[edge_b[0]]:
+            if link.kind == "tab" and self.piece_of[edge_a[0]] != self.piece_of[edge_b[0]]:
                 across = across_crease(self._ends(edge_a), self._ends(edge_b), link.angle_rad)
                 add(edge_a[0], edge_b[0], compose(translation(0, 0, link.inset_mm), across))
         path, pose = self.graph.origin or (next(iter(self.graph.atoms)), IDENTITY)
         first = self.owner[path]
-        begin = compose(pose, inverse(self.fused[first].poses[path]), inverse(self.local(first)))
-        poses = propagate_poses(self.home[first], begin, steps)
-        for face, index in self.home.items():
+        start_pose = compose(pose, inverse(self.fused[first].poses[path]), inverse(self.local(first)))
+        poses = propagate_poses(self.piece_of[first], start_pose, neighbours)
+        for face, index in self.piece_of.items():
             if index not in poses:
                 raise ComponentError(face, "is joined to nothing")
         return [poses[i] for i in range(len(self.sheets))]
@@ -222,13 +231,14 @@ class _Pieces:
         Joins of one seam get the same number: edges that tuck into the same edge, and all hooks of a strip in a disc.
         """
         for i, (face, (_, a, b, length)) in enumerate(self.tabs):
-            kind: JoinKind = "lap" if self.home[a[0]] == self.home[b[0]] else "tab"
-            ends = (self.home[b[0]], EdgeRef(face.name, 0)), (self.home[a[0]], self._ref(a))
+            kind: JoinKind = "lap" if self.piece_of[a[0]] == self.piece_of[b[0]] else "tab"
+            ends = (self.piece_of[b[0]], EdgeRef(face.name, 0)), (self.piece_of[a[0]], self._ref(a))
             yield IndexedJoin(i, kind, *ends, length)
         for placement in (placement for placement in self.graph.placements if placement.laminated):
             faces = self.owner[placement.face], self.owner[placement.on]
-            layer, on = ((self.home[face], self._ref((face, 0))) for face in faces)
+            layer, on = ((self.piece_of[face], self._ref((face, 0))) for face in faces)
             yield IndexedJoin(None, "laminate", layer, on, 0.0)
+        # Contacts of the same two edges of fused faces are one join.
         by_ends: dict[tuple[object, ...], IndexedJoin] = {}
         for contact in self.graph.contacts:
             first, second = (self.owner[path] for path, _ in (contact.a, contact.b))
@@ -238,15 +248,16 @@ class _Pieces:
             )
             seam: object = ("tuck", first, b) if contact.kind == "tuck" else contact
             if self.fused[first].face.role == "rim":
-                seam = (self.home[first], self.home[second])
+                seam = (self.piece_of[first], self.piece_of[second])
             length = 0.0 if contact.kind == "laminate" else math.dist(*self.graph.ends_mm(contact.a))
-            ends = (self.home[first], self._ref(a)), (self.home[second], self._ref(b))
+            ends = (self.piece_of[first], self._ref(a)), (self.piece_of[second], self._ref(b))
             join = IndexedJoin(seam, contact.kind, *ends, length, contact.slot)
             by_ends.setdefault((contact.kind, a, b, contact.slot), join)
         yield from by_ends.values()
 
 
 def _tab(name: str, seam: Seam) -> Face:
+    """Return the face of a tab: a trapezoid on the seam, as deep as its link says."""
     length, depth = seam.length_mm, seam.link.depth_mm
     inset = min(depth, length / 4)
     return Face(name, ((0.0, 0.0), (length, 0.0), (length - inset, depth), (inset, depth)), (), "tab")
@@ -262,20 +273,21 @@ def _titles(labels: list[str]) -> list[str]:
     return numbered
 
 
-def _counted(
-    pieces: list[Piece], places: list[tuple[str, Pose]], bound: list[IndexedJoin]
+def _merge_equal_pieces(
+    pieces: list[Piece], places: list[tuple[str, Pose]], indexed_joins: list[IndexedJoin]
 ) -> tuple[list[Piece], list[PlacedPiece], list[Join]]:
-    """Return distinct pieces with counts, their placed copies, and the joins by piece names, numbered from 1.
+    """Merge equal pieces to one with a count; return distinct pieces, their placed copies and the numbered joins.
 
-    Equal pieces are merged only if lamination onto others is their only join; every other piece has its own name.
+    Only pieces whose only joins are laminations onto others are merged. ``places`` are (body, pose) of the pieces. Joins
+    are numbered from 1; those of one seam share a number.
     """
-    single = {join.b[0] for join in bound} | {join.a[0] for join in bound if join.kind != "laminate"}
+    unmergeable = {join.b[0] for join in indexed_joins} | {join.a[0] for join in indexed_joins if join.kind != "laminate"}
     distinct: list[Piece] = []
     index_of: list[int] = []
     index_by_content: dict[Piece, int] = {}
     for i, piece in enumerate(pieces):
         anonymous = replace(piece, faces=tuple(_without_names(face) for face in piece.faces))
-        index = len(distinct) if i in single else index_by_content.setdefault(anonymous, len(distinct))
+        index = len(distinct) if i in unmergeable else index_by_content.setdefault(anonymous, len(distinct))
         if index < len(distinct):
             distinct[index] = replace(distinct[index], count=distinct[index].count + 1)
         else:
@@ -283,12 +295,12 @@ def _counted(
         index_of.append(index)
     names = _titles([piece.label for piece in distinct])
     distinct = [replace(piece, name=title, label=title) for piece, title in zip(distinct, names, strict=True)]
-    placed, copies = [], Counter[int]()
+    placed_pieces, copies = [], Counter[int]()
     for index, (body, pose) in zip(index_of, places, strict=True):
-        placed.append(PlacedPiece(distinct[index].name, copies[index], body, pose))
+        placed_pieces.append(PlacedPiece(distinct[index].name, copies[index], body, pose))
         copies[index] += 1
 
-    def end(index: int, ref: EdgeRef) -> tuple[str, EdgeRef]:
+    def named_end(index: int, ref: EdgeRef) -> tuple[str, EdgeRef]:
         """Return a piece's name and an edge with its face's name; a merged piece has the names of the piece kept."""
         face = [face.name for face in pieces[index].faces].index(ref.face)
         piece = distinct[index_of[index]]
@@ -296,13 +308,13 @@ def _counted(
 
     joins: list[Join] = []
     numbers: dict[object, int] = {}
-    for join in bound:
-        a, b = end(*join.a), end(*join.b)
+    for join in indexed_joins:
+        a, b = named_end(*join.a), named_end(*join.b)
         # Laminations of all copies of a piece share a number.
         seam = a[0] if join.kind == "laminate" else join.seam
         number = numbers.setdefault((join.kind, seam), len(numbers) + 1)
         joins.append(Join(number, join.kind, *a, *b, join.length_mm, join.slot))
-    return distinct, placed, joins
+    return distinct, placed_pieces, joins
 
 
 def _without_names(face: Face) -> Face:

@@ -22,6 +22,7 @@ from foldcar.car.parts.catalogue import Catalogue
 
 
 def _min_height_mm(parts: Catalogue) -> float:
+    """Return the minimum outer height (mm): the boards' stack over the floor, or a servo's layer between two flaps."""
     film, assembly = parts.film_mm, parts.assembly
     boards = stack_height_mm(parts) + film / 2
     # A servo's layer in the middle of the right wall ends below the lid's flap.
@@ -30,6 +31,7 @@ def _min_height_mm(parts: Catalogue) -> float:
 
 
 def _min_width_mm(parts: Catalogue) -> float:
+    """Return the minimum outer width (mm): the boards on their bridge, or two servos with their undersides together."""
     assembly, film = parts.assembly, parts.film_mm
     _, right = span_mm(parts)
     # The lid's flap goes down between the boards and the right wall.
@@ -81,14 +83,14 @@ class BoxBeam(Component):
     def build(self, shape: Shape) -> None:
         """Add the floor, the two walls folded up from it, the lid folded from the left wall, flap and latches."""
         length = self["length"]
-        across, up = wall_mm(self["width"], self.parts), wall_mm(self["height"], self.parts)
-        for name, size in (("floor", across), ("right", up), ("left", up)):
+        width, height = wall_mm(self["width"], self.parts), wall_mm(self["height"], self.parts)
+        for name, size in (("floor", width), ("right", height), ("left", height)):
             shape.rectangle(name, length, size, piece="beam")
         # From each end of the beam to its flap's fold.
         notch, _ = latch_mm(self.parts)
-        starts = {end: self[f"flap_{end}"] + notch * self[f"latch_{end}"] for end in ("front", "rear")}
-        self._lid(shape, starts)
-        self._flap(shape, starts)
+        fold_starts = {end: self[f"flap_{end}"] + notch * self[f"latch_{end}"] for end in ("front", "rear")}
+        self._add_lid(shape, fold_starts)
+        self._add_flap(shape, fold_starts)
         for panel, following in (("right", "floor"), ("floor", "left"), ("left", "lid"), ("lid", "flap")):
             shape.connect(f"{panel}.far", f"{following}.near", "fold", 90)
         for edge in ("far", "far front", "far rear"):
@@ -96,43 +98,50 @@ class BoxBeam(Component):
                 shape.touch("tuck", f"lid.{edge}", "right.near")
         for end in ("front", "rear"):
             if self[f"latch_{end}"]:
-                self._latch(shape, end)
+                self._add_latch(shape, end)
 
-    def _lid(self, shape: Shape, starts: Mapping[str, float]) -> None:
-        """Add the lid with its latches' notches; it is narrower than the floor by wall, flap and their clearance."""
+    def _add_lid(self, shape: Shape, fold_starts: Mapping[str, float]) -> None:
+        """Add the lid with its latches' notches; it is narrower than the floor by wall, flap and their clearance.
+
+        ``fold_starts`` are the distances (mm) from each end of the beam to the fold of the flap.
+        """
         assembly, film = self.parts.assembly, self.parts.film_mm
-        length, (along, depth) = self["length"], latch_mm(self.parts)
+        length, (notch_length, depth) = self["length"], latch_mm(self.parts)
         width, gap = wall_mm(self["width"], self.parts) - film - assembly.flap_gap_mm.value, assembly.grip_gap_mm.value
         points: dict[str, Point] = {"near": (0.0, 0.0), "front": (length, 0.0)}
         if self["flap_front"]:
             points["far front"] = (length, width)
-        for end, x, first in (("front", length - starts["front"], True), ("rear", starts["rear"], False)):
+        for end, x, first in (("front", length - fold_starts["front"], True), ("rear", fold_starts["rear"], False)):
             if not first:
-                points["far"] = (length - starts["front"], width)
+                points["far"] = (length - fold_starts["front"], width)
             if self[f"latch_{end}"]:
                 # In the direction of -x: the notch's sides and, between its corners, the edge of the pull tab.
-                high = x + (along if end == "front" else 0.0)
-                low, bottom = high - along, width - depth - self[f"pull_{end}"] * assembly.grip_mm.value
-                points |= {f"{end} side": (high, width), f"{end} corner": (high, bottom)}
+                notch_end = x + (notch_length if end == "front" else 0.0)
+                notch_start = notch_end - notch_length
+                bottom = width - depth - self[f"pull_{end}"] * assembly.grip_mm.value
+                points |= {f"{end} side": (notch_end, width), f"{end} corner": (notch_end, bottom)}
                 if self[f"pull_{end}"]:
-                    points |= {f"{end} grip": (high - gap, bottom), f"{end} corner 2": (low + gap, bottom)}
-                points[f"{end} side 2"] = (low, bottom)
+                    points |= {f"{end} grip": (notch_end - gap, bottom), f"{end} corner 2": (notch_start + gap, bottom)}
+                points[f"{end} side 2"] = (notch_start, bottom)
         if self["flap_rear"]:
             points["far rear"] = (self["flap_rear"], width)
         points["rear"] = (0.0, width)
         shape.face("lid", points)
 
-    def _flap(self, shape: Shape, starts: Mapping[str, float]) -> None:
-        """Add the flap, x from the rear end of its fold, with levers above it and the edges of tongues below."""
+    def _add_flap(self, shape: Shape, fold_starts: Mapping[str, float]) -> None:
+        """Add the flap with its latches' levers at the fold's edge and the edges of their tongues at the other.
+
+        ``fold_starts`` are the distances of the fold's ends from the beam's ends. The origin is the fold's rear end.
+        """
         assembly = self.parts.assembly
-        long = self["length"] - sum(starts.values())
+        fold_length = self["length"] - sum(fold_starts.values())
         notch, depth, grip = latch_mm(self.parts)[0], assembly.flap_mm.value, assembly.grip_mm.value
         gap, half = assembly.grip_gap_mm.value, assembly.lock_mm.value / 2
-        front: dict[str, Point] = {"front": (long, 0.0)}
-        rear: dict[str, Point] = {"far": (long, depth), "rear": (0.0, depth)}
+        front: dict[str, Point] = {"front": (fold_length, 0.0)}
+        rear: dict[str, Point] = {"far": (fold_length, depth), "rear": (0.0, depth)}
         if self["latch_front"]:
-            near, far, middle = long + gap, long + notch - gap, long + notch / 2
-            front = {"front": (long, 0.0), "front lever": (near, 0.0), "front lever 2": (near + 1, -grip),
+            near, far, middle = fold_length + gap, fold_length + notch - gap, fold_length + notch / 2
+            front = {"front": (fold_length, 0.0), "front lever": (near, 0.0), "front lever 2": (near + 1, -grip),
                      "front lever 3": (far - 1, -grip), "front lever 4": (far, 0.0)}  # fmt: skip
             rear = {"before front": (far, depth), "lock front": (middle + half, depth), "far": (middle - half, depth),
                     "rear": (0.0, depth)}  # fmt: skip
@@ -144,38 +153,42 @@ class BoxBeam(Component):
                      "rear lever 4": (near, 0.0)}  # fmt: skip
         shape.face("flap", {"near": (0.0, 0.0), **front, **rear})
 
-    def _latch(self, shape: Shape, end: str) -> None:
-        """Add a tongue at the flap's lower edge, folded outwards through a slot of the right wall; pull tab if set."""
+    def _add_latch(self, shape: Shape, end: str) -> None:
+        """Add the latch at an end: a tongue at the flap's lower edge, folded outwards through a slot of the right wall.
+
+        Require free space for the finger that pushes its lever, and add the pull tab if it is set for this end.
+        """
         assembly, film = self.parts.assembly, self.parts.film_mm
         width, play, (notch, _) = assembly.lock_mm.value, assembly.slot_clearance_mm.value, latch_mm(self.parts)
         reach = 1.5 * film + assembly.flap_gap_mm.value + assembly.lock_reach_mm.value
         x = self[f"flap_{end}"] + notch / 2
-        at = (self["length"] - x if end == "front" else x, assembly.flap_mm.value)
-        shape.face(f"{end} tongue", _tongue(width, reach), role="tab")
+        slot_center = (self["length"] - x if end == "front" else x, assembly.flap_mm.value)
+        shape.face(f"{end} tongue", _tongue_outline(width, reach), role="tab")
         shape.connect(f"flap.lock {end}", f"{end} tongue.near", "fold", -90)
-        shape.rectangular_hole("right", f"{end} lock slot", "slot", at, width + 2 * play, film + play)
+        shape.rectangular_hole("right", f"{end} lock slot", "slot", slot_center, width + 2 * play, film + play)
         shape.touch("lock", f"{end} tongue.tip", "right", f"{end} lock slot")
         # A finger pushes the lever outwards until the tip is within the wall; the lever, equally high, moves as far out.
-        (finger, long), stroke, on_lid = self.parts.tools.finger_mm, assembly.lock_reach_mm.value + film, at[1] + film
-        pushed = compose(translation(width / 2, stroke - finger / 2, -on_lid), rotation("x", math.pi))
-        drawn = compose(translation(0.0, -(film + stroke) / 2, 0.0), rotation("y", math.pi / 2))
-        shape.require_clearance(f"{end} tongue", ToolClearance("finger", pushed, finger, long))
-        shape.require_clearance(f"{end} tongue", ToolClearance("tongue", drawn, stroke, width))
+        finger, finger_length = self.parts.tools.finger_mm
+        stroke, lid_z = assembly.lock_reach_mm.value + film, -(slot_center[1] + film)
+        finger_pose = compose(translation(width / 2, stroke - finger / 2, lid_z), rotation("x", math.pi))
+        tongue_pose = compose(translation(0.0, -(film + stroke) / 2, 0.0), rotation("y", math.pi / 2))
+        shape.require_clearance(f"{end} tongue", ToolClearance("finger", finger_pose, finger, finger_length))
+        shape.require_clearance(f"{end} tongue", ToolClearance("tongue", tongue_pose, stroke, width))
         if self[f"pull_{end}"]:
-            self._pull_tab(shape, end, notch - 2 * assembly.grip_gap_mm.value)
+            self._add_pull_tab(shape, end, notch - 2 * assembly.grip_gap_mm.value)
 
-    def _pull_tab(self, shape: Shape, end: str, width_mm: float) -> None:
+    def _add_pull_tab(self, shape: Shape, end: str, width_mm: float) -> None:
         """Add the lid's pull tab across a notch, with room for two fingers."""
-        film, (finger, long) = self.parts.film_mm, self.parts.tools.finger_mm
-        shape.face(f"{end} pull tab", _tongue(width_mm, self.parts.assembly.grip_mm.value), role="tab")
+        film, (finger, finger_length) = self.parts.film_mm, self.parts.tools.finger_mm
+        shape.face(f"{end} pull tab", _tongue_outline(width_mm, self.parts.assembly.grip_mm.value), role="tab")
         shape.connect(f"lid.{end} grip", f"{end} pull tab.near", "fold", -90)
         for side in (-1, 1):
-            at = translation(width_mm / 2, film, side * (finger / 2 + film))
-            pose = compose(at, rotation("x", -math.pi / 2))
-            shape.require_clearance(f"{end} pull tab", ToolClearance("finger", pose, finger, long))
+            finger_start = translation(width_mm / 2, film, side * (finger / 2 + film))
+            pose = compose(finger_start, rotation("x", -math.pi / 2))
+            shape.require_clearance(f"{end} pull tab", ToolClearance("finger", pose, finger, finger_length))
 
 
-def _tongue(width_mm: float, reach_mm: float) -> dict[str, Point]:
+def _tongue_outline(width_mm: float, reach_mm: float) -> dict[str, Point]:
     """Return the outline of a tongue with its corners cut off, folded along its first edge."""
     corner = min(1.0, reach_mm / 2)
     return {"near": (0.0, 0.0), "1": (width_mm, 0.0), "tip": (width_mm - corner, reach_mm), "3": (corner, reach_mm)}
@@ -184,8 +197,8 @@ def _tongue(width_mm: float, reach_mm: float) -> dict[str, Point]:
 ARROW_MM, MIN_ARROW_MM, ARROW_WIDTH_MM = 24.0, 16.0, 9.0
 
 
-def _front_arrow(shape: Shape, floor: str) -> None:
-    """Mark a floor with an arrow to the front, behind the cap's tab, if there is room for the word in it."""
+def _mark_front(shape: Shape, floor: str) -> None:
+    """Mark a floor with an arrow to the front, behind the cap's tab, if the floor is long enough for the word in it."""
     length, width = shape.face_size_mm(floor)
     tip, y, half = length - flap_end_mm(shape.parts) - 2.0, width / 2, ARROW_WIDTH_MM / 2
     start = max(2.0, tip - ARROW_MM)
@@ -221,7 +234,7 @@ def put_cap(shape: Shape, cap: str, end: str, module: str, outer_mm: Point, slit
         at = (width / 2, height / 2)
         shape.rectangular_hole(f"{cap}.cap", f"{cap}.slit", "slit", at, slit_mm, assembly.cable_slit_mm.value)
     if end == "front":
-        _front_arrow(shape, f"{module}.beam.floor")
+        _mark_front(shape, f"{module}.beam.floor")
     for panel, edge in CAP_EDGES.items():
         wall = f"{module}.beam.{panel if end == 'front' else OPPOSITE[panel]}.{end}"
         if panel == "lid":

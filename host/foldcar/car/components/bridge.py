@@ -23,9 +23,9 @@ FOOT_CLEARANCE_MM = 0.5
 def half_width_mm(parts: Catalogue) -> float:
     """Half of the bridge's length along the car (mm), with room for the boards and film around their screws."""
     feather, assembly = parts.feather, parts.assembly
-    screws = max(abs(y) for _, y in feather.free_holes(parts.board_screw))
-    around = assembly.screw_hole_mm.value / 2 + assembly.fold_distance_mm.value
-    return max(feather.width_mm.value / 2, screws + around)
+    screw_offset = max(abs(y) for _, y in feather.free_holes(parts.board_screw))
+    hole_margin = assembly.screw_hole_mm.value / 2 + assembly.fold_distance_mm.value
+    return max(feather.width_mm.value / 2, screw_offset + hole_margin)
 
 
 def shelf_height_mm(parts: Catalogue) -> float:
@@ -60,61 +60,63 @@ def middle_mm(parts: Catalogue, y_mm: float) -> float:
 
 
 def put_bridge(shape: Shape, floor: str, x_mm: float, y_mm: float, side: int) -> None:
-    """Put the bridge onto the face ``floor``, and the boards onto it, their middle at (x, y), USB towards +y.
+    """Add the bridge that carries the boards over the LiPo, and the boards on it, to the face ``floor``.
 
-    Faces ``bridge.shelf``, x forward and its origin at its right rear corner, legs, feet and ``bridge.flange`` at the
-    front edge (``side`` 1) or the rear one (-1).
+    The boards' middle is at (x, y), USB towards +y. Faces are ``bridge.shelf`` (x forward, origin at its right rear
+    corner), a leg and a foot on each side, and ``bridge.flange`` at the front edge (``side`` 1) or the rear one (-1).
     """
     parts, assembly, film = shape.parts, shape.parts.assembly, shape.parts.film_mm
-    half, (_, right), up = half_width_mm(parts), span_mm(parts), shelf_height_mm(parts)
-    along, across = 2 * half, sum(span_mm(parts))
-    shape.rectangle("bridge.shelf", along, across, piece="bridge")
+    half_length, (_, right_span), shelf_z = half_width_mm(parts), span_mm(parts), shelf_height_mm(parts)
+    length, width = 2 * half_length, sum(span_mm(parts))
+    shape.rectangle("bridge.shelf", length, width, piece="bridge")
     for leg, edge in (("right", "near"), ("left", "far")):
         # The feet lie on the floor, the flange ends above it.
-        shape.rectangle(f"bridge.{leg} leg", along, up - film)
-        shape.rectangle(f"bridge.{leg} foot", along, assembly.bridge_foot_mm.value)
+        shape.rectangle(f"bridge.{leg} leg", length, shelf_z - film)
+        shape.rectangle(f"bridge.{leg} foot", length, assembly.bridge_foot_mm.value)
         shape.connect(f"bridge.shelf.{edge}", f"bridge.{leg} leg.near", "fold", -90)
         shape.connect(f"bridge.{leg} leg.far", f"bridge.{leg} foot.near", "fold", -90)
-    inset, tongue = assembly.bridge_foot_mm.value + FOOT_CLEARANCE_MM, assembly.tongue_mm.value / 2
-    flange, tip = up - film / 2 - assembly.cap_clearance_mm.value, up + film / 2 + assembly.floor_tongue_reach_mm.value
+    # The flange hangs down from the shelf's edge; from its middle a tongue reaches through the floor.
+    inset, depth = assembly.bridge_foot_mm.value + FOOT_CLEARANCE_MM, shelf_z - film / 2 - assembly.cap_clearance_mm.value
+    tip = shelf_z + film / 2 + assembly.floor_tongue_reach_mm.value
+    tongue_start, tongue_end = (width / 2 + sign * assembly.tongue_mm.value / 2 for sign in (-1, 1))
     points = {
-        "near": (0.0, 0.0), "1": (across, 0.0), "2": (across - inset, flange), "3": (across / 2 + tongue, flange),
-        "tip": (across / 2 + tongue, tip), "5": (across / 2 - tongue, tip), "6": (across / 2 - tongue, flange),
-        "7": (inset, flange),
+        "near": (0.0, 0.0), "1": (width, 0.0), "2": (width - inset, depth), "3": (tongue_end, depth),
+        "tip": (tongue_end, tip), "5": (tongue_start, tip), "6": (tongue_start, depth), "7": (inset, depth),
     }  # fmt: skip
     shape.face("bridge.flange", points)
     shape.connect("bridge.shelf.front" if side > 0 else "bridge.shelf.rear", "bridge.flange.near", "fold", -90)
-    shape.place("bridge.shelf", floor, translation(x_mm - half, y_mm - right, up))
+    shape.place("bridge.shelf", floor, translation(x_mm - half_length, y_mm - right_span, shelf_z))
     for leg in ("right", "left"):
         shape.touch("laminate", f"bridge.{leg} foot", floor)
-    at, play = (x_mm + side * half, middle_mm(parts, y_mm)), assembly.slot_clearance_mm.value
-    shape.rectangular_hole(floor, "bridge slot", "slot", at, film + play, assembly.tongue_mm.value + 2 * play)
+    slot_center, play = (x_mm + side * half_length, middle_mm(parts, y_mm)), assembly.slot_clearance_mm.value
+    shape.rectangular_hole(floor, "bridge slot", "slot", slot_center, film + play, assembly.tongue_mm.value + 2 * play)
     shape.touch("tab_slot", "bridge.flange.tip", floor, "bridge slot")
-    _fasten(shape, "bridge.shelf", (half, right))
+    _add_boards_with_fasteners(shape, "bridge.shelf", (half_length, right_span))
 
 
-def _fasten(shape: Shape, shelf: str, middle: tuple[float, float]) -> None:
-    """Add spacers and screws at the Feather's free holes, a foam pad under its other end, and Feather and wing on them.
+def _add_boards_with_fasteners(shape: Shape, shelf: str, middle: tuple[float, float]) -> None:
+    """Add the boards on the shelf: spacers and screws at the Feather's free holes, a foam pad under its other end.
 
-    The radio module covers the holes at the antenna in part. The pad is pressed to the spacers' height.
+    ``middle`` is the boards' middle on the shelf. The radio module covers the other holes in part. The pad is pressed to
+    the spacers' height.
     """
     parts, film = shape.parts, shape.parts.film_mm
     feather, spacer = parts.feather, parts.spacer
-    holes, tall = [], spacer.length_mm.value
-    size = (spacer.diameter_mm.value, spacer.diameter_mm.value, tall)
+    holes, height = [], spacer.length_mm.value
+    size = (spacer.diameter_mm.value, spacer.diameter_mm.value, height)
     for i, (x, y) in enumerate(((y, -x) for x, y in feather.free_holes(parts.board_screw)), 1):
-        at = (middle[0] + x, middle[1] + y)
-        holes.append(shape.round_hole(shelf, f"board screw {i}", "screw", at, parts.assembly.screw_hole_mm.value))
-        pose = translation(*at, (film + tall) / 2)
-        round_one = (cylinder(spacer.diameter_mm.value, -tall / 2, tall / 2, bore_mm=spacer.hole_mm.value),)
-        shape.box(spacer.name, f"spacer {i}", shelf, pose, size, spacer.mass_kg.value, (), round_one)
-        below = compose(translation(*at, -film / 2), rotation("x", math.pi))
-        add_screw(shape, parts.board_screw, f"board screw {i}", shelf, below, film + tall + feather.board_mm.value)
+        position = (middle[0] + x, middle[1] + y)
+        holes.append(shape.round_hole(shelf, f"board screw {i}", "screw", position, parts.assembly.screw_hole_mm.value))
+        pose = translation(*position, (film + height) / 2)
+        spacer_solids = (cylinder(spacer.diameter_mm.value, -height / 2, height / 2, bore_mm=spacer.hole_mm.value),)
+        shape.box(spacer.name, f"spacer {i}", shelf, pose, size, spacer.mass_kg.value, (), spacer_solids)
+        under_head = compose(translation(*position, -film / 2), rotation("x", math.pi))
+        add_screw(shape, parts.board_screw, f"board screw {i}", shelf, under_head, film + height + feather.board_mm.value)
     pad = parts.board_pad
-    size = (pad.width_mm.value, pad.length_mm.value, tall)
-    pose = translation(middle[0], middle[1] - (feather.length_mm.value - pad.length_mm.value) / 2, (film + tall) / 2)
+    size = (pad.width_mm.value, pad.length_mm.value, height)
+    pose = translation(middle[0], middle[1] - (feather.length_mm.value - pad.length_mm.value) / 2, (film + height) / 2)
     shape.box(pad.name, pad.name, shelf, pose, size, pad.mass_kg.value)
-    _put_boards(shape, shelf, compose(translation(*middle, film / 2 + tall), rotation("z", -math.pi / 2)), holes)
+    _put_boards(shape, shelf, compose(translation(*middle, film / 2 + height), rotation("z", -math.pi / 2)), holes)
 
 
 def mouth_mm(parts: Catalogue) -> float:
@@ -140,7 +142,7 @@ def _put_boards(shape: Shape, on: str, under: Pose, holes: Sequence[str]) -> Non
     usb_plug_pose = compose(translation(-mouth_mm(parts), y, z), rotation("y", -math.pi / 2))
     (along, across, up), (_, reach, _) = socket.at_mm, socket.size_mm
     battery_plug_pose = compose(translation(along, across + reach / 2, up), rotation("x", -math.pi / 2))
-    _put(
+    _put_board(
         shape,
         feather,
         on,
@@ -159,7 +161,7 @@ def _put_boards(shape: Shape, on: str, under: Pose, holes: Sequence[str]) -> Non
     # The reset button stands between plugs, so that a screwdriver's tip presses it, not a finger.
     x, y, z = wing.reset.at_mm
     clearances.append(ToolClearance("driver", translation(x, y, z + wing.reset.size_mm[2] / 2), *parts.tools.driver_mm))
-    _put(
+    _put_board(
         shape,
         wing,
         on,
@@ -171,12 +173,16 @@ def _put_boards(shape: Shape, on: str, under: Pose, holes: Sequence[str]) -> Non
     )
 
 
-def _put(
+def _put_board(
     shape: Shape, board: Feather | FeatherWing, on: str, under: Pose, boxes: Sequence[Box],
     clearances: Sequence[ToolClearance], holes: Sequence[str], pins: Sequence[Box] = (),
 ) -> None:  # fmt: skip
-    """Add a board with ``boxes``, weightless ``pins`` and ``clearances``, all in the board's frame."""
+    """Add a board on the face ``on``; ``under`` is the pose of the middle of its underside, the board's frame.
+
+    ``boxes``, weightless ``pins`` and ``clearances`` are in the board's frame; ``holes`` are those of its screws.
+    """
     length, width, height = board.size_mm
+    # From the frame of the mount, the middle of its box, to the board's frame, on its underside.
     down = translation(0, 0, -height / 2)
     middle = translation(0, 0, (board.board_mm.value - height) / 2)
     screw_holes = tuple((x, y, pattern.diameter_mm) for pattern in board.holes for x, y in pattern.at_mm)

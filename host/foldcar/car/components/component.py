@@ -57,7 +57,7 @@ class Parameter:
         return float(self.minimum(parts) if callable(self.minimum) else self.minimum)
 
     def limit_error(self, value: float, parts: Catalogue) -> str | None:
-        """Return the error message for a value that is not allowed with these parts, or None if it is allowed."""
+        """Return the message for a value that is not allowed with these parts, or None if the value is allowed."""
         if self.is_switch:
             return None if value in (0, 1) else f"{value:g} is neither true nor false"
         minimum = self.minimum_with(parts)
@@ -122,11 +122,11 @@ class Component:
     ) -> None:  # fmt: skip
         """``keys`` are the outermost parameters that set values. Raises ComponentError for a value outside its limits."""
         self.path, self.body, self.parts = path, body, parts or catalogue()
-        unused_values = dict(values or {})
-        self.keys = {name: name for name in unused_values} if keys is None else keys
+        given_values = dict(values or {})
+        self.keys = {name: name for name in given_values} if keys is None else keys
         self.values = {
             parameter.name: parameter.default_with(self.parts) for parameter in self.parameters
-        } | unused_values
+        } | given_values
         for parameter in self.parameters:
             limit_error = parameter.limit_error(self[parameter.name], self.parts)
             if limit_error:
@@ -144,20 +144,23 @@ class Component:
         """The subcomponents; none by default."""
         return ()
 
-    def sub(self, name: str, kind: "type[Component]", inherit: str = "", **others: str | float) -> Sub:
-        """Return a subcomponent that inherits parameters, under the same or another name, or has values of its own.
+    def sub(self, name: str, kind: "type[Component]", inherit: str = "", **settings: str | float) -> Sub:
+        """Return a subcomponent whose parameters are inherited, set, or left at their defaults.
 
-        ``self.sub("car", WheelModule, "width height", length="wheel_length", driven=False)``. All others are defaults.
+        ``inherit`` names parameters that have the same name here, separated by blanks. In ``settings`` a string names the
+        parameter here that sets it, a number or boolean is the value:
+        ``self.sub("car", WheelModule, "width height", length="wheel_length", driven=False)``.
         """
-        inherited = dict(zip(inherit.split(), inherit.split(), strict=True))
-        inherited |= {parameter: own for parameter, own in others.items() if isinstance(own, str)}
-        fixed = {parameter: float(value) for parameter, value in others.items() if not isinstance(value, str)}
+        # Parameter of the subcomponent -> parameter of this component.
+        inherited = {parameter: parameter for parameter in inherit.split()}
+        inherited |= {parameter: outer for parameter, outer in settings.items() if isinstance(outer, str)}
+        fixed = {parameter: float(value) for parameter, value in settings.items() if not isinstance(value, str)}
         declared = [parameter.name for parameter in kind.parameters]
         for parameter in (*inherited, *fixed):
             if parameter not in declared:
                 message = f'{kind.__name__} has no parameter "{parameter}"; it has {", ".join(declared)}'
                 raise ComponentError(self._under(name), message)
-        return Sub(name, kind, {parameter: self[own] for parameter, own in inherited.items()} | fixed, inherited)
+        return Sub(name, kind, {parameter: self[outer] for parameter, outer in inherited.items()} | fixed, inherited)
 
     def build(self, shape: "Shape") -> None:
         """Make the component's faces and connect them; its subcomponents are built before."""

@@ -53,24 +53,28 @@ class Composite(Component):
             raise ComponentError(self.path, f'root "{self.root}" is not one module B, nor a composite whose root is one')
 
     def _order(self) -> list[str]:
-        """The names of the subcomponents, front to back."""
-        behind: dict[str, str] = {}
+        """Return the names of the subcomponents, front to back.
+
+        Raises ComponentError if the connections do not make them one chain.
+        """
+        module_behind: dict[str, str] = {}
         for connection in self.connections:
             ends = {end: name for name, end in map(self._end, connection)}
             meeting = " meets ".join(connection)
             if len(ends) < len(ENDS):
-                raise ComponentError(self.path, f"{meeting}: a rear end meets a front end")
-            if ends["rear"] in behind or ends["front"] in behind.values():
+                raise ComponentError(self.path, f"{meeting}: a rear end must meet a front end")
+            if ends["rear"] in module_behind or ends["front"] in module_behind.values():
                 raise ComponentError(self.path, f"{meeting}, but an end can be connected once only")
-            behind[ends["rear"]] = ends["front"]
-        chains = [[name] for name in self.children if name not in behind.values()]
+            module_behind[ends["rear"]] = ends["front"]
+        chains = [[name] for name in self.children if name not in module_behind.values()]
         for chain in chains:
-            while chain[-1] in behind:
-                chain.append(behind[chain[-1]])
+            while chain[-1] in module_behind:
+                chain.append(module_behind[chain[-1]])
         ring = [name for name in self.children if all(name not in chain for chain in chains)]
         if len(chains) != 1 or ring:
             parts = [*(" - ".join(chain) for chain in chains), *([f"{' - '.join(ring)}, a ring"] if ring else [])]
-            raise ComponentError(self.path, f"its connections make no single chain, but {'; '.join(parts) or 'nothing'}")
+            found = "; ".join(parts) or "nothing"
+            raise ComponentError(self.path, f"its connections must make one chain, but make {found}")
         return chains[0]
 
     def _end(self, place: str) -> tuple[str, str]:

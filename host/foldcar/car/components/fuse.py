@@ -32,25 +32,28 @@ class Fused(NamedTuple):
 
 
 def fuse(graph: Graph) -> dict[str, Fused]:
-    """Return the fused faces by the path of their first atom. Raises ComponentError if an outline is not one polygon."""
+    """Return the fused faces by the path of their first atom: each is a group of atoms that rigid links connect.
+
+    Raises ComponentError if a group's outline is not one polygon.
+    """
     steps: dict[str, list[tuple[str, Pose]]] = defaultdict(list)
-    inner: set[Edge] = set()
+    inner_edges: set[Edge] = set()
     for link in (link for link in graph.links if link.kind == "rigid"):
-        inner.update((link.a, link.b))
+        inner_edges.update((link.a, link.b))
         for edge, opposite in ((link.a, link.b), (link.b, link.a)):
             steps[edge[0]].append((opposite[0], across_crease(graph.ends_mm(edge), graph.ends_mm(opposite), 0.0)))
-    groups: dict[str, dict[str, Pose]] = {}
-    owner: dict[str, str] = {}
+    poses_by_first: dict[str, dict[str, Pose]] = {}
+    first_of_atom: dict[str, str] = {}
     for path in graph.atoms:
-        if path not in owner:
-            groups[path] = propagate_poses(path, IDENTITY, steps)
-            owner |= dict.fromkeys(groups[path], path)
+        if path not in first_of_atom:
+            poses_by_first[path] = propagate_poses(path, IDENTITY, steps)
+            first_of_atom |= dict.fromkeys(poses_by_first[path], path)
     tags: dict[Edge, object] = {}
     for link in (link for link in graph.links if link.kind != "rigid"):
         kind = (link.kind, link.angle_rad, link.depth_mm)
-        tags[link.a] = (*kind, "a", owner[link.b[0]])
-        tags[link.b] = (*kind, "b", owner[link.a[0]])
-    return {first: _fused(graph, poses, tags, inner) for first, poses in groups.items()}
+        tags[link.a] = (*kind, "a", first_of_atom[link.b[0]])
+        tags[link.b] = (*kind, "b", first_of_atom[link.a[0]])
+    return {first: _fused(graph, poses, tags, inner_edges) for first, poses in poses_by_first.items()}
 
 
 def propagate_poses(start: Key, pose: Pose, steps: Mapping[Key, list[tuple[Key, Pose]]]) -> dict[Key, Pose]:
@@ -68,7 +71,11 @@ def propagate_poses(start: Key, pose: Pose, steps: Mapping[Key, list[tuple[Key, 
 
 
 def _fused(graph: Graph, poses: dict[str, Pose], tags: dict[Edge, object], inner: set[Edge]) -> Fused:
-    """Return one face. Neighbouring collinear edges with the same kind of link to the same face become one edge."""
+    """Return the face made of the atoms with these poses.
+
+    Neighbouring collinear edges become one edge if their ``tags`` are equal: the same kind of link to the same face.
+    ``inner`` edges lie between two atoms.
+    """
     first = graph.atoms[next(iter(poses))]
     ring = _ring(graph, poses, inner)
     corners = [i for i in range(len(ring)) if not _is_collinear(ring, tags, i)]
@@ -85,10 +92,10 @@ def _fused(graph: Graph, poses: dict[str, Pose], tags: dict[Edge, object], inner
     return Fused(face, first, poses, edges)
 
 
-def _ring(graph: Graph, poses: dict[str, Pose], inner: set[Edge]) -> list[tuple[Edge, Point]]:
+def _ring(graph: Graph, poses: dict[str, Pose], inner_edges: set[Edge]) -> list[tuple[Edge, Point]]:
     """Return the atoms' outer edges in the order of the fused outline, each with its start point (mm).
 
-    ``inner`` edges lie between two atoms. Each outer edge is followed by the one that starts where it ends.
+    ``inner_edges`` lie between two atoms. Each outer edge is followed by the one that starts where it ends.
     """
     first = next(iter(poses))
     if len(poses) == 1:
@@ -98,7 +105,7 @@ def _ring(graph: Graph, poses: dict[str, Pose], inner: set[Edge]) -> list[tuple[
     for path, pose in poses.items():
         for index in range(len(graph.atoms[path].outline_mm)):
             edge = path, index
-            if edge not in inner:
+            if edge not in inner_edges:
                 start, end = (_flat(pose, point) for point in graph.ends_mm(edge))
                 edges_by_start[_key(start)] = edge, start, end
     edge, first_start, end = next(iter(edges_by_start.values()))

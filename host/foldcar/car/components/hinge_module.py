@@ -16,7 +16,7 @@ from foldcar.car.parts.catalogue import Catalogue, film_of, films
 
 
 def _thicknesses_mm(parts: Catalogue) -> list[float]:
-    """Return the thicknesses (mm) of the films of the car's material, of which a hinge's strip may be."""
+    """Return the thicknesses (mm) in which the car's film is sold, from which a hinge's strip may be cut."""
     return [film.thickness_mm.value for film in films(parts.film.name)]
 
 
@@ -56,7 +56,7 @@ class HingeModule(Component):
         Parameter(
             "thickness", lambda parts: parts.film_mm, lambda parts: min(_thicknesses_mm(parts)), 1,
             "thickness of a hinge's strip, as wide as the body: of a film of the car's material",
-            "the thinnest film there is", sold=_thicknesses_mm,
+            "the thinnest film that is sold", sold=_thicknesses_mm,
         ),
         Parameter("fold_down", FOLD_DOWN_DEG, 0, 90, "how far the front segment may pitch nose down against the rear one",
                   "flat", "deg"),
@@ -69,25 +69,26 @@ class HingeModule(Component):
         Raises ComponentError if ``fold_up`` exceeds the angle where the lids meet, or the strip would bend too sharply.
         """
         # The segments turn about the middle of the strip.
-        limit = math.degrees(2 * math.atan2(self["length"] / 2, wall_mm(self["height"], self.parts)))
-        if self["fold_up"] > limit + ROUNDING:
-            meet = f"where the lids meet at H.length {self['length']:g} and height {self['height']:g}"
-            above = f"{self['fold_up']:g} is above the maximum {maximum_text(limit)}"
-            raise self.parameter_error("fold_up", f"{above} ({meet})")
+        max_fold_up_deg = math.degrees(2 * math.atan2(self["length"] / 2, wall_mm(self["height"], self.parts)))
+        if self["fold_up"] > max_fold_up_deg + ROUNDING:
+            where = f"where the lids meet at H.length {self['length']:g} and height {self['height']:g}"
+            exceeds = f"{self['fold_up']:g} is above the maximum {maximum_text(max_fold_up_deg)}"
+            raise self.parameter_error("fold_up", f"{exceeds} ({where})")
         # At either limit the strip is an arc.
-        film, bend = film_of(self.parts.film, self["thickness"]), math.radians(max(self["fold_down"], self["fold_up"]))
-        minimum = film.least_bend_radius_mm.value * bend
+        film = film_of(self.parts.film, self["thickness"])
+        bend_rad = math.radians(max(self["fold_down"], self["fold_up"]))
+        minimum = film.least_bend_radius_mm.value * bend_rad
         if self["length"] < minimum - ROUNDING:
-            bent = f"{film.title} bent by {math.degrees(bend):g}° on {film.least_bend_radius_mm.value:g} mm"
-            below = f"{self['length']:g} is below the minimum {minimum_text(minimum)}"
-            raise self.parameter_error("length", f"{below} ({bent})")
-        half, width = self["length"] / 2 + self.parts.assembly.hinge_glue_mm.value, wall_mm(self["width"], self.parts)
+            reason = f"{film.title} bent by {math.degrees(bend_rad):g}° on {film.least_bend_radius_mm.value:g} mm"
+            falls_short = f"{self['length']:g} is below the minimum {minimum_text(minimum)}"
+            raise self.parameter_error("length", f"{falls_short} ({reason})")
+        glue_mm, width = self.parts.assembly.hinge_glue_mm.value, wall_mm(self["width"], self.parts)
+        half_length = self["length"] / 2 + glue_mm
         for name in ("front half", "rear half"):
-            shape.rectangle(name, half, width, piece="hinge strip", thickness_mm=self["thickness"])
+            shape.rectangle(name, half_length, width, piece="hinge strip", thickness_mm=self["thickness"])
         # The floors' ends lie along the marks' inner edges.
-        glue = self.parts.assembly.hinge_glue_mm.value
-        for name, low in (("front half", half - glue), ("rear half", 0.0)):
-            shape.mark(name, "floor", ((low, 0.0), (low + glue, 0.0), (low + glue, width), (low, width)))
+        for name, low in (("front half", half_length - glue_mm), ("rear half", 0.0)):
+            shape.mark(name, "floor", ((low, 0.0), (low + glue_mm, 0.0), (low + glue_mm, width), (low, width)))
         limits = (-math.radians(self["fold_down"]), math.radians(self["fold_up"]))
         shape.connect("front half.rear", "rear half.front", "hinge", 0, limits_rad=limits)
         if self._stop_mm() >= MIN_STOP_MM:

@@ -186,10 +186,10 @@ def build_rim(shape: Shape, size: WheelSize) -> None:
     """Add faces ``rim 0 0`` … (strip, facet) and tongues, and join their hooks to the edges ``notch i`` of the discs."""
     per_strip = size.ties * size.facets_per_tie
     for strip in range(size.strips):
-        _strip(shape, size, strip, per_strip)
+        _add_strip(shape, size, strip, per_strip)
     for strip in range(size.strips):
-        before = (strip - 1) % size.strips
-        shape.touch("lock", f"rim {strip} tongue head.tip", f"rim {before} {per_strip - 1}", f"rim {before} slot")
+        previous = (strip - 1) % size.strips
+        shape.touch("lock", f"rim {strip} tongue head.tip", f"rim {previous} {per_strip - 1}", f"rim {previous} slot")
         for tie in range(size.ties):
             name, notch = f"rim {strip} {tie * size.facets_per_tie}", strip * size.ties + tie
             shape.touch("rim", f"{name}.inner tip", f"inner.notch {notch}")
@@ -204,40 +204,44 @@ def first_facet_pose(size: WheelSize, strip: int) -> Pose:
     return compose(turn, translation(-size.facet_mm / 2, -size.between_mm / 2, -size.apothem_mm))
 
 
-def _strip(shape: Shape, size: WheelSize, strip: int, count: int) -> None:
-    """Add one strip of the rim: ``count`` facets, with hooks at each tie, a tongue at one end, a slot at the other."""
+def _add_strip(shape: Shape, size: WheelSize, strip: int, count: int) -> None:
+    """Add one strip of the wheel's rim: ``count`` facets, with hooks that hold the discs at each tie.
+
+    A tongue at its first facet and a slot in its last one join the strips to a ring.
+    """
     length_mm, width_mm, turn_deg = size.facet_mm, size.between_mm, math.degrees(size.turn_rad)
     dip_deg = math.degrees(size.turn_rad - size.slope_rad)
     hook = Hook(NECK_MM, HOOK_MM, HOOK_MM, 2 * size.clearance_mm + size.film_mm)
     for i in range(count):
         hooks = (None, None) if i % size.facets_per_tie else (hook, hook)
-        outline = facet(length_mm, width_mm, hooks, 0.0 if i else _tongue_mm(size)[0])
+        outline = facet(length_mm, width_mm, hooks, 0.0 if i else _tongue_width_mm(size)[0])
         shape.face(f"rim {strip} {i}", outline, role="rim", piece="wheel rim")
     for i in range(count - 1):
+        # The last facet dips under the start of the next strip.
         extra_deg = dip_deg if i == count - 2 else 0.0
         shape.connect(f"rim {strip} {i}.next", f"rim {strip} {i + 1}.last", "bend", turn_deg + extra_deg)
-    _tongue(shape, size, strip)
-    shape.polygon_hole(f"rim {strip} {count - 1}", f"rim {strip} slot", "slot", _slot(size))
+    _add_tongue(shape, size, strip)
+    shape.polygon_hole(f"rim {strip} {count - 1}", f"rim {strip} slot", "slot", _slot_outline(size))
 
 
-def _tongue_mm(size: WheelSize) -> Point:
-    """Width of the tongue, and how far its head reaches beyond it on each side."""
+def _tongue_width_mm(size: WheelSize) -> Point:
+    """Return the tongue's width (mm), and how far its head reaches beyond it on each side (mm)."""
     return min(4.0, 0.36 * size.between_mm), min(1.5, 0.15 * size.between_mm)
 
 
-def _slot(size: WheelSize) -> list[Point]:
+def _slot_outline(size: WheelSize) -> list[Point]:
     """Return the slot in the last facet's frame: narrow where the tongue passes, wide where its head is put in."""
-    short, distance_mm = _start_mm(size)
-    along = math.sqrt(_through_mm(size) ** 2 - (2 * distance_mm) ** 2)
-    start = size.facet_mm - short - OUTSIDE_MM
+    overlap, distance_mm = _start_mm(size)
+    through_length = math.sqrt(_through_mm(size) ** 2 - (2 * distance_mm) ** 2)
+    start = size.facet_mm - overlap - OUTSIDE_MM
     right = start + size.film_mm / 2 + size.clearance_mm
-    middle, left = start - along - OVER_MM, start - along - OVER_MM - WIDE_MM
-    width, spread = _tongue_mm(size)
-    narrow = width / 2 + size.clearance_mm
-    wide = narrow + spread
-    half = [(left, wide), (middle, wide), (middle, narrow), (right, narrow)]
-    across = size.between_mm / 2
-    return [*((x, across - y) for x, y in half), *((x, across + y) for x, y in reversed(half))]
+    middle, left = start - through_length - OVER_MM, start - through_length - OVER_MM - WIDE_MM
+    width, spread = _tongue_width_mm(size)
+    narrow_half = width / 2 + size.clearance_mm
+    wide_half = narrow_half + spread
+    half_outline = [(left, wide_half), (middle, wide_half), (middle, narrow_half), (right, narrow_half)]
+    middle_y = size.between_mm / 2
+    return [*((x, middle_y - y) for x, y in half_outline), *((x, middle_y + y) for x, y in reversed(half_outline))]
 
 
 def _through_mm(size: WheelSize) -> float:
@@ -252,9 +256,13 @@ def _start_mm(size: WheelSize) -> Point:
     return shift * math.cos(slope) - film * math.sin(slope), shift * math.sin(slope) + film * math.cos(slope)
 
 
-def _tongue(shape: Shape, size: WheelSize, strip: int) -> None:
-    """Add the tongue: a part parallel to the facet under it, a part through that facet's slot, and a head behind it."""
-    width, spread = _tongue_mm(size)
+def _add_tongue(shape: Shape, size: WheelSize, strip: int) -> None:
+    """Add the tongue by which a rim strip is joined to the strip before it, with that strip's slot.
+
+    It has three faces: ``out`` lies parallel to the facet under it, ``through`` goes through that facet's slot, and
+    ``head``, wider than the slot, holds behind it.
+    """
+    width, spread = _tongue_width_mm(size)
     for name, length in (("out", OUTSIDE_MM), ("through", _through_mm(size))):
         corners = {"root": (0.0, 0.0), "b": (width, 0.0), "end": (width, length), "a": (0.0, length)}
         shape.face(f"rim {strip} tongue {name}", corners, role="rim")
@@ -282,8 +290,11 @@ EVEN_MM = 0.02
 
 
 def build_hub(shape: Shape, size: WheelSize) -> None:
-    """Add faces ``hub`` and ``wall 1`` …, and cut slots into the face ``outer``."""
-    shape.face("hub", _layer(size), piece="wheel hub")
+    """Add the hub: a layer on the inner disc with walls folded up, whose hooks lock into slots of the outer disc.
+
+    Faces ``hub`` and ``wall 1`` …; the slots are cut into the face ``outer``.
+    """
+    shape.face("hub", _hub_outline(size), piece="wheel hub")
     shape.place("hub", "inner", translation(0, 0, size.film_mm), laminated=True)
     length = 2 * size.hub_mm * math.tan(WALL_RAD / 2)
     hook = Hook(WALL_NECK_MM, WALL_HOOK_MM, 0.0, 2 * size.clearance_mm + size.film_mm)
@@ -292,7 +303,7 @@ def build_hub(shape: Shape, size: WheelSize) -> None:
         shape.connect(f"hub.wall {i}", f"wall {i}.inner", "fold", 90)
         # Directions around the axle run the other way in the outer disc's frame; its hooks point backwards.
         slot = f"wall slot {i}"
-        shape.polygon_hole("outer", slot, "slot", _wall_slot(size, -direction))
+        shape.polygon_hole("outer", slot, "slot", _wall_slot_outline(size, -direction))
         shape.touch("lock", f"wall {i}.outer tip", "outer", slot)
 
 
@@ -302,23 +313,26 @@ def turn_rad(size: WheelSize) -> float:
     return math.atan((WALL_NECK_MM / 2 + WALL_HOOK_MM) / inside) - math.atan(WALL_NECK_MM / 2 / inside)
 
 
-def _layer(size: WheelSize) -> dict[str, Point]:
-    """A circle with a straight edge ``wall 1`` … for each wall."""
-    radius, half = size.hub_mm / math.cos(WALL_RAD / 2), WALL_RAD / 2
-    arc = 2 * math.pi / WALLS - WALL_RAD
-    steps = math.ceil(arc / 2 / math.acos(1 - EVEN_MM / radius))
+def _hub_outline(size: WheelSize) -> dict[str, Point]:
+    """Return the outline of the hub's layer: a circle with a straight edge ``wall 1`` … for each wall."""
+    radius, half_wall = size.hub_mm / math.cos(WALL_RAD / 2), WALL_RAD / 2
+    arc_rad = 2 * math.pi / WALLS - WALL_RAD
+    steps = math.ceil(arc_rad / 2 / math.acos(1 - EVEN_MM / radius))
     angles = {}
     for i, direction in enumerate(DIRECTIONS_RAD, 1):
-        angles[f"wall {i}"] = direction - half
-        angles |= {f"arc {i} {k}": direction + half + arc * k / steps for k in range(steps)}
+        angles[f"wall {i}"] = direction - half_wall
+        angles |= {f"arc {i} {k}": direction + half_wall + arc_rad * k / steps for k in range(steps)}
     return dict(zip(angles, on_circle(radius, angles.values()), strict=True))
 
 
-def _wall_slot(size: WheelSize, angle_rad: float) -> list[Point]:
-    """A slot around the axle, in which a hook turns; the hook points clockwise."""
-    low = size.hub_mm - size.film_mm / 2 - PLAY_MM
-    high = math.hypot(size.hub_mm + size.film_mm / 2, WALL_NECK_MM / 2 + WALL_HOOK_MM) + size.clearance_mm
-    half = math.atan(WALL_NECK_MM / 2 / (size.hub_mm - size.film_mm / 2)) + size.clearance_mm / size.hub_mm
-    start, end = angle_rad - half, angle_rad + half + turn_rad(size)
-    steps = [start + (end - start) * i / ARC_STEPS for i in range(ARC_STEPS + 1)]
-    return [*on_circle(high, steps), *on_circle(low, reversed(steps))]
+def _wall_slot_outline(size: WheelSize, angle_rad: float) -> list[Point]:
+    """Return the outline of a slot in the outer disc: an arc around the axle, in which a hook turns into its lock.
+
+    ``angle_rad`` is the direction of the hook before it turns; the hook points clockwise.
+    """
+    inner_radius = size.hub_mm - size.film_mm / 2 - PLAY_MM
+    outer_radius = math.hypot(size.hub_mm + size.film_mm / 2, WALL_NECK_MM / 2 + WALL_HOOK_MM) + size.clearance_mm
+    half_angle = math.atan(WALL_NECK_MM / 2 / (size.hub_mm - size.film_mm / 2)) + size.clearance_mm / size.hub_mm
+    start, end = angle_rad - half_angle, angle_rad + half_angle + turn_rad(size)
+    angles = [start + (end - start) * i / ARC_STEPS for i in range(ARC_STEPS + 1)]
+    return [*on_circle(outer_radius, angles), *on_circle(inner_radius, reversed(angles))]

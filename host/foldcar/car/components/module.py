@@ -74,29 +74,29 @@ class WheelModule(Module):
         parts, servo, horn = self.parts, self.parts.servo, self.parts.horn
         axis = (self["length"] / 2, wall_mm(self["height"], parts) / 2)
         # From the side wall's outer surface to the wheel: the inner disc lies on the horn's outer face.
-        face = servo.spline_top_mm.value - horn.spline_depth_mm.value + horn.height_mm.value
-        gap = face - servo.ear_underside_mm.value
-        out = -(parts.film_mm / 2 + gap + self["tire_thickness"] / 2)
-        running = self.parts.tyre.running_width_mm(self["tire_thickness"])
+        horn_face_mm = servo.spline_top_mm.value - horn.spline_depth_mm.value + horn.height_mm.value
+        gap = horn_face_mm - servo.ear_underside_mm.value
+        wheel_z = -(parts.film_mm / 2 + gap + self["tire_thickness"] / 2)
+        running_width_mm = self.parts.tyre.running_width_mm(self["tire_thickness"])
         if not self["driven"]:
             wall_distance_mm = wall_mm(self["width"], parts)
             put_rod(shape, ("beam.left", "beam.right"), axis, wall_distance_mm, gap, self["tire_thickness"])
             for side in SIDES:
-                shape.axle(f"beam.{side}", "", side, (*axis, out), self["radius"], running)
+                shape.axle(f"beam.{side}", "", side, (*axis, wheel_z), self["radius"], running_width_mm)
             return
         # The layer behind a servo, or the nut of its screw, must not meet the tab of a cap.
-        least = math.ceil(20 * (servo_reach_mm(parts)[0] + self["tab_depth"])) / 10
-        if self["tab_depth"] > 0 and self["length"] < least:
-            why = f"a segment of its own: one {servo.name} and the cap's tabs"
-            raise self.parameter_error("length", f"{self['length']:g} is below the minimum {least:g} ({why})")
+        min_length_mm = math.ceil(20 * (servo_reach_mm(parts)[0] + self["tab_depth"])) / 10
+        if self["tab_depth"] > 0 and self["length"] < min_length_mm:
+            reason = f"a segment of its own: one {servo.name} and the cap's tabs"
+            raise self.parameter_error("length", f"{self['length']:g} is below the minimum {min_length_mm:g} ({reason})")
         # The layer behind a servo is at most twice as high as it, and clear of the lid's flap and its locks.
-        flap = parts.assembly.flap_mm.value + parts.film_mm + parts.assembly.slot_clearance_mm.value
-        clear = min(wall_mm(self["height"], parts) - 2 * flap, 2 * servo.width_mm.value)
-        height = max(min_doubler_mm(parts), clear)
+        flap_depth_mm = parts.assembly.flap_mm.value + parts.film_mm + parts.assembly.slot_clearance_mm.value
+        clear_height_mm = min(wall_mm(self["height"], parts) - 2 * flap_depth_mm, 2 * servo.width_mm.value)
+        height = max(min_doubler_mm(parts), clear_height_mm)
         for side in SIDES:
             wall = f"beam.{side}"
             name = put_servo(shape, f"{side} servo", wall, axis, self["towards_middle"], height)
-            shape.axle(wall, name, side, (*axis, out), self["radius"], running)
+            shape.axle(wall, name, side, (*axis, wheel_z), self["radius"], running_width_mm)
 
 
 class Layout(NamedTuple):
@@ -150,29 +150,32 @@ class ElectronicsModule(BrainModule):
         shape.part(parts.lipo, "beam.floor", lipo, turned=True, marked=True)
         hole = plug_room_mm(parts.plugs.usb) + 2 * (parts.feather.usb.tolerance + assembly.slot_clearance_mm.value)
         shape.round_hole("beam.left", "USB", "opening", (x, usb_height_mm(parts)), hole)
-        self._battery(shape, layout, y)
+        self._place_battery(shape, layout, y)
         wires = (self["length"] / 2, across / 2, wall_mm(self["height"], parts) / 2)
         shape.part(parts.wiring, "beam.floor", wires)
         shape.graph.wires += _power_wires(parts)
 
-    def _battery(self, shape: Shape, layout: Layout, boards_y: float) -> None:
-        """Add pad and battery on the floor or the roof, at the position across the car that balances the boards."""
+    def _place_battery(self, shape: Shape, layout: Layout, boards_y: float) -> None:
+        """Add pad and battery on the floor or the roof, as far across the car as needed to balance the boards.
+
+        ``boards_y`` is y of the boards' middle; the walls limit the battery's y.
+        """
         parts, film, across = self.parts, self.parts.film_mm, wall_mm(self["width"], self.parts)
         battery, pad = parts.battery, parts.pad
         boards_kg = sum(part.mass_kg.value for part in (parts.feather, parts.featherwing, parts.lipo))
         reach = (across - film - (battery.length_mm if layout.turned else battery.width_mm).value) / 2
         offset = (boards_y - across / 2) * boards_kg / battery.mass_kg.value
         if parts.battery_place == "roof":
-            self._on_roof(shape, layout.battery_mm, across / 2 + offset)
+            self._place_on_roof(shape, layout.battery_mm, across / 2 + offset)
             return
-        at_y, up = across / 2 - min(max(offset, -reach), reach), film / 2
+        y, z = across / 2 - min(max(offset, -reach), reach), film / 2
         for part in (pad, battery):
             height = part.height_mm.value
-            at = (layout.battery_mm, at_y, up + height / 2)
-            shape.part(part, "beam.floor", at, turned=layout.turned, marked=True)
-            up += height
+            center = (layout.battery_mm, y, z + height / 2)
+            shape.part(part, "beam.floor", center, turned=layout.turned, marked=True)
+            z += height
 
-    def _on_roof(self, shape: Shape, x: float, y: float) -> None:
+    def _place_on_roof(self, shape: Shape, x: float, y: float) -> None:
         """Add pad and battery on the lid's unprinted side, their middle at ``x`` and as near to ``y`` as its folds allow.
 
         Holes at their corners show their places on both sides. The lid's y runs from the left wall, its z into the car.
@@ -184,22 +187,23 @@ class ElectronicsModule(BrainModule):
         reach = lid_mm / 2 - edge - battery.length_mm.value / 2
         y = lid_mm / 2 + (min(max(y - lid_mm / 2, -reach), reach) if reach > 0 else 0.0)
         shape.part(parts.pad, "beam.lid", (x, y, -(film + parts.pad.height_mm.value) / 2), turned=True)
-        up = film / 2 + parts.pad.height_mm.value + battery.height_mm.value / 2
-        hole = self._lead_hole(shape, x + battery.width_mm.value / 2)
+        battery_z = film / 2 + parts.pad.height_mm.value + battery.height_mm.value / 2
+        hole = self._cut_lead_hole(shape, x + battery.width_mm.value / 2)
         # The leads pass the hole as one round of two wires.
-        wire, lid = parts.wiring.wire_diameter_mm.value, up - film / 2
-        lead = cylinder(2 * wire, lid - 2 * wire, lid + film + wire, hole[0] - x, hole[1] - y)
+        wire_mm, lid_z = parts.wiring.wire_diameter_mm.value, battery_z - film / 2
+        lead = cylinder(2 * wire_mm, lid_z - 2 * wire_mm, lid_z + film + wire_mm, hole[0] - x, hole[1] - y)
         size = (battery.width_mm.value, battery.length_mm.value, battery.height_mm.value)
         solids = (Solid("box", size, IDENTITY), replace(lead, weightless=True))
-        pose = translation(x, y, -up)
+        pose = translation(x, y, -battery_z)
         shape.box(battery.name, battery.name, "beam.lid", pose, size, battery.mass_kg.value, solids=solids)
         for part in (parts.pad, battery):
-            across, along = part.length_mm.value / 2, part.width_mm.value / 2
-            if lid_mm / 2 - abs(y - lid_mm / 2) - across >= edge - ROUNDING:
-                for i, (u, v) in enumerate(itertools.product((-along, along), (-across, across)), 1):
-                    shape.round_hole("beam.lid", f"{part.name} corner {i}", "mark", (x + u, y + v), corner)
+            half_length, half_width = part.length_mm.value / 2, part.width_mm.value / 2
+            if lid_mm / 2 - abs(y - lid_mm / 2) - half_length >= edge - ROUNDING:
+                corners = itertools.product((-half_width, half_width), (-half_length, half_length))
+                for i, (dx, dy) in enumerate(corners, 1):
+                    shape.round_hole("beam.lid", f"{part.name} corner {i}", "mark", (x + dx, y + dy), corner)
 
-    def _lead_hole(self, shape: Shape, end_mm: float) -> Point:
+    def _cut_lead_hole(self, shape: Shape, end_mm: float) -> Point:
         """Cut a hole for the battery's leads into the lid, in front of the battery on the roof and near the left wall.
 
         Returns its middle. Raises ComponentError if the module is too short for battery, lead hole, latch and fingers at
@@ -214,67 +218,75 @@ class ElectronicsModule(BrainModule):
         if latch_end_mm:
             minimum = max(minimum, battery.width_mm.max_value + 2 * (assembly.placement_mm.value + latch_end_mm))
         if self["length"] < minimum - ROUNDING:
-            what = f"the {battery.name} on the roof beside its lead and the lid's latch"
-            raise self.parameter_error("length", _too_small(self["length"], minimum, what))
-        at = (end_mm + edge + hole / 2, edge + hole)
-        shape.round_hole("beam.lid", "lead", "slit", at, hole)
-        return at
+            parts_text = f"the {battery.name} on the roof beside its lead and the lid's latch"
+            raise self.parameter_error("length", _too_small(self["length"], minimum, parts_text))
+        center = (end_mm + edge + hole / 2, edge + hole)
+        shape.round_hole("beam.lid", "lead", "slit", center, hole)
+        return center
 
     def _layouts(self) -> Iterator[Layout]:
-        """Yield all layouts, including those that do not fit. Without a wide enough floor for the battery there is none.
+        """Yield the possible layouts, also those for which the module is too short.
 
-        Along x the parts are in the order LiPo, boards, battery (``side`` is 1), or the reverse (``side`` is -1).
+        Along x the parts are in the order LiPo, boards, battery (``side`` is 1), or the reverse (``side`` is -1). A
+        battery on the floor lies along or across the car, as far as the floor is wide enough.
         """
-        parts, assembly, length = self.parts, self.parts.assembly, self["length"]
-        battery_width, battery_length = parts.battery.width_mm, parts.battery.length_mm
-        on_floor = [
-            (along.value, side, turned)
-            for along, across, turned in (
-                (battery_width, battery_length, True),
-                (battery_length, battery_width, False),
-            )
-            for side in (-1, 1)
-            if across.max_value + 2 * assembly.cut_mm.value <= self["width"] - 2 * parts.film_mm + ROUNDING
-        ]
-        on_roof = [(0.0, -1, True)]
-        for battery_mm, side, turned in on_roof if parts.battery_place == "roof" else on_floor:
+        parts, length = self.parts, self["length"]
+        # The battery's length along x (0 on the roof), ``side`` and ``turned`` of each layout.
+        variants = [(0.0, -1, True)] if parts.battery_place == "roof" else self._floor_variants()
+        for battery_mm, side, turned in variants:
             # The distance from the boards' middle to the battery's far end, or to the bridge's end under a roof battery.
             battery_end_mm = half_width_mm(parts) + parts.film_mm
             if battery_mm:
                 # The LiPo's lead leaves the Feather at the front, so its plug is between boards and battery there.
-                gap_mm = assembly.part_gap_mm.value if side < 0 else parts.plugs.battery.length_mm.value
+                gap_mm = parts.assembly.part_gap_mm.value if side < 0 else parts.plugs.battery.length_mm.value
                 battery_end_mm += gap_mm + battery_mm
-            # The distance from the boards' middle to the LiPo's far side. The flange comes down beside the LiPo, which
-            # may lie anywhere within its outline.
-            lipo = parts.lipo.width_mm
-            beside_mm = assembly.placement_mm.value + lipo.tolerance / 2 + assembly.slot_clearance_mm.value
-            lipo_end_mm = parts.film_mm / 2 + beside_mm + lipo.value - half_width_mm(parts)
+            lipo_end_mm = self._lipo_end_mm()
             rear_mm, front_mm = (battery_end_mm, lipo_end_mm) if side < 0 else (lipo_end_mm, battery_end_mm)
             low = max(rear_mm - self["floor_rear"], self["usb_low"])
             high = min(length + self["floor_front"] - front_mm, self["usb_high"])
-            boards = min(max(length / 2, low), high)
-            lipo_middle = boards - side * (lipo_end_mm - lipo.value / 2)
-            battery = boards + side * battery_end_mm - side * battery_mm / 2 if battery_mm else length / 2
-            yield Layout(low, high, side, turned, boards, lipo_middle, battery)
+            boards_middle = min(max(length / 2, low), high)
+            lipo_middle = boards_middle - side * (lipo_end_mm - parts.lipo.width_mm.value / 2)
+            battery_middle = boards_middle + side * battery_end_mm - side * battery_mm / 2 if battery_mm else length / 2
+            yield Layout(low, high, side, turned, boards_middle, lipo_middle, battery_middle)
+
+    def _floor_variants(self) -> list[tuple[float, int, bool]]:
+        """Return the battery's length along x, the flange's ``side`` and ``turned`` for a battery on the floor."""
+        battery, floor_mm = self.parts.battery, self["width"] - 2 * self.parts.film_mm
+        orientations = ((battery.width_mm, battery.length_mm, True), (battery.length_mm, battery.width_mm, False))
+        return [
+            (along.value, side, turned)
+            for along, across, turned in orientations
+            for side in (-1, 1)
+            if across.max_value + 2 * self.parts.assembly.cut_mm.value <= floor_mm + ROUNDING
+        ]
+
+    def _lipo_end_mm(self) -> float:
+        """Return the distance along x from the boards' middle to the LiPo's far side.
+
+        The bridge's flange comes down beside the LiPo, which may lie anywhere within its outline.
+        """
+        assembly, lipo = self.parts.assembly, self.parts.lipo.width_mm
+        gap_mm = assembly.placement_mm.value + lipo.tolerance / 2 + assembly.slot_clearance_mm.value
+        return self.parts.film_mm / 2 + gap_mm + lipo.value - half_width_mm(self.parts)
 
     @property
     def layout(self) -> Layout:
         """The fitting layout with the boards nearest to the middle. Raises ComponentError if none fits."""
         battery, length, layouts = self.parts.battery, self["length"], list(self._layouts())
         if not layouts:
-            most = min(size.max_value for size in (battery.length_mm, battery.width_mm))
-            least = most + 2 * (self.parts.assembly.cut_mm.value + self.parts.film_mm)
-            raise self.parameter_error("width", _too_small(self["width"], least, battery.name))
-        possible = [layout for layout in layouts if layout.missing_mm <= ROUNDING]
-        if possible:
-            return min(possible, key=lambda layout: abs(layout.boards_mm - length / 2))
-        best = min(layouts, key=lambda layout: layout.missing_mm)
-        what = "the boards" if self.parts.battery_place == "roof" else f"the boards and the {battery.name}"
+            min_width_part = min(size.max_value for size in (battery.length_mm, battery.width_mm))
+            min_width = min_width_part + 2 * (self.parts.assembly.cut_mm.value + self.parts.film_mm)
+            raise self.parameter_error("width", _too_small(self["width"], min_width, battery.name))
+        fitting = [layout for layout in layouts if layout.missing_mm <= ROUNDING]
+        if fitting:
+            return min(fitting, key=lambda layout: abs(layout.boards_mm - length / 2))
+        nearest = min(layouts, key=lambda layout: layout.missing_mm)
+        parts_text = "the boards" if self.parts.battery_place == "roof" else f"the boards and the {battery.name}"
         if all(not layout.turned for layout in layouts):
-            what += f" lengthwise at width {self['width']:g}"
-        if best.low == self["usb_low"] or best.high == self["usb_high"]:
-            what += ", with a USB plug clear of the tyres"
-        raise self.parameter_error("length", _too_small(length, length + best.missing_mm, what))
+            parts_text += f" lengthwise at width {self['width']:g}"
+        if nearest.low == self["usb_low"] or nearest.high == self["usb_high"]:
+            parts_text += ", with a USB plug clear of the tyres"
+        raise self.parameter_error("length", _too_small(length, length + nearest.missing_mm, parts_text))
 
 
 def _power_wires(parts: Catalogue) -> list[Wire]:
@@ -291,4 +303,5 @@ def _power_wires(parts: Catalogue) -> list[Wire]:
 
 
 def _too_small(value: float, needed: float, what: str) -> str:
+    """Return the message for a size below what ``what`` needs (mm), rounded up to 0.1 mm."""
     return f"{value:g} is below the minimum {math.ceil((needed - ROUNDING) * 10) / 10:g} ({what})"

@@ -22,10 +22,10 @@ ARC_STEPS = 24
 def servo_reach_mm(parts: Catalogue) -> tuple[float, float]:
     """Distance (mm) from the axis to the end of the servo's layer or nut, on its long side and on its short side."""
     servo, nut = parts.servo, parts.screw.nut_width_mm
-    middle = servo.length_mm.value / 2 - servo.axis_from_end_mm.value
-    corner = 0.0 if nut is None else nut.value / 3**0.5
-    reach = max(doubler_length_mm(parts) / 2, servo.screw_spacing_mm.value / 2 + corner)
-    return reach + middle, reach - middle
+    axis_offset = servo.length_mm.value / 2 - servo.axis_from_end_mm.value
+    nut_corner = 0.0 if nut is None else nut.value / 3**0.5
+    half_length = max(doubler_length_mm(parts) / 2, servo.screw_spacing_mm.value / 2 + nut_corner)
+    return half_length + axis_offset, half_length - axis_offset
 
 
 def doubler_length_mm(parts: Catalogue) -> float:
@@ -48,26 +48,26 @@ def min_doubler_mm(parts: Catalogue) -> float:
 
 
 def put_servo(shape: Shape, name: str, wall: str, axis_mm: Point, inward: float, height_mm: float) -> str:
-    """Put a servo into the face ``wall``, with a second layer ``height_mm`` high behind it: the face ``NAME.doubler``.
+    """Mount a servo in an opening of the face ``wall``; return the name of the mounted part.
 
-    ``axis_mm`` is the point where its axis passes the wall. ``inward`` is 1 if its long side lies towards +x, else -1.
-    Returns the name of the mounted part.
+    Behind the opening a second layer of film, the face ``NAME.doubler``, is ``height_mm`` high. ``axis_mm`` is the point
+    where the servo's axis passes the wall; ``inward`` is 1 if its long side lies towards +x, else -1.
     """
     parts, servo, film = shape.parts, shape.parts.servo, shape.parts.film_mm
     x, y = axis_mm[0] + inward * (servo.length_mm.value / 2 - servo.axis_from_end_mm.value), axis_mm[1]
-    hole = _opening(shape, wall, f"{name}.wall opening", x, y)
+    hole = _cut_servo_opening(shape, wall, f"{name}.wall opening", x, y)
     outline = rectangle_around((0.0, 0.0), doubler_length_mm(parts), height_mm)
     shape.layer(f"{name}.doubler", wall, outline, (x, y), "servo doubler")
-    _opening(shape, f"{name}.doubler", f"{name}.opening", 0.0, 0.0)
+    _cut_servo_opening(shape, f"{name}.doubler", f"{name}.opening", 0.0, 0.0)
     # The ears' undersides lie on the outside of the wall.
     depth = servo.ear_underside_mm.value - servo.depth_mm.value / 2 - film / 2
     # The box's length and width lie in the wall, its depth across it; half a turn puts its shaft's end at the axis.
     pose = compose(translation(x, y, depth), rotation("z", 0.0 if inward > 0 else math.pi))
     size, title = (servo.length_mm.value, servo.width_mm.value, servo.depth_mm.value), shape.path(name)
-    shape.box(servo.name, title, wall, pose, size, servo.mass_kg.value, [hole], _solids(parts))
-    for i, side in enumerate((-1, 1), 1):
-        under = (x + side * servo.screw_spacing_mm.value / 2, y, -film / 2 - servo.ear_thickness_mm.value)
-        seat, grip = compose(translation(*under), rotation("x", math.pi)), servo.ear_thickness_mm.value + 2 * film
+    shape.box(servo.name, title, wall, pose, size, servo.mass_kg.value, [hole], _servo_solids(parts))
+    for i, direction in enumerate((-1, 1), 1):
+        under_head = (x + direction * servo.screw_spacing_mm.value / 2, y, -film / 2 - servo.ear_thickness_mm.value)
+        seat, grip = compose(translation(*under_head), rotation("x", math.pi)), servo.ear_thickness_mm.value + 2 * film
         add_screw(shape, parts.screw, f"{title} screw {i}", wall, seat, grip)
     return title
 
@@ -89,9 +89,9 @@ def wheel_hole_mm(parts: Catalogue) -> float:
 def put_rod(
     shape: Shape, walls: tuple[str, str], axis_mm: Point, apart_mm: float, gap_mm: float, wheel_mm: float
 ) -> None:
-    """Put a rod through two faces, ``apart_mm`` from each other, with tubes and caps on it for a wheel at each end.
+    """Mount a rod through two walls, ``apart_mm`` from each other, with a spacer tube and a cap for a wheel at each end.
 
-    ``axis_mm`` is where it passes each face, ``gap_mm`` the distance of a wheel from its wall, ``wheel_mm`` its width.
+    ``axis_mm`` is where it passes each wall, ``gap_mm`` the distance of a wheel from its wall, ``wheel_mm`` its width.
     """
     parts, film = shape.parts, shape.parts.film_mm
     rod, tube, cap = parts.axle_rod, parts.axle_tube, parts.axle_cap
@@ -101,61 +101,62 @@ def put_rod(
         shape.layer(f"{side} rod.doubler", wall, outline, axis_mm, "rod doubler")
         shape.round_hole(f"{side} rod.doubler", f"{side} rod.doubler.rod", "axle", (0.0, 0.0), rod_hole_mm(parts))
         shape.round_hole(wall, f"{side} rod.wall.rod", "axle", axis_mm, rod_hole_mm(parts))
-        wide, bore = tube.diameter_mm.value, tube.bore_mm.value
-        mass_kg = math.pi / 4 * (wide**2 - bore**2) * gap_mm * 1e-9 * tube.density_kg_m3.value
-        size, solids = (wide, wide, gap_mm), [cylinder(wide, -gap_mm / 2, gap_mm / 2, bore_mm=bore)]
-        at = translation(*axis_mm, -(film + gap_mm) / 2)
-        shape.box(tube.name, shape.path(f"{side} spacer tube"), wall, at, size, mass_kg, solids=solids)
-        wide, tall = cap.diameter_mm.value, cap.height_mm.value
-        solids = [cylinder(wide, -tall / 2, tall / 2, bore_mm=rod.diameter_mm.value)]
-        at = translation(*axis_mm, -(film / 2 + gap_mm + wheel_mm + tall / 2))
-        shape.box(
-            cap.name, shape.path(f"{side} axle cap"), wall, at, (wide, wide, tall), cap.mass_kg.value, solids=solids
-        )
-    wide, long = rod.diameter_mm.value, apart_mm + film + 2 * (gap_mm + wheel_mm + cap.height_mm.value)
-    mass_kg = math.pi / 4 * wide**2 * long * 1e-9 * rod.density_kg_m3.value
-    solids = [cylinder(wide, -long / 2, long / 2)]
-    at = translation(*axis_mm, apart_mm / 2)
-    shape.box(rod.name, shape.path("rod"), walls[0], at, (wide, wide, long), mass_kg, solids=solids)
+        diameter, bore = tube.diameter_mm.value, tube.bore_mm.value
+        mass_kg = math.pi / 4 * (diameter**2 - bore**2) * gap_mm * 1e-9 * tube.density_kg_m3.value
+        size, solids = (diameter, diameter, gap_mm), [cylinder(diameter, -gap_mm / 2, gap_mm / 2, bore_mm=bore)]
+        pose = translation(*axis_mm, -(film + gap_mm) / 2)
+        shape.box(tube.name, shape.path(f"{side} spacer tube"), wall, pose, size, mass_kg, solids=solids)
+        diameter, height = cap.diameter_mm.value, cap.height_mm.value
+        solids = [cylinder(diameter, -height / 2, height / 2, bore_mm=rod.diameter_mm.value)]
+        pose = translation(*axis_mm, -(film / 2 + gap_mm + wheel_mm + height / 2))
+        size = (diameter, diameter, height)
+        shape.box(cap.name, shape.path(f"{side} axle cap"), wall, pose, size, cap.mass_kg.value, solids=solids)
+    diameter, length = rod.diameter_mm.value, apart_mm + film + 2 * (gap_mm + wheel_mm + cap.height_mm.value)
+    mass_kg = math.pi / 4 * diameter**2 * length * 1e-9 * rod.density_kg_m3.value
+    solids = [cylinder(diameter, -length / 2, length / 2)]
+    pose = translation(*axis_mm, apart_mm / 2)
+    shape.box(rod.name, shape.path("rod"), walls[0], pose, (diameter, diameter, length), mass_kg, solids=solids)
 
 
-def _solids(parts: Catalogue) -> list[Solid]:
+def _servo_solids(parts: Catalogue) -> list[Solid]:
     """Return the servo's body, ears, turret, idler and spline in the body's frame, whose z points to its bottom."""
     servo = parts.servo
     length, width, depth = servo.length_mm.value, servo.width_mm.value, servo.depth_mm.value
 
-    def z(height: Quantity) -> float:
-        return depth / 2 - height.value
+    def z(height_over_bottom: Quantity) -> float:
+        return depth / 2 - height_over_bottom.value
 
-    ears, thickness = z(servo.ear_underside_mm), servo.ear_thickness_mm.value
-    axis, half = servo.axis_from_end_mm.value - length / 2, servo.screw_spacing_mm.value / 2
-    top, turret, spline = -depth / 2, z(servo.turret_top_mm), z(servo.spline_top_mm)
-    holes = tuple((x, 0.0, servo.screw_hole_mm.value) for x in (-half, half))
-    idler = axis + servo.idler_from_axis_mm.value
+    ear_z, thickness = z(servo.ear_underside_mm), servo.ear_thickness_mm.value
+    axis_x, hole_x = servo.axis_from_end_mm.value - length / 2, servo.screw_spacing_mm.value / 2
+    top_z, turret_z, spline_z = -depth / 2, z(servo.turret_top_mm), z(servo.spline_top_mm)
+    holes = tuple((x, 0.0, servo.screw_hole_mm.value) for x in (-hole_x, hole_x))
+    idler_x = axis_x + servo.idler_from_axis_mm.value
     # The centre screw cuts its way into the spline.
     screw = parts.centre_screw.diameter_mm.value
     return [
         Solid("box", (length, width, depth), IDENTITY),
-        Solid("box", (servo.ear_span_mm.value, width, thickness), translation(0, 0, ears - thickness / 2), holes),
-        cylinder(servo.turret_diameter_mm.value, turret, top, axis, bore_mm=screw),
-        cylinder(servo.idler_diameter_mm.value, turret, top, idler),
-        cylinder(servo.spline_diameter_mm.value, spline, turret, axis, bore_mm=screw),
+        Solid("box", (servo.ear_span_mm.value, width, thickness), translation(0, 0, ear_z - thickness / 2), holes),
+        cylinder(servo.turret_diameter_mm.value, turret_z, top_z, axis_x, bore_mm=screw),
+        cylinder(servo.idler_diameter_mm.value, turret_z, top_z, idler_x),
+        cylinder(servo.spline_diameter_mm.value, spline_z, turret_z, axis_x, bore_mm=screw),
     ]
 
 
-def _opening(shape: Shape, face: str, name: str, x: float, y: float) -> str:
+def _cut_servo_opening(shape: Shape, face: str, name: str, x: float, y: float) -> str:
     """Cut the servo's opening, with a notch for the screw at each end, and return its full name.
 
     Separate screw holes would leave less than 1 mm of film beside the opening, which holds nothing. A notch holds its
     screw across the wall's length and outwards; inwards the servo's body holds it.
     """
     servo, assembly = shape.parts.servo, shape.parts.assembly
-    clearance, r = 2 * assembly.opening_clearance_mm.value, assembly.screw_hole_mm.value / 2
-    a, b = ((size.max_value + clearance) / 2 for size in (servo.length_mm, servo.width_mm))
-    far = screw_end_mm(shape.parts) - r
-    turns = [math.pi * (i / ARC_STEPS - 0.5) for i in range(ARC_STEPS + 1)]
-    half = [(a, -b), (a, -r), *on_circle(r, turns, (far, 0.0)), (a, r), (a, b)]
-    outline = [*half, *((-u, -v) for u, v in half)]
+    clearance, radius = 2 * assembly.opening_clearance_mm.value, assembly.screw_hole_mm.value / 2
+    half_length, half_width = ((size.max_value + clearance) / 2 for size in (servo.length_mm, servo.width_mm))
+    notch_center = screw_end_mm(shape.parts) - radius
+    angles = [math.pi * (i / ARC_STEPS - 0.5) for i in range(ARC_STEPS + 1)]
+    notch = on_circle(radius, angles, (notch_center, 0.0))
+    ys = (-half_width, -radius, radius, half_width)
+    half_outline = [*((half_length, y) for y in ys[:2]), *notch, *((half_length, y) for y in ys[2:])]
+    outline = [*half_outline, *((-u, -v) for u, v in half_outline)]
     return shape.polygon_hole(face, name, "opening", [(x + u, y + v) for u, v in outline])
 
 
@@ -166,26 +167,29 @@ def switch_depth_mm(parts: Catalogue) -> float:
 
 
 def put_switch(shape: Shape, panel: str, at_mm: Point) -> None:
-    """Put the switch into the face ``panel``, seen from inside, with faces ``switch.layer 1`` … behind it."""
+    """Mount the switch in a slot of the face ``panel``, its centre at ``at_mm``.
+
+    Layers of film behind the panel, the faces ``switch.layer 1`` …, make it thick enough for the switch's barbs.
+    """
     switch, parts, film = shape.parts.switch, shape.parts, shape.parts.film_mm
-    slot, around = (switch.slot_length_mm.value, switch.slot_width_mm.value), 2 * parts.assembly.switch_margin_mm.value
+    slot, margin = (switch.slot_length_mm.value, switch.slot_width_mm.value), 2 * parts.assembly.switch_margin_mm.value
     # The barbs of every such switch must hold behind the layers of film and tape.
-    thin = parts.film.thickness_mm.min_value + parts.assembly.tape_mm.min_value
-    layers = math.ceil((switch.panel_least_mm.max_value - parts.film.thickness_mm.min_value) / thin - 1e-9)
-    for i in range(max(1, layers)):
+    min_layer_mm = parts.film.thickness_mm.min_value + parts.assembly.tape_mm.min_value
+    layer_count = math.ceil((switch.panel_least_mm.max_value - parts.film.thickness_mm.min_value) / min_layer_mm - 1e-9)
+    for i in range(max(1, layer_count)):
         name = f"switch.layer {i + 1}"
-        outline = rectangle_around((0.0, 0.0), slot[0] + around, slot[1] + around)
+        outline = rectangle_around((0.0, 0.0), slot[0] + margin, slot[1] + margin)
         shape.layer(name, panel, outline, at_mm, "switch doubler", i + 1)
         shape.rectangular_hole(name, f"{name}.opening", "opening", (0.0, 0.0), *slot)
     hole = shape.rectangular_hole(panel, "switch opening", "opening", at_mm, *slot)
-    outside, half = switch.rocker_height_mm.value + switch.bezel_height_mm.value, switch.height_mm.value / 2
+    outside_mm, half = switch.rocker_height_mm.value + switch.bezel_height_mm.value, switch.height_mm.value / 2
     # z of the mount's frame points outwards; its box's middle lies inside.
-    pose = compose(translation(*at_mm, half - outside - film / 2), rotation("x", math.pi))
+    pose = compose(translation(*at_mm, half - outside_mm - film / 2), rotation("x", math.pi))
     bezel, body = switch.size_mm[:2], (switch.body_length_mm.value, switch.body_width_mm.value)
-    low, high = half - outside, half - switch.rocker_height_mm.value
+    bezel_low, bezel_high = half - outside_mm, half - switch.rocker_height_mm.value
     solids = [
         Solid("box", (*size, end - start), translation(0, 0, (start + end) / 2))
-        for size, start, end in ((bezel, low, high), (body, high, half), (body, -half, low))
+        for size, start, end in ((bezel, bezel_low, bezel_high), (body, bezel_high, half), (body, -half, bezel_low))
     ]
     finger = ToolClearance("finger", translation(0, 0, half), *parts.tools.finger_mm)
     shape.box(switch.name, switch.name, panel, pose, switch.size_mm, switch.mass_kg.value, [hole], solids, [finger])
@@ -196,13 +200,13 @@ def put_caster(shape: Shape, name: str, floor: str, at_mm: Point) -> None:
     caster, margin = shape.parts.caster, 2 * shape.parts.assembly.doubler_margin_mm.value
     outline = rectangle_around((0.0, 0.0), caster.length_mm.value + margin, caster.width_mm.value + margin)
     shape.layer(f"{name}.plate", floor, outline, at_mm, "caster plate")
-    half, wide = caster.hole_spacing_mm.value / 2, shape.parts.assembly.screw_hole_mm.value
+    hole_x, hole_mm = caster.hole_spacing_mm.value / 2, shape.parts.assembly.screw_hole_mm.value
     holes = []
-    for i, x in enumerate((-half, half), 1):
-        shape.round_hole(f"{name}.plate", f"{name}.plate.screw {i}", "screw", (x, 0.0), wide)
-        holes.append(shape.round_hole(floor, f"{name}.screw {i}", "screw", (at_mm[0] + x, at_mm[1]), wide))
-    under = translation(*at_mm, -(shape.parts.film_mm + caster.height_mm.value) / 2)
-    pose = compose(under, rotation("x", math.pi))
+    for i, x in enumerate((-hole_x, hole_x), 1):
+        shape.round_hole(f"{name}.plate", f"{name}.plate.screw {i}", "screw", (x, 0.0), hole_mm)
+        holes.append(shape.round_hole(floor, f"{name}.screw {i}", "screw", (at_mm[0] + x, at_mm[1]), hole_mm))
+    center = translation(*at_mm, -(shape.parts.film_mm + caster.height_mm.value) / 2)
+    pose = compose(center, rotation("x", math.pi))
     shape.box(caster.name, shape.path(name), floor, pose, caster.size_mm, caster.mass_kg.value, holes)
 
 
@@ -221,16 +225,16 @@ def add_screw(shape: Shape, screw: Screw, name: str, on: str, under_head: Pose, 
     Its nut, if it has one, is ``grip_mm`` below the head.
     """
     head, shank = screw.head_height_mm.value, screw.length_mm.value
-    middle = (head - shank) / 2
+    middle_z = (head - shank) / 2
     solids = [
-        cylinder(screw.head_diameter_mm.value, -middle, head - middle),
-        cylinder(screw.diameter_mm.value, -shank - middle, -middle),
+        cylinder(screw.head_diameter_mm.value, -middle_z, head - middle_z),
+        cylinder(screw.diameter_mm.value, -shank - middle_z, -middle_z),
     ]
     if screw.nut_width_mm is not None and screw.nut_height_mm is not None:
         # Parts beside a nut face one of its flats, so its width across flats counts.
-        low = -grip_mm - screw.nut_height_mm.value - middle
-        solids.append(cylinder(screw.nut_width_mm.value, low, -grip_mm - middle))
+        nut_low = -grip_mm - screw.nut_height_mm.value - middle_z
+        solids.append(cylinder(screw.nut_width_mm.value, nut_low, -grip_mm - middle_z))
     size = (screw.head_diameter_mm.value, screw.head_diameter_mm.value, head + shank)
-    pose = compose(under_head, translation(0, 0, middle))
-    clearances = [ToolClearance("driver", translation(0, 0, head - middle), *shape.parts.tools.driver_mm)]
+    pose = compose(under_head, translation(0, 0, middle_z))
+    clearances = [ToolClearance("driver", translation(0, 0, head - middle_z), *shape.parts.tools.driver_mm)]
     shape.box(screw.name, name, on, pose, size, screw.mass_kg.value, (), solids, clearances)

@@ -179,10 +179,11 @@ class Shape:
         self, a: str, b: str, kind: LinkKind, angle_deg: float = 0.0, *, depth_mm: float = 0.0, inset_mm: float = 0.0,
         limits_rad: tuple[float, float] = (0.0, 0.0),
     ) -> None:  # fmt: skip
-        """Join two edges of equal length: folded or bent by the angle, fused flat, hinged, or by a tab of ``b`` on ``a``.
+        """Join two edges of equal length by a fold or bend of that angle, rigidly, by a hinge, or by a tab.
 
-        ``depth_mm`` is a tab's depth, ``limits_rad`` a hinge's range. A tab lies ``inset_mm`` above the face it is glued
-        to; its edge is shorter by twice this. Raises ComponentError if lengths differ or an edge is joined already.
+        A tab grows from edge ``b`` and is glued at edge ``a``; it is ``depth_mm`` deep. It lies ``inset_mm`` above the
+        face it is glued to, and its edge is shorter by twice this. ``limits_rad`` is a hinge's range. Raises
+        ComponentError if the lengths differ or an edge is joined already.
         """
         first, second = self._edge(a), self._edge(b)
         lengths = [math.dist(*self.graph.ends_mm(edge)) for edge in (first, second)]

@@ -55,7 +55,7 @@ class Wheel(Component):
         size = WheelSize(self["radius"], self["tire_thickness"], self.parts)
         # The discs are drawn as seen from inside the wheel.
         for name, mirror in (("inner", -1), ("outer", 1)):
-            shape.face(name, _disc(size, mirror), piece=f"wheel {name} disc")
+            shape.face(name, _disc_outline(size, mirror), piece=f"wheel {name} disc")
         out = (size.width_mm - size.film_mm) / 2
         poses = {
             "inner": compose(translation(0, -out, 0), rotation("x", -math.pi / 2)),
@@ -63,7 +63,7 @@ class Wheel(Component):
         }
         build_hub(shape, size)
         if self["driven"]:
-            self._holes(shape, size)
+            self._cut_holes(shape, size)
         else:
             for face in ("inner", "hub", "outer"):
                 shape.round_hole(face, f"{face}.rod", "axle", (0, 0), wheel_hole_mm(self.parts))
@@ -72,42 +72,42 @@ class Wheel(Component):
             shape.place(f"rim {strip} 0", "inner", compose(inverse(poses["inner"]), first_facet_pose(size, strip)))
         shape.place("outer", "inner", compose(inverse(poses["inner"]), poses["outer"]))
         if self["driven"]:
-            _horn(shape, size)
+            _add_horn(shape, size)
         if self.parts.tyre.thickness_mm.value > 0:
-            _tyre(shape, size)
+            _add_tyre(shape, size)
         shape.begin_at("inner", poses["inner"])
 
-    def _holes(self, shape: Shape, size: WheelSize) -> None:
+    def _cut_holes(self, shape: Shape, size: WheelSize) -> None:
         """Cut holes for the horn's screws into inner disc and hub, and the hole for the driver into the outer disc."""
         assembly, horn = self.parts.assembly, self.parts.horn
         for face in ("inner", "hub"):
             shape.round_hole(face, f"{face}.hub", "axle", (0, 0), horn.recess_diameter_mm.value)
             for i, center in enumerate(wheel_screws_mm(horn)):
                 # Slots towards the axle, for horns whose holes lie nearer to it or farther from it.
-                position_tolerance, far = horn.wheel_screws.tolerance, math.hypot(*center)
-                wide = self.parts.horn_screw.diameter_mm.max_value + 2 * assembly.cut_mm.value
-                near, out = (
+                position_tolerance, distance = horn.wheel_screws.tolerance, math.hypot(*center)
+                width = self.parts.horn_screw.diameter_mm.max_value + 2 * assembly.cut_mm.value
+                inner, outer = (
                     (center[0] * scale, center[1] * scale)
-                    for scale in (1 - position_tolerance / far, 1 + position_tolerance / far)
+                    for scale in (1 - position_tolerance / distance, 1 + position_tolerance / distance)
                 )
-                shape.slotted_hole(face, f"{face}.horn screw {i + 1}", "screw", near, out, wide)
+                shape.slotted_hole(face, f"{face}.horn screw {i + 1}", "screw", inner, outer, width)
         shape.round_hole("outer", "outer.access", "opening", (0, 0), 2 * access_radius_mm(self.parts))
 
 
-def _disc(size: WheelSize, mirror: int) -> dict[str, Point]:
+def _disc_outline(size: WheelSize, mirror: int) -> dict[str, Point]:
     """Return the outline of a disc with a notch for each tie: the bottom of notch i is the edge ``notch i``.
 
     ``mirror`` is -1 if directions in the wheel's frame run clockwise in the disc's, else 1.
     """
-    radius, (half, bottom) = size.disc_radius_mm, size.notch_mm
-    opening = math.asin(half / radius)
+    radius, (notch_half, notch_bottom) = size.disc_radius_mm, size.notch_mm
+    notch_angle = math.asin(notch_half / radius)
     directions = sorted((mirror * angle, tie) for tie, angle in enumerate(size.tie_angles_rad))
     outline: dict[str, Point] = {}
-    for (angle, tie), (following, _) in pairwise([*directions, (directions[0][0] + 2 * math.pi, 0)]):
-        c, s = math.cos(angle), math.sin(angle)
-        outline[f"notch {tie}"] = (c * bottom + s * half, s * bottom - c * half)
-        outline[f"wall a {tie}"] = (c * bottom - s * half, s * bottom + c * half)
-        start, end = angle + opening, following - opening
+    for (angle, tie), (next_angle, _) in pairwise([*directions, (directions[0][0] + 2 * math.pi, 0)]):
+        cos, sin = math.cos(angle), math.sin(angle)
+        outline[f"notch {tie}"] = (cos * notch_bottom + sin * notch_half, sin * notch_bottom - cos * notch_half)
+        outline[f"wall a {tie}"] = (cos * notch_bottom - sin * notch_half, sin * notch_bottom + cos * notch_half)
+        start, end = angle + notch_angle, next_angle - notch_angle
         steps = math.ceil((end - start) / 2 / math.acos(1 - EVEN_MM / radius))
         points = on_circle(radius, (start + (end - start) * i / steps for i in range(steps + 1)))
         names = [*(f"arc {tie} {i}" for i in range(steps)), f"wall b {tie}"]
@@ -119,57 +119,60 @@ def _disc(size: WheelSize, mirror: int) -> dict[str, Point]:
 TYRE_BOXES = 48
 
 
-def _horn(shape: Shape, size: WheelSize) -> None:
+def _add_horn(shape: Shape, size: WheelSize) -> None:
     """Mount the horn on the inner disc's side towards the car, screws from outside."""
     horn, parts = shape.parts.horn, shape.parts
-    under = -size.film_mm / 2
+    film_bottom = -size.film_mm / 2
     x0, y0, x1, y1 = horn.extent_mm
-    center = ((x0 + x1) / 2, (y0 + y1) / 2, under - horn.height_mm.value / 2)
-    box, solids = (x1 - x0, y1 - y0, horn.height_mm.value), _horn_solids(shape.parts, center)
-    shape.box(horn.name, "horn", "inner", translation(*center), box, horn.mass_kg.value, solids=solids)
-    seat = translation(0, 0, under - horn.recess_depth_mm.value)
+    center = ((x0 + x1) / 2, (y0 + y1) / 2, film_bottom - horn.height_mm.value / 2)
+    box_mm, solids = (x1 - x0, y1 - y0, horn.height_mm.value), _horn_solids(shape.parts, center)
+    shape.box(horn.name, "horn", "inner", translation(*center), box_mm, horn.mass_kg.value, solids=solids)
+    seat = translation(0, 0, film_bottom - horn.recess_depth_mm.value)
     add_screw(shape, parts.centre_screw, "centre screw", "inner", seat, 0.0)
     for i, (x, y) in enumerate(wheel_screws_mm(horn)):
         # On the hub's layer.
-        seat = translation(x, y, -under + size.film_mm)
+        seat = translation(x, y, -film_bottom + size.film_mm)
         add_screw(shape, parts.horn_screw, f"wheel screw {i + 1}", "inner", seat, 0.0)
 
 
 def _horn_solids(parts: Catalogue, center: tuple[float, float, float]) -> list[Solid]:
-    """Return the horn's hub and its arms or disc, relative to the middle of its box."""
-    horn, screw = parts.horn, parts.horn_screw.diameter_mm.value
+    """Return the horn's hub and its arms or disc as solids, in the frame of its box, whose middle is at ``center``."""
+    horn, screw_mm = parts.horn, parts.horn_screw.diameter_mm.value
     x, y, _ = center
-    height, flat, recess = horn.height_mm.value, horn.thickness_mm.value, horn.recess_depth_mm.value
-    hub, wide = horn.hub_diameter_mm.value, horn.recess_diameter_mm.value
+    height, arm_height, recess = horn.height_mm.value, horn.thickness_mm.value, horn.recess_depth_mm.value
+    hub_mm, recess_mm = horn.hub_diameter_mm.value, horn.recess_diameter_mm.value
     # From the servo outwards: around the spline, a floor for the centre screw's head, a recess for it.
     ends = (-height / 2, -height / 2 + horn.spline_depth_mm.value, height / 2 - recess, height / 2)
-    bores = (parts.servo.spline_diameter_mm.value, horn.centre_hole_mm.value, wide)
+    bores = (parts.servo.spline_diameter_mm.value, horn.centre_hole_mm.value, recess_mm)
     layers = zip(ends, ends[1:], bores, strict=False)
-    solids = [cylinder(hub, low, high, -x, -y, bore_mm=bore) for low, high, bore in layers]
+    solids = [cylinder(hub_mm, low, high, -x, -y, bore_mm=bore) for low, high, bore in layers]
     # Arms and disc are flush with the hub's outer face; the screws cut their way into them.
-    at_z = (height - flat) / 2
-    at = wheel_screws_mm(horn)
+    at_z = (height - arm_height) / 2
+    screws = wheel_screws_mm(horn)
     if horn.disc_diameter_mm:
         disc = horn.disc_diameter_mm.value
-        holes = ((0.0, 0.0, wide), *((u, v, screw) for u, v in at))
-        solids.append(Solid("cylinder", (disc, disc, flat), translation(-x, -y, at_z), holes))
+        holes = ((0.0, 0.0, recess_mm), *((screw_x, screw_y, screw_mm) for screw_x, screw_y in screws))
+        solids.append(Solid("cylinder", (disc, disc, arm_height), translation(-x, -y, at_z), holes))
     if horn.arms:
         for angle, reach in zip(horn.arms.at_deg, horn.arms.reach_mm, strict=True):
-            out = rotation("z", math.radians(angle))
-            along = (apply(inverse(out), *point) for point in at)
-            holes = ((-reach / 2, 0.0, wide), *((u - reach / 2, v, screw) for u, v, _ in along))
-            pose = compose(translation(-x, -y, at_z), out, translation(reach / 2, 0, 0))
-            solids.append(Solid("box", (reach, horn.arms.width_mm, flat), pose, holes))
+            turn = rotation("z", math.radians(angle))
+            # An arm's frame: x along it, the origin in its middle.
+            in_arm = (apply(inverse(turn), *point) for point in screws)
+            screw_holes = ((screw_x - reach / 2, screw_y, screw_mm) for screw_x, screw_y, _ in in_arm)
+            holes = ((-reach / 2, 0.0, recess_mm), *screw_holes)
+            pose = compose(translation(-x, -y, at_z), turn, translation(reach / 2, 0, 0))
+            solids.append(Solid("box", (reach, horn.arms.width_mm, arm_height), pose, holes))
     return solids
 
 
-def _tyre(shape: Shape, size: WheelSize) -> None:
+def _add_tyre(shape: Shape, size: WheelSize) -> None:
     """Add the tyre: a ring of boxes over both discs and the rim."""
     tyre = shape.parts.tyre
-    width, thick = tyre.running_width_mm(size.width_mm), tyre.thickness_mm.value
+    width, thickness = tyre.running_width_mm(size.width_mm), tyre.thickness_mm.value
     step = 2 * math.pi / TYRE_BOXES
-    middle = size.disc_radius_mm + thick / 2
-    box = (thick, 2 * middle * math.tan(step / 2), width)
-    solids = [Solid("box", box, compose(rotation("z", i * step), translation(middle, 0, 0))) for i in range(TYRE_BOXES)]
+    mean_radius = size.disc_radius_mm + thickness / 2
+    box = (thickness, 2 * mean_radius * math.tan(step / 2), width)
+    poses = (compose(rotation("z", i * step), translation(mean_radius, 0, 0)) for i in range(TYRE_BOXES))
+    solids = [Solid("box", box, pose) for pose in poses]
     pose, size_mm = translation(0, 0, (size.width_mm - size.film_mm) / 2), (2 * size.radius_mm, 2 * size.radius_mm, width)
     shape.box(tyre.name, "tyre", "inner", pose, size_mm, tyre.mass_kg(size.radius_mm, size.width_mm), solids=solids)

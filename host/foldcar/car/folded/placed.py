@@ -75,30 +75,33 @@ def polygon(face: Face) -> shapely.Polygon:
     return shape if shape.is_valid else shape.buffer(0)
 
 
-def place(car: FoldedCar, only: Collection[str] = ()) -> dict[str, list[PlacedFace]]:
-    """Return faces by body: of the bodies ``only``, by default of every segment and the first wheel of each unit.
+def place(car: FoldedCar, bodies: Collection[str] = ()) -> dict[str, list[PlacedFace]]:
+    """Return the placed faces of ``bodies``, by body; by default of every segment and the first wheel of each unit.
 
     A face beyond a flexure belongs to the segment behind.
     """
     pieces = {piece.name: piece for piece in car.pieces}
-    behind = {hinge.front: hinge.rear for hinge in car.hinges}
-    turning = [placed for placed in car.placed if placed.body.startswith("wheel")]
-    # The first wheel with a piece stands for those of its unit.
-    first = {placed.piece: placed.body for placed in reversed(turning)}
-    others = {placed.body for placed in turning} - set(first.values())
+    rear_of_front = {hinge.front: hinge.rear for hinge in car.hinges}
+    on_wheels = [placed for placed in car.placed if placed.body.startswith("wheel")]
+    # The wheels of a unit are copies of the same pieces: the first stands for all.
+    first_wheel = {placed.piece: placed.body for placed in reversed(on_wheels)}
+    skipped_wheels = {placed.body for placed in on_wheels} - set(first_wheel.values())
     shapes: dict[str, dict[str, Pose]] = {}
     placed: dict[str, list[PlacedFace]] = {}
     for copy in car.placed:
         piece = pieces[copy.piece]
-        owner = {piece.faces[0].name: copy.body}
+        body_of_face = {piece.faces[0].name: copy.body}
         for crease in piece.creases:
-            parent_body = owner[crease.parent.face]
-            owner[crease.child.face] = behind.get(parent_body, parent_body) if crease.flexure else parent_body
-        wanted_faces = [f for f in piece.faces if (owner[f.name] in only if only else copy.body not in others)]
-        if wanted_faces and piece.name not in shapes:
+            body = body_of_face[crease.parent.face]
+            body_of_face[crease.child.face] = rear_of_front.get(body, body) if crease.flexure else body
+        if bodies:
+            faces = [face for face in piece.faces if body_of_face[face.name] in bodies]
+        else:
+            faces = [] if copy.body in skipped_wheels else list(piece.faces)
+        if faces and piece.name not in shapes:
             shapes[piece.name] = folded(piece)
-        for face in wanted_faces:
-            body, pose = owner[face.name], compose(copy.pose, shapes[piece.name][face.name])
+        for face in faces:
+            body, pose = body_of_face[face.name], compose(copy.pose, shapes[piece.name][face.name])
             placed.setdefault(body, []).append(PlacedFace(piece, copy.copy, body, face, pose))
     return placed
 

@@ -24,7 +24,7 @@ def rotation(axis: str, angle_rad: float) -> Pose:
 
 
 def compose(*poses: Pose) -> Pose:
-    """The product of the matrices: the last pose is applied first."""
+    """Return the product of the 4x4 matrices: the last pose is applied first."""
     product = poses[0]
     for pose in poses[1:]:
         (a, b, c, x), (d, e, f, y), (g, h, i, z), _ = pose
@@ -37,7 +37,7 @@ def compose(*poses: Pose) -> Pose:
 
 
 def inverse(pose: Pose) -> Pose:
-    """The inverse of a rigid motion."""
+    """Return the inverse of a rigid motion: of p → R p + t it is p → Rᵀ p - Rᵀ t."""
     (a, b, c, x), (d, e, f, y), (g, h, i, z), _ = pose
     return (
         (a, d, g, -(a * x + d * y + g * z)),

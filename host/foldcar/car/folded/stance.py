@@ -46,9 +46,10 @@ def stance(car: FoldedCar) -> Stance:
 
 
 def standing(wheels_mm: Sequence[Point], center_mm: Point) -> Stance:
-    """Return the stance of wheels, (x, radius) each, in which the centre of mass (x, z) is lowest.
+    """Return the stable stance: of all in which no wheel is below the ground, that with the lowest centre of mass.
 
-    The car stands on two axles. With the centre of mass below an axle, it may instead hang from this axle alone.
+    ``wheels_mm`` are (x, radius), ``center_mm`` is (x, z). The car stands on two axles or, if its centre of mass is below
+    the axles, may hang from a single one with the centre of mass below that axle.
     """
     x, z = center_mm
     stances = [Stance(0.0, max(radius for _, radius in wheels_mm))]
@@ -56,11 +57,11 @@ def standing(wheels_mm: Sequence[Point], center_mm: Point) -> Stance:
         if front > rear:
             pitch = math.asin(max(-1.0, min(1.0, (front_radius - rear_radius) / (front - rear))))
             stances.append(Stance(pitch, front_radius - front * math.sin(pitch)))
-    for at, radius in wheels_mm if z < 0 else ():
-        pitch = math.atan((x - at) / z)
-        stances.append(Stance(pitch, radius - at * math.sin(pitch)))
+    for axle_x, radius in wheels_mm if z < 0 else ():
+        pitch = math.atan((x - axle_x) / z)
+        stances.append(Stance(pitch, radius - axle_x * math.sin(pitch)))
 
     def is_above_ground(stance: Stance) -> bool:
-        return all(stance.height_mm(at, 0) >= radius - ROUNDING_MM for at, radius in wheels_mm)
+        return all(stance.height_mm(axle_x, 0) >= radius - ROUNDING_MM for axle_x, radius in wheels_mm)
 
     return min(filter(is_above_ground, stances), key=lambda stance: stance.height_mm(x, z))

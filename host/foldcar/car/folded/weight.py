@@ -64,20 +64,23 @@ def mount_properties(mount: Mount) -> MassProperties:
         else:
             squares = np.square((x, y, z))
             moments = mass_kg / 12 * (squares.sum() - squares)
-        own = MassProperties(mass_kg, np.zeros(3), np.diag(moments))
-        properties.append(_turned(own, compose(mount.pose, solid.pose)))
+        about_centre = MassProperties(mass_kg, np.zeros(3), np.diag(moments))
+        properties.append(_turned(about_centre, compose(mount.pose, solid.pose)))
     return assemble(properties)
 
 
 def max_placement_shift_mm(car: FoldedCar) -> float:
-    """Maximum shift (mm) of the centre of mass along the floor if parts are laid into their outlines by eye."""
+    """Return the maximum shift (mm) of the centre of mass along the floor by inaccurate placement of parts.
+
+    Parts with a printed outline, or with holes that mark their corners, are placed by eye.
+    """
     faces = [face for piece in car.pieces for face in piece.faces]
     marked = {mark.name for face in faces for mark in face.marks}
     holes = [hole for face in faces for hole in face.holes if hole.kind == "mark"]
     marked |= {hole.name.rpartition(".")[2].partition(" corner ")[0] for hole in holes}
-    laid_kg = sum(mount.mass_kg for mount in car.mounts if mount.name in marked)
-    whole_kg = sum(body_properties(car, body).mass_kg for body in {placed.body for placed in car.placed})
-    return car.parts.assembly.placement_mm.value * laid_kg / whole_kg
+    placed_by_eye_kg = sum(mount.mass_kg for mount in car.mounts if mount.name in marked)
+    car_kg = sum(body_properties(car, body).mass_kg for body in {placed.body for placed in car.placed})
+    return car.parts.assembly.placement_mm.value * placed_by_eye_kg / car_kg
 
 
 def area_mm2(outline: Sequence[Point]) -> float:
@@ -96,10 +99,11 @@ def plate_properties(placed: PlacedFace, film: Film) -> MassProperties:
     moments = _moments(face.outline_mm) - sum((_moments(hole.outline_mm) for hole in face.holes), np.zeros(6))
     area, first_x, first_y, xx, yy, xy = moments
     x, y = first_x / area, first_y / area
+    # Second moments about the centre of area.
     xx, yy, xy = xx - area * x * x, yy - area * y * y, xy - area * x * y
     density_kg_mm2 = thickness_mm * MM**3 * film.density_kg_m3.value
-    through = area * thickness_mm**2 / 12
-    inertia = np.array([[yy + through, -xy, 0.0], [-xy, xx + through, 0.0], [0.0, 0.0, xx + yy]])
+    zz = area * thickness_mm**2 / 12
+    inertia = np.array([[yy + zz, -xy, 0.0], [-xy, xx + zz, 0.0], [0.0, 0.0, xx + yy]])
     inertia *= density_kg_mm2 * MM**2
     center = np.array([x * MM, y * MM, 0.0])
     return _turned(MassProperties(area * density_kg_mm2, center, inertia), placed.pose)

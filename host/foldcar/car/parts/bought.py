@@ -95,19 +95,19 @@ class Servo(Bought):
     operating_points: tuple[OperatingPoint, OperatingPoint]
 
     def at_voltage(self, voltage_v: float) -> ServoLine:
-        """Linear interpolation (or extrapolation) of the two data-sheet points at ``voltage_v``, in SI units."""
+        """Return torque, speed and currents at ``voltage_v`` in SI units, linear in the two points of the data sheet."""
         low, high = self.operating_points
         fraction = (voltage_v - low.voltage_v) / (high.voltage_v - low.voltage_v)
 
-        def between(name: str) -> float:
-            first, last = (float(getattr(point, name).value) for point in (low, high))
-            return first + fraction * (last - first)
+        def interpolated(name: str) -> float:
+            at_low, at_high = (float(getattr(point, name).value) for point in (low, high))
+            return at_low + fraction * (at_high - at_low)
 
         return ServoLine(
-            no_load_speed_rad_s=between("no_load_speed_rpm") * 2 * math.pi / 60,
-            stall_torque_n_m=between("stall_torque_kgf_cm") * STANDARD_GRAVITY_M_S2 / 100,
-            no_load_current_a=between("no_load_current_a"),
-            stall_current_a=between("stall_current_a"),
+            no_load_speed_rad_s=interpolated("no_load_speed_rpm") * 2 * math.pi / 60,
+            stall_torque_n_m=interpolated("stall_torque_kgf_cm") * STANDARD_GRAVITY_M_S2 / 100,
+            no_load_current_a=interpolated("no_load_current_a"),
+            stall_current_a=interpolated("stall_current_a"),
         )
 
 
@@ -146,9 +146,9 @@ class Horn(Bought):
 
 
 class Cells(Bought):
-    """The cells in the battery's holder, four: voltage without load, and fresh; resistance with holder, leads and switch.
+    """The four cells in the battery's holder: their voltage without load; their resistance with holder, leads and switch.
 
-    ``cell`` is what to buy; their mass is in the battery's.
+    ``fresh_v`` is the voltage when fresh, ``cell`` what to buy. Their mass is included in the battery's.
     """
 
     cell: str
@@ -172,13 +172,16 @@ class Tyre(Bought):
         return rim_width_mm if self.width_mm is None else min(self.width_mm.value, rim_width_mm)
 
     def cut(self, radius_mm: float, rim_width_mm: float) -> str:
-        """Return what to cut for a wheel of that outer radius: a strip as long as the tyre's middle, or a tube."""
-        wide, thick = self.running_width_mm(rim_width_mm), self.thickness_mm.value
+        """Return what to cut for a wheel of that outer radius (mm), as text: a strip or a piece of tube with its size.
+
+        A strip is as long as the circumference of the tyre's middle.
+        """
+        width, thickness = self.running_width_mm(rim_width_mm), self.thickness_mm.value
         if self.form == "tube":
-            least = 2 * (radius_mm - thick)
-            flat = math.ceil(math.pi * least / 2)
-            return f"{wide:g} mm of a tube that is wider than {least:g} mm before it shrinks ({flat} mm flat)"
-        return f"a strip of {round(math.pi * (2 * radius_mm - thick))} x {wide:g} mm"
+            min_tube = 2 * (radius_mm - thickness)
+            flat = math.ceil(math.pi * min_tube / 2)
+            return f"{width:g} mm of a tube that is wider than {min_tube:g} mm before it shrinks ({flat} mm flat)"
+        return f"a strip of {round(math.pi * (2 * radius_mm - thickness))} x {width:g} mm"
 
     def mass_kg(self, radius_mm: float, rim_width_mm: float) -> float:
         """The mass of a ring of that outer radius (kg)."""
@@ -209,16 +212,17 @@ class Feather(BoxPart):
 
     def joints(self, headers: Headers) -> tuple[Box, ...]:
         """Return the ends of the headers' legs below the board."""
-        down, wide = headers.leg_mm.value - self.board_mm.value, headers.joint_width_mm.value
+        length, width = headers.leg_mm.value - self.board_mm.value, headers.joint_width_mm.value
         return tuple(
             header.model_copy(
-                update={"at_mm": (*header.at_mm[:2], -down / 2), "size_mm": (header.size_mm[0], wide, down)}
+                update={"at_mm": (*header.at_mm[:2], -length / 2), "size_mm": (header.size_mm[0], width, length)}
             )
             for header in self.headers
         )
 
     def free_holes(self, screw: Screw) -> list[tuple[float, float]]:
-        """Return the holes where a screw's nut can be turned, because nothing on the board is in the way."""
+        """Return the centres (x, y) of the holes at which a screw's nut can be turned without meeting other parts."""
+        # Half of a hexagonal nut's width across corners.
         nut = screw.nut_width_mm.value / math.sqrt(3) if screw.nut_width_mm else screw.diameter_mm.value / 2
 
         def distance_mm(box: Box, at: tuple[float, float]) -> float:

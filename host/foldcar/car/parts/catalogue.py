@@ -65,11 +65,11 @@ class PartChoices:
         """Return these choices with other names by kind. Raises PartError, which lists the known names or kinds."""
         for kind, name in names.items():
             if kind not in OPTIONS:
-                close = did_you_mean(kind, list(OPTIONS))
-                raise PartError(None, f'unknown kind of part "{kind}"; known: {", ".join(OPTIONS)}{close}')
+                suggestion = did_you_mean(kind, list(OPTIONS))
+                raise PartError(None, f'unknown kind of part "{kind}"; known: {", ".join(OPTIONS)}{suggestion}')
             if name not in OPTIONS[kind]:
-                close = did_you_mean(name, list(OPTIONS[kind]))
-                raise PartError(kind, f'unknown name "{name}"; known: {", ".join(OPTIONS[kind])}{close}')
+                suggestion = did_you_mean(name, list(OPTIONS[kind]))
+                raise PartError(kind, f'unknown name "{name}"; known: {", ".join(OPTIONS[kind])}{suggestion}')
         return replace(self, **names)
 
     @property
@@ -84,9 +84,9 @@ DEFAULT_CHOICES = PartChoices()
 
 def split_type(type_string: str) -> tuple[str, PartChoices]:
     """Split a type string into modules (``W_B_W``) and parts. Raises PartError for unknown parts."""
-    modules, *named = type_string.split("+")
+    modules, *choices = type_string.split("+")
     names: dict[str, str] = {}
-    for choice in named:
+    for choice in choices:
         kind, equals, name = choice.partition("=")
         if not equals or kind in names:
             raise PartError(None, f'"{type_string}": "+{choice}" must be +KIND=NAME of a part, as in W_B_W+tyre=none')

@@ -59,10 +59,16 @@ class Blocks:
         """Cache of fcl's objects by the solids' indices."""
         return {}
 
-    def where(self, titles: Collection[str], among: bool = True) -> "Blocks":
-        """Return the solids whose title is among ``titles``, or, without ``among``, those whose title is not."""
-        kept = [i for i, title in enumerate(self.titles) if (title in titles) == among]
-        return blocks_of([self.part(i) for i in kept], [self.titles[i] for i in kept])
+    def with_titles(self, titles: Collection[str]) -> "Blocks":
+        """Return the solids whose title is among ``titles``."""
+        return self._selected([i for i, title in enumerate(self.titles) if title in titles])
+
+    def without_titles(self, titles: Collection[str]) -> "Blocks":
+        """Return the solids whose title is not among ``titles``."""
+        return self._selected([i for i, title in enumerate(self.titles) if title not in titles])
+
+    def _selected(self, indices: Sequence[int]) -> "Blocks":
+        return blocks_of([self.part(i) for i in indices], [self.titles[i] for i in indices])
 
     def moved(self, pose: Pose) -> "Blocks":
         """Return the solids moved by a pose."""
@@ -81,6 +87,7 @@ def blocks_of(corners_mm: Iterable[Points], titles: str | Sequence[str]) -> Bloc
 def merge_blocks(groups: Iterable[Blocks]) -> Blocks:
     """Return all solids of the groups."""
     groups = list(groups)
+    # The starts of a group's solids are indices into its own corners: shift them by the corners before.
     shifts = np.cumsum([0, *(len(group.corners_mm) for group in groups)])
     starts = [group.starts + shift for group, shift in zip(groups, shifts[:-1], strict=True)]
     corners = np.concatenate([np.zeros((0, 3)), *(group.corners_mm for group in groups)])
@@ -109,14 +116,14 @@ def convex_parts(shape: shapely.Geometry) -> list[Points]:
 
 
 def solid_blocks(solid: Solid, title: str) -> Blocks:
-    """A box or cylinder in its part's frame."""
+    """Return a box or cylinder in its part's frame; one with bores is cut into several convex solids."""
     x, y, z = solid.size_mm
     corners = box((x, y, z)) if solid.kind == "box" else prism(x / 2 - SKIN_MM, -z / 2 + SKIN_MM, z / 2 - SKIN_MM)
     if not solid.bores:
         return blocks_of([corners], title).moved(solid.pose)
     # Bores are polygons around their circles.
-    wide = 1 / math.cos(math.pi / SIDES)
-    bores = [shapely.Point(u, v).buffer(d / 2 * wide, quad_segs=SIDES // 4) for u, v, d in solid.bores]
+    scale = 1 / math.cos(math.pi / SIDES)
+    bores = [shapely.Point(u, v).buffer(bore_mm / 2 * scale, quad_segs=SIDES // 4) for u, v, bore_mm in solid.bores]
     shape = shapely.MultiPoint(corners[:, :2]).convex_hull.buffer(SKIN_MM, join_style="mitre")
     return plate(shape.difference(shapely.union_all(bores)), z, title).moved(solid.pose)
 
@@ -150,14 +157,15 @@ AXES: tuple[Vector, ...] = ((0, 0, 1), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1,
 
 @dataclass(frozen=True)
 class ExitPath:
-    """A path out as straight moves, or None with the obstacle ``met`` in each direction that was tried.
+    """A path out as straight moves; without a path ``moves_mm`` is None.
 
-    ``stuck`` names a solid that the moving ones overlap before they move.
+    ``obstacles`` are (direction, title) of what the moving solids met in each direction that was tried. ``overlapped``
+    is the title of a solid that they overlap before they move.
     """
 
     moves_mm: tuple[Vector, ...] | None
-    met: tuple[tuple[Vector, str], ...] = ()
-    stuck: str = ""
+    obstacles: tuple[tuple[Vector, str], ...] = ()
+    overlapped: str = ""
 
 
 # Pairs of titles that may overlap, because they are joined.
@@ -173,7 +181,10 @@ def first_obstacle(
 
 
 def swept_obstacle(start: Blocks, end: Blocks, standing: Blocks, ignored: Ignored = NOTHING) -> str | None:
-    """Return the title of the nearest standing solid that solids hit on their way from ``start`` to ``end``, or None."""
+    """Return the title of the nearest standing solid that solids hit on their way from ``start`` to ``end``, or None.
+
+    Each solid sweeps the convex hull of its corners at both positions.
+    """
     if not start.titles or not standing.titles:
         return None
     pairs = _near(np.minimum(start.low, end.low), np.maximum(start.high, end.high), standing)
@@ -195,7 +206,10 @@ def swept_obstacle(start: Blocks, end: Blocks, standing: Blocks, ignored: Ignore
 
 
 def _near(low: Points, high: Points, standing: Blocks) -> NDArray[np.intp]:
-    """Return index pairs (n, 2) of moving and standing solids whose bounds overlap."""
+    """Return index pairs (n, 2) of moving and standing solids whose bounds overlap.
+
+    ``low`` and ``high``, (m, 3), are the bounds of the moving solids.
+    """
     # The few standing solids that overlap the common bounds of all moving ones.
     candidates = np.flatnonzero(((standing.low <= high.max(axis=0)) & (standing.high >= low.min(axis=0))).all(axis=1))
     overlap = (low[:, None] <= standing.high[None, candidates]) & (high[:, None] >= standing.low[None, candidates])
@@ -204,50 +218,51 @@ def _near(low: Points, high: Points, standing: Blocks) -> NDArray[np.intp]:
 
 
 def find_exit_path(
-    moving: Blocks, standing: Blocks, own: Iterable[Vector] = (), ignored: Ignored = NOTHING, only_own: bool = False
+    moving: Blocks, standing: Blocks, own_axes: Iterable[Vector] = (), ignored: Ignored = NOTHING, only_own: bool = False
 ) -> ExitPath:
-    """Find a path out of one or two straight moves, along the car's axes or the part's ``own`` axes.
+    """Find a path of one or two straight moves that takes solids out of the standing ones.
 
-    With ``only_own`` it tries only single moves along the part's own axes. Otherwise it tries single moves first, then
-    pairs of moves. Single moves are ordered by length, where a move upwards counts half, pairs by the length of the first
-    move.
+    Directions are the car's axes and ``own_axes``, those of the part. Single moves are tried first, in the order of
+    length, where a move upwards counts half; then pairs, in the order of the first move's length. With ``only_own`` only
+    single moves along ``own_axes`` are tried.
     """
-    place = first_obstacle(moving, standing, ignored=ignored)
-    if place is not None:
-        return ExitPath(None, stuck=place)
+    overlapped = first_obstacle(moving, standing, ignored=ignored)
+    if overlapped is not None:
+        return ExitPath(None, overlapped=overlapped)
     directions: list[Vector] = []
-    for direction in own if only_own else (*AXES, *own):
+    for direction in own_axes if only_own else (*AXES, *own_axes):
         if all(np.dot(direction, other) < 0.999 for other in directions):
             directions.append(direction)
     moves = [(direction, _out(moving, standing, direction)) for direction in directions]
     moves.sort(key=lambda pair: float(np.linalg.norm(pair[1])) * (0.5 if pair[0][2] > 0.999 else 1.0))
-    met: list[tuple[Vector, str]] = []
+    obstacles: list[tuple[Vector, str]] = []
     for direction, move in moves:
         obstacle = first_obstacle(moving, standing, move, ignored)
         if obstacle is None:
             return ExitPath((move,))
-        met.append((direction, obstacle))
-    free = [direction for direction, _ in met if not only_own]
+        obstacles.append((direction, obstacle))
+    first_directions = [direction for direction, _ in obstacles if not only_own]
     for length in FIRST_MM:
-        for direction in list(free):
+        for direction in list(first_directions):
             first = vector(np.array(direction) * length)
             if first_obstacle(moving, standing, first, ignored) is not None:
-                free.remove(direction)
+                first_directions.remove(direction)
                 continue
-            moved = moving.moved(translation(*first))
-            for second_direction in (other for other, _ in met if abs(np.dot(other, direction)) < 0.9):
-                second = _out(moved, standing, second_direction)
-                if first_obstacle(moved, standing, second, ignored) is None:
-                    return ExitPath((first, second), tuple(met))
-    return ExitPath(None, tuple(met))
+            after_first = moving.moved(translation(*first))
+            for second_direction in (other for other, _ in obstacles if abs(np.dot(other, direction)) < 0.9):
+                second = _out(after_first, standing, second_direction)
+                if first_obstacle(after_first, standing, second, ignored) is None:
+                    return ExitPath((first, second), tuple(obstacles))
+    return ExitPath(None, tuple(obstacles))
 
 
 def _out(moving: Blocks, standing: Blocks, direction: Vector) -> Vector:
-    """Return the move in a direction that takes the moving solids' bounds clear of the standing ones'."""
+    """Return the shortest move in a direction after which the bounds of moving and standing solids are CLEAR_MM apart."""
     if not standing.titles:
         return vector(np.array(direction) * CLEAR_MM)
     low, high = moving.low.min(axis=0), moving.high.max(axis=0)
     low_bounds, high_bounds = standing.low.min(axis=0), standing.high.max(axis=0)
+    # Bounds are apart as soon as they are apart along one axis.
     lengths = [
         (high_bounds[i] - low[i] if direction[i] > 0 else high[i] - low_bounds[i]) / abs(direction[i])
         for i in range(3)

@@ -28,11 +28,11 @@ OVERLAP_MM2 = 1e-3
 
 def check_flat(piece: Piece, hole_to_fold_mm: float) -> Iterator[Finding]:
     """Yield findings about the flat piece; every hole must be ``hole_to_fold_mm`` or more from every fold."""
-    unsound = [finding for face in piece.faces for finding in _outlines(piece, face)]
+    unsound = [finding for face in piece.faces for finding in _check_outlines(piece, face)]
     yield from unsound
-    yield from _holes_at_folds(piece, hole_to_fold_mm)
+    yield from _check_holes_at_folds(piece, hole_to_fold_mm)
     if not unsound:
-        yield from _overlaps(piece)
+        yield from _check_overlaps(piece)
 
 
 def flat_polygons(piece: Piece) -> dict[str, shapely.Polygon]:
@@ -45,7 +45,7 @@ def flat_polygons(piece: Piece) -> dict[str, shapely.Polygon]:
     return flat
 
 
-def _outlines(piece: Piece, face: Face) -> Iterator[Finding]:
+def _check_outlines(piece: Piece, face: Face) -> Iterator[Finding]:
     """Yield findings on outlines that cross themselves, and on holes outside of their face or in each other."""
     place = f"{piece.name}: {face.name}"
     outline = shapely.Polygon(face.outline_mm)
@@ -64,7 +64,7 @@ def _outlines(piece: Piece, face: Face) -> Iterator[Finding]:
         occupied = shapely.union(occupied, shape)
 
 
-def _holes_at_folds(piece: Piece, min_distance_mm: float) -> Iterator[Finding]:
+def _check_holes_at_folds(piece: Piece, min_distance_mm: float) -> Iterator[Finding]:
     """Yield findings on holes that are too near to a fold."""
     faces = {face.name: face for face in piece.faces}
     refs = (ref for crease in piece.creases if not crease.bend for ref in (crease.parent, crease.child))
@@ -79,7 +79,7 @@ def _holes_at_folds(piece: Piece, min_distance_mm: float) -> Iterator[Finding]:
                 yield Finding("hole", place, f"is {nearest:.2f} mm from a fold, the limit is {min_distance_mm:g} mm")
 
 
-def _overlaps(piece: Piece) -> Iterator[Finding]:
+def _check_overlaps(piece: Piece) -> Iterator[Finding]:
     """Yield findings on faces of a piece that overlap in the flat."""
     flat = flat_polygons(piece)
     names, shapes = list(flat), list(flat.values())
@@ -101,27 +101,28 @@ def check_film_apart(car: FoldedCar) -> Iterator[Finding]:
     bends = [(piece.name, c.parent.face, c.child.face) for piece in car.pieces for c in piece.creases if c.bend]
     joined = scene.ignored(("tab", "lap")) | {(title(name, a), title(name, b)) for name, a, b in bends}
 
-    def film(body: str, but: frozenset[str] = frozenset()) -> Blocks:
-        placed = (copy for copy in roles.placed(body) if copy.piece not in but)
+    def film_of_body(body: str, excluded: frozenset[str] = frozenset()) -> Blocks:
+        placed = (copy for copy in roles.placed(body) if copy.piece not in excluded)
         return merge_blocks(scene.solid(("piece", copy.piece, copy.copy), stage) for copy in placed)
 
     for body in (*roles.bodies, *(wheels[0] for wheels in roles.wheel_units.values())):
-        solids = film(body)
+        solids = film_of_body(body)
         titles = list(dict.fromkeys(solids.titles))
         for n, face_title in enumerate(titles, 1):
-            met = first_obstacle(solids.where({face_title}), solids.where(set(titles[n:])), ignored=joined)
-            if met is not None:
-                yield Finding("crossing", face_title, f"runs into {met}")
+            later_faces = solids.with_titles(set(titles[n:]))
+            obstacle = first_obstacle(solids.with_titles({face_title}), later_faces, ignored=joined)
+            if obstacle is not None:
+                yield Finding("crossing", face_title, f"runs into {obstacle}")
     strips = frozenset(piece.name for piece in car.pieces if any(crease.flexure for crease in piece.creases))
     for hinge in car.hinges:
-        front, rear = (film(body, strips) for body in (hinge.front, hinge.rear))
+        front, rear = (film_of_body(body, strips) for body in (hinge.front, hinge.rear))
         for angle in (hinge.min_rad, hinge.max_rad):
             moved = rear.moved(hinge_motion(hinge, angle))
             for face_title in dict.fromkeys(moved.titles):
-                met = first_obstacle(moved.where({face_title}), front)
-                if met is not None:
+                obstacle = first_obstacle(moved.with_titles({face_title}), front)
+                if obstacle is not None:
                     place = f"between {hinge.front} and {hinge.rear}, folded by {math.degrees(angle):.1f} degrees"
-                    yield Finding("hinge", place, f"{face_title} runs into {met}")
+                    yield Finding("hinge", place, f"{face_title} runs into {obstacle}")
 
 
 CLOSURE_MM = 0.05
@@ -133,23 +134,24 @@ TAB_OVER_MM2 = 0.05
 
 def check_joins(car: FoldedCar, bodies: Bodies) -> Iterator[Finding]:
     """Yield findings about every join, in each body that has both its faces."""
-    checks = {"tab": _tab, "lap": _tab, "tab_slot": _tongue, "lock": _tongue}
+    checks = {"tab": _check_tab, "lap": _check_tab, "tab_slot": _check_tongue, "lock": _check_tongue}
     copies: dict[tuple[str, str], list[PlacedFace]] = defaultdict(list)
     for face in (face for faces in bodies.values() for face in faces):
         copies[face.piece.name, face.face.name].append(face)
     for join in (join for join in car.joins if join.kind in checks):
         ends = itertools.product(copies[join.piece_a, join.a.face], copies[join.piece_b, join.b.face])
         for a, b in ends:
-            # Hooks of wheels turn behind the film.
+            # Hooks of wheels are turned behind the film after they went through their slots.
             hook = join.kind in ("tab_slot", "lock") and a.body.startswith("wheel")
             if a.body == b.body and not hook:
                 yield from checks[join.kind](join, a, b)
 
 
 def _gap_mm(join: Join, a: PlacedFace, b: PlacedFace) -> float:
-    """Return the larger distance (mm) between the ends of two edges, in the better of the two directions.
+    """Return the gap (mm) between two joined edges: the larger distance of their ends, in either direction of the edges.
 
-    A tab lies on the inside of a wall and may be narrower: its edge must lie along the wall's edge, seen across the wall.
+    A tab may be narrower than its wall and lies one film inside it. So its gap is the largest distance of its ends from
+    the line of the wall's edge, in the wall's plane.
     """
     first, second = a.edge_mm(join.a.index), b.edge_mm(join.b.index)
     if join.kind == "tab":
@@ -158,7 +160,7 @@ def _gap_mm(join: Join, a: PlacedFace, b: PlacedFace) -> float:
     return float(min(np.max(np.linalg.norm(first - other, axis=1)) for other in (second, second[::-1])))
 
 
-def _tab(join: Join, a: PlacedFace, b: PlacedFace) -> Iterator[Finding]:
+def _check_tab(join: Join, a: PlacedFace, b: PlacedFace) -> Iterator[Finding]:
     """Yield findings on a tab: edges that do not meet, a tab that stands off its face or reaches beyond it."""
     place = f"join {join.number}: {a.title} on {b.title}"
     gap = _gap_mm(join, a, b)
@@ -179,7 +181,7 @@ def _tab(join: Join, a: PlacedFace, b: PlacedFace) -> Iterator[Finding]:
         yield Finding("tab", place, f"{outside.area:.2f} mm² of the tab lie beside its face or over a hole in it")
 
 
-def _tongue(join: Join, a: PlacedFace, b: PlacedFace) -> Iterator[Finding]:
+def _check_tongue(join: Join, a: PlacedFace, b: PlacedFace) -> Iterator[Finding]:
     """Yield findings on a tongue: a missing slot, a tongue that is too short or does not fit the slot."""
     place = f"join {join.number}: {a.title} through {b.title}"
     slot = next((hole for hole in b.face.holes if hole.name == join.slot), None)

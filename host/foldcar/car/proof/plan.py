@@ -12,7 +12,7 @@ from functools import lru_cache
 
 from foldcar.car.folded.model import FoldedCar, Mount, PlacedPiece
 from foldcar.car.proof.roles import Roles, roles_of
-from foldcar.car.proof.step import Added, AssemblyStep, Folds, ToolUse
+from foldcar.car.proof.step import AddedPart, AssemblyStep, Folds, ToolUse
 
 # Endings of the names of the disc on the horn and of the layer glued to it (components/wheel.py).
 INNER = ("wheel inner disc", "wheel hub")
@@ -39,35 +39,35 @@ class Building:
 
     def step(
         self, title: str, pieces: Iterable[PlacedPiece] = (), mounts: Iterable[Mount] = (),
-        units: Iterable[Added] = (), folds: Folds | None = None, unit: str = "", flat: bool = False,
+        units: Iterable[AddedPart] = (), folds: Folds | None = None, unit: str = "", flat: bool = False,
     ) -> None:  # fmt: skip
         """Append a step, unless it would be empty. Pieces come in folded, unless the step is ``flat``."""
-        pieces, mounts, units, closed = list(pieces), list(mounts), list(units), dict(folds or {})
+        pieces, mounts, units, folds = list(pieces), list(mounts), list(units), dict(folds or {})
         for piece in pieces:
-            all_folds = self.roles.all_folded(piece.piece)
-            if not flat and all_folds:
-                closed.setdefault(piece.piece, all_folds)
+            fractions = self.roles.all_folded(piece.piece)
+            if not flat and fractions:
+                folds.setdefault(piece.piece, fractions)
         self._present |= {(piece.piece, piece.copy) for piece in pieces}
         self.parts |= {mount.name for mount in mounts}
-        self._folded |= {name for name, fractions in closed.items() if any(fractions.values())}
+        self._folded |= {name for name, fractions in folds.items() if any(fractions.values())}
         if unit:
             self._in_units |= {piece.piece for piece in pieces}
-        for came in units:
-            self._in_units -= {added.name for step in self.steps if step.unit == came.name for added in step.adds}
+        for added_unit in units:
+            self._in_units -= {added.name for step in self.steps if step.unit == added_unit.name for added in step.adds}
         joins = self._joins(flat, unit)
         adds = (
-            *(Added("piece", piece.piece, piece.copy, piece.body) for piece in pieces),
+            *(AddedPart("piece", piece.piece, piece.copy, piece.body) for piece in pieces),
             *units,
-            *(Added("mount", mount.name, 0, mount.body) for mount in mounts),
+            *(AddedPart("mount", mount.name, 0, mount.body) for mount in mounts),
         )
         screws = [mount for mount in mounts if self.roles.is_fastener(mount)]
         drivers = ((m.name, i) for m in screws for i, clearance in enumerate(m.clearances) if clearance.tool == "driver")
         tool_uses = tuple(ToolUse(*place) for place in drivers)
-        if adds or joins or closed:
-            self.steps.append(AssemblyStep(title, closed, adds, joins, tool_uses, unit))
+        if adds or joins or folds:
+            self.steps.append(AssemblyStep(title, folds, adds, joins, tool_uses, unit))
 
     def with_screws(self, mounts: Sequence[Mount]) -> list[Mount]:
-        """Return the mounts that are not in place yet. After the last part that a screw holds comes the screw."""
+        """Return the mounts that are not in place yet, each screw after the last of the parts that it holds."""
         remaining = [mount for mount in mounts if mount.name not in self.parts]
         screws: dict[str, list[Mount]] = {}
         for screw in (m for m in self.roles.car.mounts if self.roles.is_fastener(m) and m.name not in self.parts):
@@ -86,9 +86,9 @@ class Building:
         numbers = set()
         for join in self.roles.car.joins:
             ends = {join.piece_a, join.piece_b}
-            shaped = ends <= self._folded or (join.kind == "laminate" and flat)
-            together = ends <= self._in_units if unit else not ends & self._in_units
-            if join.number not in self._made_joins | self._lid_joins and ends <= complete and shaped and together:
+            are_folded = ends <= self._folded or (join.kind == "laminate" and flat)
+            are_together = ends <= self._in_units if unit else not ends & self._in_units
+            if join.number not in self._made_joins | self._lid_joins and ends <= complete and are_folded and are_together:
                 numbers.add(join.number)
         self._made_joins |= numbers
         return tuple(sorted(numbers))
@@ -99,20 +99,20 @@ def plan_assembly(car: FoldedCar) -> tuple[AssemblyStep, ...]:
     """Return all assembly steps of a car, in order; the insertion paths are empty."""
     roles = roles_of(car)
     building = Building(roles)
-    _segments(roles, building)
-    _inside(roles, building)
+    _plan_segments(roles, building)
+    _plan_inside(roles, building)
     # Wheels would be in the way of a battery on an open lid.
     shut_first = any(roles.is_on_lid(mount) for mount in car.mounts)
     if shut_first:
-        _shut_lids(roles, building)
+        _plan_shutting(roles, building)
     for unit, wheels in roles.wheel_units.items():
-        _wheels(roles, building, unit, wheels)
+        _plan_wheels(roles, building, unit, wheels)
     if not shut_first:
-        _shut_lids(roles, building)
+        _plan_shutting(roles, building)
     return tuple(building.steps)
 
 
-def _shut_lids(roles: Roles, building: Building) -> None:
+def _plan_shutting(roles: Roles, building: Building) -> None:
     """Add the step in which the lids are folded shut and locked, if there are lids."""
     folds = {name: dict.fromkeys(lid.creases, 1.0) for name, lid in sorted(roles.lids.items()) if lid.creases}
     if folds:
@@ -120,20 +120,23 @@ def _shut_lids(roles: Roles, building: Building) -> None:
         building.steps.append(AssemblyStep(SHUT, folds, (), tuple(shutting)))
 
 
-def _segments(roles: Roles, building: Building) -> None:
-    """Add the steps of beams, their layers and walls, servos, rods, caps and connectors of segments."""
-    others = list(roles.non_base_copies())
-    bases = [roles.base[body] for body in roles.bodies]
-    layers = [other for other in others if roles.is_layer(other)]
+def _plan_segments(roles: Roles, building: Building) -> None:
+    """Add the steps of beams, their layers and walls, servos, rods, caps and connectors of segments.
 
-    def on(hosts: Sequence[PlacedPiece]) -> list[PlacedPiece]:
+    Layers are taped onto flat pieces: a cap or connector with layers is a unit, assembled outside the car.
+    """
+    copies = list(roles.non_base_copies())
+    bases = [roles.base[body] for body in roles.bodies]
+    layers = [other for other in copies if roles.is_layer(other)]
+
+    def layers_on(hosts: Sequence[PlacedPiece]) -> list[PlacedPiece]:
         return [layer for layer in layers if (host := roles.host(layer)) is not None and host[0] in hosts]
 
-    rest = [other for other in others if other not in layers]
-    between = [piece for piece in rest if roles.is_connector(piece)]
-    caps = [piece for piece in rest if piece not in between and not roles.is_carrier(piece)]
-    title = "Tape the layers onto the flat beam" if on(bases) else "Lay out the beam"
-    building.step(title, [*bases, *on(bases)], flat=True)
+    other_pieces = [other for other in copies if other not in layers]
+    connectors = [piece for piece in other_pieces if roles.is_connector(piece)]
+    caps = [piece for piece in other_pieces if piece not in connectors and not roles.is_carrier(piece)]
+    title = "Tape the layers onto the flat beam" if layers_on(bases) else "Lay out the beam"
+    building.step(title, [*bases, *layers_on(bases)], flat=True)
     folds = {name: roles.all_folded(name) | dict.fromkeys(roles.lids[name].creases, 0.0) for name in sorted(roles.bases)}
     building.step("Fold the walls up", folds=folds)
     servos = [m for m in roles.car.mounts if m.part == roles.car.parts.servo.name]
@@ -142,82 +145,85 @@ def _segments(roles: Roles, building: Building) -> None:
     building.step("Push the rods through the walls", mounts=rods)
     for mount in (mount for mount in roles.car.mounts if roles.is_on_lid(mount)):
         building.step(f"Put the {mount.name} on the open lid", mounts=building.with_screws([mount]))
-    for title, group in (("Close the ends", caps), ("Join the segments", between)):
-        doubled = [piece for piece in group if on([piece])]
-        for piece in doubled:
-            flat, unit = f"Tape the layers onto the flat {piece.piece}", _unit(roles, piece)
-            building.step(flat, [piece, *on([piece])], unit=unit, flat=True)
+    for title, group in (("Close the ends", caps), ("Join the segments", connectors)):
+        with_layers = [piece for piece in group if layers_on([piece])]
+        for piece in with_layers:
+            flat, unit = f"Tape the layers onto the flat {piece.piece}", _unit_name(roles, piece)
+            building.step(flat, [piece, *layers_on([piece])], unit=unit, flat=True)
             for mount in (m for m in roles.car.mounts if (host := roles.mount_host(m)) is not None and host[0] is piece):
                 building.step(f"Put the {mount.name} into the flat {piece.piece}", mounts=[mount], unit=unit, flat=True)
-        units = [Added("unit", _unit(roles, piece), 0, piece.body) for piece in doubled]
-        alone = [piece for piece in group if piece not in doubled]
-        building.step(title, alone, units=units, folds={piece.piece: roles.all_folded(piece.piece) for piece in doubled})
+        units = [AddedPart("unit", _unit_name(roles, piece), 0, piece.body) for piece in with_layers]
+        without_layers = [piece for piece in group if piece not in with_layers]
+        folds = {piece.piece: roles.all_folded(piece.piece) for piece in with_layers}
+        building.step(title, without_layers, units=units, folds=folds)
     building.step("Glue the other layers on", [layer for layer in layers if roles.host(layer) is None])
 
 
-def _unit(roles: Roles, piece: PlacedPiece) -> str:
-    """The name of a piece's unit."""
+def _unit_name(roles: Roles, piece: PlacedPiece) -> str:
+    """Return the name of the unit that is assembled on a copy of a piece."""
     return piece.piece if roles.pieces[piece.piece].count == 1 else f"{piece.piece} {piece.copy + 1}"
 
 
-def _inside(roles: Roles, building: Building) -> None:
+def _plan_inside(roles: Roles, building: Building) -> None:
     """Add the steps of the carriers with their boards, of the parts under them, and of other parts."""
     car, wheels = roles.car, set(roles.wheels)
     carriers = [other for other in roles.non_base_copies() if roles.is_carrier(other)]
     carried = [m for carrier in carriers for m in roles.carried(carrier) if not roles.is_fastener(m)]
     parts = [m for m in car.mounts if m.body not in wheels and not roles.is_fastener(m) and m.name not in building.parts]
     wires = [extension.name for extension in car.parts.extensions.sold] + [car.parts.wiring.name]
-    plugged = sorted((m for m in parts if m.part in wires), key=lambda m: m.part == wires[-1])
-    with_wheels = (car.parts.axle_tube.name, car.parts.axle_cap.name)
-    parts = [m for m in parts if m not in (*plugged, *carried) and not roles.is_on_lid(m) and m.part not in with_wheels]
-    under = [m for m in parts if m.part == car.parts.lipo.name and carriers]
+    plugged_parts = sorted((m for m in parts if m.part in wires), key=lambda m: m.part == wires[-1])
+    axle_parts = (car.parts.axle_tube.name, car.parts.axle_cap.name)
+    later = (*plugged_parts, *carried)
+    parts = [m for m in parts if m not in later and not roles.is_on_lid(m) and m.part not in axle_parts]
+    under_carrier = [m for m in parts if m.part == car.parts.lipo.name and carriers]
     for carrier in carriers:
         boards = sorted((m for m in roles.carried(carrier) if not roles.is_fastener(m)), key=lambda m: m.pose[2][3])
-        name, parts_on, all_folds = _unit(roles, carrier), building.with_screws(boards), roles.all_folded(carrier.piece)
+        name, parts_on = _unit_name(roles, carrier), building.with_screws(boards)
+        all_folds = roles.all_folded(carrier.piece)
         building.step(f"Screw the boards onto the flat {carrier.piece}", [carrier], parts_on, unit=name, flat=True)
         building.step(f"Fold the {carrier.piece}", folds={carrier.piece: all_folds} if all_folds else {}, unit=name)
-    for mount in under:
+    for mount in under_carrier:
         building.step(f"Put the {mount.name} in", mounts=building.with_screws([mount]))
     for carrier in carriers:
-        units = [Added("unit", _unit(roles, carrier), 0, carrier.body)]
+        units = [AddedPart("unit", _unit_name(roles, carrier), 0, carrier.body)]
         building.step(f"Put the {carrier.piece} with the boards in", units=units)
-    for mount in (mount for mount in parts if mount not in under):
+    for mount in (mount for mount in parts if mount not in under_carrier):
         building.step(f"Put the {mount.name} in", mounts=building.with_screws([mount]))
     screws = [m for m in car.mounts if roles.is_fastener(m) and m.name not in building.parts and m.body not in wheels]
     building.step("Drive the other screws", mounts=screws)
-    building.step("Plug all wires in", mounts=plugged)
+    building.step("Plug all wires in", mounts=plugged_parts)
 
 
-def _wheels(roles: Roles, building: Building, unit: str, wheels: Sequence[str]) -> None:
+def _plan_wheels(roles: Roles, building: Building, unit: str, wheels: Sequence[str]) -> None:
     """Add the steps of a unit's wheels: assembled outside the car, then put onto horns or onto their rod."""
     car = roles.car
     placed = [piece for wheel in wheels for piece in roles.placed(wheel)]
     mounts = [m for m in car.mounts if m.body in wheels]
     horns = [m for m in mounts if m.part == car.parts.horn.name]
     screws = [m for m in mounts if roles.is_fastener(m)]
-    central = [m for m in screws if m.part == car.parts.centre_screw.name]
+    centre_screws = [m for m in screws if m.part == car.parts.centre_screw.name]
     strips = [piece for piece in placed if roles.is_wound(piece.piece)]
     inner = [piece for piece in placed if piece.piece.endswith(INNER)]
     # Wheels of several units are named.
-    of = "" if len(roles.wheel_units) == 1 else f" ({unit}s)"
-    building.step(f"Tape the hubs onto the inner discs{of}", inner, unit=unit)
+    suffix = "" if len(roles.wheel_units) == 1 else f" ({unit}s)"
+    building.step(f"Tape the hubs onto the inner discs{suffix}", inner, unit=unit)
     others = [piece for piece in placed if piece not in strips and piece not in inner]
-    building.step(f"Put the outer discs on{of}", others, unit=unit)
-    building.step(f"Wind the rims around the discs{of}", strips, unit=unit)
+    building.step(f"Put the outer discs on{suffix}", others, unit=unit)
+    building.step(f"Wind the rims around the discs{suffix}", strips, unit=unit)
     tyres = [m for m in mounts if m.part == car.parts.tyre.name]
-    building.step(f"Stretch the tyres over the rims{of}", mounts=tyres, unit=unit)
-    units = [Added("unit", unit, n, wheel) for n, wheel in enumerate(wheels)]
+    building.step(f"Stretch the tyres over the rims{suffix}", mounts=tyres, unit=unit)
+    units = [AddedPart("unit", unit, n, wheel) for n, wheel in enumerate(wheels)]
     if not horns:
         axles = {axle.center_mm[0] for axle in car.axles if axle.unit == unit}
         on_rods = [m for m in car.mounts if any(abs(m.pose[0][3] - x) < SAME_MM for x in axles)]
         tubes, caps = ([m for m in on_rods if m.part == part.name] for part in (car.parts.axle_tube, car.parts.axle_cap))
-        building.step(f"Slide the spacer tubes onto the rods{of}", mounts=tubes)
-        building.step(f"Slide the wheels onto the rods{of}", units=units)
-        building.step(f"Press the caps onto the rods{of}", mounts=caps)
+        building.step(f"Slide the spacer tubes onto the rods{suffix}", mounts=tubes)
+        building.step(f"Slide the wheels onto the rods{suffix}", units=units)
+        building.step(f"Press the caps onto the rods{suffix}", mounts=caps)
         return
-    building.step(f"Screw the horns onto the servos{of}", mounts=[*horns, *central])
-    rest = [m for m in screws if m not in central]
-    building.step(f"Screw the wheels onto the horns{of}", units=units, mounts=rest)
+    building.step(f"Screw the horns onto the servos{suffix}", mounts=[*horns, *centre_screws])
+    wheel_screws = [m for m in screws if m not in centre_screws]
+    building.step(f"Screw the wheels onto the horns{suffix}", units=units, mounts=wheel_screws)
 
 
 @lru_cache(maxsize=16)
@@ -239,9 +245,9 @@ def plan_service(car: FoldedCar) -> tuple[AssemblyStep, ...]:
     folds = {name: dict.fromkeys(lid.creases, 0.0) for name, lid in sorted(roles.lids.items()) if lid.creases}
     for mount in (m for m in car.mounts if m.part == car.parts.battery.name):
         on_lid = roles.is_on_lid(mount)
-        out = f"Take {mount.name} {'off' if on_lid else 'out'}"
+        title = f"Take {mount.name} {'off' if on_lid else 'out'}"
         (with_lid_shut if on_lid else with_lid_open).append(
-            AssemblyStep(out, {}, (Added("mount", mount.name, 0, mount.body),), ())
+            AssemblyStep(title, {}, (AddedPart("mount", mount.name, 0, mount.body),), ())
         )
     gripped = [(name, face) for name in folds for face in roles.lids[name].gripped]
     grips = tuple(ToolUse(face.name, i, name) for name, face in gripped for i in range(len(face.clearances)))

@@ -25,7 +25,7 @@ from foldcar.car.proof.blocks import (
 from foldcar.car.proof.plan import plan_assembly, plan_service
 from foldcar.car.proof.roles import Lid, roles_of
 from foldcar.car.proof.scene import Scene, Stage, title
-from foldcar.car.proof.step import Added, AssemblyStep, Folds, Thing, ToolUse, Vector
+from foldcar.car.proof.step import AddedPart, AssemblyStep, Folds, PartKey, ToolUse, Vector
 
 CAR = ("", "")
 # Steps of a lid's turn: film 100 mm from the fold leaves the convex hull of two successive positions by 0.02 mm only.
@@ -65,48 +65,53 @@ class _Prover:
         self.joined = self.scene.ignored()
         self.stage = Stage(self.roles, {})
         # Solids in the car (CAR), and in units by the unit's name and body.
-        self.standing: dict[tuple[str, str], dict[Thing, Blocks]] = {CAR: {}}
+        self.standing: dict[tuple[str, str], dict[PartKey, Blocks]] = {CAR: {}}
         self.findings: list[Finding] = []
 
     def step(self, number: str, step: AssemblyStep) -> AssemblyStep:
-        """Prove one step, carry it out, and return it with the insertion paths."""
+        """Prove one step, carry it out, and return it with the insertion paths. ``number`` names it in findings."""
         place = f"{number}, {step.title}"
         self._fold(place, step)
-        proved: list[Added] = []
+        proved: list[AddedPart] = []
         for added in step.adds:
             group = (step.unit, added.body) if step.unit else CAR
             first = step.adds[0].body
             if step.unit in self.roles.wheel_units and added.body != first:
                 # Wheels are alike: the insertion path is that of the first wheel's part, turned with the wheel.
                 own_adds = [add for add in step.adds if add.body == added.body]
-                twin = [earlier for earlier in proved if earlier.body == first][own_adds.index(added)]
-                with_path = replace(added, way_mm=tuple(self._rotated(move, first, added.body) for move in twin.way_mm))
+                first_part = [earlier for earlier in proved if earlier.body == first][own_adds.index(added)]
+                moves = tuple(self._rotated(move, first, added.body) for move in first_part.way_mm)
+                proved_part = replace(added, way_mm=moves)
             else:
-                with_path, before = added, self.standing.get(group, {})
-                if before and not self._is_bent(added):
-                    with_path = self._with_insertion_path(place, added, before)
-            self.standing.setdefault(group, {}).update({key: self._solid(key) for key in self._things(added)})
-            if with_path.body == first or step.unit not in self.roles.wheel_units:
+                proved_part, present = added, self.standing.get(group, {})
+                if present and not self._is_bent(added):
+                    proved_part = self._with_insertion_path(place, added, present)
+            self.standing.setdefault(group, {}).update({key: self._solid(key) for key in self._part_keys(added)})
+            if proved_part.body == first or step.unit not in self.roles.wheel_units:
                 self._check_tool_uses(place, [use for use in step.tool_uses if use.name == added.name], group)
-            proved.append(with_path)
+            proved.append(proved_part)
         return replace(step, adds=tuple(proved))
 
     def check_lead_order(self, planned_steps: Sequence[AssemblyStep]) -> None:
-        """Add a finding if leads that pass a lid are soldered before: their other ends are the switch and the wires."""
+        """Add a finding if the leads of a battery on the lid are soldered before they pass through the lid.
+
+        They are soldered to the switch and the wires, so these must come after the battery.
+        """
         numbers = {added.name: n for n, step in enumerate(planned_steps, 1) for added in step.adds}
         parts = self.car.parts
-        joined = [m for m in self.car.mounts if m.part in (parts.switch.name, parts.wiring.name) and m.name in numbers]
+        soldered = [m for m in self.car.mounts if m.part in (parts.switch.name, parts.wiring.name) and m.name in numbers]
         for mount in (m for m in self.car.mounts if m.name in numbers and self.roles.is_on_lid(m)):
-            early = [m.name for m in joined if numbers[m.name] < numbers[mount.name]]
-            if mount.part == parts.battery.name and early:
+            soldered_before = [m.name for m in soldered if numbers[m.name] < numbers[mount.name]]
+            if mount.part == parts.battery.name and soldered_before:
                 place = f"step {numbers[mount.name]}, {planned_steps[numbers[mount.name] - 1].title}"
-                self._add_finding(place, f"leads of {mount.name} must pass the lid, but are joined to {early[0]} already")
+                message = f"leads of {mount.name} must pass the lid, but are joined to {soldered_before[0]} already"
+                self._add_finding(place, message)
 
     def service_step(self, number: str, step: AssemblyStep) -> AssemblyStep:
-        """Prove one step of service. The lid's levers and pull tabs are reached while it is shut.
+        """Prove one step of service: tools reach what they use, folds open, parts come out; return it with their paths.
 
-        A lid opens on the path on which it was shut, which is checked again if the wheels came later. Parts that are
-        taken out stay out.
+        A lid opens on the path on which it was shut; with a part on the lid this is checked again, because the wheels
+        were added after it was shut. Parts that are taken out stay out.
         """
         place = f"{number}, {step.title}"
         self._check_tool_uses(place, step.tool_uses, CAR)
@@ -116,7 +121,7 @@ class _Prover:
         self._close(step.folds)
         proved = []
         for added in step.adds:
-            for key in self._things(added):
+            for key in self._part_keys(added):
                 self.standing[CAR].pop(key, None)
             proved.append(self._with_insertion_path(place, added, self.standing[CAR]))
         return replace(step, adds=tuple(proved))
@@ -125,20 +130,21 @@ class _Prover:
         self.findings.append(Finding("assembly", place, message))
 
     def _rotated(self, move: Vector, first: str, other: str) -> Vector:
+        """Return a move relative to the wheel ``first`` turned as the wheel ``other`` is."""
         a, b = (np.array(self.roles.placed(body)[0].pose)[:3, :3] for body in (first, other))
         return vector(b @ a.T @ np.array(move))
 
     def _fold(self, place: str, step: AssemblyStep) -> None:
-        """Close folds, and add a finding if a swinging face collides with its own piece or with others in place."""
+        """Close the step's folds; add a finding if a face that swings collides with its own piece or others in place."""
         for name, fractions in step.folds.items():
             earlier_fractions = self.stage.folds.get(name, {})
             lid = self.roles.lids.get(name)
             if lid is not None and lid.creases and set(fractions) == set(lid.creases):
                 self._check_lid(place, name, "shut")
             elif any(key[1] == name for standing in self.standing.values() for key in standing):
-                shares = [i / SWING_STEPS for i in range(SWING_STEPS + 1)]
                 path = [
-                    {c: earlier_fractions.get(c, 0.0) * (1 - s) + f * s for c, f in fractions.items()} for s in shares
+                    {crease: earlier_fractions.get(crease, 0.0) * (1 - t) + end * t for crease, end in fractions.items()}
+                    for t in (i / SWING_STEPS for i in range(SWING_STEPS + 1))
                 ]
                 self._check_swing(place, name, f"{name} does not fold", path)
         self._close(step.folds)
@@ -156,15 +162,15 @@ class _Prover:
         for standing in self.standing.values():
             standing.update({key: self._solid(key) for key in standing})
 
-    def _solid(self, key: Thing) -> Blocks:
+    def _solid(self, key: PartKey) -> Blocks:
         return self.scene.solid(key, self.stage)
 
-    def _things(self, added: Added) -> list[Thing]:
+    def _part_keys(self, added: AddedPart) -> list[PartKey]:
         if added.kind == "unit":
             return list(self.standing.get((added.name, added.body), {}))
         return [(added.kind, added.name, added.copy)]
 
-    def _is_bent(self, added: Added) -> bool:
+    def _is_bent(self, added: AddedPart) -> bool:
         """Whether a part is laid out, wound or stretched, so that it has no straight insertion path."""
         if added.kind == "piece":
             return added.name in self.roles.bases or self.roles.is_wound(added.name)
@@ -172,56 +178,60 @@ class _Prover:
             return False
         return self.roles.mounts[added.name].part in (self.car.parts.wiring.name, self.car.parts.tyre.name)
 
-    def _with_insertion_path(self, place: str, added: Added, present: Mapping[Thing, Blocks]) -> Added:
+    def _with_insertion_path(self, place: str, added: AddedPart, present: Mapping[PartKey, Blocks]) -> AddedPart:
         """Return the part with its insertion path, the reverse of a path out; add a finding if there is no path."""
-        moving, standing = merge_blocks(self._solid(key) for key in self._things(added)), merge_blocks(present.values())
-        own: list[Vector] = []
+        moving = merge_blocks(self._solid(key) for key in self._part_keys(added))
+        standing = merge_blocks(present.values())
+        own_axes: list[Vector] = []
         mount = self.roles.mounts[added.name] if added.kind == "mount" else None
         if mount is not None:
             axes = np.array(mount.pose)[:3, :3].T
-            own = [vector(sign * axis) for axis in axes for sign in (1.0, -1.0)]
-        nut: ExitPath | None = None
+            own_axes = [vector(sign * axis) for axis in axes for sign in (1.0, -1.0)]
+        nut_path: ExitPath | None = None
         if mount is not None and self.roles.is_fastener(mount):
-            way, nut = self._screw_ways(mount, standing, own)
+            exit_path, nut_path = self._screw_ways(mount, standing, own_axes)
             added = replace(added, passes=self.roles.passed_by(mount))
-            for thing in (thing for thing in added.passes if thing not in present):
-                self._add_finding(place, f"{self._name(added)} passes {thing[1]}, which is not there yet")
+            for _, missing_name, _ in (key for key in added.passes if key not in present):
+                self._add_finding(place, f"{self._name(added)} passes {missing_name}, which is not there yet")
         elif mount is not None and self._plugs_onto(mount, present):
-            # Pins go straight into their sockets.
-            way = find_exit_path(moving, standing, own[4:], self.joined, only_own=True)
+            # Pins go straight into their sockets: along +z or -z, the last two of the axes.
+            exit_path = find_exit_path(moving, standing, own_axes[4:], self.joined, only_own=True)
         else:
-            way = find_exit_path(moving, standing, own, self.joined)
-        ways_in = []
-        for subject, path in (("", way), ("the nut of ", nut)):
+            exit_path = find_exit_path(moving, standing, own_axes, self.joined)
+        insertion_paths = []
+        for subject, path in (("", exit_path), ("the nut of ", nut_path)):
             if path is not None and path.moves_mm is None:
                 self._add_finding(place, f"{subject}{self._name(added)} {_failure_message(path)}")
             moves = (path.moves_mm or ()) if path is not None else ()
-            ways_in.append(tuple(vector(-np.array(move)) for move in reversed(moves)))
-        return replace(added, way_mm=ways_in[0], nut_mm=ways_in[1])
+            insertion_paths.append(tuple(vector(-np.array(move)) for move in reversed(moves)))
+        return replace(added, way_mm=insertion_paths[0], nut_mm=insertion_paths[1])
 
-    def _plugs_onto(self, mount: Mount, present: Mapping[Thing, Blocks]) -> bool:
+    def _plugs_onto(self, mount: Mount, present: Mapping[PartKey, Blocks]) -> bool:
         """Whether a mount is a board that is plugged onto a board in place, header on header."""
         boards = self.roles.board_names
         names = {self.roles.mounts[name].part for kind, name, _ in present if kind == "mount"}
         return mount.part in boards and bool(names & (boards - {mount.part}))
 
-    def _screw_ways(self, screw: Mount, standing: Blocks, own: Sequence[Vector]) -> tuple[ExitPath, ExitPath | None]:
-        """Return the exit path of the screw along the driver's axis, and of its nut, which first leaves the shank."""
+    def _screw_ways(self, screw: Mount, standing: Blocks, own_axes: Sequence[Vector]) -> tuple[ExitPath, ExitPath | None]:
+        """Return the exit paths of a screw along the driver's axis, and of its nut, if it has one.
+
+        The nut moves along the axis until it is off the shank, then takes any path out.
+        """
         head, *nuts = self.scene.screw(screw, self.stage)
         axis = np.array(compose(self.stage.mount(screw), screw.clearances[0].pose))[:3, 2]
-        way = find_exit_path(head, standing, [vector(axis)], only_own=True)
+        screw_path = find_exit_path(head, standing, [vector(axis)], only_own=True)
         if not nuts:
-            return way, None
+            return screw_path, None
         nut, nut_clearance = merge_blocks(nuts), vector(-axis * self.car.parts.tools.nut_room_mm.value)
         obstacle = first_obstacle(nut, standing, nut_clearance)
         if obstacle is not None:
-            return way, ExitPath(None, ((vector(-axis), obstacle),))
-        rest = find_exit_path(nut.moved(translation(*nut_clearance)), standing, own)
-        return way, rest if rest.moves_mm is None else ExitPath((nut_clearance, *rest.moves_mm))
+            return screw_path, ExitPath(None, ((vector(-axis), obstacle),))
+        rest = find_exit_path(nut.moved(translation(*nut_clearance)), standing, own_axes)
+        return screw_path, rest if rest.moves_mm is None else ExitPath((nut_clearance, *rest.moves_mm))
 
-    def _name(self, added: Added) -> str:
+    def _name(self, added: AddedPart) -> str:
         if added.kind == "unit" and added.name not in self.roles.wheel_units:
-            return " with ".join(key[1] for key in self._things(added)[:2])
+            return " with ".join(key[1] for key in self._part_keys(added)[:2])
         return added.body if added.kind == "unit" else added.name
 
     def _check_tool_uses(self, place: str, tool_uses: Sequence[ToolUse], group: tuple[str, str]) -> None:
@@ -245,7 +255,8 @@ class _Prover:
     def _check_swing(self, place: str, name: str, failure: str, path: Sequence[Mapping[str, float]]) -> None:
         """Add a finding if faces of a piece, or parts on them, collide while its creases close along ``path``.
 
-        ``path`` has the closed fraction of each crease, step by step.
+        ``path`` has the closed fraction of each crease, step by step. The solids swept between successive steps must be
+        free of all that stands still.
         """
         stages = [self.stage.closed({name: fractions}) for fractions in path]
         first, last = stages[0], stages[-1]
@@ -256,11 +267,11 @@ class _Prover:
             for key in piece_keys:
                 last_poses = last.poses(key)
                 faces |= {title(name, face) for face, pose in first.poses(key).items() if pose != last_poses[face]}
-            still = [standing[key].where(faces, among=False) for key in piece_keys]
-            obstacles = merge_blocks([*still, *(blocks for key, blocks in standing.items() if key not in keys)])
+            still_faces = [standing[key].without_titles(faces) for key in piece_keys]
+            obstacles = merge_blocks([*still_faces, *(blocks for key, blocks in standing.items() if key not in keys)])
             start: Blocks | None = None
             for fractions_of_creases, stage in zip(path, stages, strict=True):
-                swinging_faces = [self.scene.solid(key, stage).where(faces) for key in piece_keys]
+                swinging_faces = [self.scene.solid(key, stage).with_titles(faces) for key in piece_keys]
                 end = merge_blocks(
                     [*swinging_faces, *(self.scene.solid(key, stage) for key in keys if key not in piece_keys)]
                 )
@@ -274,7 +285,11 @@ class _Prover:
 
 
 def _closing(lid: Lid, angles_rad: Mapping[str, float]) -> Iterator[dict[str, float]]:
-    """Yield fractions of the lid's folds while it closes: the flap bends inwards first, and is upright at the end."""
+    """Yield the fractions of the lid's folds, step by step, while it closes.
+
+    First the flap is bent inwards. While the lid turns down, the flap is bent further, by the lid's own angle up to half
+    of the way, and back to upright over the second half, so that it passes the wall.
+    """
     hinge, *flaps = lid.creases
     if not flaps:
         yield from ({hinge: i / SWING_STEPS} for i in range(SWING_STEPS + 1))
@@ -288,18 +303,18 @@ def _closing(lid: Lid, angles_rad: Mapping[str, float]) -> Iterator[dict[str, fl
         yield {hinge: closed, flap: 1.0 + ratio * min(closed, 1.0 - closed), **all_fractions}
 
 
-def _failure_message(way: ExitPath) -> str:
+def _failure_message(path: ExitPath) -> str:
     """Return why a part does not fit, or what it meets along each way out."""
-    if way.stuck:
-        return f"does not fit: at its place it runs into {way.stuck}"
-    met = []
-    for move, obstacle in way.met:
+    if path.overlapped:
+        return f"does not fit: at its place it runs into {path.overlapped}"
+    obstacles = []
+    for move, obstacle in path.obstacles:
         axis = int(np.argmax(np.abs(move)))
         direction = "(" + ", ".join(f"{value:.2f}" for value in move) + ")"
         if abs(move[axis]) > 0.999:
             direction = f"{'+' if move[axis] > 0 else '-'}{'xyz'[axis]}"
-        met.append(f"along {direction} it meets {obstacle}")
-    return "has no way out: " + ", ".join(met)
+        obstacles.append(f"along {direction} it meets {obstacle}")
+    return "has no way out: " + ", ".join(obstacles)
 
 
 def assembly_steps(car: FoldedCar) -> tuple[AssemblyStep, ...]:

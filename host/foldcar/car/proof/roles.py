@@ -15,7 +15,7 @@ from foldcar.car.folded.model import Face, FoldedCar, Join, Mount, Piece, Placed
 from foldcar.car.folded.placed import polygon
 from foldcar.car.folded.pose import apply, compose, folded, inverse
 from foldcar.car.parts.bought import Screw
-from foldcar.car.proof.step import Thing
+from foldcar.car.proof.step import PartKey
 
 PARALLEL = 0.999
 # A shank stands in a bore if it overlaps the bore's wall by no more than this.
@@ -67,16 +67,19 @@ class Roles:
             yield from (copy for copy in self.placed(body) if copy is not self.base[body])
 
     def _host(self, copy: PlacedPiece) -> Host:
-        """Return the piece and face that a copy is fixed to and moves with; None for a beam or a loose piece."""
+        """Return the piece and face that a copy is glued to and moves with; None for a body's base or a loose piece.
+
+        The base is preferred. A layer moves with the face that it lies on; other pieces never move with a layer.
+        """
         base = self.base.get(copy.body)
         if base is None or copy is base:
             return None
-        layer = self.is_layer(copy)
+        is_layer = self.is_layer(copy)
         glued = [j for j in self.joined(copy.piece) if j.kind in GLUED]
         for other in (base, *(p for p in self.placed(copy.body) if p not in (base, copy))):
             ends = ((j.piece_b, j.b.face) if j.piece_a == copy.piece else (j.piece_a, j.a.face) for j in glued)
             for face in (face for piece, face in ends if piece == other.piece):
-                if self._lies_on(copy, other, face) if layer else not self.is_layer(other):
+                if self._lies_on(copy, other, face) if is_layer else not self.is_layer(other):
                     return other, face
         return None
 
@@ -88,14 +91,17 @@ class Roles:
     def is_on_lid(self, mount: Mount) -> bool:
         """Whether a mount lies on the outer side of a lid."""
         host = self.mount_host(mount)
-        on = self._on_beam(host, mount.body)
-        if host is None or on is None or on[1] not in self.lids[on[0].piece].faces or self.is_fastener(mount):
+        on_beam = self._on_beam(host, mount.body)
+        if host is None or on_beam is None or self.is_fastener(mount):
+            return False
+        beam, face = on_beam
+        if face not in self.lids[beam.piece].faces:
             return False
         # Printed sides, along +z of their frames, look inwards.
         return compose(inverse(self.pose_of(*host)), mount.pose)[2][3] < 0
 
     def _on_beam(self, host: Host, body: str) -> Host:
-        """Follow a host to the beam that it is fixed to in the end; None if there is no beam."""
+        """Follow a host to the beam that carries it; return the beam and the face on it, or None if there is no beam."""
         while host is not None and host[0] is not self.base.get(body):
             host = self.host(host[0])
         return host
@@ -146,28 +152,30 @@ class Roles:
         others = [m for m in self.car.mounts if not self.is_fastener(m)]
         return [m for m in others if any(stands_in(screw, a, m, b) for a in screw.solids for b in m.solids)]
 
-    def passed_by(self, screw: Mount) -> tuple[Thing, ...]:
-        """Return the parts with bores and the film that a screw's shank, its second solid, passes, from the head on."""
+    def passed_by(self, screw: Mount) -> tuple[PartKey, ...]:
+        """Return the parts with bores and the pieces that a screw's shank passes through, in order from its head."""
+        # The second of a screw's solids is its shank.
         shank = screw.solids[1]
-        onto = inverse(compose(screw.pose, shank.pose))
-        passed: list[tuple[float, Thing]] = []
+        to_shank = inverse(compose(screw.pose, shank.pose))
+        # Each with its height (mm) along the shank.
+        passed: list[tuple[float, PartKey]] = []
         for mount in self.held_by(screw):
             holding_solids = [solid for solid in mount.solids if stands_in(screw, shank, mount, solid)]
-            heights = [compose(onto, mount.pose, solid.pose)[2][3] for solid in holding_solids]
+            heights = [compose(to_shank, mount.pose, solid.pose)[2][3] for solid in holding_solids]
             passed += [(max(heights), ("mount", mount.name, 0))] if heights else []
         for copy in self.placed(screw.body):
             for face in self.pieces[copy.piece].faces:
-                pose = compose(onto, self.pose_of(copy, face.name))
+                pose = compose(to_shank, self.pose_of(copy, face.name))
                 height, (x, y, _) = pose[2][3], apply(inverse(pose), 0.0, 0.0)
-                flat = abs(pose[2][2]) > PARALLEL and abs(height) < shank.size_mm[2] / 2
-                if flat and shapely.Polygon(face.outline_mm).contains(shapely.Point(x, y)):
+                is_across = abs(pose[2][2]) > PARALLEL and abs(height) < shank.size_mm[2] / 2
+                if is_across and shapely.Polygon(face.outline_mm).contains(shapely.Point(x, y)):
                     passed.append((height, ("piece", copy.piece, copy.copy)))
-        return tuple(thing for _, thing in sorted(passed, key=lambda copy: -copy[0]))
+        return tuple(part for _, part in sorted(passed, key=lambda height_and_part: -height_and_part[0]))
 
     def from_outside(self, mount: Mount, clearance: ToolClearance) -> bool:
-        """Return whether a tool reaches the mount while the lid is shut.
+        """Whether a tool reaches the mount while the lid is shut.
 
-        Its clearance then starts outside the segment, or leaves it through another side than the lid above.
+        That is so if its clearance starts outside the segment's box, or leaves it through another side than the top.
         """
         base = self.base.get(mount.body)
         if base is None:
@@ -182,11 +190,11 @@ class Roles:
 
     def _lies_on(self, copy: PlacedPiece, other: PlacedPiece, name: str) -> bool:
         """Whether a piece lies on a face of another one."""
-        onto = compose(inverse(self.pose_of(other, name)), copy.pose)
+        to_face = compose(inverse(self.pose_of(other, name)), copy.pose)
         middle = polygon(self.pieces[copy.piece].faces[0]).representative_point()
-        x, y, z = apply(onto, middle.x, middle.y)
-        on = shapely.Polygon(self.faces[other.piece][name].outline_mm).contains(shapely.Point(x, y))
-        return bool(on and abs(onto[2][2]) > PARALLEL and abs(z) < LAYER_MM)
+        x, y, z = apply(to_face, middle.x, middle.y)
+        is_inside = shapely.Polygon(self.faces[other.piece][name].outline_mm).contains(shapely.Point(x, y))
+        return bool(is_inside and abs(to_face[2][2]) > PARALLEL and abs(z) < LAYER_MM)
 
 
 # Permanent joins; locks and tucks can be opened.
@@ -207,7 +215,7 @@ class Lid:
 
 
 def lid_of(car: FoldedCar, base: Piece) -> Lid:
-    """Return the lid of a beam with all faces that hang on it; an empty lid if the beam has no lock."""
+    """Return the lid of a beam: its face ``lid`` and all faces that hang on it; an empty lid if the beam has no lock."""
     locked = any(join.kind == "lock" and join.piece_a == join.piece_b == base.name for join in car.joins)
     moving = {face.name for face in base.faces if locked and face.name.rpartition(".")[2] == "lid"}
     for crease in base.creases:
@@ -224,12 +232,13 @@ def lid_of(car: FoldedCar, base: Piece) -> Lid:
     return Lid(frozenset(moving), crease_names, tuple(sorted(closing_joins)), gripped)
 
 
-def stands_in(screw: Mount, solid: Solid, other: Mount, held: Solid) -> bool:
+def stands_in(screw: Mount, solid: Solid, other: Mount, bored: Solid) -> bool:
     """Whether a cylinder of one part, a screw's shank, stands in a bore of a solid of another part."""
-    if solid.kind != "cylinder" or not held.bores:
+    if solid.kind != "cylinder" or not bored.bores:
         return False
-    onto = np.array(compose(inverse(compose(other.pose, held.pose)), screw.pose, solid.pose))
-    x, y, z = onto[:3, 3]
-    if abs(onto[2, 2]) < PARALLEL or abs(z) >= (solid.size_mm[2] + held.size_mm[2]) / 2:
+    to_bored = np.array(compose(inverse(compose(other.pose, bored.pose)), screw.pose, solid.pose))
+    x, y, z = to_bored[:3, 3]
+    if abs(to_bored[2, 2]) < PARALLEL or abs(z) >= (solid.size_mm[2] + bored.size_mm[2]) / 2:
         return False
-    return any(np.hypot(x - u, y - v) + solid.size_mm[0] / 2 <= wide / 2 + TOUCH_MM for u, v, wide in held.bores)
+    radius = solid.size_mm[0] / 2
+    return any(np.hypot(x - u, y - v) + radius <= bore_mm / 2 + TOUCH_MM for u, v, bore_mm in bored.bores)

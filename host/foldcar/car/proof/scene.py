@@ -18,7 +18,7 @@ from foldcar.car.folded.placed import polygon
 from foldcar.car.folded.pose import apply, compose, edge, folded, inverse, side
 from foldcar.car.proof.blocks import Blocks, Ignored, clearance_blocks, merge_blocks, plate, solid_blocks
 from foldcar.car.proof.roles import Host, Roles
-from foldcar.car.proof.step import Folds, Thing, ToolUse
+from foldcar.car.proof.step import Folds, PartKey, ToolUse
 
 
 class Stage:
@@ -49,23 +49,23 @@ class Stage:
         """The pose of a mount."""
         return compose(self._shift(self.roles.mount_host(mount)), mount.pose)
 
-    def poses(self, thing: Thing) -> dict[str, Pose]:
+    def poses(self, key: PartKey) -> dict[str, Pose]:
         """The poses of a piece's faces by their names, or the pose of a mount by its name."""
-        kind, name, copy = thing
-        return (
-            self.faces(self.roles.copies[name, copy]) if kind == "piece" else {name: self.mount(self.roles.mounts[name])}
-        )
+        kind, name, copy = key
+        if kind == "piece":
+            return self.faces(self.roles.copies[name, copy])
+        return {name: self.mount(self.roles.mounts[name])}
 
     def _shift(self, host: Host) -> Pose:
-        """The motion of a face relative to its place in the finished car."""
+        """Return the motion of a face from its pose in the finished car to its pose at this stage."""
         if host is None:
             return IDENTITY
         piece, face = host
-        above = self._shift(self.roles.host(piece))
+        host_motion = self._shift(self.roles.host(piece))
         current, finished = self._folded(piece.piece)[face], self.roles.finished[piece.piece][face]
-        return (
-            above if current == finished else compose(above, piece.pose, current, inverse(finished), inverse(piece.pose))
-        )
+        if current == finished:
+            return host_motion
+        return compose(host_motion, piece.pose, current, inverse(finished), inverse(piece.pose))
 
 
 TONGUES = frozenset({"lock", "tab_slot", "rim"})
@@ -87,28 +87,31 @@ class Scene:
     def __init__(self, roles: Roles, tongues: bool = False) -> None:
         self.roles = roles
         # Cache of the solids of pieces and mounts at their latest poses.
-        self._last: dict[Thing, tuple[dict[str, Pose], Blocks]] = {}
+        self._last: dict[PartKey, tuple[dict[str, Pose], Blocks]] = {}
         self._tongues: dict[tuple[str, str], list[shapely.Geometry]] = defaultdict(list)
-        # All faces of a tongue's piece are cut where it meets a face of another piece.
+        # All faces of a tongue's piece are cut where it meets a face of another piece: one join of the pair suffices.
         cuts = {(j.piece_a, j.piece_b, j.b.face, j.a.face if j.piece_a == j.piece_b else ""): j for j in roles.car.joins}
         for join in (join for join in cuts.values() if join.kind in TONGUES and not tongues):
             for face, tongue in self._through(join):
                 self._tongues[join.piece_a, face].append(tongue)
-        self._face = cache(self._made_face)
+        self._face = cache(self._build_face)
         self._mount = cache(lambda mount: merge_blocks(solid_blocks(solid, mount.name) for solid in mount.shape))
 
-    def solid(self, thing: Thing, stage: Stage) -> Blocks:
-        """Return the solids of a copy of a piece, or of a mount; none for loose wires."""
-        poses, (kind, name, _) = stage.poses(thing), thing
-        if thing not in self._last or self._last[thing][0] != poses:
+    def solid(self, key: PartKey, stage: Stage) -> Blocks:
+        """Return the solids of a copy of a piece, or of a mount; none for loose wires.
+
+        The last result for each part is reused while the part has not moved.
+        """
+        poses, (kind, name, _) = stage.poses(key), key
+        if key not in self._last or self._last[key][0] != poses:
             if kind == "piece":
                 parts = [self._face(name, face).moved(pose) for face, pose in poses.items()]
             else:
                 mount = self.roles.mounts[name]
                 loose = mount.part == self.roles.car.parts.wiring.name
                 parts = [] if loose else [self._mount(mount).moved(poses[name])]
-            self._last[thing] = poses, merge_blocks(parts)
-        return self._last[thing][1]
+            self._last[key] = poses, merge_blocks(parts)
+        return self._last[key][1]
 
     def screw(self, mount: Mount, stage: Stage) -> list[Blocks]:
         """Return head with shank, the first two solids of a screw, and then its nut, if it has one."""
@@ -132,8 +135,8 @@ class Scene:
         ends = [(title(join.piece_a, join.a.face), title(join.piece_b, join.b.face)) for join in glued]
         return frozenset(ends) | {(b, a) for a, b in ends}
 
-    def _made_face(self, name: str, face_name: str) -> Blocks:
-        """Return a face in its own frame, without its tongues and the strips that bend at its folds."""
+    def _build_face(self, name: str, face_name: str) -> Blocks:
+        """Return a face's solids in its own frame, without its tongues and the strips that bend at its folds."""
         piece, face = self.roles.pieces[name], self.roles.faces[name][face_name]
         folds = (ref for c in piece.creases if not c.bend for ref in (c.parent, c.child) if ref.face == face_name)
         lines = (shapely.LineString(side(face.outline_mm, ref.index)) for ref in folds)
@@ -144,32 +147,32 @@ class Scene:
         return plate(shape, piece.thickness_mm, title(name, face_name))
 
     def _through(self, join: Join) -> Iterator[tuple[str, shapely.Geometry]]:
-        """Yield the part of each face, in its frame, that goes through the slot of a join: from the film to the tip.
+        """Yield (face, region) of a tongue's piece: the part of each face, in its frame, that is in the slot of a join.
 
-        All faces of the tongue's piece are returned, because tongues may share a slot. If the piece locks into itself,
-        only the tongue's face is.
+        It is the band of the face whose height over the slot's face is between the film and the tongue's tip. All faces
+        of the piece are cut, because tongues may share a slot; of a piece that locks into itself only the tongue's.
         """
         roles, piece = self.roles, self.roles.pieces[join.piece_a]
         tip = np.mean(edge(roles.faces[join.piece_a], join.a), axis=0)
         copies = ([copy for copy in roles.car.placed if copy.piece == name] for name in (join.piece_a, join.piece_b))
         # A piece with a tongue occurs only once in a body, so the body tells which copies are joined.
         tongue, slotted = next(pair for pair in itertools.product(*copies) if pair[0].body == pair[1].body)
-        onto = inverse(roles.pose_of(slotted, join.b.face))
-        height = apply(compose(onto, roles.pose_of(tongue, join.a.face)), *tip)[2]
-        half = roles.pieces[join.piece_b].thickness_mm / 2
+        to_slot = inverse(roles.pose_of(slotted, join.b.face))
+        height = apply(compose(to_slot, roles.pose_of(tongue, join.a.face)), *tip)[2]
+        half_film = roles.pieces[join.piece_b].thickness_mm / 2
         for face in (face for face in piece.faces if join.piece_a != join.piece_b or face.name == join.a.face):
-            relative = np.array(compose(onto, roles.pose_of(tongue, face.name))) * (1.0 if height > 0 else -1.0)
+            relative = np.array(compose(to_slot, roles.pose_of(tongue, face.name))) * (1.0 if height > 0 else -1.0)
             # Height of (x, y) of the face over the film: slope @ (x, y) + offset.
             slope, offset = relative[2, :2], relative[2, 3]
             heights = np.array(face.outline_mm) @ slope + offset
-            if np.linalg.norm(slope) > UPRIGHT and heights.max() > -half:
-                yield face.name, _band(slope, offset, -half, abs(height) + BEHIND_MM)
+            if np.linalg.norm(slope) > UPRIGHT and heights.max() > -half_film:
+                yield face.name, _band(slope, offset, -half_film, abs(height) + BEHIND_MM)
 
 
 def _band(slope: NDArray[np.float64], offset: float, low: float, high: float) -> shapely.Geometry:
-    """The points of the plane (mm) where ``slope`` @ point + ``offset`` is between two values, as a long rectangle."""
-    steep = float(np.linalg.norm(slope))
-    out = slope / steep
-    along = np.array((-out[1], out[0])) * FAR_MM
-    first, last = out * (low - offset) / steep, out * (high - offset) / steep
-    return shapely.Polygon([first - along, first + along, last + along, last - along])
+    """Return the band of the plane (mm) where low ≤ slope · point + offset ≤ high, as a long rectangle."""
+    steepness = float(np.linalg.norm(slope))
+    direction = slope / steepness
+    half_length = np.array((-direction[1], direction[0])) * FAR_MM
+    first, last = direction * (low - offset) / steepness, direction * (high - offset) / steepness
+    return shapely.Polygon([first - half_length, first + half_length, last + half_length, last - half_length])

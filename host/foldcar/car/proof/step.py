@@ -8,15 +8,15 @@ from dataclasses import dataclass
 from typing import Literal
 
 Vector = tuple[float, float, float]
-# A piece or a mount: its kind, its name and which copy.
-Thing = tuple[str, str, int]
+# Identifies a copy of a piece, or a mount: kind ("piece" or "mount"), name, number of the copy (0 for a mount).
+PartKey = tuple[str, str, int]
 # Fractions of folds' angles by piece and crease.
 Folds = Mapping[str, Mapping[str, float]]
 
 
 @dataclass(frozen=True, slots=True)
-class Added:
-    """A copy of a piece, a mount (by its name) or a unit assembled outside the car, and its insertion path ``way_mm``.
+class AddedPart:
+    """What a step adds: a copy of a piece, a mount or a unit assembled outside the car; its insertion path ``way_mm``.
 
     The path is straight moves in the car's frame, in order, which end at its place. It is empty for a part that is bent,
     stuck on or laid out. ``body`` is that of the finished car. Of a screw, ``way_mm`` is the path of head and shank,
@@ -29,7 +29,7 @@ class Added:
     body: str
     way_mm: tuple[Vector, ...] = ()
     nut_mm: tuple[Vector, ...] = ()
-    passes: tuple[Thing, ...] = ()
+    passes: tuple[PartKey, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +55,7 @@ class AssemblyStep:
 
     title: str
     folds: Folds
-    adds: tuple[Added, ...]
+    adds: tuple[AddedPart, ...]
     joins: tuple[int, ...]
     tool_uses: tuple[ToolUse, ...] = ()
     unit: str = ""

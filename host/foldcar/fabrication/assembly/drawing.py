@@ -82,33 +82,38 @@ class Drawing:
     caption: str = ""
 
     @cached_property
-    def seen(self) -> list[VisibleFacet]:
+    def visible(self) -> list[VisibleFacet]:
         """The facets that are at least partly visible, farthest first."""
         return visible_facets(self.shape.facets, self.view)
 
     @cached_property
     def svg(self) -> Markup:
-        """The SVG element, which a template does not escape; its viewBox fits the shape and the arrows."""
-        seen, view = self.seen, self.view
-        drawn = [visible.region for visible in seen]
-        drawn += [shapely.linestrings(view.flat(arrow.points_mm)) for arrow in self.arrows]
-        left, low, right, high = shapely.total_bounds(drawn)
+        """The SVG element as markup that a template does not escape; its viewBox (mm) fits faces, arrows and texts.
+
+        In SVG y points down, so y of the picture is negated.
+        """
+        view, facets = self.view, self.visible
+        regions = [visible.region for visible in facets]
+        regions += [shapely.linestrings(view.flat(arrow.points_mm)) for arrow in self.arrows]
+        left, low, right, high = shapely.total_bounds(regions)
         size = max(right - left, high - low)
-        texts = [len(arrow.text) * LETTER * TEXT * size for arrow in self.arrows]
-        right = max([right, *(view.flat(a.points_mm)[0][0] + wide for a, wide in zip(self.arrows, texts, strict=True))])
-        edge = MARGIN * size
-        box = f"{left - edge:.2f} {-high - edge:.2f} {right - left + 2 * edge:.2f} {high - low + 2 * edge:.2f}"
-        body = [_face(visible, size, visible.facet.key in self.faded) for visible in seen]
-        body += _lines(self.shape, seen, view, size)
-        body += [_arrow(arrow, view, size) for arrow in self.arrows]
-        body += _marks(self.marks, seen, view, size * self.enlarged)
+        for arrow in self.arrows:
+            text_width = len(arrow.text) * LETTER * TEXT * size
+            right = max(right, view.flat(arrow.points_mm)[0][0] + text_width)
+        margin = MARGIN * size
+        width, height = right - left + 2 * margin, high - low + 2 * margin
+        box = f"{left - margin:.2f} {-high - margin:.2f} {width:.2f} {height:.2f}"
+        elements = [_face(visible, size, visible.facet.key in self.faded) for visible in facets]
+        elements += _lines(self.shape, facets, view, size)
+        elements += [_arrow(arrow, view, size) for arrow in self.arrows]
+        elements += _marks(self.marks, facets, view, size * self.enlarged)
         title = f"<title>{html.escape(self.title)}</title>"
         head = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{box}" role="img">{title}'
-        return Markup("".join([head, *body, "</svg>"]))
+        return Markup("".join([head, *elements, "</svg>"]))
 
 
 def _face(seen: VisibleFacet, size: float, faded: bool) -> str:
-    """Return a visible facet as a filled path, shaded by its light."""
+    """Return a visible facet as a filled path, shaded by its light; ``size`` is the picture's larger side (mm)."""
     base = np.array(COLOURS[seen.facet.material][0 if seen.front else 1])
     if faded:
         base = base + (PALE - base) * FADED
@@ -122,87 +127,92 @@ def _face(seen: VisibleFacet, size: float, faded: bool) -> str:
 
 
 def _lines(shape: Shape, seen: Sequence[VisibleFacet], view: Camera, size: float) -> list[str]:
-    """Return the visible parts of edges and creases as stroked paths, one for each kind of line."""
+    """Return the visible parts of edges and creases as stroked paths, one for each kind of line.
+
+    A line is visible where it lies in, or within EDGE_SLACK_MM of, a visible region of one of its facets. ``size`` is
+    the picture's larger side (mm).
+    """
     visible = {visible_facet.facet.key: visible_facet for visible_facet in seen}
-    groups: dict[tuple[str, tuple[str, ...]], list[Vector]] = {}
+    edges_by_keys: dict[tuple[str, tuple[str, ...]], list[Vector]] = {}
     for line in shape.lines:
         keys = tuple(key for key in line.keys if key in visible)
         if keys:
-            groups.setdefault((line.kind, keys), []).append(line.ends_mm)
-    drawn: dict[str, list[str]] = {kind: [] for kind in LINES}
-    for (kind, keys), lines in groups.items():
-        ends = view.flat(np.concatenate(lines)).reshape(-1, 2, 2)
+            edges_by_keys.setdefault((line.kind, keys), []).append(line.ends_mm)
+    path_data: dict[str, list[str]] = {kind: [] for kind in LINES}
+    for (kind, keys), edges in edges_by_keys.items():
+        ends = view.flat(np.concatenate(edges)).reshape(-1, 2, 2)
         ends = ends[np.ptp(ends, axis=1).max(axis=1) > EDGE_SLACK_MM]
         if any(visible[key].whole for key in keys):
-            drawn[kind] += [_polyline(line) for line in ends]
+            path_data[kind] += [_polyline(line) for line in ends]
             continue
         regions = [visible[key].region.buffer(EDGE_SLACK_MM, quad_segs=1) for key in keys]
-        lines_there = shapely.multilinestrings(shapely.linestrings(ends))
-        kept = shapely.intersection(lines_there, shapely.union_all(regions))
-        drawn[kind] += [_polyline(shapely.get_coordinates(part)) for part in shapely.get_parts(kept) if part.length > 0]
-    texts = []
-    for kind, (colour, dashes, width) in LINES.items():
-        thick = size * width / 100
-        dashed = "" if dashes is None else ' stroke-dasharray="' + " ".join(f"{n * thick:.3f}" for n in dashes) + '"'
-        if drawn[kind]:
-            texts.append(
-                f'<path d="{"".join(drawn[kind])}" fill="none" stroke="{colour}" stroke-width="{thick:.3f}" '
+        all_edges = shapely.multilinestrings(shapely.linestrings(ends))
+        visible_edges = shapely.get_parts(shapely.intersection(all_edges, shapely.union_all(regions)))
+        path_data[kind] += [_polyline(shapely.get_coordinates(edge)) for edge in visible_edges if edge.length > 0]
+    elements = []
+    for kind, (colour, dashes, width_percent) in LINES.items():
+        width_mm = size * width_percent / 100
+        dashed = "" if dashes is None else ' stroke-dasharray="' + " ".join(f"{n * width_mm:.3f}" for n in dashes) + '"'
+        if path_data[kind]:
+            elements.append(
+                f'<path d="{"".join(path_data[kind])}" fill="none" stroke="{colour}" stroke-width="{width_mm:.3f}" '
                 f'stroke-linecap="round"{dashed}/>'
             )
-    return texts
+    return elements
 
 
 def _marks(marks: Sequence[Mark], seen: Sequence[VisibleFacet], view: Camera, size: float) -> list[str]:
-    """Return the numbers of joins on visible faces, moved apart where they would overlap."""
+    """Return the numbers of joins on visible faces, in circles, moved apart where they would overlap."""
     regions = {visible_facet.facet.key: visible_facet.region for visible_facet in seen}
-    texts: list[str] = []
+    elements: list[str] = []
     placed: list[Vector] = []
     for mark in marks:
-        at = view.flat(mark.at_mm[None, :])[0]
+        point = view.flat(mark.at_mm[None, :])[0]
         region = regions.get(mark.key)
-        if region is None or not region.buffer(EDGE_SLACK_MM).covers(shapely.Point(*at)):
+        if region is None or not region.buffer(EDGE_SLACK_MM).covers(shapely.Point(*point)):
             continue
-        u, v = at = _free(at, placed, size * MARKS_APART)
-        placed.append(at)
-        r = size * (0.017 if len(mark.text) < 3 else 0.023)
-        texts.append(
-            f'<circle cx="{u:.2f}" cy="{-v:.2f}" r="{r:.2f}" fill="#ffffff" stroke="#222222" '
-            f'stroke-width="{r * 0.12:.3f}"/>'
+        u, v = point = _moved_clear(point, placed, size * MARKS_APART)
+        placed.append(point)
+        radius = size * (0.017 if len(mark.text) < 3 else 0.023)
+        elements.append(
+            f'<circle cx="{u:.2f}" cy="{-v:.2f}" r="{radius:.2f}" fill="#ffffff" stroke="#222222" '
+            f'stroke-width="{radius * 0.12:.3f}"/>'
             f'<text x="{u:.2f}" y="{-v:.2f}" font-size="{size * 0.024:.2f}" text-anchor="middle" dy=".35em" '
             f'fill="#222222">{html.escape(mark.text)}</text>'
         )
-    return texts
+    return elements
 
 
-def _free(at: Vector, placed: Sequence[Vector], min_distance: float) -> Vector:
-    """Return the place, moved away from earlier marks that it would cover."""
+def _moved_clear(point: Vector, placed: Sequence[Vector], min_distance: float) -> Vector:
+    """Return the point (2,), moved away from the points already placed: each time by the nearest's minimum distance."""
     for _ in placed:
-        near = min(placed, key=lambda other: float(np.linalg.norm(at - other)))
-        offset = at - near
+        nearest = min(placed, key=lambda other: float(np.linalg.norm(point - other)))
+        offset = point - nearest
         distance = float(np.linalg.norm(offset))
         if distance > min_distance - 1e-9:
             break
-        at = near + (offset / distance if distance > 1e-6 else np.array([1.0, 0.0])) * min_distance
-    return at
+        point = nearest + (offset / distance if distance > 1e-6 else np.array([1.0, 0.0])) * min_distance
+    return point
 
 
 def _arrow(arrow: Arrow, view: Camera, size: float) -> str:
-    """Return the SVG of an arrow, its line with a white edge, so that it is visible on any colour."""
+    """Return the SVG of an arrow with a white edge, visible on any colour; "" if it is too short in the picture."""
     points = view.flat(arrow.points_mm)
     colour, width = ARROWS[arrow.kind]
-    thick, head = size * width / 100, size * (0.008 + 0.025 * width)
-    along = points[-1] - points[-2]
-    length = float(np.linalg.norm(along))
-    if length < MIN_ARROW * size:
+    line_width, tip_length = size * width / 100, size * (0.008 + 0.025 * width)
+    direction = points[-1] - points[-2]
+    last_length = float(np.linalg.norm(direction))
+    if last_length < MIN_ARROW * size:
         return ""
-    along = along / length * min(head, 0.6 * length)
-    across = 0.42 * np.array([-along[1], along[0]])
-    neck = points[-1] - along
-    line = _polyline(np.vstack([points[:-1], neck + 0.2 * along]))
-    tip = _polyline(np.stack([points[-1], neck + across, neck - across])) + "Z"
+    direction = direction / last_length * min(tip_length, 0.6 * last_length)
+    half_width = 0.42 * np.array([-direction[1], direction[0]])
+    tip_base = points[-1] - direction
+    line_path = _polyline(np.vstack([points[:-1], tip_base + 0.2 * direction]))
+    tip_path = _polyline(np.stack([points[-1], tip_base + half_width, tip_base - half_width])) + "Z"
     label = ""
     if arrow.text:
         (u, v), (right, up) = points[0], points[0] - points[-1]
+        # The text stands on the side of the start that is away from the tip.
         anchor = "end" if right < -abs(up) / 2 else "start"
         label = (
             f'<text x="{u:.2f}" y="{-v:.2f}" dy="{-0.4 if up > 0 else 1.1:g}em" font-size="{size * TEXT:.2f}" '
@@ -211,9 +221,9 @@ def _arrow(arrow: Arrow, view: Camera, size: float) -> str:
             f"{html.escape(arrow.text)}</text>"
         )
     return (
-        f'<path d="{line}" fill="none" stroke="#ffffff" stroke-width="{2.2 * thick:.3f}"/>'
-        f'<path d="{line}" fill="none" stroke="{colour}" stroke-width="{thick:.3f}"/>'
-        f'<path d="{tip}" fill="{colour}" stroke="#ffffff" stroke-width="{0.5 * thick:.3f}"/>' + label
+        f'<path d="{line_path}" fill="none" stroke="#ffffff" stroke-width="{2.2 * line_width:.3f}"/>'
+        f'<path d="{line_path}" fill="none" stroke="{colour}" stroke-width="{line_width:.3f}"/>'
+        f'<path d="{tip_path}" fill="{colour}" stroke="#ffffff" stroke-width="{0.5 * line_width:.3f}"/>' + label
     )
 
 

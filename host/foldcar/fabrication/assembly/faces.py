@@ -38,33 +38,37 @@ def moved(pose: Matrix, points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def glued_offset_mm(piece: Piece, fraction: Fraction = 1.0) -> dict[str, float]:
-    """Offset of each tab from its middle plane (mm) when it is fixed to the inside of another face."""
+    """Return the offset (mm) of each tab along its normal when it is taped to the inside of another face, by tab.
+
+    A folded tab would lie in that face's plane; it is moved inwards by the film's thickness, times the fold's fraction.
+    """
     tabs = {face.name for face in piece.faces if face.role == "tab"}
-    result = {}
+    offsets = {}
     for crease in (crease for crease in piece.creases if crease.child.face in tabs):
-        share = fraction.get(crease.name, 0.0) if isinstance(fraction, Mapping) else fraction
-        result[crease.child.face] = piece.thickness_mm * (1 if crease.angle_rad > 0 else -1) * share
-    return result
+        fold_fraction = fraction.get(crease.name, 0.0) if isinstance(fraction, Mapping) else fraction
+        offsets[crease.child.face] = piece.thickness_mm * (1 if crease.angle_rad > 0 else -1) * fold_fraction
+    return offsets
 
 
 def face_points(face: Face) -> tuple[NDArray[np.float64], list[int]]:
-    """Return points (n, 2) of outline and holes in sequence, and the end index of each of these rings."""
+    """Return the points (n, 2) of the outline, then of the holes, and the end index of each of these rings."""
     rings = [np.array(ring, dtype=np.float64) for ring in (face.outline_mm, *(hole.outline_mm for hole in face.holes))]
     return np.concatenate(rings), list(np.cumsum([len(ring) for ring in rings]))
 
 
 def face_triangles(face: Face) -> NDArray[np.int64]:
-    """Return triangles as indices (m, 3) into ``face_points``, counter-clockwise seen from the printed side.
+    """Triangulate a face: return indices (m, 3) into ``face_points``, counter-clockwise seen from the printed side.
 
     Every point is a corner of a triangle, even inside a straight edge, because neighbouring faces share it.
     """
     points, ends = face_points(face)
     polygon = Polygon(points[: ends[0]], [points[a:b] for a, b in itertools.pairwise(ends)])
     parts = shapely.get_parts(shapely.constrained_delaunay_triangles(polygon))
-    number = {(x, y): i for i, (x, y) in enumerate(points.tolist())}
+    index_of = {(x, y): i for i, (x, y) in enumerate(points.tolist())}
     corners = shapely.get_coordinates(parts).reshape(-1, 4, 2)[:, :3].tolist()
-    triangles = np.array([[number[x, y] for x, y in triangle] for triangle in corners], dtype=np.int64)
+    triangles = np.array([[index_of[x, y] for x, y in triangle] for triangle in corners], dtype=np.int64)
     a, b, c = (points[triangles[:, i]] for i in range(3))
+    # Twice a triangle's signed area is negative if its corners run clockwise.
     clockwise = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0] < 0
     triangles[clockwise] = triangles[clockwise][:, ::-1]
     return triangles

@@ -58,22 +58,24 @@ def film_shape(
 ) -> Shape:
     """Return the shape of one copy of a piece, folded by ``fraction``, its root face at ``pose``.
 
-    Keys are ``prefix`` and the face's name. With ``creases`` folds are drawn as folds, else as edges.
+    Keys of facets are ``prefix`` and the face's name. With ``creases`` folds are drawn as folds, else as edges; without
+    ``tabs`` faces with that role are left out.
     """
-    poses = {name: pose @ at for name, at in face_poses(piece, fraction).items()}
+    poses = {name: pose @ local_pose for name, local_pose in face_poses(piece, fraction).items()}
     facets, lines = [], []
     offsets = glued_offset_mm(piece, fraction)
-    shown = {face.name for face in piece.faces if tabs or face.role != "tab"}
-    folds = _folded_edges(piece, shown)
+    shown_faces = {face.name for face in piece.faces if tabs or face.role != "tab"}
+    folds = _folded_edges(piece, shown_faces)
     for face in piece.faces:
-        if face.name not in shown:
+        if face.name not in shown_faces:
             continue
-        at, key = poses[face.name].copy(), prefix + face.name
-        at[:3, 3] += offsets.get(face.name, 0.0) * at[:3, 2]
-        rings = tuple(moved(at, ring) for ring in (np.array(face.outline_mm), *map(_hole_ring, face.holes)))
-        facets.append(Facet(key, rings, at[:3, 2]))
+        face_pose, key = poses[face.name].copy(), prefix + face.name
+        face_pose[:3, 3] += offsets.get(face.name, 0.0) * face_pose[:3, 2]
+        rings = tuple(moved(face_pose, ring) for ring in (np.array(face.outline_mm), *map(_hole_ring, face.holes)))
+        facets.append(Facet(key, rings, face_pose[:3, 2]))
         for number, ring in enumerate(rings):
             for i, ends in enumerate(_edges(ring)):
+                # Ring 0 is the outline, the others are holes, whose edges are cut. Kind None: the parent has the line.
                 kind, others = ("cut", ()) if number else folds.get((face.name, i), ("cut", ()))
                 if kind is not None:
                     keys = (key, *(prefix + other for other in others))
@@ -82,17 +84,17 @@ def film_shape(
 
 
 def mount_shape(mount: Mount, pose: Matrix | None = None) -> Shape:
-    """Return the shape of a bought part, its solids or its box, at its pose in the car or at ``pose``."""
+    """Return the shape of a bought part, its solids or its box, at ``pose``, which is its pose in the car by default."""
     pose = np.array(mount.pose) if pose is None else pose
     facets, lines = [], []
     if len(mount.solids) >= RING_SOLIDS:
-        drawn = [("round", _ring(mount, pose))]
+        solids = [("round", _ring(mount, pose))]
     else:
-        drawn = [(solid.kind, _sides(solid, pose @ np.array(solid.pose))) for solid in mount.shape]
-    for number, (kind, sides) in enumerate(drawn):
+        solids = [(solid.kind, _sides(solid, pose @ np.array(solid.pose))) for solid in mount.shape]
+    for number, (kind, sides) in enumerate(solids):
         for side, (rings, normal) in enumerate(sides):
             facets.append(Facet(f"{mount.name} {number}.{side}", rings, normal, mount_material(mount), closed=True))
-            # The sides of a cylinder meet smoothly.
+            # The sides of a cylinder meet smoothly, without edges; its two ends come first.
             if kind == "box" or side < CYLINDER_ENDS:
                 lines += [EdgeLine((facets[-1].key,), ends, "cut") for ring in rings for ends in _edges(ring)]
     return Shape(tuple(facets), tuple(lines))
@@ -109,18 +111,21 @@ def shank_and_nut(screw: Mount) -> tuple[Mount, Mount]:
 
 
 def _ring(mount: Mount, pose: Matrix) -> Iterator[tuple[tuple[Vector, ...], Vector]]:
-    """Yield the faces and the outer side of the ring in a mount's box, as thick as the first of its solids."""
+    """Yield the two faces and the facets of the outer side of a ring, such as a tyre, each as (rings, normal).
+
+    The ring fills the mount's box, around its z axis, and is as thick as the first of its solids.
+    """
     circle = _circle(RING_SIDES)
     outer_mm, half = mount.size_mm[0] / 2, mount.size_mm[2] / 2
     inner_mm = outer_mm - min(mount.solids[0].size_mm)
-    faces = [
+    end_rings = [
         tuple(moved(pose, np.column_stack([r * circle, np.full(RING_SIDES, z)])) for r in (outer_mm, inner_mm))
         for z in (-half, half)
     ]
-    yield from ((face, sign * pose[:3, 2]) for face, sign in zip(faces, (-1.0, 1.0), strict=True))
+    yield from ((rings, sign * pose[:3, 2]) for rings, sign in zip(end_rings, (-1.0, 1.0), strict=True))
     for i in range(RING_SIDES):
         normal = pose[:3, :2] @ (circle[i] + circle[(i + 1) % RING_SIDES])
-        yield (_side(faces[0][0], faces[1][0], i),), normal / np.linalg.norm(normal)
+        yield (_side(end_rings[0][0], end_rings[1][0], i),), normal / np.linalg.norm(normal)
 
 
 def _circle(sides: int) -> Vector:
@@ -135,7 +140,7 @@ def _side(low: Vector, high: Vector, i: int) -> Vector:
 
 
 def _sides(solid: Solid, pose: Matrix) -> Iterator[tuple[tuple[Vector], Vector]]:
-    """Yield the sides of a solid, each with its normal; both ends of a cylinder come first."""
+    """Yield the sides of a box or cylinder, each as ((its corners (n, 3),), normal); a cylinder's two ends come first."""
     half = np.array(solid.size_mm) / 2
     if solid.kind == "box":
         for axis in range(3):
@@ -163,9 +168,9 @@ def _hole_ring(hole: Hole) -> Vector:
 
 
 def _folded_edges(piece: Piece, shown: set[str]) -> dict[tuple[str, int], tuple[LineKind | None, tuple[str, ...]]]:
-    """Return, by edge, the kind of line along edges that two shown faces share, and the other face.
+    """Return (kind of line, other faces) of edges that two shown faces share, by (face, index of its edge).
 
-    The parent's edge has the line; the child's edge has None. Smooth bends have no lines between their facets.
+    The line is drawn once, at the parent's edge: the kind is None for the child's edge, and for smooth bends.
     """
     edges: dict[tuple[str, int], tuple[LineKind | None, tuple[str, ...]]] = {}
     for crease in piece.creases:

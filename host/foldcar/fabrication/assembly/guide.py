@@ -13,15 +13,9 @@ from foldcar.car.proof.prove import service_steps
 from foldcar.fabrication.assembly.drawing import Drawing
 from foldcar.fabrication.assembly.facets import Shape, film_shape, merge_shapes, mount_shape
 from foldcar.fabrication.assembly.guide_pictures import Step, join_marks, service_picture, step_pictures
-from foldcar.fabrication.assembly.guide_state import State, key
-from foldcar.fabrication.assembly.guide_words import (
-    DRIVER,
-    driving_steps,
-    join_words,
-    number_ranges,
-    service_lines,
-    step_lines,
-)
+from foldcar.fabrication.assembly.guide_service import driving_steps, service_lines
+from foldcar.fabrication.assembly.guide_state import AssemblyState, facet_key_prefix
+from foldcar.fabrication.assembly.guide_words import DRIVER, join_words, number_ranges, step_lines
 from foldcar.fabrication.assembly.hidden_surfaces import Camera, camera
 from foldcar.fabrication.assembly.operations import (
     is_screw,
@@ -56,7 +50,7 @@ def guide_page(folded: FoldedCar, cut: CutCar, machine: str, title: str, sheets:
         facts=facts(folded, sheets),
         rows=parts_list(folded, sheets),
         finished=Drawing(whole_car(folded, FROM_FRONT), FROM_FRONT, "The finished car", caption="the finished car"),
-        steps=steps(folded, cut, machine),
+        steps=build_steps(folded, cut, machine),
         upkeep=Step("Open, charge, connect, reset", lines, service_picture(folded)),
         done=operations(folded, cut),
         kinds=kinds(),
@@ -68,20 +62,20 @@ def guide_page(folded: FoldedCar, cut: CutCar, machine: str, title: str, sheets:
     )
 
 
-def steps(folded: FoldedCar, cut: CutCar, machine: str) -> list[Step]:
+def build_steps(folded: FoldedCar, cut: CutCar, machine: str) -> list[Step]:
     """Return all steps, from cutting on a machine of that name to a car that has driven a metre."""
-    steps = [out_of_sheets(cut, machine), *splice_steps(folded, cut)]
-    state = State(folded)
-    for step, done in operations_by_step(folded):
+    all_steps = [cutting_step(cut, machine), *splice_steps(folded, cut)]
+    state = AssemblyState(folded)
+    for step, step_operations in operations_by_step(folded):
         lines = step_lines(step, state)
-        state.apply_step(step)
+        state.advance(step)
         repeated = len(state.unit_bodies(step.unit)) if step.unit else 1
         title = f"{step.title} ({repeated} times)" if repeated > 1 else step.title
-        steps.append(Step(title, lines, step_pictures(step, state, step.title), done))
-    return [*steps, *(Step(title, lines) for title, lines in driving_steps(folded))]
+        all_steps.append(Step(title, lines, step_pictures(step, state, step.title), step_operations))
+    return [*all_steps, *(Step(title, lines) for title, lines in driving_steps(folded))]
 
 
-def out_of_sheets(cut: CutCar, machine: str) -> Step:
+def cutting_step(cut: CutCar, machine: str) -> Step:
     """Return the step that cuts all pieces, with a picture of each, for a machine of that name."""
     pictures = []
     for piece in cut.car.pieces:
@@ -108,7 +102,7 @@ def out_of_sheets(cut: CutCar, machine: str) -> Step:
 
 
 def splice_steps(folded: FoldedCar, cut: CutCar) -> Iterator[Step]:
-    """Yield the step that joins pieces split along folds to fit the sheets, if there are any."""
+    """Yield one step, which joins the parts of pieces that were split to fit the sheets; nothing if none was split."""
     whole_numbers = {join.number for join in folded.joins}
     cut_names = {piece.name for piece in cut.car.pieces}
     lines, pictures = [], []
@@ -131,12 +125,15 @@ def splice_steps(folded: FoldedCar, cut: CutCar) -> Iterator[Step]:
 
 
 def whole_car(folded: FoldedCar, view: Camera) -> Shape:
-    """Return the closed car from outside: servos, and film without tabs whose unprinted side faces the camera."""
+    """Return the shape of the closed car from outside: film without tabs, servos, and parts that stick out.
+
+    Film is left out where its printed side faces the camera, because that side is inside the car.
+    """
     pieces = {piece.name: piece for piece in folded.pieces}
     shapes = []
     for placed in folded.placed:
-        film = film_shape(pieces[placed.piece], np.array(placed.pose), 1.0, key(placed), tabs=False, creases=False)
-        # Printed sides are inside.
+        prefix = facet_key_prefix(placed)
+        film = film_shape(pieces[placed.piece], np.array(placed.pose), 1.0, prefix, tabs=False, creases=False)
         facets = tuple(facet for facet in film.facets if facet.normal @ view.toward < 0)
         shapes.append(Shape(facets, film.lines))
     driving = {axle.servo for axle in folded.axles if axle.driven}

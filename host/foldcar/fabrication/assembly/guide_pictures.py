@@ -1,7 +1,7 @@
 """The pictures of a step and of the service: parts in place are pale, new parts have an arrow along their insertion path.
 
-Input: a step and the State after it; a FoldedCar. Output: Pictures. Parts that are inserted onto each other from one side
-stand apart in a row, in the order of the step; a nut stands on its own side.
+Input: a step and the AssemblyState after it; a FoldedCar. Output: Drawings. Parts that are inserted onto each other from
+one side stand apart in a row, in the order of the step; a nut stands on its own side.
 """
 
 from collections.abc import Sequence
@@ -16,12 +16,12 @@ from foldcar.car.folded.pose import edge
 from foldcar.car.parts.bought import Screw, Spacer
 from foldcar.car.proof.prove import assembly_steps, service_steps
 from foldcar.car.proof.roles import roles_of
-from foldcar.car.proof.step import Added, AssemblyStep
+from foldcar.car.proof.step import AddedPart, AssemblyStep
 from foldcar.fabrication.assembly.drawing import Arrow, Drawing, Mark
 from foldcar.fabrication.assembly.faces import Fraction, Matrix, face_poses, glued_offset_mm, moved
 from foldcar.fabrication.assembly.facets import Shape, merge_shapes, shank_and_nut
-from foldcar.fabrication.assembly.guide_state import Part, State, key
-from foldcar.fabrication.assembly.guide_words import reached_part
+from foldcar.fabrication.assembly.guide_service import reached_part
+from foldcar.fabrication.assembly.guide_state import AssemblyState, Part, facet_key_prefix
 from foldcar.fabrication.assembly.hidden_surfaces import Camera, Vector, camera
 from foldcar.fabrication.assembly.operations import Operations, is_screw, is_wound, minutes
 
@@ -59,12 +59,12 @@ class Step:
 
     @property
     def effort(self) -> str:
-        """The step's operations and their time as text; "" if there are none."""
+        """The step's operations and their time as text; "" without operations."""
         counts = [f"{count} {name}" for name, count in self.done.named()]
         return f"{', '.join(counts)}: about {minutes(self.done.minutes)}" if counts else ""
 
 
-def step_pictures(step: AssemblyStep, state: State, title: str) -> tuple[Drawing, ...]:
+def step_pictures(step: AssemblyStep, state: AssemblyState, title: str) -> tuple[Drawing, ...]:
     """Return the pictures of one step, one from each side that parts come from."""
     scene = Scene(step, state)
     return tuple(
@@ -75,49 +75,51 @@ def step_pictures(step: AssemblyStep, state: State, title: str) -> tuple[Drawing
 
 def service_picture(car: FoldedCar) -> tuple[Drawing, ...]:
     """Return pictures of the finished car: how its lids open, and, with open lids, what plugs and fingers reach."""
-    state = State(car)
+    state = AssemblyState(car)
     for step in assembly_steps(car):
-        state.apply_step(step)
+        state.advance(step)
     wheels = {axle.wheel for axle in car.axles}
-    shown = [part for part in state.in_place if part.body not in wheels and not is_hidden(state, part)]
+    parts = [part for part in state.in_place if part.body not in wheels and not is_hidden(state, part)]
     lids = [step.folds for step in service_steps(car) if step.folds]
     pictures: list[Drawing] = []
     if lids:
-        outside_lid = [part for part in shown if not (isinstance(part, Mount) and roles_of(car).is_on_lid(part))]
+        outside_lid = [part for part in parts if not (isinstance(part, Mount) and roles_of(car).is_on_lid(part))]
         caption = "the lid shut, without wheels: push each lever outwards, lift by the pull tab"
-        shut = merge_shapes(map(state.shape, outside_lid))
-        pictures.append(Drawing(shut, FROM_RIGHT, "Open", arrows=_opening(car, state), caption=caption))
+        closed_shape = merge_shapes(map(state.shape, outside_lid))
+        pictures.append(Drawing(closed_shape, FROM_RIGHT, "Open", arrows=_opening_arrows(car, state), caption=caption))
     for folds in lids:
-        state.close(folds)
+        state.close_folds(folds)
     mounts = {mount.name: mount for mount in car.mounts}
     arrows: list[Arrow] = []
-    for reach in (reach for step in service_steps(car) for reach in step.tool_uses if not reach.piece):
-        mount = mounts[reach.name]
-        access = mount.clearances[reach.index]
-        longest_mm = DRIVER_MM if access.tool == "driver" else TOOL_MM
-        at = state.pose(mount) @ np.array(access.pose)
-        ends = np.stack([at[:3, 3] + at[:3, 2] * min(access.length_mm, longest_mm), at[:3, 3]])
-        word = reached_part(car, mount, reach.index)
-        arrows.append(Arrow(ends, "tool", "" if any(arrow.text == word for arrow in arrows) else word))
+    for use in (use for step in service_steps(car) for use in step.tool_uses if not use.piece):
+        mount = mounts[use.name]
+        clearance = mount.clearances[use.index]
+        longest_mm = DRIVER_MM if clearance.tool == "driver" else TOOL_MM
+        tool_pose = state.pose(mount) @ np.array(clearance.pose)
+        # A tool comes along the z axis of its clearance.
+        start_mm = tool_pose[:3, 3] + tool_pose[:3, 2] * min(clearance.length_mm, longest_mm)
+        label = reached_part(car, mount, use.index)
+        is_labelled = any(arrow.text == label for arrow in arrows)
+        arrows.append(Arrow(np.stack([start_mm, tool_pose[:3, 3]]), "tool", "" if is_labelled else label))
     caption = "the lid open, without wheels" if lids else "without wheels"
-    opened = Drawing(merge_shapes(map(state.shape, shown)), FROM_RIGHT, "Service", arrows=arrows, caption=caption)
-    return (*pictures, opened)
+    open_drawing = Drawing(merge_shapes(map(state.shape, parts)), FROM_RIGHT, "Service", arrows=arrows, caption=caption)
+    return (*pictures, open_drawing)
 
 
-def _opening(car: FoldedCar, state: State) -> list[Arrow]:
-    """Return arrows where fingers push the lids' levers outwards, and where they lift."""
+def _opening_arrows(car: FoldedCar, state: AssemblyState) -> list[Arrow]:
+    """Return arrows where fingers push the lids' levers outwards, and where they lift the lids by their pull tabs."""
     arrows: list[Arrow] = []
     for name, lid in sorted(roles_of(car).lids.items()):
         copy = next(copy for copy in car.placed if copy.piece == name)
-        poses = face_poses(state.pieces[name], state.closed.get(name, {}))
+        poses = face_poses(state.pieces[name], state.fold_fractions.get(name, {}))
         for face in lid.gripped:
             pose = state.pose(copy) @ poses[face.name]
-            kinds = [access.tool for access in face.clearances]
+            kinds = [clearance.tool for clearance in face.clearances]
             middle = max(x for x, _ in face.outline_mm) / 2
             if "tongue" in kinds:
                 # The lever stands as high over the lid as the tongue is below it; printed sides face down.
-                lever = (car.parts.assembly.flap_mm.value + car.parts.assembly.grip_mm.value * LEVER_AT) * -1.0
-                points_mm = [(middle, -PUSH_MM, lever), (middle, 0.0, lever)]
+                lever_z_mm = (car.parts.assembly.flap_mm.value + car.parts.assembly.grip_mm.value * LEVER_AT) * -1.0
+                points_mm = [(middle, -PUSH_MM, lever_z_mm), (middle, 0.0, lever_z_mm)]
             else:
                 tip = max(y for _, y in face.outline_mm)
                 points_mm = [(middle, tip, 0.0), (middle, tip + TOOL_MM, 0.0)]
@@ -126,7 +128,7 @@ def _opening(car: FoldedCar, state: State) -> list[Arrow]:
 
 
 def _views(scene: "Scene") -> list[tuple[Camera, str]]:
-    """Return the cameras and captions of a scene's pictures."""
+    """Return the cameras and captions of a scene's pictures, so that every new part is seen from where it comes."""
     if scene.outward is not None:
         return [(camera(35 if scene.outward[1] > 0 else -35, 18), "seen from its outer side")]
     sides = scene.sides
@@ -144,7 +146,7 @@ def _views(scene: "Scene") -> list[tuple[Camera, str]]:
 
 @dataclass(frozen=True)
 class _DisplacedPart:
-    """A part that stands apart: its bounding box in place (2, 3), its direction out, and its total shift (mm)."""
+    """A part drawn apart from its place: its bounding box in place (2, 3), the direction out, and the shift (mm)."""
 
     box_mm: Vector
     out: Vector
@@ -157,7 +159,7 @@ class Scene:
     ``outward`` is the direction away from the car, if the step puts a wheel together.
     """
 
-    def __init__(self, step: AssemblyStep, state: State) -> None:
+    def __init__(self, step: AssemblyStep, state: AssemblyState) -> None:
         self.step, self.state = step, state
         body = state.unit_bodies(step.unit)[0] if step.unit else ""
         axle = next((axle for axle in state.car.axles if axle.wheel == body), None)
@@ -167,58 +169,66 @@ class Scene:
         self.arrows: list[Arrow] = []
         self.marks: list[Mark] = []
         self._displaced: list[_DisplacedPart] = []
-        shown = [added for added in step.adds if not step.unit or added.body == body]
-        new = {id(part) for added in shown for part in state.parts(added)}
-        present = [part for part in (state.unit(step.unit, body) if step.unit else state.in_place) if id(part) not in new]
+        added_parts = [added for added in step.adds if not step.unit or added.body == body]
+        new_ids = {id(part) for added in added_parts for part in state.parts_of(added)}
+        all_parts = state.unit_parts(step.unit, body) if step.unit else state.in_place
+        present = [part for part in all_parts if id(part) not in new_ids]
         folded = [part for part in present if isinstance(part, PlacedPiece) and part.piece in step.folds]
-        old = [state.shape(part) for part in present if part not in folded and not is_hidden(state, part)]
-        self.faded = {facet.key for shape in old for facet in shape.facets}
-        fresh = [state.shape(part, creases=True) for part in folded]
+        old_shapes = [state.shape(part) for part in present if part not in folded and not is_hidden(state, part)]
+        self.faded = {facet.key for shape in old_shapes for facet in shape.facets}
+        new_shapes = [state.shape(part, creases=True) for part in folded]
         for part in folded:
-            self._mark(part, np.zeros(3))
+            self._mark_joins(part, np.zeros(3))
             if not step.adds:
-                self._fold_arrows(part)
-        for added in shown:
-            fresh += self._added(added)
-        self.shape = merge_shapes([*old, *fresh])
+                self._add_fold_arrows(part)
+        for added in added_parts:
+            new_shapes += self._show_added(added)
+        self.shape = merge_shapes([*old_shapes, *new_shapes])
 
     def arrows_in(self, view: Camera) -> list[Arrow]:
-        """Return the arrows of parts that come from the camera's side, or across."""
-        ways = [(arrow, arrow.points_mm[0] - arrow.points_mm[-1]) for arrow in self.arrows]
-        return [arrow for arrow, way in ways if way @ view.toward > -BEHIND * np.linalg.norm(way)]
+        """Return the arrows whose parts come from the camera's side, or across the picture, not from behind it."""
+        arrows = [(arrow, arrow.points_mm[0] - arrow.points_mm[-1]) for arrow in self.arrows]
+        return [arrow for arrow, back in arrows if back @ view.toward > -BEHIND * np.linalg.norm(back)]
 
-    def _added(self, added: Added) -> list[Shape]:
-        """Return the shapes that come in with ``added``, apart from their places."""
-        parts = self.state.parts(added)
+    def _show_added(self, added: AddedPart) -> list[Shape]:
+        """Return the shapes of the parts of ``added``, apart from their places; a nut is apart from its screw."""
+        parts = self.state.parts_of(added)
         if added.nut_mm:
             (screw,) = parts
             assert isinstance(screw, Mount)
             shank, nut = shank_and_nut(screw)
-            return [*self._insert(added, [shank]), *self._insert(replace(added, way_mm=added.nut_mm[-1:]), [nut])]
-        return self._insert(added, parts)
+            nut_added = replace(added, way_mm=added.nut_mm[-1:])
+            return [*self._show_apart(added, [shank]), *self._show_apart(nut_added, [nut])]
+        return self._show_apart(added, parts)
 
-    def _insert(self, added: Added, parts: Sequence[Part]) -> list[Shape]:
-        """Show ``parts`` apart from their place, with arrows along the moves that bring them in."""
-        in_place = points([self.state.shape(part) for part in parts])
-        box = np.stack([in_place.min(axis=0), in_place.max(axis=0)])
+    def _show_apart(self, added: AddedPart, parts: Sequence[Part]) -> list[Shape]:
+        """Return the shapes of ``parts`` before their insertion; add an arrow along their path, and their marks.
+
+        A part behind an earlier one, in the direction they come from, stands farther out by the earlier one's shift.
+        """
+        corners_mm = points([self.state.shape(part) for part in parts])
+        box = np.stack([corners_mm.min(axis=0), corners_mm.max(axis=0)])
         moves = self._moves(added, box)
         shift = -np.sum(moves, axis=0) if moves else np.zeros(3)
         if moves:
             out = shift / np.linalg.norm(shift)
-            before = self._shift_of_obstacle(box, out)
+            obstacle_shift = self._shift_of_obstacle(box, out)
             if np.ptp(box, axis=0).max() > SMALL_MM:
                 self.sides.append(out)
-            middle = box.mean(axis=0) + before + shift
-            self.arrows.append(Arrow(np.cumsum([middle, *moves], axis=0), "tool" if self._is_screw(added) else "way"))
-            shift = shift + before
+            start = box.mean(axis=0) + obstacle_shift + shift
+            self.arrows.append(Arrow(np.cumsum([start, *moves], axis=0), "tool" if self._is_screw(added) else "way"))
+            shift = shift + obstacle_shift
             self._displaced.append(_DisplacedPart(box, out, shift))
         for part in parts:
             if isinstance(part, PlacedPiece):
-                self._mark(part, shift)
+                self._mark_joins(part, shift)
         return [self.state.shape(part, shift, creases=not moves) for part in parts]
 
     def _shift_of_obstacle(self, box: Vector, out: Vector) -> Vector:
-        """Return the largest shift of a part that stands apart in the way of a box moving out in that direction."""
+        """Return the largest shift (3,) of the parts that stand apart in the way of a box moving out; 0 without any.
+
+        A part is in the way if it went out in about the same direction and overlaps the box across that direction.
+        """
         across = np.abs(out) < ACROSS
         shifts = [np.zeros(3)]
         for earlier in self._displaced:
@@ -227,8 +237,11 @@ class Scene:
                 shifts.append(earlier.shift_mm)
         return max(shifts, key=lambda shift: float(shift @ out))
 
-    def _moves(self, added: Added, box: Vector) -> list[Vector]:
-        """Return the insertion path with its moves shortened; the first is long enough to be seen."""
+    def _moves(self, added: AddedPart, box: Vector) -> list[Vector]:
+        """Return the moves of the insertion path, shortened for the picture; the first is long enough to be seen.
+
+        A strip that is wound around a wheel has no path: it is drawn to come from outside along the radius.
+        """
         moves = [np.array(move) for move in added.way_mm if np.linalg.norm(move) > 0]
         if not moves and self.axle_mm is not None and added.kind == "piece" and is_wound(self.state.pieces[added.name]):
             radial = (box.mean(axis=0) - self.axle_mm) * (1.0, 0.0, 1.0)
@@ -237,30 +250,32 @@ class Scene:
         lengths = [float(np.linalg.norm(move)) for move in moves]
         if self._is_screw(added):
             return [move * min(1.0, SCREW_APART_MM / length) for move, length in zip(moves, lengths, strict=True)]
-        least = min(max(MIN_APART_MM, APART_SHARE * float(np.ptp(box, axis=0).max())), APART_MM)
-        lengths_mm = [min(max(length, 0.0 if i else least), APART_MM) for i, length in enumerate(lengths)]
-        return [move * (want / length) for move, length, want in zip(moves, lengths, lengths_mm, strict=True)]
+        min_length_mm = min(max(MIN_APART_MM, APART_SHARE * float(np.ptp(box, axis=0).max())), APART_MM)
+        lengths_mm = [min(max(length, 0.0 if i else min_length_mm), APART_MM) for i, length in enumerate(lengths)]
+        return [move * (drawn / length) for move, length, drawn in zip(moves, lengths, lengths_mm, strict=True)]
 
-    def _is_screw(self, added: Added) -> bool:
+    def _is_screw(self, added: AddedPart) -> bool:
         return added.kind == "mount" and is_screw(self.state.car.parts, self.state.mounts[added.name])
 
-    def _fold_arrows(self, part: PlacedPiece) -> None:
-        """Add arrows for the largest faces that a fold moves, from where they were to where they are."""
-        earlier, later = (self.state.face_centres(part, stage) for stage in (self.state.before, self.state.stage))
-        faces = sorted(self.state.pieces[part.piece].faces, key=lambda face: -_spread(face.outline_mm))
-        moved_names = [f.name for f in faces if np.linalg.norm(later[f.name] - earlier[f.name]) > MOVED_MM]
-        self.arrows += [Arrow(np.stack([earlier[name], later[name]])) for name in moved_names[:FOLD_ARROWS]]
+    def _add_fold_arrows(self, part: PlacedPiece) -> None:
+        """Add arrows for the largest faces that the step's folds move, from where they were to where they are."""
+        before = self.state.face_centres(part, self.state.previous_stage)
+        after = self.state.face_centres(part, self.state.stage)
+        faces = sorted(self.state.pieces[part.piece].faces, key=lambda face: -_box_area_mm2(face.outline_mm))
+        moved_faces = [face.name for face in faces if np.linalg.norm(after[face.name] - before[face.name]) > MOVED_MM]
+        self.arrows += [Arrow(np.stack([before[name], after[name]])) for name in moved_faces[:FOLD_ARROWS]]
 
-    def _mark(self, part: PlacedPiece, shift: Vector) -> None:
-        """Add marks with the numbers of this step's joins on a piece."""
+    def _mark_joins(self, part: PlacedPiece, shift: Vector) -> None:
+        """Add marks with the numbers of this step's joins on a copy of a piece that is shifted (mm) from its place."""
         pose = self.state.pose(part)
         pose[:3, 3] += shift
         piece = self.state.pieces[part.piece]
-        marks = join_marks(self.state.car, piece, pose, self.state.closed.get(part.piece, {}), key(part))
+        fractions = self.state.fold_fractions.get(part.piece, {})
+        marks = join_marks(self.state.car, piece, pose, fractions, facet_key_prefix(part))
         self.marks += [mark for mark in marks if int(mark.text) in self.step.joins]
 
 
-def is_hidden(state: State, part: Part) -> bool:
+def is_hidden(state: AssemblyState, part: Part) -> bool:
     """Whether the part is a screw or a spacer, which later steps do not draw."""
     names = {entry.name for _, entry in state.car.parts if isinstance(entry, Screw | Spacer)}
     return isinstance(part, Mount) and part.part in names
@@ -271,39 +286,45 @@ def points(shapes: Sequence[Shape]) -> Vector:
     return np.concatenate([facet.rings_mm[0] for shape in shapes for facet in shape.facets])
 
 
-def _spread(outline_mm: Sequence[tuple[float, float]]) -> float:
+def _box_area_mm2(outline_mm: Sequence[tuple[float, float]]) -> float:
     return float(np.prod(np.ptp(np.array(outline_mm), axis=0)))
 
 
 def join_marks(folded: FoldedCar, piece: Piece, pose: Matrix, fraction: Fraction, prefix: str = "") -> list[Mark]:
-    """Return the numbers of joins on one copy of a piece; joins around a rim have their number once on each side."""
-    poses = {name: pose @ at for name, at in face_poses(piece, fraction).items()}
+    """Return marks with the numbers of all joins of one copy of a piece, whose root face is at ``pose``.
+
+    The teeth around a rim share one join, whose number is written once on the strip and once on the disc.
+    """
+    poses = {name: pose @ face_pose for name, face_pose in face_poses(piece, fraction).items()}
     offsets = glued_offset_mm(piece, fraction)
-    places: dict[tuple[int, str], list[Mark]] = {}
+    candidates_by_id: dict[tuple[int, str], list[Mark]] = {}
     for join in folded.joins:
         for side in ("a", "b"):
             if (join.piece_a if side == "a" else join.piece_b) != piece.name:
                 continue
-            place = _place(join, piece, side)
-            if place is None:
+            face_and_point = _number_place(join, piece, side)
+            if face_and_point is None:
                 continue
-            face, at = place
-            once = (join.number, side if join.kind in ("rim", "laminate") else f"{side} {face}")
-            point = moved(poses[face], np.array([[*at, offsets.get(face, 0.0)]]))[0]
-            places.setdefault(once, []).append(Mark(str(join.number), point, prefix + face))
+            face, point_mm = face_and_point
+            mark_id = (join.number, side if join.kind in ("rim", "laminate") else f"{side} {face}")
+            position = moved(poses[face], np.array([[*point_mm, offsets.get(face, 0.0)]]))[0]
+            candidates_by_id.setdefault(mark_id, []).append(Mark(str(join.number), position, prefix + face))
     marks: list[Mark] = []
     # Numbers with one place come first. Of the teeth around a rim, the one farthest from all other numbers is taken.
-    for candidates in sorted(places.values(), key=len):
-        marks.append(max(candidates, key=lambda mark: round(_apart_mm(mark, marks), 3)))
+    for candidates in sorted(candidates_by_id.values(), key=len):
+        marks.append(max(candidates, key=lambda mark: round(_min_distance_mm(mark, marks), 3)))
     return marks
 
 
-def _apart_mm(mark: Mark, others: list[Mark]) -> float:
+def _min_distance_mm(mark: Mark, others: list[Mark]) -> float:
     return min((float(np.linalg.norm(mark.at_mm - other.at_mm)) for other in others), default=0.0)
 
 
-def _place(join: Join, piece: Piece, side: str) -> tuple[str, Vector] | None:
-    """Return the face and the point (mm) for a join's number; None if the join has no number on this side."""
+def _number_place(join: Join, piece: Piece, side: str) -> tuple[str, Vector] | None:
+    """Return the face, and the point (2,) in its frame (mm), where a join's number stands on side "a" or "b".
+
+    The point is inside the film: on a tab, beside a slot, or beside the joined edge. None if this side has no number.
+    """
     faces = {face.name: face for face in piece.faces}
     reference = join.a if side == "a" else join.b
     # The joins of merged copies name the faces of the first copy.
@@ -318,19 +339,19 @@ def _place(join: Join, piece: Piece, side: str) -> tuple[str, Vector] | None:
     if hole is not None:
         middle = np.array(hole.outline_mm).mean(axis=0)
         inward = outline.mean(axis=0) - middle
-        depth_mm = float(np.linalg.norm(inward))
-        if depth_mm > BESIDE_EDGE_MM:
-            step = inward * BESIDE_EDGE_MM / depth_mm
-            opened = any(Polygon(hole.outline_mm).covers(Point(*(middle + step))) for hole in face.holes)
-            return face.name, middle - step if opened else middle + step
+        distance_mm = float(np.linalg.norm(inward))
+        if distance_mm > BESIDE_EDGE_MM:
+            step = inward * BESIDE_EDGE_MM / distance_mm
+            is_in_hole = any(Polygon(hole.outline_mm).covers(Point(*(middle + step))) for hole in face.holes)
+            return face.name, middle - step if is_in_hole else middle + step
         # A wound strip's faces are short, so the number is on the next face.
-        ends = [(crease.parent.face, crease.child.face) for crease in piece.creases]
-        beside = [faces[b] for pair in ends for a, b in permutations(pair) if a == face.name]
-        neighbour = max(beside, key=lambda hole: float(np.ptp(hole.outline_mm, axis=0).prod()), default=face)
+        fold_ends = [(crease.parent.face, crease.child.face) for crease in piece.creases]
+        neighbours = [faces[b] for pair in fold_ends for a, b in permutations(pair) if a == face.name]
+        neighbour = max(neighbours, key=lambda hole: float(np.ptp(hole.outline_mm, axis=0).prod()), default=face)
         return neighbour.name, np.array(neighbour.outline_mm).mean(axis=0)
     if side == "a" and join.kind in ("tab", "lap", "rim"):
         return face.name, outline.mean(axis=0)
     a, b = (np.array(point) for point in edge(faces, reference))
     inward = np.array([a[1] - b[1], b[0] - a[0]]) / np.linalg.norm(b - a)
-    reach = min(BESIDE_EDGE_MM, float(((outline - a) @ inward).max()) / 2)
-    return face.name, (a + b) / 2 + inward * reach
+    depth_mm = min(BESIDE_EDGE_MM, float(((outline - a) @ inward).max()) / 2)
+    return face.name, (a + b) / 2 + inward * depth_mm

@@ -1,6 +1,6 @@
 """The instructions of a step of the guide: what to fold, insert, screw (in the order of the proof), join and plug.
 
-Input: an AssemblyStep and the State before it. Output: lines of text. Numbers are those printed on the sheets.
+Input: an AssemblyStep and the AssemblyState before it. Output: lines of text. Numbers are those printed on the sheets.
 """
 
 import itertools
@@ -12,173 +12,190 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 
 from foldcar.car.components.hooked_strip import WheelSize, turn_rad
-from foldcar.car.folded.model import FoldedCar, Join, Mount
+from foldcar.car.folded.model import FoldedCar, Join
 from foldcar.car.leads import leads
 from foldcar.car.parts.catalogue import Catalogue
 from foldcar.car.proof.plan import SHUT
-from foldcar.car.proof.step import Added, AssemblyStep, Vector
-from foldcar.fabrication.assembly.guide_state import State
-from foldcar.fabrication.assembly.operations import closing, disc_turns, is_screw, is_wound, plugs_in, soldered_in
+from foldcar.car.proof.step import AddedPart, AssemblyStep, Vector
+from foldcar.fabrication.assembly.guide_state import AssemblyState
+from foldcar.fabrication.assembly.operations import disc_turns, folds_of_step, is_screw, is_wound, plugs_in, soldered_in
 from foldcar.fabrication.assembly.parts_list import tyre_cut
 from foldcar.fabrication.assembly.wiring import lead_remedy
 
 DRIVER = "PH0 screwdriver"
-# Parts farther from the car's middle than this are on its left or right.
-BESIDE_MM = 10.0
+# A part is on the left or right of the car if its distance from the middle plane is larger.
+MIDDLE_MM = 10.0
 # The number of a beam is left out: a screw passes through its own beam.
 NUMBER = re.compile(r" \d+$")
 SIDES = (("the front", "the rear"), ("the left", "the right"), ("above", "below"))
 
 
-def step_lines(step: AssemblyStep, before: State) -> tuple[str, ...]:
+def step_lines(step: AssemblyStep, state: AssemblyState) -> tuple[str, ...]:
     """Return the instructions of a step."""
-    car = before.car
+    car = state.car
     return (
-        *_preparation(step, before),
-        *_folds(step, before),
-        *_put_in(step, before),
-        *_joins(car, step),
-        *_solder(car, step),
-        *_plugs(car, step),
-        *_cautions(car, step, before),
+        *_preparation(step, state),
+        *_fold_lines(step, state),
+        *_insertion_lines(step, state),
+        *_join_lines(car, step),
+        *_solder_lines(car, step),
+        *_plug_lines(car, step),
+        *_cautions(car, step, state),
     )
 
 
-def _folds(step: AssemblyStep, before: State) -> Iterator[str]:
-    """Yield the sentences of a step on folding: which pieces, how many folds, in which direction."""
-    wound = [before.pieces[name] for name in step.folds if is_wound(before.pieces[name])]
-    if wound:
-        labels = join_words([f"the {piece.label}" for piece in wound])
-        yield f"Curl {labels} evenly, without a crease, printed side inside."
-    pieces_by_text: dict[str, list[str]] = {}
-    for name, creases in step.folds.items():
-        piece = before.pieces[name]
-        made = closing(step, before.closed, piece)
-        shut = [crease for crease in made if creases[crease.name]]
-        angles = [math.degrees(crease.angle_rad) for crease in shut]
-        kinds = Counter(("valley" if angle > 0 else "mountain", round(abs(angle))) for angle in angles)
-        texts = [f"{n} {kind} fold{'s' if n > 1 else ''} of {degrees}°" for (kind, degrees), n in kinds.items()]
-        opened = [crease.name for crease in made if crease not in shut]
-        left = f"; fold {join_words(opened)} too, and open them again" if opened else ""
-        named = f" ({join_words([crease.name for crease in shut])})" if before.closed.get(name) else ""
-        if made:
-            pieces_by_text.setdefault(f"{join_words(texts)}{named}{left}", []).append(f"the {piece.label}")
-    for text, pieces in pieces_by_text.items():
-        yield f"Fold {join_words(pieces)}: {text}{', each' if len(pieces) > 1 else ''}."
+def _fold_lines(step: AssemblyStep, state: AssemblyState) -> Iterator[str]:
+    """Yield the instructions for folding: which pieces, how many folds, in which direction.
 
-
-def _put_in(step: AssemblyStep, before: State) -> list[str]:
-    """Return the instructions for the parts that go in, in the order of the step.
-
-    The first wheel stands for all; loose wires have lines of their own. Repeated instructions are written once.
+    Pieces with the same folds share one line.
     """
-    shown = [a for a in step.adds if not step.unit or a.body == step.adds[0].body]
-    wires = {mount.name for mount in before.car.mounts if mount.part == before.car.parts.wiring.name}
-    placed = [added for added in shown if added.name not in wires]
-    instructions = [f"{_label(added, before)}: {_origin(added, before, bool(step.unit))}" for added in placed]
+    wound_pieces = [state.pieces[name] for name in step.folds if is_wound(state.pieces[name])]
+    if wound_pieces:
+        labels = join_words([f"the {piece.label}" for piece in wound_pieces])
+        yield f"Curl {labels} evenly, without a crease, printed side inside."
+    labels_by_text: dict[str, list[str]] = {}
+    for name, fractions in step.folds.items():
+        piece = state.pieces[name]
+        creases = folds_of_step(step, state.fold_fractions, piece)
+        if not creases:
+            continue
+        closed = [crease for crease in creases if fractions[crease.name]]
+        angles_deg = [math.degrees(crease.angle_rad) for crease in closed]
+        kinds = Counter(("valley" if angle > 0 else "mountain", round(abs(angle))) for angle in angles_deg)
+        counts = [f"{n} {kind} fold{'s' if n > 1 else ''} of {degrees}°" for (kind, degrees), n in kinds.items()]
+        # A piece that has folds already: name those of this step.
+        names = f" ({join_words([crease.name for crease in closed])})" if state.fold_fractions.get(name) else ""
+        reopened = [crease.name for crease in creases if crease not in closed]
+        reopen = f"; fold {join_words(reopened)} too, and open them again" if reopened else ""
+        labels_by_text.setdefault(f"{join_words(counts)}{names}{reopen}", []).append(f"the {piece.label}")
+    for text, piece_labels in labels_by_text.items():
+        yield f"Fold {join_words(piece_labels)}: {text}{', each' if len(piece_labels) > 1 else ''}."
+
+
+def _insertion_lines(step: AssemblyStep, state: AssemblyState) -> list[str]:
+    """Return the instructions for inserting the step's parts, in their order; repetitions are counted, not written.
+
+    In a step that builds a unit for several bodies, the first body stands for all. Wires have lines of their own.
+    """
+    of_first_body = [added for added in step.adds if not step.unit or added.body == step.adds[0].body]
+    wires = {mount.name for mount in state.car.mounts if mount.part == state.car.parts.wiring.name}
+    parts = [added for added in of_first_body if added.name not in wires]
+    instructions = [f"{_part_label(part, state)}: {_insertion(part, state, bool(step.unit))}" for part in parts]
     counted = [(text, len(list(group))) for text, group in itertools.groupby(instructions)]
     texts = [f"{count} × {text}" if count > 1 else text for text, count in counted]
+    # The length of the shortest sequence of instructions that, repeated, gives all of them.
     period = next((p for p in range(1, len(texts) + 1) if texts == texts[:p] * (len(texts) // p)), 1)
     if 1 < period < len(texts):
         return [f"{len(texts) // period} times: {'; then '.join(texts[:period])}."]
     return [f"{text[0].upper()}{text[1:]}." for text in texts]
 
 
-def _label(added: Added, before: State) -> str:
+def _part_label(added: AddedPart, state: AssemblyState) -> str:
+    """Return the name of an added unit, piece or bought part as the guide prints it."""
     if added.kind == "unit":
         return added.name
     if added.kind == "piece":
-        return before.pieces[added.name].label
-    return before.mounts[added.name].part
+        return state.pieces[added.name].label
+    return state.mounts[added.name].part
 
 
-def _origin(added: Added, before: State, is_apart: bool) -> str:
-    """Return where a part comes from, move by move; for a screw also what it passes, its tool and its nut."""
-    car = before.car
-    if added.kind == "mount" and is_screw(car.parts, before.mounts[added.name]):
-        labels = {("mount", name): mount.part for name, mount in before.mounts.items()}
-        labels |= {("piece", name): NUMBER.sub("", piece.label) for name, piece in before.pieces.items()}
-        passed = [labels[kind, name] for kind, name, _ in added.passes]
-        into = ""
-        if not added.nut_mm and passed:
-            *passed, last = passed
-            into = f" into the {last}"
-        through = f" through {join_words([f'the {name}' for name in passed])}" if passed else ""
-        nut = ""
-        if added.nut_mm:
-            nut = f", its nut {_directions(added, added.nut_mm[-1:], before, is_apart)}, held with pliers"
-        return f"{_directions(added, added.way_mm, before, is_apart)}{through}{into}, with the {DRIVER}{nut}"
+def _insertion(added: AddedPart, state: AssemblyState, in_unit: bool) -> str:
+    """Return how a part goes in: the sides it comes from, or how it is wound, stretched or laid.
+
+    ``in_unit``: it goes into a unit that is assembled apart from the car, such as a wheel.
+    """
+    if added.kind == "mount" and is_screw(state.car.parts, state.mounts[added.name]):
+        return _screw_insertion(added, state, in_unit)
     if added.way_mm:
-        return _directions(added, added.way_mm, before, is_apart)
-    if added.kind == "piece" and is_wound(before.pieces[added.name]):
+        return _directions(added, added.way_mm, state, in_unit)
+    if added.kind == "piece" and is_wound(state.pieces[added.name]):
         return "wind it around the discs"
-    if added.kind == "mount" and added.body in {axle.wheel for axle in car.axles}:
+    if added.kind == "mount" and added.body in {axle.wheel for axle in state.car.axles}:
         return "stretch it over the rim"
     return "lay it down"
 
 
-def _directions(added: Added, moves: Sequence[Vector], before: State, is_apart: bool) -> str:
-    """Return from which sides a part moves in: a wheel's sides if ``is_apart``, else the outside or inside of the car."""
-    axle = next((axle for axle in before.car.axles if axle.wheel == added.body), None)
-    place = before.mounts[added.name].pose[1][3] if added.kind == "mount" else 0.0
-    y = axle.center_mm[1] if axle else place
-    places = []
+def _screw_insertion(screw: AddedPart, state: AssemblyState, in_unit: bool) -> str:
+    """Return the side a screw comes from, what it passes, its tool, and its nut; without a nut its last part holds it."""
+    labels = {("mount", name): mount.part for name, mount in state.mounts.items()}
+    labels |= {("piece", name): NUMBER.sub("", piece.label) for name, piece in state.pieces.items()}
+    passed = [labels[kind, name] for kind, name, _ in screw.passes]
+    into = nut = ""
+    if screw.nut_mm:
+        nut = f", its nut {_directions(screw, screw.nut_mm[-1:], state, in_unit)}, held with pliers"
+    elif passed:
+        *passed, last = passed
+        into = f" into the {last}"
+    through = f" through {join_words([f'the {name}' for name in passed])}" if passed else ""
+    return f"{_directions(screw, screw.way_mm, state, in_unit)}{through}{into}, with the {DRIVER}{nut}"
+
+
+def _directions(added: AddedPart, moves: Sequence[Vector], state: AssemblyState, in_unit: bool) -> str:
+    """Return from which sides a part comes along its moves (3,), as in ``from above, then from the left``.
+
+    Along y the sides are those of the wheel if it goes into a unit (``in_unit``), else of the car.
+    """
+    axle = next((axle for axle in state.car.axles if axle.wheel == added.body), None)
+    mount_y_mm = state.mounts[added.name].pose[1][3] if added.kind == "mount" else 0.0
+    y_mm = axle.center_mm[1] if axle else mount_y_mm
+    sides = []
     for move in moves:
         axis = int(np.argmax(np.abs(move)))
-        if axis != 1 or abs(y) < BESIDE_MM:
-            places.append(SIDES[axis][0 if move[axis] < 0 else 1])
-        elif is_apart:
-            places.append("its outer side" if move[1] * y < 0 else "its inner side")
+        comes_from_outside = move[1] * y_mm < 0
+        if axis != 1 or abs(y_mm) < MIDDLE_MM:
+            sides.append(SIDES[axis][0 if move[axis] < 0 else 1])
+        elif in_unit:
+            sides.append("its outer side" if comes_from_outside else "its inner side")
         else:
-            places.append("outside" if move[1] * y < 0 else "inside")
-    return "from " + ", then from ".join(dict.fromkeys(places))
+            sides.append("outside" if comes_from_outside else "inside")
+    return "from " + ", then from ".join(dict.fromkeys(sides))
 
 
-def _joins(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
-    """Yield the sentences of a step on joins: tape, slots, locks."""
+def _join_lines(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
+    """Yield the instructions for the step's joins: tape, slots, locks."""
     joins = [join for join in car.joins if join.number in step.joins]
-    layers = {join.number: join for join in joins if join.kind == "laminate"}
+    laminates = {join.number: join for join in joins if join.kind == "laminate"}
     labels = {piece.name: piece.label for piece in car.pieces}
-    drilled = {face.name for piece in car.pieces for face in piece.faces if face.holes}
-    for number, join in sorted(layers.items()):
-        holes, name = join.a.face in drilled, join.piece_a
-        how = "on, holes on each other" if holes else "where it lies on what has the same number"
-        yield f"Tape the {labels[name]} {how}: join {number}."
-    yield from _wheel_joins(car, step)
-    own = {join.number for join in joins if join.kind == "rim" or _is_of_rim(car, join)}
-    own |= {join.number for join in disc_turns(car, step)}
+    faces_with_holes = {face.name for piece in car.pieces for face in piece.faces if face.holes}
+    for number, join in sorted(laminates.items()):
+        aligned_by_holes = join.a.face in faces_with_holes
+        where = "on, holes on each other" if aligned_by_holes else "where it lies on what has the same number"
+        yield f"Tape the {labels[join.piece_a]} {where}: join {number}."
+    yield from _wheel_join_lines(car, step)
+    wheel_joins = {join.number for join in joins if join.kind == "rim" or _is_rim_lock(car, join)}
+    wheel_joins |= {join.number for join in disc_turns(car, step)}
     for kinds, text in (
         (("tab", "lap"), "Tape the tabs to the inside of the panel with the same number: join {}."),
         (("tab_slot",), "Push the tongues through the slots with the same number: join {}."),
         (("lock",), "Hold the levers outwards, press the lid down, let go: the tongues go into their slots: join {}."),
         (("tuck",), "Lay the edges inside the walls, without tape: join {}."),
     ):
-        joined = {join.number for join in joins if join.kind in kinds} - own
-        if joined:
-            yield text.format(number_ranges(joined))
+        numbers = {join.number for join in joins if join.kind in kinds} - wheel_joins
+        if numbers:
+            yield text.format(number_ranges(numbers))
 
 
-def _is_of_rim(car: FoldedCar, join: Join) -> bool:
+def _is_rim_lock(car: FoldedCar, join: Join) -> bool:
     """Whether a join is a lock of a wound strip."""
     return join.kind == "lock" and is_wound(next(piece for piece in car.pieces if piece.name == join.piece_a))
 
 
-def _wheel_joins(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
-    """Yield how the hub's hooks, the rim's hooks and its tongues are joined."""
+def _wheel_join_lines(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
+    """Yield the instructions for a wheel's joins: the hub's hooks, the rim's hooks and the rim's tongues."""
     joins = [join for join in car.joins if join.number in step.joins]
     labels = {piece.name: piece.label for piece in car.pieces}
-    units = {placed.piece: axle for axle in car.axles for placed in car.placed if placed.body == axle.wheel}
+    axle_of_piece = {placed.piece: axle for axle in car.axles for placed in car.placed if placed.body == axle.wheel}
     for join in disc_turns(car, step):
-        axle = units[join.piece_b]
-        angle = math.degrees(turn_rad(WheelSize(axle.radius_mm, axle.tyre_width_mm, car.parts)))
+        axle = axle_of_piece[join.piece_b]
+        angle_deg = math.degrees(turn_rad(WheelSize(axle.radius_mm, axle.tyre_width_mm, car.parts)))
         yield (
             f"Drop the hub's hooks into the slots of the {labels[join.piece_b]}, and turn the disc against the hub "
-            f"until they hold: clockwise, as seen from its unprinted side, by about {angle:.0f}°: join {join.number}."
+            f"until they hold: clockwise, as seen from its unprinted side, by about {angle_deg:.0f}°: join {join.number}."
         )
-    rims = {join.number for join in joins if join.kind == "rim"}
-    if rims:
-        yield f"Drop the strip's hooks from outside into the notches of both discs: join {number_ranges(rims)}."
-    tongues = {join.number for join in joins if _is_of_rim(car, join)}
+    hooks = {join.number for join in joins if join.kind == "rim"}
+    if hooks:
+        yield f"Drop the strip's hooks from outside into the notches of both discs: join {number_ranges(hooks)}."
+    tongues = {join.number for join in joins if _is_rim_lock(car, join)}
     if tongues:
         yield (
             "Put each tongue's head through the wide part of its slot and pull it into the narrow part; the last one "
@@ -186,20 +203,20 @@ def _wheel_joins(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
         )
 
 
-def _plugs(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
-    """Yield the sentences of a step on plugs and wires."""
+def _plug_lines(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
+    """Yield the instructions for the step's plugs and wires; extension cables of servos come first."""
     wires = plugs_in(car, step)
-    mounts = {mount.name: mount.part for mount in car.mounts}
+    part_of_mount = {mount.name: mount.part for mount in car.mounts}
     signals = [wire for wire in wires if wire.carries == "signal"]
-    extended: dict[str, list[str]] = {}
-    for wire in (wire for wire in signals if wire.a in mounts):
-        extended.setdefault(mounts[wire.a], []).append(f"the {wire.b}")
-    for extension, servos in extended.items():
+    servos_by_extension: dict[str, list[str]] = {}
+    for wire in (wire for wire in signals if wire.a in part_of_mount):
+        servos_by_extension.setdefault(part_of_mount[wire.a], []).append(f"the {wire.b}")
+    for extension, servos in servos_by_extension.items():
         each_text = ", each" if len(servos) > 1 else ""
         yield f"Plug {join_words(servos)} into a {extension}{each_text}; tape the joints to the floor."
     if signals:
-        count = sum(axle.driven for axle in car.axles)
-        yield f"Plug {count} servos into the outputs that their leads are marked with; the brown lead is ground."
+        servo_count = sum(axle.driven for axle in car.axles)
+        yield f"Plug {servo_count} servos into the outputs that their leads are marked with; the brown lead is ground."
         if car.hinges:
             yield "Lead cables between segments through the openings of the caps, with a loop at each hinge."
     for wire in wires:
@@ -208,8 +225,8 @@ def _plugs(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
             yield f"{start[0].upper()}{start[1:]} to {wire.b}: {wire.note}."
 
 
-def _solder(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
-    """Yield the sentences on soldering: all of it is done at the bench, in the step of the switch, far from the LiPo."""
+def _solder_lines(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
+    """Yield the instructions for soldering, all in the step of the switch, while no battery is in the car."""
     wires = soldered_in(car, step)
     if not wires:
         return
@@ -220,42 +237,44 @@ def _solder(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
         "tube over each wire first, and shrink it over the joint with a hot-air gun or a lighter, away from the film."
     )
     battery, switch = car.parts.battery.name, car.parts.switch.name
-    longer = {sign: remedies.get(f"{battery} {sign}", "") for sign in "+-"}
-    first = f", after you {longer['+']}" if longer["+"] else ""
-    yield f"One terminal of the switch: the + lead of the {battery} (red){first}."
+    # How each lead of the battery is made long enough; "" if it is.
+    lengthening = {sign: remedies.get(f"{battery} {sign}", "") for sign in "+-"}
+    after = f", after you {lengthening['+']}" if lengthening["+"] else ""
+    yield f"One terminal of the switch: the + lead of the {battery} (red){after}."
     if any(wire.a.startswith(switch) for wire in wires):
         yield f"The other terminal: {remedies[f'{switch} 2']}, solder one end to it, and leave the other end free."
-    if longer["-"]:
-        yield f"The - lead of the {battery} (black): {longer['-']}."
+    if lengthening["-"]:
+        yield f"The - lead of the {battery} (black): {lengthening['-']}."
 
 
-def _preparation(step: AssemblyStep, before: State) -> Iterator[str]:
+def _preparation(step: AssemblyStep, state: AssemblyState) -> Iterator[str]:
     """Yield what is done to parts before they go in."""
-    if before.car.parts.servo.name in {before.mounts[added.name].part for added in step.adds if added.kind == "mount"}:
-        axles = sorted((axle for axle in before.car.axles if axle.driven), key=lambda axle: axle.channel)
+    added_parts = {state.mounts[added.name].part for added in step.adds if added.kind == "mount"}
+    if state.car.parts.servo.name in added_parts:
+        axles = sorted((axle for axle in state.car.axles if axle.driven), key=lambda axle: axle.channel)
         marks = "; ".join(f"{axle.servo} {axle.channel}" for axle in axles)
         yield (
             f"Before: mark the leads: {marks}. Leave the servos' potentiometers alone: their neutrals are measured when "
             "the car is complete."
         )
-    if before.car.parts.feather.name in {before.mounts[a.name].part for a in step.adds if a.kind == "mount"}:
-        yield from _board_preparation(before.car.parts)
-    if step.title == SHUT and before.car.parts.battery_place == "floor":
-        yield _put_cells_in(before.car.parts)
-    yield from _cut_lengths(before.car, step, before)
+    if state.car.parts.feather.name in added_parts:
+        yield from _board_preparation(state.car.parts)
+    if step.title == SHUT and state.car.parts.battery_place == "floor":
+        yield insert_cells_line(state.car.parts)
+    yield from _cut_lengths(state.car, step, state)
 
 
-def _put_cells_in(parts: Catalogue) -> str:
-    """Return which cells are put into the holder."""
+def insert_cells_line(parts: Catalogue) -> str:
+    """Return the instruction to put cells into the holder, with their kind."""
     return f"Turn the switch off, and put four charged cells of one kind into the holder: {parts.cells.cell}."
 
 
 def _board_preparation(parts: Catalogue) -> Iterator[str]:
     """Yield how the boards are soldered and tried before they go in."""
-    deep_mm = parts.headers.leg_mm.max_value - parts.feather.board_mm.value
+    depth_mm = parts.headers.leg_mm.max_value - parts.feather.board_mm.value
     yield (
         f"Before: solder the {parts.headers.name} onto the {parts.feather.name}'s upper side, with which the "
-        f"{parts.featherwing.name}'s pins mate. Their legs end at most {deep_mm:.1f} mm below the board. Never use "
+        f"{parts.featherwing.name}'s pins mate. Their legs end at most {depth_mm:.1f} mm below the board. Never use "
         "stacking headers: their legs would reach the LiPo."
     )
     yield (
@@ -264,18 +283,18 @@ def _board_preparation(parts: Catalogue) -> Iterator[str]:
     )
 
 
-def _cut_lengths(car: FoldedCar, step: AssemblyStep, before: State) -> Iterator[str]:
+def _cut_lengths(car: FoldedCar, step: AssemblyStep, state: AssemblyState) -> Iterator[str]:
     """Yield the lengths to which rods and tubes are cut."""
-    added = [before.mounts[thing.name] for thing in step.adds if thing.kind == "mount"]
+    mounts = [state.mounts[added.name] for added in step.adds if added.kind == "mount"]
     for part in (car.parts.axle_rod, car.parts.axle_tube):
-        lengths = sorted({f"{mount.size_mm[2]:.1f}" for mount in added if mount.part == part.name}, key=float)
+        lengths = sorted({f"{mount.size_mm[2]:.1f}" for mount in mounts if mount.part == part.name}, key=float)
         if lengths:
             yield f"Before: cut the {part.name} to {join_words(lengths)} mm, and take the burr off its ends."
 
 
-def _cautions(car: FoldedCar, step: AssemblyStep, before: State) -> Iterator[str]:
+def _cautions(car: FoldedCar, step: AssemblyStep, state: AssemblyState) -> Iterator[str]:
     """Yield notes on parts: orientation, fixing, checks."""
-    parts = {before.mounts[added.name].part for added in step.adds if added.kind == "mount"}
+    parts = {state.mounts[added.name].part for added in step.adds if added.kind == "mount"}
     if car.parts.servo.name in parts:
         yield "The shaft is at the end of the servo that is nearer to the wheel's axle."
     if car.parts.tyre.name in parts:
@@ -306,10 +325,10 @@ def _cautions(car: FoldedCar, step: AssemblyStep, before: State) -> Iterator[str
         yield "The pad, foam tape in two layers, sticks to film and board where the module covers the board's holes."
     if car.parts.horn_screw.name in parts:
         yield "Tighten them with the centre screw's head in the middle of the disc's hole: then the wheel runs true."
-    strips = {p.name for p in car.pieces if any(crease.flexure for crease in p.creases)}
-    if strips & {added.name for added in step.adds}:
-        limits = [(-math.degrees(hinge.min_rad), math.degrees(hinge.max_rad)) for hinge in car.hinges]
-        texts = [f"from {down:.0f}° nose down to {up:.0f}° nose up" for down, up in limits]
+    hinge_strips = {piece.name for piece in car.pieces if any(crease.flexure for crease in piece.creases)}
+    if hinge_strips & {added.name for added in step.adds}:
+        limits_deg = [(-math.degrees(hinge.min_rad), math.degrees(hinge.max_rad)) for hinge in car.hinges]
+        texts = [f"from {down:.0f}° nose down to {up:.0f}° nose up" for down, up in limits_deg]
         all_equal = len(set(texts)) == 1
         ranges = texts[0] if all_equal else join_words([f"{text} at hinge {n}" for n, text in enumerate(texts, 1)])
         yield "The floors' ends lie along the orange marks of a hinge's strip, its sides flush with the walls."
@@ -318,94 +337,6 @@ def _cautions(car: FoldedCar, step: AssemblyStep, before: State) -> Iterator[str
         )
     if any(added.kind == "unit" and added.body in {axle.wheel for axle in car.axles} for added in step.adds):
         yield "Turn every wheel by hand: it touches neither the wall nor its neighbour."
-
-
-def service_lines(car: FoldedCar, steps: Sequence[AssemblyStep]) -> tuple[str, ...]:
-    """Return how the finished car is opened, charged, connected and reset; ``steps`` are the proved service steps."""
-    parts = car.parts
-    mounts = {mount.name: mount for mount in car.mounts}
-    lids = [number for number, step in enumerate(steps) if step.folds]
-    reached: dict[bool, list[str]] = {False: [], True: []}
-    for number, step in enumerate(steps):
-        for reach in step.tool_uses:
-            if not reach.piece:
-                word = reached_part(car, mounts[reach.name], reach.index)
-                reached[bool(lids) and number > lids[0]].append(word)
-    shut, opened = (list(dict.fromkeys(reached[state])) for state in (False, True))
-    opening = {name for step in steps for name in step.folds}
-    locks = {join.number for join in car.joins if join.kind == "lock" and {join.piece_a, join.piece_b} & opening}
-    lines = []
-    if shut:
-        lines.append(f"Reached from outside{', the lid shut' if lids else ''}: {join_words(shut)}.")
-    if lids:
-        lines.append(
-            "To open the lid, one latch after the other: with a fingertip on the lid push the lever, "
-            f"which stands at the right wall, outwards; that draws the tongue below it, join {number_ranges(locks)}, out "
-            "of its slot. Then lift the lid by its pull tab."
-        )
-    if opened:
-        lines.append(f"Reached with the lid open: {join_words(opened)}.")
-    removed = {mounts[add.name].part for step in steps for add in step.adds}
-    return (
-        *lines,
-        *(_change_cells(parts, name) for name in sorted(removed)),
-        f"Charge the {parts.lipo.name} in the car: the {parts.feather.name} charges it from USB.",
-        f"Reset: press the {parts.featherwing.name}'s button with the tip of a screwdriver"
-        f"{', the lid open' if lids else ''}; the servos stop, and the car waits to be told to go.",
-    )
-
-
-def _change_cells(parts: Catalogue, name: str) -> str:
-    """Return how a holder's cells are changed."""
-    out = "off, as far as its leads reach" if parts.battery_place == "roof" else "out"
-    return f"Change cells: switch off, take the {name} {out}, and charge its cells in their own charger."
-
-
-def driving_steps(car: FoldedCar) -> Iterator[tuple[str, tuple[str, ...]]]:
-    """Yield titles and lines of the steps after the assembly: firmware, neutrals, one metre."""
-    feather = car.parts.feather.name
-    yield (
-        "Load the firmware",
-        (
-            *([_put_cells_in(car.parts)] if car.parts.battery_place == "roof" else []),
-            f"Connect the {feather} to the computer with a USB cable that carries data, and run `foldcar flash LISTING "
-            "--experiment ID` with the listing and experiment of this car. It loads the firmware and the car's design.",
-            "If no board is found, try another cable; `foldcar doctor` says what is missing.",
-        ),
-    )
-    yield (
-        "Find the neutrals",
-        (
-            "Stand the car on a box so that no wheel touches anything, and turn the switch on.",
-            "Run `foldcar calibrate-servos`. It asks how each wheel turns, and saves each servo's neutral and dead band.",
-            "A wheel turns backwards: look whether its plug is on the output that its lead is marked with. If it is, "
-            "change the sign of that output's direction, as in `foldcar params set CH2_DIRECTION 1`.",
-            "A wheel does not turn: is the switch on, are the cells charged, is the plug's brown lead at GND?",
-        ),
-    )
-    yield (
-        "Drive a metre",
-        (
-            "Put the car on a smooth floor with 2 m free in front of it, and keep a finger near the switch.",
-            'Describe one metre of floor as the tutorial "A first car" does (docs/first_car.md), and run `foldcar log '
-            "metre.json --experiment metre --store metre.db --car NAME`: it checks the car, counts down and drives.",
-            "The car turns aside: repeat `foldcar calibrate-servos`, look for a wheel that rubs. It stops at once: the "
-            "cells are empty or the log's last line says why.",
-            "When it has driven its metre, it is ready for trials.",
-        ),
-    )
-
-
-def reached_part(car: FoldedCar, mount: Mount, index: int) -> str:
-    """Return a word for the part that a plug or finger reaches at clearance ``index`` of a mount."""
-    parts, tool = car.parts, mount.clearances[index].tool
-    if mount.part == parts.switch.name:
-        return "switch"
-    if tool in ("finger", "driver"):
-        return "reset button" if mount.part in (parts.feather.name, parts.featherwing.name) else mount.name
-    if mount.part == parts.feather.name:
-        return "USB" if index == 0 else "LiPo's plug"
-    return "servos' plugs" if mount.part == parts.featherwing.name else f"plug of {mount.name}"
 
 
 def number_ranges(joins: Iterable[int]) -> str:

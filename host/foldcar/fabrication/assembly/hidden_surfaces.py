@@ -75,51 +75,60 @@ def camera(azimuth_deg: float, elevation_deg: float) -> Camera:
 
 
 def visible_facets(facets: Sequence[Facet], view: Camera) -> list[VisibleFacet]:
-    """Return the facets that are at least partly visible, farthest first."""
+    """Return the facets that are at least partly visible, farthest first.
+
+    All facets are projected to polygons on the picture plane; each keeps its polygon minus the regions of facets that
+    are nearer there.
+    """
     facets = [facet for facet in facets if not facet.closed or facet.normal @ view.toward > 0]
     rings = [ring for facet in facets for ring in facet.rings_mm]
     corners = np.round(view.flat(np.concatenate(rings)), GRID_DECIMALS)
-    lines = shapely.linearrings(corners, indices=np.repeat(range(len(rings)), list(map(len, rings))))
-    outlines = shapely.polygons(lines, indices=np.repeat(range(len(facets)), [len(facet.rings_mm) for facet in facets]))
-    kept = np.flatnonzero(shapely.area(outlines) > MIN_AREA_MM2)
+    # ``indices`` say to which ring each corner belongs, and to which outline each ring.
+    loops = shapely.linearrings(corners, indices=np.repeat(range(len(rings)), list(map(len, rings))))
+    outlines = shapely.polygons(loops, indices=np.repeat(range(len(facets)), [len(facet.rings_mm) for facet in facets]))
+    in_picture = np.flatnonzero(shapely.area(outlines) > MIN_AREA_MM2)
     # Rounding can make holes touch the outlines of faces seen almost edge-on.
-    shapes = shapely.make_valid(outlines[kept])
-    planes = np.array([_depth(facets[i], view) for i in kept]).reshape(-1, 3)
+    shapes = shapely.make_valid(outlines[in_picture])
+    planes = np.array([_depth(facets[i], view) for i in in_picture]).reshape(-1, 3)
     result = []
-    for place, hidden in _hidden(shapes, planes).items():
-        facet, region = facets[kept[place]], shapes[place]
-        rest = _polygons(shapely.difference(region, shapely.union_all(hidden))) if hidden else region
-        is_whole = region.area - rest.area < MIN_AREA_MM2
+    for number, hiding in _hidden(shapes, planes).items():
+        facet, region = facets[in_picture[number]], shapes[number]
+        remaining = _polygons(shapely.difference(region, shapely.union_all(hiding))) if hiding else region
+        is_whole = region.area - remaining.area < MIN_AREA_MM2
         if not is_whole:
             # Rounding leaves slivers between adjacent hiding faces.
-            region = rest.buffer(-SLIVER_MM, join_style="mitre").buffer(SLIVER_MM, join_style="mitre")
+            region = remaining.buffer(-SLIVER_MM, join_style="mitre").buffer(SLIVER_MM, join_style="mitre")
         if region.area > MIN_AREA_MM2:
             result.append(_visible_facet(facet, region, is_whole, view))
     return sorted(result, key=lambda seen: float((seen.facet.rings_mm[0] @ view.toward).mean()))
 
 
 def _hidden(shapes: NDArray[np.object_], planes: Vector) -> dict[int, list[BaseGeometry]]:
-    """Return the regions that hide each outline, by its number: nearer outlines or their nearer parts.
+    """Return the regions that hide each outline, by its number: nearer outlines, or the parts in which they are nearer.
 
-    Outlines that are completely covered are left out.
+    Outlines that are completely covered are left out. ``planes``, (n, 3), are the depths of the faces (see ``_depth``).
     """
     behind, ahead, wholly = _overlapping(shapes, planes)
     # A face completely behind another one is invisible, and hides nothing that the other one does not hide.
     covered = behind[wholly][shapely.covers(shapes[ahead[wholly]], shapes[behind[wholly]])]
-    hidden: dict[int, list[BaseGeometry]] = {int(rear): [] for rear in np.setdiff1d(range(len(shapes)), covered)}
+    hiding: dict[int, list[BaseGeometry]] = {int(rear): [] for rear in np.setdiff1d(range(len(shapes)), covered)}
     undecided = ~np.isin(behind, covered) & ~np.isin(ahead, covered)
     for rear, front, is_wholly_hidden in zip(behind[undecided], ahead[undecided], wholly[undecided], strict=True):
-        part = shapes[front]
+        region = shapes[front]
         if not is_wholly_hidden:
-            part = _nearer(_polygons(shapely.intersection(shapes[rear], part)), planes[front] - planes[rear])
-        hidden[rear].append(part)
-    return hidden
+            region = _nearer_part(_polygons(shapely.intersection(shapes[rear], region)), planes[front] - planes[rear])
+        hiding[rear].append(region)
+    return hiding
 
 
 def _overlapping(
     shapes: NDArray[np.object_], planes: Vector
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.bool_]]:
-    """Return pairs of outlines, (n,) indices each, the first partly behind the second; (n,) whether completely."""
+    """Return pairs of overlapping outlines, the first behind the second somewhere, and whether it is everywhere.
+
+    The results are two arrays of indices and one of truth values, each (n,). Depths differ linearly over the picture, so
+    over the region that two outlines share the difference lies between its minimum and maximum at their corners.
+    """
     shapely.prepare(shapes)
     behind, ahead = STRtree(shapes).query(shapes, predicate="intersects")
     corners, owners = shapely.get_coordinates(shapes, return_index=True)
@@ -145,22 +154,25 @@ def _depth(facet: Facet, view: Camera) -> Vector:
     return np.array([point @ view.toward - a * (point @ view.right) - b * (point @ view.up), a, b])
 
 
-def _nearer(region: BaseGeometry, ahead: Vector) -> BaseGeometry:
-    """Return the part of a region where ``ahead``, the plane of depth differences, exceeds TOUCHING_MM."""
+def _nearer_part(region: BaseGeometry, lead_plane: Vector) -> BaseGeometry:
+    """Return the part of a region in which one face is nearer than another by more than TOUCHING_MM.
+
+    ``lead_plane`` (c, a, b) is the difference of their depths: c + a u + b v at the picture's point (u, v).
+    """
+    constant, gradient = lead_plane[0], lead_plane[1:]
     corners = shapely.get_coordinates(region)
-    lead = ahead[0] + corners @ ahead[1:] - TOUCHING_MM
-    if (lead <= 0).all():
+    leads = constant + corners @ gradient - TOUCHING_MM
+    if (leads <= 0).all():
         return Polygon()
-    if (lead > 0).all():
+    if (leads > 0).all():
         return region
-    # The half plane is represented by a square on the line that is larger than the region.
-    slope = math.hypot(ahead[1], ahead[2])
-    along = np.array([-ahead[2], ahead[1]]) / slope
-    inward = np.array([ahead[1], ahead[2]]) / slope
+    # The half plane is cut out by a square larger than the region, one of whose sides lies on the line of lead 0.
+    slope = math.hypot(*gradient)
+    along, inward = np.array([-gradient[1], gradient[0]]) / slope, gradient / slope
     middle = corners.mean(axis=0)
-    middle = middle - inward * (ahead[0] + middle @ ahead[1:] - TOUCHING_MM) / slope
-    size = 4 * (np.ptp(corners, axis=0).sum() + abs(lead).max() / slope)
-    square = [middle + s * size * along + t * size * inward for s, t in ((-1, 0), (1, 0), (1, 1), (-1, 1))]
+    on_line = middle - inward * (constant + middle @ gradient - TOUCHING_MM) / slope
+    size = 4 * (np.ptp(corners, axis=0).sum() + abs(leads).max() / slope)
+    square = [on_line + s * size * along + t * size * inward for s, t in ((-1, 0), (1, 0), (1, 1), (-1, 1))]
     return _polygons(shapely.intersection(region, Polygon(square)))
 
 
@@ -172,6 +184,7 @@ def _polygons(geometry: BaseGeometry) -> BaseGeometry:
 
 
 def _visible_facet(facet: Facet, region: BaseGeometry, whole: bool, view: Camera) -> VisibleFacet:
+    """Return the facet with its brightness; the light comes from above and left of the camera."""
     front = bool(facet.normal @ view.toward > 0)
     light = view.toward + 0.6 * view.up - 0.35 * view.right
     lit = float((facet.normal if front else -facet.normal) @ light / np.linalg.norm(light))

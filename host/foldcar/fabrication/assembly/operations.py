@@ -69,9 +69,9 @@ class Operations:
     def __add__(self, other: "Operations") -> "Operations":
         return Operations(**{kind: count + other.counts[kind] for kind, count in self.counts.items()})
 
-    def named(self, *but: str) -> list[tuple[str, int]]:
-        """Return name and number of each kind with a number above 0, except the kinds ``but``."""
-        present = {kind: count for kind, count in self.counts.items() if count and kind not in but}
+    def named(self, *excluded: str) -> list[tuple[str, int]]:
+        """Return (name, count) of each kind that occurs, except the ``excluded`` kinds; the name is plural if needed."""
+        present = {kind: count for kind, count in self.counts.items() if count and kind not in excluded}
         return [(kinds()[kind].one if count == 1 else kinds()[kind].many, count) for kind, count in present.items()]
 
     @property
@@ -85,7 +85,10 @@ class Operations:
 
     @property
     def minutes_between(self) -> tuple[float, float]:
-        """The estimate's interval (min): tolerances of pace and of every kind's seconds count as independent errors."""
+        """The estimate's interval, minimum and maximum (min).
+
+        Tolerances of the pace and of every kind's seconds are independent errors, so their squares add up.
+        """
         pace, seconds = kinds()["pace"], self._seconds or math.inf
         errors = math.hypot(*(count * kinds()[kind].tolerance for kind, count in self.counts.items()))
         relative_error = math.hypot(pace.tolerance / pace.value, errors / seconds)
@@ -104,35 +107,35 @@ def operations_of_sheets(cut: CutCar) -> Operations:
 
 
 def operations_of_splices(car: FoldedCar, cut: CutCar) -> Operations:
-    """Return the operations that join split pieces: tabs along folds, with their folds."""
-    numbers = {join.number for join in car.joins}
-    new = [join for join in cut.car.joins if join.number not in numbers]
+    """Return the operations that join the parts of split pieces: tabs to tape, and their additional folds."""
+    unsplit_numbers = {join.number for join in car.joins}
+    new_joins = [join for join in cut.car.joins if join.number not in unsplit_numbers]
     split_folds, unsplit_folds = (
         sum(p.count * len(_hand_folds(p)) for p in pieces) for pieces in (cut.car.pieces, car.pieces)
     )
     extra_folds = split_folds - unsplit_folds
     return Operations(
-        fold=max(extra_folds, 0), tape=sum(_repetitions(cut.car, join) for join in new if join.kind in TAPED)
+        fold=max(extra_folds, 0), tape=sum(_repetitions(cut.car, join) for join in new_joins if join.kind in TAPED)
     )
 
 
 def operations_by_step(car: FoldedCar) -> list[tuple[AssemblyStep, Operations]]:
     """Return the steps of the assembly, each with its operations."""
-    before: dict[str, dict[str, float]] = {}
+    fold_fractions: dict[str, dict[str, float]] = {}
     pieces = {piece.name: piece for piece in car.pieces}
     mounts = {mount.name: mount for mount in car.mounts}
     nutted = {part.name for _, part in car.parts if isinstance(part, Screw) and part.nut_width_mm}
     result = []
     for step in assembly_steps(car):
-        folded = [pieces[name] for name in step.folds]
+        folded_pieces = [pieces[name] for name in step.folds]
         joins = [join for join in car.joins if join.number in step.joins for _ in range(_repetitions(car, join))]
         parts = [mounts[added.name] for added in step.adds if added.kind == "mount"]
         # Caps count by their tabs' tape, whether they carry a switch or not.
         taped = {name for join in joins if join.kind == "tab" for name in (join.piece_a, join.piece_b)}
         # Of the parts, only the LiPo needs tape: pads are adhesive. Wires count as plugs.
-        done = Operations(
-            fold=sum(piece.count * len(closing(step, before, piece)) for piece in folded),
-            wind=sum(piece.count for piece in folded if is_wound(piece)),
+        step_operations = Operations(
+            fold=sum(piece.count * len(folds_of_step(step, fold_fractions, piece)) for piece in folded_pieces),
+            wind=sum(piece.count for piece in folded_pieces if is_wound(piece)),
             tape=sum(join.kind in TAPED for join in joins) + sum(mount.part == car.parts.lipo.name for mount in parts),
             tongue=sum(join.kind in PUSHED for join in joins),
             turn=sum(_repetitions(car, join) for join in disc_turns(car, step)),
@@ -143,32 +146,35 @@ def operations_by_step(car: FoldedCar) -> list[tuple[AssemblyStep, Operations]]:
             plug=len(plugs_in(car, step)),
         )
         for name, creases in step.folds.items():
-            before.setdefault(name, {}).update(creases)
-        result.append((step, done))
+            fold_fractions.setdefault(name, {}).update(creases)
+        result.append((step, step_operations))
     return result
 
 
-def closing(step: AssemblyStep, before: Mapping[str, Mapping[str, float]], piece: Piece) -> list[Crease]:
-    """Return the folds of one copy of ``piece`` that a step makes or closes by hand; ``before`` are the folds so far.
+def folds_of_step(step: AssemblyStep, fractions_before: Mapping[str, Mapping[str, float]], piece: Piece) -> list[Crease]:
+    """Return the creases of one copy of ``piece`` that a step folds by hand.
 
-    A fold with the fraction 0 is made, and left open.
+    ``fractions_before`` has the fraction of each fold before the step, by piece and crease. A crease with the fraction 0
+    in the step is folded once, and left open.
     """
-    done, named = before.get(piece.name, {}), step.folds.get(piece.name, {})
-    return [c for c in _hand_folds(piece) if c.name in named and named[c.name] != done.get(c.name)]
+    current, wanted = fractions_before.get(piece.name, {}), step.folds.get(piece.name, {})
+    return [c for c in _hand_folds(piece) if c.name in wanted and wanted[c.name] != current.get(c.name)]
 
 
 def plugs_in(car: FoldedCar, step: AssemblyStep) -> list[Wire]:
-    """Return the wires plugged in a step: the boards' stack with the upper board, all others with the wires.
+    """Return the wires plugged in during a step: the boards' stack with the upper board, all others with the wiring.
 
-    A wire that ends at the switch is soldered (``soldered_in``); it is plugged in if its other end is a terminal.
+    Wires that end at the switch are left out: they are soldered (see ``soldered_in``).
     """
-    steps, switch, added = {"stack": car.parts.featherwing.name}, car.parts.switch.name, _added_parts(car, step)
-    wires = [wire for wire in car.wires if wire.carries in PLUGGED and not wire.b.startswith(switch)]
-    return [wire for wire in wires if steps.get(wire.carries, car.parts.wiring.name) in added]
+    added_parts = _added_parts(car, step)
+    wires = [w for w in car.wires if w.carries in PLUGGED and not w.b.startswith(car.parts.switch.name)]
+    # The part whose step plugs in the wires of a kind.
+    part_of_kind = {"stack": car.parts.featherwing.name}
+    return [wire for wire in wires if part_of_kind.get(wire.carries, car.parts.wiring.name) in added_parts]
 
 
 def soldered_in(car: FoldedCar, step: AssemblyStep) -> list[Wire]:
-    """Return the wires soldered in a step: those of the switch, with the switch."""
+    """Return the wires soldered during a step: those of the switch, in the step that adds the switch."""
     switch = car.parts.switch.name
     wires = [wire for wire in car.wires if wire.a.startswith(switch) or wire.b.startswith(switch)]
     return wires if switch in _added_parts(car, step) else []
@@ -185,7 +191,10 @@ def is_wound(piece: Piece) -> bool:
 
 
 def disc_turns(car: FoldedCar, step: AssemblyStep) -> list[Join]:
-    """Return a join for each disc that a step turns relative to a wheel's hub until the hooks hold."""
+    """Return one join for each disc that a step turns relative to a wheel's hub until the hooks hold.
+
+    Discs are the pieces of wheels without creases; the hub's hooks lock into their slots.
+    """
     discs = {piece.name for piece in car.pieces if not piece.creases} & _on_wheels(car)
     joins: dict[str, Join] = {}
     for join in car.joins:
@@ -204,7 +213,7 @@ def _hand_folds(piece: Piece) -> list[Crease]:
 
 
 def _repetitions(car: FoldedCar, join: Join) -> int:
-    """Return how often a join is made: the joins of one wheel stand for all wheels of its unit."""
+    """Return how often a join is made: once for each wheel that has its piece, or once if it is not of a wheel."""
     wheels = {axle.wheel for axle in car.axles}
     return len({placed.body for placed in car.placed if placed.piece == join.piece_a and placed.body in wheels}) or 1
 

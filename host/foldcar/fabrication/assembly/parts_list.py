@@ -66,11 +66,13 @@ def shopping() -> dict[str, Any]:
 
 
 def parts_list(folded: FoldedCar, sheets: Sequence[Sheet] = ()) -> tuple[Row, ...]:
-    """Return all rows: film, then the bought parts of the car."""
-    ordered = shopping()["parts"]
-    rows = (*_film(folded, sheets), *_bought(folded))
-    named = (zip(("product", "search"), ordered.get(row.name, ("", row.search)), strict=True) for row in rows)
-    return tuple(replace(row, **dict(words)) for row, words in zip(rows, named, strict=True))
+    """Return all rows of the bill of materials: film, then bought parts, each with what to order and to search for."""
+    order_table = shopping()["parts"]
+    rows = []
+    for row in (*_film_rows(folded, sheets), *_bought_rows(folded)):
+        product, search = order_table.get(row.name, ("", row.search))
+        rows.append(replace(row, product=product, search=search))
+    return tuple(rows)
 
 
 def total_mass_kg(rows: tuple[Row, ...]) -> float:
@@ -124,27 +126,27 @@ def parts_list_csv(folded: FoldedCar, sheets: Sequence[Sheet] = ()) -> str:
     return text.getvalue()
 
 
-def _film(folded: FoldedCar, sheets: Sequence[Sheet]) -> Iterator[Row]:
-    """Yield a row for each thickness of film."""
-    areas: dict[float, float] = {}
+def _film_rows(folded: FoldedCar, sheets: Sequence[Sheet]) -> Iterator[Row]:
+    """Yield a row for each thickness of film: the mass of the car's pieces, the cost of the whole sheets."""
+    areas_mm2: dict[float, float] = {}
     for piece in folded.pieces:
-        areas[piece.thickness_mm] = areas.get(piece.thickness_mm, 0.0) + piece.count * piece_area_mm2(piece)
-    for thickness, area in sorted(areas.items()):
-        film = film_of(folded.parts.film, thickness)
-        bought, note = area, "as cut, sheets have more"
+        areas_mm2[piece.thickness_mm] = areas_mm2.get(piece.thickness_mm, 0.0) + piece.count * piece_area_mm2(piece)
+    for thickness_mm, area_mm2 in sorted(areas_mm2.items()):
+        film = film_of(folded.parts.film, thickness_mm)
+        bought_mm2, note = area_mm2, "as cut, sheets have more"
         if sheets:
             own_sheets = [sheet for sheet in sheets if sheet.film == film.title]
-            bought = sum(sheet.width_mm * sheet.height_mm for sheet in own_sheets)
+            bought_mm2 = sum(sheet.width_mm * sheet.height_mm for sheet in own_sheets)
             size = f"{own_sheets[0].width_mm:g} x {own_sheets[0].height_mm:g} mm"
-            note = f"{len(own_sheets)} sheets of {size}, {area * 1e-6:.4f} m² of it in the car"
-        mass_kg = area * thickness * 1e-9 * film.density_kg_m3.value
-        cost_usd = bought * 1e-6 * film.cost_usd_m2.value
-        yield Row(film.title, bought * 1e-6, "m²", mass_kg, cost_usd, note, search=f"{film.name}, {film.sold_as}")
+            note = f"{len(own_sheets)} sheets of {size}, {area_mm2 * 1e-6:.4f} m² of it in the car"
+        mass_kg = area_mm2 * thickness_mm * 1e-9 * film.density_kg_m3.value
+        cost_usd = bought_mm2 * 1e-6 * film.cost_usd_m2.value
+        yield Row(film.title, bought_mm2 * 1e-6, "m²", mass_kg, cost_usd, note, search=f"{film.name}, {film.sold_as}")
 
 
-def _bought(folded: FoldedCar) -> list[Row]:
+def _bought_rows(folded: FoldedCar) -> list[Row]:
     """Return a row for each kind of bought part, in the order of assembly."""
-    bought = {part.name: part for part in folded.parts.bought}
+    parts_by_name = {part.name: part for part in folded.parts.bought}
     mounts = {mount.name: mount for mount in folded.mounts}
     counts: dict[str, int] = Counter(mount.part for mount in folded.mounts)
     masses: dict[str, float] = {}
@@ -152,25 +154,28 @@ def _bought(folded: FoldedCar) -> list[Row]:
         masses[mount.part] = masses.get(mount.part, 0.0) + mount.mass_kg
     order = [mounts[add.name].part for step in plan_assembly(folded) for add in step.adds if add.kind == "mount"]
     counts = {name: counts[name] for name in dict.fromkeys([*order, *counts])}
-    rows = [Row(name, count, "", masses[name], *_cost(bought.get(name), count, folded)) for name, count in counts.items()]
-    rows = [_with_wire(folded, row) if row.name == folded.parts.wiring.name else row for row in rows]
-    parts = folded.parts
-    if boards := counts.get(parts.featherwing.name, 0):
+    rows = []
+    for name, count in counts.items():
+        row = Row(name, count, "", masses[name], *_cost(parts_by_name.get(name), count, folded))
+        rows.append(_with_wire(folded, row) if name == folded.parts.wiring.name else row)
+    catalogue = folded.parts
+    if boards := counts.get(catalogue.featherwing.name, 0):
         note = "soldered to the Feather; in its mass"
-        rows.append(Row(parts.headers.name, boards, "", 0.0, boards * parts.headers.cost_usd.value, note))
-    if holders := counts.get(parts.battery.name, 0):
-        note = f"four in the holder, with a charger; in its mass{', not alkaline' if 'NiMH' in parts.cells.cell else ''}"
-        rows.append(Row(parts.cells.cell, CELLS * holders, "", 0.0, holders * parts.cells.cost_usd.value, note))
+        rows.append(Row(catalogue.headers.name, boards, "", 0.0, boards * catalogue.headers.cost_usd.value, note))
+    if holders := counts.get(catalogue.battery.name, 0):
+        warning = ", not alkaline" if "NiMH" in catalogue.cells.cell else ""
+        note = f"four in the holder, with a charger; in its mass{warning}"
+        rows.append(Row(catalogue.cells.cell, CELLS * holders, "", 0.0, holders * catalogue.cells.cost_usd.value, note))
     return rows
 
 
 def _with_wire(folded: FoldedCar, row: Row) -> Row:
-    """Return the row of the wires with the length to cut, and the cost of wire beyond the length included."""
+    """Return the row of the wiring with the length of wire in its note, and the cost of wire beyond the stock length."""
     wiring, car_leads = folded.parts.wiring, leads(folded)
     extra_cost_usd = extra_wire_m(car_leads, wiring) * wiring.wire_usd_m.value
     gauge = supply(folded).gauge
-    length = f"{math.ceil(stock_wire_mm(car_leads) / 10) * 10} mm of wire, {gauge.awg} AWG ({gauge.area_mm2:g} mm²)"
-    note = f"{length}, solder, heat-shrink: see the wiring"
+    wire_text = f"{math.ceil(stock_wire_mm(car_leads) / 10) * 10} mm of wire, {gauge.awg} AWG ({gauge.area_mm2:g} mm²)"
+    note = f"{wire_text}, solder, heat-shrink: see the wiring"
     return replace(row, cost_usd=(row.cost_usd or 0.0) + extra_cost_usd, note=note)
 
 
@@ -179,9 +184,9 @@ def _cost(part: Bought | None, count: int, folded: FoldedCar) -> tuple[float | N
     if part is None:
         return None, "no price known"
     if part is folded.parts.switch:
-        needs = supply(folded)
-        drawn = f"{needs.servos} stalled servos draw {needs.stall_a:.1f} A"
-        return count * part.cost_usd.value, f"marked {needs.switch_a:g} A or more: {drawn}"
+        currents = supply(folded)
+        reason = f"{currents.servos} stalled servos draw {currents.stall_a:.1f} A"
+        return count * part.cost_usd.value, f"marked {currents.switch_a:g} A or more: {reason}"
     if part.cost_usd.value == 0:
         return 0.0, "comes with the servos"
     note = f"{part.note}: {tyre_cut(folded)}" if isinstance(part, Tyre) else ""
@@ -191,16 +196,18 @@ def _cost(part: Bought | None, count: int, folded: FoldedCar) -> tuple[float | N
     return count * part.cost_usd.value, note
 
 
-def tyre_cut(folded: FoldedCar, only: str = "") -> str:
-    """Return what to cut for each wheel's tyre, or for unit ``only``'s: "a strip of 374 x 12 mm for each"."""
-    units = {axle.unit: folded.parts.tyre.cut(axle.radius_mm, axle.tyre_width_mm) for axle in folded.axles}
-    if only or len(set(units.values())) == 1:
-        return f"{units[only] if only else next(iter(units.values()))} for each"
-    return "; ".join(f"{cut} for each {unit}" for unit, cut in units.items())
+def tyre_cut(folded: FoldedCar, wheel_unit: str = "") -> str:
+    """Return what to cut for the tyres of all wheels, or of one unit: "a strip of 374 x 12 mm for each"."""
+    cuts = {axle.unit: folded.parts.tyre.cut(axle.radius_mm, axle.tyre_width_mm) for axle in folded.axles}
+    if wheel_unit:
+        return f"{cuts[wheel_unit]} for each"
+    if len(set(cuts.values())) == 1:
+        return f"{next(iter(cuts.values()))} for each"
+    return "; ".join(f"{cut} for each {unit}" for unit, cut in cuts.items())
 
 
 def _balance(folded: FoldedCar) -> dict[str, Any] | None:
-    """Return where the centre of mass is, which depends on the battery's place, and its maximum shift (mm)."""
+    """Return where the centre of mass is, and its maximum shift (mm) by inaccurate placement; None without axles."""
     if not folded.axles:
         return None
     x, _, z = center_mm(folded)

@@ -47,17 +47,17 @@ class SceneShapes:
         self._film: dict[Piece, int] = {}
 
     def add(self, folded: FoldedCar) -> list[dict[str, Any]]:
-        """Add a car; return its parts ``{"piece": its number, "body", "pose"}``, for a hinge's strip with ``"beyond"``.
+        """Add a car's shapes; return its parts ``{"piece": the shape's number, "body", "pose": 12 numbers}``.
 
-        ``"beyond"`` maps the number of each face that belongs to another body to this body.
+        A hinge's strip also has ``"beyond"``: the body by the number of each face that moves with another body.
         """
         pieces, parts = {piece.name: piece for piece in folded.pieces}, []
         for placed in folded.placed:
             piece = pieces[placed.piece]
             part = {"piece": self._faces(piece), "body": placed.body, "pose": _rows(np.array(placed.pose))}
-            beyond = _beyond_hinge(folded, placed, piece)
-            if beyond:
-                part["beyond"] = {k: beyond[face.name] for k, face in enumerate(piece.faces) if face.name in beyond}
+            bodies = _beyond_hinge(folded, placed, piece)
+            if bodies:
+                part["beyond"] = {k: bodies[face.name] for k, face in enumerate(piece.faces) if face.name in bodies}
             parts.append(part)
         for mount in folded.mounts:
             solids = _solids(mount)
@@ -67,7 +67,7 @@ class SceneShapes:
         return parts
 
     def _faces(self, piece: Piece) -> int:
-        """Return the number of a piece's faces among the shared pieces, and add them on first use."""
+        """Return the index of a folded piece among ``pieces``; on first use add its faces, in units of UNIT_MM."""
         if piece not in self._film:
             plain, poses, faces = _without_small_holes(piece), face_poses(piece), []
             for face in plain.faces:
@@ -86,29 +86,33 @@ class SceneShapes:
 
 
 def _rows(pose: Any) -> list[float]:
+    """Return the 12 numbers of a pose's upper three rows; the fourth is always (0, 0, 0, 1)."""
     rows: list[float] = np.round(pose[:3], DECIMALS).ravel().tolist()
     return rows
 
 
 def _beyond_hinge(folded: FoldedCar, placed: PlacedPiece, piece: Piece) -> dict[str, str]:
-    """Return the faces of a hinge's strip, by name, that move with the segment at its other end."""
+    """Return the body of each face of a hinge's strip that moves with the segment at the strip's other end, by face.
+
+    Other pieces have none. The hinge is the one nearest to the strip's flexure.
+    """
     crease = next((crease for crease in piece.creases if crease.flexure), None)
     if crease is None or not folded.hinges:
         return {}
     faces = {face.name: face for face in piece.faces}
-    place = np.array(placed.pose) @ face_poses(piece)[crease.parent.face]
-    (middle,) = moved(place, np.array([np.mean(edge(faces, crease.parent), axis=0)]))
+    parent_pose = np.array(placed.pose) @ face_poses(piece)[crease.parent.face]
+    (middle,) = moved(parent_pose, np.array([np.mean(edge(faces, crease.parent), axis=0)]))
     hinge = min(folded.hinges, key=lambda hinge: float(np.linalg.norm(middle - hinge.center_mm)))
-    result = {crease.child.face: hinge.rear if placed.body == hinge.front else hinge.front}
+    body_of_face = {crease.child.face: hinge.rear if placed.body == hinge.front else hinge.front}
     # Creases are ordered from the root, so that each parent is placed before its children.
     for other in piece.creases:
-        if other.parent.face in result:
-            result[other.child.face] = result[other.parent.face]
-    return result
+        if other.parent.face in body_of_face:
+            body_of_face[other.child.face] = body_of_face[other.parent.face]
+    return body_of_face
 
 
 def _solids(mount: Mount) -> list[dict[str, Any]]:
-    """Return the solids that show a mount; none if it is small, a single one if it has too many."""
+    """Return the solids that show a mount: none if it is small, a ring if it has too many, its box if it has none."""
     if max(mount.size_mm) < MIN_PART_MM:
         return []
     shapes = [(solid.kind, solid.size_mm, np.array(solid.pose)) for solid in mount.solids]
@@ -134,7 +138,10 @@ def recorded_run(
     heights: Heights,
     message: str,
 ) -> dict[str, Any]:
-    """Return the object that run.js reads; ``message`` says which run it is, and notes on it."""
+    """Return the object that run.js reads: a car, the ground, and its path.
+
+    ``answer`` is the run's result, ``path`` its rows of states (docs/carsim.md). ``message`` says which run it is.
+    """
     head, content = ground_data(scene, heights)
     shapes = SceneShapes()
     parts = shapes.add(folded)
@@ -152,11 +159,12 @@ def drawn_body(body: Mapping[str, Any]) -> dict[str, Any]:
     """Return the geometry of a car's body of docs/carsim.md, for drawing."""
     return {
         "track_m": body["track_m"],
-        "segments": _of(body["segments"], "x_m", "length_m", "width_m", "height_m", "center_z_m"),
-        "hinges": _of(body["hinges"], "x_m", "z_m"),
-        "wheels": _of(body["wheels"], "channel", "segment", "side", "x_m", "radius_m", "width_m"),
+        "segments": _columns(body["segments"], "x_m", "length_m", "width_m", "height_m", "center_z_m"),
+        "hinges": _columns(body["hinges"], "x_m", "z_m"),
+        "wheels": _columns(body["wheels"], "channel", "segment", "side", "x_m", "radius_m", "width_m"),
     }
 
 
-def _of(rows: Sequence[Mapping[str, Any]], *names: str) -> list[dict[str, Any]]:
+def _columns(rows: Sequence[Mapping[str, Any]], *names: str) -> list[dict[str, Any]]:
+    """Return the rows with these columns only."""
     return [{name: row[name] for name in names} for row in rows]

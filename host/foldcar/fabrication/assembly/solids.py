@@ -26,7 +26,8 @@ COLOURS: dict[Material, tuple[int, int, int]] = {
     "other": (140, 140, 140),
 }
 DIGITS = 5
-# Shells of an STL file are smaller by this share: shells that meet in an edge would be read as one open surface.
+# Shells of an STL file are scaled down by this fraction. STL has no indices, so readers merge equal corners: shells
+# that share an edge would be merged to one surface that is not closed.
 SHELL_SHRINKING = 1e-4
 
 
@@ -40,18 +41,18 @@ class Solid:
 
 
 def film_mesh(piece: Piece) -> "Trimesh":
-    """Return the mesh of the folded piece in its root face's frame."""
+    """Return the mesh of the folded piece in its root face's frame (mm): a plate of film for each face."""
     from trimesh.creation import extrude_triangulation
     from trimesh.util import concatenate
 
     poses = face_poses(piece)
-    below = np.eye(4)
-    below[2, 3] = -piece.thickness_mm / 2
+    to_lower_side = np.eye(4)
+    to_lower_side[2, 3] = -piece.thickness_mm / 2
     plates = []
     for face in piece.faces:
         points, _ = face_points(face)
-        at = poses[face.name] @ below
-        plates.append(extrude_triangulation(points, face_triangles(face), piece.thickness_mm, transform=at))
+        lower_pose = poses[face.name] @ to_lower_side
+        plates.append(extrude_triangulation(points, face_triangles(face), piece.thickness_mm, transform=lower_pose))
     mesh: Trimesh = concatenate(plates)
     return mesh
 
@@ -75,7 +76,7 @@ def mount_solid(mount: Mount) -> Solid:
 
 
 def stl_bytes(solids: Sequence[Solid]) -> bytes:
-    """Return a binary STL file of all solids: closed shells, of which no two have a corner in common."""
+    """Return a binary STL file of all solids (mm). Its closed shells are shrunk slightly, so that they do not touch."""
     from trimesh.exchange.stl import export_stl
     from trimesh.util import concatenate
 
@@ -96,12 +97,12 @@ def obj_files(solids: Sequence[Solid], name: str) -> dict[str, bytes]:
     materials = {key: SimpleMaterial(name=key, diffuse=colour) for key, colour in COLOURS.items()}
     scene = trimesh.Scene()
     for solid in solids:
-        # OBJ cuts a name off at a blank.
+        # In an OBJ file a name ends at the first blank.
         title, mesh = solid.name.replace(" ", "_"), solid.mesh
         mesh.visual, mesh.metadata["name"] = TextureVisuals(material=materials[solid.material]), title
         scene.add_geometry(mesh, node_name=title, geom_name=title)
     header = "foldcar, millimetres, x forward, y left, z up"
-    text, others = export_obj(
+    text, other_files = export_obj(
         scene, include_normals=False, return_texture=True, digits=DIGITS, mtl_name=f"{name}.mtl", header=header
     )
-    return {f"{name}.obj": text.encode(), **others}
+    return {f"{name}.obj": text.encode(), **other_files}

@@ -64,19 +64,20 @@ def view_data(folded: FoldedCar) -> dict[str, Any]:
     # Laminated pieces lie on the printed, inner side.
     layers = {join.piece_a for join in folded.joins if join.kind == "laminate"}
     glued = {(join.piece_a, join.a.face) for join in folded.joins if join.kind in ("tab", "lap", "rim")}
-    index = {piece.name: i for i, piece in enumerate(folded.pieces)}
-    number = {("piece", item.piece, item.copy): i for i, item in enumerate(folded.placed)}
+    pieces = {piece.name: piece for piece in folded.pieces}
+    piece_index = {piece.name: i for i, piece in enumerate(folded.pieces)}
+    placed_index = {("piece", item.piece, item.copy): i for i, item in enumerate(folded.placed)}
     mounts: list[tuple[Mount, str]] = []
     for mount in folded.mounts:
         nutted = (NUT, mount.name, 0) in steps.ways
         mounts += zip(shank_and_nut(mount), ("mount", NUT), strict=True) if nutted else [(mount, "mount")]
-    extents = [_flat_extent(folded.pieces[index[placed.piece]]) for placed in folded.placed]
+    extents = [_flat_extent(pieces[placed.piece]) for placed in folded.placed]
     extents += [(-mount.size_mm[0] / 2, -mount.size_mm[1] / 2, *mount.size_mm[:2]) for mount, _ in mounts]
     parts = []
     for placed in folded.placed:
-        piece = folded.pieces[index[placed.piece]]
+        piece = pieces[placed.piece]
         parts.append({
-            "piece": index[placed.piece],
+            "piece": piece_index[placed.piece],
             "name": (piece.label or piece.name) + (f" {placed.copy + 1}" if piece.count > 1 else ""),
             "layer": placed.piece in layers,
             **_part(placed.body, placed.pose, steps, ("piece", placed.piece, placed.copy)),
@@ -88,22 +89,23 @@ def view_data(folded: FoldedCar) -> dict[str, Any]:
             "solids": [{"kind": item.kind, "size": item.size_mm, "pose": _numbers(item.pose)} for item in mount.shape],
             **_part(mount.body, mount.pose, steps, (kind, mount.name.removeprefix(NUT_OF), 0)),
         })  # fmt: skip
-    for part, flat in zip(parts, arrange_in_rows(extents), strict=True):
-        part["flat"] = flat
+    for part, flat_pose in zip(parts, arrange_in_rows(extents), strict=True):
+        part["flat"] = flat_pose
         if part["rides"] is not None:
             host, face = part["rides"]
-            faces = [item.name for item in folded.pieces[index[host[1]]].faces]
-            part["rides"] = [number[host], faces.index(face)]
+            faces = [item.name for item in pieces[host[1]].faces]
+            part["rides"] = [placed_index[host], faces.index(face)]
     return {
         "pieces": [_piece(piece, steps, glued) for piece in folded.pieces],
         "parts": parts,
         "steps": steps.titles,
-        "lid": {index[name]: _children(folded.pieces[index[name]], lid) for name, lid in steps.lids.items() if lid},
+        "lid": {piece_index[name]: _children(pieces[name], creases) for name, creases in steps.lids.items() if creases},
         "ground": _ground_mm(folded),
     }
 
 
 def _part(body: str, pose: Pose, steps: ViewSteps, key: Part) -> dict[str, Any]:
+    """Return what the page needs of every part: its body and pose, and its motions in the steps and the exploded view."""
     # A part that no step adds is in the car from the first step on.
     ways = steps.ways.get(key, [(1, (), 0.0, 1.0)])
     exploded = steps.exploded.get(key, (0.0, 0.0, 0.0))
@@ -111,12 +113,15 @@ def _part(body: str, pose: Pose, steps: ViewSteps, key: Part) -> dict[str, Any]:
 
 
 def _piece(piece: Piece, steps: ViewSteps, glued: set[tuple[str, str]]) -> dict[str, Any]:
-    """Return a piece for the page: triangles of its faces, smooth and uncut edges, folds with the time of closing."""
-    number = {face.name: i for i, face in enumerate(piece.faces)}
+    """Return a piece for the page: for each face its triangles, its smooth and uncut edges, and its fold, if any.
+
+    ``glued`` has the (piece, face) of tabs, which the page lifts off the face that they are taped to.
+    """
+    face_index = {face.name: i for i, face in enumerate(piece.faces)}
     faces = {face.name: face for face in piece.faces}
     creases = {crease.child.face: crease for crease in piece.creases}
     uncut, smooth = _shared_edges(piece, faces)
-    described = []
+    face_entries = []
     for face in piece.faces:
         points, ends = face_points(face)
         entry: dict[str, Any] = {
@@ -124,14 +129,14 @@ def _piece(piece: Piece, steps: ViewSteps, glued: set[tuple[str, str]]) -> dict[
             "rings": [int(end) for end in ends],
             "triangles": face_triangles(face).ravel().tolist(),
             "uncut": sorted(uncut[face.name]),
-            "smooth": [[point, number[other]] for point, other in smooth[face.name]],
+            "smooth": [[point, face_index[other]] for point, other in smooth[face.name]],
         }
         crease = creases.get(face.name)
         if crease is not None:
             side = 1 if crease.angle_rad > 0 else -1
             entry["lifted"] = side if (piece.name, face.name) in glued else 0
             entry["fold"] = {
-                "parent": number[crease.parent.face],
+                "parent": face_index[crease.parent.face],
                 "on": [*edge(faces, crease.parent)[0], *edge(faces, crease.parent)[1]],
                 "own": [*edge(faces, crease.child)[0], *edge(faces, crease.child)[1]],
                 "edge": crease.child.index,
@@ -139,8 +144,8 @@ def _piece(piece: Piece, steps: ViewSteps, glued: set[tuple[str, str]]) -> dict[
                 "drawn": not _is_smooth(crease, faces),
                 "closing": steps.closing[piece.name, crease.name],
             }
-        described.append(entry)
-    return {"name": piece.label or piece.name, "material": "film", "faces": described}
+        face_entries.append(entry)
+    return {"name": piece.label or piece.name, "material": "film", "faces": face_entries}
 
 
 def _is_smooth(crease: Crease, faces: dict[str, Face]) -> bool:
@@ -149,7 +154,10 @@ def _is_smooth(crease: Crease, faces: dict[str, Face]) -> bool:
 
 
 def _shared_edges(piece: Piece, faces: dict[str, Face]) -> tuple[dict[str, set[int]], dict[str, list[tuple[int, str]]]]:
-    """Return, by face, the edges that are not cut, and the points on smooth bends, each with the face beyond it."""
+    """Return two lists by face: indices of its edges that are not cut; (index of a point on a smooth bend, face beyond).
+
+    A fold's longer edge is cut where it goes beyond the shorter one, so it counts as uncut only if both are equal.
+    """
     uncut: dict[str, set[int]] = {name: set() for name in faces}
     smooth: dict[str, list[tuple[int, str]]] = {name: [] for name in faces}
     for crease in piece.creases:
@@ -157,9 +165,9 @@ def _shared_edges(piece: Piece, faces: dict[str, Face]) -> tuple[dict[str, set[i
         if _same_length(faces, crease.parent, crease.child):
             uncut[crease.parent.face].add(crease.parent.index)
         if _is_smooth(crease, faces):
-            for own, other in ((crease.parent, crease.child), (crease.child, crease.parent)):
-                count = len(faces[own.face].outline_mm)
-                smooth[own.face] += [(own.index, other.face), ((own.index + 1) % count, other.face)]
+            for this, beyond in ((crease.parent, crease.child), (crease.child, crease.parent)):
+                count = len(faces[this.face].outline_mm)
+                smooth[this.face] += [(this.index, beyond.face), ((this.index + 1) % count, beyond.face)]
     return uncut, smooth
 
 
@@ -169,9 +177,9 @@ def _same_length(faces: dict[str, Face], a: EdgeRef, b: EdgeRef) -> bool:
 
 
 def _children(piece: Piece, creases: tuple[str, ...]) -> list[int]:
-    """Return the numbers of the faces that turn about these creases."""
-    number = {face.name: i for i, face in enumerate(piece.faces)}
-    return [number[crease.child.face] for crease in piece.creases if crease.name in creases]
+    """Return the indices of the faces that turn about the creases with these names."""
+    face_index = {face.name: i for i, face in enumerate(piece.faces)}
+    return [face_index[crease.child.face] for crease in piece.creases if crease.name in creases]
 
 
 def _flat_extent(piece: Piece) -> tuple[float, float, float, float]:
@@ -197,7 +205,8 @@ def arrange_in_rows(extents: list[tuple[float, float, float, float]]) -> list[li
     A rectangle is minimum x and y, size along x and y (mm). Rectangles longer along y than along x are turned by 90°, so
     that rows are low. The highest rectangles are placed first, each in the first row with room.
     """
-    sizes = [(max(e[2], e[3]) + GAP_MM, min(e[2], e[3]) + GAP_MM) for e in extents]
+    sizes = [(max(dx, dy) + GAP_MM, min(dx, dy) + GAP_MM) for _, _, dx, dy in extents]
+    # The rows together are about square; rows cannot be filled completely.
     width = max(1.15 * math.sqrt(sum(a * b for a, b in sizes)), max(a for a, _ in sizes))
     rows: list[list[float]] = []  # y, height, occupied length along x
     corners = [(0.0, 0.0)] * len(extents)
@@ -214,6 +223,6 @@ def arrange_in_rows(extents: list[tuple[float, float, float, float]]) -> list[li
     for (x, y), (low_x, low_y, along, across) in zip(corners, extents, strict=True):
         # A quarter turn maps (x, y) to (-y, x).
         turned = across > along
-        at = (x + low_y + across, y - low_x) if turned else (x - low_x, y - low_y)
-        places.append([round(at[0], 3), round(at[1] - middle, 3), math.pi / 2 if turned else 0.0])
+        origin = (x + low_y + across, y - low_x) if turned else (x - low_x, y - low_y)
+        places.append([round(origin[0], 3), round(origin[1] - middle, 3), math.pi / 2 if turned else 0.0])
     return places

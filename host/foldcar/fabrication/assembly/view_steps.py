@@ -15,7 +15,7 @@ from foldcar.car.proof.prove import assembly_steps
 from foldcar.car.proof.roles import roles_of
 
 Vector = tuple[float, float, float]
-Part = tuple[str, str, int]  # piece, mount or a screw's nut, its name, copy
+Part = tuple[str, str, int]  # kind ("piece", "mount" or "nut"), name, copy
 NUT = "nut"
 # Step, motions out, and start and end of the part's insertion as fractions of the step's time.
 Ways = list[tuple[int, tuple[Vector, ...], float, float]]
@@ -57,38 +57,40 @@ def view_steps(folded: FoldedCar) -> ViewSteps:
     roles = roles_of(folded)
     bases = {body: _key(item) for body, item in roles.base.items()}
     result = ViewSteps([step.title for step in steps], bases, {name: lid.creases for name, lid in roles.lids.items()})
-    every: list[PlacedPiece | Mount] = [*folded.placed, *folded.mounts]
-    things = {_key(item): item for item in every}
-    for key, thing in things.items():
-        host = roles.host(thing) if isinstance(thing, PlacedPiece) else roles.mount_host(thing)
+    placed_items: list[PlacedPiece | Mount] = [*folded.placed, *folded.mounts]
+    item_of = {_key(item): item for item in placed_items}
+    for key, item in item_of.items():
+        host = roles.host(item) if isinstance(item, PlacedPiece) else roles.mount_host(item)
         if host is not None:
             result.rides[key] = (_key(host[0]), host[1])
     units: dict[tuple[str, str], list[Part]] = {}
     for number, step in enumerate(steps, 1):
-        for place, added in enumerate(step.adds):
-            begin = TOGETHER * place / len(step.adds)
+        for position, added in enumerate(step.adds):
+            start = TOGETHER * position / len(step.adds)
             if step.unit and added.kind != "unit":
                 units.setdefault((step.unit, added.body), []).append((added.kind, added.name, added.copy))
             if added.nut_mm:
                 nut = NUT, added.name, added.copy
-                things[nut] = things["mount", added.name, 0]
+                item_of[nut] = item_of["mount", added.name, 0]
                 if step.unit:
                     units[step.unit, added.body].append(nut)
-                result.ways[nut] = [(number, _out(added.nut_mm), begin, begin + 1 - TOGETHER)]
+                result.ways[nut] = [(number, _out(added.nut_mm), start, start + 1 - TOGETHER)]
                 if ("mount", added.name, 0) in result.rides:
                     result.rides[nut] = result.rides["mount", added.name, 0]
-            alone = [(added.kind, added.name, added.copy)]
-            for part in units[added.name, added.body] if added.kind == "unit" else alone:
+            own_part = [(added.kind, added.name, added.copy)]
+            for part in units[added.name, added.body] if added.kind == "unit" else own_part:
                 way = _out(added.way_mm)
-                result.ways.setdefault(part, []).append((number, way, begin, begin + 1 - TOGETHER))
+                result.ways.setdefault(part, []).append((number, way, start, start + 1 - TOGETHER))
         for piece, folds in step.folds.items():
-            for crease, share in folds.items():
-                result.closing.setdefault((piece, crease), []).append((number, share))
-    for item in folded.pieces:
-        first = min((ways[0][0] for part, ways in result.ways.items() if part[:2] == ("piece", item.name)), default=1)
-        for fold in item.creases:
-            result.closing.setdefault((item.name, fold.name), [(first, 1.0)])
-    result.exploded = dict(_exploded(result, folded, things))
+            for crease, fraction in folds.items():
+                result.closing.setdefault((piece, crease), []).append((number, fraction))
+    # A crease that no step names is folded when its piece goes in.
+    for folded_piece in folded.pieces:
+        ids = [part for part in result.ways if part[:2] == ("piece", folded_piece.name)]
+        first_step = min((result.ways[part][0][0] for part in ids), default=1)
+        for fold in folded_piece.creases:
+            result.closing.setdefault((folded_piece.name, fold.name), [(first_step, 1.0)])
+    result.exploded = dict(_exploded(result, folded, item_of))
     return result
 
 
@@ -97,15 +99,15 @@ def _key(item: PlacedPiece | Mount) -> Part:
 
 
 def _out(way_mm: Sequence[Vector]) -> tuple[Vector, ...]:
-    """Return the way out: the reversed insertion path."""
-    way = [-np.array(move) for move in reversed(way_mm)]
-    if way:
-        way[-1] *= max(1.0, MIN_WAY_MM / float(np.linalg.norm(way[-1])))
-    return tuple(_vector(move) for move in way)
+    """Return the moves out: the insertion path reversed, its last move at least MIN_WAY_MM long."""
+    moves = [-np.array(move) for move in reversed(way_mm)]
+    if moves:
+        moves[-1] *= max(1.0, MIN_WAY_MM / float(np.linalg.norm(moves[-1])))
+    return tuple(_vector(move) for move in moves)
 
 
 def _axis_out(folded: FoldedCar, body: str) -> Vector:
-    """Return the direction outwards along the axle for a wheel's part, else up."""
+    """Return the unit vector outwards along the axle if ``body`` is a wheel, else up."""
     axle = next((axle for axle in folded.axles if axle.wheel == body), None)
     if axle is None:
         return (0.0, 0.0, 1.0)
@@ -113,31 +115,32 @@ def _axis_out(folded: FoldedCar, body: str) -> Vector:
 
 
 def _exploded(
-    steps: ViewSteps, folded: FoldedCar, things: dict[Part, PlacedPiece | Mount]
+    steps: ViewSteps, folded: FoldedCar, item_of: dict[Part, PlacedPiece | Mount]
 ) -> Iterator[tuple[Part, Vector]]:
-    """Yield each part's displacement along its way out, larger for parts farther out in that direction of their body.
+    """Yield each part's displacement (mm) in the exploded view, in the direction of its way out.
 
-    A part without a way goes outwards along the axle if it is of a wheel, else up.
+    Parts of a body with the same direction are ranked by how far out they are; each rank goes NEXT_MM farther. A part
+    without a way goes outwards along the axle if it is of a wheel, else up.
     """
     groups: dict[tuple[str, tuple[int, ...]], list[tuple[float, Part, NDArray[np.float64]]]] = {}
     for part, ways in steps.ways.items():
         if part in steps.bases.values():
             continue
-        thing = things[part]
+        item = item_of[part]
         # A nut stands off the end of its screw, whatever its insertion path.
-        outs = [way[:1] if part[0] == NUT else way for _, way, _, _ in ways]
-        directions = [np.array(way).sum(axis=0) if way else np.array(_axis_out(folded, thing.body)) for way in outs]
+        ways_out = [way[:1] if part[0] == NUT else way for _, way, _, _ in ways]
+        directions = [np.array(way).sum(axis=0) if way else np.array(_axis_out(folded, item.body)) for way in ways_out]
         directions = [direction / np.linalg.norm(direction) for direction in directions]
-        key = (thing.body, tuple(int(value) for value in np.rint(3 * directions[0])))
-        # A unit goes out as a whole.
-        unit = sum(directions[1:], np.zeros(3)) * FIRST_MM
-        groups.setdefault(key, []).append((float(np.array(thing.pose)[:3, 3] @ directions[0]), part, unit))
+        key = (item.body, tuple(int(value) for value in np.rint(3 * directions[0])))
+        # Later directions are those of the unit that the part belongs to, which goes out as a whole.
+        unit_shift = sum(directions[1:], np.zeros(3)) * FIRST_MM
+        groups.setdefault(key, []).append((float(np.array(item.pose)[:3, 3] @ directions[0]), part, unit_shift))
     for (_, rounded), members in groups.items():
-        along = np.array(rounded) / np.linalg.norm(rounded)
-        rank, before = -1, -np.inf
-        for place, part, unit in sorted(members, key=lambda member: member[0]):
-            rank, before = (rank + 1, place) if place > before + SAME_MM else (rank, before)
-            yield part, _vector(unit + along * (FIRST_MM + NEXT_MM * rank))
+        direction = np.array(rounded) / np.linalg.norm(rounded)
+        rank, last_depth = -1, -np.inf
+        for depth, part, unit_shift in sorted(members, key=lambda member: member[0]):
+            rank, last_depth = (rank + 1, depth) if depth > last_depth + SAME_MM else (rank, last_depth)
+            yield part, _vector(unit_shift + direction * (FIRST_MM + NEXT_MM * rank))
 
 
 def _vector(values: NDArray[np.float64]) -> Vector:

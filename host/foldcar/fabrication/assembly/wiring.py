@@ -42,7 +42,7 @@ def wiring_text(folded: FoldedCar, title: str) -> str:
         others=[wire for wire in folded.wires if wire.carries != "signal"],
         carries=CARRIES,
         hinges=folded.hinges,
-        leads=[(lead, _note(lead)) for lead in leads(folded)],
+        leads=[(lead, _lead_note(lead)) for lead in leads(folded)],
         gpio=OE_GPIO,
         pull_up_ohm=OE_PULL_UP_OHM,
         off_v=LOGIC_V * OE_PULL_DOWN_OHM / (OE_PULL_DOWN_OHM + OE_PULL_UP_OHM),
@@ -60,28 +60,31 @@ def _is_switched(folded: FoldedCar) -> bool:
     return any(wire.a.startswith(folded.parts.switch.name) for wire in folded.wires)
 
 
-def _note(lead: Lead) -> str:
+def _lead_note(lead: Lead) -> str:
+    """Return on which side a lead leaves the battery, and how it is made long enough; "" if neither is known."""
     side = f"leaves the battery on the {lead.leaves}" if lead.leaves else ""
     return "; ".join(text for text in (side, lead_remedy(lead)) if text)
 
 
 def lead_remedy(lead: Lead) -> str:
-    """Return the instruction that makes a lead long enough; "" if it is."""
-    length = _cut_mm(lead)
+    """Return the instruction that makes a lead long enough; "" if it is long enough."""
+    wire_mm = _wire_length_mm(lead)
     if lead.kind == "wire":
-        return f"cut {length} mm of wire"
+        return f"cut {wire_mm} mm of wire"
     if lead.kind == "solder":
-        return f"solder {length} mm of wire to it" if length else ""
+        return f"solder {wire_mm} mm of wire to it" if wire_mm else ""
     return f"with {lead.extension}" if lead.extension else ""
 
 
-def _cut_mm(lead: Lead) -> int:
+def _wire_length_mm(lead: Lead) -> int:
+    """Return the length of wire to add to a lead, rounded up to 5 mm."""
     return math.ceil(lead.missing_mm / 5) * 5
 
 
 def wiring_drawing(folded: FoldedCar, title: str) -> str:
-    """Return the drawing as SVG."""
+    """Return the drawing of the car's wiring as SVG, in mm of a page."""
     car_leads = leads(folded)
+    wires = [lead for lead in car_leads if lead.kind != "plug"]
     axles = {axle.channel: axle for axle in folded.axles if axle.driven}
     page = page_template("foldcar.fabrication.assembly", "wiring.svg").render(
         title=title,
@@ -89,7 +92,7 @@ def wiring_drawing(folded: FoldedCar, title: str) -> str:
         axles=[axles.get(output) for output in range(OUTPUTS)],
         extended={lead.start: lead.extension.rpartition(", ")[2] for lead in car_leads if lead.extension},
         switched=_is_switched(folded),
-        lengths=[(lead, f"{_cut_mm(lead)} mm") for lead in car_leads if lead.kind != "plug" and lead.missing_mm > 0],
+        lengths=[(lead, f"{_wire_length_mm(lead)} mm") for lead in wires if lead.missing_mm > 0],
         gpio=OE_GPIO,
         pull_up_ohm=OE_PULL_UP_OHM,
     )

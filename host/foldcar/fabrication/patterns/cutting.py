@@ -36,51 +36,54 @@ TEXT_MM = 2.0
 
 def how_to_cut(made: Pattern, command: str) -> str:
     """Return the page how_to_cut.md for the sheets, in Markdown."""
-    chosen = made.options
+    options = made.options
     used = {shape.layer for sheet in made.sheets for shape in sheet.shapes}
     return page_template("foldcar.fabrication.patterns", "how_to_cut.md").render(
         made=made,
         command=command,
-        chosen=chosen,
-        machine=MACHINES[chosen.machine],
+        chosen=options,
+        machine=MACHINES[options.machine],
         bar_mm=REFERENCE_MM,
         bounds=bounds,
         layers=[layer for layer in LAYERS.values() if layer.name in used],
         meanings=MEANINGS,
         drawn={"CONTINUOUS": "", "DASHED": ", dashed", "DASHDOT": ", dash-dotted"},
-        scored=chosen.fold == "score" and chosen.machine != "scissors",
+        scored=options.fold == "score" and options.machine != "scissors",
     )
 
 
-def coupon(chosen: Options, parts: Catalogue) -> Sheet:
-    """Return the coupon for the film of a car with these parts. Raises NestingError if it does not fit on a sheet."""
+def coupon(options: Options, parts: Catalogue) -> Sheet:
+    """Return the sheet with the coupon for a car with these parts: rows of test pieces under a title.
+
+    Raises NestingError if it does not fit on a sheet.
+    """
     window = Polygon(box(0, 0, 30, 34).exterior, [box(5, 5, 25, 25).exterior])
-    # The width of the tongue is that of slots without clearance.
+    # The tongue is as wide as a slot without clearance is long.
     tongue = Polygon([(0, 0), (30, 0), (30, 8), (20, 8), (20, 20), (10, 20), (10, 8), (0, 8)])
     rows = [
         [(_piece("bar", box(0, 0, 100, 8)), _text("100 mm", 50, 3))],
         [_slots(parts), (_piece("square", box(0, 0, 20, 20)), _text("20 mm", 10, 9))],
-        [_folds(chosen), (_piece("tongue", tongue), _text("10 mm", 15, 3.0))],
+        [_folds(options), (_piece("tongue", tongue), _text("10 mm", 15, 3.0))],
         [(_piece("window", window), _text("kerf", 15, 28.5))],
     ]
-    margin = chosen.margin_mm
-    lines = wrapped([f"Coupon: {parts.film.title}, {chosen.machine}, kerf {chosen.kerf_mm:g} mm, {BAR}"])
+    margin = options.margin_mm
+    lines = wrapped([f"Coupon: {parts.film.title}, {options.machine}, kerf {options.kerf_mm:g} mm, {BAR}"])
     groups: list[tuple[Shape, ...]] = [tuple(shape.moved(Motion(0, (margin, margin))) for shape in title_shapes(lines))]
-    y, right = margin + title_size_mm(len(lines))[1] + chosen.gap_mm, margin
+    y, right = margin + title_size_mm(len(lines))[1] + options.gap_mm, margin
     for row in rows:
-        x, top = margin + chosen.kerf_mm, y
+        x, top = margin + options.kerf_mm, y
         for flat, marks in row:
             motion = Motion(0, (x, y))
-            groups.append(tuple(shape.moved(motion) for shape in (*marks, *cut_shapes(flat, chosen.kerf_mm))))
+            groups.append(tuple(shape.moved(motion) for shape in (*marks, *cut_shapes(flat, options.kerf_mm))))
             _, _, width, height = flat.outline.bounds
-            x, top, right = x + width + chosen.gap_mm + chosen.kerf_mm, max(top, y + height), max(right, x + width)
-        y = top + chosen.gap_mm + chosen.kerf_mm
+            x, top, right = x + width + options.gap_mm + options.kerf_mm, max(top, y + height), max(right, x + width)
+        y = top + options.gap_mm + options.kerf_mm
     occupied = Polygon(box(margin, margin, right, y).exterior)
-    if not fits((right - margin, y - margin), chosen.sheet_size_mm, margin):
-        large = too_large_message("calibration coupon", occupied, chosen.sheet_size_mm, margin)
-        raise NestingError(f"{large}; {suggest_sheet(lambda other: all_fit([occupied], other), [occupied], chosen)}")
-    size = chosen.sheet_size_mm if right + margin <= chosen.sheet_size_mm[0] else chosen.sheet_size_mm[::-1]
-    return Sheet("coupon", *size, tuple(tuple(rounded(group)) for group in groups), chosen.dashed)
+    if not fits((right - margin, y - margin), options.sheet_size_mm, margin):
+        large = too_large_message("calibration coupon", occupied, options.sheet_size_mm, margin)
+        raise NestingError(f"{large}; {suggest_sheet(lambda other: all_fit([occupied], other), [occupied], options)}")
+    size = options.sheet_size_mm if right + margin <= options.sheet_size_mm[0] else options.sheet_size_mm[::-1]
+    return Sheet("coupon", *size, tuple(tuple(rounded(group)) for group in groups), options.dashed)
 
 
 def _piece(label: str, outline: Polygon) -> FlatPiece:
@@ -93,30 +96,32 @@ def _text(text: str, x: float, y: float, height: float = TEXT_MM) -> list[Shape]
     return [Path("LABEL", tuple((x - width / 2 + u, y + v) for u, v in stroke)) for stroke in strokes]
 
 
-def _folds(chosen: Options) -> tuple[FlatPiece, list[Shape]]:
-    """Tongues of 10 x 16 mm on a strip, each with a fold at its base."""
-    pitch, base, tall = TONGUE_MM + 2, 8.0, 16.0
+def _folds(options: Options) -> tuple[FlatPiece, list[Shape]]:
+    """Return the coupon's comb and its marks: tongues of 10 x 16 mm, at their bases folds with dashes to choose from."""
+    pitch, base_y, height = TONGUE_MM + 2, 8.0, 16.0
     points: list[Point] = [(0.0, 0.0), (len(DASHES_MM) * pitch, 0.0)]
     marks = _text("folds", len(DASHES_MM) * pitch / 2, 3.0)
-    for i, (cut, bridge) in reversed(list(enumerate(DASHES_MM))):
+    for i, (cut_mm, bridge_mm) in reversed(list(enumerate(DASHES_MM))):
         left, right = i * pitch + 1, (i + 1) * pitch - 1
-        points += [(right, base), (right, base + tall), (left, base + tall), (left, base)]
-        marks += [Path("FOLD_VALLEY", d) for d in dashes((left, base), (right, base), cut, bridge, chosen.kerf_mm)]
-        marks += _text(f"{cut:g}", (left + right) / 2, base + 10.5) + _text(f"{bridge:g}", (left + right) / 2, base + 6.0)
-    points += [(0.0, base)]
-    points[2:2] = [(len(DASHES_MM) * pitch, base)]
+        points += [(right, base_y), (right, base_y + height), (left, base_y + height), (left, base_y)]
+        cuts = dashes((left, base_y), (right, base_y), cut_mm, bridge_mm, options.kerf_mm)
+        marks += [Path("FOLD_VALLEY", cut) for cut in cuts]
+        marks += _text(f"{cut_mm:g}", (left + right) / 2, base_y + 10.5)
+        marks += _text(f"{bridge_mm:g}", (left + right) / 2, base_y + 6.0)
+    points += [(0.0, base_y)]
+    points[2:2] = [(len(DASHES_MM) * pitch, base_y)]
     return _piece("folds", Polygon(points)), marks
 
 
 def _slots(parts: Catalogue) -> tuple[FlatPiece, list[Shape]]:
-    """Slots as wide as the car's, and as long as the tongue plus the labelled clearance."""
+    """Return the coupon's piece with slots and its marks: slots as wide as the car's, with the labelled clearances."""
     pitch = TONGUE_MM + 5
     outline = box(0, 0, len(CLEARANCES_MM) * pitch, 16)
-    wide = parts.film.thickness_mm.value + parts.assembly.slot_clearance_mm.value
+    slot_width = parts.film.thickness_mm.value + parts.assembly.slot_clearance_mm.value
     holes = []
     marks = _text("slots", len(CLEARANCES_MM) * pitch / 2, 1.5)
     for i, clearance in enumerate(CLEARANCES_MM):
         middle, half = (i + 0.5) * pitch, (TONGUE_MM + clearance) / 2
-        holes.append(box(middle - half, 7, middle + half, 7 + wide).exterior)
+        holes.append(box(middle - half, 7, middle + half, 7 + slot_width).exterior)
         marks += _text(f"+{clearance:g}", middle, 10.5)
     return _piece("slots", Polygon(outline.exterior, holes)), marks

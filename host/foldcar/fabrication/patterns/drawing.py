@@ -146,13 +146,13 @@ class Sheet:
     @property
     def layers(self) -> Iterator[tuple[Layer, list[tuple[Shape, ...]]]]:
         """Yield every layer in the order of cutting, with its cuts in their order."""
-        return ((layer, list(self.on(layer.name))) for layer in LAYERS.values())
+        return ((layer, list(self.cuts_on(layer.name))) for layer in LAYERS.values())
 
-    def on(self, layer: LayerName) -> Iterator[tuple[Shape, ...]]:
+    def cuts_on(self, layer: LayerName) -> Iterator[tuple[Shape, ...]]:
         """Yield a layer's cuts in the order of cutting: a closed line or circle alone, a group's open lines together.
 
-        Small cuts come first, because large cuts loosen the film. Cuts within a factor of two in size form a class. In
-        each class the next cut is the one nearest to the end of the last, from the sheet's lower left corner.
+        Small cuts come first, because large cuts loosen the film: cuts are grouped by size in factors of two. In each
+        group the next cut is the one nearest to the end of the last; the first starts near the lower left corner.
         """
         cuts: list[tuple[Shape, ...]] = []
         for group in self.groups:
@@ -160,12 +160,13 @@ class Sheet:
             lines = tuple(shape for shape in shapes if isinstance(shape, Path) and not shape.closed)
             cuts += [lines] if lines else []
             cuts += [(shape,) for shape in shapes if isinstance(shape, Circle) or shape.closed]
-        sizes: dict[int, list[tuple[Shape, ...]]] = {}
+        cuts_by_size: dict[int, list[tuple[Shape, ...]]] = {}
         for cut in cuts:
             x0, y0, x1, y1 = bounds(cut)
-            sizes.setdefault(math.frexp(max(x1 - x0, y1 - y0))[1], []).append(cut)
+            binary_exponent = math.frexp(max(x1 - x0, y1 - y0))[1]
+            cuts_by_size.setdefault(binary_exponent, []).append(cut)
         position = (0.0, 0.0)
-        for _, remaining in sorted(sizes.items()):
+        for _, remaining in sorted(cuts_by_size.items()):
             while remaining:
                 starts = [math.dist(position, _ends(cut[0])[0]) for cut in remaining]
                 cut = remaining.pop(starts.index(min(starts)))
@@ -174,7 +175,7 @@ class Sheet:
 
 
 def _ends(shape: Shape) -> tuple[Point, Point]:
-    """Return where the cut of a shape starts and ends; a circle's cut does both at its right."""
+    """Return where the cut of a shape starts and ends (mm); a circle's is its rightmost point."""
     if isinstance(shape, Circle):
         right = shape.center_mm[0] + shape.radius_mm, shape.center_mm[1]
         return right, right
@@ -182,12 +183,12 @@ def _ends(shape: Shape) -> tuple[Point, Point]:
 
 
 def bounds(shapes: Iterable[Shape]) -> tuple[float, float, float, float]:
-    """Minimum x and y, maximum x and y of the shapes (mm)."""
+    """Return the bounding box of the shapes: minimum x and y, maximum x and y (mm)."""
     points = []
     for shape in shapes:
         if isinstance(shape, Circle):
-            (x, y), r = shape.center_mm, shape.radius_mm
-            points += [(x - r, y - r), (x + r, y + r)]
+            (x, y), radius = shape.center_mm, shape.radius_mm
+            points += [(x - radius, y - radius), (x + radius, y + radius)]
         else:
             points += shape.points_mm
     xs, ys = zip(*points, strict=True)

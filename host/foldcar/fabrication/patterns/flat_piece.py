@@ -90,17 +90,20 @@ class FlatPiece:
 
 
 @lru_cache(maxsize=256)
-def flat_piece(piece: Piece, chosen: Options) -> FlatPiece:
-    """Unfold a piece. Raises ValueError if its faces are not one connected area."""
+def flat_piece(piece: Piece, options: Options) -> FlatPiece:
+    """Unfold a piece: its faces, shortened at bends, are placed in the plane and united to one outline.
+
+    Raises ValueError if the faces are not one connected area.
+    """
     thickness = piece.thickness_mm
     faces = {face.name: face for face in piece.faces}
-    inward = {face.name: [_free_edge_mm(face, chosen)] * len(face.outline_mm) for face in piece.faces}
+    inward = {face.name: [_free_edge_mm(face, options)] * len(face.outline_mm) for face in piece.faces}
     for crease in piece.creases:
-        shortening_mm = _saved_mm(crease, thickness, chosen) / 2
+        shortening_mm = _saved_mm(crease, thickness, options) / 2
         inward[crease.parent.face][crease.parent.index] = shortening_mm
         inward[crease.child.face][crease.child.index] = shortening_mm
     corners = {name: offset_edges(face.outline_mm, inward[name]) for name, face in faces.items()}
-    placings = _placings(piece, thickness, chosen)
+    placings = _placings(piece, thickness, options)
     flat = tuple(_flat_face(face, corners[face.name], placings[face.name]) for face in piece.faces)
     by_name = {face.name: face for face in flat}
     lines = [(_fold(crease, by_name), crease.bend) for crease in piece.creases]
@@ -137,7 +140,7 @@ def flat_piece(piece: Piece, chosen: Options) -> FlatPiece:
     )
 
 
-def bend_deduction_mm(angle_rad: float, thickness_mm: float, chosen: Options) -> float:
+def bend_deduction_mm(angle_rad: float, thickness_mm: float, options: Options) -> float:
     """Bend deduction (mm): the length that a bend saves compared with a sharp corner of the middle surfaces.
 
     It is the two setbacks 2 (r + t/2) tan(a/2) minus the neutral line's arc a (r + k t), with inner radius r, thickness
@@ -146,26 +149,29 @@ def bend_deduction_mm(angle_rad: float, thickness_mm: float, chosen: Options) ->
     angle = abs(angle_rad)
     if angle > MAX_BEND_RAD:
         return 0.0
-    radius = chosen.bend_radius_mm
+    radius = options.bend_radius_mm
     setbacks = 2 * (radius + thickness_mm / 2) * math.tan(angle / 2)
-    return setbacks - angle * (radius + chosen.k_factor * thickness_mm)
+    return setbacks - angle * (radius + options.k_factor * thickness_mm)
 
 
-def _saved_mm(crease: Crease, thickness_mm: float, chosen: Options) -> float:
+def _saved_mm(crease: Crease, thickness_mm: float, options: Options) -> float:
     """The bend deduction (mm) of a fold; a smooth bend's facets are as long as the film's middle."""
-    return 0.0 if crease.bend else bend_deduction_mm(crease.angle_rad, thickness_mm, chosen)
+    return 0.0 if crease.bend else bend_deduction_mm(crease.angle_rad, thickness_mm, options)
 
 
-def _free_edge_mm(face: Face, chosen: Options) -> float:
+def _free_edge_mm(face: Face, options: Options) -> float:
     if face.role != "tab":
         return 0.0
     # A small tab keeps half of its width.
     x0, y0, x1, y1 = Polygon(face.outline_mm).bounds
-    return min(chosen.tab_clearance_mm, float(min(x1 - x0, y1 - y0)) / 4)
+    return min(options.tab_clearance_mm, float(min(x1 - x0, y1 - y0)) / 4)
 
 
-def _placings(piece: Piece, thickness_mm: float, chosen: Options) -> dict[str, Callable[[Point], Point]]:
-    """Return each face's motion into the flat; children are moved towards their parent by the bend deduction."""
+def _placings(piece: Piece, thickness_mm: float, options: Options) -> dict[str, Callable[[Point], Point]]:
+    """Return, by face, the function that maps a point of the face (mm) into the flat piece.
+
+    A child is moved towards its parent by the bend deduction, with all its own children.
+    """
     faces = {face.name: face for face in piece.faces}
     poses = folded(piece, 0.0)
     shifts = {piece.faces[0].name: (0.0, 0.0)}
@@ -173,12 +179,12 @@ def _placings(piece: Piece, thickness_mm: float, chosen: Options) -> dict[str, C
     for crease in piece.creases:
         pose = poses[crease.parent.face]
         a, b = edge(faces, crease.parent)
-        saved = _saved_mm(crease, thickness_mm, chosen) / math.dist(a, b)
-        x, y = -(b[1] - a[1]) * saved, (b[0] - a[0]) * saved
-        before = shifts[crease.parent.face]
+        saved_per_length = _saved_mm(crease, thickness_mm, options) / math.dist(a, b)
+        x, y = -(b[1] - a[1]) * saved_per_length, (b[0] - a[0]) * saved_per_length
+        parent_shift = shifts[crease.parent.face]
         shifts[crease.child.face] = (
-            before[0] + pose[0][0] * x + pose[0][1] * y,
-            before[1] + pose[1][0] * x + pose[1][1] * y,
+            parent_shift[0] + pose[0][0] * x + pose[0][1] * y,
+            parent_shift[1] + pose[1][0] * x + pose[1][1] * y,
         )
     return {name: partial(_placed, pose=pose, shift=shifts[name]) for name, pose in poses.items()}
 
@@ -189,7 +195,11 @@ def _placed(p: Point, pose: Pose, shift: Point) -> Point:
 
 
 def _flat_face(face: Face, corners: list[list[Point]], place: Callable[[Point], Point]) -> FlatFace:
-    """Return a face with its edges and holes, moved to their ``place`` in the flat piece."""
+    """Return a face with its edges and holes in the flat piece; ``place`` maps its points there.
+
+    A corner has two points where its edges are offset differently (see ``offset_edges``): an edge goes from the last
+    point of its first corner to the first point of the next.
+    """
     points = [[place(p) for p in corner] for corner in corners]
     edges = {i: (points[i][-1], points[(i + 1) % len(points)][0]) for i in range(len(points))}
     outline = Polygon([p for corner in points for p in corner])
@@ -213,7 +223,7 @@ def _corners(edges: Sequence[Edge]) -> Iterator[Edge]:
 
 
 def _fold(crease: Crease, faces: dict[str, FlatFace]) -> Fold | None:
-    """Return the common part of both edges as a fold, or None if they have none."""
+    """Return the part that the parent's and the child's edge share as a fold; None if it is too short."""
     a, b = faces[crease.parent.face].edges[crease.parent.index]
     c, d = faces[crease.child.face].edges[crease.child.index]
     length = math.dist(a, b)
@@ -233,8 +243,8 @@ def _fold(crease: Crease, faces: dict[str, FlatFace]) -> Fold | None:
 def _slits(outline: Polygon, faces: Sequence[FlatFace], folds: Sequence[Fold]) -> tuple[tuple[Point, ...], ...]:
     """Return the slits: lines where two faces touch without a fold between them."""
     edges = shapely.union_all([face.outline.exterior for face in faces], grid_size=GRID_MM)
-    kept: Any = shapely.union_all([outline.boundary, *(LineString([f.a, f.b]) for f in folds)])
-    uncovered = shapely.difference(edges, shapely.buffer(kept, 2 * STRAIGHT_MM, quad_segs=1))
+    known_lines: Any = shapely.union_all([outline.boundary, *(LineString([f.a, f.b]) for f in folds)])
+    uncovered = shapely.difference(edges, shapely.buffer(known_lines, 2 * STRAIGHT_MM, quad_segs=1))
     parts = shapely.get_parts(shapely.line_merge(uncovered))
     return tuple(tuple(part.coords) for part in parts if part.length > MIN_SLIT_MM)
 
@@ -247,7 +257,7 @@ def moved_to_origin(flat: FlatPiece) -> FlatPiece:
 
 
 def _shifted(value: Any, x: float, y: float) -> Any:
-    """Return the value with all points in it moved by (x, y)."""
+    """Return a copy of the value in which all points, also in nested containers and polygons, are moved by (x, y)."""
     match value:
         case float(), float():
             return value[0] + x, value[1] + y
@@ -263,10 +273,10 @@ def _shifted(value: Any, x: float, y: float) -> Any:
 
 
 def offset_edges(outline_mm: Sequence[Point], inward_mm: Sequence[float]) -> list[list[Point]]:
-    """Move edge i (from corner i to i + 1) inwards by ``inward_mm[i]`` and return the new points of each corner.
+    """Move edge i (from corner i to i + 1) inwards by ``inward_mm[i]``; return the new points of each corner.
 
-    The outline is counter-clockwise. A corner has one point, or two where collinear edges move by different distances,
-    the first on the edge that ends there.
+    The outline is counter-clockwise. A corner's new point is where the moved edges' lines intersect. Where collinear
+    edges move by different distances there are two points: the end of one edge and the start of the next.
     """
     count = len(outline_mm)
     lines = []
@@ -278,13 +288,13 @@ def offset_edges(outline_mm: Sequence[Point], inward_mm: Sequence[float]) -> lis
         lines.append(((ax + nx, ay + ny), (bx + nx, by + ny), (ux, uy)))
     corners: list[list[Point]] = []
     for i in range(count):
-        _, end, before = lines[i - 1]
-        start, _, after = lines[i]
-        cross = before[0] * after[1] - before[1] * after[0]
+        _, end, direction_before = lines[i - 1]
+        start, _, direction_after = lines[i]
+        cross = direction_before[0] * direction_after[1] - direction_before[1] * direction_after[0]
         if abs(cross) < PARALLEL:
-            same = math.dist(end, start) < PARALLEL
-            corners.append([end] if same else [end, start])
+            is_same_point = math.dist(end, start) < PARALLEL
+            corners.append([end] if is_same_point else [end, start])
             continue
-        along = ((start[0] - end[0]) * after[1] - (start[1] - end[1]) * after[0]) / cross
-        corners.append([(end[0] + along * before[0], end[1] + along * before[1])])
+        along = ((start[0] - end[0]) * direction_after[1] - (start[1] - end[1]) * direction_after[0]) / cross
+        corners.append([(end[0] + along * direction_before[0], end[1] + along * direction_before[1])])
     return corners

@@ -58,20 +58,24 @@ class EdgeMark:
 def label_paths(
     flat: FlatPiece, name: str, marks: Iterable[EdgeMark], quarter_turns: int
 ) -> tuple[list[Path], list[str]]:
-    """Return the strokes of name and numbers, upright after ``quarter_turns``, and the texts that did not fit."""
+    """Return the strokes of a piece's name and of its numbers, and the texts for which there is no room.
+
+    Each text takes the first place where its box lies in free film; then its surroundings are no longer free. Texts are
+    upright after the piece is turned by ``quarter_turns`` · 90°.
+    """
     turn = quarter_turns * math.pi / 2
-    occupied: list[BaseGeometry] = [LineString([f.a, f.b]) for f in flat.folds]
-    occupied += [LineString(line) for line in (*flat.slits, *flat.marks)]
-    occupied += [ShapelyPoint(p).buffer(d / 2) for p, d in flat.circles]
-    blocked = shapely.union_all([line.buffer(CLEAR_MM, quad_segs=2) for line in occupied])
+    line_shapes: list[BaseGeometry] = [LineString([f.a, f.b]) for f in flat.folds]
+    line_shapes += [LineString(line) for line in (*flat.slits, *flat.marks)]
+    line_shapes += [ShapelyPoint(p).buffer(d / 2) for p, d in flat.circles]
+    blocked = shapely.union_all([line.buffer(CLEAR_MM, quad_segs=2) for line in line_shapes])
     free: BaseGeometry = flat.outline.buffer(-CLEAR_MM, quad_segs=2).difference(blocked)
     paths: list[Path] = []
     missing: list[str] = []
 
     # Numbers first, because they have fewer possible places than the name.
     for mark in marks:
-        room = free if mark.within is None else free.intersection(mark.within)
-        fit = _first_fit(room, mark.text, list(_beside_edges(mark, turn)), NUMBER_HEIGHTS_MM)
+        allowed = free if mark.within is None else free.intersection(mark.within)
+        fit = _first_fit(allowed, mark.text, list(_beside_edges(mark, turn)), NUMBER_HEIGHTS_MM)
         if fit is None:
             missing.append(mark.text)
             continue
@@ -97,65 +101,77 @@ class _Place:
 def _first_fit(
     free: BaseGeometry, text: str, places: list[_Place], heights: tuple[float, ...]
 ) -> tuple[list[Path], Polygon] | None:
-    """Return the text at the largest height that fits at one of the places, with its box; None if none fits."""
+    """Return the strokes and the box of a text at the first place, and with the largest of ``heights`` (mm), that fits.
+
+    None if it does not fit anywhere.
+    """
     if free.is_empty or not places:
         return None
     shapely.prepare(free)
     cos, sin = (np.array([[turn(place.angle)] for place in places]) for turn in (math.cos, math.sin))
     for height in heights:
         strokes, width = text_strokes(text, height)
+        # Distance of the box's centre from an edge that it stands beside.
         depth = CLEAR_MM + height * (1 + DESCENT) / 2
-        middles = np.array(
-            [[at + depth * to for at, to in zip(place.point, place.inward, strict=True)] for place in places]
-        )
-        corner = -width / 2, -height / 2 + height * DESCENT / 2
+        centres = np.array([place.point for place in places]) + depth * np.array([place.inward for place in places])
+        origin = -width / 2, -height / 2 + height * DESCENT / 2
 
-        def put(points: Sequence[Point], i: slice, at: Points = middles, corner: Point = corner) -> Points:
-            u, v = (np.array(points) + corner).T
+        def placed(points: Sequence[Point], i: slice, at: Points = centres, origin: Point = origin) -> Points:
+            """Return points of the text, (m, 2), turned and moved to the places with these indices: (n, m, 2)."""
+            u, v = (np.array(points) + origin).T
             return np.stack([at[i, :1] + cos[i] * u - sin[i] * v, at[i, 1:] + sin[i] * u + cos[i] * v], axis=-1)
 
         corners = [(0.0, -height * DESCENT), (width, -height * DESCENT), (width, height), (0.0, height)]
-        boxes = shapely.polygons(put(corners, slice(None)))
-        for i in np.flatnonzero(shapely.contains(free, boxes))[:1].tolist():
-            moved = (put(stroke, slice(i, i + 1))[0].tolist() for stroke in strokes)
-            return [Path("LABEL", tuple((x, y) for x, y in line)) for line in moved], boxes[i]
+        boxes = shapely.polygons(placed(corners, slice(None)))
+        fitting = np.flatnonzero(shapely.contains(free, boxes))
+        if len(fitting):
+            i = int(fitting[0])
+            lines = (placed(stroke, slice(i, i + 1))[0].tolist() for stroke in strokes)
+            return [Path("LABEL", tuple((x, y) for x, y in line)) for line in lines], boxes[i]
     return None
 
 
 def _upright(angle: float) -> float:
-    """Return the line's direction or its reverse, so that text is not upside down; vertical text reads from the right."""
+    """Return a line's angle (rad) or its reverse, so that text along it is not upside down.
+
+    Vertical text is read from the right.
+    """
     angle = math.remainder(angle, math.pi)
     return angle + math.pi if angle < -math.pi / 2 + 1e-6 else angle
 
 
 def _beside_edges(mark: EdgeMark, turn: float) -> Iterator[_Place]:
-    """Yield places along each edge, from its middle outwards; then farther inside."""
+    """Yield places for a number beside the edges of a mark: at several depths, from each edge's middle outwards.
+
+    ``turn`` is the angle (rad) by which the piece is turned on its sheet.
+    """
     for (ax, ay), (bx, by) in mark.edges:
         length = math.hypot(bx - ax, by - ay)
         inward = (-(by - ay) / length, (bx - ax) / length)
         angle = _upright(math.atan2(by - ay, bx - ax) + turn) - turn
-        for deep in (1.2, 0.0, 3.0, 6.0):
+        for depth_mm in (1.2, 0.0, 3.0, 6.0):
             for fraction in (0.5, 0.4, 0.6, 0.3, 0.7, 0.2, 0.8, 0.1, 0.9):
-                point = (ax + fraction * (bx - ax) + deep * inward[0], ay + fraction * (by - ay) + deep * inward[1])
-                yield _Place(point, angle, inward)
+                x = ax + fraction * (bx - ax) + depth_mm * inward[0]
+                y = ay + fraction * (by - ay) + depth_mm * inward[1]
+                yield _Place((x, y), angle, inward)
 
 
 def _in_faces(flat: FlatPiece, turn: float) -> list[_Place]:
-    """Return places on the faces, largest face first, from its centre outwards, first along its longer side.
+    """Return places for a name in the four largest faces: in each from its centre outwards, first along its longer side.
 
-    A strip, which bends smoothly, counts as one face.
+    A strip, which bends smoothly, counts as one face. ``turn`` is the angle (rad) by which the piece is turned.
     """
-    areas = [face.outline for face in sorted(flat.faces, key=lambda face: -float(face.outline.area))[:4]]
+    outlines = [face.outline for face in sorted(flat.faces, key=lambda face: -float(face.outline.area))[:4]]
     if flat.bends:
-        areas = [flat.outline]
+        outlines = [flat.outline]
     places = []
-    for area in areas:
-        x0, y0, x1, y1 = area.bounds
+    for outline in outlines:
+        x0, y0, x1, y1 = outline.bounds
         middle = ((x0 + x1) / 2, (y0 + y1) / 2)
         grid = [(x0 + (x1 - x0) * i / 12, y0 + (y1 - y0) * j / 12) for i in range(1, 12) for j in range(1, 12)]
         grid.sort(key=lambda p: (round(math.dist(p, middle), 6), p))
-        tall = y1 - y0 > 1.2 * (x1 - x0)
-        for angle in (math.pi / 2, 0.0) if tall else (0.0, math.pi / 2):
+        is_upright = y1 - y0 > 1.2 * (x1 - x0)
+        for angle in (math.pi / 2, 0.0) if is_upright else (0.0, math.pi / 2):
             places += [_Place(p, _upright(angle + turn) - turn) for p in grid]
     return places
 
@@ -166,64 +182,74 @@ def join_marks(piece: FlatPiece, car: FoldedCar, unsplit_car: FoldedCar) -> Iter
     ``car`` has pieces split to fit the sheets, ``unsplit_car`` has whole pieces, as they are placed in the car.
     """
     faces = {face.name: face for face in piece.faces}
-    seen: set[tuple[int, str]] = set()
-    around: dict[tuple[int, bool], list[Edge]] = {}
+    done: set[tuple[int, str]] = set()
+    edges_around_rim: dict[tuple[int, bool], list[Edge]] = {}
     for join in car.joins:
         for name, ref, slot in ((join.piece_a, join.a, None), (join.piece_b, join.b, join.slot)):
             if name != piece.name or ref.face not in faces:
                 continue
+            # A laminate's base is marked along the outline of the part laid onto it.
             if join.kind == "laminate" and ref is join.b:
-                if (join.number, ref.face) not in seen:
-                    yield from (EdgeMark(str(join.number), edges) for edges in _under(faces[ref.face], join, unsplit_car))
-                seen.add((join.number, ref.face))
+                if (join.number, ref.face) not in done:
+                    layers = _edges_under_layers(faces[ref.face], join, unsplit_car)
+                    yield from (EdgeMark(str(join.number), edges) for edges in layers)
+                done.add((join.number, ref.face))
                 continue
             edges = _edges(faces[ref.face], ref, join, slot)
             if not edges:
                 continue
             if join.kind == "rim" or piece.bends:
                 # A strip that is joined to itself has its number at both ends.
-                around.setdefault((join.number, ref is join.a), []).extend(edges)
-            elif (join.number, ref.face) not in seen:
-                seen.add((join.number, ref.face))
+                edges_around_rim.setdefault((join.number, ref is join.a), []).extend(edges)
+            elif (join.number, ref.face) not in done:
+                done.add((join.number, ref.face))
                 yield EdgeMark(str(join.number), tuple(edges))
-    for (number, _), edges in around.items():
+    for (number, _), edges in edges_around_rim.items():
         half = len(edges) // 2
         yield EdgeMark(str(number), tuple(sorted((*edges[half:], *edges[:half]), key=_slant)[:PLACES]))
-    for name, outline in (laid for face in piece.faces for laid in face.laid.items() if laid[1]):
+    for name, outline in (laid_parts for face in piece.faces for laid_parts in face.laid.items() if laid_parts[1]):
         longest = sorted(outline, key=lambda edge: -round(math.dist(*edge), 3))
         yield EdgeMark(name, tuple(longest), shapely.MultiLineString(outline).convex_hull)
 
 
-def _under(face: FlatFace, join: Join, unsplit_car: FoldedCar) -> Iterator[tuple[Edge, ...]]:
-    """Yield, for each layer that a join lays on a face, the edges of the opening in it, or of its own outline."""
-    above, below = (name.partition(PART)[0] for name in (join.piece_a, join.piece_b))
-    piece = next(other for other in unsplit_car.pieces if other.name == below)
+def _edges_under_layers(face: FlatFace, join: Join, unsplit_car: FoldedCar) -> Iterator[tuple[Edge, ...]]:
+    """Yield the edges beside which a laminating join's number stands on the lower face, for each layer laid on it.
+
+    They are the edges of holes of the face under the layer or, without holes, of the layer's outline.
+    """
+    upper_piece, lower_piece = (name.partition(PART)[0] for name in (join.piece_a, join.piece_b))
+    piece = next(other for other in unsplit_car.pieces if other.name == lower_piece)
     outline = next(other for other in piece.faces if other.name == face.name).outline_mm
     pairs = [((outline[i], outline[(i + 1) % len(outline)]), edge) for i, edge in face.edges.items() if i < len(outline)]
-    # The motion from the face's frame to the flat, by its longest unsplit edge; a bend shortens it by less than 1 mm.
-    kept = [pair for pair in pairs if abs(math.dist(*pair[0]) - math.dist(*pair[1])) < 1.0]
-    if not kept:
+    # The longest edge that was not split gives the motion from the face's frame to the flat piece. Points are complex
+    # numbers, so that a rotation is a product. A bend shortens an edge by less than 1 mm.
+    unchanged = [pair for pair in pairs if abs(math.dist(*pair[0]) - math.dist(*pair[1])) < 1.0]
+    if not unchanged:
         yield tuple(_edges(face, join.b, join, None))
         return
     (a, b), (to_a, to_b) = (
-        (complex(*edge[0]), complex(*edge[1])) for edge in max(kept, key=lambda pair: math.dist(*pair[0]))
+        (complex(*edge[0]), complex(*edge[1])) for edge in max(unchanged, key=lambda pair: math.dist(*pair[0]))
     )
     turn = (to_b - to_a) / (b - a)
     turn /= abs(turn)
-    for layer in _layers(unsplit_car, above, join.a.face, below, face.name):
-        flat = [(complex(*point) - (a + b) / 2) * turn + (to_a + to_b) / 2 for point in layer.exterior.coords]
-        area = shapely.Polygon([(point.real, point.imag) for point in flat]).intersection(face.outline)
-        if area.is_empty or area.geom_type != "Polygon":
+    for layer in _layers(unsplit_car, upper_piece, join.a.face, lower_piece, face.name):
+        layer_points = [(complex(*point) - (a + b) / 2) * turn + (to_a + to_b) / 2 for point in layer.exterior.coords]
+        layer_area = shapely.Polygon([(point.real, point.imag) for point in layer_points]).intersection(face.outline)
+        if layer_area.is_empty or layer_area.geom_type != "Polygon":
             continue
-        room = area.buffer(1.0)
-        around = [edge for ring in face.holes.values() for edge in ring if room.covers(shapely.LineString(edge))]
-        ring = [(x, y) for x, y in shapely.geometry.polygon.orient(area).exterior.coords]
-        yield tuple(sorted(around or pairwise(ring), key=_slant)[:PLACES])
+        under_layer = layer_area.buffer(1.0)
+        edges = (edge for ring in face.holes.values() for edge in ring)
+        hole_edges = [edge for edge in edges if under_layer.covers(shapely.LineString(edge))]
+        ring = [(x, y) for x, y in shapely.geometry.polygon.orient(layer_area).exterior.coords]
+        yield tuple(sorted(hole_edges or pairwise(ring), key=_slant)[:PLACES])
 
 
 @lru_cache(maxsize=256)
 def _layers(car: FoldedCar, piece_a: str, face_a: str, piece_b: str, face_b: str) -> tuple[shapely.Polygon, ...]:
-    """Return the outlines (mm) of laminated faces like ``face_a`` on ``face_b``, in its frame, each place once."""
+    """Return the outlines (mm) of the faces of ``piece_a`` that are laminated onto ``face_b``, in its frame.
+
+    Faces at the same place count once.
+    """
     placed = [face for faces in placed_faces(car).values() for face in faces if face.piece.name in (piece_a, piece_b)]
     lower_face = next(face for face in placed if (face.piece.name, face.face.name) == (piece_b, face_b))
     same_faces = {join.a.face for join in car.joins if (join.piece_a, join.kind) == (piece_a, "laminate")} | {face_a}
@@ -239,7 +265,10 @@ def _layers(car: FoldedCar, piece_a: str, face_a: str, piece_b: str, face_b: str
 
 
 def _edges(face: FlatFace, ref: EdgeRef, join: Join, slot: str | None) -> list[Edge]:
-    """Return the edges beside which the number may be written, with the film on their left."""
+    """Return the edges beside which a join's number may be written, with the film on their left.
+
+    They are those of the slot, of the holes by which layers are aligned, or the joined edge ``ref``.
+    """
     if slot is not None and slot in face.holes:
         return list(face.holes[slot])
     if join.kind == "laminate":
@@ -267,7 +296,10 @@ def _font() -> HersheyFonts:
 
 @cache
 def text_strokes(text: str, height_mm: float) -> tuple[tuple[tuple[Point, ...], ...], float]:
-    """Return the strokes of ``text`` with capitals ``height_mm`` high, from x = 0 on the base line, and its width."""
+    """Return the strokes of ``text`` and its width (mm); it starts at x = 0, its base line is y = 0.
+
+    Capitals are ``height_mm`` high.
+    """
     scale = height_mm / CAP_UNITS
     printable = "".join(c if " " <= c <= "~" else "?" for c in text)
     strokes = [

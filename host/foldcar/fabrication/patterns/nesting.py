@@ -9,6 +9,7 @@ them grown by the gap; it is computed once for each pair. The search has a fixed
 work, not time: the same pieces give the same layout.
 """
 
+import itertools
 import math
 import random
 from collections.abc import Callable, Iterable, Sequence
@@ -34,7 +35,7 @@ MAX_EXTENSIONS = 4
 SPARSE_FRACTION = 0.25
 SEED = 1
 # Probability with which the search changes when the title is placed, instead of the order.
-TITLE_SHARE = 0.1
+TITLE_CHANGE_PROBABILITY = 0.1
 # Rounding errors of outlines: an overlap with a cell below this does not count.
 TOUCH_MM = 1e-4
 
@@ -95,28 +96,29 @@ class _Area:
         self._masks: dict[tuple[int, int], tuple[_RotatedPiece, _RotatedPiece, Cells]] = {}
 
     def turned(self, outline: Polygon) -> list[_RotatedPiece]:
-        """Return the piece in every turn that fits into the empty area."""
+        """Return the piece's rasters in each of four quarter turns that fits into the empty area, without duplicates."""
         result: list[_RotatedPiece] = []
         for turn in range(4):
             motion = Motion(turn)
-            moved = Polygon([motion.apply((x, y)) for x, y in outline.exterior.coords])
-            x0, y0, x1, y1 = moved.bounds
-            spare = [side - length for side, length in zip(self.usable_mm, (x1 - x0, y1 - y0), strict=True)]
-            if min(spare) < -1e-6:
+            turned_outline = Polygon([motion.apply((x, y)) for x, y in outline.exterior.coords])
+            x0, y0, x1, y1 = turned_outline.bounds
+            spare_mm = [side - length for side, length in zip(self.usable_mm, (x1 - x0, y1 - y0), strict=True)]
+            if min(spare_mm) < -1e-6:
                 continue
-            cells = _touched(moved, (x0, y0), 0)
+            cells = _touched(turned_outline, (x0, y0), 0)
             if any(np.array_equal(cells, other.cells) for other in result):
                 continue
             padding_cells = math.ceil(self.gap_mm / CELL_MM - 1e-9)
-            grown = _touched(moved.buffer(self.gap_mm, quad_segs=16), (x0, y0), padding_cells)
-            columns, rows = (max(0, math.floor(length / CELL_MM + 1e-6)) + 1 for length in spare)
+            grown = _touched(turned_outline.buffer(self.gap_mm, quad_segs=16), (x0, y0), padding_cells)
+            columns, rows = (max(0, math.floor(length / CELL_MM + 1e-6)) + 1 for length in spare_mm)
             result.append(_RotatedPiece(turn, cells, grown, padding_cells, (x0, y0), (rows, columns)))
         return result
 
     def no_fit_mask(self, placed: _RotatedPiece, other: _RotatedPiece) -> Cells:
-        """Return the no-fit mask: offsets of ``other`` relative to ``placed`` at which the two come too near.
+        """Return the no-fit mask: for each offset of ``other`` relative to ``placed``, whether they come too near.
 
-        The first element is the lowest and leftmost offset (see `_Sheet.blocked`).
+        The mask is where the correlation of both rasters is positive; it is computed by FFT as a convolution with the
+        mirrored raster. The first element is the lowest and leftmost offset (see `_Sheet.blocked`).
         """
         key = (id(placed), id(other))
         if key not in self._masks:
@@ -136,7 +138,10 @@ class _Area:
 
 
 def _touched(outline: Polygon, corner_mm: Point, padding_cells: int) -> Cells:
-    """Return the raster of cells that the polygon touches, with padding below and left of the corner."""
+    """Return the raster (rows, columns) of cells that the polygon touches.
+
+    Cell (0, 0) begins at ``corner_mm``, after ``padding_cells`` rows and columns below and left of it.
+    """
     _, _, x1, y1 = outline.bounds
     columns, rows = (math.ceil((high - low) / CELL_MM - 1e-6) for low, high in zip(corner_mm, (x1, y1), strict=True))
     # A square touches the polygon if its centre is in the polygon or in an edge drawn with the square as a pen.
@@ -162,7 +167,10 @@ class _Sheet:
     _blocked: dict[int, tuple[Cells, int]] = field(default_factory=dict)
 
     def blocked(self, turned: _RotatedPiece) -> Cells:
-        """Return a mask of the rows and columns at which the piece would come too near to another."""
+        """Return a mask of the (row, column) at which the piece's first cell would bring it too near to another piece.
+
+        The mask is kept for each piece, and updated by the pieces placed since the last call.
+        """
         blocked, placed_count = self._blocked.get(id(turned)) or (np.zeros(turned.places, dtype=bool), 0)
         rows, columns = turned.places
         for other, row, column in self.placed[placed_count:]:
@@ -179,17 +187,20 @@ class _Sheet:
         return blocked
 
     def place(self, turns: _Turns) -> Motion | None:
-        """Put the piece, in one of its turns, where its top is lowest; None if no turn fits."""
-        places = []
+        """Place the piece, in one of its turns, where its top is lowest, then leftmost; return its motion.
+
+        None if there is no room in any turn.
+        """
+        candidates = []
         for turned in turns:
             blocked = self.blocked(turned).ravel()
-            first = int(blocked.argmin())
-            if not blocked[first]:
-                row, column = divmod(first, turned.places[1])
-                places.append((row + turned.cells.shape[0], column, turned.turn, row, turned))
-        if not places:
+            first_free = int(blocked.argmin())
+            if not blocked[first_free]:
+                row, column = divmod(first_free, turned.places[1])
+                candidates.append((row + turned.cells.shape[0], column, turned.turn, row, turned))
+        if not candidates:
             return None
-        top, column, _, row, turned = min(places, key=lambda place: place[:3])
+        top, column, _, row, turned = min(candidates, key=lambda place: place[:3])
         self.placed.append((turned, row, column))
         self.top = max(self.top, top)
         return self.area.motion(turned, row, column)
@@ -203,31 +214,36 @@ def nest(
     title_mm: tuple[float, float],
     box_mm: tuple[float, float] = (0.0, 0.0),
 ) -> Nest:
-    """Lay out pieces (name, outline, count), with a title of that size on every sheet that has room for it.
+    """Lay out the copies of pieces (name, outline, count) on few sheets, each with a title and a box if there is room.
 
-    Then, on each sheet, a box of ``box_mm``, if any, takes a place that pieces and title leave free. The last sheet is
-    the one with most film left. Raises NestingError, which names the piece, its size and the sheet's, if a piece does not
-    fit on a sheet.
+    ``size_mm`` is that of a sheet, ``title_mm`` and ``box_mm`` (for a QR code) are those of title and box; a size 0 means
+    without it. Boxes take places that pieces and titles leave free. The last sheet is the one with most film left. Raises
+    NestingError, which names the piece, its size and the sheet's, if a piece does not fit on a sheet.
     """
     area = _Area(size_mm, margin_mm, gap_mm)
+    # In the first turn that fits, or [] if none does.
     title, box = (area.turned(shapely.box(0, 0, *size))[:1] if min(size) > 0 else [] for size in (title_mm, box_mm))
     if title and title[0].turn:
+        # A title is not turned, so that it can be read.
         title = []
     turns = [area.turned(outline) for _, outline, _ in pieces]
     for (name, outline, _), turned in zip(pieces, turns, strict=True):
         if not turned:
             raise NestingError(too_large_message(name, outline, size_mm, margin_mm))
     best = _search_layout(area, title, turns, _first_orders(pieces), _min_sheets(area, pieces))
-    ranks = sorted(range(len(best.sheets)), key=lambda k: (best.sheets[k] is best.last, k))
+    sheet_order = sorted(range(len(best.sheets)), key=lambda k: (best.sheets[k] is best.last, k))
     placements: list[list[Placement]] = [[] for _ in pieces]
     for index, sheet, motion in best.copies:
-        placements[index].append(Placement(ranks.index(sheet), motion))
-    boxes = tuple(best.sheets[k].place(box) for k in ranks)
-    return Nest(tuple(map(tuple, placements)), tuple(best.titles[k] for k in ranks), boxes)
+        placements[index].append(Placement(sheet_order.index(sheet), motion))
+    boxes = tuple(best.sheets[k].place(box) for k in sheet_order)
+    return Nest(tuple(map(tuple, placements)), tuple(best.titles[k] for k in sheet_order), boxes)
 
 
 def _min_sheets(area: _Area, pieces: Sequence[tuple[str, Polygon, int]]) -> int:
-    """Lower bound of the sheets: pieces grown by half the gap do not overlap in the usable area grown as much."""
+    """Return a lower bound of the number of sheets, from areas.
+
+    Pieces grown by half the gap do not overlap, and lie in the usable area grown by as much.
+    """
     occupied_mm2: float = sum(outline.buffer(area.gap_mm / 2).area * count for _, outline, count in pieces)
     return math.ceil(occupied_mm2 / math.prod(side + area.gap_mm for side in area.usable_mm))
 
@@ -246,7 +262,7 @@ class _Layout:
         return min(self.sheets, key=lambda sheet: sheet.top_of_pieces, default=None)
 
     @property
-    def film(self) -> tuple[int, ...]:
+    def film_cost(self) -> tuple[int, ...]:
         """The cost to minimise: number of sheets, missing titles, height and area (cells) taken of the last sheet."""
         if self.last is None:
             return (0,)
@@ -257,45 +273,52 @@ class _Layout:
 def _search_layout(
     area: _Area, title: _Turns, turns: Sequence[_Turns], orders: Sequence[list[int]], min_sheets: int
 ) -> _Layout:
-    """Find the best layout by local search, first by the number of titles, whose reference bar proves the scale.
+    """Find the best layout by local search over the order of pieces and the time when the title is placed.
 
-    ``min_sheets`` is a lower bound of the number of sheets.
+    A change is kept if it does not cost more film. The best layout has the fewest sheets without a title, because its
+    bar proves the scale; then it takes the least film. ``min_sheets`` is a lower bound of the number of sheets.
     """
-    chance = random.Random(SEED)
-    starts = [(_lay_out(area, title, turns, order, first), order, first) for order in orders for first in (True, False)]
-    current, order, first = min(starts, key=lambda start: start[0].film)
+    rng = random.Random(SEED)
+    starts = itertools.product(orders, (True, False))
+    first_layouts = [(_lay_out(area, title, turns, *start), *start) for start in starts]
+    current, order, title_first = min(first_layouts, key=lambda start: start[0].film_cost)
 
-    def worth(layout: _Layout) -> tuple[int, ...]:
-        return layout.titles.count(None), *layout.film
+    def search_cost(layout: _Layout) -> tuple[int, ...]:
+        return layout.titles.count(None), *layout.film_cost
 
-    best = min((layout for layout, _, _ in starts), key=worth)
+    best = min((layout for layout, _, _ in first_layouts), key=search_cost)
     positions = sum(math.prod(turned.places) for index in order for turned in turns[index])
     tries = min(MAX_TRIES, int(MAX_POSITIONS / positions)) if len(order) > 1 else 0
-    sparse = SPARSE_FRACTION * math.prod(area.usable_mm) / CELL_MM**2
+    sparse_cells = SPARSE_FRACTION * math.prod(area.usable_mm) / CELL_MM**2
     for number in range(MAX_EXTENSIONS * tries):
-        if number >= tries and (len(best.sheets) <= min_sheets or best.film[-1] > sparse):
+        # Search on only while a sheet might be saved: there are more than the bound, and the last is nearly empty.
+        if number >= tries and (len(best.sheets) <= min_sheets or best.film_cost[-1] > sparse_cells):
             break
-        changed = (order, not first) if chance.random() < TITLE_SHARE else (_changed_order(order, chance), first)
+        change_title = rng.random() < TITLE_CHANGE_PROBABILITY
+        changed = (order, not title_first) if change_title else (_changed_order(order, rng), title_first)
         layout = _lay_out(area, title, turns, *changed)
-        if layout.film <= current.film:
-            current, (order, first) = layout, changed
-        best = min(best, layout, key=worth)
+        if layout.film_cost <= current.film_cost:
+            current, (order, title_first) = layout, changed
+        best = min(best, layout, key=search_cost)
     return best
 
 
-def _changed_order(order: Sequence[int], chance: random.Random) -> list[int]:
+def _changed_order(order: Sequence[int], rng: random.Random) -> list[int]:
     """Return the order with two different pieces exchanged, or one moved to another place."""
-    other = list(order)
-    i, j = chance.sample(range(len(order)), 2)
-    if chance.random() < 0.5:
-        other[i], other[j] = other[j], other[i]
+    changed = list(order)
+    i, j = rng.sample(range(len(order)), 2)
+    if rng.random() < 0.5:
+        changed[i], changed[j] = changed[j], changed[i]
     else:
-        other.insert(j, other.pop(i))
-    return other
+        changed.insert(j, changed.pop(i))
+    return changed
 
 
 def _first_orders(pieces: Sequence[tuple[str, Polygon, int]]) -> list[list[int]]:
-    """Return two orders of the copies: by decreasing area of the box, and by decreasing length."""
+    """Return two orders of the copies, each a list of indices of ``pieces`` (name, outline, count).
+
+    They are sorted by decreasing area of the bounding box, and by its decreasing longer side.
+    """
     boxes = [outline.bounds for _, outline, _ in pieces]
     sides = [(x1 - x0, y1 - y0) for x0, y0, x1, y1 in boxes]
     copies = [index for index, (_, _, count) in enumerate(pieces) for _ in range(count)]
@@ -306,37 +329,50 @@ def _first_orders(pieces: Sequence[tuple[str, Polygon, int]]) -> list[list[int]]
 
 
 def _lay_out(area: _Area, title: _Turns, turns: Sequence[_Turns], order: Sequence[int], title_first: bool) -> _Layout:
-    """Lay the copies out in that order; titles take a sheet's corner, or a place that the pieces leave free."""
+    """Place the copies in that order, each on the first sheet with room.
+
+    With ``title_first`` a sheet's title is placed before its pieces, else where they leave room.
+    """
     sheets: list[_Sheet] = []
     titles: list[Motion | None] = []
     copies: list[tuple[int, int, Motion]] = []
     # A piece that does not fit on a sheet will not fit later, because sheets only fill up.
-    first = [0] * len(turns)
+    first_candidate = [0] * len(turns)
     for index in order:
         motion = None
-        while motion is None:
-            if first[index] == len(sheets):
-                if len(sheets) == MAX_SHEETS:
-                    raise NestingError(f"--sheet: the pieces need more than {MAX_SHEETS} sheets")
-                sheets.append(_Sheet(area))
-                titles.append(sheets[-1].place(title) if title_first else None)
-                motion = sheets[-1].place(turns[index])
-                if motion is None:
-                    sheets[-1], titles[-1] = _Sheet(area), None
-            motion = motion or sheets[first[index]].place(turns[index])
-            first[index] += motion is None
-        copies.append((index, first[index], motion))
+        while motion is None and first_candidate[index] < len(sheets):
+            motion = sheets[first_candidate[index]].place(turns[index])
+            first_candidate[index] += motion is None
+        if motion is None:
+            if len(sheets) == MAX_SHEETS:
+                raise NestingError(f"--sheet: the pieces need more than {MAX_SHEETS} sheets")
+            sheet, title_motion, motion = _new_sheet(area, title if title_first else [], turns[index])
+            sheets.append(sheet)
+            titles.append(title_motion)
+        copies.append((index, first_candidate[index], motion))
     for number, sheet in enumerate(sheets):
         sheet.top_of_pieces = sheet.top
         titles[number] = titles[number] or sheet.place(title)
     return _Layout(tuple(copies), tuple(sheets), tuple(titles))
 
 
+def _new_sheet(area: _Area, title: _Turns, piece: _Turns) -> tuple[_Sheet, Motion | None, Motion]:
+    """Return a sheet with the piece on it, and the motions of title and piece; without title if both do not fit."""
+    sheet = _Sheet(area)
+    title_motion = sheet.place(title)
+    motion = sheet.place(piece)
+    if motion is None:
+        sheet, title_motion = _Sheet(area), None
+        motion = sheet.place(piece)
+    assert motion is not None, "pieces fit on an empty sheet"
+    return sheet, title_motion, motion
+
+
 def fits(extent_mm: tuple[float, float], size_mm: tuple[float, float], margin_mm: float) -> bool:
-    """Whether a box of that extent fits into the usable area, upright or turned by 90°."""
+    """Whether a box of that extent fits into a sheet without its margins, upright or turned by 90°."""
     low, high = sorted(extent_mm)
-    least, greatest = sorted(side - 2 * margin_mm for side in size_mm)
-    return low <= least + 1e-6 and high <= greatest + 1e-6
+    usable_low, usable_high = sorted(side - 2 * margin_mm for side in size_mm)
+    return low <= usable_low + 1e-6 and high <= usable_high + 1e-6
 
 
 def too_large_message(name: str, outline: Polygon, size_mm: tuple[float, float], margin_mm: float) -> str:
@@ -349,24 +385,27 @@ def too_large_message(name: str, outline: Polygon, size_mm: tuple[float, float],
     )
 
 
-def suggest_sheet(enough: Callable[[Options], bool], outlines: Iterable[Polygon], chosen: Options) -> str:
-    """Suggest the machine's smallest sheet for which ``enough`` holds, else one as large as the outlines (mm)."""
-    width, height = chosen.sheet_size_mm
-    for name in MACHINES[chosen.machine].sheets:
-        other = replace(chosen, sheet=name)
-        if math.prod(other.sheet_size_mm) > width * height and enough(other):
+def suggest_sheet(is_enough: Callable[[Options], bool], outlines: Iterable[Polygon], options: Options) -> str:
+    """Return a text that suggests the machine's smallest larger sheet for which ``is_enough`` holds.
+
+    Without such a sheet, suggest one as large as the outlines (mm).
+    """
+    width, height = options.sheet_size_mm
+    for name in MACHINES[options.machine].sheets:
+        other = replace(options, sheet=name)
+        if math.prod(other.sheet_size_mm) > width * height and is_enough(other):
             return f"--sheet {name} would do"
     sides = [sorted((x1 - x0, y1 - y0)) for x0, y0, x1, y1 in (outline.bounds for outline in outlines)]
-    low, high = (_rounded_up(max(side[i] for side in sides) + 2 * chosen.margin_mm + 1) for i in (0, 1))
+    low, high = (_rounded_up(max(side[i] for side in sides) + 2 * options.margin_mm + 1) for i in (0, 1))
     if high > MAX_SHEET_MM:
         return f"no sheet of up to {MAX_SHEET_MM:g} mm would do: make the car smaller"
     return f"--sheet {high:g}x{low:g} would do"
 
 
-def all_fit(outlines: Sequence[Polygon], chosen: Options) -> bool:
+def all_fit(outlines: Sequence[Polygon], options: Options) -> bool:
     """Whether each of the outlines (mm) fits on a sheet."""
     bounds = (outline.bounds for outline in outlines)
-    return all(fits((x1 - x0, y1 - y0), chosen.sheet_size_mm, chosen.margin_mm) for x0, y0, x1, y1 in bounds)
+    return all(fits((x1 - x0, y1 - y0), options.sheet_size_mm, options.margin_mm) for x0, y0, x1, y1 in bounds)
 
 
 def _rounded_up(length_mm: float) -> float:

@@ -108,20 +108,20 @@ def options(machine: str, **changes: Any) -> Options:
     changes = {key: value.lower() if isinstance(value, str) else value for key, value in changes.items()}
     if machine not in MACHINES:
         raise OptionError(f"--machine {machine}: not one of {', '.join(MACHINES)}")
-    chosen = replace(MACHINES[machine].preset, **{key: value for key, value in changes.items() if value is not None})
-    for field in fields(chosen):
-        value = getattr(chosen, field.name)
+    result = replace(MACHINES[machine].preset, **{key: value for key, value in changes.items() if value is not None})
+    for field in fields(result):
+        value = getattr(result, field.name)
         if field.name not in LIMITS or value is None:
             continue
-        low, high, why = LIMITS[field.name]
-        if not low <= value <= high:
-            raise OptionError(f"{_flag(field.name)} {value:g}: not within {low:g} to {high:g} mm ({why})")
-    if chosen.fold not in ("dash", "score"):
-        raise OptionError(f"--fold {chosen.fold}: not one of dash, score")
-    width, height = chosen.sheet_size_mm
-    if min(width, height) - 2 * chosen.margin_mm < 1:
-        raise OptionError(f"--margin {chosen.margin_mm:g}: leaves nothing of a sheet of {width:g} x {height:g} mm")
-    return chosen
+        minimum, maximum, meaning = LIMITS[field.name]
+        if not minimum <= value <= maximum:
+            raise OptionError(f"{_flag(field.name)} {value:g}: not within {minimum:g} to {maximum:g} mm ({meaning})")
+    if result.fold not in ("dash", "score"):
+        raise OptionError(f"--fold {result.fold}: not one of dash, score")
+    width, height = result.sheet_size_mm
+    if min(width, height) - 2 * result.margin_mm < 1:
+        raise OptionError(f"--margin {result.margin_mm:g}: leaves nothing of a sheet of {width:g} x {height:g} mm")
+    return result
 
 
 def sheet_size_mm(sheet: str) -> tuple[float, float]:
@@ -135,20 +135,20 @@ def sheet_size_mm(sheet: str) -> tuple[float, float]:
     except ValueError:
         width = height = math.nan
     if not (10 <= width <= MAX_SHEET_MM and 10 <= height <= MAX_SHEET_MM):
-        known = ", ".join(SHEETS)
+        names = ", ".join(SHEETS)
         raise OptionError(
-            f"--sheet {sheet}: neither one of {known} nor WIDTHxHEIGHT of 10 to {MAX_SHEET_MM:g} mm, as in 600x400, "
+            f"--sheet {sheet}: neither one of {names} nor WIDTHxHEIGHT of 10 to {MAX_SHEET_MM:g} mm, as in 600x400, "
             "or in inches, as in 24x36in"
         )
     return width, height
 
 
-def arguments(chosen: Options) -> list[str]:
-    """Return the words of a command line that choose these options."""
-    preset = MACHINES[chosen.machine].preset
-    words = [] if chosen.machine == "silhouette" else ["--machine", chosen.machine]
-    for field in fields(chosen):
-        value = getattr(chosen, field.name)
+def arguments(options: Options) -> list[str]:
+    """Return the arguments of a command line that give these options; values of the preset are left out."""
+    preset = MACHINES[options.machine].preset
+    words = [] if options.machine == "silhouette" else ["--machine", options.machine]
+    for field in fields(options):
+        value = getattr(options, field.name)
         if value != getattr(preset, field.name):
             words += [_flag(field.name), value if isinstance(value, str) else f"{value:.10g}"]
     return words

@@ -35,23 +35,26 @@ ROUNDING_MM = 0.01
 
 
 def piece_shapes(
-    flat: FlatPiece, chosen: Options, marks: Iterable[EdgeMark], quarter_turns: int = 0
+    flat: FlatPiece, options: Options, marks: Iterable[EdgeMark], quarter_turns: int = 0
 ) -> tuple[list[Shape], list[str]]:
-    """Return the piece's shapes in its own frame, with texts upright after the quarter turns, and warnings."""
+    """Return the piece's shapes in its own frame, and a warning for each label that does not fit.
+
+    Texts are upright after the piece is turned by ``quarter_turns`` · 90°.
+    """
     name = flat.label if flat.count == 1 else f"{flat.label} (x{flat.count})"
     labels, missing = label_paths(flat, name, marks, quarter_turns)
     warnings = [f'{flat.label}: no room for the label "{text}"' for text in missing]
     shapes: list[Shape] = list(labels)
     shapes += [Path("SCORE", mark) for mark in flat.marks]
-    shapes += _folds(flat, chosen)
-    shapes += cut_shapes(flat, chosen.kerf_mm)
+    shapes += _folds(flat, options)
+    shapes += cut_shapes(flat, options.kerf_mm)
     return shapes, warnings
 
 
 def cut_shapes(flat: FlatPiece, kerf_mm: float) -> list[Shape]:
-    """Return outline and openings, offset by half a kerf so that the cut piece has its nominal size."""
+    """Return the cuts of outline, openings and slits, offset by half a kerf so that the piece has its nominal size."""
     half = kerf_mm / 2
-    shapes: list[Shape] = [Circle("CUT_INNER", middle, diameter / 2 - half) for middle, diameter in flat.circles]
+    shapes: list[Shape] = [Circle("CUT_INNER", centre, diameter / 2 - half) for centre, diameter in flat.circles]
     shapes += [Path("CUT_INNER", slit) for slit in flat.slits]
     for ring in flat.outline.interiors:
         hole = Polygon(ring).buffer(-half, join_style="mitre", mitre_limit=3) if half else Polygon(ring)
@@ -71,15 +74,15 @@ def _path(layer: LayerName, points: Iterable[tuple[float, ...]]) -> Path:
     return Path(layer, tuple((float(x), float(y)) for x, y in points), closed=True)
 
 
-def _folds(flat: FlatPiece, chosen: Options) -> Iterator[Shape]:
-    """Yield the lines or cuts of folds, and lines on the label layer for folds that are neither cut nor scored."""
+def _folds(flat: FlatPiece, options: Options) -> Iterator[Shape]:
+    """Yield score lines or dashes of folds, and a line on the label layer for each fold without either."""
     for fold in flat.folds:
         # A flexure is neither cut nor scored, which would weaken it; a line on the label layer shows its place.
         if fold.kind == "flexure":
             yield Path("LABEL", (fold.a, fold.b))
-        elif chosen.fold == "score":
+        elif options.fold == "score":
             yield Path(FOLD_LAYERS[fold.kind], (fold.a, fold.b))
-    for fold, cuts in fold_cuts(flat, chosen):
+    for fold, cuts in fold_cuts(flat, options):
         yield from (Path(FOLD_LAYERS[fold.kind], cut) for cut in cuts)
         if not cuts:
             yield Path("LABEL", (fold.a, fold.b))
@@ -88,10 +91,11 @@ def _folds(flat: FlatPiece, chosen: Options) -> Iterator[Shape]:
 def dashes(
     a: Point, b: Point, cut_mm: float, bridge_mm: float, kerf_mm: float = 0.0, occupied: BaseGeometry | None = None
 ) -> list[Cut]:
-    """Return the cuts along the fold from ``a`` to ``b``, outside of ``occupied``: other cuts with the film around them.
+    """Return the dashes to cut along the fold from ``a`` to ``b``: as many as fit, with equal bridges between them.
 
-    Without ``occupied`` the fold has a bridge at both ends. The finished cuts, kerf included, have the length ``cut_mm``;
-    bridges are at least ``bridge_mm``, equal between two cuts. A short fold has a shorter cut, a tiny fold none.
+    A finished cut, kerf included, is ``cut_mm`` long, a bridge at least ``bridge_mm``. Cuts keep out of ``occupied``,
+    which is other cuts with the film around them; without it the fold begins and ends with a bridge. A short fold has a
+    shorter cut, a tiny fold no cut.
     """
     length = math.dist(a, b)
 
@@ -99,36 +103,39 @@ def dashes(
         fraction = distance / length
         return a[0] + fraction * (b[0] - a[0]), a[1] + fraction * (b[1] - a[1])
 
-    free = [(bridge_mm, length - bridge_mm)] if occupied is None else list(_free(a, b, occupied))
-    cuts = [cut for low, high in free for cut in _row(low, high, cut_mm, bridge_mm)]
+    free = [(bridge_mm, length - bridge_mm)] if occupied is None else list(_free_intervals(a, b, occupied))
+    cuts = [cut for start, end in free for cut in _spaced_cuts(start, end, cut_mm, bridge_mm)]
     half = length * SHORT_FOLD_FRACTION / 2
     if not cuts and 2 * half >= MIN_FOLD_CUT_MM:
         cuts = [(length / 2 - half, length / 2 + half)]
-    # The beam or blade is as wide as the kerf at both ends of its way.
-    trims = ((low, high, min(kerf_mm, (high - low) / 2) / 2) for low, high in cuts)
-    return [(at(low + trim), at(high - trim)) for low, high, trim in trims]
+    # A beam or blade cuts half a kerf beyond both ends of its path, so the path is shorter than the cut.
+    trims = ((start, end, min(kerf_mm, (end - start) / 2) / 2) for start, end in cuts)
+    return [(at(start + trim), at(end - trim)) for start, end, trim in trims]
 
 
-def _free(a: Point, b: Point, occupied: BaseGeometry) -> Iterator[tuple[float, float]]:
-    """Yield the parts of the fold outside of ``occupied`` by their distances from ``a`` (mm)."""
+def _free_intervals(a: Point, b: Point, occupied: BaseGeometry) -> Iterator[tuple[float, float]]:
+    """Yield the intervals of the line from ``a`` to ``b`` outside of ``occupied``: distances of both ends from ``a``."""
     for part in shapely.get_parts(LineString([a, b]).difference(occupied)):
         if part.length > 0:
             low, high = sorted(math.dist(a, p) for p in (part.coords[0], part.coords[-1]))
             yield low, high
 
 
-def _row(low: float, high: float, cut_mm: float, bridge_mm: float) -> Iterator[tuple[float, float]]:
-    """Yield cuts from ``low`` to ``high``, the first and last at the ends; a single cut in the middle."""
-    room = high - low
-    count = math.floor((room + bridge_mm) / (cut_mm + bridge_mm) + 1e-9)
+def _spaced_cuts(start: float, end: float, cut_mm: float, bridge_mm: float) -> Iterator[tuple[float, float]]:
+    """Yield as many cuts (start, end) as fit into an interval (mm along a fold), evenly spaced from end to end.
+
+    If only one fits, it is in the middle, and shortened to the interval; below MIN_CUT_MM it is left out.
+    """
+    length = end - start
+    count = math.floor((length + bridge_mm) / (cut_mm + bridge_mm) + 1e-9)
     if count < 2:
-        cut = min(cut_mm, room)
+        cut = min(cut_mm, length)
         if cut >= MIN_CUT_MM:
-            yield (low + high - cut) / 2, (low + high + cut) / 2
+            yield (start + end - cut) / 2, (start + end + cut) / 2
         return
-    step = (room - cut_mm) / (count - 1)
+    step = (length - cut_mm) / (count - 1)
     for i in range(count):
-        yield low + i * step, low + i * step + cut_mm
+        yield start + i * step, start + i * step + cut_mm
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,54 +151,58 @@ class Film:
         return self.width_mm < NARROW_FILM_MM - ROUNDING_MM
 
 
-def fold_cuts(flat: FlatPiece, chosen: Options) -> tuple[tuple[Fold, tuple[Cut, ...]], ...]:
-    """Return each fold that is cut, with its cuts, which keep ``MIN_FILM_MM`` from all other cuts of the piece."""
-    if chosen.fold != "dash":
+def fold_cuts(flat: FlatPiece, options: Options) -> tuple[tuple[Fold, tuple[Cut, ...]], ...]:
+    """Return the folds with their dashes, which keep ``MIN_FILM_MM`` from all other cuts; () if folds are scored.
+
+    Flexures are left out, because a hinge's strip stays uncut.
+    """
+    if options.fold != "dash":
         return ()
     lines = [flat.outline.boundary, *(hole for _, hole in _openings(flat)), *(LineString(slit) for slit in flat.slits)]
-    occupied = shapely.union_all(lines).buffer(MIN_FILM_MM + chosen.kerf_mm / 2, quad_segs=16)
+    occupied = shapely.union_all(lines).buffer(MIN_FILM_MM + options.kerf_mm / 2, quad_segs=16)
     shapely.prepare(occupied)
     return tuple(
-        (fold, tuple(dashes(fold.a, fold.b, chosen.dash_cut_mm, chosen.dash_bridge_mm, chosen.kerf_mm, occupied)))
+        (fold, tuple(dashes(fold.a, fold.b, options.dash_cut_mm, options.dash_bridge_mm, options.kerf_mm, occupied)))
         for fold in flat.folds
         if fold.kind != "flexure"
     )
 
 
-def narrowest_film(flat: FlatPiece, chosen: Options) -> Film | None:
-    """The narrowest film between two cuts; None for a piece with one cut."""
-    half = chosen.kerf_mm / 2
+def narrowest_film(flat: FlatPiece, options: Options) -> Film | None:
+    """Return the narrowest film between two cuts; None for a piece with one cut.
+
+    Outlines and openings are offset, so that their film keeps its width; slits and dashes lose half a kerf on each side.
+    """
+    half_kerf = options.kerf_mm / 2
+    # Name, geometry, and film lost on each side (mm).
     cuts: list[tuple[str, BaseGeometry, float]] = [(EDGE, flat.outline.exterior, 0.0)]
     cuts += [(name, hole, 0.0) for name, hole in _openings(flat)]
-    cuts += [(SLIT, LineString(slit), half) for slit in flat.slits]
-    cuts += [(DASHES, MultiLineString(cut), half) for _, cut in fold_cuts(flat, chosen) if cut]
-    shapes, widths = [shape for _, shape, _ in cuts], [width for *_, width in cuts]
-    best = None
+    cuts += [(SLIT, LineString(slit), half_kerf) for slit in flat.slits]
+    cuts += [(DASHES, MultiLineString(cut), half_kerf) for _, cut in fold_cuts(flat, options) if cut]
+    names, shapes, losses = zip(*cuts, strict=True)
+    narrowest = None
     for i, shape in enumerate(shapes[:-1]):
         distances = shapely.distance(shape, shapes[i + 1 :])
         for k, distance in enumerate(distances.tolist(), i + 1):
-            # Slits begin at edges and folds.
-            if SLIT in (cuts[i][0], cuts[k][0]) and distance < ROUNDING_MM:
+            # A slit may begin at an edge or a fold: then there is no film between them.
+            if SLIT in (names[i], names[k]) and distance < ROUNDING_MM:
                 continue
-            width = distance - widths[i] - widths[k]
-            if best is None or width < best[0]:
-                best = (width, i, k)
-    if best is None:
-        return None
-    width, i, k = best
-    return Film(width, (cuts[k][0], cuts[i][0]))
+            width = distance - losses[i] - losses[k]
+            if narrowest is None or width < narrowest.width_mm:
+                narrowest = Film(width, (names[k], names[i]))
+    return narrowest
 
 
 def _openings(flat: FlatPiece) -> Iterator[tuple[str, BaseGeometry]]:
-    """Yield name and area of every opening and round hole."""
-    named = [(name.rpartition(".")[2], Polygon([a for a, _ in ring]).centroid)
-             for face in flat.faces for name, ring in face.holes.items()]  # fmt: skip
+    """Yield (name, polygon) of every opening and round hole; the name is that of the nearest hole of a face."""
+    hole_centres = [(name.rpartition(".")[2], Polygon([a for a, _ in ring]).centroid)
+                    for face in flat.faces for name, ring in face.holes.items()]  # fmt: skip
 
-    def name(middle: ShapelyPoint) -> str:
-        return min(named, key=lambda entry: float(entry[1].distance(middle)), default=("a hole", middle))[0]
+    def nearest_name(centre: ShapelyPoint) -> str:
+        return min(hole_centres, key=lambda hole: float(hole[1].distance(centre)), default=("a hole", centre))[0]
 
     for ring in flat.outline.interiors:
-        yield name(Polygon(ring).centroid), Polygon(ring)
+        yield nearest_name(Polygon(ring).centroid), Polygon(ring)
     for (x, y), diameter in flat.circles:
-        middle = ShapelyPoint(x, y)
-        yield name(middle), middle.buffer(diameter / 2, quad_segs=32)
+        centre = ShapelyPoint(x, y)
+        yield nearest_name(centre), centre.buffer(diameter / 2, quad_segs=32)

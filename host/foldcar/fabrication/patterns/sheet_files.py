@@ -157,11 +157,11 @@ def lbrn(sheet: Sheet) -> str:
                 circle = ET.SubElement(root, "Shape", Type="Ellipse", CutIndex=index, Rx=radius, Ry=radius)
                 _lbrn_moved(circle, shape.center_mm)
                 continue
-            made = _lbrn_moved(ET.SubElement(root, "Shape", Type="Path", CutIndex=index), (0.0, 0.0))
+            element = _lbrn_moved(ET.SubElement(root, "Shape", Type="Path", CutIndex=index), (0.0, 0.0))
             # Without handles: LightBurn's lines are Bezier curves of degree one.
             vertices = (f"V{_lbrn_number(x)} {_lbrn_number(y)}c0x1c1x1" for x, y in shape.points_mm)
-            ET.SubElement(made, "VertList").text = "".join(vertices)
-            ET.SubElement(made, "PrimList").text = "LineClosed" if shape.closed else "LineOpen"
+            ET.SubElement(element, "VertList").text = "".join(vertices)
+            ET.SubElement(element, "PrimList").text = "LineClosed" if shape.closed else "LineOpen"
     ET.indent(root, " ")
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{ET.tostring(root, encoding="unicode")}\n'
 
@@ -261,7 +261,7 @@ def preview(sheets: Sequence[Sheet], title: str) -> bytes:
         )  # fmt: skip
         axes.set_title(f"{sheet.name}: {sheet.film}", fontsize=14, loc="left")
         axes.add_patch(Rectangle((0, 0), sheet.width_mm, sheet.height_mm, fill=False, edgecolor="0.7", clip_on=False))
-        outer = itertools.chain.from_iterable(sheet.on("CUT_OUTER"))
+        outer = itertools.chain.from_iterable(sheet.cuts_on("CUT_OUTER"))
         outlines = [_picture_points(shape) for shape in outer if isinstance(shape, Path) and shape.closed]
         axes.add_collection(PolyCollection(outlines, facecolors="#eef3f8"))
         for layer, groups in sheet.layers:

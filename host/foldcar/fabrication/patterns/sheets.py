@@ -35,16 +35,16 @@ MODULE_MM = LAYERS["QR_CODE"].width_mm
 
 
 def wrapped(texts: Iterable[str]) -> list[str]:
-    """Wrap the texts to lines no longer than the reference bar, at blanks where there are any."""
+    """Wrap the texts to lines no longer than the reference bar, at blanks; a longer word is broken anywhere."""
     lines = []
     for text in texts:
         line = ""
         for word in _words(text):
-            longer = f"{line} {word}".strip()
-            if line and _width_mm(longer) > REFERENCE_MM:
+            extended = f"{line} {word}".strip()
+            if line and _width_mm(extended) > REFERENCE_MM:
                 lines.append(line)
-                longer = word
-            line = longer
+                extended = word
+            line = extended
         lines.append(line)
     return lines
 
@@ -72,12 +72,12 @@ def title_shapes(lines: Sequence[str]) -> list[Shape]:
     x = y = 1.0
     shapes: list[Shape] = [Path("LABEL", ((x, y), (x + REFERENCE_MM, y)))]
     for i in range(11):
-        tall = TICK_MM if i in (0, 10) else TICK_MM / 2
-        shapes.append(Path("LABEL", ((x + 10 * i, y), (x + 10 * i, y + tall))))
-    for up, line in enumerate(reversed(lines)):
-        base = y + TICK_MM + 1 + up * LINE_MM
+        tick_mm = TICK_MM if i in (0, 10) else TICK_MM / 2
+        shapes.append(Path("LABEL", ((x + 10 * i, y), (x + 10 * i, y + tick_mm))))
+    for row, line in enumerate(reversed(lines)):
+        base_y = y + TICK_MM + 1 + row * LINE_MM
         strokes, _ = text_strokes(line, TEXT_MM)
-        shapes += [Path("LABEL", tuple((x + u, base + v) for u, v in stroke)) for stroke in strokes]
+        shapes += [Path("LABEL", tuple((x + u, base_y + v) for u, v in stroke)) for stroke in strokes]
     return shapes
 
 
@@ -92,17 +92,17 @@ def code_size_mm(text: str) -> float:
 
 
 def code_shapes(text: str) -> list[Shape]:
-    """Draw the QR code, its blank's lower left corner at the origin."""
+    """Draw the QR code as horizontal lines, one for each run of dark modules; its blank's corner is at the origin."""
     rows = modules(text)
     shapes: list[Shape] = []
-    for up, row in enumerate(reversed(rows)):
-        y = (QUIET_MODULES + up + 0.5) * MODULE_MM
-        at = QUIET_MODULES
-        for dark, run in itertools.groupby(row):
-            end = at + len(list(run))
-            if dark:
-                shapes.append(Path("QR_CODE", ((at * MODULE_MM, y), (end * MODULE_MM, y))))
-            at = end
+    for row_number, row in enumerate(reversed(rows)):
+        y = (QUIET_MODULES + row_number + 0.5) * MODULE_MM
+        start = QUIET_MODULES
+        for is_dark, run in itertools.groupby(row):
+            end = start + len(list(run))
+            if is_dark:
+                shapes.append(Path("QR_CODE", ((start * MODULE_MM, y), (end * MODULE_MM, y))))
+            start = end
     return shapes
 
 
@@ -140,123 +140,129 @@ class Pattern:
 
 @dataclass(frozen=True, slots=True)
 class CutCar:
-    """A car split along folds to fit the sheets, and its flat ``pieces``; ``whole`` is the car before."""
+    """A car split along folds to fit the sheets, and its flat ``pieces``; ``unsplit_car`` is the car before."""
 
     car: FoldedCar
     pieces: tuple[FlatPiece, ...]
-    whole: FoldedCar
+    unsplit_car: FoldedCar
 
 
-def cut_car(folded: FoldedCar, chosen: Options) -> CutCar:
+def cut_car(folded: FoldedCar, options: Options) -> CutCar:
     """Return the car's pieces, split to fit the sheet as far as possible.
 
     Raises OptionError if the machine does not cut the car's film.
     """
     film = folded.parts.film
-    if getattr(film.cutting, chosen.machine) is None:
-        others = " or ".join(name for name, how in film.cutting if how is not None)
-        raise OptionError(f"--machine {chosen.machine}: does not cut {film.title}; only {others} would do")
-    car = split_to_fit(folded, chosen)
-    turning = {placed.piece for placed in car.placed if placed.body.startswith("wheel")}
-    flat = (flat_piece(piece, chosen) for piece in car.pieces)
-    # Discs stay around their centres.
-    pieces = tuple(piece if piece.name in turning and not piece.bends else moved_to_origin(piece) for piece in flat)
-    return CutCar(car, pieces, folded)
+    if getattr(film.cutting, options.machine) is None:
+        machines = " or ".join(name for name, cutting in film.cutting if cutting is not None)
+        raise OptionError(f"--machine {options.machine}: does not cut {film.title}; only {machines} would do")
+    car = split_to_fit(folded, options)
+    wheel_pieces = {placed.piece for placed in car.placed if placed.body.startswith("wheel")}
+    pieces = []
+    for flat in (flat_piece(piece, options) for piece in car.pieces):
+        # Discs stay around their centres.
+        is_disc = flat.name in wheel_pieces and not flat.bends
+        pieces.append(flat if is_disc else moved_to_origin(flat))
+    return CutCar(car, tuple(pieces), folded)
 
 
-def enlarge_sheet(folded: FoldedCar, chosen: Options) -> Options:
-    """Return the options with the machine's smallest sheet, from the chosen one on, that every piece fits on.
+def enlarge_sheet(folded: FoldedCar, options: Options) -> Options:
+    """Return the options with the machine's smallest sheet, from the given one on, on which every piece fits.
 
-    If the pieces fit on none of the sheets, the options are returned unchanged.
+    If the pieces fit on no sheet of the machine, the options are returned unchanged.
     """
-    names = MACHINES[chosen.machine].sheets
-    for name in names[names.index(chosen.sheet) :]:
-        other = replace(chosen, sheet=name)
+    names = MACHINES[options.machine].sheets
+    for name in names[names.index(options.sheet) :]:
+        other = replace(options, sheet=name)
         if all_fit([outer_cut(piece, other.kerf_mm) for piece in cut_car(folded, other).pieces], other):
             return other
-    return chosen
+    return options
 
 
-def pattern(folded: FoldedCar, chosen: Options, title: str, command: str = "") -> Pattern:
+def pattern(folded: FoldedCar, options: Options, title: str, command: str = "") -> Pattern:
     """Return the car's sheets. Raises NestingError if a piece does not fit on a sheet."""
-    return pattern_of(cut_car(folded, chosen), chosen, title, command)
+    return pattern_of(cut_car(folded, options), options, title, command)
 
 
-def pattern_of(cut: CutCar, chosen: Options, title: str, command: str = "") -> Pattern:
+def pattern_of(cut: CutCar, options: Options, title: str, command: str = "") -> Pattern:
     """Return the sheets of a car whose pieces are split already. Raises NestingError if a piece does not fit."""
-    films = {piece.label: film for piece in cut.pieces if (film := narrowest_film(piece, chosen)) is not None}
+    films = {piece.label: film for piece in cut.pieces if (film := narrowest_film(piece, options)) is not None}
     narrow = [f"{label}: {_narrow(film)}" for label, film in films.items() if film.narrow]
     try:
-        sheets, unmarked = _lay_out(cut, chosen, title, command)
+        sheets, unmarked = _lay_out(cut, options, title, command)
     except NestingError as error:
-        raise NestingError(f"{error}; {_suggested_sheet(cut.car, chosen)}") from error
-    least = min((film.width_mm for film in films.values()), default=math.inf)
+        raise NestingError(f"{error}; {_suggested_sheet(cut.car, options)}") from error
+    min_width_mm = min((film.width_mm for film in films.values()), default=math.inf)
     torn = tuple(f"{label}: {_narrow(film)}" for label, film in films.items() if film.width_mm < TORN_FILM_MM)
-    return Pattern(title, cut.pieces, sheets, (*narrow, *unmarked), chosen, cut.car.parts.film, least, torn)
+    return Pattern(title, cut.pieces, sheets, (*narrow, *unmarked), options, cut.car.parts.film, min_width_mm, torn)
 
 
 def _narrow(film: Film) -> str:
     return f"only {film.width_mm:.2f} mm of film between {film.between[0]} and {film.between[1]}: it may tear"
 
 
-def _suggested_sheet(car: FoldedCar, chosen: Options) -> str:
+def _suggested_sheet(car: FoldedCar, options: Options) -> str:
     def outlines(other: Options) -> list[Polygon]:
         return [outer_cut(piece, other.kerf_mm) for piece in cut_car(car, other).pieces]
 
-    unsplit_outlines = [outer_cut(flat_piece(piece, chosen), chosen.kerf_mm) for piece in car.pieces]
-    return suggest_sheet(lambda other: all_fit(outlines(other), other), unsplit_outlines, chosen)
+    unsplit_outlines = [outer_cut(flat_piece(piece, options), options.kerf_mm) for piece in car.pieces]
+    return suggest_sheet(lambda other: all_fit(outlines(other), other), unsplit_outlines, options)
 
 
-def _lay_out(cut: CutCar, chosen: Options, title: str, command: str) -> tuple[tuple[Sheet, ...], list[str]]:
-    """Nest the pieces on sheets of their films; also return warnings: labels, reference bars, QR codes without room."""
-    width, height = chosen.sheet_size_mm
-    titles = [film_of(cut.car.parts.film, piece.thickness_mm).title for piece in cut.pieces]
+def _lay_out(cut: CutCar, options: Options, title: str, command: str) -> tuple[tuple[Sheet, ...], list[str]]:
+    """Nest the pieces on sheets of their films, and draw them with title and QR code.
+
+    Also return warnings on labels, reference bars and QR codes for which there is no room.
+    """
+    width, height = options.sheet_size_mm
+    film_titles = [film_of(cut.car.parts.film, piece.thickness_mm).title for piece in cut.pieces]
     # As many lines as with the longest numbers.
-    title_mm = title_size_mm(max(len(_title_lines(title, "99 of 99", film, command, chosen)) for film in titles))
+    title_mm = title_size_mm(max(len(_title_lines(title, "99 of 99", film, command, options)) for film in film_titles))
     code_mm = code_size_mm(command) if command else 0.0
-    films: list[str] = []
-    boxes: list[tuple[Motion | None, Motion | None]] = []
-    on_sheets: list[list[Iterable[Shape]]] = []
-    missing: dict[str, None] = {}
-    for film in dict.fromkeys(titles):
-        pieces = [piece for piece, of in zip(cut.pieces, titles, strict=True) if of == film]
-        listed = [(piece.label, outer_cut(piece, chosen.kerf_mm), piece.count) for piece in pieces]
-        nested = nest(listed, (width, height), chosen.margin_mm, chosen.gap_mm, title_mm, (code_mm, code_mm))
-        first = len(on_sheets)
-        boxes += zip(nested.titles, nested.boxes, strict=True)
-        films += [film] * len(nested.titles)
-        on_sheets += [[] for _ in nested.titles]
+    film_of_sheet: list[str] = []
+    free_places: list[tuple[Motion | None, Motion | None]] = []
+    groups_of_sheet: list[list[Iterable[Shape]]] = []
+    unlabelled_texts: dict[str, None] = {}
+    for film in dict.fromkeys(film_titles):
+        pieces = [piece for piece, film_title in zip(cut.pieces, film_titles, strict=True) if film_title == film]
+        outlines = [(piece.label, outer_cut(piece, options.kerf_mm), piece.count) for piece in pieces]
+        nested = nest(outlines, (width, height), options.margin_mm, options.gap_mm, title_mm, (code_mm, code_mm))
+        first_sheet = len(groups_of_sheet)
+        free_places += zip(nested.titles, nested.boxes, strict=True)
+        film_of_sheet += [film] * len(nested.titles)
+        groups_of_sheet += [[] for _ in nested.titles]
         for piece, copies in zip(pieces, nested.placements, strict=True):
-            drawn: dict[int, list[Shape]] = {}
+            shapes_by_turn: dict[int, list[Shape]] = {}
             for copy in copies:
                 turn = copy.motion.quarter_turns
-                if turn not in drawn:
-                    marks = join_marks(piece, cut.car, cut.whole)
-                    drawn[turn], unlabelled = piece_shapes(piece, chosen, marks, turn)
-                    missing |= dict.fromkeys(unlabelled)
-                on_sheets[first + copy.sheet].append([shape.moved(copy.motion) for shape in drawn[turn]])
-    count = len(on_sheets)
-    warnings = list(missing)
-    for index, (titled, free) in enumerate(boxes):
-        if titled is not None:
-            lines = _title_lines(title, f"{index + 1} of {count}", films[index], command, chosen)
-            on_sheets[index].append([shape.moved(titled) for shape in title_shapes(lines)])
+                if turn not in shapes_by_turn:
+                    marks = join_marks(piece, cut.car, cut.unsplit_car)
+                    shapes_by_turn[turn], warnings_of_piece = piece_shapes(piece, options, marks, turn)
+                    unlabelled_texts |= dict.fromkeys(warnings_of_piece)
+                shapes = [shape.moved(copy.motion) for shape in shapes_by_turn[turn]]
+                groups_of_sheet[first_sheet + copy.sheet].append(shapes)
+    count = len(groups_of_sheet)
+    warnings = list(unlabelled_texts)
+    for index, (title_motion, code_motion) in enumerate(free_places):
+        if title_motion is not None:
+            lines = _title_lines(title, f"{index + 1} of {count}", film_of_sheet[index], command, options)
+            groups_of_sheet[index].append([shape.moved(title_motion) for shape in title_shapes(lines)])
         else:
             warnings.append(f"sheet {index + 1}: no room for the {REFERENCE_MM:g} mm reference bar")
-        if command and free is not None:
-            on_sheets[index].append([shape.moved(free) for shape in code_shapes(command)])
-    if command and not any(free for _, free in boxes):
+        if command and code_motion is not None:
+            groups_of_sheet[index].append([shape.moved(code_motion) for shape in code_shapes(command)])
+    if command and not any(code_motion for _, code_motion in free_places):
         warnings.append("no sheet has room for the QR code of its command; how_to_cut.md has the command")
     sheets = tuple(
-        Sheet(f"sheet_{i + 1}", width, height, tuple(map(tuple, map(rounded, on_sheet))), chosen.dashed, film)
-        for i, (on_sheet, film) in enumerate(zip(on_sheets, films, strict=True))
+        Sheet(f"sheet_{i + 1}", width, height, tuple(map(tuple, map(rounded, groups))), options.dashed, film)
+        for i, (groups, film) in enumerate(zip(groups_of_sheet, film_of_sheet, strict=True))
     )
     return sheets, warnings
 
 
-def _title_lines(title: str, number: str, film: str, command: str, chosen: Options) -> list[str]:
-    width, height = chosen.sheet_size_mm
-    machine = f"{film}, {chosen.machine}, {width:g} x {height:g} mm, kerf {chosen.kerf_mm:g}, {BAR}"
+def _title_lines(title: str, number: str, film: str, command: str, options: Options) -> list[str]:
+    width, height = options.sheet_size_mm
+    machine = f"{film}, {options.machine}, {width:g} x {height:g} mm, kerf {options.kerf_mm:g}, {BAR}"
     return wrapped([f"{title}, sheet {number}", machine, *([command] if command else [])])
 
 

@@ -22,30 +22,30 @@ from foldcar.fabrication.patterns.options import Options
 NOTCH_MM = 1.0
 
 
-def split_to_fit(car: FoldedCar, chosen: Options) -> FoldedCar:
+def split_to_fit(car: FoldedCar, options: Options) -> FoldedCar:
     """Return the car with pieces that are too large split; its ``placed`` still name the whole pieces."""
     pieces: list[Piece] = []
     joins = list(car.joins)
     numbers = itertools.count(max((join.number for join in joins), default=0) + 1)
     depth = car.parts.assembly.lap_flap_mm.value
     for piece in car.pieces:
-        parts, new = _split_pieces(piece, chosen, numbers, depth)
+        parts, new_joins = _split_pieces(piece, options, numbers, depth)
         pieces += parts
-        if new:
-            home = {face.name: part.name for part in parts for face in part.faces}
+        if new_joins:
+            part_of_face = {face.name: part.name for part in parts for face in part.faces}
             joins = [
                 replace(
                     join,
-                    piece_a=home[join.a.face] if join.piece_a == piece.name else join.piece_a,
-                    piece_b=home[join.b.face] if join.piece_b == piece.name else join.piece_b,
+                    piece_a=part_of_face[join.a.face] if join.piece_a == piece.name else join.piece_a,
+                    piece_b=part_of_face[join.b.face] if join.piece_b == piece.name else join.piece_b,
                 )
-                for join in (*joins, *new)
+                for join in (*joins, *new_joins)
             ]
     return replace(car, pieces=tuple(pieces), joins=tuple(joins))
 
 
 def _split_pieces(
-    piece: Piece, chosen: Options, numbers: "itertools.count[int]", depth_mm: float
+    piece: Piece, options: Options, numbers: "itertools.count[int]", depth_mm: float
 ) -> tuple[list[Piece], list[Join]]:
     """Split a piece with tabs of that depth; return its numbered parts and the joins between them.
 
@@ -54,60 +54,73 @@ def _split_pieces(
     waiting, done, joins = [piece], list[Piece](), dict[str, Join]()
     while waiting:
         part = waiting.pop(0)
-        crease = None if _fits(part, chosen) else _best_crease(part, chosen, depth_mm)
+        crease = None if _fits(part, options) else _best_crease(part, options, depth_mm)
         if crease is None:
             done.append(part)
             continue
-        rest, cut_off = _cut_along(part, crease, depth_mm)
-        waiting += [rest, cut_off]
+        root_part, child_part = _cut_along(part, crease, depth_mm)
+        waiting += [root_part, child_part]
         ends = EdgeRef(_tab_name(crease), 0), crease.child
-        length = _length_mm(part, crease)
-        joins[crease.child.face] = Join(next(numbers), "tab", piece.name, ends[0], piece.name, ends[1], length)
-    if len(done) == 1 or not all(_fits(part, chosen) for part in done):
+        length_mm = _length_mm(part, crease)
+        joins[crease.child.face] = Join(next(numbers), "tab", piece.name, ends[0], piece.name, ends[1], length_mm)
+    if len(done) == 1 or not all(_fits(part, options) for part in done):
         return [piece], []
-    named = [
+    numbered = [
         replace(part, name=f"{piece.name}, part {i}", label=f"{piece.label or piece.name}, {i} of {len(done)}")
         for i, part in enumerate(done, 1)
     ]
     # The first face of a part that was split off is the child of its fold.
-    return named, [joins[part.faces[0].name] for part in done if part.faces[0].name in joins]
+    return numbered, [joins[part.faces[0].name] for part in done if part.faces[0].name in joins]
 
 
-def _best_crease(piece: Piece, chosen: Options, depth_mm: float) -> Crease | None:
-    """Return the fold between panels whose parts exceed the sheet least, then are most equal; None without folds."""
+def _best_crease(piece: Piece, options: Options, depth_mm: float) -> Crease | None:
+    """Return the fold between panels along which to split the piece; None if it has none.
+
+    It is the fold whose larger part exceeds the sheet least; of equal ones, the one whose larger part is smallest.
+    """
     roles = {face.name: face.role for face in piece.faces}
     best = None
     for index, crease in enumerate(piece.creases):
         if crease.flexure or {roles[crease.parent.face], roles[crease.child.face]} != {"panel"}:
             continue
         parts = _cut_along(piece, crease, depth_mm)
-        over = max(_excess_mm(part, chosen) for part in parts)
-        sizes = [sum(_extent_mm(part, chosen)) for part in parts]
-        key = (round(over, 3), round(max(sizes), 3), index)
-        if best is None or key < best[0]:
-            best = (key, crease)
+        excess_mm = max(_excess_mm(part, options) for part in parts)
+        sizes_mm = [sum(_extent_mm(part, options)) for part in parts]
+        cost = (round(excess_mm, 3), round(max(sizes_mm), 3), index)
+        if best is None or cost < best[0]:
+            best = (cost, crease)
     return None if best is None else best[1]
 
 
 def _cut_along(piece: Piece, crease: Crease, depth: float) -> tuple[Piece, Piece]:
-    """Return two parts: one with a tab in place of the fold, the other with the fold's child and its descendants."""
-    members = {crease.child.face}
+    """Split a piece at a fold: return the part with its root, and the part with the fold's child and its descendants.
+
+    The first part has a tab of that depth (mm) in place of the fold, by which it is taped to the second.
+    """
+    cut_off = {crease.child.face}
     # Creases of parents precede those of their children.
     for other in piece.creases:
-        if other.parent.face in members:
-            members.add(other.child.face)
+        if other.parent.face in cut_off:
+            cut_off.add(other.child.face)
     tab = Face(_tab_name(crease), _tab_outline_mm(piece, crease, depth), (), "tab")
     fold = replace(crease, name=tab.name, child=EdgeRef(tab.name, 0))
 
-    kept = (*(f for f in piece.faces if f.name not in members), tab)
-    rest = replace(piece, faces=kept, creases=(*(c for c in piece.creases if c.child.face not in members), fold))
-    removed = sorted((f for f in piece.faces if f.name in members), key=lambda face: face.name != crease.child.face)
-    creases = tuple(c for c in piece.creases if c.parent.face in members)
-    return rest, replace(piece, faces=tuple(removed), creases=creases)
+    root_faces = (*(f for f in piece.faces if f.name not in cut_off), tab)
+    root_creases = (*(c for c in piece.creases if c.child.face not in cut_off), fold)
+    # The root face of a part comes first.
+    child_faces = sorted((f for f in piece.faces if f.name in cut_off), key=lambda f: f.name != crease.child.face)
+    child_creases = tuple(c for c in piece.creases if c.parent.face in cut_off)
+    return (
+        replace(piece, faces=root_faces, creases=root_creases),
+        replace(piece, faces=tuple(child_faces), creases=child_creases),
+    )
 
 
 def _tab_outline_mm(piece: Piece, crease: Crease, depth: float) -> tuple[Point, ...]:
-    """Return a tab's outline, its fold first, with a notch for each hole of the face that it is taped to."""
+    """Return the outline (mm) of a tab in place of a fold, its folded edge first, from the origin along x.
+
+    The tab has a notch for each hole of the face that it is taped to.
+    """
     length = _length_mm(piece, crease)
     shape = shapely.Polygon([(0.0, 0.0), (length, 0.0), (length - depth / 4, depth), (depth / 4, depth)])
     faces = {face.name: face for face in piece.faces}
@@ -132,16 +145,16 @@ def _length_mm(piece: Piece, crease: Crease) -> float:
     return math.dist(*edge({face.name: face for face in piece.faces}, crease.parent))
 
 
-def _extent_mm(piece: Piece, chosen: Options) -> tuple[float, float]:
-    x0, y0, x1, y1 = flat_piece(piece, chosen).outline.bounds
-    return x1 - x0 + chosen.kerf_mm, y1 - y0 + chosen.kerf_mm
+def _extent_mm(piece: Piece, options: Options) -> tuple[float, float]:
+    x0, y0, x1, y1 = flat_piece(piece, options).outline.bounds
+    return x1 - x0 + options.kerf_mm, y1 - y0 + options.kerf_mm
 
 
-def _fits(piece: Piece, chosen: Options) -> bool:
-    return fits(_extent_mm(piece, chosen), chosen.sheet_size_mm, chosen.margin_mm)
+def _fits(piece: Piece, options: Options) -> bool:
+    return fits(_extent_mm(piece, options), options.sheet_size_mm, options.margin_mm)
 
 
-def _excess_mm(piece: Piece, chosen: Options) -> float:
-    low, high = sorted(_extent_mm(piece, chosen))
-    least, greatest = sorted(side - 2 * chosen.margin_mm for side in chosen.sheet_size_mm)
-    return max(0.0, low - least, high - greatest)
+def _excess_mm(piece: Piece, options: Options) -> float:
+    low, high = sorted(_extent_mm(piece, options))
+    usable_low, usable_high = sorted(side - 2 * options.margin_mm for side in options.sheet_size_mm)
+    return max(0.0, low - usable_low, high - usable_high)

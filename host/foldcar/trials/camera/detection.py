@@ -50,17 +50,20 @@ class Detector:
         """Return ids and corners of all markers of a picture."""
         quads, ids, _ = self._aruco.detectMarkers(grey)
         squares = [quad.reshape(4, 2).astype(float) for quad in quads]
-        numbers = [] if ids is None else ids.ravel().tolist()
+        marker_ids = [] if ids is None else ids.ravel().tolist()
         return [
-            (k, refined(grey, square))
-            for k, square in zip(numbers, squares, strict=True)
+            (number, refined(grey, square))
+            for number, square in zip(marker_ids, squares, strict=True)
             if _shortest(square) >= MIN_SIDE_PX
         ]
 
-    def find_near(self, grey: Grey, before: Floats, number: int, reach: float = 0.8) -> Floats | None:
-        """Return a marker's corners, searched near its corners ``before``, within ``reach`` times its size; or None."""
-        low, high = before.min(axis=0), before.max(axis=0)
-        margin = max(16.0, reach * float((high - low).max()))
+    def find_near(self, grey: Grey, last_corners: Floats, number: int, margin_factor: float = 0.8) -> Floats | None:
+        """Return the corners of marker ``number``, searched near its ``last_corners``, or None if it is not found.
+
+        The window has a margin of ``margin_factor`` times the marker's size.
+        """
+        low, high = last_corners.min(axis=0), last_corners.max(axis=0)
+        margin = max(16.0, margin_factor * float((high - low).max()))
         height, width = grey.shape
         x0, y0 = (max(0, int(value)) for value in low - margin)
         x1, y1 = (min(size, int(value) + 2) for value, size in zip(high + margin, (width, height), strict=True))
@@ -78,24 +81,24 @@ class Detector:
                     return numpy.asarray(refined(window, corners) + numpy.array([x0, y0]))
             squares += [(quad.reshape(4, 2).astype(float) + 0.5) / scale - 0.5 for quad in unread_quads]
         # Motion blurs the modules sooner than the square, so a square of the expected size and position is accepted.
-        same = _same_square(squares, before - numpy.array([x0, y0]))
-        return None if same is None else numpy.asarray(refined(window, same) + numpy.array([x0, y0]))
+        square = _same_square(squares, last_corners - numpy.array([x0, y0]))
+        return None if square is None else numpy.asarray(refined(window, square) + numpy.array([x0, y0]))
 
 
 def _same_square(squares: list[Floats], expected: Floats) -> Floats | None:
     """Return the square nearest to the expected one, with corners in the same order; None if none is near enough."""
     side = _shortest(expected)
-    best: Floats | None = None
-    nearest = UNREAD_DISTANCE * side
+    nearest_square: Floats | None = None
+    min_distance = UNREAD_DISTANCE * side
     for square in squares:
         for turn in range(4):
             turned = numpy.roll(square, turn, axis=0)
             # The tolerance of shape and size is smaller than that of the position.
             shape_error = float(numpy.abs((turned - turned.mean(axis=0)) - (expected - expected.mean(axis=0))).max())
             distance = float(numpy.linalg.norm(turned.mean(axis=0) - expected.mean(axis=0)))
-            if shape_error < UNREAD_SHAPE_ERROR * side and distance < nearest:
-                best, nearest = turned, distance
-    return best
+            if shape_error < UNREAD_SHAPE_ERROR * side and distance < min_distance:
+                nearest_square, min_distance = turned, distance
+    return nearest_square
 
 
 def _aruco() -> Any:
@@ -120,7 +123,7 @@ def _shortest(corners: Floats) -> float:
 
 
 def refined(grey: Grey, corners: Floats) -> Floats:
-    """Return the corners at which lines along the sides intersect; ``corners`` if a side is not visible."""
+    """Refine corners (4, 2) by lines fitted to the sides; return them unchanged if a side is not visible."""
     for _ in range(2):
         new_corners = _refined_once(grey, corners)
         if new_corners is None:
@@ -130,52 +133,64 @@ def refined(grey: Grey, corners: Floats) -> Floats:
 
 
 def _refined_once(grey: Grey, corners: Floats) -> Floats | None:
-    """Return corners where lines fitted to the four edges meet; None if an edge is not found near the corners."""
-    following = numpy.roll(corners, -1, axis=0)
-    sides = following - corners
+    """Return the corners (4, 2) at which lines fitted to the four sides intersect; None if a side is not visible.
+
+    Brightness is sampled along lines across each side, from black to white; the steepest step is a point of the side.
+    """
+    next_corners = numpy.roll(corners, -1, axis=0)
+    sides = next_corners - corners
     lengths = numpy.linalg.norm(sides, axis=1)
     if lengths.min() < 4:
         return None
     # y points down in pictures and the corners go round clockwise, so this normal points outwards, from black to white.
     normals = numpy.column_stack([sides[:, 1], -sides[:, 0]]) / lengths[:, None]
     reach = float(numpy.clip(REACH_MODULES * lengths.min() / MODULES, *REACH_PX))
-    across = numpy.arange(-reach, reach + STEP_PX / 2, STEP_PX)
-    places = corners[:, None] + ALONG[None, :, None] * sides[:, None]
-    points = places[:, :, None] + across[None, None, :, None] * normals[:, None, None]
-    maps = points.reshape(-1, len(across), 2).astype(numpy.float32)
-    values = cv2.remap(grey, maps[..., 0], maps[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    profiles = values.reshape(4, len(ALONG), len(across)).astype(float)
+    positions_across = numpy.arange(-reach, reach + STEP_PX / 2, STEP_PX)
+    positions = corners[:, None] + ALONG[None, :, None] * sides[:, None]
+    points = positions[:, :, None] + positions_across[None, None, :, None] * normals[:, None, None]
+    sample_points = points.reshape(-1, len(positions_across), 2).astype(numpy.float32)
+    columns, rows = sample_points[..., 0], sample_points[..., 1]
+    values = cv2.remap(grey, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    profiles = values.reshape(4, len(ALONG), len(positions_across)).astype(float)
     slopes = numpy.clip(numpy.diff(profiles, axis=2), 0.0, None)
     # Squaring suppresses the noise beside the edge.
     weights = slopes**2
-    sums = weights.sum(axis=2)
-    if (sums.max(axis=1) <= 0).any():
+    weight_sums = weights.sum(axis=2)
+    if (weight_sums.max(axis=1) <= 0).any():
         return None
-    offsets = (weights * (across[:-1] + STEP_PX / 2)).sum(axis=2) / numpy.where(sums > 0, sums, 1.0)
-    points, directions = _lines(places, offsets, sums, normals, sides / lengths[:, None])
+    # The edge is at the weighted mean of the positions of all steps between two samples.
+    moments = (weights * (positions_across[:-1] + STEP_PX / 2)).sum(axis=2)
+    offsets = moments / numpy.where(weight_sums > 0, weight_sums, 1.0)
+    points, directions = _fit_lines(positions, offsets, weight_sums, normals, sides / lengths[:, None])
     new_corners = _intersections(numpy.roll(points, 1, axis=0), numpy.roll(directions, 1, axis=0), points, directions)
     return new_corners if numpy.isfinite(new_corners).all() and numpy.abs(new_corners - corners).max() <= reach else None
 
 
-def _lines(places: Floats, offsets: Floats, sums: Floats, normals: Floats, along: Floats) -> tuple[Floats, Floats]:
-    """Fit a line to each side, robust to outliers, through ``offsets`` from ``places``; return points, directions."""
-    position = numpy.einsum("snk,sk->sn", places - places[:, :1], along)
-    weights = (sums > 0.1 * numpy.median(sums, axis=1, keepdims=True)).astype(float)
+def _fit_lines(
+    positions: Floats, offsets: Floats, weight_sums: Floats, normals: Floats, directions: Floats
+) -> tuple[Floats, Floats]:
+    """Fit a line to each of the four sides, robust to outliers; return a point (4, 2) and a direction (4, 2) of each.
+
+    The line goes through the ``positions`` (4, n, 2) along a side, moved by ``offsets`` (4, n) along its normal.
+    ``weight_sums`` (4, n) are large where the edge is steep; faint positions are left out.
+    """
+    position = numpy.einsum("snk,sk->sn", positions - positions[:, :1], directions)
+    weights = (weight_sums > 0.1 * numpy.median(weight_sums, axis=1, keepdims=True)).astype(float)
     rows = numpy.arange(len(position))
     for _ in range(FIT_ROUNDS):
         total = numpy.maximum(weights.sum(axis=1), 1.0)
-        middle_at, middle = (weights * position).sum(axis=1) / total, (weights * offsets).sum(axis=1) / total
-        from_middle = position - middle_at[:, None]
+        mean_position, mean_offset = (weights * position).sum(axis=1) / total, (weights * offsets).sum(axis=1) / total
+        from_middle = position - mean_position[:, None]
         spread = (weights * from_middle**2).sum(axis=1)
-        covariance = (weights * from_middle * (offsets - middle[:, None])).sum(axis=1)
+        covariance = (weights * from_middle * (offsets - mean_offset[:, None])).sum(axis=1)
         slope = covariance / numpy.where(spread > 0, spread, 1.0)
-        residual = numpy.abs(offsets - middle[:, None] - slope[:, None] * from_middle)
-        # The median residual of the points that are not excluded.
+        residual = numpy.abs(offsets - mean_offset[:, None] - slope[:, None] * from_middle)
+        # Exclude points beyond 3.7 times the median residual of those not yet excluded: 2.5 standard deviations.
         ordered = numpy.sort(numpy.where(weights > 0, residual, numpy.inf), axis=1)
         median = ordered[rows, numpy.minimum(total.astype(int) // 2, ordered.shape[1] - 1)]
         weights = numpy.where((residual <= numpy.maximum(0.1, 3.7 * median)[:, None]) & (weights > 0), 1.0, 0.0)
-    points = places[:, 0] + middle_at[:, None] * along + middle[:, None] * normals
-    return points, along + slope[:, None] * normals
+    points = positions[:, 0] + mean_position[:, None] * directions + mean_offset[:, None] * normals
+    return points, directions + slope[:, None] * normals
 
 
 def _intersections(p: Floats, d: Floats, q: Floats, e: Floats) -> Floats:

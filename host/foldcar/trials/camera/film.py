@@ -39,23 +39,23 @@ def read_film(file: Path) -> Iterator[tuple[float, Grey]]:
     capture = _open(file)
     try:
         first_s: float | None = None
-        last_s, before = -1.0, None
+        last_s, last_thumbnail = -1.0, None
         while True:
-            ok, frame = capture.read()
-            if not ok:
+            has_frame, frame = capture.read()
+            if not has_frame:
                 break
             position_s = float(capture.get(cv2.CAP_PROP_POS_MSEC)) / 1000
             first_s = position_s if first_s is None else first_s
             grey: Grey = frame if frame.ndim == 2 else cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)
-            if before is None:
+            if last_thumbnail is None:
                 _check_size(file, grey)
             # A recorder that drops a frame may repeat the previous one with a wrong time.
-            repeated = before is not None and numpy.array_equal(grey[::16, ::16], before)
-            before = grey[::16, ::16].copy()
+            is_repeated = last_thumbnail is not None and numpy.array_equal(grey[::16, ::16], last_thumbnail)
+            last_thumbnail = grey[::16, ::16].copy()
             time_s = position_s - first_s
             if time_s > LONGEST_S:
                 raise FoldcarError(f"{file}: is longer than {LONGEST_S:g} s: cut it to the trial")
-            if time_s > last_s and not repeated:
+            if time_s > last_s and not is_repeated:
                 last_s = time_s
                 yield time_s, grey
         if first_s is None:

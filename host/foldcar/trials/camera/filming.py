@@ -111,8 +111,9 @@ def track_trial(
     )
     start = find_start(filmed.times_s, filmed.poses, _simulated(body, settings, scene, carsim), str(film))
     times_s = filmed.times_s - start.film_s
-    turns = abs(settings["speed_m_s"]) <= 0.05 * abs(settings["yaw_rate_rad_s"])
-    ending = propose(times_s, filmed.poses, scene, settings["time_limit_s"], turns, filmed.film_s - start.film_s)
+    turns_on_the_spot = abs(settings["speed_m_s"]) <= 0.05 * abs(settings["yaw_rate_rad_s"])
+    film_end_s = filmed.film_s - start.film_s
+    ending = propose(times_s, filmed.poses, scene, settings["time_limit_s"], turns_on_the_spot, film_end_s)
     elapsed_s = store.trial(number).elapsed_time_s
     if ending.outcome in ("passed", "off_course") and elapsed_s is not None and ending.time_s > elapsed_s + LATE_S:
         raise FoldcarError(
@@ -127,7 +128,7 @@ def track_trial(
     digest = sha256_of(film)
     assert digest is not None
     facts = _facts(filmed, start, ending, lens, remarks)
-    record = Track(number, film.name, digest, round(start.film_s, 4), ending.outcome, facts, _rows(times_s, filmed))
+    record = Track(number, film.name, digest, round(start.film_s, 4), ending.outcome, facts, _track_rows(times_s, filmed))
     return record, tuple(remarks)
 
 
@@ -156,34 +157,37 @@ def _facts(filmed: Filmed, start: Start, ending: Ending, lens: Lens | None, rema
     }  # fmt: skip
 
 
-def _rows(times_s: Any, filmed: Filmed) -> list[list[float]]:
-    """Return rows of time, pose and the stored elements of its covariance."""
+def _track_rows(times_s: Any, filmed: Filmed) -> list[list[float]]:
+    """Return rows of time (s), pose (x, y, z, heading, pitch, roll) and the stored elements of its covariance."""
     covariance_elements = [(0, 0), (0, 1), (0, 3), (1, 1), (1, 3), (3, 3), (2, 2), (4, 4), (5, 5)]
     return [
         [
             round(float(time_s), 4),
             *(round(float(value), 5) for value in pose),
-            *(float(f"{spread[k]:.3g}") for k in covariance_elements),
+            *(float(f"{covariance[element]:.3g}") for element in covariance_elements),
         ]
-        for time_s, pose, spread in zip(times_s, filmed.poses, filmed.covariances, strict=True)
+        for time_s, pose, covariance in zip(times_s, filmed.poses, filmed.covariances, strict=True)
     ]
 
 
 def _position_remarks(filmed: Filmed, times_s: Any, start: Mapping[str, float], refusal: str) -> list[str]:
-    """Return a remark if the car stood away from its position in the trial; raise FoldcarError if too far."""
-    before = filmed.poses[times_s < 0]
-    if not len(before):
+    """Return a remark if the car stood away from its position ``start`` in the trial before it set off.
+
+    Raises FoldcarError, beginning with ``refusal``, if it stood too far away.
+    """
+    poses_before = filmed.poses[times_s < 0]
+    if not len(poses_before):
         return []
-    x, y, _, heading, *_ = numpy.median(before, axis=0)
+    x, y, _, heading, *_ = numpy.median(poses_before, axis=0)
     distance_m = math.hypot(x - start["x_m"], y - start["y_m"])
-    turned = math.remainder(heading - start["heading_rad"], math.tau)
-    if distance_m < REMARKED_M and abs(turned) < REMARKED_RAD:
+    turned_rad = math.remainder(heading - start["heading_rad"], math.tau)
+    if distance_m < REMARKED_M and abs(turned_rad) < REMARKED_RAD:
         return []
     remark = (
-        f"the car began {1000 * distance_m:.0f} mm and {math.degrees(turned):+.1f}° from its position in the trial: at "
-        f"{1000 * x:.0f}, {1000 * y:.0f} mm, {math.degrees(heading):.1f}°"
+        f"the car began {1000 * distance_m:.0f} mm and {math.degrees(turned_rad):+.1f}° from its position in the trial: "
+        f"at {1000 * x:.0f}, {1000 * y:.0f} mm, {math.degrees(heading):.1f}°"
     )
-    if distance_m > OTHER_TRIAL_M or abs(turned) > OTHER_TRIAL_RAD:
+    if distance_m > OTHER_TRIAL_M or abs(turned_rad) > OTHER_TRIAL_RAD:
         raise FoldcarError(f"{refusal}: {remark}; if it is a film of this trial, correct the positions by a photo")
     return [remark]
 
@@ -191,27 +195,29 @@ def _position_remarks(filmed: Filmed, times_s: Any, start: Mapping[str, float], 
 def find_start(times_s: Floats, poses: Floats, simulated: Floats, where: str) -> Start:
     """Find the start of the trial on the film's clock; ``simulated`` are rows of time in the trial, x, y.
 
-    Raises FoldcarError, beginning with ``where``, if the car moves in the first frame, if it never moves, or if no real
-    car has this time scale.
+    The film's car and the simulated car pass the same distances (SET_OFF_M) at their own times; the start is the median
+    difference of these times. Raises FoldcarError, beginning with ``where``, if the car moves in the first frame, if it
+    never moves, or if no real car has this time scale.
     """
-    resting = times_s < times_s[0] + REST_S
-    distances = numpy.linalg.norm(poses[:, :2] - numpy.median(poses[resting, :2], axis=0), axis=1)
-    if numpy.ptp(poses[resting, :2], axis=0).max() > SET_OFF_M[0]:
+    is_resting = times_s < times_s[0] + REST_S
+    distances = numpy.linalg.norm(poses[:, :2] - numpy.median(poses[is_resting, :2], axis=0), axis=1)
+    if numpy.ptp(poses[is_resting, :2], axis=0).max() > SET_OFF_M[0]:
         raise FoldcarError(f"{where}: the car moves from the first frame on: start filming before it starts")
-    beyond = numpy.flatnonzero(distances > SET_OFF_M[-1])
-    simulated_away = numpy.linalg.norm(simulated[:, 1:3] - simulated[0, 1:3], axis=1)
-    if not len(beyond) or simulated_away.max() < SET_OFF_M[-1]:
+    rows_beyond = numpy.flatnonzero(distances > SET_OFF_M[-1])
+    simulated_distances = numpy.linalg.norm(simulated[:, 1:3] - simulated[0, 1:3], axis=1)
+    if not len(rows_beyond) or simulated_distances.max() < SET_OFF_M[-1]:
         raise FoldcarError(
             f"{where}: the car does not move by {1000 * SET_OFF_M[-1]:.0f} mm, so that its start cannot be found"
         )
     # The search goes back from here to the last time at which the car stood still.
-    first_beyond = int(beyond[0])
+    first_beyond = int(rows_beyond[0])
     film_times_s = [_when(times_s[: first_beyond + 1], distances[: first_beyond + 1], distance) for distance in SET_OFF_M]
-    end = int(numpy.argmax(simulated_away >= SET_OFF_M[-1]))
-    simulated_times_s = [_when(simulated[: end + 1, 0], simulated_away[: end + 1], distance) for distance in SET_OFF_M]
+    simulated_beyond = int(numpy.argmax(simulated_distances >= SET_OFF_M[-1]))
+    until = slice(simulated_beyond + 1)
+    simulated_times_s = [_when(simulated[until, 0], simulated_distances[until], distance) for distance in SET_OFF_M]
     offsets = numpy.subtract(film_times_s, simulated_times_s)
     # Short distances are noisy; over long ones an obstacle may slow the car down. Use the scale that is nearer to 1.
-    long_scale = _time_scale(times_s, distances, simulated, simulated_away)
+    long_scale = _time_scale(times_s, distances, simulated, simulated_distances)
     scale = min(
         float(numpy.polyfit(simulated_times_s, film_times_s, 1)[0]),
         long_scale,
@@ -227,6 +233,7 @@ def find_start(times_s: Floats, poses: Floats, simulated: Floats, where: str) ->
 
 
 def _pace(scale: float) -> str:
+    """Return a time scale in words: "2 times as slow"."""
     return f"{scale:.2g} times as slow" if scale > 1 else f"{1 / max(scale, 1e-3):.2g} times as fast"
 
 
@@ -234,10 +241,15 @@ def _time_scale(times_s: Floats, distances_m: Floats, simulated: Floats, simulat
     """Return how many times longer the film's car takes for the distances of SCALED_M that both cars reach."""
     farthest = min(distances_m.max(), simulated_distances_m.max())
     distances = SCALED_M[: int(numpy.searchsorted(SCALED_M, farthest, "right"))]
-    first, end = (int(numpy.argmax(distance >= distances[-1])) + 1 for distance in (distances_m, simulated_distances_m))
-    reached = [_when(times_s[:first], distances_m[:first], distance) for distance in distances]
-    simulated_times_s = [_when(simulated[:end, 0], simulated_distances_m[:end], distance) for distance in distances]
-    return float(numpy.polyfit(simulated_times_s, reached, 1)[0])
+
+    def passing_times_s(row_times_s: Floats, row_distances_m: Floats) -> list[float]:
+        """Return the times at which the car passes ``distances``; later rows, in which it may come back, are cut off."""
+        end = int(numpy.argmax(row_distances_m >= distances[-1])) + 1
+        return [_when(row_times_s[:end], row_distances_m[:end], distance) for distance in distances]
+
+    film_times_s = passing_times_s(times_s, distances_m)
+    simulated_times_s = passing_times_s(simulated[:, 0], simulated_distances_m)
+    return float(numpy.polyfit(simulated_times_s, film_times_s, 1)[0])
 
 
 def _when(times_s: Floats, distances_m: Floats, distance: float) -> float:
@@ -250,32 +262,36 @@ def _when(times_s: Floats, distances_m: Floats, distance: float) -> float:
 
 
 def propose(
-    times_s: Floats, poses: Floats, scene: Mapping[str, Any], time_limit_s: float, turns: bool, film_end_s: float
-) -> Ending:
-    """Propose the end of the drive. ``turns``: the car was commanded to turn (nearly) on the spot."""
+    times_s: Floats, poses: Floats, scene: Mapping[str, Any], time_limit_s: float, turns_on_the_spot: bool,
+    film_end_s: float,
+) -> Ending:  # fmt: skip
+    """Propose the end of the drive by its track: ``poses`` (n, 6) at ``times_s`` from the trial's start.
+
+    ``turns_on_the_spot``: the car was commanded to turn nearly on the spot, so that it may stay at its place.
+    """
     driving = numpy.flatnonzero((times_s >= 0) & (times_s <= time_limit_s))
     if not len(driving):
         return Ending(None, 0.0, float(poses[0, 0]), float(poses[0, 1]), "the film does not show the drive")
-    was_short = True
-    moved_at = held_from = int(driving[0])
+    was_before_goal = True
+    still_since = held_since = int(driving[0])
     for index in driving.tolist():
         time_s, (x, y, _, heading, pitch, roll) = float(times_s[index]), poses[index]
         if math.cos(pitch) * math.cos(roll) < TIPPED_UP:
             return Ending("tipped", time_s, x, y, f"tilted by more than {math.degrees(math.acos(TIPPED_UP)):.0f}°")
-        short = _short_of_goal(scene["goal"], x, y)
-        if was_short and not short:
+        is_before_goal = _short_of_goal(scene["goal"], x, y)
+        if was_before_goal and not is_before_goal:
             return _passed(times_s, poses, scene["goal"], index)
-        was_short = short
+        was_before_goal = is_before_goal
         course = scene["course"]
         if not (course["x_min_m"] <= x <= course["x_max_m"] and course["y_min_m"] <= y <= course["y_max_m"]):
             return Ending("off_course", time_s, x, y, "its middle left the course")
-        if math.dist((x, y), poses[held_from, :2]) > HELD_M:
-            held_from = index
-        elif not turns and time_s - times_s[held_from] >= HELD_S:
+        if math.dist((x, y), poses[held_since, :2]) > HELD_M:
+            held_since = index
+        elif not turns_on_the_spot and time_s - times_s[held_since] >= HELD_S:
             return Ending("stuck", time_s, x, y, f"less than {1000 * HELD_M:.0f} mm in {HELD_S:g} s")
-        if math.dist((x, y), poses[moved_at, :2]) > STUCK_M or abs(heading - poses[moved_at, 3]) > STUCK_RAD:
-            moved_at = index
-        elif time_s - times_s[moved_at] >= STUCK_S:
+        if math.dist((x, y), poses[still_since, :2]) > STUCK_M or abs(heading - poses[still_since, 3]) > STUCK_RAD:
+            still_since = index
+        elif time_s - times_s[still_since] >= STUCK_S:
             return Ending("stuck", time_s, x, y, f"less than {1000 * STUCK_M:.0f} mm in {STUCK_S:g} s")
     last = int(driving[-1])
     time_s, (x, y, _, _, pitch, roll) = float(times_s[last]), poses[last]
@@ -290,20 +306,21 @@ def propose(
 
 
 def _passed(times_s: Floats, poses: Floats, goal: Mapping[str, Any], index: int) -> Ending:
-    """Return the ending at the moment between two frames at which the car reached the goal."""
+    """Return the ending of a car that reached the goal between frame ``index`` and the frame before, interpolated."""
     steps = numpy.linspace(0, 1, 21)
-    before = max(index - 1, 0)
+    previous = max(index - 1, 0)
     fraction = next(
         step
         for step in steps
-        if not _short_of_goal(goal, *(poses[before, :2] + step * (poses[index, :2] - poses[before, :2])))
+        if not _short_of_goal(goal, *(poses[previous, :2] + step * (poses[index, :2] - poses[previous, :2])))
     )
-    x, y = poses[before, :2] + fraction * (poses[index, :2] - poses[before, :2])
-    time_s = times_s[before] + fraction * (times_s[index] - times_s[before])
+    x, y = poses[previous, :2] + fraction * (poses[index, :2] - poses[previous, :2])
+    time_s = times_s[previous] + fraction * (times_s[index] - times_s[previous])
     return Ending("passed", float(time_s), float(x), float(y), "its middle reached the goal")
 
 
 def _short_of_goal(goal: Mapping[str, Any] | None, x: float, y: float) -> bool:
+    """Whether a position is outside the goal's disc or before its line; always true without a goal."""
     if goal is None:
         return True
     dx, dy = goal["x_m"] - x, goal["y_m"] - y

@@ -137,20 +137,24 @@ class Standing:
         """Height of the origin over level floor (m), the wheels' radius if they have one."""
         return float(self.level[0])
 
-    def at(self, place: Place) -> Stance:
-        """Return how the car stands at ``place``."""
+    def stance_at(self, place: Place) -> Stance:
+        """Return height, pitch and roll of the car at ``place``, with their covariance.
+
+        The mean is that of all planes on which it may stand there. The covariance has three terms: errors on level
+        ground, deviations of the planes here and nearby, and the error of the obstacles' height.
+        """
         planes = self.planes(place, SHIFTS_M)
         values = planes[0].mean(axis=0)
         deviations = numpy.concatenate(planes) - values
         # The error of the factor changes heights and tilts proportionally.
-        under = self.under(place)
-        relative_error = max((float(self.factor_errors[k] / self.factors[k]) for k in under), default=0.0)
+        obstacles = self.obstacles_below(place)
+        relative_error = max((float(self.factor_errors[k] / self.factors[k]) for k in obstacles), default=0.0)
         height_spread = relative_error * (values - self.level)
-        lean = math.hypot(math.sin(place.pitch_rad), math.sin(place.roll_rad))
-        flat = (2.0 if self.hinged else 1.0) * (1 + TILT_GROWTH * lean) * numpy.array([FLAT_M, FLAT_RAD, FLAT_RAD])
-        covariance = (
-            numpy.diag(flat**2) + deviations.T @ deviations / len(deviations) + numpy.outer(height_spread, height_spread)
-        )
+        sin_tilt = math.hypot(math.sin(place.pitch_rad), math.sin(place.roll_rad))
+        growth = (2.0 if self.hinged else 1.0) * (1 + TILT_GROWTH * sin_tilt)
+        level_sd = growth * numpy.array([FLAT_M, FLAT_RAD, FLAT_RAD])
+        plane_covariance = deviations.T @ deviations / len(deviations)
+        covariance = numpy.diag(level_sd**2) + plane_covariance + numpy.outer(height_spread, height_spread)
         sin_pitch, bank = values[1:].clip(-0.99, 0.99)
         pitch = math.asin(sin_pitch)
         roll = math.asin(min(max(bank / math.cos(pitch), -0.99), 0.99))
@@ -164,29 +168,33 @@ class Standing:
         # A wheel that leans touches the ground beside its middle, and with its edge.
         sin, cos = math.sin(place.roll_rad), math.cos(place.roll_rad)
         rise = self.radii_m[:, None, None] * numpy.sqrt(1 - ALONG**2) * cos - self.width_m * ACROSS[:, None] * sin
-        return self._planes_on((self.heights(*self._below(place, shifts_m)) + rise).max(axis=(2, 3)))
+        return self._planes_on((self.heights(*self._points_below(place, shifts_m)) + rise).max(axis=(2, 3)))
 
-    def _planes_on(self, all_axles: Floats) -> list[Floats]:
-        """Return the planes for the heights (shifts, wheels) at which each axle's wheel would touch the ground."""
-        triples, inverses = self._supports
-        if not len(triples):
-            return [self._planes_dragging(axles) for axles in all_axles]
-        all_planes = numpy.einsum("tij,stj->sti", inverses, all_axles[:, triples])
-        above = (all_planes @ self._places.T >= all_axles[:, None] - 1e-6).all(axis=2)
-        return [planes[stand] for planes, stand in zip(all_planes, above, strict=True)]
+    def _planes_on(self, axle_heights: Floats) -> list[Floats]:
+        """Return, for each shift, the planes (n, 3) of three wheels on the ground with no other wheel in the ground.
 
-    def _planes_dragging(self, axles: Floats) -> Floats:
+        ``axle_heights`` (shifts, wheels) are the heights at which each wheel would touch the ground.
+        """
+        wheel_triples, inverses = self._supports
+        if not len(wheel_triples):
+            return [self._planes_dragging(heights) for heights in axle_heights]
+        all_planes = numpy.einsum("tij,stj->sti", inverses, axle_heights[:, wheel_triples])
+        is_above_ground = (all_planes @ self._wheel_rows.T >= axle_heights[:, None] - 1e-6).all(axis=2)
+        return [planes[stands] for planes, stands in zip(all_planes, is_above_ground, strict=True)]
+
+    def _planes_dragging(self, axle_heights: Floats) -> Floats:
+        """Return two planes (2, 3) of a car whose body drags: of the largest slopes, fitted to the wheels across."""
         slopes = numpy.array([-DRAG_SLOPE, DRAG_SLOPE])
-        across = numpy.linalg.pinv(self._places[:, [0, 2]])
-        height, bank = across @ (axles[:, None] - self.ahead_m[:, None] * slopes)
+        inverse = numpy.linalg.pinv(self._wheel_rows[:, [0, 2]])
+        height, bank = inverse @ (axle_heights[:, None] - self.ahead_m[:, None] * slopes)
         return numpy.column_stack([height, slopes, bank])
 
-    def under(self, place: Place) -> list[int]:
+    def obstacles_below(self, place: Place) -> list[int]:
         """Return the numbers of the obstacles below the wheels of a car at ``place``."""
-        numbers = self._numbers(*self._cells(*self._below(place, SHIFTS_M[:1])))
+        numbers = self._numbers(*self._cells(*self._points_below(place, SHIFTS_M[:1])))
         return [number for number in numpy.unique(numbers).tolist() if number]
 
-    def middle(self, number: int) -> tuple[float, float]:
+    def obstacle_middle(self, number: int) -> tuple[float, float]:
         """Return the middle of an obstacle (x, y in m)."""
         row, column = (float(indices.mean()) + 0.5 for indices in numpy.nonzero(self.obstacle == number))
         extent, cell = self.ground.extent, self.ground.cell_m
@@ -196,7 +204,7 @@ class Standing:
         """Return the same with other height factors."""
         return replace(self, factors=factors, factor_errors=errors)
 
-    def _below(self, place: Place, shifts_m: Floats) -> tuple[Floats, Floats]:
+    def _points_below(self, place: Place, shifts_m: Floats) -> tuple[Floats, Floats]:
         """Return x and y of the points (shifts, wheels, ACROSS, ALONG) below the wheels of the car."""
         ahead, left = (shift[:, None, None, None] for shift in shifts_m.T)
         radii = self.radii_m[:, None, None]
@@ -207,17 +215,19 @@ class Standing:
         return place.x_m + ahead * cos - left * sin, place.y_m + ahead * sin + left * cos
 
     def _cells(self, x: Floats, y: Floats) -> tuple[Floats, Floats]:
+        """Return fractional rows and columns of positions (m) in the raster of the ground."""
         extent, cell = self.ground.extent, self.ground.cell_m
         return (y - extent.y_min_m) / cell - 0.5, (x - extent.x_min_m) / cell - 0.5
 
     def _numbers(self, rows: Floats, columns: Floats) -> NDArray[numpy.int32]:
+        """Return the numbers of the obstacles at these cells, 0 for floor."""
         last_row, last_column = (size - 1 for size in self.obstacle.shape)
         nearest = numpy.rint(rows).clip(0, last_row).astype(int), numpy.rint(columns).clip(0, last_column).astype(int)
         numbers: NDArray[numpy.int32] = self.obstacle[nearest]
         return numbers
 
     @cached_property
-    def _places(self) -> Floats:
+    def _wheel_rows(self) -> Floats:
         return numpy.column_stack([numpy.ones_like(self.ahead_m), self.ahead_m, self.left_m])
 
     @cached_property
@@ -228,9 +238,9 @@ class Standing:
         """
         supports = []
         for wheels in combinations(range(len(self.ahead_m)), 3):
-            places = self._places[list(wheels)]
-            if abs(numpy.linalg.det(places)) > 1e-6:
-                supports.append((wheels, numpy.linalg.inv(places)))
+            rows = self._wheel_rows[list(wheels)]
+            if abs(numpy.linalg.det(rows)) > 1e-6:
+                supports.append((wheels, numpy.linalg.inv(rows)))
         # The first row of an inverse has the fractions of the weight that the three wheels would carry. If no triple
         # carries the car without the tolerance, part of the body drags on the ground.
         if not any(inverse[0].min() > -1e-9 for _, inverse in supports):
@@ -255,8 +265,8 @@ def standing(scene: Mapping[str, Any], heights: Heights, body: Mapping[str, Any]
     extent = Extent(view.x_min_m - MARGIN_M, view.x_max_m + MARGIN_M, view.y_min_m - MARGIN_M, view.y_max_m + MARGIN_M)
     cells = min(MAX_CELLS, max(2, round(max(extent.size_m) / CELL_M)))
     wheels = body["wheels"]
-    ahead = numpy.array([wheel["x_m"] for wheel in wheels])
-    left = numpy.array([body["track_m"] / 2 * (1 if wheel["side"] == "left" else -1) for wheel in wheels])
+    ahead_m = numpy.array([wheel["x_m"] for wheel in wheels])
+    left_m = numpy.array([body["track_m"] / 2 * (1 if wheel["side"] == "left" else -1) for wheel in wheels])
     radii_m = numpy.array([wheel["radius_m"] for wheel in wheels])
     ground = height_map(heights, scene, extent, cells)
     raised = numpy.abs(ground.z_m) > FLOOR_M
@@ -265,7 +275,7 @@ def standing(scene: Mapping[str, Any], heights: Heights, body: Mapping[str, Any]
         obstacle, count = raised.astype(numpy.int32), 1
     errors = numpy.array([0.0] + count * [HEIGHT_ERROR])
     width_m, hinged = wheels[0]["width_m"], bool(body["hinges"])
-    return Standing(ground, obstacle, numpy.ones(count + 1), errors, ahead, left, radii_m, width_m, hinged)
+    return Standing(ground, obstacle, numpy.ones(count + 1), errors, ahead_m, left_m, radii_m, width_m, hinged)
 
 
 def fit_heights(poses: "Sequence[Pose]", ground: Standing, pixel: float) -> Standing:
@@ -284,14 +294,14 @@ def fit_heights(poses: "Sequence[Pose]", ground: Standing, pixel: float) -> Stan
     normal[count:, count:] = numpy.diag(OFFSET**-2)
     for pose in poses:
         place = Place.of(pose.values)
-        stance = planned.at(place)
+        stance = planned.stance_at(place)
         values, spread = pose.by_corners(pixel)
         deviation = values[GROUND_INDICES] - stance.values
         # The deviation is design @ unknowns.
         design = numpy.zeros((3, count + 3))
         design[:, count:] = numpy.eye(3)
         middle = planned.planes(place)[0].mean(axis=0)
-        for k in planned.under(place):
+        for k in planned.obstacles_below(place):
             design[:, k - 1] = (raised[k].planes(place)[0].mean(axis=0) - middle) / STEP
         weight = numpy.linalg.inv(spread[numpy.ix_(GROUND_INDICES, GROUND_INDICES)] + stance.covariance)
         weight *= POSE_WEIGHT / max(1.0, float(deviation @ weight @ deviation) / OUTLIER_CHI2)
@@ -310,9 +320,9 @@ def height_remarks(ground: Standing, where: str) -> list[str]:
     Raises FoldcarError, beginning with ``where``, if it is less than half or more than twice as high.
     """
     remarks = []
-    for k, (factor, error) in enumerate(zip(ground.factors, ground.factor_errors, strict=True)):
+    for number, (factor, error) in enumerate(zip(ground.factors, ground.factor_errors, strict=True)):
         if error < INFORMATIVE and abs(factor - 1) > max(INFORMATIVE, 2 * error):
-            x_mm, y_mm = (1000 * coordinate for coordinate in ground.middle(k))
+            x_mm, y_mm = (1000 * coordinate for coordinate in ground.obstacle_middle(number))
             text = (
                 f"the car rode as if the obstacle at {x_mm:.0f}, {y_mm:.0f} mm were {factor:.2f} ± {error:.2f} times as "
                 "high as planned"

@@ -127,17 +127,19 @@ def calibrate(files: Sequence[Path]) -> tuple[Lens, int]:
     height, width = shape
     # Square pixels, and no third radial term, which few views determine.
     flags = cv2.CALIB_FIX_ASPECT_RATIO | cv2.CALIB_FIX_K3
-    start = assumed_lens(width, height).matrix
+    start_matrix = assumed_lens(width, height).matrix
     board_corners = numpy.array(board().getChessboardCorners(), numpy.float32)
-    objects, images = [board_corners[list(view)] for view in views], [numpy.array(list(view.values())) for view in views]
+    object_points = [board_corners[list(view)] for view in views]
+    image_points = [numpy.array(list(view.values())) for view in views]
+    flags |= cv2.CALIB_USE_INTRINSIC_GUESS
     rms, matrix, distortion, *_ = cv2.calibrateCamera(
-        objects, images, (width, height), start, numpy.zeros(5), flags=flags | cv2.CALIB_USE_INTRINSIC_GUESS
+        object_points, image_points, (width, height), start_matrix, numpy.zeros(5), flags=flags
     )
     if rms > MAX_RMS_PX * max(1.0, width / 1000):
         raise FoldcarError(f"{files_text}: the board fits to {rms:.1f} pixels only: lay it flat, lock focus and zoom")
     k1, k2, p1, p2, k3 = (float(value) for value in distortion.ravel()[:5])
-    middle = (float(matrix[0, 2]), float(matrix[1, 2]))
-    return Lens(width, height, float(matrix[0, 0]), middle, (k1, k2, p1, p2, k3), READOUT_S, float(rms)), len(views)
+    middle_px = (float(matrix[0, 2]), float(matrix[1, 2]))
+    return Lens(width, height, float(matrix[0, 0]), middle_px, (k1, k2, p1, p2, k3), READOUT_S, float(rms)), len(views)
 
 
 def _pictures(files: Sequence[Path]) -> Iterator[tuple[Path, Grey]]:

@@ -81,15 +81,15 @@ class Card:
     turns: bool
 
 
-def card_of(thing: Obstacle, terrain: Sequence[Mapping[str, Any]], course: Course) -> Card:
+def card_of(obstacle: Obstacle, terrain: Sequence[Mapping[str, Any]], course: Course) -> Card:
     """Return where an obstacle's card lies.
 
     A solid's card has its lower edge at the middle of the left side; a card on a hill, hole or patch is centred on it.
     """
-    pieces = [terrain[index] for index in thing.pieces]
-    solid = any(kind_of(piece).form == "block" for piece in pieces)
+    pieces = [terrain[index] for index in obstacle.pieces]
+    is_solid = any(kind_of(piece).form == "block" for piece in pieces)
     turns = len(pieces) > 1 or "heading_rad" in pieces[0]
-    return Card(thing.width_m / 2 + course.card_reach_m if solid else 0.0, not solid, turns)
+    return Card(obstacle.width_m / 2 + course.card_reach_m if is_solid else 0.0, not is_solid, turns)
 
 
 def rectangle(length_m: float = 1.5, width_m: float = 1.0) -> Course:
@@ -131,6 +131,7 @@ def course_json(course: Course) -> dict[str, Any]:
         }
         for marker in course.floor
     ]
+    # A field in metres, as ``floor_size_m``, is in millimetres in the file: ``floor_size_mm``.
     sizes = {f"{name}m": _mm(value) for name, value in asdict(course).items() if name != "floor"}
     return {"floor": floor, **sizes}
 

@@ -32,7 +32,7 @@ FAR_M = 0.5
 
 
 @dataclass(frozen=True)
-class Placed:
+class MeasuredPlacement:
     """Deviations (m, m, rad) and their standard deviations by name, names of unseen markers, and remarks."""
 
     deviations: dict[str, tuple[float, float, float]]
@@ -41,11 +41,14 @@ class Placed:
     remarks: tuple[str, ...]
 
 
-def find_placed(
-    grey: Grey, where: str, course: Course, lens: Lens | None, scene: Mapping[str, Any], things: Mapping[str, Obstacle],
-    car: CarMarker, ground: Standing,
-) -> Placed:  # fmt: skip
-    """Return deviations from the planned ``scene``. Raises FoldcarError, beginning with ``where``."""
+def measure_placement(
+    grey: Grey, where: str, course: Course, lens: Lens | None, scene: Mapping[str, Any],
+    obstacles: Mapping[str, Obstacle], car: CarMarker, ground: Standing,
+) -> MeasuredPlacement:  # fmt: skip
+    """Measure the deviations of car and obstacles from the planned ``scene`` in a grey photo.
+
+    Raises FoldcarError, beginning with ``where``, if an obstacle is far from its planned position.
+    """
     corners = Detector().find(grey)
     size = (grey.shape[1], grey.shape[0])
     view = find_view(corners, course, size, lens.of_size(*size, where) if lens else None, where)
@@ -53,17 +56,17 @@ def find_placed(
     errors: dict[str, tuple[float, float, float]] = {}
     missing = []
     printed = course.printed(view.scale)
-    for number, (name, thing) in enumerate(things.items()):
+    for number, (name, obstacle) in enumerate(obstacles.items()):
         marker_pixels = corners.get(FIRST_OBSTACLE_ID + number) if number < MAX_OBSTACLES else None
         if marker_pixels is None:
             missing.append(name)
             continue
-        card = card_of(thing, scene["terrain"], printed)
-        height_m = _card_height(thing, 2 * printed.card_reach_m, ground) if card.on_ground else 0.0
+        card = card_of(obstacle, scene["terrain"], printed)
+        height_m = _card_height(obstacle, 2 * printed.card_reach_m, ground) if card.on_ground else 0.0
         x, y, heading = _level_pose(view, marker_pixels, printed.obstacle_size_m, height_m)
         x, y = x + card.left_m * math.sin(heading), y - card.left_m * math.cos(heading)
-        turned = math.remainder(heading - thing.heading_rad, math.tau) if card.turns else 0.0
-        deviations[name] = (x - thing.x_m, y - thing.y_m, turned)
+        turned = math.remainder(heading - obstacle.heading_rad, math.tau) if card.turns else 0.0
+        deviations[name] = (x - obstacle.x_m, y - obstacle.y_m, turned)
         card_errors = (math.hypot(LAID_M, LAID_RAD * card.left_m), LAID_M, LAID_RAD)
         if card.on_ground:
             middle = marker_pixels.mean(axis=0, keepdims=True)
@@ -85,20 +88,21 @@ def find_placed(
             raise FoldcarError(
                 f"{where}: {name} stands {1000 * math.hypot(x, y):.0f} mm from its planned position: is the marker right?"
             )
-    return Placed(deviations, errors, tuple(missing), view.remarks)
+    return MeasuredPlacement(deviations, errors, tuple(missing), view.remarks)
 
 
-def _card_height(thing: Obstacle, side_m: float, ground: Standing) -> float:
-    x, y = numpy.meshgrid(thing.x_m + side_m * BELOW_CARD, thing.y_m + side_m * BELOW_CARD)
-    heights = ground.heights(x, y)
-    return float((heights + heights[::-1, ::-1]).max()) / 2
+def _card_height(obstacle: Obstacle, side_m: float, ground: Standing) -> float:
+    """Return the height (m) of the middle of a stiff card that rests on an obstacle (see the head of this file)."""
+    x, y = numpy.meshgrid(obstacle.x_m + side_m * BELOW_CARD, obstacle.y_m + side_m * BELOW_CARD)
+    heights_below = ground.heights(x, y)
+    return float((heights_below + heights_below[::-1, ::-1]).max()) / 2
 
 
 def _level_pose(view: View, corners: Floats, size_m: float, height_m: float) -> tuple[float, float, float]:
     """Return middle (x, y) and heading of a level marker at that height, fitted to its corners."""
-    flat = view.on_plane(corners, height_m)
-    middle = flat.mean(axis=0)
-    own_corners, seen_corners = marker_corners(size_m)[:, :2], flat - middle
+    on_plane = view.on_plane(corners, height_m)
+    middle = on_plane.mean(axis=0)
+    own_corners, seen_corners = marker_corners(size_m)[:, :2], on_plane - middle
     cross = float((own_corners[:, 0] * seen_corners[:, 1] - own_corners[:, 1] * seen_corners[:, 0]).sum())
     return float(middle[0]), float(middle[1]), math.atan2(cross, float((own_corners * seen_corners).sum()))
 
@@ -106,13 +110,17 @@ def _level_pose(view: View, corners: Floats, size_m: float, height_m: float) -> 
 def _errors(
     view: View, corners: Floats, height_m: float, placing_errors: tuple[float, float, float]
 ) -> tuple[float, float, float]:
-    """Return the standard errors of a card's x, y (m) and heading (rad)."""
-    middle, top = corners.mean(axis=0), corners[:2].mean(axis=0)
-    frame = view.frame_error(middle, top, height_m)
+    """Return the standard errors of x, y (m) and heading (rad) of a level marker at that height.
+
+    Sources are the camera with the floor markers, the noise of the corners, and ``placing_errors`` by the person.
+    """
+    middle, top_middle = corners.mean(axis=0), corners[:2].mean(axis=0)
+    frame = view.frame_error(middle, top_middle, height_m)
     # Noise of the corners; that of the middle of four corners is half of one corner's.
-    a, b = view.on_plane(numpy.array([middle, middle + numpy.array([0, PIXEL / 2])]), height_m)
-    seen_m = float(numpy.linalg.norm(a - b))
-    side_m = float(numpy.linalg.norm(view.on_plane(corners[:2], height_m) - a, axis=1).mean())
-    pixel_errors = (seen_m, seen_m, 2 * seen_m / max(side_m, 1e-3))
-    x, y, turn = (math.hypot(f, o, m) for f, o, m in zip(frame, pixel_errors, placing_errors, strict=True))
+    middle_m, shifted_m = view.on_plane(numpy.array([middle, middle + numpy.array([0, PIXEL / 2])]), height_m)
+    noise_m = float(numpy.linalg.norm(middle_m - shifted_m))
+    side_m = float(numpy.linalg.norm(view.on_plane(corners[:2], height_m) - middle_m, axis=1).mean())
+    pixel_errors = (noise_m, noise_m, 2 * noise_m / max(side_m, 1e-3))
+    # Independent errors: their squares add up.
+    x, y, turn = (math.hypot(*errors) for errors in zip(frame, pixel_errors, placing_errors, strict=True))
     return x, y, turn

@@ -70,8 +70,8 @@ class Pose:
 
     def by_corners(self, pixel: float) -> tuple[Floats, Floats]:
         """Return values and covariance without the ground; at the optimum both terms' gradients balance."""
-        spread = numpy.asarray(pixel**2 * numpy.linalg.pinv(self.information, hermitian=True), float)
-        return self.values + spread @ self.weights @ (self.values - self.expected), spread
+        covariance = numpy.asarray(pixel**2 * numpy.linalg.pinv(self.information, hermitian=True), float)
+        return self.values + covariance @ self.weights @ (self.values - self.expected), covariance
 
     def freedom(self, pixel: float) -> float:
         """Return the degrees of freedom of the residuals: 8 minus the effective number of fitted values."""
@@ -85,7 +85,8 @@ def rotation(heading: float, pitch: float, roll: float) -> Floats:
 
 
 def rotations(turns: Floats) -> Floats:
-    """Return the :func:`rotation` (n, 3, 3) of each row (n, 3)."""
+    """Return the :func:`rotation` (n, 3, 3) of each row (n, 3) of heading, pitch, roll (rad)."""
+    # Cosines and sines of heading, pitch and roll; positive pitch is nose up, a negative rotation about y.
     (ch, cp, cr), (sh, sp, sr) = numpy.cos(turns).T, numpy.sin(turns * [1.0, -1.0, 1.0]).T
     rows = [
         [ch * cp, ch * sp * sr - sh * cr, ch * sp * cr + sh * sr],
@@ -117,26 +118,26 @@ def find_pose(
     # Start with a car that stands on the ground: from far away, the tilt of the marker alone is too uncertain.
     middle_and_top = numpy.array([pixels.mean(axis=0), pixels[:2].mean(axis=0)])
     middle, front = view.on_plane(middle_and_top, ground.radius_m + marker.z_m)
-    ahead = front - middle
-    ahead = ahead / max(float(numpy.hypot(*ahead)), 1e-9)
-    x, y = middle - marker.x_m * ahead
-    level = numpy.array([x, y, ground.radius_m, math.atan2(ahead[1], ahead[0]), 0.0, 0.0])
-    cost, best = _pose_on_ground(level, pixels, view, marker, ground, pixel)
+    direction = front - middle
+    direction = direction / max(float(numpy.hypot(*direction)), 1e-9)
+    x, y = middle - marker.x_m * direction
+    level_pose = numpy.array([x, y, ground.radius_m, math.atan2(direction[1], direction[0]), 0.0, 0.0])
+    cost, best_pose = _pose_on_ground(level_pose, pixels, view, marker, ground, pixel)
     if cost <= MAX_CONTRADICTION:
-        return best
+        return best_pose
     starts = [*([] if guess is None else [guess]), *_poses_by_marker(pixels, view, marker)]
     if not starts:
         return None
-    candidates = [(cost, best), *(_pose_on_ground(start, pixels, view, marker, ground, pixel) for start in starts)]
-    cost, best = min(candidates, key=lambda candidate: candidate[0])
+    candidates = [(cost, best_pose), *(_pose_on_ground(start, pixels, view, marker, ground, pixel) for start in starts)]
+    cost, best_pose = min(candidates, key=lambda candidate: candidate[0])
     cost_without_ground, best_without_ground = min(
         (_refined(start, pixels, view, marker, None, pixel) for start in starts), key=lambda candidate: candidate[0]
     )
-    return best_without_ground if cost - cost_without_ground > MAX_CONTRADICTION else best
+    return best_without_ground if cost - cost_without_ground > MAX_CONTRADICTION else best_pose
 
 
 def _poses_by_marker(pixels: Floats, view: View, marker: CarMarker) -> list[Floats]:
-    """Return the two poses that fit the marker without the ground."""
+    """Return up to two poses (6,) of the car that fit the marker alone, which looks nearly the same tilted either way."""
     count, turns, shifts, _ = cv2.solvePnPGeneric(
         marker_corners(marker.size_m),
         ideal_pixels(view.lens, pixels),
@@ -155,13 +156,16 @@ def _poses_by_marker(pixels: Floats, view: View, marker: CarMarker) -> list[Floa
 def _pose_on_ground(
     start: Floats, pixels: Floats, view: View, marker: CarMarker, ground: Standing, pixel: float
 ) -> tuple[float, Pose]:
-    """Refine a pose with the ground below it, twice, because the ground's values change with position and tilt."""
-    first = _refined(start, pixels, view, marker, ground.at(Place.of(start)), pixel)[1].values
-    return _refined(first, pixels, view, marker, ground.at(Place.of(first)), pixel)
+    """Return the cost and the refined pose with the ground below it as a prior.
+
+    It is refined twice, because the ground's values change with position and tilt.
+    """
+    first = _refined(start, pixels, view, marker, ground.stance_at(Place.of(start)), pixel)[1].values
+    return _refined(first, pixels, view, marker, ground.stance_at(Place.of(first)), pixel)
 
 
 def _refined(
-    start: Floats, pixels: Floats, view: View, marker: CarMarker, stands: Stance | None, pixel: float
+    start: Floats, pixels: Floats, view: View, marker: CarMarker, stance: Stance | None, pixel: float
 ) -> tuple[float, Pose]:
     corners, observed = marker.corners, pixels.ravel()
 
@@ -171,9 +175,9 @@ def _refined(
         return view.pixels(points.reshape(-1, 3)).reshape(len(poses), 8)
 
     values, weights, expected = start.copy(), numpy.zeros((6, 6)), numpy.zeros(6)
-    if stands is not None:
-        expected[GROUND_INDICES] = stands.values
-        weights[numpy.ix_(GROUND_INDICES, GROUND_INDICES)] = numpy.linalg.inv(stands.covariance)
+    if stance is not None:
+        expected[GROUND_INDICES] = stance.values
+        weights[numpy.ix_(GROUND_INDICES, GROUND_INDICES)] = numpy.linalg.inv(stance.covariance)
 
     def cost_of(values: Floats, projection: Floats) -> float:
         residual, ground_residual = (projection - observed) / pixel, values - expected
@@ -206,4 +210,4 @@ def _refined(
                 break
     values[3:] = [math.remainder(angle, math.tau) for angle in values[3:]]
     residuals = (projections[0] - observed).reshape(4, 2)
-    return cost, Pose(values, information * pixel**2, weights, expected, residuals, stands is not None)
+    return cost, Pose(values, information * pixel**2, weights, expected, residuals, stance is not None)

@@ -26,7 +26,10 @@ CAPTION_MM = 7.0
 
 
 def sheets(course: Course, obstacles: int = 4) -> bytes:
-    """Return the file's bytes, with cards for ``obstacles`` obstacles. Raises FoldcarError if a marker is too large."""
+    """Return the bytes of the PDF with a course's markers, cards for ``obstacles`` obstacles, and the lens's board.
+
+    Raises FoldcarError if a marker is too large for a page.
+    """
     rl_config.useA85 = 0
     binary = io.BytesIO()
     canvas = Canvas(binary, pagesize=(PAGE_MM[0] * mm, PAGE_MM[1] * mm), invariant=1, pageCompression=1)
@@ -90,16 +93,20 @@ def _card(canvas: Any, number: int, x: float, y: float, size: float) -> float:
 
 
 def _squares(canvas: Any, picture: Any, x: float, y: float, size: float) -> None:
-    """Draw the black pixels of a small picture as one path, so that no viewer shows lines between them."""
+    """Draw the black pixels of a small picture as one path of rectangles, so that no viewer shows lines between them.
+
+    Equal rows next to each other are one band, in which each run of black pixels is a rectangle.
+    """
     step = size / picture.shape[1]
     path = canvas.beginPath()
-    dark = picture < 128
-    changes = numpy.flatnonzero((dark[1:] != dark[:-1]).any(axis=1)) + 1
-    bands = [0, *changes.tolist(), len(dark)]
-    for top, below in pairwise(bands):
-        edges = numpy.flatnonzero(numpy.diff(numpy.concatenate([[0], dark[top], [0]]).astype(int)))
-        for begin, end in zip(edges[::2], edges[1::2], strict=True):
-            path.rect(x + begin * step, y + (len(dark) - below) * step, (end - begin) * step, (below - top) * step)
+    is_dark = picture < 128
+    changes = numpy.flatnonzero((is_dark[1:] != is_dark[:-1]).any(axis=1)) + 1
+    row_bounds = [0, *changes.tolist(), len(is_dark)]
+    for top, next_row in pairwise(row_bounds):
+        column_bounds = numpy.flatnonzero(numpy.diff(numpy.concatenate([[0], is_dark[top], [0]]).astype(int)))
+        for start, end in zip(column_bounds[::2], column_bounds[1::2], strict=True):
+            left, bottom = x + start * step, y + (len(is_dark) - next_row) * step
+            path.rect(left, bottom, (end - start) * step, (next_row - top) * step)
     canvas.setFillGray(0)
     canvas.drawPath(path, stroke=0, fill=1)
 
@@ -115,16 +122,16 @@ def _car_page(canvas: Any, course: Course) -> None:
         tab = 8.0
         canvas.rect(low_x - height, low_y, side + 2 * height, side)
         canvas.rect(low_x, low_y - height, side, side + 2 * height)
-        for left, low, wide, high in (
+        for left, bottom, width, height_mm in (
             (low_x - height - tab, low_y, tab, side), (low_x + side + height, low_y, tab, side),
             (low_x, low_y - height - tab, side, tab), (low_x, low_y + side + height, side, tab),
         ):  # fmt: skip
-            canvas.rect(left, low, wide, high)
+            canvas.rect(left, bottom, width, height_mm)
     _text(canvas, PAGE_MM[0] / 2, y + size + (side - size) / 2 + height + 15, "front of the car", 11)
-    middle = f"its middle {1000 * course.car_x_m:.0f} mm ahead of the car's middle"
-    middle = middle if course.car_x_m else "on the middle of the lid"
+    place_text = f"its middle {1000 * course.car_x_m:.0f} mm ahead of the car's middle"
+    place_text = place_text if course.car_x_m else "on the middle of the lid"
     stand = f"Fold at all lines, walls down, tape at the corners, feet outwards onto the lid: {height:.0f} mm above it"
-    _text(canvas, PAGE_MM[0] / 2, 49, f"The car's marker, {middle}", 10)
+    _text(canvas, PAGE_MM[0] / 2, 49, f"The car's marker, {place_text}", 10)
     _text(canvas, PAGE_MM[0] / 2, 43, stand if height else "Flat on the lid", 10)
     canvas.showPage()
 
@@ -158,8 +165,8 @@ def _board_page(canvas: Any) -> None:
     modules = 7
     pixels_per_square = round(SQUARE_M / BOARD_MARKER_M * modules * 100)
     picture = board().generateImage((columns * pixels_per_square, rows * pixels_per_square), None, 0, 1)
-    wide = 1000 * SQUARE_M * columns
-    x, y = (PAGE_MM[0] - wide) / 2, 28.0
-    _squares(canvas, picture, x, y, wide)
+    width = 1000 * SQUARE_M * columns
+    x, y = (PAGE_MM[0] - width) / 2, 28.0
+    _squares(canvas, picture, x, y, width)
     _text(canvas, PAGE_MM[0] / 2, PAGE_MM[1] - 8, "Board for the lens: glue it onto something flat", 10)
     canvas.showPage()

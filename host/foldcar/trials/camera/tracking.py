@@ -96,6 +96,10 @@ def track(
         )
 
     def poses_of(corner_rows: Sequence[tuple[int, Floats]], pixel: float, ground: Standing) -> list[tuple[float, Pose]]:
+        """Return time (s) and pose of the car in each frame, from its marker's corners; skip frames without a pose.
+
+        ``pixel`` is the corners' standard deviation (pixels).
+        """
         result, guess = [], None
         for frame, corners in corner_rows:
             pose = find_pose(corners, view, car, ground, guess, pixel)
@@ -139,52 +143,58 @@ def track(
 
 
 def _find_markers(frames: Iterable[tuple[float, Grey]], floor_ids: set[int]) -> _MarkersSeen:
-    """Find the car's marker in all frames, near its last position, and the floor's in every CHECK_FRAMES-th frame."""
+    """Find the car's marker in all frames, and the floor markers in every CHECK_FRAMES-th frame.
+
+    The car's marker is searched where it would be if it moved on as in the last frame. If it is lost, the whole frame is
+    searched, in every SEARCH_FRAMES-th frame.
+    """
     detector, seen = Detector(), _MarkersSeen()
-    car: Floats | None = None
-    drift = numpy.zeros(2)
-    lost = 0
+    last_corners: Floats | None = None
+    motion = numpy.zeros(2)
+    frames_lost = 0
     for frame, (time_s, grey) in enumerate(frames):
         seen.times_s.append(time_s)
         seen.size = (grey.shape[1], grey.shape[0])
-        car_corners = None if car is None else detector.find_near(grey, car + drift, CAR_ID)
+        car_corners = None if last_corners is None else detector.find_near(grey, last_corners + motion, CAR_ID)
         all_markers = None
-        if car_corners is None and lost % SEARCH_FRAMES == 0:
+        if car_corners is None and frames_lost % SEARCH_FRAMES == 0:
             all_markers = detector.find(grey)
-            car_corners, car = all_markers.get(CAR_ID), None
-        drift = numpy.zeros(2)
+            car_corners, last_corners = all_markers.get(CAR_ID), None
+        motion = numpy.zeros(2)
         if car_corners is not None:
-            if car is not None:
-                drift = car_corners.mean(axis=0) - car.mean(axis=0)
-            seen.car[frame], car, lost = car_corners, car_corners, 0
+            if last_corners is not None:
+                motion = car_corners.mean(axis=0) - last_corners.mean(axis=0)
+            seen.car[frame], last_corners, frames_lost = car_corners, car_corners, 0
         else:
-            lost += 1
+            frames_lost += 1
         if frame % CHECK_FRAMES == 0 or all_markers is not None:
-            searched = all_markers or {}
+            found_markers = all_markers or {}
             for number in floor_ids:
-                corners, before = searched.get(number), seen.floor.get(number)
-                if corners is None and before is not None:
-                    corners = detector.find_near(grey, before[-1], number)
+                corners, earlier = found_markers.get(number), seen.floor.get(number)
+                if corners is None and earlier is not None:
+                    corners = detector.find_near(grey, earlier[-1], number)
                 if corners is not None:
                     seen.floor.setdefault(number, []).append(corners)
     return seen
 
 
 def _view(seen: _MarkersSeen, course: Course, lens: Lens | None, where: str) -> tuple[View, list[str]]:
-    """Return the camera's view and remarks. Raises FoldcarError if the camera moved."""
+    """Return the camera's view by the floor markers' median corners, and remarks. Raises FoldcarError if it moved."""
     if not seen.times_s:
         raise FoldcarError(f"{where}: has no frames")
-    means = {number: numpy.median(corners, axis=0) for number, corners in seen.floor.items()}
+    median_corners = {number: numpy.median(corners, axis=0) for number, corners in seen.floor.items()}
     # If only one marker moves, it was pushed; if several do, the camera moved.
-    pushed = []
-    for number, mean in means.items():
-        distances = numpy.abs(numpy.array(seen.floor[number]) - mean).mean(axis=(1, 2))
+    moved_ids = []
+    for number, median in median_corners.items():
+        distances = numpy.abs(numpy.array(seen.floor[number]) - median).mean(axis=(1, 2))
         if numpy.quantile(distances, 0.9) > MAX_STILL_PX * seen.size[0] / 1920:
-            pushed.append(number)
-    if len(pushed) > 1:
-        raise FoldcarError(f"{where}: the camera moved, or floor markers {pushed[0]} and {pushed[1]} did: use a tripod")
-    view = find_view({k: mean for k, mean in means.items() if k not in pushed}, course, seen.size, lens, where)
-    return view, [*view.remarks, *(f"floor marker {number} was pushed during the film: left out" for number in pushed)]
+            moved_ids.append(number)
+    if len(moved_ids) > 1:
+        which = f"floor markers {moved_ids[0]} and {moved_ids[1]}"
+        raise FoldcarError(f"{where}: the camera moved, or {which} did: use a tripod")
+    still_corners = {number: median for number, median in median_corners.items() if number not in moved_ids}
+    view = find_view(still_corners, course, seen.size, lens, where)
+    return view, [*view.remarks, *(f"floor marker {number} was pushed during the film: left out" for number in moved_ids)]
 
 
 def smooth(times_s: Floats, poses: Floats, covariances: Floats) -> tuple[Floats, Floats, Floats]:
@@ -196,13 +206,13 @@ def smooth(times_s: Floats, poses: Floats, covariances: Floats) -> tuple[Floats,
     poses = poses.copy()
     poses[:, 3:] = numpy.unwrap(poses[:, 3:], axis=0)
     n = len(times_s)
-    states, spreads = numpy.zeros((n, 12)), numpy.zeros((n, 12, 12))
-    predicted, predicted_spreads = numpy.zeros((n, 12)), numpy.zeros((n, 12, 12))
+    states, state_covariances = numpy.zeros((n, 12)), numpy.zeros((n, 12, 12))
+    predicted_states, predicted_covariances = numpy.zeros((n, 12)), numpy.zeros((n, 12, 12))
     transitions = numpy.zeros((n, 12, 12))
-    used = numpy.zeros(n, dtype=bool)
+    is_used = numpy.zeros(n, dtype=bool)
     state = numpy.concatenate([poses[0], numpy.zeros(6)])
-    spread = numpy.zeros((12, 12))
-    spread[:6, :6], spread[6:, 6:] = covariances[0] + 1e-12 * numpy.eye(6), numpy.diag(FIRST_RATE**2)
+    covariance = numpy.zeros((12, 12))
+    covariance[:6, :6], covariance[6:, 6:] = covariances[0] + 1e-12 * numpy.eye(6), numpy.diag(FIRST_RATE**2)
     last_used_s = times_s[0]
     for k in range(n):
         dt = times_s[k] - times_s[k - 1] if k else 0.0
@@ -210,20 +220,21 @@ def smooth(times_s: Floats, poses: Floats, covariances: Floats) -> tuple[Floats,
         transition[:6, 6:] = dt * numpy.eye(6)
         noise[:6, :6], noise[6:, 6:] = numpy.diag(DENSITY * dt**3 / 3), numpy.diag(DENSITY * dt)
         noise[:6, 6:] = noise[6:, :6] = numpy.diag(DENSITY * dt**2 / 2)
-        state, spread = transition @ state, transition @ spread @ transition.T + noise
-        predicted[k], predicted_spreads[k], transitions[k] = state, spread, transition
+        state, covariance = transition @ state, transition @ covariance @ transition.T + noise
+        predicted_states[k], predicted_covariances[k], transitions[k] = state, covariance, transition
         innovation = poses[k] - state[:6]
         innovation[3:] = numpy.remainder(innovation[3:] + numpy.pi, 2 * numpy.pi) - numpy.pi
-        inverse_spread = numpy.linalg.inv(spread[:6, :6] + covariances[k])
-        if k == 0 or innovation @ inverse_spread @ innovation <= GATE_CHI2 or times_s[k] - last_used_s > MAX_LOST_S:
-            gain = spread[:, :6] @ inverse_spread if k else numpy.zeros((12, 6))
+        inverse_covariance = numpy.linalg.inv(covariance[:6, :6] + covariances[k])
+        if k == 0 or innovation @ inverse_covariance @ innovation <= GATE_CHI2 or times_s[k] - last_used_s > MAX_LOST_S:
+            gain = covariance[:, :6] @ inverse_covariance if k else numpy.zeros((12, 6))
             state = state + gain @ innovation
-            spread = spread - gain @ spread[:6]
-            spread = (spread + spread.T) / 2
-            used[k], last_used_s = True, times_s[k]
-        states[k], spreads[k] = state, spread
+            covariance = covariance - gain @ covariance[:6]
+            covariance = (covariance + covariance.T) / 2
+            is_used[k], last_used_s = True, times_s[k]
+        states[k], state_covariances[k] = state, covariance
     for k in range(n - 2, -1, -1):
-        gain = spreads[k] @ transitions[k + 1].T @ numpy.linalg.pinv(predicted_spreads[k + 1], hermitian=True)
-        states[k] += gain @ (states[k + 1] - predicted[k + 1])
-        spreads[k] += gain @ (spreads[k + 1] - predicted_spreads[k + 1]) @ gain.T
-    return states[:, :6], spreads[:, :6, :6], used
+        inverse_predicted = numpy.linalg.pinv(predicted_covariances[k + 1], hermitian=True)
+        gain = state_covariances[k] @ transitions[k + 1].T @ inverse_predicted
+        states[k] += gain @ (states[k + 1] - predicted_states[k + 1])
+        state_covariances[k] += gain @ (state_covariances[k + 1] - predicted_covariances[k + 1]) @ gain.T
+    return states[:, :6], state_covariances[:, :6, :6], is_used

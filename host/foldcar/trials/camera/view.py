@@ -77,21 +77,22 @@ class View:
     def frame_error(self, pixel: Floats, ahead: Floats, height_m: float) -> Floats:
         """Return the standard deviations (m, m, rad) of x, y and heading that are due to camera and floor markers.
 
-        They are those of an object at ``pixel`` that points to the pixel ``ahead``, at that height.
+        They are those of an object at ``pixel`` that points to the pixel ``ahead``, at that height: the covariance of the
+        fit is propagated by a numerical Jacobian.
         """
 
-        def place(unknowns: Floats) -> Floats:
+        def place_of(unknowns: Floats) -> Floats:
             lens, turn, shift, _, _ = _split(unknowns, self.lens, self.with_lens, self.course)
             view = replace(self, lens=lens, turn=turn, shift_m=shift)
             (x, y), (ahead_x, ahead_y) = view.on_plane(numpy.array([pixel, ahead]), height_m)
             return numpy.array([x, y, math.atan2(ahead_y - y, ahead_x - x)])
 
-        base = place(self.unknowns)
+        unshifted = place_of(self.unknowns)
         columns = []
-        for k, sigma in enumerate(numpy.sqrt(numpy.diag(self.covariance))):
+        for k, sd in enumerate(numpy.sqrt(numpy.diag(self.covariance))):
             step = numpy.zeros_like(self.unknowns)
-            step[k] = 0.1 * max(sigma, 1e-9)
-            columns.append((place(self.unknowns + step) - base) / step[k])
+            step[k] = 0.1 * max(sd, 1e-9)
+            columns.append((place_of(self.unknowns + step) - unshifted) / step[k])
         jacobian = numpy.column_stack(columns)
         variances: Floats = numpy.diag(jacobian @ self.covariance @ jacobian.T).astype(float)
         return numpy.asarray(numpy.sqrt(variances), dtype=float)
@@ -114,7 +115,10 @@ def floor_corners(marker: FloorMarker, size_m: float) -> Floats:
 def find_view(
     corners: Mapping[int, Floats], course: Course, size: tuple[int, int], lens: Lens | None, where: str
 ) -> View:
-    """Return the camera of a picture of ``size`` (width, height). Raises FoldcarError, beginning with ``where``."""
+    """Return the camera of a picture of ``size`` (width, height) by the ``corners`` of its markers, by id.
+
+    Raises FoldcarError, beginning with ``where``, if too few floor markers are seen or several were moved.
+    """
     markers_by_id = {marker.id: marker for marker in course.floor}
     seen = {number: corners[number] for number in markers_by_id if number in corners}
     missing = [str(number) for number in markers_by_id if number not in seen]
@@ -126,8 +130,8 @@ def find_view(
     remarks = [f"floor marker {number} is not seen" for number in missing]
     view = _fit(seen, course, size, lens)
     if _largest_offset(view, course, seen) > 1:
-        view, moved = _without_moved_marker(seen, course, size, lens, where)
-        remarks.append(moved)
+        view, moved_remark = _without_moved_marker(seen, course, size, lens, where)
+        remarks.append(moved_remark)
     if abs(view.scale - 1) > REMARKED_PRINT:
         remarks.append(
             f"the markers have {100 * view.scale:.1f} % of their size: measure the printed bar, or their positions"
@@ -143,60 +147,60 @@ def ideal_pixels(lens: Lens, pixels: Floats) -> Floats:
 def _without_moved_marker(
     seen: Mapping[int, Floats], course: Course, size: tuple[int, int], lens: Lens | None, where: str
 ) -> tuple[View, str]:
-    """Return the view without the moved marker, and a remark on this marker.
+    """Find the floor marker that was moved; return the view without it, and a remark on it.
 
-    Each marker is left out once. The moved marker is the one without which all others have consistent positions. Raises
-    FoldcarError if there is no such marker, or if it is ambiguous.
+    Each marker is left out once: without the moved one, all others have consistent positions. Raises FoldcarError if
+    that holds for no marker or for several.
     """
     # Largest offset of the other markers (above 1 they are not consistent), marker that is left out, view.
     candidates = []
     for left_out in seen if len(seen) > MIN_MARKERS else ():
-        others = {number: pixels for number, pixels in seen.items() if number != left_out}
-        view = _fit(others, course, size, lens)
-        candidates.append((_largest_offset(view, course, others) * MOVED_M / CONSISTENT_M, left_out, view))
+        other_corners = {number: pixels for number, pixels in seen.items() if number != left_out}
+        view = _fit(other_corners, course, size, lens)
+        candidates.append((_largest_offset(view, course, other_corners) * MOVED_M / CONSISTENT_M, left_out, view))
     candidates.sort(key=lambda candidate: candidate[0])
-    if (
-        not candidates
-        or candidates[0][0] > 1
-        or (len(candidates) > 1 and candidates[1][0] < 3 * candidates[0][0] and candidates[1][0] < 1)
-    ):
+    # Ambiguous: without another marker the rest is consistent too, and fits nearly as well.
+    is_ambiguous = len(candidates) > 1 and candidates[1][0] < min(3 * candidates[0][0], 1)
+    if not candidates or candidates[0][0] > 1 or is_ambiguous:
         raise FoldcarError(
             f"{where}: the floor markers do not have the positions or sizes of the course: measure them again "
             "(`foldcar markers` writes course.json, which may be edited)"
         )
     _, moved_id, view = candidates[0]
     planned_marker = next(marker for marker in course.floor if marker.id == moved_id)
-    middle = view.on_plane(seen[moved_id], 0.0).mean(axis=0)
-    away_mm = 1000 * math.hypot(middle[0] - planned_marker.x_m, middle[1] - planned_marker.y_m)
-    place = f"{1000 * middle[0]:.0f}, {1000 * middle[1]:.0f} mm"
-    return view, f"floor marker {moved_id} lies {away_mm:.0f} mm from its position, at {place}; it is left out"
+    moved_middle = view.on_plane(seen[moved_id], 0.0).mean(axis=0)
+    away_mm = 1000 * math.hypot(moved_middle[0] - planned_marker.x_m, moved_middle[1] - planned_marker.y_m)
+    place_text = f"{1000 * moved_middle[0]:.0f}, {1000 * moved_middle[1]:.0f} mm"
+    return view, f"floor marker {moved_id} lies {away_mm:.0f} mm from its position, at {place_text}; it is left out"
 
 
 def _largest_offset(view: View, course: Course, seen: Mapping[int, Floats]) -> float:
     """Return the largest offset of a marker from its planned position; above 1 the marker counts as moved."""
-    planned = {marker.id: marker for marker in course.floor}
-    offsets = [
+    planned_markers = {marker.id: marker for marker in course.floor}
+    pairs = [(marker, planned_markers[marker.id]) for marker in view.course.floor if marker.id in seen]
+    return max(
         max(
-            math.hypot(marker.x_m - planned[marker.id].x_m, marker.y_m - planned[marker.id].y_m) / MOVED_M,
-            abs(marker.turn_rad - planned[marker.id].turn_rad) / MOVED_RAD,
+            math.hypot(marker.x_m - planned.x_m, marker.y_m - planned.y_m) / MOVED_M,
+            abs(marker.turn_rad - planned.turn_rad) / MOVED_RAD,
         )
-        for marker in view.course.floor
-        if marker.id in seen
-    ]
-    return max(offsets)
+        for marker, planned in pairs
+    )
 
 
 def _split(
     unknowns: Floats, start: Lens, with_lens: bool, course: Course
 ) -> tuple[Lens, Floats, Floats, float, list[FloorMarker]]:
-    """Return lens, turn, shift, scale and floor markers for a vector of unknowns."""
+    """Return lens, turn, shift, scale of the print and floor markers for a vector of unknowns.
+
+    The vector has turn (3) and shift (3) of the camera, 4 numbers of the lens, the scale, and 3 offsets of each marker.
+    """
     lens = start
     if not with_lens:
         log_focal, k1, x, y = unknowns[6:10]
-        span = max(start.width, start.height)
-        focal = 0.8 * span * math.exp(log_focal)
-        middle = ((start.width - 1) / 2 + x * span, (start.height - 1) / 2 + y * span)
-        lens = replace(start, focal_px=focal, middle_px=middle, distortion=(float(k1), 0.0, 0.0, 0.0, 0.0))
+        larger_side = max(start.width, start.height)
+        focal_px = 0.8 * larger_side * math.exp(log_focal)
+        middle_px = ((start.width - 1) / 2 + x * larger_side, (start.height - 1) / 2 + y * larger_side)
+        lens = replace(start, focal_px=focal_px, middle_px=middle_px, distortion=(float(k1), 0.0, 0.0, 0.0, 0.0))
     offsets = unknowns[11:].reshape(-1, 3)
     floor = [
         replace(marker, x_m=marker.x_m + dx, y_m=marker.y_m + dy, turn_rad=marker.turn_rad + turn)
@@ -208,35 +212,37 @@ def _split(
 def _fit(seen: Mapping[int, Floats], course: Course, size: tuple[int, int], lens: Lens | None) -> View:
     """Fit camera, lens, scale of print and floor markers to the corners ``seen`` in a picture, by least squares."""
     visible_course = replace(course, floor=tuple(marker for marker in course.floor if marker.id in seen))
-    start = lens or assumed_lens(*size)
+    start_lens = lens or assumed_lens(*size)
     pixels = numpy.concatenate([seen[marker.id] for marker in visible_course.floor])
     points = numpy.concatenate([floor_corners(marker, visible_course.floor_size_m) for marker in visible_course.floor])
-    spreads = numpy.concatenate([
+    # Standard deviations of the unknowns from the lens on: lens, scale, offsets of the markers. The pose has no prior.
+    prior_sds = numpy.concatenate([
         [FOCAL, RADIAL, MIDDLE, MIDDLE] if lens is None else [1e-9] * 4,
         [PRINTED],
         numpy.tile([PLACING_M, PLACING_M, PLACING_RAD], len(visible_course.floor)),
     ])  # fmt: skip
 
     def residuals(unknowns: Floats) -> Floats:
-        fitted_lens, turn, shift, scale, floor = _split(unknowns, start, lens is not None, visible_course)
+        fitted_lens, turn, shift, scale, floor = _split(unknowns, start_lens, lens is not None, visible_course)
         placed = numpy.concatenate([floor_corners(marker, visible_course.floor_size_m * scale) for marker in floor])
         projected = fitted_lens.pixels(placed @ cv2.Rodrigues(turn)[0].T + shift)
-        return numpy.concatenate([((pixels - projected) / PIXEL).ravel(), unknowns[6:] / spreads])
+        return numpy.concatenate([((pixels - projected) / PIXEL).ravel(), unknowns[6:] / prior_sds])
 
+    # Without a lens several focal lengths are tried, because the fit has local minima.
     best = None
     for focal in (0.8,) if lens else (0.55, 0.8, 1.15):
-        guess = start if lens else replace(start, focal_px=focal * max(size))
+        guess = start_lens if lens else replace(start_lens, focal_px=focal * max(size))
         _, turn, shift = cv2.solvePnP(points, ideal_pixels(guess, pixels), numpy.eye(3), None, flags=cv2.SOLVEPNP_IPPE)
         unknowns = numpy.concatenate([turn.ravel(), shift.ravel(), numpy.zeros(5 + 3 * len(visible_course.floor))])
         unknowns[6] = 0.0 if lens else math.log(focal / 0.8)
-        scales = numpy.concatenate([[0.01] * 3, [0.01] * 3, spreads])
+        scales = numpy.concatenate([[0.01] * 3, [0.01] * 3, prior_sds])
         # Moved markers are recognised by their residuals, which a robust loss would hide.
         fit = least_squares(residuals, unknowns, x_scale=scales, max_nfev=8)
         if best is None or fit.cost < best.cost:
             best = fit
     assert best is not None
     best = least_squares(residuals, best.x, x_scale=scales, max_nfev=60)
-    result, turn, shift, scale, floor = _split(best.x, start, lens is not None, visible_course)
+    result, turn, shift, scale, floor = _split(best.x, start_lens, lens is not None, visible_course)
     covariance = numpy.linalg.pinv(best.jac.T @ best.jac)
     fitted_course = replace(visible_course, floor=tuple(floor))
     return View(result, turn, shift, fitted_course, scale, (), best.x, covariance, lens is not None)

@@ -1,0 +1,99 @@
+"""The guide's text on the finished car: how to open, charge and reset it, load the firmware and drive a metre.
+
+Input: a FoldedCar and its proved service steps. Output: lines of text.
+"""
+
+from collections.abc import Iterator, Sequence
+
+from foldcar.car.folded.model import FoldedCar, Mount
+from foldcar.car.parts.catalogue import Catalogue
+from foldcar.car.proof.step import AssemblyStep
+from foldcar.fabrication.assembly.guide_words import insert_cells_line, join_words, number_ranges
+
+
+def service_lines(car: FoldedCar, steps: Sequence[AssemblyStep]) -> tuple[str, ...]:
+    """Return how the finished car is opened, charged, connected and reset; ``steps`` are the proved service steps."""
+    parts = car.parts
+    mounts = {mount.name: mount for mount in car.mounts}
+    opening_step = next((number for number, step in enumerate(steps) if step.folds), None)
+    # What plugs and fingers reach, by whether the lid is open.
+    reached: dict[bool, list[str]] = {False: [], True: []}
+    for number, step in enumerate(steps):
+        is_open = opening_step is not None and number > opening_step
+        for use in (use for use in step.tool_uses if not use.piece):
+            reached[is_open].append(reached_part(car, mounts[use.name], use.index))
+    reached_shut, reached_open = (list(dict.fromkeys(reached[is_open])) for is_open in (False, True))
+    lids = {name for step in steps for name in step.folds}
+    locks = {join.number for join in car.joins if join.kind == "lock" and {join.piece_a, join.piece_b} & lids}
+    lines = []
+    if reached_shut:
+        lines.append(f"Reached from outside{', the lid shut' if lids else ''}: {join_words(reached_shut)}.")
+    if lids:
+        lines.append(
+            "To open the lid, one latch after the other: with a fingertip on the lid push the lever, "
+            f"which stands at the right wall, outwards; that draws the tongue below it, join {number_ranges(locks)}, out "
+            "of its slot. Then lift the lid by its pull tab."
+        )
+    if reached_open:
+        lines.append(f"Reached with the lid open: {join_words(reached_open)}.")
+    holders = {mounts[added.name].part for step in steps for added in step.adds}
+    return (
+        *lines,
+        *(_change_cells_line(parts, holder) for holder in sorted(holders)),
+        f"Charge the {parts.lipo.name} in the car: the {parts.feather.name} charges it from USB.",
+        f"Reset: press the {parts.featherwing.name}'s button with the tip of a screwdriver"
+        f"{', the lid open' if lids else ''}; the servos stop, and the car waits to be told to go.",
+    )
+
+
+def _change_cells_line(parts: Catalogue, holder: str) -> str:
+    """Return how the cells of that holder are changed."""
+    where = "off, as far as its leads reach" if parts.battery_place == "roof" else "out"
+    return f"Change cells: switch off, take the {holder} {where}, and charge its cells in their own charger."
+
+
+def driving_steps(car: FoldedCar) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Yield titles and lines of the steps after the assembly: firmware, neutrals, one metre."""
+    feather = car.parts.feather.name
+    yield (
+        "Load the firmware",
+        (
+            *([insert_cells_line(car.parts)] if car.parts.battery_place == "roof" else []),
+            f"Connect the {feather} to the computer with a USB cable that carries data, and run `foldcar flash LISTING "
+            "--experiment ID` with the listing and experiment of this car. It loads the firmware and the car's design.",
+            "If no board is found, try another cable; `foldcar doctor` says what is missing.",
+        ),
+    )
+    yield (
+        "Find the neutrals",
+        (
+            "Stand the car on a box so that no wheel touches anything, and turn the switch on.",
+            "Run `foldcar calibrate-servos`. It asks how each wheel turns, and saves each servo's neutral and dead band.",
+            "A wheel turns backwards: look whether its plug is on the output that its lead is marked with. If it is, "
+            "change the sign of that output's direction, as in `foldcar params set CH2_DIRECTION 1`.",
+            "A wheel does not turn: is the switch on, are the cells charged, is the plug's brown lead at GND?",
+        ),
+    )
+    yield (
+        "Drive a metre",
+        (
+            "Put the car on a smooth floor with 2 m free in front of it, and keep a finger near the switch.",
+            'Describe one metre of floor as the tutorial "A first car" does (docs/first_car.md), and run `foldcar log '
+            "metre.json --experiment metre --store metre.db --car NAME`: it checks the car, counts down and drives.",
+            "The car turns aside: repeat `foldcar calibrate-servos`, look for a wheel that rubs. It stops at once: the "
+            "cells are empty or the log's last line says why.",
+            "When it has driven its metre, it is ready for trials.",
+        ),
+    )
+
+
+def reached_part(car: FoldedCar, mount: Mount, index: int) -> str:
+    """Return the name of what a tool (plug, finger or screwdriver) reaches at clearance ``index`` of a mount."""
+    parts, tool = car.parts, mount.clearances[index].tool
+    if mount.part == parts.switch.name:
+        return "switch"
+    if tool in ("finger", "driver"):
+        return "reset button" if mount.part in (parts.feather.name, parts.featherwing.name) else mount.name
+    if mount.part == parts.feather.name:
+        return "USB" if index == 0 else "LiPo's plug"
+    return "servos' plugs" if mount.part == parts.featherwing.name else f"plug of {mount.name}"

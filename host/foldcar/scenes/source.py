@@ -111,9 +111,7 @@ class SceneSource:
             raise ProgramError(f"{self.program}: sample {k}", error, self.program) from error
         # Scenic would check all requirements again in the simulation, even soft ones that this sample need not fulfil.
         scene.temporalRequirements = tuple(
-            requirement
-            for requirement in scene.temporalRequirements
-            if requirement.proposition.has_temporal_operator
+            requirement for requirement in scene.temporalRequirements if requirement.proposition.has_temporal_operator
         )
         return scene
 

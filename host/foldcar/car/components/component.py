@@ -124,9 +124,7 @@ class Component:
         self.path, self.body, self.parts = path, body, parts or catalogue()
         given_values = dict(values or {})
         self.keys = {name: name for name in given_values} if keys is None else keys
-        self.values = {
-            parameter.name: parameter.default_with(self.parts) for parameter in self.parameters
-        } | given_values
+        self.values = {parameter.name: parameter.default_with(self.parts) for parameter in self.parameters} | given_values
         for parameter in self.parameters:
             limit_error = parameter.limit_error(self[parameter.name], self.parts)
             if limit_error:

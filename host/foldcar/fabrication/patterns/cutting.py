@@ -12,9 +12,10 @@ from foldcar.car.parts.catalogue import Catalogue
 from foldcar.fabrication.patterns.drawing import LAYERS, Motion, Path, Point, Shape, Sheet, bounds
 from foldcar.fabrication.patterns.flat_piece import FlatPiece
 from foldcar.fabrication.patterns.labels import text_strokes
-from foldcar.fabrication.patterns.nesting import NestingError, all_fit, fits, suggest_sheet, too_large_message
+from foldcar.fabrication.patterns.nesting import NestingError
 from foldcar.fabrication.patterns.options import MACHINES, Options
 from foldcar.fabrication.patterns.piece_shapes import cut_shapes, dashes
+from foldcar.fabrication.patterns.sheet_fit import all_fit, fits, suggest_sheet, too_large_message
 from foldcar.fabrication.patterns.sheets import BAR, REFERENCE_MM, Pattern, rounded, title_shapes, title_size_mm, wrapped
 from foldcar.figures.page import page_template
 

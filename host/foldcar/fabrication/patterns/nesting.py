@@ -12,8 +12,8 @@ work, not time: the same pieces give the same layout.
 import itertools
 import math
 import random
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 import shapely
@@ -23,7 +23,7 @@ from shapely.geometry import Polygon
 
 from foldcar.errors import FoldcarError
 from foldcar.fabrication.patterns.drawing import Motion, Point
-from foldcar.fabrication.patterns.options import MACHINES, MAX_SHEET_MM, Options
+from foldcar.fabrication.patterns.sheet_fit import too_large_message
 
 CELL_MM = 1.0
 MAX_SHEETS = 200
@@ -366,47 +366,3 @@ def _new_sheet(area: _Area, title: _Turns, piece: _Turns) -> tuple[_Sheet, Motio
         motion = sheet.place(piece)
     assert motion is not None, "pieces fit on an empty sheet"
     return sheet, title_motion, motion
-
-
-def fits(extent_mm: tuple[float, float], size_mm: tuple[float, float], margin_mm: float) -> bool:
-    """Whether a box of that extent fits into a sheet without its margins, upright or turned by 90°."""
-    low, high = sorted(extent_mm)
-    usable_low, usable_high = sorted(side - 2 * margin_mm for side in size_mm)
-    return low <= usable_low + 1e-6 and high <= usable_high + 1e-6
-
-
-def too_large_message(name: str, outline: Polygon, size_mm: tuple[float, float], margin_mm: float) -> str:
-    """Return the message for a piece that does not fit on a sheet."""
-    x0, y0, x1, y1 = outline.bounds
-    usable = [side - 2 * margin_mm for side in size_mm]
-    return (
-        f"--sheet: {name} is {x1 - x0:.1f} x {y1 - y0:.1f} mm, but of a sheet of {size_mm[0]:g} x {size_mm[1]:g} mm "
-        f"with margins of {margin_mm:g} mm only {usable[0]:g} x {usable[1]:g} mm can be used, and it cannot be split"
-    )
-
-
-def suggest_sheet(is_enough: Callable[[Options], bool], outlines: Iterable[Polygon], options: Options) -> str:
-    """Return a text that suggests the machine's smallest larger sheet for which ``is_enough`` holds.
-
-    Without such a sheet, suggest one as large as the outlines (mm).
-    """
-    width, height = options.sheet_size_mm
-    for name in MACHINES[options.machine].sheets:
-        other = replace(options, sheet=name)
-        if math.prod(other.sheet_size_mm) > width * height and is_enough(other):
-            return f"--sheet {name} would do"
-    sides = [sorted((x1 - x0, y1 - y0)) for x0, y0, x1, y1 in (outline.bounds for outline in outlines)]
-    low, high = (_rounded_up(max(side[i] for side in sides) + 2 * options.margin_mm + 1) for i in (0, 1))
-    if high > MAX_SHEET_MM:
-        return f"no sheet of up to {MAX_SHEET_MM:g} mm would do: make the car smaller"
-    return f"--sheet {high:g}x{low:g} would do"
-
-
-def all_fit(outlines: Sequence[Polygon], options: Options) -> bool:
-    """Whether each of the outlines (mm) fits on a sheet."""
-    bounds = (outline.bounds for outline in outlines)
-    return all(fits((x1 - x0, y1 - y0), options.sheet_size_mm, options.margin_mm) for x0, y0, x1, y1 in bounds)
-
-
-def _rounded_up(length_mm: float) -> float:
-    return 10.0 * math.ceil(length_mm / 10)

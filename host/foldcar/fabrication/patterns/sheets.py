@@ -18,9 +18,10 @@ from foldcar.car.parts.catalogue import film_of
 from foldcar.fabrication.patterns.drawing import LAYERS, Motion, Path, Point, Shape, Sheet
 from foldcar.fabrication.patterns.flat_piece import FlatPiece, flat_piece, moved_to_origin
 from foldcar.fabrication.patterns.labels import join_marks, text_strokes
-from foldcar.fabrication.patterns.nesting import NestingError, all_fit, nest, suggest_sheet
+from foldcar.fabrication.patterns.nesting import NestingError, nest
 from foldcar.fabrication.patterns.options import MACHINES, TORN_FILM_MM, OptionError, Options
 from foldcar.fabrication.patterns.piece_shapes import Film, narrowest_film, outer_cut, piece_shapes
+from foldcar.fabrication.patterns.sheet_fit import all_fit, suggest_sheet
 from foldcar.fabrication.patterns.splitting import split_to_fit
 
 # Length of the bar by which the scale of a cut or printed sheet is checked.

@@ -15,8 +15,8 @@ from shapely.geometry.polygon import orient
 from foldcar.car.folded.model import Crease, EdgeRef, Face, FoldedCar, Join, Piece, Point
 from foldcar.car.folded.pose import edge
 from foldcar.fabrication.patterns.flat_piece import flat_piece
-from foldcar.fabrication.patterns.nesting import fits
 from foldcar.fabrication.patterns.options import Options
+from foldcar.fabrication.patterns.sheet_fit import fits
 
 # Film of a tab keeps this distance from the holes of the face below it; a notch leaves so much of it at its fold.
 NOTCH_MM = 1.0

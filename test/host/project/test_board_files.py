@@ -5,7 +5,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[3]
 
-# Offset and size of Arduino-ESP32 2.0.17's default.csv, with `logs` in place of `app1`; its last is `coredump` at 0x3F0000.
+# Offset and size of Arduino-ESP32 2.0.17's default.csv, with `logs` in place of `app1` and without `coredump`.
 DEFAULT = {
     "nvs": (0x9000, 0x5000),
     "otadata": (0xE000, 0x2000),

@@ -16,7 +16,8 @@ void StatusText::send(MAV_SEVERITY severity, const char* text) {
     content.id = next_id_;
     next_id_ = next_id_ == UINT16_MAX ? 1 : static_cast<std::uint16_t>(next_id_ + 1);
   }
-  // A part that contains a zero is the last one. If the text fills its parts, an empty part follows, hence the <=.
+  // A part that contains a zero is the last one. If the text fills its parts, an empty part follows, hence the <=; a text
+  // of exactly one part needs none, because without an id it is complete.
   for (std::size_t sent = 0; sent <= length; sent += kPart) {
     if (sent == length && length <= kPart && length > 0) break;
     std::memset(content.text, 0, kPart);

@@ -11,8 +11,8 @@ namespace {
 
 constexpr std::uint64_t kPeriodUs = 200000;
 // A log has room for 130 s of records with an IMU that shakes (test_slow_flash.cpp). A trial that may last n times
-// kWholeRateS is recorded at 1/n of the rate.
-constexpr float kWholeRateS = 130.0f;
+// kFullRateLimitS is recorded at 1/n of the rate.
+constexpr float kFullRateLimitS = 130.0f;
 // The messages of a log: first the car's design, then these, again and again.
 constexpr std::array<std::uint32_t, 6> kRepeated = {MAVLINK_MSG_ID_FOLDCAR_TRIAL, MAVLINK_MSG_ID_SERVO_OUTPUT_RAW,
                                                     MAVLINK_MSG_ID_SYS_STATUS,    MAVLINK_MSG_ID_ATTITUDE,
@@ -42,7 +42,7 @@ void TrialLog::open(std::uint64_t now_us, const CarView& car) {
   if (!is_recording_) return;
   numbers_ = {};
   next_us_ = now_us;
-  period_us_ = kPeriodUs * static_cast<std::uint64_t>(std::ceil(car.application.trial().time_limit_s / kWholeRateS));
+  period_us_ = kPeriodUs * static_cast<std::uint64_t>(std::ceil(car.application.trial().time_limit_s / kFullRateLimitS));
   record(MAVLINK_MSG_ID_FOLDCAR_DESIGN, car, kReserve);
 }
 

@@ -45,8 +45,9 @@ def calibrate(
 ) -> None:
     """Infer the simulator's parameters from trials.
 
-    The parameters are friction, servos, obstacle heights, centre of mass, track and scatter. Each has a prior, which the
-    trials' outcomes update. Measure obstacle heights, centre of mass and track first (`foldcar trials measure`).
+    The parameters are friction, servos, obstacle heights, centre of mass, track and the scatter of starts and wheels.
+    Each has a prior, which the trials' outcomes update. Measure obstacle heights, centre of mass and track first
+    (`foldcar trials measure`).
 
     The store keeps the result, and `foldcar sweep LISTING --calibration NAME` simulates with it. The summary names
     parameters that the trials cannot tell apart.

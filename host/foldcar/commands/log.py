@@ -32,13 +32,16 @@ def log(
             metavar="K",
             min=0,
             max=MAX_ENVIRONMENTS - 1,
-            help="Number of the sampled environment; default: one with the fewest trials.",
+            help="Which sampled environment, counted from 0; default: one with the fewest trials.",
         ),
     ] = None,
     trials: Annotated[int | None, typer.Option(metavar="N", min=1, help="Stop after N trials.")] = None,
     deviation: Annotated[
         list[str] | None,
-        typer.Option(metavar="TEXT", help='Measured deviation, "NAME X_MM Y_MM [HEADING_DEG]"; may be repeated.'),
+        typer.Option(
+            metavar="TEXT",
+            help='Deviation of an object from its planned place, "NAME X_MM Y_MM [HEADING_DEG]"; may be repeated.',
+        ),
     ] = None,
     outcome: Annotated[
         str | None, typer.Option(metavar="OUTCOME", help="Outcome of all trials; default: ask after each.")
@@ -64,7 +67,10 @@ def log(
     yes: Annotated[bool, typer.Option("--yes", help="Ask no questions; use the default answers.")] = False,
     course: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="course.json for a camera; the picture shows where to lay its markers."),
+        typer.Option(
+            metavar="FILE",
+            help="course.json of `foldcar markers`: the drawn placement then also shows the floor markers.",
+        ),
     ] = None,
     media: Annotated[
         Path | None,

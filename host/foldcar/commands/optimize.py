@@ -68,7 +68,9 @@ def optimize(
     ] = "tpe",
     prune: Annotated[
         bool,
-        typer.Option("--prune/--no-prune", help="With one objective, stop early with designs worse than the best."),
+        typer.Option(
+            "--prune/--no-prune", help="With one objective, give up designs early that are worse than the best."
+        ),
     ] = True,
     seed: Annotated[int, typer.Option(metavar="S", min=0, max=2**31, help="Random seed of the sampler.")] = 0,
     jobs: Jobs = None,

@@ -164,7 +164,9 @@ Vehicle = Annotated[
 ]
 Sample = Annotated[
     int,
-    typer.Option(metavar="K", min=0, max=MAX_ENVIRONMENTS - 1, help="Number of the sampled environment and car, from 0."),
+    typer.Option(
+        metavar="K", min=0, max=MAX_ENVIRONMENTS - 1, help="Which sample of environment and car, counted from 0."
+    ),
 ]
 Environments = Annotated[
     int | None,
@@ -192,7 +194,7 @@ Components = Annotated[
         "--components",
         metavar="FILE",
         callback=_checked(_load_modules),
-        help="Python file with your own modules for vehicle types.",
+        help="Python file that defines modules of cars, for vehicle types.",
     ),
 ]
 Scheduler = Annotated[

@@ -157,7 +157,7 @@ def diff(file: ParameterFile, port: Port = None, as_json: Json = False) -> None:
 
 @params.command()
 def confirm(port: Port = None, as_json: Json = False) -> None:
-    """Allow a car without a readable car.json to arm.
+    """Confirm a car without a readable car.json: its wheels may then turn, until its next start.
 
     The car then uses its stored parameters until it restarts. The command prints these parameters.
 

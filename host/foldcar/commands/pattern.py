@@ -35,7 +35,9 @@ def pattern(
     ] = False,
     machine: Machine = "silhouette",
     sheet: Sheet = None,
-    fold: Annotated[str | None, typer.Option(metavar="STYLE", help="Cut of folds: dash or score.")] = None,
+    fold: Annotated[
+        str | None, typer.Option(metavar="STYLE", help="How folds are cut: dash (a dashed line) or score.")
+    ] = None,
     kerf: Annotated[float | None, typer.Option(metavar="MM", help="Width of film that the cut removes.")] = None,
     tab_clearance: Annotated[
         float | None, typer.Option(metavar="MM", help="Amount by which tabs are made smaller.")

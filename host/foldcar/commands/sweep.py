@@ -51,8 +51,8 @@ def sweep(
         str | None,
         typer.Option(
             metavar="RULE",
-            help="When to stop simulating a design. Npp, e.g. 5pp: its 95 % interval is at most ± N percentage points. "
-            "decided: the interval contains none of the listing's thresholds.",
+            help="When to stop simulating a design. Npp, such as 5pp: once the 95 % interval of its success rate is at "
+            "most ± N percentage points. decided: once this interval contains none of the listing's thresholds.",
         ),
     ] = None,
     jobs: Jobs = None,
@@ -186,8 +186,8 @@ def _announce_folding(planned: "Sweep") -> None:
 
 
 def _counts(progress: "Progress", with_success: bool) -> str:
-    """Return the sweep's counts as text: ``6 runs new, 0 there already, 1.2 s, 5 runs/s, 50.0 % passed``."""
-    counts_text = f"{progress.new} runs new, {progress.reused} there already, {progress.seconds:.1f} s"
+    """Return the sweep's counts as text: ``6 new runs, 0 already stored, 1.2 s, 5 runs/s, 50.0 % passed``."""
+    counts_text = f"{progress.new} new runs, {progress.reused} already stored, {progress.seconds:.1f} s"
     rate = f", {progress.new / progress.seconds:.0f} runs/s" if progress.new else ""
     # With a stopping rule, designs have different numbers of runs, so that a rate over all runs means nothing.
     success = f", {_success(progress)}" if with_success else ""

@@ -235,7 +235,7 @@ def print_search(plan: "Plan", result: "SearchResult", store: Path, varied: Sequ
     exhausted_text = "; these are all designs that can be tried" if result.exhausted else ""
     typer.echo(
         f"{result.designs} designs tried in {result.runs} runs{pruned_text}{exhausted_text}; "
-        f"{result.new} runs new, {result.seconds:.1f} s; store: {store}"
+        f"{result.new} new runs, {result.seconds:.1f} s; store: {store}"
     )
     reasons = list(result.unbuildable.items())
     if reasons:

@@ -80,7 +80,7 @@ def lens(
     output: NewLens,
     as_json: Json = False,
 ) -> None:
-    """Calibrate a camera's lens with the printed board.
+    """Calibrate a camera's lens with the board that `foldcar markers` prints.
 
     Lock the focus. Hold the camera close to the board. Turn and tilt the board, and move it through all parts of the
     picture, including the corners.

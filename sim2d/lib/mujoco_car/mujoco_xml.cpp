@@ -42,12 +42,13 @@ Shown shown(const SceneSpec& scene) {
 }
 
 // Adds a camera that looks at the point (x_m, y_m, 0) of a body, from distance_m · kEye away.
-void add_camera(mjsBody* of, const char* name, double x_m, double y_m, double distance_m, mjtCamLight mode) {
-  mjsCamera& camera = *mjs_addCamera(of, nullptr);
+void add_camera(mjsBody* body, const char* name, double x_m, double y_m, double distance_m, mjtCamLight mode) {
+  mjsCamera& camera = *mjs_addCamera(body, nullptr);
   mjs_setName(camera.element, name);
   camera.mode = mode;
-  const double from[] = {x_m, y_m, 0}, across = hypotenuse(kEye[0], kEye[1]);
-  for (std::size_t i = 0; i < 3; ++i) camera.pos[i] = from[i] + distance_m * kEye[i];
+  const double target[] = {x_m, y_m, 0}, across = hypotenuse(kEye[0], kEye[1]);
+  for (std::size_t i = 0; i < 3; ++i) camera.pos[i] = target[i] + distance_m * kEye[i];
+  // Right and up in the picture; kEye is a unit vector.
   camera.alt.type = mjORIENTATION_XYAXES;
   const double axes[] = {-kEye[1] / across,           kEye[0] / across,            0,
                          -kEye[0] * kEye[2] / across, -kEye[1] * kEye[2] / across, across};

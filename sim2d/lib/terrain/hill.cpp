@@ -78,6 +78,7 @@ double Hill::curvature_1_m(const Disc& disc) const {
   double share = 1;
   if (r > 0) {
     const double e = bell(bell_table().data(), 0.5 * r * r);
+    // The disc's nearest point is at r; the bound is the largest value there or farther out.
     share = r * r < 3 ? std::max(kSecondPeak, e) : (r * r - 1) * e;
   }
   return std::abs(height_m_) * share / (least_sd_m_ * least_sd_m_);

@@ -80,9 +80,9 @@ def test_a_sweep_ends_with_one_line(listing: Path, foldcar: Any) -> None:
     first, second = foldcar(*words), foldcar(*words)
 
     assert (first.returncode, second.returncode, first.stderr) == (0, 0, GOAL_RULE)
-    assert first.stdout.startswith("6 runs new, 0 there already, ") and first.stdout.count("\n") == 1
+    assert first.stdout.startswith("6 new runs, 0 already stored, ") and first.stdout.count("\n") == 1
     assert first.stdout.endswith("% passed; store: new/s.db\n")
-    assert second.stdout.startswith("0 runs new, 6 there already, ")
+    assert second.stdout.startswith("0 new runs, 6 already stored, ")
 
 
 def test_a_closed_output_is_not_reported(tmp_path: Path) -> None:

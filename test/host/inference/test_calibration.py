@@ -223,7 +223,7 @@ def test_a_sweep_under_a_calibration_takes_its_draws_and_leaves_nominal_runs(swe
     sweep = ["sweep", "l.json", "--store", store.name, "--calibration", "mine", "--environments", "3"]
     first, second = run(swept, *sweep), run(swept, *sweep)
 
-    assert first.stdout.startswith("6 runs new") and second.stdout.startswith("0 runs new, 6 there")
+    assert first.stdout.startswith("6 new runs") and second.stdout.startswith("0 new runs, 6 already")
     draws = calibration(swept).draws
     with Store.open(store) as opened:
         info = opened.info().experiments

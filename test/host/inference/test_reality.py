@@ -105,7 +105,7 @@ def test_realities_of_one_name_and_a_calibration_of_it_are_experiments_of_their_
 
     for words in (("--calibration", "pub"), ("--reality", "pub.json"), ("--reality", "other/pub.json")):
         swept = foldcar("sweep", listing, "--store", store, "--jobs", "1", *words)
-        assert swept.returncode == 0 and swept.stdout.startswith("2 runs new"), swept.stderr
+        assert swept.returncode == 0 and swept.stdout.startswith("2 new runs"), swept.stderr
 
     with Store.open(store) as opened:
         infos = opened.info().experiments

@@ -102,7 +102,7 @@ def test_the_wheel_for_every_system_simulates_with_node(sources: Path, carsim_bi
     with Store.open(tmp_path / "yard" / "node.db") as node, Store.open(tmp_path / "yard" / "native.db") as native:
         assert list(node.results("yard")) == list(native.results("yard"))
     assert foldcar(installed, "sweep", "study.json", "--store", "native.db", "--environments", "2").startswith(
-        "0 runs new"
+        "0 new runs"
     )
     assert "WebAssembly with Node, " in foldcar(installed, "doctor")
 
@@ -152,4 +152,4 @@ def test_a_first_user_gets_from_a_new_project_to_a_report_sheets_and_a_car(envir
 
     assert done.returncode == 0, done.stdout + done.stderr
     assert done.stdout.splitlines()[-1].startswith("smoke: ")
-    assert "180 runs new, 0 there already" in done.stdout
+    assert "180 new runs, 0 already stored" in done.stdout

@@ -226,7 +226,7 @@ def test_a_sweep_that_resumes_with_other_samples_is_refused(
     words = ["sweep", listing, "--store", "s.db", "--environments"]
     assert foldcar(*words, "2").returncode == 0
     again, more = foldcar(*words, "2"), foldcar(*words, "4")
-    assert "0 runs new, 2 there already" in again.stdout
+    assert "0 new runs, 2 already stored" in again.stdout
     assert more.returncode == 2
     assert "program.scenic: sample 1 is another scene now" in more.stderr
     assert len(rows(tmp_path / "s.db")) == 2
@@ -256,7 +256,7 @@ def test_nothing_is_imported_from_the_working_directory(listing: Path, program: 
     command = [Path(sys.executable).with_name("foldcar"), "sweep", listing, "--store", "s.db", "--environments", "1"]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    assert "1 runs new" in done.stdout
+    assert "1 new runs" in done.stdout
 
 
 def test_files_of_one_name_in_two_folders_are_told_apart(experiment: Experiment, tmp_path: Path) -> None:

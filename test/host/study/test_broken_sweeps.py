@@ -87,7 +87,7 @@ def test_a_run_that_crashes_is_a_result_and_the_rest_goes_on(
     assert [result for result in results if result.sample] == [result for result in whole if result.sample]
     assert " % passed, 2 failed; store: s.db\n" in crashing.stdout
     # Failed runs are not repeated until the simulator changes.
-    assert again.stdout.startswith("0 runs new, 6 there already, ")
+    assert again.stdout.startswith("0 new runs, 6 already stored, ")
     assert " % passed, 2 failed; store: s.db\n" in again.stdout
     assert "2 of 6 runs failed" in report.stdout
     assert "2 of 6 runs failed" in (tmp_path / "report" / "index.html").read_text()

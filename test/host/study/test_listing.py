@@ -238,7 +238,7 @@ def test_the_published_listing_says_all_that_must_change_and_runs_then(tmp_path:
     (tmp_path / "middle_hill.scenic").write_text(MIDDLE_HILL)
     done = foldcar("sweep", "l.json", "--store", "s.db", "--jobs", "1")
     assert done.returncode == 0, done.stderr
-    assert done.stdout.startswith("1 runs new")
+    assert done.stdout.startswith("1 new runs")
 
 
 def test_all_mistakes_come_at_once_with_what_was_meant(

@@ -67,7 +67,7 @@ def test_appendix_a_runs_with_the_changes_of_the_table(tmp_path: Path, foldcar: 
     done = foldcar("sweep", "a.json", "--store", "s.db", "--jobs", "1")
 
     assert done.returncode == 0, done.stderr
-    assert done.stdout.startswith("1 runs new")
+    assert done.stdout.startswith("1 new runs")
 
 
 @pytest.mark.parametrize(
@@ -140,4 +140,4 @@ def test_every_changed_word_of_a_figure_has_a_comment(figure: str) -> None:
         code = line.partition("#")[0]
         if re.search(r"\bnew\b|\btoward\b", code) and not code.startswith("goal"):
             assert "# Print" in line, (number, line)
-    assert f"|{figure}" in DOC or f", {figure}" in DOC
+    assert f"`{FIGURES[figure]}.scenic`" in DOC or f"scenarios/{FIGURES[figure]}.scenic" in DOC

@@ -77,7 +77,11 @@ def calibrate(
         nominal = nominal_counts(reader, swept_experiment)
         # The stored values were measured on built cars and real obstacles, so they do not apply to simulated trials.
         stored = {} if simulated_trials else measured_values(reader, swept_experiment.info.id)
-    priors = {} if simulated_trials else built_priors(swept_experiment.info.vehicle_type, observations.from_sheets)
+    priors = (
+        {}
+        if simulated_trials
+        else built_priors(swept_experiment.info.vehicle_type, observations.from_sheets, observations.supply_ratio)
+    )
     priors |= measured_priors({**stored, **known_values}, f"{store}: measured")
     carsim = Carsim()
     simulator = Simulator(swept_experiment, carsim, jobs or usable_processors(), seed)

@@ -43,8 +43,8 @@ class LogFeatures:
 
     ``max_roll_rad`` (left side up) and ``max_pitch_rad`` (nose up) have the largest absolute values;
     ``heading_change_rad`` (to the left) is that at the end. ``shocks_s`` are the times of shocks. ``battery_sag_v`` is
-    the voltage before the start minus the lowest voltage of the drive. ``servo_battery_v`` is the mean voltage of the
-    servos' battery during the drive.
+    the voltage before the start minus the lowest voltage of the drive. ``servo_battery_v`` and ``servo_battery_rest_v``
+    are the mean voltages of the servos' battery during and before the drive.
     """
 
     elapsed_time_s: float | None = None
@@ -56,6 +56,7 @@ class LogFeatures:
     shocks_s: tuple[float, ...] | None = None
     battery_sag_v: float | None = None
     servo_battery_v: float | None = None
+    servo_battery_rest_v: float | None = None
 
 
 def log_features(file: Path) -> LogFeatures:
@@ -70,11 +71,11 @@ def log_features(file: Path) -> LogFeatures:
     tilts, heading, shocks = _motion(messages, start_s, end_s)
     roll, pitch = (None, None) if tilts is None else (float(max(column, key=abs)) for column in tilts.T)
     sag_v = _sag_v(messages, start_s, end_s)
-    servo_v = _servo_battery_v(messages, start_s, end_s)
+    servo_v, rest_v = _servo_battery_v(messages, start_s, end_s)
     if roll is None or pitch is None:
-        return LogFeatures(elapsed_s, battery_sag_v=sag_v, servo_battery_v=servo_v)
+        return LogFeatures(elapsed_s, battery_sag_v=sag_v, servo_battery_v=servo_v, servo_battery_rest_v=rest_v)
     heading_error = HEADING_ERROR_RAD + HEADING_ERROR_FACTOR * abs(roll * pitch)
-    return LogFeatures(elapsed_s, roll, pitch, TILT_ERROR_RAD, heading, heading_error, shocks, sag_v, servo_v)
+    return LogFeatures(elapsed_s, roll, pitch, TILT_ERROR_RAD, heading, heading_error, shocks, sag_v, servo_v, rest_v)
 
 
 def _motion(messages: Sequence[Any], start_s: float, end_s: float) -> tuple[Any, float | None, tuple[float, ...] | None]:
@@ -124,11 +125,13 @@ def _sag_v(messages: Sequence[Any], start_s: float, end_s: float) -> float | Non
     return round(before[-1] - min(during), 3) if before and during else None
 
 
-def _servo_battery_v(messages: Sequence[Any], start_s: float, end_s: float) -> float | None:
-    """Return the mean voltage (V) of the servos' battery during the drive; None if unknown."""
-    readings = _timed(messages, start_s, "BATTERY_STATUS")
-    during = [message.voltages[0] / 1000 for time_s, message in readings if 0 < time_s <= end_s]
-    return round(sum(during) / len(during), 3) if during else None
+def _servo_battery_v(messages: Sequence[Any], start_s: float, end_s: float) -> tuple[float | None, float | None]:
+    """Return the mean voltages (V) of the servos' battery during and before the drive; None if unknown."""
+    readings = [(time_s, message.voltages[0] / 1000) for time_s, message in _timed(messages, start_s, "BATTERY_STATUS")]
+    during = [volts for time_s, volts in readings if 0 < time_s <= end_s]
+    before = [volts for time_s, volts in readings if time_s <= 0]
+    during_v, before_v = (round(sum(volts) / len(volts), 3) if volts else None for volts in (during, before))
+    return during_v, before_v
 
 
 def _timed(messages: Sequence[Any], start_s: float, kind: str) -> list[tuple[float, Any]]:

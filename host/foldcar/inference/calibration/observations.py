@@ -17,6 +17,7 @@ from foldcar.errors import FoldcarError
 from foldcar.inference.calibration.experiment import PASSED, SweptExperiment
 from foldcar.inference.calibration.parameters import FloatArray
 from foldcar.inference.calibration.posterior import IntArray
+from foldcar.inference.calibration.supply import measured_supply
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import BUILT, SIMULATED, UNKNOWN, WITHDRAWN, Trial
 
@@ -46,7 +47,8 @@ class Observations:
     """Trials: ``cell``, ``car`` (trials,) are indices, ``passed`` (trials,) is 1 or 0.
 
     ``car_design`` (cars,) is the index of each car's design; ``notes`` are sentences for the reader. ``from_sheets`` is
-    true if all cars were built from the sheets.
+    true if all cars were built from the sheets. ``supply_ratio`` is the measured voltage of the servos' supply divided by
+    the design's, None if it was not measured.
     """
 
     cells: tuple[Cell, ...]
@@ -57,6 +59,7 @@ class Observations:
     simulated: bool
     notes: tuple[str, ...]
     from_sheets: bool = False
+    supply_ratio: float | None = None
 
     @property
     def design(self) -> IntArray:
@@ -141,7 +144,11 @@ def observe(store: Store, experiment: SweptExperiment, simulated: bool) -> Obser
     # simulated car may have any centre of mass.
     from_sheets = not simulated and all(trial.source is None and trial.design_hash for trial, _ in kept)
     notes += _notes(result, simulated)
-    return replace(result, simulated=simulated, notes=tuple(notes), from_sheets=from_sheets)
+    trials = [] if simulated else [trial for trial, _ in kept]
+    supply = measured_supply(store.path, trials, experiment.designs[0].body)
+    if supply.note is not None:
+        notes.append(supply.note)
+    return replace(result, simulated=simulated, notes=tuple(notes), from_sheets=from_sheets, supply_ratio=supply.ratio)
 
 
 def _observed(

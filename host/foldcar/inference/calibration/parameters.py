@@ -190,14 +190,19 @@ def measured_priors(measured: Mapping[str, float], place: str) -> dict[int, Scor
     return priors
 
 
-def built_priors(vehicle_type: str, from_sheets: bool) -> dict[int, ScorePrior]:
+def built_priors(vehicle_type: str, from_sheets: bool, supply_ratio: float | None = None) -> dict[int, ScorePrior]:
     """Return narrower priors for what is known of built cars, by the parameter's index.
 
-    A type that names its cells fixes their supply; a car built ``from_sheets`` has its parts where they are drawn.
+    A type that names its cells fixes their supply; a car built ``from_sheets`` has its parts where they are drawn. With a
+    measured ``supply_ratio``, the supply's voltage divided by the design's, torque and speed of the servos grow with it.
     Example: ``built_priors("W_B_W+cells=nimh", from_sheets=True)``
     """
     cells_named = split_type(vehicle_type)[1].cells != DEFAULT_CHOICES.cells
-    narrowed = (*(NAMED_CELLS if cells_named else ()), *((SHEETS_COM_HEIGHT,) if from_sheets else ()))
+    servos: tuple[Parameter, ...] = NAMED_CELLS if cells_named else ()
+    if supply_ratio is not None:
+        source = f"the measured supply, {supply_ratio:.2f} of the design's, and the servos' make and wear"
+        servos = tuple(replace(servo, middle=servo.middle * supply_ratio, source=source) for servo in NAMED_CELLS)
+    narrowed = (*servos, *((SHEETS_COM_HEIGHT,) if from_sheets else ()))
     priors = {}
     for parameter in narrowed:
         index = NAMES.index(parameter.name)

@@ -1,0 +1,58 @@
+"""Finds the voltage of the servos' supply in the logs of trials, with which torque and speed of the servos grow.
+
+Input: the trials of a store, the body of their car. Output: the voltage relative to the design's, and a
+sentence about it.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from foldcar.errors import FoldcarError
+from foldcar.link.log_features import log_features
+from foldcar.statistics.words import count
+from foldcar.store.log_files import intact_log
+from foldcar.store.trial_records import Trial
+
+# Servos hardly turn below, and break above; a reading beyond is an error of the divider.
+MIN_RATIO, MAX_RATIO = 0.6, 1.4
+
+
+@dataclass(frozen=True, slots=True)
+class Supply:
+    """``ratio`` is the measured voltage divided by the design's, None if unknown; ``note`` is a sentence about it."""
+
+    ratio: float | None = None
+    note: str | None = None
+
+
+def measured_supply(store: Path, trials: Iterable[Trial], body: Mapping[str, Any]) -> Supply:
+    """Return the mean voltage of the servos' supply in the trials' logs.
+
+    A body whose supply has a resistance is compared at rest, because the simulator lowers its voltage under load. Other
+    bodies have the loaded voltage, which is compared with that of the drive. Trials without an intact log are left out.
+    """
+    under_load = not body.get("supply_resistance_ohm")
+    voltages = []
+    for trial in trials:
+        try:
+            log = trial.log and intact_log(store, trial.id, trial.log, trial.log_sha256)
+            features = log_features(log) if log else None
+        except FoldcarError:
+            continue
+        volts = features and (features.servo_battery_v if under_load else features.servo_battery_rest_v)
+        if volts:
+            voltages.append(volts)
+    if not voltages:
+        return Supply()
+    mean_v, design_v = float(np.mean(voltages)), float(body["supply_v"])
+    ratio, load = mean_v / design_v, "while driving" if under_load else "at rest"
+    measured = f"The servos' supply had {mean_v:.2f} V {load} in {count(len(voltages), 'trial')}"
+    if not MIN_RATIO <= ratio <= MAX_RATIO:
+        return Supply(None, f"{measured}, which is not used: the design has {design_v:g} V; check SERVO_DIVIDER.")
+    return Supply(
+        ratio, f"{measured}, the design has {design_v:g} V: torque and speed of the servos are scaled by {ratio:.2f}."
+    )

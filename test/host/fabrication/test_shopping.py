@@ -37,6 +37,8 @@ def test_a_parts_list_names_each_part_once_with_what_to_order_and_the_date_of_it
     assert all(row.search or row.note == "comes with the servos" for row in rows)
     assert "| Adafruit 3405 |" in text and "| Adafruit 2886 |" in text and "stacking headers" not in text
     assert re.search(r"Prices are shops' list prices of 20\d\d", text)
+    assert re.search(r"\| button to drive alone \| push button .* \| \w+", text)
+    assert "| voltage of the servos' battery | resistors, 20 kΩ and 10 kΩ, 1 % |" in text
     (cells,) = [row for row in rows if "AA cell" in row.name]
     assert cells.quantity == 4 and cells.name.startswith("NiMH") and "not alkaline" in cells.note
 

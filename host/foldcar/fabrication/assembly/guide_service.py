@@ -82,6 +82,8 @@ def driving_steps(car: FoldedCar) -> Iterator[tuple[str, tuple[str, ...]]]:
             "metre.json --experiment metre --store metre.db --car NAME`: it checks the car, counts down and drives.",
             "The car turns aside: repeat `foldcar calibrate-servos`, look for a wheel that rubs. It stops at once: the "
             "cells are empty or the log's last line says why.",
+            "Without a cable: add `--untethered`. foldcar says when to pull the cable; the board's light flickers, and "
+            "the wheels start 8 s later. With the button of wiring.md, add `--button`: press it to start, and to stop.",
             "When it has driven its metre, it is ready for trials.",
         ),
     )

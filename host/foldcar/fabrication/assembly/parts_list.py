@@ -27,6 +27,7 @@ from foldcar.car.proof.plan import plan_assembly
 from foldcar.car.supply import fresh_cells_warning, supply
 from foldcar.fabrication.assembly.faces import piece_area_mm2
 from foldcar.fabrication.assembly.operations import Operations, is_wound, kinds, minutes
+from foldcar.fabrication.assembly.wiring import optional_parts
 from foldcar.fabrication.patterns.drawing import Sheet
 from foldcar.figures.page import page_template
 from foldcar.shown_text import spreadsheet_cell
@@ -97,6 +98,7 @@ def parts_list_text(folded: FoldedCar, title: str, sheets: Sequence[Sheet] = (),
         prices=shopping()["prices"],
         warning=fresh_cells_warning(folded.parts),
         parts=folded.parts,
+        options=optional_parts(folded),
         pieces=[(piece, piece_area_mm2(piece), _folds(piece)) for piece in folded.pieces],
         fits=fits(folded),
         done=done,

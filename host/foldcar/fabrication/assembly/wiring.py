@@ -5,6 +5,7 @@ from 0 as on the board, channels from 1 as in the firmware's parameter names.
 """
 
 import math
+from dataclasses import dataclass
 
 from foldcar.car.folded.model import FoldedCar
 from foldcar.car.leads import Lead, leads
@@ -53,6 +54,35 @@ def wiring_text(folded: FoldedCar, title: str) -> str:
         divider_lower_ohm=DIVIDER_LOWER_OHM,
         divider=(DIVIDER_UPPER_OHM + DIVIDER_LOWER_OHM) / DIVIDER_LOWER_OHM,
         divider_v=HIGHEST_SERVO_V * DIVIDER_LOWER_OHM / (DIVIDER_UPPER_OHM + DIVIDER_LOWER_OHM),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class OptionalPart:
+    """A part that a maker may add: its purpose, what it is, words to search a shop with."""
+
+    purpose: str
+    part: str
+    search: str
+
+
+def optional_parts(folded: FoldedCar) -> tuple[OptionalPart, ...]:
+    """Return the parts of the options that the wiring describes."""
+    servos, divider = supply(folded), f"{DIVIDER_UPPER_OHM / 1000:g} kΩ and {DIVIDER_LOWER_OHM / 1000:g} kΩ"
+    return (
+        OptionalPart(
+            "fuse of the servos' supply",
+            f"blade fuse, {servos.fuse_a:g} A, holder with leads",
+            "mini blade fuse holder",
+        ),
+        OptionalPart(
+            "steadier servos' supply",
+            f"capacitor, {servos.capacitor_uf} µF or more, 10 V",
+            "electrolytic capacitor 10 V",
+        ),
+        OptionalPart("no pulses while the board hangs", f"resistor, {OE_PULL_UP_OHM / 1000:g} kΩ", "resistor 1/4 W"),
+        OptionalPart("button to drive alone", "push button that closes while pressed", "tactile push button 6 mm"),
+        OptionalPart("voltage of the servos' battery", f"resistors, {divider}, 1 %", "metal film resistor 1/4 W 1 %"),
     )
 
 

@@ -265,9 +265,7 @@ def print_search(plan: "Plan", result: "SearchResult", store: Path, varied: Sequ
                 cells.append(_objective(objective, before, None))
         table.add_row(*cells)
     table.print_on(shown_console(2 * PLAIN_WIDTH))
-    typer.echo(
-        "Values when chosen come from the environments by which the designs were chosen; they tend to be too good."
-    )
+    typer.echo("Values when chosen come from the environments by which the designs were chosen: they are biased upwards.")
 
 
 def _objective(objective: "Objective", value: float | None, interval: tuple[float, float] | None) -> str:

@@ -25,9 +25,9 @@ NAMED = 3
 # Why to build a design before there are trials, by its place in the feasible region.
 _FIRST_REASONS = {
     selection.MIDDLE: "the middle of the feasible region: if it fails, the whole region is in doubt",
-    selection.LOWER_EDGE: "the lower edge of the feasible region: is the border where simulation sees it?",
-    selection.UPPER_EDGE: "the upper edge of the feasible region: is the border where simulation sees it?",
-    selection.EDGE: "an edge of the feasible region: is the border where simulation sees it?",
+    selection.LOWER_EDGE: "the lower edge of the feasible region: shows whether the border is where simulation sees it",
+    selection.UPPER_EDGE: "the upper edge of the feasible region: shows whether the border is where simulation sees it",
+    selection.EDGE: "an edge of the feasible region: shows whether the border is where simulation sees it",
     selection.BELOW: "just outside, below the region: bounds it, or shows that simulation is too strict",
     selection.ABOVE: "just outside, above the region: bounds it, or shows that simulation is too strict",
     selection.OUTSIDE: "just outside the region: bounds it, or shows that simulation is too strict",
@@ -96,7 +96,8 @@ def grounds(evidence: Evidence, belief: Belief, threshold: float) -> str:
         low, high = (f"{100 * end:.0f}" for end in (rates[tied, 0].min(), rates[tied, 0].max()))
         span = f"{low} %" if low == high else f"{low} to {high} %"
         driven = "" if not belief.driven or belief.trials[tied].any() else "; none of these was driven"
-        sentences.append(f"{_capital(simulation)} cannot rank {_names(belief, evidence, tied)} ({span}){driven}.")
+        names = _names(belief, evidence, tied).replace("each of", "the best", 1)
+        sentences.append(f"{_capital(simulation)} cannot rank {names} ({span}){driven}.")
     driven_designs = sorted(evidence.driven, key=lambda design: -design.trials_passed / len(design.trials))
     if driven_designs:
         counts = [

@@ -52,7 +52,7 @@ def test_a_design_is_beaten_by_one_as_good_in_all_and_better_in_one(tmp_path: Pa
     assert front is not None and [point["values"] for point in front["points"]] == [
         [50.0, 100.0], [50.0, 120.0], [80.0, 300.0], [60.0, 300.0],
     ]  # fmt: skip
-    assert front["objectives"][0] == {"label": "share of runs that pass", "unit": "%", "better": "more"}
+    assert front["objectives"][0] == {"label": "success in simulation", "unit": "%", "better": "more"}
     low, high = wilson_interval(16, 20)
     assert [front["points"][2][end][0] for end in ("low", "high")] == pytest.approx([100 * low, 100 * high], rel=1e-4)
     # Designs that are alike do not beat each other.

@@ -1,7 +1,7 @@
 // The ground of a scene of docs/carsim.md: blocks as they are, hills and rough ground as a grid. Metres.
 
 // grid: {x_min_m, y_min_m, x_step_m, y_step_m, columns, rows, z_m} of the smooth ground, row by row from the lowest y, or
-// null where there is none.
+// null without smooth ground.
 export class Ground {
   constructor(scene, grid = null) {
     Object.assign(this, { scene, grid });
@@ -27,17 +27,17 @@ export class Ground {
   outlines() {
     const { course, goal } = this.scene;
     const edge = [[course.x_min_m, course.y_min_m], [course.x_max_m, course.y_min_m], [course.x_max_m, course.y_max_m], [course.x_min_m, course.y_max_m]];
-    const found = [{ kind: "course", points: [...edge, edge[0]] }];
-    if (goal) found.push({ kind: "goal", points: goal.kind === "disc" ? circle(goal) : lineAcross(goal, course) });
+    const outlines = [{ kind: "course", points: [...edge, edge[0]] }];
+    if (goal) outlines.push({ kind: "goal", points: goal.kind === "disc" ? circle(goal) : lineAcross(goal, course) });
     for (const { x_m, y_m, heading_rad, length_m, width_m } of this.patches) {
       const corners = rectangle(x_m, y_m, heading_rad, length_m, width_m);
-      found.push({ kind: "patch", points: [...corners, corners[0]] });
+      outlines.push({ kind: "patch", points: [...corners, corners[0]] });
     }
-    return found;
+    return outlines;
   }
 }
 
-// The side of a block, [along, z] from its rear foot over its top to its front foot; null of what is none.
+// The side of a block, [along, z] from its rear foot over its top to its front foot; null of a piece that is no block.
 export function profileOf({ kind, length_m, height_m }) {
   const half = length_m / 2;
   if (kind === "box") return [[-half, 0], [-half, height_m], [half, height_m], [half, 0]];

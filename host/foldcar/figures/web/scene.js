@@ -38,7 +38,8 @@ class Mounted {
     }
     this.cameras.hidden = this.view === NO_VIEW;
     this.strips = new Strips(element, t => { this.pause(); this.time(t); });
-    new ResizeObserver(() => this.show()).observe(element);
+    // In the next frame, because the picture's height follows its width, and an observer may not change what it observes.
+    new ResizeObserver(() => requestAnimationFrame(() => this.show())).observe(element);
     this.setGround(ground, runs);
     this.view.camera("orbit");
   }
@@ -124,7 +125,7 @@ class Mounted {
 
 const NO_VIEW = { load() {}, draw() {}, camera() {} };
 
-// The picture by WebGL; throws where there is none.
+// The picture by WebGL. Throws an error in a browser without WebGL.
 class View {
   constructor(element) {
     const label = "The car in its environment, in three dimensions; drag or use the arrow keys to turn it";

@@ -42,7 +42,7 @@ export class Belief {
     place.replaceChildren();
     byId("belief-note").textContent = "";
     if (!e.count) return;
-    if (e.front) this.add(place, "front", frontFigure(this.model));
+    if (e.front?.objectives.length > 1) this.add(place, "front", frontFigure(this.model));
     if (e.parameters.length > 1) this.add(place, "map", mapFigure(this.model));
     else this.add(place, "curve", curveFigure(this.model));
     byId("belief-note").textContent = note(this.model);
@@ -201,30 +201,32 @@ export function scale() {
   return make("span", { class: "scale", role: "img", "aria-label": "colours from 0 to 100 % success" }, "0 ", make("i", { style: `background:linear-gradient(90deg,${stops})` }), " 100 % success");
 }
 
+// Designs of a search with two objectives or more, by the first two.
 function frontFigure(model) {
   const { e } = model, { objectives, points } = e.front, [first, second] = objectives;
-  const shown = points.filter(one => one.values[0] !== null && (!second || one.values[1] !== null));
+  const shown = points.filter(({ values }) => values[0] !== null && values[1] !== null);
   // Only what was checked may be called best.
-  const best = one => one.fresh && !one.beaten;
+  const isBest = ({ fresh, beaten }) => fresh && !beaten;
   const option = theme => ({
     height: 380,
     grid: { left: 64, right: 18, top: 16, bottom: 50 },
     tooltip: designTip(model, theme),
     xAxis: axisStyle(theme, withUnit(first), { type: "value", scale: true }),
-    yAxis: axisStyle(theme, second ? withUnit(second) : "", { type: "value", scale: true, nameGap: 44 }),
+    yAxis: axisStyle(theme, withUnit(second), { type: "value", scale: true, nameGap: 44 }),
     series: [
-      ...[0, 1].map(k => intervals("fresh", shown.filter(one => one.fresh && second && one.low[k] !== null).map(one => [one.values[1 - k], one.low[k], one.high[k]]), theme.soft, 1.5, 1, k === 0)),
-      { type: "scatter", cursor: "pointer", data: shown.map(one => ({
-        value: [one.values[0], second ? one.values[1] : 0], design: one.design,
-        symbolSize: one.fresh ? 13 : 8,
-        itemStyle: { color: best(one) ? theme.accent : theme.soft, opacity: !model.within[one.design] ? 0.1 : best(one) ? 1 : 0.5, borderColor: one.design === model.design ? theme.ink : theme.paper, borderWidth: one.design === model.design ? 3 : 1 },
+      ...[0, 1].map(k => intervals("fresh", shown.filter(({ fresh, low }) => fresh && low[k] !== null).map(({ values, low, high }) => [values[1 - k], low[k], high[k]]), theme.soft, 1.5, 1, k === 0)),
+      { type: "scatter", cursor: "pointer", data: shown.map(point => ({
+        value: point.values.slice(0, 2), design: point.design,
+        symbolSize: point.fresh ? 13 : 8,
+        itemStyle: { color: isBest(point) ? theme.accent : theme.soft, opacity: !model.within[point.design] ? 0.1 : isBest(point) ? 1 : 0.5, borderColor: point.design === model.design ? theme.ink : theme.paper, borderWidth: point.design === model.design ? 3 : 1 },
       })) },
     ],
   });
+  const row = ({ design, values, fresh, beaten }) => [e.designs.name[design], ...values.map(String), fresh ? "yes" : "no", beaten ? "yes" : "no"];
   return {
-    title: "What none beats", label: `The search's designs by ${objectives.map(one => one.label).join(" and ")}`, option,
-    table: () => ({ head: ["design", ...objectives.map(withUnit), "checked in fresh environments", "beaten"], rows: shown.map(one => [e.designs.name[one.design], ...one.values.map(String), one.fresh ? "yes" : "no", one.beaten ? "yes" : "no"]) }),
-    controls: [make("span", { class: "legend" }, make("span", {}, make("i", { class: "key belief" }), "none beats it in fresh environments"), "large: checked in them, with 95 % intervals; small: as the search saw them, too good as a rule")],
+    title: "Non-dominated designs", label: `The search's designs by ${objectives.map(({ label }) => label).join(" and ")}`, option,
+    table: () => ({ head: ["design", ...objectives.map(withUnit), "checked in fresh environments", "dominated"], rows: shown.map(row) }),
+    controls: [make("span", { class: "legend" }, make("span", {}, make("i", { class: "key belief" }), "non-dominated in fresh environments"), "large: checked in these, with 95 % intervals; small: rates of the search, which are biased upwards")],
     of: ({ data }) => data?.design ?? null,
   };
 }

@@ -15,7 +15,7 @@ export class Experiment {
     this.place = new Map(raw.designs.name.map((name, design) => [name, design]));
   }
 
-  // Runs by design and environment, -1 where there is none.
+  // Runs by design and environment, -1 without a run.
   indexRuns() {
     const { design, environment, outcome } = this.runs;
     this.runAt = new Int32Array(this.count * this.environments).fill(-1);

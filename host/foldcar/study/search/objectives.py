@@ -118,7 +118,7 @@ OBJECTIVES = {
     objective.name: objective
     for objective in (
         Objective(
-            "success", "", True, "share of runs that pass",
+            "success", "", True, "success in simulation",
             lambda rows, limit_s: sum(bool(row.passed) for row in rows) / len(rows),
             lambda rows, limit_s: wilson_interval(sum(bool(row.passed) for row in rows), len(rows)),
             lambda row, limit_s, aim: math.nan if row.passed is None else aim - row.passed,

@@ -107,7 +107,7 @@ def _no_advice_text(evidence: Evidence) -> str:
     info = evidence.info
     passed, trials = evidence.trial_counts.sum(axis=0).tolist()
     if not info.success_defined:
-        return f"No advice: {info.success_rule}."
+        return f"No advice, because {info.success_rule}."
     if not info.stored_runs and trials:
         return f"{passed} of {count(trials, 'trial')} of built cars passed; nothing was simulated to compare with."
     if not info.stored_runs:

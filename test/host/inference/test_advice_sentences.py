@@ -72,7 +72,7 @@ def test_without_a_rule_or_a_run_that_counts_nothing_is_advised(study: Studied) 
     undefined = study({75.0: 20, 95.0: 3}, success_defined=False, success_rule="no goal is set")
     rejected = study({75.0: None, 95.0: None})
 
-    assert undefined.sentence == "No advice, because success is undefined: no goal is set."
+    assert undefined.sentence == "No advice, because no goal is set."
     assert rejected.sentence.startswith("No advice: there is no rate: all 40 runs were rejected")
     assert undefined.recommendations == rejected.recommendations == ()
 

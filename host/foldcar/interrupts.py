@@ -58,6 +58,7 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
         _stopped.set()
         threading.Thread(target=_repeat_interrupt, args=(number,), daemon=True).start()
     elif not _repeating.is_set():
+        # Not a repetition by _repeat_interrupt, so the user has sent it.
         _end()
     _repeating.clear()
     if not _imports(frame):
@@ -82,7 +83,7 @@ def _repeat_interrupt(number: int) -> None:
     main = threading.main_thread().ident
     for _ in range(round(GRACE_S / RETRY_S)):
         time.sleep(RETRY_S)
-        # Without an exception this is None, before Python 3.12 a tuple of three.
+        # Without an exception this is None, before Python 3.12 (None, None, None).
         exception = sys._current_exceptions().get(main or 0)
         handles_exception = exception is not None and exception != (None, None, None)
         if not handles_exception and not _imports(sys._current_frames().get(main or 0)):

@@ -264,6 +264,7 @@ def print_search(plan: "Plan", result: "SearchResult", store: Path, varied: Sequ
             if objective.value is not None:
                 cells.append(_objective(objective, before, None))
         table.add_row(*cells)
+    # Twice as wide as other tables, because each objective may have two columns with intervals.
     table.print_on(shown_console(2 * PLAIN_WIDTH))
     typer.echo(
         "Values when chosen come from the environments by which the designs were chosen; they tend to be too good."

@@ -138,7 +138,10 @@ class Adviser:
         driven_samples = {trial.sample for index in rows for trial in belief.designs[index].trials}
         driven_columns = [column for column, sample in enumerate(belief.samples.tolist()) if sample in driven_samples]
         trials_per_design = max((design.trials for design in recommended), default=0)
+        # The new trials' environments, as columns of belief.passed (designs, environments).
         columns = informative_environments(belief.passed[rows], trials_per_design, driven_columns) if rows else []
+        # In these the recommended designs differ: some pass in simulation and some do not.
+        differing = [column for column in columns if numpy.ptp(belief.passed[rows][:, column]) > 0]
         return Selection(
             info,
             threshold,
@@ -148,7 +151,7 @@ class Adviser:
             self._next_step(recommended, belief.labels[best], loss, enough),
             recommended,
             tuple(int(belief.samples[column]) for column in columns),
-            int(sum(numpy.ptp(belief.passed[rows][:, column]) > 0 for column in columns)),
+            len(differing),
             enough,
             belief.designs[best].design if belief.driven else None,
             loss if belief.driven else None,
@@ -245,7 +248,7 @@ class Adviser:
 
     @property
     def _basis(self) -> str:
-        """Sentences that state the assumptions behind sheets, minutes and numbers of trials."""
+        """The assumptions behind sheets, minutes and numbers of trials, as sentences."""
         return (
             "Sheets: 12 x 12 inch, 12 x 24 where a piece is longer, as `foldcar pattern` nests them. Minutes assume "
             f"cutting at {CUTTING_MM_S:g} mm/s, {self._assembly_min:.0f} min to build a car (as its guide estimates, "

@@ -328,6 +328,7 @@ def _with_trials(
         if as_planned and sample in passed_by_sample:
             simulated, resimulated = int(passed_by_sample[sample]), False
         elif as_planned and sample in design.rejected:
+            # The simulation of this environment is known to have no result.
             simulated, resimulated = None, False
         else:
             outcome = None if resimulation is None else resimulation.trial(info, trial)

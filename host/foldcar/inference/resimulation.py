@@ -124,6 +124,7 @@ class Resimulation:
         further_scenes = [text for text in sampled_scenes.values() if text not in scenes]
         scenes += further_scenes[: max(0, MIN_SCENES - len(scenes))]
         try:
+            # Body and settings as stored with a trial, else composed now.
             inputs = next((drive[:2] for drive in drives.values() if drive is not None), None)
             body, settings = inputs or self._composed(info, trials[0])
         except FoldcarError:

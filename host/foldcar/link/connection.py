@@ -52,7 +52,9 @@ class Connection:
         self._mav.robust_parsing = True
         self._heartbeat_at_s = 0.0
         self.clock_rate = CarClockRate()
+        # The sequence number of the last packet of each component, to count lost packets.
         self._sequences: dict[int, int] = {}
+        # Messages that arrived in one packet of input with the one for which wait_for waited.
         self._unread: list[Any] = []
 
     def send(self, message: Any) -> None:

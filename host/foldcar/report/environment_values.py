@@ -149,7 +149,10 @@ def _objects_by_piece(info: ExperimentInfo, scenes: Mapping[int, Mapping[str, An
 def _by_sample(
     store: Store, experiment: Any, table: str, key: str, content_table: str, read: Callable[[Any], Read]
 ) -> dict[int, Read]:
-    """Return what ``read`` makes of each sample's scene or variation; equal ones are read once."""
+    """Return what ``read`` makes of each sample's scene or variation; equal ones are read once.
+
+    ``table`` has the sample's row in ``content_table``, where ``key`` is the experiment's environment or spread.
+    """
     rows = store.rows(BY_NAME[table], f"WHERE {key} = ?1 AND sample < ?2", experiment[key], experiment["environments"])
     ids = {row["sample"]: row[f"{content_table}_id"] for row in rows}
     where = f"WHERE id IN (SELECT {content_table}_id FROM {table} WHERE {key} = ?1 AND sample < ?2)"
@@ -180,7 +183,10 @@ def _numbers(start: str, values: Mapping[str, Any]) -> dict[str, float]:
 
 
 def _car(drawn: Mapping[str, Any], wheels: Any) -> dict[str, float]:
-    """Return the differences of a built car from its design, with the mean and the difference of sides for wheels."""
+    """Return the differences of a built car from its design, with the mean and the difference of sides for wheels.
+
+    ``drawn`` is a sample's stored variation, ``wheels`` are those of the body of the family's first design.
+    """
     result = {}
     for name, value in drawn.items():
         if name not in workshop():

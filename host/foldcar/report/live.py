@@ -60,6 +60,7 @@ class LiveStudy:
         # When the sweep was first seen (s), and its number of runs then: the end is estimated from the runs since.
         self._first: tuple[float, int] | None = None
         self._counts: dict[str, Any] = {"done": 0, "planned": None, "left_s": None, "designs": None, "decided": None}
+        # When the data may be computed again, and when a page last polled: at the start no page is open.
         self._next_s = 0.0
         self._polled_s = -OPEN_S
         self._last_answer = ""
@@ -158,6 +159,7 @@ class LiveStudy:
             return "waiting"
         if counts["planned"] is None or counts["done"] >= counts["planned"]:
             return "done"
+        # None: the writer was killed. False: it has ended by itself.
         return "killed" if written is None else "stopped"
 
     def _changed_s(self) -> float | None:

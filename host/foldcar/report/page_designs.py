@@ -88,6 +88,7 @@ class DesignColumns:
         """Return the bands of all designs from the ``rows`` of those in the belief; None for the others."""
         bands: list[Band] = [None] * len(self.names)
         indices = [] if self.evidence.belief is None else self.evidence.belief.design_indices.tolist()
+        # Without rows, no design has a band.
         for index, row in zip(indices, rows, strict=bool(rows)):
             value, low, high = (round(number, 6) for number in row)
             bands[index] = value, low, high

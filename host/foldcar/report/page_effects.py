@@ -75,6 +75,7 @@ def importance_rows(effects: Effects, indices: Sequence[int]) -> list[dict[str, 
     """Return a row with the importance of each parameter, the greatest first; no rows for a single parameter."""
     if len(indices) < 2:
         return []
+    # Empty if success does not vary; then there are no rows.
     importances = effects.importance()
     rows = [
         {"parameter": parameter, **{key: round(getattr(importance, key), DIGITS) for key in ("share", "low", "high")}}

@@ -68,11 +68,13 @@ def _ends(effects: Effects, names: Sequence[str]) -> list[str]:
 
 
 def _extendable(name: str, value: float, upwards: bool) -> bool:
-    """Return whether a design may have a value beyond this one."""
+    """Return whether the limits of the design parameter ``name`` allow a value beyond this one, up or down."""
     key = key_of(name)
+    # Only design parameters have limits.
     if key is None:
         return True
     parameter = declared(key)
     if upwards:
         return value < parameter.maximum
+    # A minimum that depends on the parts is a function; whether a smaller car can be built shows when it is swept.
     return not isinstance(parameter.minimum, float | int) or value > parameter.minimum

@@ -212,15 +212,15 @@ def draw_outcomes(designs: DesignColumns) -> Figure:
     with_runs = [index for index in axis.place if designs.evidence.outcome_counts[index].sum()]
     x, bottom = [axis.place[index] for index in with_runs], numpy.zeros(len(with_runs))
     for code, outcome in enumerate(OUTCOMES):
-        shares = (
+        percents = (
             100
             * designs.evidence.outcome_counts[with_runs, code]
             / designs.evidence.outcome_counts[with_runs].sum(axis=1)
         )
-        if shares.any():
+        if percents.any():
             look: dict[str, Any] = {"color": OUTCOME_COLOURS[outcome], "edgecolor": "white", "linewidth": 0.3}
-            axes.bar(x, shares, 0.8 * axis.step, bottom=bottom, label=OUTCOME_LABELS[outcome], **look)
-            bottom += shares
+            axes.bar(x, percents, 0.8 * axis.step, bottom=bottom, label=OUTCOME_LABELS[outcome], **look)
+            bottom += percents
     axes.set_ylim(0, 100)
     axes.set_ylabel("share of runs (%)")
     axes.set_title("How the runs ended")
@@ -262,11 +262,12 @@ def draw_map(
 ) -> Figure:
     """Draw success over the parameters with the indices ``two``, with lines where the model crosses the thresholds."""
     x_at, y_at = (list(indices).index(index) for index in two)
-    run = numpy.unique(effects.parameters[:, [x_at, y_at]], axis=0)
-    xs, ys = (numpy.unique(column) for column in run.T)
-    rates, _, _ = effects.standardised((x_at, y_at), run)
+    # (pairs, 2): the pairs of values that were simulated. Cells of other pairs stay NaN.
+    pairs = numpy.unique(effects.parameters[:, [x_at, y_at]], axis=0)
+    xs, ys = (numpy.unique(column) for column in pairs.T)
+    rates, _, _ = effects.standardised((x_at, y_at), pairs)
     cells = numpy.full((len(ys), len(xs)), numpy.nan)
-    cells[numpy.searchsorted(ys, run[:, 1]), numpy.searchsorted(xs, run[:, 0])] = 100 * rates
+    cells[numpy.searchsorted(ys, pairs[:, 1]), numpy.searchsorted(xs, pairs[:, 0])] = 100 * rates
     figure = Figure(figsize=(WIDE_IN, 4.4), layout="constrained")
     axes = figure.subplots()
     axes.set_facecolor(NOT_RUN)
@@ -276,6 +277,7 @@ def draw_map(
     if cells.size <= MAX_NUMBERS:
         for (row, column), value in numpy.ndenumerate(cells):
             if numpy.isfinite(value):
+                # cividis is dark at low values.
                 colour = "white" if value < 55 else INK
                 axes.text(xs[column], ys[row], f"{value:.0f}", ha="center", va="center", fontsize=8, color=colour)
     rates_percent = numpy.ma.masked_invalid(cells)

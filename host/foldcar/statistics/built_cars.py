@@ -131,10 +131,14 @@ def likelihood(designs: Sequence[BuiltCars], ranges: Iterable[NDArray[Any]] = (S
     # Many cars have the same numbers of trials: each combination is computed once.
     (passed, counted, shifts), car_index = numpy.unique(cars, axis=1, return_inverse=True)
     starts = numpy.cumsum([0, *(len(design.passed) for design in designs[:-1])])
+    # (spreads, log-odds, distinct cars)
     by_car = numpy.array(
         [_car_log_likelihood(COARSE_LOG_ODDS[:, None] + shifts, passed, counted, spread) for spread in SPREADS.tolist()]
     )
-    by_spread, result = numpy.add.reduceat(by_car[:, :, car_index.ravel()], starts, axis=2), []
+    # (spreads, log-odds, designs): the sums over each design's cars.
+    by_spread = numpy.add.reduceat(by_car[:, :, car_index.ravel()], starts, axis=2)
+    result = []
+    # (designs, spreads)
     weights = numpy.array([design.weights for design in designs])
     # The fraction of each design's weights that comes from PRIOR.
     prior_fraction = (weights / PRIOR).min(axis=1, keepdims=True)
@@ -193,6 +197,7 @@ def simulated_weights(passed: ArrayLike, scenes: int) -> NDArray[Any]:
         _car_log_likelihood(COARSE_LOG_ODDS[:, None], passed_counts, float(scenes), spread) @ cars
         for spread in SPREADS.tolist()
     ]
+    # (fine log-odds, spreads)
     logs = CubicSpline(COARSE_LOG_ODDS, numpy.array(by_spread).T)(FINE_LOG_ODDS)
     informed = PRIOR * numpy.exp(logs + JEFFREYS_LOG_DENSITY[:, None] - logs.max()).sum(axis=0)
     return numpy.asarray((1 - PRIOR_SHARE) * informed / informed.sum() + PRIOR_SHARE * PRIOR)

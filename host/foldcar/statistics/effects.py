@@ -233,6 +233,7 @@ def fit_effects(parameters: ArrayLike, design: ArrayLike, environment: ArrayLike
         # Student's t, because the gradients' covariance is estimated from this many environments.
         degrees_of_freedom = clusters - 1
         scale = numpy.sqrt(clusters / random.chisquare(degrees_of_freedom, number))[:, None]
+        # The covariance of S (gradients + noise), which is the sandwich; root root.T is S, noise has the covariance 1.
         step = scale * random.standard_normal((number, clusters)) @ gradients.T + noise
         factors.append(candidate.factors.mode + step @ candidate.factors.root @ candidate.factors.root.T)
     return Effects(model, designs[counted > 0], tuple(factors))

@@ -129,6 +129,7 @@ def limited_mean(
         raise FoldcarError(f"times to cross must be 0 to {limit_s:g} s, the limit")
     mean = (sum_s + (runs - crossed) * limit_s) / runs
     # Under the bootstrap the fraction that crosses and the mean time of crossing are independent.
+    # Each is represented by its quantiles at MIDPOINTS; times are fractions of the limit.
     fractions = betaincinv(crossed + 0.5, runs - crossed + 0.5, MIDPOINTS)
     centre = sum_s / (crossed + 0.5) / limit_s
     variance = (sum_squares_s2 / (crossed + 0.5) / limit_s**2 - centre**2) / (crossed + 1.5)

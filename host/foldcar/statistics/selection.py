@@ -278,6 +278,7 @@ def correlation_within_cars(rates: ArrayLike, car_sd: float) -> float:
     nodes, weights = numpy.polynomial.hermite_e.hermegauss(40)
     centre = numpy.log(p / (1 - p)) * centre_factor(car_sd)
     cars = 1 / (1 + numpy.exp(-(centre[:, None] + car_sd * nodes)))
+    # (rates,): means over the cars of their rate and of its square.
     mean, square = (power @ weights / weights.sum() for power in (cars, cars**2))
     return float((square - mean**2).mean() / (mean * (1 - mean)).mean())
 

@@ -245,6 +245,7 @@ def _writer_lock(path: Path) -> Iterator[None]:
 
 def is_written(path: Path) -> bool | None:
     """Return whether a process is writing to the store, without blocking it; None if a writer was killed."""
+    # A writer holds a lock on this file until it ends, and then deletes it. So a file without lock is a killed writer's.
     file = beside(path, "-lock")
     # On Windows the file remains after every writer, so it does not show that one was killed.
     killed_writer = None if os.name == "posix" else False

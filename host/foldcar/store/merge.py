@@ -86,8 +86,9 @@ class _Merge:
         # The store that is being added, and the new numbers of its rows by table and old number.
         self._source = connection
         self._numbers: dict[str, dict[int, int]] = {}
+        # The last number that each table of the new store has given.
         self._last = dict.fromkeys(BY_NAME, 0)
-        # For each experiment, the numbers of runs with which its sweeps ended.
+        # For each experiment, the numbers of runs with which its sweeps ended; None for a sweep that has not ended.
         self._ended: dict[str, set[int | None]] = {}
 
     def add(self, path: Path, source: sqlite3.Connection) -> None:
@@ -101,7 +102,8 @@ class _Merge:
             referring = ((column.name, column.refers or REFERENCES.get(column.name)) for column in table.columns)
             references = {name: referred for name, referred in referring if referred not in (None, EXPERIMENT.name)}
             for row in read_rows(path, source, table, f"ORDER BY {', '.join(order)}"):
-                # A run's key before its numbers are replaced by those of the new store.
+                # A run's key in the added store, before its numbers are replaced by those of the new store: its recorded
+                # values are looked up by this key.
                 source_key = tuple(map(row.get, RUN.key))
                 for name, referred in references.items():
                     if row[name] is not None:
@@ -120,6 +122,7 @@ class _Merge:
                     existing = [{**correction, "id": row["id"]} for correction in self._corrections(row["trial_id"])]
                     if row not in existing:
                         self._add_numbered(CORRECTION, row)
+        # A store with more or fewer designs of an experiment contradicts none of its single rows.
         for name, count in source.execute(DESIGN_COUNTS):
             if designs.get(name, count) != count:
                 self._raise_difference(EXPERIMENT, {"id": name}, "designs", count, designs[name])

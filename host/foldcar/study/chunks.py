@@ -137,6 +137,7 @@ class ChunkPool:
         including those that were added.
         """
         not_submitted = runs_left - len(self._in_flight) + len(self._chunk)
+        # So far one run of the study needs this result.
         self._in_flight[_key(run)] = 1
         self._chunk.append(run)
         # Near the end of the sweep chunks shrink, so that all simulators finish at about the same time.

@@ -134,6 +134,7 @@ class ExperimentRuns:
                 {design: writer.run_counts(plan, design, samples) for design, samples in samples_of_design.items()},
                 batches,
             )
+            # Runs that closed designs will not get are no longer expected.
             self.counts.total = total - int((plan.environments - schedule.runs)[schedule.closed].sum())
             self.counts.decided = decided + int((schedule.decided & schedule.closed).sum())
             self.report(self.counts)

@@ -69,7 +69,7 @@ def _asymmetries(
 
 
 def _crests(bodies: Sequence[Mapping[str, Any]], scenes: Sequence[Mapping[str, Any]]) -> Iterator[str]:
-    """Yield a text for each ramp or hill that is higher than the smallest ground clearance.
+    """Yield a text for each ramp or hill that is higher than the smallest ground clearance of the ``bodies``.
 
     On these a car may come to rest on its belly, and in three dimensions roll off sideways.
     """
@@ -115,6 +115,7 @@ def _symmetric_ground(
         lines.append(json.dumps({"heights": {"id": str(index), "scene": "s", "x_m": x_m, "y_m": y_m}}))
     result = []
     for answer in carsim.answers(lines):
+        # (2, points): under the left and under the right tracks.
         heights, friction = (numpy.reshape(answer[name], (2, -1)) for name in ("z_m", "friction"))
         differences = [numpy.abs(left - right).max() for left, right in (heights, friction)]
         result.append(bool(differences[0] <= HEIGHT_TOLERANCE_M and differences[1] <= FRICTION_TOLERANCE))
@@ -131,13 +132,14 @@ def _track_points(bodies: Sequence[Mapping[str, Any]], scene: Mapping[str, Any])
     cos, sin = math.cos(start["heading_rad"]), math.sin(start["heading_rad"])
     end_m = max((x - start["x_m"]) * cos + (y - start["y_m"]) * sin for x, y in corners)
     along_m = numpy.arange(-BEHIND_M, max(end_m, BEHIND_M), SPACING_M)
-    edges = {
+    # Distances of inner edges, middles and outer edges from the car's middle.
+    offsets_m = {
         0.5 * (body["track_m"] + edge * wheel["width_m"])
         for body in bodies
         for wheel in body["wheels"]
         for edge in (-1, 0, 1)
     }
-    across_m = numpy.array([side * edge for side in (1, -1) for edge in sorted(edges)])
+    across_m = numpy.array([side * offset_m for side in (1, -1) for offset_m in sorted(offsets_m)])
     ahead, left = numpy.meshgrid(along_m, across_m)
     x_m, y_m = start["x_m"] + ahead * cos - left * sin, start["y_m"] + ahead * sin + left * cos
     return x_m.ravel().tolist(), y_m.ravel().tolist()

@@ -147,7 +147,10 @@ def observe(store: Store, experiment: SweptExperiment, simulated: bool) -> Obser
 def _observed(
     store: Store, experiment: SweptExperiment, trials: Sequence[tuple[Trial, int]], ids_in_samples: set[int]
 ) -> Observations:
-    """Sort trials, each with the index of its design, into cells and cars, which are numbered as they first appear."""
+    """Sort trials, each with the index of its design, into cells and cars, which are numbered as they first appear.
+
+    A cell is a design in a scene, None if the trial's scene is unknown; a car is a design and the car's name.
+    """
     cells: dict[tuple[int, str | None], int] = {}
     cars: dict[tuple[int, str | None], int] = {}
     cell, car = [], []

@@ -76,7 +76,7 @@ def _shift(logits: FloatArray, rate: float) -> float:
 def trial_chances(
     problem: Problem, posterior: Posterior, counts: Mapping[int, int], errors: Mapping[int, tuple[float, float]]
 ) -> dict[int, FloatArray]:
-    """Return log probabilities (n, trials + 1) of the number of passes of a new car, by the design's index.
+    """Return log probabilities (n draws, trials + 1) of 0 to all passes of a new car, by the design's index.
 
     ``counts`` are the numbers of its trials, ``errors`` the emulator's (shift, variance) as in Rates, by design.
     """
@@ -99,7 +99,7 @@ def count_chances(
     """
     spread = np.sqrt(variance + problem.emulator.car_sd**2)
     rates = expit((problem.emulator.centre_factor * logits + mean)[:, None] + spread[:, None] * _NODES)
-    # The tiny addend keeps the logarithm finite.
+    # pmf is (n, counted + 1, nodes). The tiny addend keeps the logarithm finite.
     return np.asarray(np.log(binom.pmf(np.arange(counted + 1)[:, None], counted, rates[:, None]) @ _WEIGHTS + 1e-300))
 
 

@@ -98,6 +98,7 @@ def open_cluster(scheduler: str, carsim: Carsim, print_line: Callable[[str], Non
 @contextlib.contextmanager
 def _ignoring_ctrl_c() -> Iterator[None]:
     """Make processes that the block starts ignore Ctrl-C: the command handles it and ends them."""
+    # Python sets signal handlers only in the main thread.
     if threading.current_thread() is not threading.main_thread():
         yield
         return

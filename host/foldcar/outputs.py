@@ -71,6 +71,7 @@ def atomic_folder(folder: Path, manifest: str) -> Iterator[Path]:
     except OSError as error:
         raise FoldcarError(f"{folder}: cannot be written: {error.strerror or error}") from error
     finally:
+        # Only the second renaming has failed.
         if old.exists() and not folder.exists():
             old.rename(folder)
         for leftover in (temporary, old):

@@ -130,6 +130,7 @@ class Adviser:
         """Return the advice, with up to ``build`` designs to build and, if ``with_cost``, their sheets and minutes."""
         belief, info, threshold = self.belief, self.evidence.info, self.threshold
         best, loss = expected_loss(belief.draws)
+        # Enough is known if stopping now loses little, and a further hour of work gains little.
         enough = belief.driven and loss <= min(MAX_LOSS, self.precision) and self._gain < MIN_GAIN
         placed = [] if enough else self._placed(build)
         recommended = tuple(self._recommendation(place, with_cost) for place in placed)
@@ -272,7 +273,8 @@ class Adviser:
     def _recommendation(self, placed: Placed, with_cost: bool) -> Recommendation:
         """Return a chosen design with its reason, rates, further work and cost."""
         index, design = placed.index, self.belief.designs[placed.index]
-        effort = self._effort(index, 1, trials_needed(self.belief.draws[:, index], self.precision))
+        needed = trials_needed(self.belief.draws[:, index], self.precision)
+        effort = self._effort(index, further=1, min_total=needed)
         if placed.place == NEXT:
             reason = next_reason(self.belief, index, self.threshold)
         else:

@@ -93,6 +93,7 @@ class Resimulation:
         if refusal is not None:
             return [], refusal
         scenes = self._scenes(info)
+        # The first design is simulated in however many environments.
         if self._runs and self._runs + len(scenes) > MAX_RUNS:
             return [], f"no more than {MAX_RUNS:,} runs are made at a time; sweep it"
         self._runs += len(scenes)

@@ -39,6 +39,7 @@ def list_logs(car: Car) -> list[StoredLog]:
             if entry is None:
                 break
             expected = entry.num_logs
+            # A car without logs sends a single entry, which is of no log.
             if entry.num_logs:
                 logs[entry.id] = StoredLog(entry.id, entry.size)
         if expected is not None and len(logs) == expected:

@@ -148,6 +148,7 @@ class Connection:
             return
         self._heartbeat_at_s = now_s + max(MIN_HEARTBEAT_S, HEARTBEAT_S / self.clock_rate.value)
         dialect = self.dialect
+        # The zeros are modes, which a ground station does not have; 3 is MAVLink's version.
         self.send(
             dialect.MAVLink_heartbeat_message(
                 dialect.MAV_TYPE_GCS, dialect.MAV_AUTOPILOT_INVALID, 0, 0, dialect.MAV_STATE_ACTIVE, 3

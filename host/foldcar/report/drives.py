@@ -151,6 +151,7 @@ def sliders(vehicle_type: str, from_sheets: bool, calibration: Calibration | Non
         row = _slider(parameter.name, parameter.unit, parameter.meaning, parameter.nominal, low, high)
         posterior = calibrated[parameter.name]["posterior"] if calibration else None
         rows.append({**row, "prior": _rounded(interval), "calibrated": posterior and _rounded(_interval(posterior))})
+    # Only a reality has this parameter, so it has neither prior nor posterior.
     supply = REAL_ONLY["supply_resistance_ohm"]
     meaning = "resistance of cells, wires and switch of the servo supply, beyond the design's"
     row = _slider("supply_resistance_ohm", supply.unit, meaning, supply.nominal, 0.0, MAX_SUPPLY_OHM)
@@ -188,12 +189,13 @@ def _inputs(info: ExperimentInfo, drives: StoredDrives, designs: Sequence[int], 
 
     A design has its indices in both lists; a sample has its reality and the deviates of its start pose.
     """
-    body_numbers = {number: index for index, number in enumerate(dict.fromkeys(drives.bodies[d] for d in designs))}
-    setting_numbers = {number: index for index, number in enumerate(dict.fromkeys(drives.settings[d] for d in designs))}
+    # The index of each body and of each settings, by the number of its row in the store.
+    body_index = {row_id: index for index, row_id in enumerate(dict.fromkeys(drives.bodies[d] for d in designs))}
+    settings_index = {row_id: index for index, row_id in enumerate(dict.fromkeys(drives.settings[d] for d in designs))}
     head = {
-        "bodies": [drives.value("body", number) for number in body_numbers],
-        "settings": [drives.value("settings", number) for number in setting_numbers],
-        "designs": {d: [body_numbers[drives.bodies[d]], setting_numbers[drives.settings[d]]] for d in designs},
+        "bodies": [drives.value("body", row_id) for row_id in body_index],
+        "settings": [drives.value("settings", row_id) for row_id in settings_index],
+        "designs": {d: [body_index[drives.bodies[d]], settings_index[drives.settings[d]]] for d in designs},
         "realities": {k: drives.value("variation", drives.variations[k]) if drives.varied else {} for k in samples},
         "deviates": {k: start_deviates(info.variation_seed, k) for k in samples},
     }

@@ -125,7 +125,7 @@ def _read(store: Store, info: ExperimentInfo) -> EnvironmentValues:
     wheels = json.loads(body["json"]).get("wheels", ())
     cars = _by_sample(store, row, "draw", "spread_id", "variation", lambda drawn: _car(drawn, wheels))
     tables = [scenes, cars]
-    names = list(dict.fromkeys(name for table in tables for row in table.values() for name in row))
+    names = list(dict.fromkeys(name for table in tables for sampled in table.values() for name in sampled))
     column_of_name = {name: place for place, name in enumerate(names)}
     values = numpy.full((info.environments, len(names)), numpy.nan)
     for table in tables:
@@ -214,6 +214,7 @@ def _informative(values: NDArray[Any]) -> list[int]:
         present = ~numpy.isnan(column)
         if present.sum() < 2 or numpy.ptp(column[present]) <= 1e-9 * abs(column[present]).max():
             continue
+        # Columns that are known in the same samples.
         comparable = [other for other in informative if (numpy.isnan(values[:, other]) != present).all()]
         correlations = [numpy.corrcoef(values[present, other], column[present])[0, 1] for other in comparable]
         if all(abs(correlation) <= MAX_CORRELATION for correlation in correlations):

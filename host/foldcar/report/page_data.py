@@ -330,6 +330,6 @@ def _runs(evidence: Evidence) -> dict[str, list[Any]]:
         "design": runs.design.tolist(),
         "environment": runs.sample.tolist(),
         "outcome": runs.outcome.tolist(),
-        # JSON has no NaN, the time of a run that did not finish.
+        # JSON has no NaN, which is the time of a failed run.
         "time_s": [None if time_s != time_s else time_s for time_s in times_s],
     }

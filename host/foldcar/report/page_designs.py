@@ -98,11 +98,13 @@ class DesignColumns:
         """Return the page's columns, without the measures, as page_data.py describes them."""
         evidence, family = self.evidence, self.evidence.family
         driven = evidence.belief is not None and evidence.belief.driven
+        # Verdicts are about built cars as soon as one was driven, before that about simulation.
         judged = self.built if driven or evidence.belief is None else self.simulation
         values = {
             name: {value: index for index, value in enumerate(all_values)} for name, all_values in evidence.values.items()
         }
         verdicts = {design.label: design.verdict for design in compare_experiment(evidence).designs}
+        # Indices of undriven designs beside those whose trials contradict the others'.
         doubtful = set()
         if evidence.belief is not None:
             doubtful = set(

@@ -90,6 +90,7 @@ def cause_rows(evidence: Evidence, values: EnvironmentValues) -> list[dict[str, 
         return []
     runs = evidence.runs.counted
     passed = runs.outcome == OUTCOMES.index("passed")
+    # Values in the units of readers, for the bins.
     shown, rows = values.shown, []
     for separation in separations(values.values, runs.design, runs.sample, passed):
         column = values.columns[separation.column]

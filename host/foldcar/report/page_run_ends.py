@@ -75,6 +75,7 @@ def read_run_ends(store: Store, info: ExperimentInfo, runs: RunArrays) -> dict[s
 
 def run_ends(course: Course, extents: CarExtents, runs: RunArrays) -> dict[str, Any] | None:
     """Return the page's ``ends`` of counted ``runs``; None if no run that did not pass has a place."""
+    # How far along the way to the goal each run came.
     progress_m = course.goal_m[runs.sample] - runs.metrics[:, NUMBERS.index("distance_to_target_m")]
     failed = (runs.outcome != OUTCOMES.index("passed")) & ~numpy.isnan(progress_m)
     if not failed.any():
@@ -112,6 +113,7 @@ def met_obstacles(
     for obstacle in range(len(course.names)):
         first_m, last_m, gap_m = (values[sample, obstacle] for values in (course.first_m, course.last_m, course.gap_m))
         over = (place_m + front_m >= first_m) & (place_m - back_m <= last_m) & (gap_m <= side_m)
+        # A small part of the length is added, so that of equally near obstacles the shorter one is nearer.
         distance_m = numpy.maximum(numpy.maximum(first_m - place_m, place_m - last_m), 0) + LENGTH_WEIGHT * (
             last_m - first_m
         )

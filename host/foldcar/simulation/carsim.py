@@ -199,7 +199,8 @@ class Carsim:
     def _output(self, arguments: Sequence[str], lines: Sequence[str], stops: int) -> subprocess.CompletedProcess[str]:
         """Run the program with these arguments and input lines until it ends.
 
-        Raises CarsimError if it cannot be started, or if `stop` was called after the number of calls was ``stops``.
+        ``stops`` is the number of calls of `stop` when the caller began. Raises CarsimError if the program cannot be
+        started, or if `stop` was called since.
         """
         command = [*self.command, *arguments]
         try:

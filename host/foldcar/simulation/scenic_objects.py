@@ -69,6 +69,7 @@ def _orientation(yaw: float, pitch: float, roll: float) -> Any:
     cz, sz = math.cos(yaw / 2), math.sin(yaw / 2)
     cx, sx = math.cos(pitch / 2), math.sin(pitch / 2)
     cy, sy = math.cos(roll / 2), math.sin(roll / 2)
+    # The quaternion's x, y, z, w.
     return Orientation(
         Rotation.from_quat(
             [

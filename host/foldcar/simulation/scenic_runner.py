@@ -50,6 +50,7 @@ class _Worker(LineProcess):
             if "refused" in ready:
                 raise CarsimError(str(ready["refused"]))
             self._opening = None
+        # `keys` has the settings and the reality.
         run = {"body": body, "scene": scene, "settings": request.keys, "sample": request.sample}
         answer: dict[str, Any] | None = json.loads(self.ask(json.dumps(run)) or "null")
         if answer is not None and "refused" in answer:

@@ -215,6 +215,7 @@ class CarSimulation(Simulation):  # type: ignore[misc]
             if violated or ended or state.t_s >= limit_s:
                 self._row, self._native = row, None
                 if ended:
+                    # Scenic checks the time limit first, and would name it as the reason of the end.
                     scenic_private.defer_time_limit(self.scene.dynamicScenario)
                 return
         self._show(look, steps)

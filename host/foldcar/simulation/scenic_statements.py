@@ -74,7 +74,10 @@ class Records:
         self._scenic = scenic
 
     def take(self, scenario: Any, steps: float, t_s: float) -> None:
-        """Evaluate and store series at ``t_s`` (outer step ``steps``), and at the start also initial values."""
+        """Evaluate the program's records at ``t_s`` (outer step ``steps``): series and, at the start, initial values.
+
+        Each value is stored twice: in Scenic's dictionary, and as JSON in ``plain``.
+        """
         refuse_misplaced(scenario)
         if steps == 0:
             for name, value in scenic_private.recorded(scenario, RequirementType.recordInitial, 0).items():

@@ -142,6 +142,7 @@ def likelihood(designs: Sequence[BuiltCars], ranges: Iterable[NDArray[Any]] = (S
     weights = numpy.array([design.weights for design in designs])
     # The fraction of each design's weights that comes from PRIOR.
     prior_fraction = (weights / PRIOR).min(axis=1, keepdims=True)
+    # Weights without a part of PRIOR are not restricted, so all ranges would give the same result.
     for range_ in ranges if prior_fraction.any() else (SPREADS,):
         prior_in_range = numpy.where(numpy.isin(SPREADS, range_), PRIOR, 0)
         restricted = weights + prior_fraction * (prior_in_range / prior_in_range.sum() - PRIOR)
@@ -161,13 +162,16 @@ def _car_log_likelihood(log_odds: NDArray[Any], k: NDArray[Any], n: NDArray[Any]
     quadrature around the mode of the integrand (adaptive: Liu and Pierce 1994, doi:10.2307/2337136).
     """
     centre, z = centre_factor(spread) * log_odds, numpy.zeros(1)
+    # Without spread the mode is 0. A full step may overshoot, so it is limited.
     for _ in range(NEWTON_STEPS if spread else 0):
         rate = 1 / (1 + numpy.exp(-(centre + spread * z)))
         z = z + numpy.clip((spread * (k - n * rate) - z) / (1 + spread**2 * n * rate * (1 - rate)), -2, 2)
     rate = 1 / (1 + numpy.exp(-(centre + spread * z)))
     width = 1 / numpy.sqrt(1 + spread**2 * n * rate * (1 - rate))
+    # (nodes, m, cars)
     z_nodes = z + width * Z_NODES[:, None, None]
     theta = centre + spread * z_nodes
+    # The weights are those for exp(-node²/2), but the integrand has exp(-z²/2).
     logs = k * theta - n * numpy.logaddexp(0, theta) + ((Z_NODES[:, None, None] ** 2 - z_nodes**2) / 2)
     top = logs.max(axis=0)
     total = numpy.tensordot(Z_WEIGHTS, numpy.exp(logs - top), axes=1)

@@ -105,6 +105,7 @@ def anytime_interval(
     if not numpy.all((passed >= 0) & (passed <= total)):
         raise FoldcarError("successes must be 0 to the number of runs")
     check_confidence(confidence)
+    # log(1/alpha)
     threshold = -numpy.log1p(-confidence)
     return _lowest_rate(passed, total, threshold), 1 - _lowest_rate(total - passed, total, threshold)
 

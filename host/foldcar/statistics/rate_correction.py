@@ -52,6 +52,7 @@ def corrected_rates(
     fast_rate, low, high = simulated.rates(confidence).T
     difference, variance = _differences(x, slow - fast)
     quantile = ndtri((1 + confidence) / 2)
+    # The variances of the smoothed rate and of the difference add up.
     half_width = quantile * numpy.sqrt(variance + ((high - low) / (2 * quantile)) ** 2)
     rate = fast_rate + difference
     result = numpy.full((3, len(present)), numpy.nan)

@@ -133,6 +133,7 @@ class _Merge:
         ``source_key`` is a run's key in the store that is being added.
         """
         number = row.get("id")
+        # A table with a unique column, such as a hash, identifies its rows by that; numbers are those of the new store.
         if table.unique:
             row["id"] = self._last[table.name] + 1
         key = (table.unique,) if table.unique else table.key
@@ -249,6 +250,7 @@ class _Merge:
         logs_by_target = {target: log for log, target in self.logs.items()}
         for candidate in (Path(name), Path(name).with_stem(f"{Path(name).stem}-{trial['uuid'][:8]}")):
             target = log_file(self._merged, str(candidate))
+            # Equal to the log that will be copied there, or to the file that is there now, or nothing is there.
             if sha256_of(logs_by_target.get(target, target)) in (None, digest):
                 if not os.path.lexists(target):
                     self.logs[source] = target

@@ -189,6 +189,7 @@ class ChunkPool:
             chunk = future.result()
             if chunk.runner is self._runner:
                 target_runs = round(self._simulators.chunk_s / max(chunk.seconds, 1e-6) * len(chunk.runs))
+                # A single time may be an exception, so it raises the size at most fourfold.
                 self._chunk_runs = max(1, min(target_runs, 4 * self._chunk_runs, MAX_CHUNK_RUNS))
             yield [
                 FinishedRun(run, answer, self._in_flight[_key(run)])

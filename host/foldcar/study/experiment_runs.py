@@ -77,7 +77,8 @@ class StoredSamples:
         """
         environment, writer = self._environment, self._writer
         if sample >= self._scene_count == self._first_scene_count:
-            # Check the last stored sample first: this shows whether samples depend on how many were drawn before.
+            # The first new scene of this sweep. Check the last stored sample first: this shows whether samples depend on
+            # how many were drawn before.
             for k in sorted({self._scene_count - 1, 0} if self._scene_count else (), reverse=True):
                 self._check_reproduced(k)
         for k in range(self._scene_count, sample + 1):

@@ -51,7 +51,10 @@ def _sampled_inputs(
 def _asymmetries(
     carsim: Carsim, experiment: Experiment, bodies: Sequence[Mapping[str, Any]], scenes: Sequence[Mapping[str, Any]]
 ) -> Iterator[str]:
-    """Yield a text for each of ground, commanded turn and cars that differs between left and right."""
+    """Yield a text for each thing that differs between left and right: the ground, the commanded turn, the cars.
+
+    ``bodies`` are sorted by track width; the ground is compared under the narrowest and the widest.
+    """
     asymmetric_samples = [
         k for k, is_symmetric in enumerate(_symmetric_ground(carsim, [bodies[0], bodies[-1]], scenes)) if not is_symmetric
     ]
@@ -89,12 +92,14 @@ def one_sided(body: Mapping[str, Any]) -> str:
     """Return the property in which left and right side of a body differ; "" if they are equal."""
     if any(abs(segment["com_y_m"]) > RELATIVE_TOLERANCE * body["track_m"] for segment in body["segments"]):
         return "the centre of mass"
+    # The two wheels at each place along the car.
     pairs: dict[tuple[int, float], list[Mapping[str, Any]]] = {}
     for wheel in body["wheels"]:
         pairs.setdefault((wheel["segment"], wheel["x_m"]), []).append(wheel)
     for left, right in pairs.values():
         if max(left["eccentricity_m"], right["eccentricity_m"]) > ECCENTRICITY_TOLERANCE_M:
             return "wheels out of true"
+        # The servo's properties are compared like those of its wheel.
         numbers = [{**wheel.get("servo", {}), **wheel} for wheel in (left, right)]
         for name in ("radius_m", "grip", "mass_kg", "stall_torque_n_m", "no_load_speed_rad_s", "deadband_us"):
             first, second = numbers[0].get(name, 0.0), numbers[1].get(name, 0.0)
@@ -131,6 +136,7 @@ def _track_points(bodies: Sequence[Mapping[str, Any]], scene: Mapping[str, Any])
     corners = [(x, y) for x in (course["x_min_m"], course["x_max_m"]) for y in (course["y_min_m"], course["y_max_m"])]
     cos, sin = math.cos(start["heading_rad"]), math.sin(start["heading_rad"])
     end_m = max((x - start["x_m"]) * cos + (y - start["y_m"]) * sin for x, y in corners)
+    # Behind the start, too, because rear wheels stand there.
     along_m = numpy.arange(-BEHIND_M, max(end_m, BEHIND_M), SPACING_M)
     # Distances of inner edges, middles and outer edges from the car's middle.
     offsets_m = {

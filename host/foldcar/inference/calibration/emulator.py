@@ -112,6 +112,7 @@ class Bank:
                 "nothing can be inferred; check the listing and the designs"
             )
         networks = _fit(np.hstack([self.scores, inputs[self.cells]]), self.passed, seed)
+        # The cars' spread is estimated from the residuals of the emulator without spread.
         result = Emulator(networks, designs, 0.0)
         return replace(result, car_sd=self._car_sd(result, inputs))
 
@@ -158,6 +159,7 @@ def _fit(inputs: FloatArray, passed: FloatArray, seed: int) -> tuple[PassClassif
                 alpha=float(np.clip(PENALTY_RUNS / runs, *PENALTY_LIMITS)),
                 learning_rate_init=3e-3,
                 batch_size=min(BATCH, runs),
+                # Epochs for about STEPS steps, rounded up.
                 max_iter=min(MAX_EPOCHS, -(-STEPS * BATCH // runs)),
                 # Never stop early.
                 n_iter_no_change=MAX_EPOCHS,

@@ -87,6 +87,7 @@ def _energy_interval(rows: Sequence[Row], limit_s: float) -> Interval:
     picks = np.random.default_rng(0).integers(0, len(table), (RESAMPLES, len(table)))
     totals = table[picks].sum(axis=1)
     ratios = np.divide(totals[:, 0], totals[:, 1], out=np.full(RESAMPLES, math.inf), where=totals[:, 1] > 0)
+    # Interpolation between infinite ratios would give NaN.
     low, high = np.quantile(ratios, (0.025, 0.975), method="nearest")
     return float(low), float(high)
 

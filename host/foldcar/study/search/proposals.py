@@ -134,6 +134,7 @@ class Proposals:
     def tell(self, objectives: Sequence[float], rows: Sequence[Row], pruned: bool, mean_time_s: float) -> None:
         """Record the result of the proposed design (see Tried); ``rows`` as in :meth:`is_worse`."""
         assert self._trial is not None
+        # 0: the constraint is met, the design can be built.
         self._trial.set_constraint(BUILDABLE, 0.0)
         self._study.tell(self._trial, list(objectives))
         loss = -objectives[0] if self._objectives[0].largest else objectives[0]

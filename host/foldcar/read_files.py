@@ -39,6 +39,7 @@ class RecordedFiles:
 
     def record(self, path_or_descriptor: Any, mode: object, flags: int) -> None:
         """Record an audit event `open` with these arguments, unless it is of another thread or of a stack trace."""
+        # A descriptor is of a file that was recorded when its path was opened.
         if isinstance(path_or_descriptor, int) or threading.get_ident() != self._thread or _is_for_stack_trace():
             return
         with suppress(OSError, TypeError, ValueError):

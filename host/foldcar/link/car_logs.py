@@ -31,6 +31,7 @@ def list_logs(car: Car) -> list[StoredLog]:
     car.connection.status_text = None
     end_s = time.monotonic() + LIST_S
     for _ in range(TRIES):
+        # Logs 0 to 0xFFFF are all logs.
         car.connection.send(car.dialect.MAVLink_log_request_list_message(CAR_SYSTEM, CAR_COMPONENT, 0, 0xFFFF))
         logs: dict[int, StoredLog] = {}
         expected: int | None = None

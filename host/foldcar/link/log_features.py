@@ -94,12 +94,14 @@ def _motion(
     rows_before, rows_during = [row for row in rows if row[0] <= 0], [row for row in rows if row[0] > 0]
     if not rows_before or not rows_during:
         return None, None, None
+    # The error of the car's pitch is forgotten slowly, and learnt while the accelerometer measures little but gravity.
     filter_error, tilts, shocks = 0.0, [], []
     last_s = rows[0][0]
     for time_s, attitude, sample in rows:
         # MAVLink's axes are forward, right, down.
         x, y, z = (MILLI_G_M_S2 * value for value in (sample.xacc, -sample.yacc, -sample.zacc))
         total_m_s2 = math.sqrt(x * x + y * y + z * z)
+        # After a long gap the whole error is forgotten.
         step_s, last_s = min(time_s - last_s, FORGETTING_S), time_s
         filter_error -= filter_error * step_s / FORGETTING_S
         if abs(total_m_s2 - GRAVITY_M_S2) < SHAKING_M_S2:

@@ -149,8 +149,8 @@ def laplace(functions: NDArray[Any], prior: NDArray[Any], likelihood: Likelihood
         factors, gain, value = factors + size * step, new - value, new
         if (numpy.abs(gain) < TOLERANCE).all():
             break
-    # The covariance is the inverse of the precision L L', so L'^-1 is a root of it. In the evidence, powers of 2 pi cancel:
-    # those of the prior and of the integral.
+    # The covariance is the inverse of the precision L L', so L'^-1 is a root of it. The powers of 2 pi of prior and
+    # integral cancel in the evidence.
     lower = numpy.linalg.cholesky(slope_and_precision(factors)[1])
     evidence = value - numpy.log(numpy.diagonal(lower, axis1=-2, axis2=-1)).sum(axis=-1)
     return Factors(factors, numpy.linalg.inv(lower).swapaxes(-1, -2), evidence)

@@ -55,6 +55,7 @@ def runs_frame(store: Store, experiment: str | None = None) -> pd.DataFrame:
     """
     names = store.experiment_ids(experiment)
     if len(names) == 1:
+        # A shallow copy, so that columns that a caller adds are not in the cached table.
         return store.once(("frame", names[0]), lambda: _frame(store, names[0])).copy(deep=False)
     if names:
         tables = [runs_frame(store, name) for name in names]

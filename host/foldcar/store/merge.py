@@ -81,6 +81,7 @@ class _Merge:
     def __init__(self, connection: sqlite3.Connection, merged: Path) -> None:
         self._connection = connection
         self._merged = merged
+        # The logs to copy, with their targets.
         self.logs: dict[Path, Path] = {}
         self._stores: list[Path] = []
         # The store that is being added, and the new numbers of its rows by table and old number.
@@ -147,6 +148,7 @@ class _Merge:
                 if row["key"] == "created_utc" and row["value"] < existing["value"]:
                     self._insert(STUDY, row, "OR REPLACE")
                 return
+            # A store may not know yet whether the environment's program is dynamic.
             if table is ENVIRONMENT and None in (row["dynamic"], existing["dynamic"]):
                 existing["dynamic"] = row["dynamic"] = existing["dynamic"] if row["dynamic"] is None else row["dynamic"]
                 self._insert(ENVIRONMENT, existing, "OR REPLACE")

@@ -160,6 +160,7 @@ class ChunkPool:
         runs, self._chunk = self._chunk, []
         runner = self._runner
         assert runner is not None, "runs are added inside `using`"
+        # Bodies and scenes by their ids in carsim's input.
         bodies = {f"b{key}": text for key, text in self._writer.texts("body", (run.body_id for run in runs)).items()}
         scenes = {f"s{key}": text for key, text in self._writer.texts("scene", (run.scene_id for run in runs)).items()}
         settings = self._writer.texts("settings", (run.settings_id for run in runs))

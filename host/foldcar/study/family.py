@@ -193,6 +193,7 @@ class Family:
             keys = place_keys(key, letters)
             if keys and choices.keys() >= set(keys):
                 del choices[key]
+        # Which designs can be built must be found out anew.
         return replace(self, choices=choices, origins=origins, parts=parts, _checked={})
 
     def single(self) -> Design:

@@ -50,6 +50,7 @@ class Objective:
         unknown, the excess is 0. The largest advantage is the best design's largest loss minus that of a perfect run.
         """
         assert self.run_loss is not None and self.value is not None
+        # The runs' losses are against this value (see run_loss).
         target = self.value([row for row in best if row.passed is not None], limit_s)
         losses, best_losses = ([self.run_loss(row, limit_s, target) for row in group] for group in (rows, best))
         finite = [loss for loss in best_losses if math.isfinite(loss)]

@@ -64,6 +64,7 @@ class Proposals:
         if not self._varied:
             raise FoldcarError(f"{family.file}: {family.place}: has only one design, so there is nothing to search for")
         optuna.logging.set_verbosity(optuna.logging.ERROR)
+        # Optuna warns of each option that may still change, such as multivariate TPE.
         warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
         self._sampler = sampler
         self._study = optuna.create_study(

@@ -252,6 +252,7 @@ def print_search(plan: "Plan", result: "SearchResult", store: Path, varied: Sequ
     heads = ["design"]
     for objective in plan.objectives:
         heads.append(f"{objective.name}, new")
+        # Without such a function the value depends on the design only, so it is the same in all environments.
         if objective.value is not None:
             heads.append("when chosen")
     table = ResultTable(*heads, left=heads)

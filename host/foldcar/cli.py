@@ -166,6 +166,7 @@ def _ending(error: BaseException) -> tuple[str | None, int]:
     if isinstance(error, FoldcarError):
         return "foldcar: error: " + "\n".join(error.lines()), error.exit_code
     if isinstance(error, ModuleNotFoundError):
+        # None: the module belongs to no extra, so this is a bug.
         remedy = missing_extra(error)
         return remedy and f"foldcar: error: {remedy}", 2
     if isinstance(error, OSError):

@@ -47,6 +47,7 @@ def python_command(module: str, *arguments: str, flags: tuple[str, ...] = ()) ->
     The new process uses this one's sys.path. `python -m` would look in the working directory first, which may contain a
     `json.py`.
     """
+    # An empty folder is the working directory.
     path = [folder for folder in sys.path if folder]
     code = f"import sys; sys.path[:] = {path!r}; from {module} import main; main()"
     return [sys.executable, *flags, "-c", code, *arguments]

@@ -58,6 +58,7 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
         _stopped.set()
         threading.Thread(target=_repeat_interrupt, args=(number,), daemon=True).start()
     elif not _repeating.is_set():
+        # Not a repetition by _repeat_interrupt, so the user has sent it.
         _end()
     _repeating.clear()
     if not _imports(frame):
@@ -79,17 +80,18 @@ def _repeat_interrupt(number: int) -> None:
     The first KeyboardInterrupt may be lost: it is not raised within an import, and libraries may suppress it. The main
     thread is not interrupted while it imports a module or handles an exception.
     """
-    main = threading.main_thread().ident
+    # The identifier is None only before a thread starts.
+    main = threading.main_thread().ident or 0
     for _ in range(round(GRACE_S / RETRY_S)):
         time.sleep(RETRY_S)
-        # Without an exception this is None, before Python 3.12 a tuple of three.
-        exception = sys._current_exceptions().get(main or 0)
+        # Without an exception this is None, before Python 3.12 (None, None, None).
+        exception = sys._current_exceptions().get(main)
         handles_exception = exception is not None and exception != (None, None, None)
-        if not handles_exception and not _imports(sys._current_frames().get(main or 0)):
+        if not handles_exception and not _imports(sys._current_frames().get(main)):
             _repeating.set()
             if hasattr(signal, "pthread_kill"):
                 # This also interrupts a system call.
-                signal.pthread_kill(main or 0, number)
+                signal.pthread_kill(main, number)
             else:
                 _thread.interrupt_main()
     _end()

@@ -71,6 +71,7 @@ def atomic_folder(folder: Path, manifest: str) -> Iterator[Path]:
     except OSError as error:
         raise FoldcarError(f"{folder}: cannot be written: {error.strerror or error}") from error
     finally:
+        # Only the second renaming has failed.
         if old.exists() and not folder.exists():
             old.rename(folder)
         for leftover in (temporary, old):
@@ -153,6 +154,7 @@ def file_name_part(name: str) -> str:
 
     It is ``name`` itself if that is short and plain, else its plain characters and eight digits of its SHA-256.
     """
+    # A name that looks like one with digits gets digits, too: it could equal that of another name.
     if len(name) <= MAX_NAME_LENGTH and PLAIN_NAME.fullmatch(name) and not HASHED_NAME.fullmatch(name):
         return name
     plain = re.sub("[^a-z0-9-]+", "_", name.lower())[:MAX_NAME_LENGTH].strip("_")

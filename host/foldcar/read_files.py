@@ -39,12 +39,14 @@ class RecordedFiles:
 
     def record(self, path_or_descriptor: Any, mode: object, flags: int) -> None:
         """Record an audit event `open` with these arguments, unless it is of another thread or of a stack trace."""
+        # A descriptor is of a file that was recorded when its path was opened.
         if isinstance(path_or_descriptor, int) or threading.get_ident() != self._thread or _is_for_stack_trace():
             return
         with suppress(OSError, TypeError, ValueError):
             path = Path(os.path.normpath(Path(os.fsdecode(path_or_descriptor)).absolute()))
             if flags & (os.O_WRONLY | os.O_RDWR) and self.read.get(path) is None:
                 self.written.add(path)
+            # Regular and missing files count as read; folders and devices do not.
             elif (state := file_state(path)) is not None or not path.exists():
                 self.read.setdefault(path, state)
 
@@ -54,7 +56,8 @@ def _is_for_stack_trace() -> bool:
 
     Scenic makes such traces of every running file, even foldcar's own.
     """
-    # The caller of `open`, above this function, `record` and the audit hook.
+    # The caller of `open`, above this function, `record` and the audit hook. linecache calls tokenize.open, which calls
+    # `open`, so the caller's caller counts, too.
     frame = sys._getframe(3)
     callers = (frame, frame.f_back)
     return any(caller is not None and caller.f_globals.get("__name__") == "linecache" for caller in callers)
@@ -135,6 +138,7 @@ def is_own(path: Path, folder: Path) -> bool:
     """
     return not any(
         location.is_relative_to(root) and not (root in base.parents and location.is_relative_to(base))
+        # As named, and with symbolic links resolved.
         for location, base in ((path, folder), (path.resolve(), folder.resolve()))
         for root in _roots()
     )

@@ -54,7 +54,8 @@ class ResultTable:
         self._rows.append(tuple(map(shown, cells)))
 
     def print_on(self, console: Console) -> None:
-        """Print it on a `shown_console`."""
+        """Print the table on a `shown_console`."""
+        # rich is too slow for long tables.
         if len(self._rows) > MAX_FRAMED:
             console.file.write("".join(f"{line}\n" for line in self._lines()))
             return

@@ -67,7 +67,7 @@ def plain_stream(stream: Any) -> Any:
 
 
 def data_output() -> TextIO:
-    """Return standard output for data: without escaping and in UTF-8, unless it is a terminal."""
+    """Return standard output for data: unescaped, and in UTF-8 unless it has a Unicode encoding; a terminal as it is."""
     if sys.stdout.isatty():
         return sys.stdout
     output = plain_stream(sys.stdout)

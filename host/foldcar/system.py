@@ -119,6 +119,7 @@ class TypedInput:
         termios, tty = importlib.import_module("termios"), importlib.import_module("tty")
         before = termios.tcgetattr(INPUT)
         try:
+            # Each key counts without Enter. Keys pressed before do not count; those left over must not reach the shell.
             tty.setcbreak(INPUT)
             termios.tcflush(INPUT, termios.TCIFLUSH)
             yield self._last_key

@@ -69,7 +69,7 @@ class Environment:
         if not self._source.dynamic:
             return simulator()
         files, command = self._source.fixed_files(), simulator().command
-        runner = ScenicRunner(self.program, self.params, self.seed, None, files, command)
+        runner = ScenicRunner(self.program, self.params, self.seed, condition=None, files=files, command=command)
         atexit.register(runner.close)
         return runner
 

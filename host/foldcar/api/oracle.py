@@ -71,6 +71,7 @@ class Evaluation:
         Raises FoldcarError if success is undefined, or if every run was rejected.
         """
         if not self.success_defined:
+            # The text says why it is not.
             raise FoldcarError(self.success)
         counted = self.runs["passed"].dropna()
         passed, runs = int(counted.sum()), len(counted)

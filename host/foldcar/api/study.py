@@ -183,7 +183,10 @@ class Study:
         return table if experiment is None else table[table["experiment"] == experiment]
 
     def _of_design(self, table: "pandas.DataFrame", design: Mapping[str, float], source: str) -> "pandas.DataFrame":
-        """Return the rows of the design with these values. Raises FoldcarError if no design, or several, have them."""
+        """Return the rows of the design with these values. Raises FoldcarError if no design, or several, have them.
+
+        ``source`` is what the rows are, for the message.
+        """
         parameters = _parameters(table)
         result = table
         for column, value in columns_named(design, parameters, "rate").items():

@@ -87,6 +87,7 @@ def listed_run(
     environment = Environment(listed_experiment)
     variation, scene = environment.variation(sample), environment.sample(sample)
     carsim = Carsim(engine=engine)
+    # The empty body is replaced by that of the design.
     return ListedRun(carsim, listed_experiment, design, environment, {}, variation, scene, sample).with_design(design)
 
 

@@ -96,6 +96,7 @@ def served_beside(store: Path, port: int) -> Iterator[None]:
         try:
             yield
         finally:
+            # The end of its input tells the other process that the sweep has ended.
             process.stdin.close()
             try:
                 process.wait(END_TIMEOUT_S)

@@ -288,6 +288,7 @@ def design_settings(words: Sequence[str] | None) -> dict[str, float | str]:
         try:
             settings[key] = {"true": 1.0, "false": 0.0}[text] if text in ("true", "false") else decimal_number(text)
         except ValueError:
+            # The message below is also for a value that is no number.
             equals = ""
         if not equals:
             raise FoldcarError(

@@ -134,6 +134,7 @@ def _cars_to_make(families: "Sequence[Family]") -> "Iterator[_CarToMake]":
     """Yield all designs of the families, each with its folder, below its vehicle's folder if there are several."""
     from foldcar.fabrication.make_car import MANIFEST
 
+    # The folders lie beside the manifest.
     taken_names = {MANIFEST}
     for family in families:
         varied = [key for key, values in family.choices.items() if len(values) > 1]

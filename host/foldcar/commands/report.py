@@ -150,6 +150,7 @@ def _table(experiment: Mapping[str, Any]) -> "ResultTable":
 
     designs = experiment["designs"]
     driven = any(designs["trials"])
+    # Code 0 is "passed", which has a column of its own.
     outcome_codes = [code for code, column in enumerate(designs["outcomes"]) if code and any(column)]
     titles = ["runs", "passed %", "95 % interval", *["trials", "cars"] * driven, "built cars %"]
     table = ResultTable("design", *titles, *(experiment["outcome_labels"][code] for code in outcome_codes))

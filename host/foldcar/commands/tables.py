@@ -252,6 +252,7 @@ def print_search(plan: "Plan", result: "SearchResult", store: Path, varied: Sequ
     heads = ["design"]
     for objective in plan.objectives:
         heads.append(f"{objective.name}, new")
+        # Without such a function the value depends on the design only, so it is the same in all environments.
         if objective.value is not None:
             heads.append("when chosen")
     table = ResultTable(*heads, left=heads)
@@ -264,6 +265,7 @@ def print_search(plan: "Plan", result: "SearchResult", store: Path, varied: Sequ
             if objective.value is not None:
                 cells.append(_objective(objective, before, None))
         table.add_row(*cells)
+    # Twice as wide as other tables, because each objective may have two columns with intervals.
     table.print_on(shown_console(2 * PLAIN_WIDTH))
     typer.echo("Values when chosen come from the environments by which the designs were chosen: they are biased upwards.")
 

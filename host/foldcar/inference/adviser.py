@@ -130,6 +130,7 @@ class Adviser:
         """Return the advice, with up to ``build`` designs to build and, if ``with_cost``, their sheets and minutes."""
         belief, info, threshold = self.belief, self.evidence.info, self.threshold
         best, loss = expected_loss(belief.draws)
+        # Enough is known if stopping now loses little, and a further hour of work gains little.
         enough = belief.driven and loss <= min(MAX_LOSS, self.precision) and self._gain < MIN_GAIN
         placed = [] if enough else self._placed(build)
         recommended = tuple(self._recommendation(place, with_cost) for place in placed)
@@ -138,7 +139,10 @@ class Adviser:
         driven_samples = {trial.sample for index in rows for trial in belief.designs[index].trials}
         driven_columns = [column for column, sample in enumerate(belief.samples.tolist()) if sample in driven_samples]
         trials_per_design = max((design.trials for design in recommended), default=0)
+        # The new trials' environments, as columns of belief.passed (designs, environments).
         columns = informative_environments(belief.passed[rows], trials_per_design, driven_columns) if rows else []
+        # In these the recommended designs differ: some pass in simulation and some do not.
+        differing = [column for column in columns if numpy.ptp(belief.passed[rows][:, column]) > 0]
         return Selection(
             info,
             threshold,
@@ -148,7 +152,7 @@ class Adviser:
             self._next_step(recommended, belief.labels[best], loss, enough),
             recommended,
             tuple(int(belief.samples[column]) for column in columns),
-            int(sum(numpy.ptp(belief.passed[rows][:, column]) > 0 for column in columns)),
+            len(differing),
             enough,
             belief.designs[best].design if belief.driven else None,
             loss if belief.driven else None,
@@ -245,7 +249,7 @@ class Adviser:
 
     @property
     def _basis(self) -> str:
-        """Sentences that state the assumptions behind sheets, minutes and numbers of trials."""
+        """The assumptions behind sheets, minutes and numbers of trials, as sentences."""
         return (
             "Sheets: 12 x 12 inch, 12 x 24 where a piece is longer, as `foldcar pattern` nests them. Minutes assume "
             f"cutting at {CUTTING_MM_S:g} mm/s, {self._assembly_min:.0f} min to build a car (as its guide estimates, "
@@ -269,7 +273,8 @@ class Adviser:
     def _recommendation(self, placed: Placed, with_cost: bool) -> Recommendation:
         """Return a chosen design with its reason, rates, further work and cost."""
         index, design = placed.index, self.belief.designs[placed.index]
-        effort = self._effort(index, 1, trials_needed(self.belief.draws[:, index], self.precision))
+        needed = trials_needed(self.belief.draws[:, index], self.precision)
+        effort = self._effort(index, further=1, min_total=needed)
         if placed.place == NEXT:
             reason = next_reason(self.belief, index, self.threshold)
         else:

@@ -69,6 +69,7 @@ def believe(designs: Sequence[DesignEvidence], design_indices: Sequence[int], na
     parameters = numpy.array([[float(design.design[name]) for name in names] for design in designs]).reshape(
         len(designs), -1
     )
+    # (designs, 2): numbers passed and in all.
     runs = numpy.array([(design.runs_passed, design.runs) for design in designs], dtype=float)
     trials = numpy.array([(design.trials_passed, len(design.trials)) for design in designs], dtype=float)
     # The work grows with the cube of the number of driven designs, so only those with most trials are used.

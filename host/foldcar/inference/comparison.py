@@ -148,7 +148,8 @@ def compare_experiment(evidence: Evidence, margin: float = MARGIN) -> Experiment
     with_runs = [design for design in driven if design.runs]
     # Bonferroni: the intervals of all gaps and of their mean hold together with CONFIDENCE. With one design the mean is
     # its gap.
-    confidence = 1 - (1 - CONFIDENCE) / (len(with_runs) + 1 if len(with_runs) > 1 else 1)
+    intervals = len(with_runs) + 1 if len(with_runs) > 1 else 1
+    confidence = 1 - (1 - CONFIDENCE) / intervals
     belief = evidence.belief
     pooled = {} if belief is None else dict(zip(belief.labels, belief.built, strict=True))
     rates = {design.label: _rates(design, confidence) for design in with_runs}

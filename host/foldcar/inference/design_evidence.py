@@ -123,6 +123,7 @@ def by_car(trials: Sequence[PairedTrial], spread: NDArray[Any], runs_passed: int
     groups = list(trials_by_car.values())
     counts = [(sum(trial.passed for trial in group), len(group)) for group in groups]
     passed, counted = numpy.array(counts, dtype=float).T
+    # Never 0 or 1, so that its log-odds are finite.
     overall = (runs_passed + 0.5) / (runs + 1)
     shifts = [shift([trial.expected for trial in group], overall) for group in groups]
     return BuiltCars(passed, counted, numpy.array(shifts), spread)

@@ -133,7 +133,9 @@ def read_unswept(store: Store) -> dict[str, Evidence]:
         if trial.experiment not in swept:
             groups.setdefault((trial.experiment, trial.vehicle_type), []).append(trial)
     return {
-        f"{name}: {vehicle_type}, trials only": _evidence(store, _unswept_info(trials), NO_RUNS, None, False, trials)
+        f"{name}: {vehicle_type}, trials only": _evidence(
+            store, _unswept_info(trials), NO_RUNS, resimulation=None, simulated_trials=False, trials=trials
+        )
         for (name, vehicle_type), trials in groups.items()
     }
 
@@ -242,11 +244,11 @@ def _swept_designs(store: Store, info: ExperimentInfo, runs: RunArrays) -> list[
                 info.vehicle_type,
                 dict(design),
                 design_label(info, info.vehicle_type, design),
-                True,
-                runs.sample[rows],
-                runs.outcome[rows] == OUTCOMES.index("passed"),
-                Counter(OUTCOMES[code] for code in runs.outcome[all_rows].tolist()),
-                float(times.mean()) if len(times) else None,
+                swept=True,
+                samples=runs.sample[rows],
+                passed=runs.outcome[rows] == OUTCOMES.index("passed"),
+                outcomes=Counter(OUTCOMES[code] for code in runs.outcome[all_rows].tolist()),
+                mean_time_s=float(times.mean()) if len(times) else None,
                 sequential=info.until is not None,
                 rejected=frozenset(runs.sample[all_rows[discarded]].tolist()),
             )
@@ -268,11 +270,11 @@ def _simulated_design(
         trial.vehicle_type,
         trial.design,
         design_label(info, trial.vehicle_type, trial.design),
-        False,
-        numpy.arange(len(results)),
-        numpy.array([outcome == "passed" for outcome in outcomes], dtype=bool),
-        Counter(outcomes),
-        float(numpy.mean(times)) if times else None,
+        swept=False,
+        samples=numpy.arange(len(results)),
+        passed=numpy.array([outcome == "passed" for outcome in outcomes], dtype=bool),
+        outcomes=Counter(outcomes),
+        mean_time_s=float(numpy.mean(times)) if times else None,
     )
     return design, reason
 
@@ -328,6 +330,7 @@ def _with_trials(
         if as_planned and sample in passed_by_sample:
             simulated, resimulated = int(passed_by_sample[sample]), False
         elif as_planned and sample in design.rejected:
+            # The stored run was rejected, so the trial has no counterpart.
             simulated, resimulated = None, False
         else:
             outcome = None if resimulation is None else resimulation.trial(info, trial)

@@ -93,6 +93,7 @@ class Resimulation:
         if refusal is not None:
             return [], refusal
         scenes = self._scenes(info)
+        # The first design is simulated in however many environments.
         if self._runs and self._runs + len(scenes) > MAX_RUNS:
             return [], f"no more than {MAX_RUNS:,} runs are made at a time; sweep it"
         self._runs += len(scenes)
@@ -124,6 +125,7 @@ class Resimulation:
         further_scenes = [text for text in sampled_scenes.values() if text not in scenes]
         scenes += further_scenes[: max(0, MIN_SCENES - len(scenes))]
         try:
+            # Body and settings as stored with a trial, else composed now.
             inputs = next((drive[:2] for drive in drives.values() if drive is not None), None)
             body, settings = inputs or self._composed(info, trials[0])
         except FoldcarError:

@@ -66,6 +66,7 @@ class Car:
         """Request the car's design and build, and a simulated car's scene. Raises NoCarError if it does not answer."""
         design = self.request("FOLDCAR_DESIGN")
         refused = design.source == self.dialect.FOLDCAR_DESIGN_SOURCE_REFUSED
+        # None: the car does not say what it is.
         simulated = {
             self.dialect.FOLDCAR_HARDWARE_BOARD: False,
             self.dialect.FOLDCAR_HARDWARE_SIMULATED: True,

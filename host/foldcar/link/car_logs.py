@@ -31,6 +31,7 @@ def list_logs(car: Car) -> list[StoredLog]:
     car.connection.status_text = None
     end_s = time.monotonic() + LIST_S
     for _ in range(TRIES):
+        # Logs 0 to 0xFFFF are all logs.
         car.connection.send(car.dialect.MAVLink_log_request_list_message(CAR_SYSTEM, CAR_COMPONENT, 0, 0xFFFF))
         logs: dict[int, StoredLog] = {}
         expected: int | None = None
@@ -39,6 +40,7 @@ def list_logs(car: Car) -> list[StoredLog]:
             if entry is None:
                 break
             expected = entry.num_logs
+            # A car without logs sends a single entry, which is of no log.
             if entry.num_logs:
                 logs[entry.id] = StoredLog(entry.id, entry.size)
         if expected is not None and len(logs) == expected:

@@ -52,7 +52,9 @@ class Connection:
         self._mav.robust_parsing = True
         self._heartbeat_at_s = 0.0
         self.clock_rate = CarClockRate()
+        # The sequence number of the last packet of each component, to count lost packets.
         self._sequences: dict[int, int] = {}
+        # Messages that arrived in one packet of input with the one for which wait_for waited.
         self._unread: list[Any] = []
 
     def send(self, message: Any) -> None:
@@ -146,6 +148,7 @@ class Connection:
             return
         self._heartbeat_at_s = now_s + max(MIN_HEARTBEAT_S, HEARTBEAT_S / self.clock_rate.value)
         dialect = self.dialect
+        # The zeros are modes, which a ground station does not have; 3 is MAVLink's version.
         self.send(
             dialect.MAVLink_heartbeat_message(
                 dialect.MAV_TYPE_GCS, dialect.MAV_AUTOPILOT_INVALID, 0, 0, dialect.MAV_STATE_ACTIVE, 3

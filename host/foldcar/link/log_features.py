@@ -67,38 +67,42 @@ def log_features(file: Path) -> LogFeatures:
         return LogFeatures()
     trial = [message for message in messages if message.get_type() == "FOLDCAR_TRIAL"][-1]
     elapsed_s = trial.elapsed_ms / 1000 if trial.end else None
-    end_s = math.inf if elapsed_s is None else elapsed_s
-    tilts, heading, shocks = _motion(messages, start_s, end_s)
+    duration_s = math.inf if elapsed_s is None else elapsed_s
+    tilts, heading, shocks = _motion(messages, start_s, duration_s)
     roll, pitch = (None, None) if tilts is None else (float(max(column, key=abs)) for column in tilts.T)
-    sag_v = _sag_v(messages, start_s, end_s)
-    servo_v, rest_v = _servo_battery_v(messages, start_s, end_s)
+    sag_v = _sag_v(messages, start_s, duration_s)
+    servo_v, rest_v = _servo_battery_v(messages, start_s, duration_s)
     if roll is None or pitch is None:
         return LogFeatures(elapsed_s, battery_sag_v=sag_v, servo_battery_v=servo_v, servo_battery_rest_v=rest_v)
     heading_error = HEADING_ERROR_RAD + HEADING_ERROR_FACTOR * abs(roll * pitch)
     return LogFeatures(elapsed_s, roll, pitch, TILT_ERROR_RAD, heading, heading_error, shocks, sag_v, servo_v, rest_v)
 
 
-def _motion(messages: Sequence[Any], start_s: float, end_s: float) -> tuple[Any, float | None, tuple[float, ...] | None]:
-    """Return tilts (n, 2), roll and pitch in rad, the change of heading (rad), and the times of shocks (s).
+def _motion(
+    messages: Sequence[Any], start_s: float, duration_s: float
+) -> tuple[Any, float | None, tuple[float, ...] | None]:
+    """Return the drive's tilts, its change of heading (rad), and the times of its shocks (s).
 
-    Tilts and shocks are those of the drive, from ``start_s`` (time since boot) for ``end_s``. The pitch is corrected as
-    the file's head describes. All are None if the log has no IMU.
+    Tilts are (n, 2: roll and pitch, rad), the pitch corrected as the file's head describes. The drive begins at
+    ``start_s`` (time since boot) and takes ``duration_s``. All are None without IMU data both before and in the drive.
     """
     attitudes = {message.time_boot_ms: message for message in messages if message.get_type() == "ATTITUDE"}
     samples = {message.time_boot_ms: message for message in messages if message.get_type() == "SCALED_IMU"}
     common_ms = sorted(attitudes.keys() & samples.keys())
     rows = [(ms / 1000 - start_s, attitudes[ms], samples[ms]) for ms in common_ms]
     # The second before the start is needed for the filter's error and the first heading.
-    rows = [row for row in rows if -1.0 <= row[0] <= end_s]
+    rows = [row for row in rows if -1.0 <= row[0] <= duration_s]
     rows_before, rows_during = [row for row in rows if row[0] <= 0], [row for row in rows if row[0] > 0]
     if not rows_before or not rows_during:
         return None, None, None
+    # The error of the car's pitch is forgotten slowly, and learnt while the accelerometer measures little but gravity.
     filter_error, tilts, shocks = 0.0, [], []
     last_s = rows[0][0]
     for time_s, attitude, sample in rows:
         # MAVLink's axes are forward, right, down.
         x, y, z = (MILLI_G_M_S2 * value for value in (sample.xacc, -sample.yacc, -sample.zacc))
         total_m_s2 = math.sqrt(x * x + y * y + z * z)
+        # After a long gap the whole error is forgotten.
         step_s, last_s = min(time_s - last_s, FORGETTING_S), time_s
         filter_error -= filter_error * step_s / FORGETTING_S
         if abs(total_m_s2 - GRAVITY_M_S2) < SHAKING_M_S2:
@@ -113,7 +117,7 @@ def _motion(messages: Sequence[Any], start_s: float, end_s: float) -> tuple[Any,
     return numpy.array(tilts), float(yaws[0] - yaws[-1]), tuple(shocks)
 
 
-def _sag_v(messages: Sequence[Any], start_s: float, end_s: float) -> float | None:
+def _sag_v(messages: Sequence[Any], start_s: float, duration_s: float) -> float | None:
     """Return the battery voltage before the start minus the lowest one of the drive (V); None if unknown."""
     readings = [
         (time_s, message.voltage_battery / 1000)
@@ -121,14 +125,14 @@ def _sag_v(messages: Sequence[Any], start_s: float, end_s: float) -> float | Non
         if 0 < message.voltage_battery < UNREADABLE_MV
     ]
     before = [volts for time_s, volts in readings if time_s <= 0]
-    during = [volts for time_s, volts in readings if 0 < time_s <= end_s]
+    during = [volts for time_s, volts in readings if 0 < time_s <= duration_s]
     return round(before[-1] - min(during), 3) if before and during else None
 
 
-def _servo_battery_v(messages: Sequence[Any], start_s: float, end_s: float) -> tuple[float | None, float | None]:
+def _servo_battery_v(messages: Sequence[Any], start_s: float, duration_s: float) -> tuple[float | None, float | None]:
     """Return the mean voltages (V) of the servos' battery during and before the drive; None if unknown."""
     readings = [(time_s, message.voltages[0] / 1000) for time_s, message in _timed(messages, start_s, "BATTERY_STATUS")]
-    during = [volts for time_s, volts in readings if 0 < time_s <= end_s]
+    during = [volts for time_s, volts in readings if 0 < time_s <= duration_s]
     before = [volts for time_s, volts in readings if time_s <= 0]
     during_v, before_v = (round(sum(volts) / len(volts), 3) if volts else None for volts in (during, before))
     return during_v, before_v

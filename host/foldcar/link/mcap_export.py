@@ -196,6 +196,7 @@ def _schema(message: Any) -> dict[str, Any]:
         if kind != "char" and isinstance(getattr(message, name), list | tuple | bytes | bytearray):
             property_schema = {"type": "array", "items": {"type": item_type}}
         if name in units:
+            # pymavlink writes units in brackets, as "[mV]".
             property_schema["description"] = units[name].strip("[]")
         properties[name] = property_schema
     return {"type": "object", "title": message.get_type(), "properties": properties}
@@ -277,6 +278,7 @@ def vector(x: float, y: float, z: float) -> dict[str, float]:
 
 def quaternion(heading_rad: float, pitch_rad: float = 0.0, roll_rad: float = 0.0) -> dict[str, float]:
     """Return the quaternion of a rotation by the heading (about z), then the pitch (nose up), then the roll (left up)."""
+    # x points forward, y left, z up. So nose up is a negative rotation about y.
     (cy, sy), (cp, sp), (cr, sr) = (
         (math.cos(angle / 2), math.sin(angle / 2)) for angle in (heading_rad, -pitch_rad, roll_rad)
     )

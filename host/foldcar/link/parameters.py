@@ -51,6 +51,7 @@ def read_parameters(car: Car) -> dict[str, float]:
         elif count is None:
             car.connection.send(dialect.MAVLink_param_request_list_message(CAR_SYSTEM, CAR_COMPONENT))
         else:
+            # Requested by index, so without a name.
             for index in [i for i in range(count) if i not in values][:BURST]:
                 request = dialect.MAVLink_param_request_read_message(CAR_SYSTEM, CAR_COMPONENT, b"", index)
                 car.connection.send(request)

@@ -152,6 +152,7 @@ def _open_tcp(name: str) -> Stream:
         raise FoldcarError(f"{name}: cannot be reached: {error.strerror or error}") from error
     except UnicodeError:
         raise FoldcarError(f'{name}: "{host}" is not a host name') from None
+    # Send small packets at once.
     connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     connection.setblocking(False)
     return Stream(name, connection, connection.recv, connection.send)

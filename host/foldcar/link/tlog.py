@@ -39,12 +39,14 @@ class TlogWriter:
         except OSError as error:
             raise LogError(f"{file}: cannot be written: {error.strerror}") from error
         self._size = 0
-        # Steps of the wall clock during a drive must not change the order of packets.
+        # Added to the monotonic clock, because steps of the wall clock must not change the order of packets.
         self._epoch_ns = time.time_ns() - time.monotonic_ns()
 
     def write(self, packet: bytes, time_us: int | None = None) -> None:
         """Append a packet with ``time_us`` (µs since 1970, default: now). Raises LogError if the write fails."""
-        record = STAMP.pack((self._epoch_ns + time.monotonic_ns()) // 1000 if time_us is None else time_us) + packet
+        if time_us is None:
+            time_us = (self._epoch_ns + time.monotonic_ns()) // 1000
+        record = STAMP.pack(time_us) + packet
         try:
             written = os.write(self._descriptor, record)
         except OSError as error:
@@ -99,6 +101,7 @@ def records_of(data: bytes) -> tuple[list[tuple[int, bytes]], int]:
     """
     records = []
     offset = 0
+    # The length of a packet follows from its first three bytes.
     while offset + STAMP.size + 3 <= len(data):
         packet_start = offset + STAMP.size
         length = _packet_bytes(data, packet_start)

@@ -146,10 +146,12 @@ def sliders(vehicle_type: str, from_sheets: bool, calibration: Calibration | Non
         prior = special_priors.get(index, ScorePrior(0.0, 1.0, parameter.source))
         interval = [float(parameter.value(prior.mean + prior.sd * z)) for z in (-Z_90, 0.0, Z_90)]
         low, high = (float(parameter.value(score)) for score in (-MAX_SCORE, MAX_SCORE))
+        # The nominal value must be on the slider; a half-normal parameter is a standard deviation, which may be 0.
         low = 0.0 if parameter.prior == "half-normal" else min(low, parameter.nominal)
         row = _slider(parameter.name, parameter.unit, parameter.meaning, parameter.nominal, low, high)
         posterior = calibrated[parameter.name]["posterior"] if calibration else None
         rows.append({**row, "prior": _rounded(interval), "calibrated": posterior and _rounded(_interval(posterior))})
+    # Only a reality has this parameter, so it has neither prior nor posterior.
     supply = REAL_ONLY["supply_resistance_ohm"]
     meaning = "resistance of cells, wires and switch of the servo supply, beyond the design's"
     row = _slider("supply_resistance_ohm", supply.unit, meaning, supply.nominal, 0.0, MAX_SUPPLY_OHM)
@@ -183,13 +185,17 @@ def _shown_designs(count: int) -> list[int]:
 
 
 def _inputs(info: ExperimentInfo, drives: StoredDrives, designs: Sequence[int], samples: Sequence[int]) -> str:
-    """Return bodies and settings by number, both numbers of each design; realities and deviates of each sample."""
-    body_numbers = {number: index for index, number in enumerate(dict.fromkeys(drives.bodies[d] for d in designs))}
-    setting_numbers = {number: index for index, number in enumerate(dict.fromkeys(drives.settings[d] for d in designs))}
+    """Return a blob with lists of bodies and of settings, and what each design and sample needs of a run.
+
+    A design has its indices in both lists; a sample has its reality and the deviates of its start pose.
+    """
+    # The index of each body and of each settings, by the number of its row in the store.
+    body_index = {row_id: index for index, row_id in enumerate(dict.fromkeys(drives.bodies[d] for d in designs))}
+    settings_index = {row_id: index for index, row_id in enumerate(dict.fromkeys(drives.settings[d] for d in designs))}
     head = {
-        "bodies": [drives.value("body", number) for number in body_numbers],
-        "settings": [drives.value("settings", number) for number in setting_numbers],
-        "designs": {d: [body_numbers[drives.bodies[d]], setting_numbers[drives.settings[d]]] for d in designs},
+        "bodies": [drives.value("body", row_id) for row_id in body_index],
+        "settings": [drives.value("settings", row_id) for row_id in settings_index],
+        "designs": {d: [body_index[drives.bodies[d]], settings_index[drives.settings[d]]] for d in designs},
         "realities": {k: drives.value("variation", drives.variations[k]) if drives.varied else {} for k in samples},
         "deviates": {k: start_deviates(info.variation_seed, k) for k in samples},
     }
@@ -206,6 +212,7 @@ def _checks(runs: RunArrays) -> str:
 
 def result_hashes(outcome: NDArray[Any], metrics: NDArray[Any]) -> NDArray[Any]:
     """Return the hashes (n,) of outcomes (n,) and metrics (n, k), of their bytes as drives.js computes them."""
+    # NaN has many bit patterns; here it has one.
     numbers = numpy.where(numpy.isnan(metrics), numpy.nan, metrics).astype("<f8")
     octets = numpy.column_stack([outcome.astype(numpy.uint8), numbers.view(numpy.uint8).reshape(len(numbers), -1)])
     hashes = numpy.full(len(octets), FNV_OFFSET, dtype=numpy.uint32)

@@ -125,7 +125,7 @@ def _read(store: Store, info: ExperimentInfo) -> EnvironmentValues:
     wheels = json.loads(body["json"]).get("wheels", ())
     cars = _by_sample(store, row, "draw", "spread_id", "variation", lambda drawn: _car(drawn, wheels))
     tables = [scenes, cars]
-    names = list(dict.fromkeys(name for table in tables for row in table.values() for name in row))
+    names = list(dict.fromkeys(name for table in tables for sampled in table.values() for name in sampled))
     column_of_name = {name: place for place, name in enumerate(names)}
     values = numpy.full((info.environments, len(names)), numpy.nan)
     for table in tables:
@@ -149,7 +149,10 @@ def _objects_by_piece(info: ExperimentInfo, scenes: Mapping[int, Mapping[str, An
 def _by_sample(
     store: Store, experiment: Any, table: str, key: str, content_table: str, read: Callable[[Any], Read]
 ) -> dict[int, Read]:
-    """Return what ``read`` makes of each sample's scene or variation; equal ones are read once."""
+    """Return what ``read`` makes of each sample's scene or variation; equal ones are read once.
+
+    ``table`` has the sample's row in ``content_table``, where ``key`` is the experiment's environment or spread.
+    """
     rows = store.rows(BY_NAME[table], f"WHERE {key} = ?1 AND sample < ?2", experiment[key], experiment["environments"])
     ids = {row["sample"]: row[f"{content_table}_id"] for row in rows}
     where = f"WHERE id IN (SELECT {content_table}_id FROM {table} WHERE {key} = ?1 AND sample < ?2)"
@@ -180,7 +183,10 @@ def _numbers(start: str, values: Mapping[str, Any]) -> dict[str, float]:
 
 
 def _car(drawn: Mapping[str, Any], wheels: Any) -> dict[str, float]:
-    """Return the differences of a built car from its design, with the mean and the difference of sides for wheels."""
+    """Return the differences of a built car from its design, with the mean and the difference of sides for wheels.
+
+    ``drawn`` is a sample's stored variation, ``wheels`` are those of the body of the family's first design.
+    """
     result = {}
     for name, value in drawn.items():
         if name not in workshop():
@@ -208,6 +214,7 @@ def _informative(values: NDArray[Any]) -> list[int]:
         present = ~numpy.isnan(column)
         if present.sum() < 2 or numpy.ptp(column[present]) <= 1e-9 * abs(column[present]).max():
             continue
+        # Columns that are known in the same samples.
         comparable = [other for other in informative if (numpy.isnan(values[:, other]) != present).all()]
         correlations = [numpy.corrcoef(values[present, other], column[present])[0, 1] for other in comparable]
         if all(abs(correlation) <= MAX_CORRELATION for correlation in correlations):

@@ -81,6 +81,7 @@ def export_parquet(store: Store, file: Path, failed: bool = False) -> int:
     import pyarrow.parquet as pq
 
     table = _RunTable(store, failed)
+    # Recorded lists of one type become Parquet lists; other recorded JSON remains JSON text.
     nested = [name for name, kind in table.recorded.items() if kind == "json"]
     types_of_lists = {name: list_type(result.recorded.get(name) for result in store.results()) for name in nested}
     lists = {name: kind for name, kind in types_of_lists.items() if kind is not None}
@@ -153,6 +154,7 @@ class _RunTable:
     def __init__(self, store: Store, failed: bool) -> None:
         self._store, self._failed = store, failed
         self._design = store.design_columns()
+        # The first kind that holds all types of the name's values.
         self.recorded = {
             name: next((kind for kind, takes in RECORDED_KINDS.items() if types <= takes), "json")
             for name, types in store.recorded_types().items()

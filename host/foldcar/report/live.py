@@ -60,6 +60,7 @@ class LiveStudy:
         # When the sweep was first seen (s), and its number of runs then: the end is estimated from the runs since.
         self._first: tuple[float, int] | None = None
         self._counts: dict[str, Any] = {"done": 0, "planned": None, "left_s": None, "designs": None, "decided": None}
+        # When the data may be computed again, and when a page last polled: at the start no page is open.
         self._next_s = 0.0
         self._polled_s = -OPEN_S
         self._last_answer = ""
@@ -82,6 +83,7 @@ class LiveStudy:
             status = {"version": version, "state": state, "changed_s": changed, "error": self._error, **self._counts}
             study = b"null" if query == version else self._study
             self._last_answer = f"{version} {state}"
+        # The data is JSON already: it is put in before the closing brace.
         return json.dumps(status, separators=(",", ":")).encode()[:-1] + b',"study":' + study + b"}"
 
     def follow(self, ended: Callable[[], bool] = lambda: False) -> None:
@@ -114,6 +116,7 @@ class LiveStudy:
                 self._error, self._seen, self._study = "", stamp, study
                 self._number += 1
                 self._counts = self._counted(infos)
+        # So late that computing takes at most CPU_FRACTION of the processors.
         self._next_s = time.monotonic() + max(
             MIN_INTERVAL_S, (time.process_time() - begun_s) / (CPU_FRACTION * usable_processors())
         )
@@ -137,10 +140,12 @@ class LiveStudy:
         # A search has no planned number of runs.
         open_end = not infos or any(info.searched for info in infos)
         now_s = time.monotonic()
+        # Until a sweep runs, so that a pause does not count.
         if self._first is None or not infos or not is_written(self._path):
             self._first = now_s, done
-        first_s, first = self._first
-        pace = None if open_end or done == first else (now_s - first_s) / (done - first)
+        first_s, first_done = self._first
+        # Seconds for each run.
+        pace = None if open_end or done == first_done else (now_s - first_s) / (done - first_done)
         return {
             "done": done,
             "planned": None if open_end else planned,
@@ -158,6 +163,7 @@ class LiveStudy:
             return "waiting"
         if counts["planned"] is None or counts["done"] >= counts["planned"]:
             return "done"
+        # None: the writer was killed. False: it has ended by itself.
         return "killed" if written is None else "stopped"
 
     def _changed_s(self) -> float | None:
@@ -213,6 +219,7 @@ class _Handler(BaseHTTPRequestHandler):
     def do_GET(self) -> None:
         """Answer the page, its data, or an error."""
         path, _, query = self.path.partition("?")
+        # Another site's name may resolve to this address; its pages must not read the study.
         hosts = [f"{name}:{self.server.port}" for name in (ADDRESS, "localhost")]
         if self.headers.get_all("Host", []) not in ([host] for host in hosts):
             self.send_error(HTTPStatus.FORBIDDEN, "not of this page")

@@ -136,12 +136,13 @@ def read_experiments(store: Store, thresholds: Sequence[float] = (), simulated_t
     cannot be read.
     """
     swept = read_evidence(store)
-    limit = max(thresholds, default=None)
-    selections = select_evidence(swept, threshold=limit, with_cost=False)
+    # The advice is about the highest threshold.
+    highest_threshold = max(thresholds, default=None)
+    selections = select_evidence(swept, threshold=highest_threshold, with_cost=False)
     by_id = {evidence.info.id: evidence for evidence in swept}
     unswept = read_unswept(store)
     named = [*by_id.items(), *unswept.items()]
-    selections += select_evidence(list(unswept.values()), threshold=limit, with_cost=False)
+    selections += select_evidence(list(unswept.values()), threshold=highest_threshold, with_cost=False)
     experiments = []
     for (name, evidence), selection in zip(named, selections, strict=True):
         info = evidence.info
@@ -161,7 +162,7 @@ def read_experiments(store: Store, thresholds: Sequence[float] = (), simulated_t
 def page_data(
     store: Store, command: Sequence[str] = (), experiments: Sequence[Experiment] | None = None
 ) -> dict[str, Any]:
-    """Return the object described above, without replays and files; ``command`` is that of the report.
+    """Return the object that the file's head describes, without replays and files; ``command`` is that of the report.
 
     ``experiments`` are those of :func:`read_experiments`, read if None. Raises FoldcarError if the store cannot be read.
     """
@@ -329,5 +330,6 @@ def _runs(evidence: Evidence) -> dict[str, list[Any]]:
         "design": runs.design.tolist(),
         "environment": runs.sample.tolist(),
         "outcome": runs.outcome.tolist(),
+        # JSON has no NaN, which is the time of a failed run.
         "time_s": [None if time_s != time_s else time_s for time_s in times_s],
     }

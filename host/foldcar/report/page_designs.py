@@ -88,6 +88,7 @@ class DesignColumns:
         """Return the bands of all designs from the ``rows`` of those in the belief; None for the others."""
         bands: list[Band] = [None] * len(self.names)
         indices = [] if self.evidence.belief is None else self.evidence.belief.design_indices.tolist()
+        # Without rows, no design has a band.
         for index, row in zip(indices, rows, strict=bool(rows)):
             value, low, high = (round(number, 6) for number in row)
             bands[index] = value, low, high
@@ -97,11 +98,13 @@ class DesignColumns:
         """Return the page's columns, without the measures, as page_data.py describes them."""
         evidence, family = self.evidence, self.evidence.family
         driven = evidence.belief is not None and evidence.belief.driven
+        # Verdicts are about built cars as soon as one was driven, before that about simulation.
         judged = self.built if driven or evidence.belief is None else self.simulation
         values = {
             name: {value: index for index, value in enumerate(all_values)} for name, all_values in evidence.values.items()
         }
         verdicts = {design.label: design.verdict for design in compare_experiment(evidence).designs}
+        # Indices of undriven designs beside those whose trials contradict the others'.
         doubtful = set()
         if evidence.belief is not None:
             doubtful = set(

@@ -75,6 +75,7 @@ def importance_rows(effects: Effects, indices: Sequence[int]) -> list[dict[str, 
     """Return a row with the importance of each parameter, the greatest first; no rows for a single parameter."""
     if len(indices) < 2:
         return []
+    # Empty if success does not vary; then there are no rows.
     importances = effects.importance()
     rows = [
         {"parameter": parameter, **{key: round(getattr(importance, key), DIGITS) for key in ("share", "low", "high")}}
@@ -89,6 +90,7 @@ def cause_rows(evidence: Evidence, values: EnvironmentValues) -> list[dict[str, 
         return []
     runs = evidence.runs.counted
     passed = runs.outcome == OUTCOMES.index("passed")
+    # Values in the units of readers, for the bins.
     shown, rows = values.shown, []
     for separation in separations(values.values, runs.design, runs.sample, passed):
         column = values.columns[separation.column]

@@ -33,8 +33,9 @@ def search_front(evidence: Evidence, areas: Sequence[float | None], fresh: Evide
                 _point(index, objectives, own_fresh_rows or rows, info.timeout_s, areas[index], bool(own_fresh_rows))
             )
     signs = [-1 if objective.largest else 1 for objective in objectives]
-    for fresh_too in (True, False):
-        points_alike = [point for point in points if point["fresh"] == fresh_too]
+    # Points from the environments of the search are too good, so points are compared only with those of the same kind.
+    for is_fresh in (True, False):
+        points_alike = [point for point in points if point["fresh"] == is_fresh]
         losses = [_losses(point["values"], signs) for point in points_alike]
         for point, loss in zip(points_alike, losses, strict=True):
             point["beaten"] = is_dominated(loss, losses)
@@ -51,6 +52,7 @@ def _rows(evidence: Evidence) -> list[list[Row]]:
     rows: list[list[Row]] = [[] for _ in evidence.family]
     numbers = (runs.metrics[:, NUMBERS.index(name)].tolist() for name in ("elapsed_time_s", "consumed_energy_j"))
     for design, outcome, time_s, energy_j in zip(runs.design.tolist(), runs.outcome.tolist(), *numbers, strict=True):
+        # Rows have None where the arrays have NaN.
         measured = (None if value != value else value for value in (time_s, energy_j))
         rows[design].append(Row(OUTCOMES[outcome], *measured))
     return rows
@@ -60,13 +62,16 @@ def _point(
     index: int, objectives: Sequence[Objective], rows: list[Row], limit_s: float, area_cm2: float | None, fresh: bool
 ) -> dict[str, Any]:
     """Return a design's objectives with their intervals, in the units of the page."""
+    # (value, low, high) of each objective.
     triples = []
     for objective in objectives:
         if objective.value is None or objective.interval is None:
             triples.append([area_cm2] * 3)
             continue
-        numbers, unit = (objective.value(rows, limit_s), *objective.interval(rows, limit_s)), 1 if objective.unit else 100
-        triples.append([float(f"{unit * x:.5g}") if abs(x) != float("inf") else None for x in numbers])
+        triple = objective.value(rows, limit_s), *objective.interval(rows, limit_s)
+        # An objective without unit is a fraction; the page has it in %.
+        factor = 1 if objective.unit else 100
+        triples.append([float(f"{factor * x:.5g}") if abs(x) != float("inf") else None for x in triple])
     values, low, high = map(list, zip(*triples, strict=True))
     return {"design": index, "values": values, "low": low, "high": high, "fresh": fresh, "beaten": False}
 

@@ -26,7 +26,9 @@ def range_sentences(evidence: Evidence, effects: Effects | None, indices: Sequen
 
 def _gap(effects: Effects, names: Sequence[str], threshold: float, simulation: str) -> list[str]:
     """Return a sentence on the gap where the side of the threshold is less certain than at any simulated design."""
-    x, gaps = effects.parameters, []
+    x = effects.parameters
+    # (parameter's name, low, high, a design in the middle)
+    gaps = []
     for index, name in enumerate(names):
         values = numpy.unique(x[:, index])
         steps = numpy.diff(values)
@@ -36,6 +38,7 @@ def _gap(effects: Effects, names: Sequence[str], threshold: float, simulation: s
             gaps += [(name, low, high, middle) for middle in numpy.unique(ends, axis=0)]
     if not gaps:
         return []
+    # The probability to reach the threshold: of the simulated designs, then of those in gaps.
     reach = (effects.rates(numpy.vstack([x, *(middle for *_, middle in gaps)])) >= threshold).mean(axis=0)
     doubt = numpy.minimum(reach, 1 - reach)
     index = len(x) + int(doubt[len(x) :].argmax())
@@ -68,11 +71,13 @@ def _ends(effects: Effects, names: Sequence[str]) -> list[str]:
 
 
 def _extendable(name: str, value: float, upwards: bool) -> bool:
-    """Return whether a design may have a value beyond this one."""
+    """Return whether the limits of the design parameter ``name`` allow a value beyond this one, up or down."""
     key = key_of(name)
+    # Only design parameters have limits.
     if key is None:
         return True
     parameter = declared(key)
     if upwards:
         return value < parameter.maximum
+    # A minimum that depends on the parts is a function; whether a smaller car can be built shows when it is swept.
     return not isinstance(parameter.minimum, float | int) or value > parameter.minimum

@@ -75,6 +75,7 @@ def read_run_ends(store: Store, info: ExperimentInfo, runs: RunArrays) -> dict[s
 
 def run_ends(course: Course, extents: CarExtents, runs: RunArrays) -> dict[str, Any] | None:
     """Return the page's ``ends`` of counted ``runs``; None if no run that did not pass has a place."""
+    # How far along the way to the goal each run came.
     progress_m = course.goal_m[runs.sample] - runs.metrics[:, NUMBERS.index("distance_to_target_m")]
     failed = (runs.outcome != OUTCOMES.index("passed")) & ~numpy.isnan(progress_m)
     if not failed.any():
@@ -83,6 +84,7 @@ def run_ends(course: Course, extents: CarExtents, runs: RunArrays) -> dict[str, 
     course = course.within(float(extents.side_m.max()))
     goal_m = float(numpy.nanmean(course.goal_m))
     low_m, high_m = min(0.0, float(place_m.min())), max(goal_m, float(place_m.max()))
+    # One bin less, because the bins begin at a multiple of the step.
     step_m = next((step for step in STEPS_M if (high_m - low_m) / step < MAX_BINS - 1), STEPS_M[-1])
     bins = numpy.floor(place_m / step_m).astype(int)
     first, last = math.floor(low_m / step_m), math.floor(high_m / step_m)
@@ -111,6 +113,7 @@ def met_obstacles(
     for obstacle in range(len(course.names)):
         first_m, last_m, gap_m = (values[sample, obstacle] for values in (course.first_m, course.last_m, course.gap_m))
         over = (place_m + front_m >= first_m) & (place_m - back_m <= last_m) & (gap_m <= side_m)
+        # A small part of the length is added, so that of equally near obstacles the shorter one is nearer.
         distance_m = numpy.maximum(numpy.maximum(first_m - place_m, place_m - last_m), 0) + LENGTH_WEIGHT * (
             last_m - first_m
         )
@@ -156,16 +159,20 @@ def read_course(objects: Sequence[tuple[str, int]], scenes: Mapping[int, Mapping
 def _extent_m(
     pieces: Sequence[Mapping[str, Any]], start: Mapping[str, float], way_rad: float
 ) -> tuple[float, float, float]:
-    """Return where an object's pieces begin and end along the way, and how far beside it they are (m)."""
+    """Return where an object's pieces begin and end along the way, and how far beside it they are (m).
+
+    The way is the straight line from the start in the direction ``way_rad``; an object on the way is 0 m beside it.
+    """
     cos, sin = math.cos(way_rad), math.sin(way_rad)
     ends_m = []
     for piece in pieces:
         # A bell-shaped hill counts up to two standard deviations.
         fraction = 0.5 if kind_of(piece).shape == "bell" else 1.0
         length_m, width_m = (fraction * reach for reach in reach_m(piece))
+        # Half the sides of the box around the turned piece, along and across the way.
         turn_rad = piece.get("heading_rad", 0.0) - way_rad
-        c, s = abs(math.cos(turn_rad)), abs(math.sin(turn_rad))
-        along_m, across_m = length_m * c + width_m * s, length_m * s + width_m * c
+        turn_cos, turn_sin = abs(math.cos(turn_rad)), abs(math.sin(turn_rad))
+        along_m, across_m = length_m * turn_cos + width_m * turn_sin, length_m * turn_sin + width_m * turn_cos
         x_m, y_m = piece["x_m"] - start["x_m"], piece["y_m"] - start["y_m"]
         ahead_m, left_m = x_m * cos + y_m * sin, y_m * cos - x_m * sin
         ends_m.append((ahead_m - along_m, ahead_m + along_m, left_m - across_m, left_m + across_m))

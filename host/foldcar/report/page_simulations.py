@@ -39,6 +39,7 @@ def other_simulations(evidence: Evidence, experiments: Sequence[Evidence]) -> li
             text += f"; {agreement:.1f} % of the runs have the same result in both"
         counts = [(0, 0) if index is None else tuple(other.run_counts[index].tolist()) for index in indices]
         columns = {key: [count[k] for count in counts] for k, key in enumerate(("passed", "runs"))}
+        # Runs in MuJoCo correct the rates of the multibody simulation, not the reverse.
         engines = engine_of(evidence.info.engine), engine_of(other.info.engine)
         corrected = _corrected(evidence, other) if engines == (MULTIBODY, MUJOCO) else None
         if corrected is not None:

@@ -116,6 +116,7 @@ def draw_feasibility(designs: DesignColumns, thresholds: Sequence[float]) -> Fig
     """Draw success in simulation and of built cars, each with its 95 % band; tint values whose built cars are good."""
     axis, figure = Axis(designs), Figure(figsize=(WIDE_IN, 4.0), layout="constrained")
     axes = figure.subplots()
+    # Each (4, designs with a band): place on the x axis, value, low, high.
     simulation, built = (
         numpy.array(sorted((axis.place[index], *band) for index, band in enumerate(bands) if band), dtype=float)
         .reshape(-1, 4)
@@ -166,14 +167,13 @@ def error_percent(rate: float, ends: tuple[float, float]) -> list[list[float]]:
     return [[max(0.0, 100 * (rate - ends[0]))], [max(0.0, 100 * (ends[1] - rate))]]
 
 
-def _draw_trials(axes: Axes, axis: Axis, designs: DesignColumns, built: float, simulated: float) -> None:
+def _draw_trials(axes: Axes, axis: Axis, designs: DesignColumns, built_offset: float, simulated_offset: float) -> None:
     """Draw filled diamonds for trials of built cars and open ones for simulated cars, each with an offset in x."""
-    _draw_counts(
-        axes, axis, designs.evidence.trial_counts, designs.trial_intervals, "trials", built, fmt="D", color=FAILURE
-    )
+    counts, intervals = designs.evidence.trial_counts, designs.trial_intervals
+    _draw_counts(axes, axis, counts, intervals, "trials", built_offset, fmt="D", color=FAILURE)
     ends = designs.intervals(designs.simulated_trial_counts)
     look = {"fmt": "D", "color": FAILURE, "markerfacecolor": "white", "markeredgecolor": FAILURE}
-    _draw_counts(axes, axis, designs.simulated_trial_counts, ends, "simulated trials", simulated, **look)
+    _draw_counts(axes, axis, designs.simulated_trial_counts, ends, "simulated trials", simulated_offset, **look)
 
 
 def _draw_counts(axes: Axes, axis: Axis, counts: Any, ends: Any, label: str, offset: float = 0.0, **look: Any) -> None:
@@ -186,6 +186,7 @@ def _draw_counts(axes: Axes, axis: Axis, counts: Any, ends: Any, label: str, off
     if not driven:
         return
     rates = [counts[index, 0] / counts[index, 1] for index in driven]
+    # (2, designs): lengths below and above the rate.
     bars = ends and numpy.hstack([error_percent(rate, ends[index]) for rate, index in zip(rates, driven, strict=True)])
     look = {"markeredgecolor": "white", "markersize": 5.5, "elinewidth": 1.4, "capsize": 3.0, "zorder": 5, **look}
     x, y = [axis.place[index] + offset for index in driven], [100 * rate for rate in rates]
@@ -212,15 +213,15 @@ def draw_outcomes(designs: DesignColumns) -> Figure:
     with_runs = [index for index in axis.place if designs.evidence.outcome_counts[index].sum()]
     x, bottom = [axis.place[index] for index in with_runs], numpy.zeros(len(with_runs))
     for code, outcome in enumerate(OUTCOMES):
-        shares = (
+        percents = (
             100
             * designs.evidence.outcome_counts[with_runs, code]
             / designs.evidence.outcome_counts[with_runs].sum(axis=1)
         )
-        if shares.any():
+        if percents.any():
             look: dict[str, Any] = {"color": OUTCOME_COLOURS[outcome], "edgecolor": "white", "linewidth": 0.3}
-            axes.bar(x, shares, 0.8 * axis.step, bottom=bottom, label=OUTCOME_LABELS[outcome], **look)
-            bottom += shares
+            axes.bar(x, percents, 0.8 * axis.step, bottom=bottom, label=OUTCOME_LABELS[outcome], **look)
+            bottom += percents
     axes.set_ylim(0, 100)
     axes.set_ylabel("share of runs (%)")
     axes.set_title("How the runs ended")
@@ -232,6 +233,7 @@ def draw_outcomes(designs: DesignColumns) -> Figure:
 def draw_effects(designs: DesignColumns, effects: Effects, indices: Sequence[int], thresholds: Sequence[float]) -> Figure:
     """Draw success over each parameter with its band, and curves of single combinations of the others."""
     names = [list(designs.evidence.values)[parameter] for parameter in indices]
+    # Rounded up.
     rows = -(-len(names) // COLUMNS)
     figure = Figure(figsize=(WIDE_IN, 2.7 * rows + 0.4), layout="constrained")
     grid = figure.subplots(rows, COLUMNS, squeeze=False, sharey=True)
@@ -262,11 +264,12 @@ def draw_map(
 ) -> Figure:
     """Draw success over the parameters with the indices ``two``, with lines where the model crosses the thresholds."""
     x_at, y_at = (list(indices).index(index) for index in two)
-    run = numpy.unique(effects.parameters[:, [x_at, y_at]], axis=0)
-    xs, ys = (numpy.unique(column) for column in run.T)
-    rates, _, _ = effects.standardised((x_at, y_at), run)
+    # (pairs, 2): the pairs of values that were simulated. Cells of other pairs stay NaN.
+    pairs = numpy.unique(effects.parameters[:, [x_at, y_at]], axis=0)
+    xs, ys = (numpy.unique(column) for column in pairs.T)
+    rates, _, _ = effects.standardised((x_at, y_at), pairs)
     cells = numpy.full((len(ys), len(xs)), numpy.nan)
-    cells[numpy.searchsorted(ys, run[:, 1]), numpy.searchsorted(xs, run[:, 0])] = 100 * rates
+    cells[numpy.searchsorted(ys, pairs[:, 1]), numpy.searchsorted(xs, pairs[:, 0])] = 100 * rates
     figure = Figure(figsize=(WIDE_IN, 4.4), layout="constrained")
     axes = figure.subplots()
     axes.set_facecolor(NOT_RUN)
@@ -276,6 +279,7 @@ def draw_map(
     if cells.size <= MAX_NUMBERS:
         for (row, column), value in numpy.ndenumerate(cells):
             if numpy.isfinite(value):
+                # cividis is dark at low values.
                 colour = "white" if value < 55 else INK
                 axes.text(xs[column], ys[row], f"{value:.0f}", ha="center", va="center", fontsize=8, color=colour)
     rates_percent = numpy.ma.masked_invalid(cells)

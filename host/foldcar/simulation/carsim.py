@@ -70,6 +70,7 @@ class Carsim:
             lambda output: (str(output["build"]), str(output["firmware"]), str(output["engine"])),
             "is not carsim (`--version` does not print its build)",
         )
+        # The default engine has no name in stores; results of another engine must not count as those of the same build.
         self.engine = "" if self.engine == MULTIBODY else self.engine
         if self.engine:
             self.build += f" {self.engine}"
@@ -92,7 +93,7 @@ class Carsim:
         return self._ask("params", read, "`carsim params` printed no parameter table")
 
     def limits(self) -> CarsimLimits:
-        """Return the limits of its input, and the rules of its trials (`carsim limits`)."""
+        """Return the limits of carsim's input and the rules of its trials; `carsim limits` is run once."""
 
         def read(output: Any) -> CarsimLimits:
             numbers = {path: (float(low), float(high)) for path, (low, high) in output["input"].items()}
@@ -198,7 +199,8 @@ class Carsim:
     def _output(self, arguments: Sequence[str], lines: Sequence[str], stops: int) -> subprocess.CompletedProcess[str]:
         """Run the program with these arguments and input lines until it ends.
 
-        Raises CarsimError if it cannot be started, or if `stop` was called after the number of calls was ``stops``.
+        ``stops`` is the number of calls of `stop` when the caller began. Raises CarsimError if the program cannot be
+        started, or if `stop` was called since.
         """
         command = [*self.command, *arguments]
         try:
@@ -267,6 +269,7 @@ def ask_pulses(carsim: Carsim, settings: Sequence[Mapping[str, Any]]) -> list[Pu
     lines = [json.dumps({"pulses": {"id": str(index), **setting}}) for index, setting in enumerate(pulse_settings)]
     trains = []
     for answer in carsim.answers(lines):
+        # A row is a time (s) and the widths (µs) from then on.
         rows = answer["changes"]
         trains.append(PulseTrain(tuple(row[0] for row in rows), tuple(tuple(row[1:]) for row in rows)))
     return trains

@@ -102,6 +102,7 @@ class SteppedCarsim:
         if not self.alive:
             self.close()
             self._process = LineProcess([*self._command, "step"])
+        # Each JSON object gets an id before its own keys, without being parsed.
         lines = [f'{{"{kind}": {{"id": "{kind}", {text[1:]}}}' for kind, text in (("body", body), ("scene", scene))]
         lines.append(f'{{"run": {{"id": "run", "body": "body", "scene": "scene", {settings[1:]}}}')
         return _advanced(self._ask(*lines))

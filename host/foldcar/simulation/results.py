@@ -38,7 +38,10 @@ NUMBERS: tuple[str, ...]
 
 
 def __getattr__(name: str) -> Any:
-    """Return METRICS or NUMBERS, and define both at the first use of one. Raises CarsimError."""
+    """Return METRICS or NUMBERS, and define both at the first use of one. Raises CarsimError.
+
+    So importing this module does not start carsim.
+    """
     if name not in ("METRICS", "NUMBERS"):
         raise AttributeError(name)
     program = find_carsim()

@@ -21,7 +21,10 @@ class ShownEgo:
     """The ego of a running simulation; create it after Scenic has created the ego's dynamic copy."""
 
     def __init__(self, ego: Any, start: State) -> None:
-        """Keep what :meth:`show` needs of the ego: its copy, and how it lies against the car's state at the start."""
+        """Keep what :meth:`show` needs: the ego's copy, its height above the car's state, its parent orientation.
+
+        The height (m) is that at the start; the parent orientation is None if it is the global one.
+        """
         self._copy = scenic_private.shown_copy(ego)
         self._attributes = self._copy.__dict__
         self._caches = scenic_private.caches(type(ego))
@@ -56,6 +59,7 @@ class ShownEgo:
         attributes["orientation"] = _orientation(*angles)
         if self._derives_more:
             scenic_private.derive_again(self._copy)
+        # Scenic computes a deleted value again when it is read.
         for cache_name in self._caches.intersection(attributes):
             del attributes[cache_name]
 
@@ -65,6 +69,7 @@ def _orientation(yaw: float, pitch: float, roll: float) -> Any:
     cz, sz = math.cos(yaw / 2), math.sin(yaw / 2)
     cx, sx = math.cos(pitch / 2), math.sin(pitch / 2)
     cy, sy = math.cos(roll / 2), math.sin(roll / 2)
+    # The quaternion's x, y, z, w.
     return Orientation(
         Rotation.from_quat(
             [

@@ -50,6 +50,7 @@ class _Worker(LineProcess):
             if "refused" in ready:
                 raise CarsimError(str(ready["refused"]))
             self._opening = None
+        # `keys` has the settings and the reality.
         run = {"body": body, "scene": scene, "settings": request.keys, "sample": request.sample}
         answer: dict[str, Any] | None = json.loads(self.ask(json.dumps(run)) or "null")
         if answer is not None and "refused" in answer:
@@ -89,6 +90,7 @@ class ScenicRunner:
         }
         self._opening = json.dumps({"program": str(program), **self.environment, "command": list(command)})
         self._reset_workers()
+        # Handlers of forks cannot be removed, so this one must not keep the runner alive.
         reference = weakref.ref(self)
 
         def reset_workers() -> None:
@@ -117,6 +119,7 @@ class ScenicRunner:
                 for _ in range(2):
                     process = process or self._take_worker()
                     answer = process.answer(bodies[request.body], scenes[request.scene], request)
+                    # `stop` takes workers out of the busy ones and ends them.
                     if process not in self._busy:
                         raise CarsimError("stopped")
                     if answer is not None:

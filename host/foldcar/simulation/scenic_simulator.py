@@ -32,7 +32,7 @@ from foldcar.simulation.scenic_statements import (
     ChangesMonitor,
     NativeEnding,
     Records,
-    is_about_looks,
+    has_next,
     refuse_misplaced,
 )
 
@@ -121,10 +121,14 @@ class CarSimulation(Simulation):  # type: ignore[misc]
         self._carsim = carsim
         self._start_trial = start
         self._state: State | None = None
+        # carsim's result, if it has ended the trial itself.
         self._native: Result | None = None
+        # Outer steps since the start.
         self._steps: float = 0.0
-        self._begun: tuple[float, float] = (0.0, 0.0)  # time (s) and outer steps at the beginning of the last advance
-        self._row: int | None = None  # the row of the last advance to which the look was moved back, if it was
+        # Time (s) and outer steps at the beginning of the last advance.
+        self._begun: tuple[float, float] = (0.0, 0.0)
+        # The row of the last advance to which the look was moved back, if it was.
+        self._row: int | None = None
         self._endings: list[Any] = []
         self._requirements: list[Any] = []
         with _imported_requirements():
@@ -157,8 +161,9 @@ class CarSimulation(Simulation):  # type: ignore[misc]
         scenic_private.forget_last_simulation(scenario)
         advanced = self._start_trial()
         ego = self.scene.egoObject
-        for thing in self.scene.objects:
-            self._createObject(thing)
+        # Before the first state is shown: afterwards createObjectInSimulator refuses objects.
+        for obj in self.scene.objects:
+            self._createObject(obj)
         self._ego = ShownEgo(ego, advanced.state)
         self._native = advanced.result
         self._show(advanced.state, 0)
@@ -167,9 +172,9 @@ class CarSimulation(Simulation):  # type: ignore[misc]
         scenic_private.end_simulation_when(scenario, NativeEnding(lambda: self._native))
 
     def createObjectInSimulator(self, obj: Any) -> None:  # noqa: N802
-        """Refuse objects, except Markers, that are created during the run (Scenic's hook).
+        """Refuse objects that are created during the run, except Markers (Scenic's hook).
 
-        carsim gets the ground and obstacles once, before the start.
+        carsim gets ground, obstacles and goal once, before the start. So Goals, which are Markers, are refused, too.
         """
         kinds = {ancestor.__name__ for ancestor in type(obj).__mro__}
         if self._state is not None and ("Marker" not in kinds or "Goal" in kinds):
@@ -179,14 +184,19 @@ class CarSimulation(Simulation):  # type: ignore[misc]
             )
 
     def step(self) -> None:
-        """Advance to the next look, or to the end of the run if that is earlier (Scenic's hook)."""
+        """Advance to the next look, or to the end of the run if that is earlier (Scenic's hook).
+
+        At a look, which is at each whole outer step, Scenic evaluates the program.
+        """
         assert self._state is not None
         self._begun, self._row = (self._state.t_s, self._steps), None
+        # The steps have a fraction if the last look was moved back.
         look = math.floor(self._steps + ROUNDING_S) + 1
         advanced = self._carsim.advance(look * self.timestep)
         self._native = advanced.result
         self._show(advanced.state, self._steps_at(advanced.state) if advanced.result else look)
         limit_s = self._time_limit_s() - ROUNDING_S
+        # Only these can end or reject the run before the look.
         if limit_s < advanced.state.t_s - 2 * ROUNDING_S or self._endings or self._requirements:
             self._move_back(limit_s)
 
@@ -205,6 +215,7 @@ class CarSimulation(Simulation):  # type: ignore[misc]
             if violated or ended or state.t_s >= limit_s:
                 self._row, self._native = row, None
                 if ended:
+                    # Scenic checks the time limit first, and would name it as the reason of the end.
                     scenic_private.defer_time_limit(self.scene.dynamicScenario)
                 return
         self._show(look, steps)
@@ -217,7 +228,7 @@ class CarSimulation(Simulation):  # type: ignore[misc]
         )
 
     def updateObjects(self) -> None:  # noqa: N802
-        """Update the objects (Scenic's hook). The ego is up to date already.
+        """Update the objects (Scenic's hook). The ego is up to date, because step() has shown it the car's state.
 
         At the start, the requirements are collected, and their monitors replaced by faster ones.
         """
@@ -228,7 +239,7 @@ class CarSimulation(Simulation):  # type: ignore[misc]
         # Scenic has just started the scenario.
         scenic_private.round_time_limit(scenario)
         self._requirements = [
-            monitor for monitor in scenic_private.requirement_monitors(scenario) if not is_about_looks(monitor)
+            monitor for monitor in scenic_private.requirement_monitors(scenario) if not has_next(monitor)
         ]
         for requirement in self._requirements:
             requirement.monitor = ChangesMonitor(requirement.proposition)

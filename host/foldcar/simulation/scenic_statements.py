@@ -17,7 +17,7 @@ from foldcar.scenes import scenic_private
 from foldcar.scenes.recorded import to_json
 
 
-def is_about_looks(requirement: Any) -> bool:
+def has_next(requirement: Any) -> bool:
     """Return whether a temporal requirement has a `next`, which refers to Scenic's next outer step."""
     return any(isinstance(part, Next) for part in requirement.proposition.flatten())
 
@@ -36,6 +36,7 @@ class ChangesMonitor(PropositionMonitor):  # type: ignore[misc]
     def update(self) -> rv_ltl.B4:
         """Add the current values of the proposition's atoms; return the verdict so far."""
         state = {str(atom.syntax_id): bool(atom.closure()) for atom in self._proposition.atomics()}
+        # A repeated state cannot change the verdict.
         if state != self._latest:
             self._latest = state
             self._monitor.update(state)
@@ -73,7 +74,10 @@ class Records:
         self._scenic = scenic
 
     def take(self, scenario: Any, steps: float, t_s: float) -> None:
-        """Evaluate and store series at ``t_s`` (outer step ``steps``), and at the start also initial values."""
+        """Evaluate the program's records at ``t_s`` (outer step ``steps``): series and, at the start, initial values.
+
+        Each value is stored twice: in Scenic's dictionary, and as JSON in ``plain``.
+        """
         refuse_misplaced(scenario)
         if steps == 0:
             for name, value in scenic_private.recorded(scenario, RequirementType.recordInitial, 0).items():

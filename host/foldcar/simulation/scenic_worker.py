@@ -69,6 +69,7 @@ class ScenicWorker:
         self._open = ExitStack()
         self._carsim: SteppedCarsim | None = None
         self._copy: Forked | None = None
+        # The last sample drawn: its number, its scene for Scenic, and its scene for carsim.
         self._sample: int | None = None
         self._scene: Any = None
         self._described: dict[str, Any] = {}
@@ -121,6 +122,7 @@ class ScenicWorker:
             raise other_scene(program, k)
         assert self._carsim is not None
         body, settings, scene = request["body"], request["settings"], str(request["scene"])
+        # carsim gets the scene's text as the store has it.
         simulator = self._simulator(self._carsim, body, settings, lambda _: scene, self._passing)
         place = f"{program}: sample {k}"
         with self._source.files.inside():

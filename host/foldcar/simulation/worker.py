@@ -90,6 +90,7 @@ class Forked:
     def ask(self, question: Answer) -> Answer:
         """Return the copy's answer to a question. If the copy dies without an answer, this process ends, too."""
         data = (json.dumps(question) + "\n").encode()
+        # If the copy has died, the answer is missing below.
         with contextlib.suppress(BrokenPipeError):
             while data:
                 data = data[os.write(self._questions, data) :]

@@ -131,13 +131,18 @@ def likelihood(designs: Sequence[BuiltCars], ranges: Iterable[NDArray[Any]] = (S
     # Many cars have the same numbers of trials: each combination is computed once.
     (passed, counted, shifts), car_index = numpy.unique(cars, axis=1, return_inverse=True)
     starts = numpy.cumsum([0, *(len(design.passed) for design in designs[:-1])])
+    # (spreads, log-odds, distinct cars)
     by_car = numpy.array(
         [_car_log_likelihood(COARSE_LOG_ODDS[:, None] + shifts, passed, counted, spread) for spread in SPREADS.tolist()]
     )
-    by_spread, result = numpy.add.reduceat(by_car[:, :, car_index.ravel()], starts, axis=2), []
+    # (spreads, log-odds, designs): the sums over each design's cars.
+    by_spread = numpy.add.reduceat(by_car[:, :, car_index.ravel()], starts, axis=2)
+    result = []
+    # (designs, spreads)
     weights = numpy.array([design.weights for design in designs])
     # The fraction of each design's weights that comes from PRIOR.
     prior_fraction = (weights / PRIOR).min(axis=1, keepdims=True)
+    # Weights without a part of PRIOR are not restricted, so all ranges would give the same result.
     for range_ in ranges if prior_fraction.any() else (SPREADS,):
         prior_in_range = numpy.where(numpy.isin(SPREADS, range_), PRIOR, 0)
         restricted = weights + prior_fraction * (prior_in_range / prior_in_range.sum() - PRIOR)
@@ -157,13 +162,16 @@ def _car_log_likelihood(log_odds: NDArray[Any], k: NDArray[Any], n: NDArray[Any]
     quadrature around the mode of the integrand (adaptive: Liu and Pierce 1994, doi:10.2307/2337136).
     """
     centre, z = centre_factor(spread) * log_odds, numpy.zeros(1)
+    # Without spread the mode is 0. A full step may overshoot, so it is limited.
     for _ in range(NEWTON_STEPS if spread else 0):
         rate = 1 / (1 + numpy.exp(-(centre + spread * z)))
         z = z + numpy.clip((spread * (k - n * rate) - z) / (1 + spread**2 * n * rate * (1 - rate)), -2, 2)
     rate = 1 / (1 + numpy.exp(-(centre + spread * z)))
     width = 1 / numpy.sqrt(1 + spread**2 * n * rate * (1 - rate))
+    # (nodes, m, cars)
     z_nodes = z + width * Z_NODES[:, None, None]
     theta = centre + spread * z_nodes
+    # The weights are those for exp(-node²/2), but the integrand has exp(-z²/2).
     logs = k * theta - n * numpy.logaddexp(0, theta) + ((Z_NODES[:, None, None] ** 2 - z_nodes**2) / 2)
     top = logs.max(axis=0)
     total = numpy.tensordot(Z_WEIGHTS, numpy.exp(logs - top), axes=1)
@@ -193,6 +201,7 @@ def simulated_weights(passed: ArrayLike, scenes: int) -> NDArray[Any]:
         _car_log_likelihood(COARSE_LOG_ODDS[:, None], passed_counts, float(scenes), spread) @ cars
         for spread in SPREADS.tolist()
     ]
+    # (fine log-odds, spreads)
     logs = CubicSpline(COARSE_LOG_ODDS, numpy.array(by_spread).T)(FINE_LOG_ODDS)
     informed = PRIOR * numpy.exp(logs + JEFFREYS_LOG_DENSITY[:, None] - logs.max()).sum(axis=0)
     return numpy.asarray((1 - PRIOR_SHARE) * informed / informed.sum() + PRIOR_SHARE * PRIOR)

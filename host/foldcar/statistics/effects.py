@@ -77,6 +77,7 @@ class Effects:
         random = numpy.random.default_rng(1)
         for candidate, drawn in zip(self.model.candidates, self.factors, strict=True):
             functions = basis_functions(candidate.process, candidate.strength, scaled)
+            # Between the inducing designs the functions lack this variance; the first function is the constant.
             residual_sd = numpy.sqrt(numpy.maximum(candidate.strength**2 - (functions[:, 1:] ** 2).sum(axis=1), 0))
             log_odds.append(drawn @ functions.T + residual_sd * random.standard_normal((len(drawn), len(scaled))))
         return numpy.asarray(1 / (1 + numpy.exp(-numpy.concatenate(log_odds))))
@@ -174,6 +175,7 @@ class Effects:
         if has_partner.mean() < 0.5:
             # Too few designs differ in this parameter alone: use the model's rates at its values.
             values = numpy.unique(self.parameters[:, parameter])
+            # At most 9 values and MAX_COMBINATIONS designs, evenly spaced by index.
             values = values[numpy.unique(numpy.linspace(0, len(values) - 1, 9).round().astype(int))]
             rows = numpy.unique(numpy.linspace(0, len(others) - 1, MAX_COMBINATIONS).round().astype(int))
             designs = numpy.repeat(self.parameters[rows], len(values), axis=0)
@@ -233,6 +235,7 @@ def fit_effects(parameters: ArrayLike, design: ArrayLike, environment: ArrayLike
         # Student's t, because the gradients' covariance is estimated from this many environments.
         degrees_of_freedom = clusters - 1
         scale = numpy.sqrt(clusters / random.chisquare(degrees_of_freedom, number))[:, None]
+        # The covariance of S (gradients + noise), which is the sandwich; root root.T is S, noise has the covariance 1.
         step = scale * random.standard_normal((number, clusters)) @ gradients.T + noise
         factors.append(candidate.factors.mode + step @ candidate.factors.root @ candidate.factors.root.T)
     return Effects(model, designs[counted > 0], tuple(factors))

@@ -107,5 +107,6 @@ def rank_agreement(simulated: ArrayLike, driven: ArrayLike) -> RankAgreement:
     if len(simulated) < 2:
         return RankAgreement(len(simulated))
     swapped = (simulated[:, None] < simulated[None, :]) != (driven[:, None] < driven[None, :])
+    # (designs, designs): by how much the driven rates of a pair in swapped order differ. Each design's worst pair counts.
     violations = numpy.abs(driven[:, None] - driven[None, :]) * swapped
     return RankAgreement(len(simulated), float(violations.max(axis=1).mean()))

@@ -129,8 +129,8 @@ def laplace(functions: NDArray[Any], prior: NDArray[Any], likelihood: Likelihood
     def log_density(factors: NDArray[Any]) -> NDArray[Any]:
         return numpy.asarray(likelihood(log_odds(factors))[0].sum(axis=-1) - (factors**2).sum(axis=-1) / 2)
 
-    def slope_and_curvature(factors: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-        """Return the slope of the log density and its negative second derivative."""
+    def slope_and_precision(factors: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+        """Return the slope (..., p) of the log density, and its negative second derivative (..., p, p)."""
         _, slope, curvature = likelihood(log_odds(factors))
         transposed = functions.swapaxes(-1, -2)
         precision = transposed @ (functions * -curvature[..., None]) + numpy.eye(factors.shape[-1])
@@ -138,8 +138,8 @@ def laplace(functions: NDArray[Any], prior: NDArray[Any], likelihood: Likelihood
 
     value = log_density(factors)
     for _ in range(NEWTON_STEPS):
-        slope, curvature = slope_and_curvature(factors)
-        step = numpy.linalg.solve(curvature, slope[..., None])[..., 0]
+        slope, precision = slope_and_precision(factors)
+        step = numpy.linalg.solve(precision, slope[..., None])[..., 0]
         size = numpy.ones((*value.shape, 1))
         # A full step may overshoot where the likelihood is flat: halve it for those candidates whose density falls.
         new = log_density(factors + size * step)
@@ -149,8 +149,9 @@ def laplace(functions: NDArray[Any], prior: NDArray[Any], likelihood: Likelihood
         factors, gain, value = factors + size * step, new - value, new
         if (numpy.abs(gain) < TOLERANCE).all():
             break
-    # The covariance is the inverse of the curvature L L', so L'^-1 is a root of it.
-    lower = numpy.linalg.cholesky(slope_and_curvature(factors)[1])
+    # The covariance is the inverse of the precision L L', so L'^-1 is a root of it. The powers of 2 pi of prior and
+    # integral cancel in the evidence.
+    lower = numpy.linalg.cholesky(slope_and_precision(factors)[1])
     evidence = value - numpy.log(numpy.diagonal(lower, axis1=-2, axis2=-1)).sum(axis=-1)
     return Factors(factors, numpy.linalg.inv(lower).swapaxes(-1, -2), evidence)
 
@@ -189,11 +190,12 @@ class SuccessModel:
 
         check_confidence(confidence)
         scaled = self.scaled(parameters, range(len(self.low)))
+        # The mixture of the candidates' log-odds counts as normal with its mean and variance.
         mean, mean_square = numpy.zeros(len(scaled)), numpy.zeros(len(scaled))
         for candidate in self.candidates:
             functions = basis_functions(candidate.process, candidate.strength, scaled)
             log_odds = functions @ candidate.factors.mode
-            # The variance between the inducing designs, which the functions lack.
+            # The variance between the inducing designs, which the functions lack; the first function is the constant.
             residual_variance = numpy.maximum(candidate.strength**2 - (functions[:, 1:] ** 2).sum(axis=1), 0)
             variance = ((functions @ candidate.factors.root) ** 2).sum(axis=1) + residual_variance
             mean += candidate.weight * log_odds
@@ -271,6 +273,7 @@ def _settings(
     """
     if parameters in LENGTHS:
         return list(product(product(LENGTHS[parameters], repeat=parameters), STRENGTHS))
+    # The search begins at the longest length that still stands for an effect.
     best: tuple[tuple[float, ...], float] = ((MANY_LENGTHS[2],) * parameters, STRENGTHS[0])
     tried, previous = {best: None}, None
     while best != previous:

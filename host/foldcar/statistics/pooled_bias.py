@@ -134,6 +134,7 @@ class PooledBias:
         tables = {id(candidate.trials): candidate.trials(LOG_ODDS).T for candidate in self.candidates}
         for candidate, weight in zip(self.candidates, self.weights, strict=True):
             exact[driven], likelihood_of = tables[id(candidate.trials)], _likelihood_of_each([candidate.trials])
+            # (designs, factors): log-odds are simulated + functions @ factors.
             functions = numpy.hstack([candidate.common, numpy.zeros((len(candidate.own), len(driven)))])
             functions[driven, candidate.common.shape[1] + numpy.arange(len(driven))] = candidate.own[driven]
             mean = (self.simulated + functions @ candidate.factors.mode)[:, None]
@@ -216,6 +217,7 @@ def _likelihood_of_each(splines: Sequence[Any]) -> Likelihood:
 
     It evaluates all splines at once: value, slope and curvature of the polynomial a x³ + b x² + c x + d of each interval.
     """
+    # (candidates, 4, intervals, designs)
     coefficients = numpy.array([spline.c for spline in splines])
     candidates, designs = numpy.ogrid[: len(splines), : coefficients.shape[3]]
     step = COARSE_LOG_ODDS[1] - COARSE_LOG_ODDS[0]
@@ -275,6 +277,7 @@ def contradictions(
     if len(driven) < MIN_DRIVEN or not all_parameters.size:
         return NONE
     checked = driven[numpy.argsort(-trial_counts[driven, 1], kind="stable")][:MAX_CHECKED]
+    # Cars that are alike count as one car that drove all trials.
     no_spread = (SPREADS == 0).astype(float)
     built = [
         BuiltCars(trial_counts[index, :1], trial_counts[index, 1:], numpy.zeros(1), no_spread)

@@ -105,6 +105,7 @@ def anytime_interval(
     if not numpy.all((passed >= 0) & (passed <= total)):
         raise FoldcarError("successes must be 0 to the number of runs")
     check_confidence(confidence)
+    # log(1/alpha)
     threshold = -numpy.log1p(-confidence)
     return _lowest_rate(passed, total, threshold), 1 - _lowest_rate(total - passed, total, threshold)
 
@@ -129,6 +130,7 @@ def limited_mean(
         raise FoldcarError(f"times to cross must be 0 to {limit_s:g} s, the limit")
     mean = (sum_s + (runs - crossed) * limit_s) / runs
     # Under the bootstrap the fraction that crosses and the mean time of crossing are independent.
+    # Each is represented by its quantiles at MIDPOINTS; times are fractions of the limit.
     fractions = betaincinv(crossed + 0.5, runs - crossed + 0.5, MIDPOINTS)
     centre = sum_s / (crossed + 0.5) / limit_s
     variance = (sum_squares_s2 / (crossed + 0.5) / limit_s**2 - centre**2) / (crossed + 1.5)

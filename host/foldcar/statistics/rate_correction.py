@@ -52,6 +52,7 @@ def corrected_rates(
     fast_rate, low, high = simulated.rates(confidence).T
     difference, variance = _differences(x, slow - fast)
     quantile = ndtri((1 + confidence) / 2)
+    # The variances of the smoothed rate and of the difference add up.
     half_width = quantile * numpy.sqrt(variance + ((high - low) / (2 * quantile)) ** 2)
     rate = fast_rate + difference
     result = numpy.full((3, len(present)), numpy.nan)
@@ -74,6 +75,7 @@ def _differences(parameters: NDArray[Any], table: NDArray[Any]) -> tuple[NDArray
     residuals = numpy.where(numpy.isfinite(table[paired]), table[paired] - means[:, None], 0.0)
     squares = (residuals**2).sum(axis=1)
     pooled_variance = max(squares.sum() / max(counted.sum() - len(counted), 1), MIN_VARIANCE)
+    # Variance of the differences of each design, as if it had POOLED_RUNS further runs with the pooled variance.
     own_variances = (squares + POOLED_RUNS * pooled_variance) / (numpy.maximum(counted - 1, 0) + POOLED_RUNS)
     environments = table.shape[1]
     # The variance over environments of the designs' mean residual, less what independent designs would cause.
@@ -85,6 +87,7 @@ def _differences(parameters: NDArray[Any], table: NDArray[Any]) -> tuple[NDArray
         for strength, alone in product(SMOOTH_DIFFERENCES, OWN_DIFFERENCES):
             prior = MEAN_DIFFERENCE**2 + strength**2 * smooth + alone**2 * numpy.eye(len(parameters))
             covariance = prior[numpy.ix_(paired, paired)] + noise
+            # (designs, paired designs): K (K + S)^-1
             gain = numpy.linalg.solve(covariance, prior[paired]).T
             fit = numpy.linalg.solve(covariance, means)
             evidence.append(-0.5 * (means @ fit + numpy.linalg.slogdet(covariance)[1]))

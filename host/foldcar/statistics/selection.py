@@ -84,6 +84,7 @@ def _middle(unit: NDArray[Any], feasible: NDArray[Any], step: NDArray[Any]) -> i
     ``unit`` (designs, k) are the parameters scaled to 0 to 1, ``feasible`` (designs,) is a mask, ``step`` (k,) the
     largest distance of neighbouring values.
     """
+    # One step outside the range, as if the designs there were infeasible.
     ends = numpy.minimum(unit, 1 - unit) + step
     # A parameter that does not vary has no ends.
     depth = numpy.where(numpy.ptp(unit, axis=0) > 0, ends, numpy.inf).min(axis=1, initial=numpy.inf)
@@ -156,6 +157,7 @@ def value_of_trials(draws: ArrayLike, threshold: float, trials: int, zone: float
     rates = numpy.asarray(draws, dtype=float)
     above, below = (rates >= threshold + zone).astype(float), (rates < threshold - zone).astype(float)
     best_now = numpy.max(rates.mean(axis=0))
+    # The probability that a design is judged wrongly against the threshold now, averaged over designs.
     wrong_now = numpy.minimum(above.mean(axis=0), below.mean(axis=0)).mean()
     choice_gain, threshold_gain = numpy.zeros(rates.shape[1]), numpy.zeros(rates.shape[1])
     decision_values, clipped = numpy.hstack([rates, above, below]), rates.clip(1e-12, 1 - 1e-12)
@@ -245,7 +247,7 @@ def trials_needed(rates: ArrayLike, half_width: float) -> int:
 
 
 def trials_to_decide(rates: ArrayLike, threshold: float) -> int:
-    """Return how many trials decide on which side of the threshold t a rate p is: the median over draws ``rates`` of it.
+    """Return how many trials decide on which side of the threshold t a rate p is: the median over ``rates``, draws of p.
 
     If the fraction that passes equals p, the score test decides (95 %) after n > z² t (1 - t) / (p - t)² trials. The
     number is at most MAX_TRIALS.
@@ -278,6 +280,7 @@ def correlation_within_cars(rates: ArrayLike, car_sd: float) -> float:
     nodes, weights = numpy.polynomial.hermite_e.hermegauss(40)
     centre = numpy.log(p / (1 - p)) * centre_factor(car_sd)
     cars = 1 / (1 + numpy.exp(-(centre[:, None] + car_sd * nodes)))
+    # (rates,): means over the cars of their rate and of its square.
     mean, square = (power @ weights / weights.sum() for power in (cars, cars**2))
     return float((square - mean**2).mean() / (mean * (1 - mean)).mean())
 
@@ -300,8 +303,10 @@ def least_effort(
     ``correlation`` is that within cars, below 1. ``done`` are the trials of each car built so far. A new car takes
     ``car_min`` minutes, a trial ``trial_min``. Every possible number of trials per car is compared.
     """
+    # (e, 1) for the e possible numbers; built cars are along the second axis.
     trials_per_car = numpy.arange(1, MAX_EACH * math.ceil(independent) + 1)[:, None]
     built = numpy.array(done, dtype=int)[None]
+    # Built cars are driven up to that number, too; rounding must not add a car.
     missing = independent - independent_trials(numpy.maximum(trials_per_car, built), correlation)
     cars = numpy.ceil(missing / independent_trials(trials_per_car, correlation) - 1e-9).clip(0).astype(int)
     trials = cars * trials_per_car[:, 0] + (trials_per_car - built).clip(0).sum(axis=1)
@@ -359,6 +364,7 @@ def split_sample_best(passed: ArrayLike) -> tuple[int, int, int]:
     table = numpy.asarray(passed, dtype=float)
     choosing, counting = table[:, 0::2], table[:, 1::2]
     counts = (~numpy.isnan(choosing)).sum(axis=1)
+    # Half a pass in one added run, so that a design with few runs is rarely the best by chance.
     rates = (numpy.nansum(choosing, axis=1) + 0.5) / (counts + 1)
     # Of equally good designs take the middle one: neighbours that are as good make it a safer choice.
     ties = numpy.flatnonzero(rates >= rates.max() - 1e-12)

@@ -84,8 +84,8 @@ def smoothed_simulation(
     if len(parameters) < MIN_DESIGNS or not parameters.size or not (numpy.ptp(parameters, axis=0) > 0).all():
         # Half a run is added to both outcomes (Haldane 1956), so that log-odds are finite if all or no runs passed.
         success, failure = passed + 0.5, counted - passed + 0.5
-        errors = 1 / success + 1 / failure
-        return SmoothedSimulation(numpy.log(success / failure), numpy.zeros((len(errors), 0)), errors)
+        variances = 1 / success + 1 / failure
+        return SmoothedSimulation(numpy.log(success / failure), numpy.zeros((len(variances), 0)), variances)
     scaled = unit_range(parameters)
     chosen = farthest_first_indices(scaled, MAX_DESIGNS) if len(scaled) > MAX_DESIGNS else numpy.arange(len(scaled))
     chosen_environments = None if environments is None else environments[chosen]
@@ -147,13 +147,14 @@ def _extrapolated(
     First by regression on the chosen designs (kriging); then each other design is conditioned on its own runs.
     """
     all_designs = numpy.arange(len(prior.scaled))
+    # Prior covariances (designs, chosen designs).
     across = prior.between(all_designs, chosen)
     weights = numpy.linalg.solve(prior.covariance(chosen), across.T).T
     mean = weights @ posterior.mode
     columns = weights @ _directions(posterior.covariance)[0]
     residual = CONSTANT**2 + prior.strength**2 + prior.own**2 - (weights * across).sum(axis=1)
     rest = numpy.maximum(residual, 1e-6)
-    # Condition each of the other designs on its own runs, by Newton's method.
+    # Condition each of the other designs on its own runs, by Newton's method with steps of at most 2.
     others = numpy.setdiff1d(all_designs, chosen)
     prior_mean, variance, log_odds = (
         mean[others],
@@ -165,6 +166,7 @@ def _extrapolated(
         slope = passed[others] - counted[others] * rate - (log_odds - prior_mean) / variance
         log_odds = log_odds + numpy.clip(slope / (counted[others] * rate * (1 - rate) + 1 / variance), -2, 2)
     rate = 1 / (1 + numpy.exp(-log_odds))
+    # The factor by which its own runs reduce a design's variance.
     shrinkage = 1 / (1 + variance * counted[others] * rate * (1 - rate))
     mean[others], rest[others] = log_odds, shrinkage * rest[others]
     columns[others] *= numpy.sqrt(shrinkage)[:, None]

@@ -49,6 +49,7 @@ class StoppingRule:
         from scipy.stats import binom
 
         new_passed = numpy.arange(later_runs - runs + 1)
+        # For each number of new passed runs: whether the design is then decided.
         decided = _decided(self, later_runs)[passed : passed + len(new_passed)]
         chances = binom.pmf(new_passed[decided], later_runs - runs, numpy.asarray(rates)[:, None]).sum(axis=1)
         return float(numpy.asarray(masses) @ chances)
@@ -119,4 +120,5 @@ def evidence_of_worse(excess: ArrayLike, number: int, max_advantage: float) -> f
     if ((denominators < ROUNDING) & (x - max_mean > ROUNDING)).any():
         return math.inf
     gains = numpy.divide(x - max_mean, denominators, out=numpy.zeros(len(x)), where=denominators >= ROUNDING)
+    # A product over environments for each stake; the score is their mean.
     return float(numpy.prod(1 + STAKES * gains, axis=1).mean())

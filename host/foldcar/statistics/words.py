@@ -68,9 +68,13 @@ def listed(names: Iterable[str]) -> str:
     Numbers with one unit share it: ``95, 115 and 180 mm``. Names with commas are separated by semicolons: ``a, b; c, d``.
     """
     texts = _sharing_unit(list(names))
-    if len(texts) > 1 and any("," in text for text in texts):
+    if not texts:
+        return "none"
+    if len(texts) == 1:
+        return texts[0]
+    if any("," in text for text in texts):
         return "; ".join(texts)
-    return texts[0] if len(texts) == 1 else f"{', '.join(texts[:-1])} and {texts[-1]}" if texts else "none"
+    return f"{', '.join(texts[:-1])} and {texts[-1]}"
 
 
 def count(number: int, noun: str) -> str:

@@ -69,6 +69,7 @@ def missing_references(connection: sqlite3.Connection) -> list[str]:
     (missing[RECORDED.name, RUN.name],) = connection.execute(
         f"SELECT count(*) FROM {RECORDED.name} v WHERE NOT EXISTS (SELECT 1 FROM {RUN.name} r WHERE {where})"
     ).fetchone()
+    # The plus leaves out pairs of tables without missing rows.
     return [
         f"table {name}: {count} rows refer to missing rows of {referred}"
         for (name, referred), count in sorted((+missing).items())

@@ -40,6 +40,7 @@ def open_reading(path: Path) -> sqlite3.Connection:
         with store_errors(path):
             if path.stat().st_size > MAX_COPIED_BYTES:
                 connection.execute("BEGIN")
+                # Without an error the connection stays open.
                 stack.pop_all()
                 return connection
             copy = sqlite3.connect("", isolation_level=None)
@@ -52,6 +53,7 @@ def open_reading(path: Path) -> sqlite3.Connection:
                 raise StoreError(f"{path}: is damaged: {damage}; `foldcar check {path}` lists all damage")
             for damage in numbers_beyond_limits(copy):
                 raise StoreError(f"{path}: {damage}")
+        # Without an error the copy stays open.
         stack.pop_all()
         connection.close()
         return copy
@@ -85,6 +87,7 @@ def connect_reading(path: Path) -> sqlite3.Connection:
         connection.execute("PRAGMA query_only = ON")
         if _is_blank(path, connection):
             raise StoreError(f"{path}: is not a foldcar store")
+        # Without an error the connection stays open.
         stack.pop_all()
         return connection
 
@@ -245,6 +248,7 @@ def _writer_lock(path: Path) -> Iterator[None]:
 
 def is_written(path: Path) -> bool | None:
     """Return whether a process is writing to the store, without blocking it; None if a writer was killed."""
+    # A writer holds a lock on this file until it ends, and then deletes it. So a file without lock is a killed writer's.
     file = beside(path, "-lock")
     # On Windows the file remains after every writer, so it does not show that one was killed.
     killed_writer = None if os.name == "posix" else False
@@ -275,6 +279,7 @@ def _open_writing(path: Path) -> sqlite3.Connection:
         _is_blank(path, connection)
         try:
             connection.execute("PRAGMA journal_mode = WAL")
+            # If the mode does not work here, this first read fails.
             connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
         except sqlite3.OperationalError as error:
             if "locked" in str(error):
@@ -286,6 +291,7 @@ def _open_writing(path: Path) -> sqlite3.Connection:
             connection.execute("PRAGMA journal_mode = DELETE")
             connection.execute("PRAGMA locking_mode = NORMAL")
             connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
+        # Without an error the connection stays open.
         stack.pop_all()
         return connection
 

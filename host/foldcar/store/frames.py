@@ -55,6 +55,7 @@ def runs_frame(store: Store, experiment: str | None = None) -> pd.DataFrame:
     """
     names = store.experiment_ids(experiment)
     if len(names) == 1:
+        # A shallow copy, so that columns that a caller adds are not in the cached table.
         return store.once(("frame", names[0]), lambda: _frame(store, names[0])).copy(deep=False)
     if names:
         tables = [runs_frame(store, name) for name in names]
@@ -118,12 +119,13 @@ def _read_runs(store: Store, name: str) -> RunArrays:
     # Places in a row of RUN_CELLS.
     metric_columns = [RUN_CELLS.index(metric) for metric in NUMBERS]
     outcome_column = RUN_CELLS.index("outcome")
+    # The empty first arrays give an experiment without runs the right shapes.
     keys, outcomes, metrics = [np.empty((0, 2), np.int64)], [np.empty(0, np.uint8)], [np.empty((0, len(NUMBERS)))]
     for positions_and_samples, cells in store.run_batches(name):
         columns = list(zip(*cells, strict=True))
         keys.append(np.array(positions_and_samples, dtype=np.int64))
         outcomes.append(np.fromiter(map(codes.__getitem__, columns[outcome_column]), np.uint8, len(cells)))
-        # None becomes NaN.
+        # (runs, metrics); None becomes NaN.
         metrics.append(np.array([columns[metric] for metric in metric_columns], dtype=np.float64).T)
     position, sample = np.concatenate(keys).T
     positions = np.array(list(store.designs(name)), dtype=np.int64)

@@ -32,6 +32,7 @@ def log_file(store: Path, log: str) -> Path:
     except (OSError, ValueError, RuntimeError):
         inside = False
     if not inside:
+        # A damaged store may have any text as the name: it is escaped and shortened.
         raise StoreError(f'{store}: log: "{ascii(log)[1:-1][:200]}" is outside the folder {folder}')
     return folder / path
 

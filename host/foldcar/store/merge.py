@@ -81,13 +81,15 @@ class _Merge:
     def __init__(self, connection: sqlite3.Connection, merged: Path) -> None:
         self._connection = connection
         self._merged = merged
+        # The logs to copy, with their targets.
         self.logs: dict[Path, Path] = {}
         self._stores: list[Path] = []
         # The store that is being added, and the new numbers of its rows by table and old number.
         self._source = connection
         self._numbers: dict[str, dict[int, int]] = {}
+        # The last number that each table of the new store has given.
         self._last = dict.fromkeys(BY_NAME, 0)
-        # For each experiment, the numbers of runs with which its sweeps ended.
+        # For each experiment, the numbers of runs with which its sweeps ended; None for a sweep that has not ended.
         self._ended: dict[str, set[int | None]] = {}
 
     def add(self, path: Path, source: sqlite3.Connection) -> None:
@@ -101,7 +103,8 @@ class _Merge:
             referring = ((column.name, column.refers or REFERENCES.get(column.name)) for column in table.columns)
             references = {name: referred for name, referred in referring if referred not in (None, EXPERIMENT.name)}
             for row in read_rows(path, source, table, f"ORDER BY {', '.join(order)}"):
-                # A run's key before its numbers are replaced by those of the new store.
+                # A run's key in the added store, before its numbers are replaced by those of the new store: its recorded
+                # values are looked up by this key.
                 source_key = tuple(map(row.get, RUN.key))
                 for name, referred in references.items():
                     if row[name] is not None:
@@ -120,6 +123,7 @@ class _Merge:
                     existing = [{**correction, "id": row["id"]} for correction in self._corrections(row["trial_id"])]
                     if row not in existing:
                         self._add_numbered(CORRECTION, row)
+        # A store with more or fewer designs of an experiment contradicts none of its single rows.
         for name, count in source.execute(DESIGN_COUNTS):
             if designs.get(name, count) != count:
                 self._raise_difference(EXPERIMENT, {"id": name}, "designs", count, designs[name])
@@ -130,6 +134,7 @@ class _Merge:
         ``source_key`` is a run's key in the store that is being added.
         """
         number = row.get("id")
+        # A table with a unique column, such as a hash, identifies its rows by that; numbers are those of the new store.
         if table.unique:
             row["id"] = self._last[table.name] + 1
         key = (table.unique,) if table.unique else table.key
@@ -143,6 +148,7 @@ class _Merge:
                 if row["key"] == "created_utc" and row["value"] < existing["value"]:
                     self._insert(STUDY, row, "OR REPLACE")
                 return
+            # A store may not know yet whether the environment's program is dynamic.
             if table is ENVIRONMENT and None in (row["dynamic"], existing["dynamic"]):
                 existing["dynamic"] = row["dynamic"] = existing["dynamic"] if row["dynamic"] is None else row["dynamic"]
                 self._insert(ENVIRONMENT, existing, "OR REPLACE")
@@ -246,6 +252,7 @@ class _Merge:
         logs_by_target = {target: log for log, target in self.logs.items()}
         for candidate in (Path(name), Path(name).with_stem(f"{Path(name).stem}-{trial['uuid'][:8]}")):
             target = log_file(self._merged, str(candidate))
+            # Equal to the log that will be copied there, or to the file that is there now, or nothing is there.
             if sha256_of(logs_by_target.get(target, target)) in (None, digest):
                 if not os.path.lexists(target):
                     self.logs[source] = target

@@ -63,5 +63,6 @@ def read_drives(store: Store, experiment: str) -> StoredDrives:
         [design["settings_id"] for design in designs],
         {sample["sample"]: sample["scene_id"] for sample in samples},
         {draw["sample"]: draw["variation_id"] for draw in draws},
+        # None: no sweep has determined yet whether the program runs beside the simulation.
         None if dynamic is None else bool(dynamic),
     )

@@ -137,6 +137,7 @@ class ChunkPool:
         including those that were added.
         """
         not_submitted = runs_left - len(self._in_flight) + len(self._chunk)
+        # So far one run of the study needs this result.
         self._in_flight[_key(run)] = 1
         self._chunk.append(run)
         # Near the end of the sweep chunks shrink, so that all simulators finish at about the same time.
@@ -159,6 +160,7 @@ class ChunkPool:
         runs, self._chunk = self._chunk, []
         runner = self._runner
         assert runner is not None, "runs are added inside `using`"
+        # Bodies and scenes by their ids in carsim's input.
         bodies = {f"b{key}": text for key, text in self._writer.texts("body", (run.body_id for run in runs)).items()}
         scenes = {f"s{key}": text for key, text in self._writer.texts("scene", (run.scene_id for run in runs)).items()}
         settings = self._writer.texts("settings", (run.settings_id for run in runs))
@@ -188,6 +190,7 @@ class ChunkPool:
             chunk = future.result()
             if chunk.runner is self._runner:
                 target_runs = round(self._simulators.chunk_s / max(chunk.seconds, 1e-6) * len(chunk.runs))
+                # A single time may be an exception, so it raises the size at most fourfold.
                 self._chunk_runs = max(1, min(target_runs, 4 * self._chunk_runs, MAX_CHUNK_RUNS))
             yield [
                 FinishedRun(run, answer, self._in_flight[_key(run)])

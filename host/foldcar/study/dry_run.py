@@ -49,6 +49,7 @@ def fold(family: Family, limit_s: float) -> tuple[Family, float]:
     """
     started_s, members = time.perf_counter(), []
     for position, values in family.spread_out():
+        # This folds the design.
         family.error(values)
         members.append((position, values))
         if time.perf_counter() - started_s > limit_s:

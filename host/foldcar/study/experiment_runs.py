@@ -77,7 +77,8 @@ class StoredSamples:
         """
         environment, writer = self._environment, self._writer
         if sample >= self._scene_count == self._first_scene_count:
-            # Check the last stored sample first: this shows whether samples depend on how many were drawn before.
+            # The first new scene of this sweep. Check the last stored sample first: this shows whether samples depend on
+            # how many were drawn before.
             for k in sorted({self._scene_count - 1, 0} if self._scene_count else (), reverse=True):
                 self._check_reproduced(k)
         for k in range(self._scene_count, sample + 1):
@@ -134,6 +135,7 @@ class ExperimentRuns:
                 {design: writer.run_counts(plan, design, samples) for design, samples in samples_of_design.items()},
                 batches,
             )
+            # Runs that closed designs will not get are no longer expected.
             self.counts.total = total - int((plan.environments - schedule.runs)[schedule.closed].sum())
             self.counts.decided = decided + int((schedule.decided & schedule.closed).sum())
             self.report(self.counts)

@@ -85,8 +85,9 @@ class Family:
                 is_any_buildable = True
                 yield self.design(values)
         if not is_any_buildable:
-            first = dict(zip(self.choices, next(self._combinations()), strict=True))
-            raise self._listing_error([(self._origin(error.parameter), error.message) for error in self._errors(first)])
+            first_values = dict(zip(self.choices, next(self._combinations()), strict=True))
+            errors = self._errors(first_values)
+            raise self._listing_error([(self._origin(error.parameter), error.message) for error in errors])
 
     def mark_buildable(self, designs: Iterable[Mapping[str, float]]) -> None:
         """Record that these members can be built, so that they are not checked; each maps columns to values."""
@@ -192,6 +193,7 @@ class Family:
             keys = place_keys(key, letters)
             if keys and choices.keys() >= set(keys):
                 del choices[key]
+        # Which designs can be built must be found out anew.
         return replace(self, choices=choices, origins=origins, parts=parts, _checked={})
 
     def single(self) -> Design:

@@ -38,6 +38,7 @@ def check_numbers(data: Any, path: str = "") -> None:
     elif isinstance(data, str):
         _check_text(path, data)
     elif isinstance(data, int) and not isinstance(data, bool) and abs(data) > MAX_INTEGER:
+        # Python refuses to write very long integers as text.
         number_text = f"a number of {len(str(abs(data)))} digits" if data.bit_length() < 10_000 else "a number"
         raise ValueError(f"{path}: {number_text} is above the limit {MAX_INTEGER} in size")
     elif isinstance(data, float) and (abs(data) > MAX_NUMBER or 0 < abs(data) < MIN_NUMBER):

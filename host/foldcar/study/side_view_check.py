@@ -24,6 +24,15 @@ SAMPLES, DESIGNS = 10, 8
 SPACING_M = 0.005
 HEIGHT_TOLERANCE_M, FRICTION_TOLERANCE = 0.001, 0.01
 RADIUS_TOLERANCE, ECCENTRICITY_TOLERANCE_M, RELATIVE_TOLERANCE = 0.002, 2e-4, 0.02
+# Numbers of wheels that are compared, with their names in messages.
+COMPARED = {
+    "radius_m": "radius",
+    "grip": "grip",
+    "mass_kg": "mass",
+    "stall_torque_n_m": "stall torque",
+    "no_load_speed_rad_s": "no-load speed",
+    "deadband_us": "dead band",
+}
 # The checked path begins this far behind the start.
 BEHIND_M = 0.3
 
@@ -51,7 +60,10 @@ def _sampled_inputs(
 def _asymmetries(
     carsim: Carsim, experiment: Experiment, bodies: Sequence[Mapping[str, Any]], scenes: Sequence[Mapping[str, Any]]
 ) -> Iterator[str]:
-    """Yield a text for each of ground, commanded turn and cars that differs between left and right."""
+    """Yield a text for each thing that differs between left and right: the ground, the commanded turn, the cars.
+
+    ``bodies`` are sorted by track width; the ground is compared under the narrowest and the widest.
+    """
     asymmetric_samples = [
         k for k, is_symmetric in enumerate(_symmetric_ground(carsim, [bodies[0], bodies[-1]], scenes)) if not is_symmetric
     ]
@@ -69,7 +81,7 @@ def _asymmetries(
 
 
 def _crests(bodies: Sequence[Mapping[str, Any]], scenes: Sequence[Mapping[str, Any]]) -> Iterator[str]:
-    """Yield a text for each ramp or hill that is higher than the smallest ground clearance.
+    """Yield a text for each ramp or hill that is higher than the smallest ground clearance of the ``bodies``.
 
     On these a car may come to rest on its belly, and in three dimensions roll off sideways.
     """
@@ -89,18 +101,20 @@ def one_sided(body: Mapping[str, Any]) -> str:
     """Return the property in which left and right side of a body differ; "" if they are equal."""
     if any(abs(segment["com_y_m"]) > RELATIVE_TOLERANCE * body["track_m"] for segment in body["segments"]):
         return "the centre of mass"
+    # The two wheels at each place along the car.
     pairs: dict[tuple[int, float], list[Mapping[str, Any]]] = {}
     for wheel in body["wheels"]:
         pairs.setdefault((wheel["segment"], wheel["x_m"]), []).append(wheel)
     for left, right in pairs.values():
         if max(left["eccentricity_m"], right["eccentricity_m"]) > ECCENTRICITY_TOLERANCE_M:
             return "wheels out of true"
+        # The servo's properties are compared like those of its wheel.
         numbers = [{**wheel.get("servo", {}), **wheel} for wheel in (left, right)]
-        for name in ("radius_m", "grip", "mass_kg", "stall_torque_n_m", "no_load_speed_rad_s", "deadband_us"):
+        for name in COMPARED:
             first, second = numbers[0].get(name, 0.0), numbers[1].get(name, 0.0)
             tolerance = RADIUS_TOLERANCE if name == "radius_m" else RELATIVE_TOLERANCE
             if abs(first - second) > tolerance * max(abs(first), abs(second)):
-                return name.partition("_")[0]
+                return COMPARED[name]
     return ""
 
 
@@ -115,6 +129,7 @@ def _symmetric_ground(
         lines.append(json.dumps({"heights": {"id": str(index), "scene": "s", "x_m": x_m, "y_m": y_m}}))
     result = []
     for answer in carsim.answers(lines):
+        # (2, points): under the left and under the right tracks.
         heights, friction = (numpy.reshape(answer[name], (2, -1)) for name in ("z_m", "friction"))
         differences = [numpy.abs(left - right).max() for left, right in (heights, friction)]
         result.append(bool(differences[0] <= HEIGHT_TOLERANCE_M and differences[1] <= FRICTION_TOLERANCE))
@@ -130,14 +145,16 @@ def _track_points(bodies: Sequence[Mapping[str, Any]], scene: Mapping[str, Any])
     corners = [(x, y) for x in (course["x_min_m"], course["x_max_m"]) for y in (course["y_min_m"], course["y_max_m"])]
     cos, sin = math.cos(start["heading_rad"]), math.sin(start["heading_rad"])
     end_m = max((x - start["x_m"]) * cos + (y - start["y_m"]) * sin for x, y in corners)
+    # Behind the start, too, because rear wheels stand there.
     along_m = numpy.arange(-BEHIND_M, max(end_m, BEHIND_M), SPACING_M)
-    edges = {
+    # Distances of inner edges, middles and outer edges from the car's middle.
+    offsets_m = {
         0.5 * (body["track_m"] + edge * wheel["width_m"])
         for body in bodies
         for wheel in body["wheels"]
         for edge in (-1, 0, 1)
     }
-    across_m = numpy.array([side * edge for side in (1, -1) for edge in sorted(edges)])
+    across_m = numpy.array([side * offset_m for side in (1, -1) for offset_m in sorted(offsets_m)])
     ahead, left = numpy.meshgrid(along_m, across_m)
     x_m, y_m = start["x_m"] + ahead * cos - left * sin, start["y_m"] + ahead * sin + left * cos
     return x_m.ravel().tolist(), y_m.ravel().tolist()

@@ -122,6 +122,7 @@ class Schedule:
             self.counted[design] += counted
             self.runs[design] = batch.samples.stop
         self.decided = self._rule.decided(self.passed, self.counted)
+        # Stored runs always count, so a design is not closed before all of them are counted.
         for design in {batch.design for batch in batches}:
             self.closed[design] = self.runs[design] >= self._reached[design] and self._ended(design)
 
@@ -153,6 +154,7 @@ class Schedule:
         last = min(self._max_runs, runs + max(BATCH_RUNS, int(BATCH_SHARE * runs)))
         first = min(last, max(runs + 1, MIN_RUNS))
         for end in numpy.unique(numpy.linspace(first, last, BATCH_ENDS).round().astype(int)).tolist():
+            # Only runs that are not rejected decide; no later run is expected to be rejected.
             if self._rule.chance(RATES, masses, passed, counted, end - runs + counted) >= BATCH_CHANCE:
                 return int(end)
         return last

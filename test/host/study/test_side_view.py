@@ -122,7 +122,8 @@ def test_a_body_is_one_sided_by_its_mass_or_any_pair_of_wheels() -> None:
     for change, named in (
         ({"radius_m": 0.0605}, "radius"),
         ({"grip": 0.9}, "grip"),
-        ({"servo": {**body["wheels"][0]["servo"], "stall_torque_n_m": 0.12}}, "stall"),
+        ({"servo": {**body["wheels"][0]["servo"], "stall_torque_n_m": 0.12}}, "stall torque"),
+        ({"servo": {**body["wheels"][0]["servo"], "no_load_speed_rad_s": 10.0}}, "no-load speed"),
     ):
         other = json.loads(json.dumps(body))
         other["wheels"][0] |= change

@@ -112,6 +112,7 @@ class Bank:
                 "nothing can be inferred; check the listing and the designs"
             )
         networks = _fit(np.hstack([self.scores, inputs[self.cells]]), self.passed, seed)
+        # The cars' spread is estimated from the residuals of the emulator without spread.
         result = Emulator(networks, designs, 0.0)
         return replace(result, car_sd=self._car_sd(result, inputs))
 
@@ -126,7 +127,9 @@ class Bank:
         for cell in np.unique(self.cells):
             rows = self.cells == cell
             rate[rows] = expit(emulator.logits(self.scores[rows], inputs[[cell]])[:, 0])
+        # Cars have numbers within their set; here each car of each set has its own.
         cars = self.sets * (int(self.cars.max()) + 1) + self.cars
+        # (2, runs); each product below is the pair (of residuals, of slopes).
         residuals_and_slopes = np.stack([self.passed - rate, rate * (1 - rate)])
         same_car, same_set = _pair_products(cars, residuals_and_slopes), _pair_products(self.sets, residuals_and_slopes)
         different_cars = same_set - same_car
@@ -156,6 +159,7 @@ def _fit(inputs: FloatArray, passed: FloatArray, seed: int) -> tuple[PassClassif
                 alpha=float(np.clip(PENALTY_RUNS / runs, *PENALTY_LIMITS)),
                 learning_rate_init=3e-3,
                 batch_size=min(BATCH, runs),
+                # Epochs for about STEPS steps, rounded up.
                 max_iter=min(MAX_EPOCHS, -(-STEPS * BATCH // runs)),
                 # Never stop early.
                 n_iter_no_change=MAX_EPOCHS,
@@ -215,22 +219,23 @@ def simulate_bank(
     experiment, stream = simulator.experiment, np.random.default_rng((simulator.seed, first))
     cells, cars = len(observed.cells), len(observed.car_design)
     runs: list[CalibrationRun] = []
-    # For each run: number of the set, row of the inputs, car.
-    rows: list[tuple[int, int, int]] = []
+    # For each run: number of the set, input row, car. The input rows are the trials' cells, then one for each design of
+    # the family in any scene.
+    run_keys: list[tuple[int, int, int]] = []
     cars_in_cell = [np.unique(observed.car[observed.cell == cell]) for cell in range(cells)]
     for index, values in enumerate(values_of(scores)):
         chosen = np.sort(stream.permutation(cells)[:MAX_CELLS])
         drives = [(int(cell), int(stream.choice(cars_in_cell[cell])), observed.cells[cell]) for cell in chosen]
         for other, design in enumerate(stream.integers(0, len(experiment.designs), OTHERS)):
             drives.append((cells + int(design), cars + other, Cell(int(design), None)))
-        for row, car, cell in drives:
+        for input_row, car, cell in drives:
             scene = experiment.scenes[int(stream.integers(len(experiment.scenes)))] if cell.scene is None else cell.scene
-            rows.append((first + index, row, car))
+            run_keys.append((first + index, input_row, car))
             # The numbers are seeds: a car keeps its deviations in all drives of a set; a drive has its own.
             car_number = (first + index) * (cars + OTHERS) + car
             drive_number = first * (MAX_CELLS + OTHERS) + len(runs)
             runs.append(CalibrationRun(cell.design, values, scene, car_number, drive_number))
     passed = simulator.passes(runs, done)
     computed = np.isfinite(passed)
-    sets, cell_of, car_of = np.array(rows, dtype=np.int64)[computed].T
-    return Bank(scores[sets - first], sets, cell_of, car_of, passed[computed])
+    run_sets, input_rows, run_cars = np.array(run_keys, dtype=np.int64)[computed].T
+    return Bank(scores[run_sets - first], run_sets, input_rows, run_cars, passed[computed])

@@ -41,6 +41,7 @@ class CalibratedEnvironment(Environment):
         super().__init__(experiment)
         required, allowed = set(NAMES), set(NAMES)
         if calibration.kind != CALIBRATION_KIND:
+            # A reality may lack the spread of wheels, and may have parameters that no calibration infers.
             required, allowed = required - {WHEEL_SPREAD}, allowed | set(REAL_ONLY)
         if not all(
             required <= set(draw) <= allowed and all(map(math.isfinite, draw.values())) for draw in calibration.draws

@@ -130,6 +130,7 @@ class Simulator:
         ``done`` is called with numbers of finished runs. Raises FoldcarError if too many simulations fail.
         """
         remaining = iter(runs)
+        # Lists of up to CHUNK_RUNS runs, until one is empty.
         chunks = iter(lambda: list(islice(remaining, CHUNK_RUNS)), [])
         results: list[float] = []
         for passed in side_by_side((partial(self._run, chunk) for chunk in chunks), self._jobs, self._carsim.stop):

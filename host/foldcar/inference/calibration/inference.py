@@ -103,6 +103,7 @@ class Problem:
 
         Cars of similar designs share a part of the discrepancy; each car also has its own variance, ``car_sd`` squared.
         """
+        # The first rows of the inputs are those of the cells.
         logits = self.emulator.logits(scores, self.inputs[: len(self.observed.cells)])
         correlation = self.correlation[self.observed.car_design]
         covariance = tau[:, None, None] ** 2 * correlation + self.emulator.car_sd**2 * np.eye(len(correlation))

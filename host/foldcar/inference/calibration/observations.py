@@ -154,19 +154,23 @@ def observe(store: Store, experiment: SweptExperiment, simulated: bool) -> Obser
 def _observed(
     store: Store, experiment: SweptExperiment, trials: Sequence[tuple[Trial, int]], ids_in_samples: set[int]
 ) -> Observations:
-    """Sort trials, each with the index of its design, into cells and cars, which are numbered as they first appear."""
+    """Sort trials, each with the index of its design, into cells and cars, which are numbered as they first appear.
+
+    A cell is a design in a scene, None if the trial's scene is unknown; a car is a design and the car's name.
+    """
     cells: dict[tuple[int, str | None], int] = {}
     cars: dict[tuple[int, str | None], int] = {}
-    cell, car = [], []
+    cell_of_trial, car_of_trial = [], []
     for trial, design in trials:
         drive = store.trial_drive(trial.id) if trial.id in ids_in_samples else None
         scene = drive[2] if drive is not None else _sampled_scene(experiment, trial, ids_in_samples)
-        cell.append(cells.setdefault((design, scene), len(cells)))
-        car.append(cars.setdefault((design, trial.car_name), len(cars)))
+        cell_of_trial.append(cells.setdefault((design, scene), len(cells)))
+        car_of_trial.append(cars.setdefault((design, trial.car_name), len(cars)))
     return Observations(
         tuple(Cell(design, None if scene is None else json.loads(scene)) for design, scene in cells),
-        np.array(cell),
-        np.array(car),
+        np.array(cell_of_trial),
+        np.array(car_of_trial),
+        # The design of each car.
         np.array([design for design, _ in cars]),
         np.array([float(trial.outcome == PASSED) for trial, _ in trials]),
         simulated=False,

@@ -186,6 +186,7 @@ def measured_priors(measured: Mapping[str, float], place: str) -> dict[int, Scor
     priors = {}
     for name, value in measured.items():
         parameter = parameter_named(name, value, f"{place} {name}", MAX_SCORE, with_nominal=False)
+        # A standard deviation of 0 (half-normal) has the score minus infinity.
         priors[NAMES.index(name)] = ScorePrior(max(-MAX_SCORE, parameter.score(value)), 0.0, "measured")
     return priors
 
@@ -207,5 +208,6 @@ def built_priors(vehicle_type: str, from_sheets: bool, supply_ratio: float | Non
     for parameter in narrowed:
         index = NAMES.index(parameter.name)
         wide = PARAMETERS[index]
+        # The narrow prior's middle and deviation, as scores of the wide one.
         priors[index] = ScorePrior(wide.score(parameter.middle), parameter.sd / wide.sd, parameter.source)
     return priors

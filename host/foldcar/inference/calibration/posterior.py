@@ -59,6 +59,7 @@ def sample_posterior(likelihood: Likelihood, parameters: int, seed: int, particl
     def log_likelihood(latent: FloatArray) -> FloatArray:
         return likelihood(latent[:, :parameters], np.asarray(DISCREPANCY.value(latent[:, parameters])))
 
+    # The last column gives the discrepancy.
     latent = stream.standard_normal((particles, parameters + 1))
     current = log_likelihood(latent)
     temperature, size = 0.0, 0.5
@@ -69,6 +70,7 @@ def sample_posterior(likelihood: Likelihood, parameters: int, seed: int, particl
         latent, current = latent[kept], current[kept]
         temperature = min(1.0, temperature + step)
         for _ in range(MOVES):
+            # Such proposals keep the standard normal prior, so that only the likelihoods decide.
             proposal = np.sqrt(1 - size**2) * latent + size * stream.standard_normal(latent.shape)
             proposal_likelihood = log_likelihood(proposal)
             accepted = np.log(stream.random(particles)) < temperature * (proposal_likelihood - current)

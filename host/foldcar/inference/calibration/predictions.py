@@ -52,13 +52,15 @@ def rates_of(inference: Inference, experiment: SweptExperiment, seed: int) -> Ra
     simulated rates and the cars' offsets are added as random draws.
     """
     problem, posterior, designs = inference.problem, inference.posterior, inference.designs
+    # inference.table is (drives, designs).
     passed_and_counted = np.column_stack([np.nansum(inference.table, axis=0), np.isfinite(inference.table).sum(axis=0)])
     varied = [list(experiment.varied(design).values()) for design in designs.tolist()]
     simulated = smoothed_simulation(np.array(varied), passed_and_counted, inference.table.T)
+    # (designs,) and (n, designs)
     rates, logits = expit(simulated.mean), problem.logits(posterior.scores, designs)
     shifts = np.array([_shift(column, rate) for column, rate in zip(logits[inference.chosen].T, rates, strict=True)])
     mean, variance = problem.offsets(posterior.scores, posterior.discrepancy, designs)
-    # The emulator's error beyond one standard deviation of the simulated rate.
+    # The emulator's error beyond one standard deviation of the simulated rate; its slope by log-odds is rate (1 - rate).
     excess_error = abs(expit(logits).mean(axis=0) - rates) - np.sqrt(simulated.variance) * rates * (1 - rates)
     error = max(0.0, float(excess_error[np.isin(designs, problem.observed.car_design)].max()))
     stream = np.random.default_rng(seed)
@@ -76,7 +78,7 @@ def _shift(logits: FloatArray, rate: float) -> float:
 def trial_chances(
     problem: Problem, posterior: Posterior, counts: Mapping[int, int], errors: Mapping[int, tuple[float, float]]
 ) -> dict[int, FloatArray]:
-    """Return log probabilities (n, trials + 1) of the number of passes of a new car, by the design's index.
+    """Return log probabilities (n draws, trials + 1) of 0 to all passes of a new car, by the design's index.
 
     ``counts`` are the numbers of its trials, ``errors`` the emulator's (shift, variance) as in Rates, by design.
     """
@@ -99,7 +101,7 @@ def count_chances(
     """
     spread = np.sqrt(variance + problem.emulator.car_sd**2)
     rates = expit((problem.emulator.centre_factor * logits + mean)[:, None] + spread[:, None] * _NODES)
-    # The tiny addend keeps the logarithm finite.
+    # pmf is (n, counted + 1, nodes). The tiny addend keeps the logarithm finite.
     return np.asarray(np.log(binom.pmf(np.arange(counted + 1)[:, None], counted, rates[:, None]) @ _WEIGHTS + 1e-300))
 
 

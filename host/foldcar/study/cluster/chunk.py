@@ -47,6 +47,7 @@ def recipe_of(runner: Runner, carsim: Carsim) -> Recipe:
     if not isinstance(runner, ScenicRunner):
         return Recipe(engine, carsim.build)
     digests, folder = runner.environment["files"], runner.program.parent
+    # Names are relative to the program's folder. Files outside are not sent: a worker reads its own.
     sent_names = (name for name in sorted(digests) if not Path(name).is_absolute() and digests[name] != MISSING)
     files = tuple((name, content(folder, name, digests[name])) for name in sent_names)
     environment, code = json.dumps(runner.environment), (scene_code(), scenic_version())

@@ -52,6 +52,7 @@ def _local_workers(scheduler: str) -> int | None:
         return int(tail)
     if head == LOCAL:
         raise FoldcarError(f"--scheduler: {scheduler}: is not local:N with N from 1 to {MAX_JOBS}")
+    # HOST:PORT, or with a protocol; a host is a name, an IPv4 address, or an IPv6 address in brackets.
     if not re.fullmatch(r"([a-z]+://)?(\[[0-9a-fA-F:.%\w]+\]|[^\s:/\[\]]+):[0-9]{1,5}", scheduler):
         raise FoldcarError(f"--scheduler: '{scheduler}' is neither local nor an address such as tcp://10.0.0.1:8786")
     return None
@@ -98,6 +99,7 @@ def open_cluster(scheduler: str, carsim: Carsim, print_line: Callable[[str], Non
 @contextlib.contextmanager
 def _ignoring_ctrl_c() -> Iterator[None]:
     """Make processes that the block starts ignore Ctrl-C: the command handles it and ends them."""
+    # Python sets signal handlers only in the main thread.
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -123,9 +125,10 @@ class ClusterSimulators:
         self._lock = threading.RLock()
         self._stopped = threading.Event()
         self._recipes: dict[Runner, Recipe] = {}
-        # Each worker's number of threads, and why it cannot run a recipe ("" if it can).
+        # Each worker's number of threads, and when they were read.
         self._threads: dict[str, int] = {}
         self._updated_s = -POLL_S
+        # Why a worker cannot run a recipe; "" if it can.
         self._faults: dict[tuple[Recipe, str], str] = {}
 
     @property
@@ -225,6 +228,7 @@ class ClusterSimulators:
                 fault = f"it has foldcar {version}, here is {__version__}: install the same there"
             else:
                 fault = f"it has no foldcar: pip install 'foldcar[cluster]=={__version__}' in its environment"
+            # A worker's fault is printed once, not for each recipe.
             was_printed = any(fault for (_, other), fault in self._faults.items() if other == worker)
             self._faults[recipe, worker] = fault
             if fault and not was_printed:

@@ -109,6 +109,7 @@ class DesignSimulator:
         environments, designs = self._writer.swept(self._experiment.id, environment_id, spread_id)
         self._experiment = replace(self._experiment, environments=max(environments, self._experiment.environments))
         family = self._experiment.family
+        # A stored design may lack a column of the family; with NaN for it, it is none of the family's designs.
         stored_values = [tuple(design.get(column, float("nan")) for column in family.columns()) for design in designs]
         return [values for values in stored_values if family.has(values)]
 

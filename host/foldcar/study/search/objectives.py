@@ -50,6 +50,7 @@ class Objective:
         unknown, the excess is 0. The largest advantage is the best design's largest loss minus that of a perfect run.
         """
         assert self.run_loss is not None and self.value is not None
+        # The runs' losses are against this value (see run_loss).
         target = self.value([row for row in best if row.passed is not None], limit_s)
         losses, best_losses = ([self.run_loss(row, limit_s, target) for row in group] for group in (rows, best))
         finite = [loss for loss in best_losses if math.isfinite(loss)]
@@ -87,6 +88,7 @@ def _energy_interval(rows: Sequence[Row], limit_s: float) -> Interval:
     picks = np.random.default_rng(0).integers(0, len(table), (RESAMPLES, len(table)))
     totals = table[picks].sum(axis=1)
     ratios = np.divide(totals[:, 0], totals[:, 1], out=np.full(RESAMPLES, math.inf), where=totals[:, 1] > 0)
+    # Interpolation between infinite ratios would give NaN.
     low, high = np.quantile(ratios, (0.025, 0.975), method="nearest")
     return float(low), float(high)
 

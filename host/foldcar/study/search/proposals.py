@@ -64,6 +64,7 @@ class Proposals:
         if not self._varied:
             raise FoldcarError(f"{family.file}: {family.place}: has only one design, so there is nothing to search for")
         optuna.logging.set_verbosity(optuna.logging.ERROR)
+        # Optuna warns of each option that may still change, such as multivariate TPE.
         warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
         self._sampler = sampler
         self._study = optuna.create_study(
@@ -93,6 +94,7 @@ class Proposals:
                 if not self._enqueue_new_design(seen):
                     return None
                 repeats = 0
+            # A sampler of its own for each proposal, so that a resumed search repeats the same proposals.
             self._study.sampler = self._sampler_of(len(self._study.get_trials(deepcopy=False)))
             self._trial = trial = self._study.ask()
             indices = {key: trial.suggest_int(key, 0, len(self._levels[key]) - 1) for key in self._varied}
@@ -114,10 +116,14 @@ class Proposals:
         all environments it is at least as good as the best, is at most PRUNING_RISK (:func:`evidence_of_worse`). This
         holds although the best was chosen by all its runs, because their order is random.
         """
-        if self._best is None or not math.isfinite(self._best[0]):
+        if self._best is None:
             return False
-        excess, max_gain = self._objectives[0].excess(rows, self._best[1], limit_s)
-        return evidence_of_worse(excess, len(self._best[1]), max_gain) >= 1 / PRUNING_RISK
+        best_loss, best_rows = self._best
+        # An infinite loss has no finite excess over it.
+        if not math.isfinite(best_loss):
+            return False
+        excess, max_gain = self._objectives[0].excess(rows, best_rows, limit_s)
+        return evidence_of_worse(excess, len(best_rows), max_gain) >= 1 / PRUNING_RISK
 
     def refuse(self, reason: str) -> None:
         """Record that the proposed design can have no result, with the reason, so that it is not proposed again."""
@@ -129,6 +135,7 @@ class Proposals:
     def tell(self, objectives: Sequence[float], rows: Sequence[Row], pruned: bool, mean_time_s: float) -> None:
         """Record the result of the proposed design (see Tried); ``rows`` as in :meth:`is_worse`."""
         assert self._trial is not None
+        # 0: the constraint is met, the design can be built.
         self._trial.set_constraint(BUILDABLE, 0.0)
         self._study.tell(self._trial, list(objectives))
         loss = -objectives[0] if self._objectives[0].largest else objectives[0]

@@ -34,6 +34,7 @@ def body_json(design: Design) -> dict[str, Any]:
     # Wheels of one unit are alike: the first one's mass is that of all.
     first_wheels = {axle.unit: axle.wheel for axle in reversed(car.axles)}
     wheel_kg = {unit: body_properties(car, wheel).mass_kg for unit, wheel in first_wheels.items()}
+    # The first two axles are those of a left and a right wheel.
     body = {
         "segments": [_segment_json(design, car, index) for index in range(len(design.segments))],
         "hinges": [_hinge_json(hinge, car.parts.film) for hinge in car.hinges],
@@ -147,7 +148,7 @@ FIXED_ENDINGS = ("_SIDE", "_DIRECTION")
 def car_json(design: Design) -> dict[str, Any]:
     """The content of car.json: lengths in m, masses in kg, servo channels counted from 1."""
     body = body_json(design)
-    weights = [part["mass_kg"] for part in (*body["segments"], *body["wheels"])]
+    masses_kg = [part["mass_kg"] for part in (*body["segments"], *body["wheels"])]
     return {
         "format": FORMAT,
         "name": design_name(design),
@@ -155,7 +156,7 @@ def car_json(design: Design) -> dict[str, Any]:
         **_firmware_geometry(body),
         "length_m": design.length_mm / 1000,
         "width_m": design.width_mm / 1000,
-        "mass_kg": round(sum(weights), 4),
+        "mass_kg": round(sum(masses_kg), 4),
         "parameters": {
             name: value
             for name, value in firmware_parameters(design, body).items()

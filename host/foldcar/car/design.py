@@ -175,8 +175,8 @@ class Design:
     def segments(self) -> tuple[Segment, ...]:
         """The rigid parts, front to back: groups of modules between hinges."""
         segments = []
-        for hinge, group in itertools.groupby(range(len(self.modules)), lambda i: self.modules[i] == HINGE):
-            if not hinge:
+        for is_hinge, group in itertools.groupby(range(len(self.modules)), lambda i: self.modules[i] == HINGE):
+            if not is_hinge:
                 indices = tuple(group)
                 lengths = [self.length_of(i) for i in indices]
                 front = self.module_centers_mm[indices[0]] + lengths[0] / 2
@@ -318,7 +318,10 @@ def _unknown_key_message(type_string: str, letters: Sequence[str], key: str, par
 def design_errors(
     type_string: str, values: Mapping[str, float], parts: Catalogue
 ) -> dict[str, tuple[DesignError, float]]:
-    """Return the error and the violated limit of every value that is outside its limits, by key."""
+    """Return the error and the violated limit of every value that is outside its limits, by key.
+
+    Keys of unknown parameters, or of modules that the type does not have, are skipped: other checks report them.
+    """
     letters, errors = modules_of(type_string), {}
     for key, value in values.items():
         parameter = parameter_of(key)

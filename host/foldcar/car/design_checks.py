@@ -82,7 +82,8 @@ def _folded_distance_mm(design: "Design", front: int, rear: int) -> tuple[float,
     """Return the minimum distance (mm) of two modules' axles over the limits of the hinges between, and that when flat.
 
     The chain from axle over hinges to axle is a sum of complex numbers: x is real, z imaginary, and each hinge turns all
-    steps after it. Hinges are at the floor, half the body's height below the axles.
+    steps after it. All hinges are flat, at their lower or at their upper limits. They are at the floor, half the body's
+    height below the axles.
     """
     centers, hinges = design.module_centers_mm, [i for i in range(front, rear) if design.modules[i] == HingeModule.letter]
     flat = centers[front] - centers[rear]

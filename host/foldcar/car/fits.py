@@ -77,6 +77,7 @@ def _hole_fits(name: str, hole: Hole, parts: Catalogue) -> Iterator[Fit]:
     """Yield the fits that a hole's name determines: wheel screws in their slots towards the axle, rods, the USB plug."""
     cut = parts.assembly.cut_mm.value
     if name.startswith("horn screw"):
+        # The slot points to the axle, which is the face's origin.
         length, width = _size(hole, hole.center_mm or (1.0, 0.0))
         screw, holes = parts.horn_screw.diameter_mm, parts.horn.wheel_screws
         tolerance_mm = 2 * holes.tolerance + screw.tolerance
@@ -102,7 +103,7 @@ def _servo_fits(opening: Hole, parts: Catalogue) -> Iterator[Fit]:
     length = float(np.ptp([x for x, y in opening.outline_mm if long_side_y - y < ROUNDING_MM]))
     yield _fit_between_cuts("servo's length in its opening", length, servo.length_mm, parts)
     yield _fit_between_cuts("servo's width in its opening", width, servo.width_mm, parts)
-    # If the holes are nearer to each other, the ears' own slots, which are open outwards, take the screws.
+    # A servo with nearer holes needs no check: the slots of its ears are open outwards and take the screws all the same.
     outer_reach_mm = span / 2 + (servo.screw_hole_mm.value - screw.value) / 2
     clearance = outer_reach_mm - (servo.screw_spacing_mm.value + screw.value) / 2
     tolerance_mm = _tolerance_sum(servo.screw_spacing_mm, servo.screw_hole_mm) / 2 + screw.tolerance
@@ -160,7 +161,7 @@ def _fits_under_lid(mount: Mount, faces: list[PlacedFace], parts: Catalogue) -> 
     walls = np.concatenate([face.corners_mm for face in faces if face.face.role == "panel"])
     # The latches' levers, parts of the flap, stand higher than the lid.
     lid_mm = max(float(face.corners_mm[:, 2].max()) for face in faces if face.face.name == "lid")
-    # All solids are upright.
+    # The solids' own axes z point up or down, so half of size_mm[2] lies above their middles.
     top_mm = max(compose(mount.pose, solid.pose)[2][3] + solid.size_mm[2] / 2 for solid in mount.shape)
     gap_mm = lid_mm - film / 2 - top_mm
     if mount.part == wing.name:

@@ -65,10 +65,13 @@ class Car(Component):
         for i, name in enumerate(self.names):
             hinge = self.children[name]
             if isinstance(hinge, HingeModule):
+                # Segments count from 0, from the front; caps from 1.
                 front_segment = self.design.segment_at(i)
                 caps = (f"rear cap {front_segment + 1}", f"front cap {front_segment + 2}")
                 hinge.join(shape, name, (self.names[i - 1], self.names[i + 1]), caps)
-        # The car's frame: x from the middle of its length, z from the middle of its height, where the axles are.
+        # The car's frame: x forwards from the middle of its length, y to the left from its plane of symmetry, z upwards
+        # from the middle of its height, where the axles are. The floor's frame starts at the rear right corner of the
+        # first (front) module's floor.
         across, up = (wall_mm(size, self.parts) for size in outer_mm)
         rear_of_first = self.design.length_mm / 2 - self.design.length_of(0)
         shape.begin_at(f"{self.names[0]}.beam.floor", translation(rear_of_first, -across / 2, -up / 2))
@@ -145,7 +148,8 @@ def _check_stance(design: Design, car: FoldedCar) -> None:
         return all(stance.height_mm(end, -half) >= belly - ROUNDING for end in ends)
 
     low, high = min(design.radii_mm), max(design.radii_mm)
-    # A car that tips over its first or last axle does so on equal wheels too.
+    # If the body is not clear with equal wheels either, the radii are not the reason: the car tips over its first or last
+    # axle.
     if is_clear(low) or not is_clear(high):
         return
     module = min(design.wheel_modules, key=lambda i: design.of(i, "radius"))
@@ -210,6 +214,7 @@ def _hinges(frame: Assembly, parts: Catalogue) -> list[HingeJoint]:
             a, b = (apply(pose, *end) for end in edge(faces, crease.parent))
             x, y, z = ((p + q) / 2 for p, q in zip(a, b, strict=True))
             number = int(placed.body.removeprefix("segment"))
+            # The part of the strip that bends: both halves, from the crease to the glue.
             length = 2 * (max(p[0] for p in faces[crease.parent.face].outline_mm) - parts.assembly.hinge_glue_mm.value)
             width = abs(a[1] - b[1]) + parts.film_mm
             stiffness = stiffness_n_m_rad(width, piece.thickness_mm, length, parts.film)
@@ -259,6 +264,7 @@ def _towards_middle(design: Design, module: int) -> float:
 def _flap_settings(design: Design, module: int) -> dict[str, float]:
     """Return the settings of a module's flap: ``flap_END`` (mm), ``latch_END`` and ``pull_END`` (0 or 1) of both ends.
 
+    The flap stops ``flap_END`` short of the module's end if the segment ends there with a cap; elsewhere it is 0.
     A long segment has a latch at each end, a short one at the end with the longer module. One latch has the pull tab.
     """
     segment, length = design.segment_of(module), design.length_of(module)
@@ -300,9 +306,13 @@ def _free_floor_mm(design: Design, module: int, step: int) -> float:
 
 
 def _between_tyres(design: Design, module: int) -> tuple[float, float]:
-    """Return the minimum and maximum x (mm from the module's rear) at which a USB plug clears the tyres next to it."""
+    """Return the minimum and maximum x (mm from the module's rear) at which a USB plug clears the tyres next to it.
+
+    Seen from the side, plug and tyre are circles, which must be a gap apart.
+    """
     rear = design.module_centers_mm[module] - design.length_of(module) / 2
     gap = design.parts.assembly.part_gap_mm.value
+    # Height of the plug over the axles.
     usb_offset_mm = usb_height_mm(design.parts) - wall_mm(design.height_mm, design.parts) / 2
     low, high = -FAR_MM, FAR_MM
     for x, radius in zip(design.axles_mm, design.radii_mm, strict=True):

@@ -183,7 +183,8 @@ class _Ways:
         block = self._at(wing.name, (x, y + width / 2, z - wing.height_mm.value / 2))
         tails = self._at(switch.name, (0.0, 0.0, -switch.size_mm[2] / 2))
         connections = (("+", f"{switch.name} 1", tails, switch.name), ("-", f"{wing.name} terminal -", block, wing.name))
-        # The battery is lifted above the walls, with its leads on, to change its cells; on the roof it is turned over.
+        # To change cells, the battery is lifted above the walls with its leads on, so these reach both places. One on the
+        # roof is turned over.
         wall_top = _height_mm(self.bodies[battery.body], "left")
         min_lift = battery.size_mm[2] if parts.battery_place == "roof" else 0.0
         lift = np.array((0.0, 0.0, max(min_lift, wall_top - (battery.pose[2][3] - battery.size_mm[2] / 2))))
@@ -194,6 +195,7 @@ class _Ways:
                 way = max(self.way(start, target, battery.body, part) for start in (end, end + lift))
                 needed = self._lengths_mm(way, joint)
                 by_side[-1].append(Lead(f"{battery.name} {sign}", name, "solder", *needed, available, leaves=side))
+        # The leads leave the battery on the side from which they are shorter.
         yield from min(by_side, key=lambda pair: sum(lead.needed_mm for lead in pair))
         needed = self._lengths_mm(self.way(tails, block, switch.body, wing.name), 2 * joint)
         yield Lead(f"{switch.name} 2", f"{wing.name} terminal +", "wire", *needed, 0.0)
@@ -204,8 +206,8 @@ class _Ways:
         ``way`` is the length of the way (mm) and its number of hinges.
         """
         wiring, (length, hinges) = self.parts.wiring, way
-        slack = length * (1 + wiring.slack_share.value) + hinges * wiring.hinge_slack_mm.value
-        return length, slack + ends_mm
+        with_slack = length * (1 + wiring.slack_share.value) + hinges * wiring.hinge_slack_mm.value
+        return length, with_slack + ends_mm
 
     def _at(self, part: str, point: tuple[float, float, float]) -> Points:
         return np.array(apply(self.of_part[part].pose, *point))
@@ -213,16 +215,19 @@ class _Ways:
     def way(self, start: Points, end: Points, body: str, part: str) -> tuple[float, int]:
         """Return the length (mm) of a lead's way and the number of hinges that it passes.
 
-        It goes from a point in ``body`` to a point at ``part``, at each hinge through the slits of the caps.
+        The lead goes from a point in ``body`` to a point at ``part``, at each hinge through the slits of the caps. Within
+        a segment it runs along the car's axes, so the differences of x, y and z add up.
         """
         first, last = (int(name.removeprefix("segment")) for name in (body, self.of_part[part].body))
         position = self._inside(start, body)
         length = float(np.abs(start - position).sum())
         for i in range(first, last) if first < last else range(first - 1, last - 1, -1):
-            # The slits in the caps before and behind the hinge.
+            # The slits in the caps before and behind the hinge: the rearmost hole of the front segment, the foremost of
+            # the rear segment.
             slits = [min(self._holes(f"segment{i}", 0), key=lambda point: float(point[0])),
                      max(self._holes(f"segment{i + 1}", 0), key=lambda point: float(point[0]))]  # fmt: skip
             hinge = self.car.hinges[i]
+            # The largest gap between the slits counts, at the hinge's limits and when it is straight.
             motions = (hinge_motion(hinge, angle) for angle in (hinge.min_rad, 0.0, hinge.max_rad))
             gap = max(float(np.linalg.norm(slits[0] - np.array(apply(turn, *slits[1])))) for turn in motions)
             own_slit, other_slit = slits if first < last else slits[::-1]

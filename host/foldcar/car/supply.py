@@ -47,8 +47,8 @@ def supply(car: FoldedCar) -> Supply:
     free_a = servos * parts.servo.at_voltage(parts.cells.supply_v.value).no_load_current_a
     stall_a = stall_current_a(car)
     fuse_a = next(fuse for fuse in FUSES_A if fuse >= stall_a)
-    usual, strong = parts.switch.current_a.value, parts.switch.strong_current_a.value
-    switch_a = usual if stall_a <= usual else strong
+    usual_a, strong_a = parts.switch.current_a.value, parts.switch.strong_current_a.value
+    switch_a = usual_a if stall_a <= usual_a else strong_a
     gauge = next(gauge for gauge in parts.wiring.gauges if gauge.current_a >= fuse_a)
     return Supply(servos, stall_a, free_a, switch_a, fuse_a, gauge)
 

@@ -28,7 +28,7 @@ _module_files: set[Path] = set()
 
 
 def load_components(file: Path) -> list[str]:
-    """Register the modules that the file defines and return their letters.
+    """Register the modules that the file defines and return their letters. Remember the files that identify them.
 
     Raises FoldcarError if the file fails or defines no module.
     """
@@ -59,7 +59,7 @@ def load_components(file: Path) -> list[str]:
         parameters.cache_clear()
         _check(file, kind)
     USER_FILES[path] = [kind.letter for kind in kinds]
-    # Python reads compiled modules where it has them, so their sources are found by name.
+    # Python may have read an imported module's compiled code only, so the sources are found by the modules' names.
     modules = (getattr(module, "__file__", None) for module in list(sys.modules.values()))
     imported = (Path(file) for file in modules if file and Path(file).is_relative_to(path.parent))
     opened = (file for file, state in heard.read.items() if state is not None or file.is_relative_to(path.parent))
@@ -109,7 +109,8 @@ def _rejections(kind: type[Module] | type[Composite]) -> Iterator[str]:
     by_key = {key: parameter.declared for key, parameter in parameters().items()}
     for parameter in kind.parameters:
         of_car = by_key.get(parameter.name, parameter)
-        # Parameters that all beams share are the car's; a composite may set any value of its modules.
+        # A parameter that all beams share is the car's, so its declaration must be the same. A composite may set other
+        # values of its modules, even uniform ones.
         if of_car != parameter and (parameter.shared or (of_car.uniform and issubclass(kind, Module))):
             yield f': its parameter "{parameter.name}" must be declared like that of the whole car'
 
@@ -146,7 +147,7 @@ def forbid_new_files() -> Iterator[None]:
 
 @contextlib.contextmanager
 def component_errors(refusal: Callable[[str | None, str], FoldcarError]) -> Iterator[None]:
-    """Convert exceptions of components to the exception that ``refusal(key, message)`` returns.
+    """Convert exceptions of components within the block to the exception that ``refusal(key, message)`` returns.
 
     ``key`` is the key of the wrong parameter, or None. If a user's component raised the exception, the message has its
     file and line. Other exceptions of foldcar's own code are not converted.

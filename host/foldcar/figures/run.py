@@ -70,6 +70,7 @@ def poses_to_draw(distances_m: Sequence[float], spacing_m: float) -> list[int]:
     for index, distance in enumerate(distances_m):
         if distance >= distances_m[drawn_rows[-1]] + spacing_m:
             drawn_rows.append(index)
+    # The last row is always drawn, so rows too near to it are not.
     last = len(distances_m) - 1
     while len(drawn_rows) > 1 and abs(distances_m[last] - distances_m[drawn_rows[-1]]) < spacing_m * 0.8:
         drawn_rows.pop()
@@ -83,8 +84,10 @@ def segment_places(body: Mapping[str, Any], row: Any) -> list[tuple[Any, Any]]:
     (x, z) of the car with flat hinges is at ``(x, z) @ turn + origin``.
     """
     segments, hinges = body["segments"], body["hinges"]
+    # The main segment contains the car's origin, or is the nearest to it.
     gaps = [max(0.0, abs(s["x_m"]) - s["length_m"] / 2) for s in segments]
     main = gaps.index(min(gaps))
+    # A row is time, x, y, z, heading, pitch, roll, hinge angles.
     folds = [float(angle) for angle in row[7 : 7 + len(hinges)]]
     poses: dict[int, tuple[Any, Any]] = {main: (_turn(float(row[5])), numpy.zeros(2))}
     pitches = {main: float(row[5])}
@@ -98,6 +101,7 @@ def segment_places(body: Mapping[str, Any], row: Any) -> list[tuple[Any, Any]]:
         turn, origin = poses[known]
         joint = numpy.array([hinges[hinge]["x_m"], hinges[hinge]["z_m"]])
         neighbour_turn = _turn(pitches[neighbour])
+        # Both segments' poses put the joint at the same point.
         poses[neighbour] = neighbour_turn, joint @ turn + origin - joint @ neighbour_turn
     return [poses[index] for index in range(len(segments))]
 
@@ -108,7 +112,7 @@ def _turn(pitch: float) -> Any:
 
 
 def _fit_height(figure: Figure, side: Axes, above: Axes) -> None:
-    """Set the figure's height such that both views fit at its width, up to a limit."""
+    """Set the figure's height such that both views, drawn to scale, are as wide as the figure; limit their heights."""
     heights_in = []
     for axes, max_in in ((side, 3.0), (above, 4.2)):
         (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
@@ -155,11 +159,14 @@ def _draw_side(
 
 def _draw_car(axes: Axes, body: Mapping[str, Any], distance_m: float, row: Any, colour: str) -> float:
     """Draw the car at a row of the path, and return the height (m) of its highest point."""
+    # A row is time, x, y, z, heading, pitch, roll, hinge angles.
     z, roll = float(row[3]), float(row[6])
+    # Each segment's matrix and origin, which take points (x, z) of the straight car to the picture.
     poses = segment_places(body, row)
     top = z
     for wheel in sorted(body["wheels"], key=lambda w: str(w["side"])):  # left wheels first: they are behind
         is_near = wheel["side"] == "right"
+        # Roll lifts the left wheels.
         lift = body["track_m"] / 2 * numpy.sin(roll) * (-1.0 if is_near else 1.0)
         turn, origin = poses[wheel["segment"]]
         x, height = numpy.array([wheel["x_m"], 0.0]) @ turn + origin + [distance_m, z + lift]

@@ -43,6 +43,7 @@ def ground_data(scene: Mapping[str, Any], heights: Heights, scenes: int = 1) -> 
         "rows": rows,
         "height_m": HEIGHT_M,
     }
+    # Neighbouring heights differ little, and small integers have short codes.
     integers = numpy.rint(grid.z_m.ravel() / HEIGHT_M).astype(numpy.int64)
     return {"scene": dict(scene), "grid": head}, varints(numpy.diff(integers, prepend=0))
 
@@ -51,6 +52,7 @@ def varints(values: NDArray[numpy.int64]) -> bytes:
     """Encode integers as zigzag LEB128: 0, -1, 1, -2 … become 0, 1, 2, 3 …, in groups of 7 bits."""
     # The zigzag code moves the sign to the lowest bit, so that small negative numbers are short too.
     remaining = ((values << 1) ^ (values >> 63)).astype(numpy.uint64)
+    # 64 bits are at most 10 groups.
     groups = numpy.zeros((len(remaining), 10), dtype=numpy.uint8)
     is_used = numpy.zeros(groups.shape, dtype=bool)
     is_used[:, 0] = True
@@ -59,6 +61,7 @@ def varints(values: NDArray[numpy.int64]) -> bytes:
         remaining = remaining >> numpy.uint64(7)
         if not remaining.any():
             break
+        # The highest bit says that another group follows.
         groups[remaining > 0, index] |= 0x80
         is_used[remaining > 0, index + 1] = True
     return groups[is_used].tobytes()

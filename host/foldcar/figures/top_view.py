@@ -155,8 +155,9 @@ def _draw_goal(axes: Axes, scene: Mapping[str, Any]) -> None:
 
 
 def _line_in_course(x: float, y: float, heading_rad: float, course: Mapping[str, float]) -> Any:
-    """Return the ends, (2, 2), of the line through the point across the heading, clipped to the course."""
+    """Return the ends, (2: end, 2: x and y), of the line through the point across the heading, clipped to the course."""
     direction = numpy.array([-numpy.sin(heading_rad), numpy.cos(heading_rad)])
+    # For each axis, the interval of distances along the line within the course's limits.
     intervals = []
     for position, slope, axis in ((x, direction[0], "x"), (y, direction[1], "y")):
         if abs(slope) > 1e-12:

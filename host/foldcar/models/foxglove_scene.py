@@ -84,6 +84,7 @@ def _block(piece: Mapping[str, Any]) -> dict[str, Any]:
     elif piece["kind"] == "ramp":
         profile = [(-half, 0.0), (half, 0.0), (half, height)]
     else:
+        # A half round is the segment of a circle through both ends of its base.
         radius = (half**2 + height**2) / (2 * height)
         x_m = numpy.linspace(half, -half, ARC_SLICES + 1)
         arc_z_m = numpy.sqrt(numpy.maximum(radius**2 - x_m**2, 0.0)) + height - radius

@@ -144,11 +144,12 @@ def _parts(body: Mapping[str, Any]) -> list[_Part]:
     parts = []
     for segment in body["segments"]:
         bottom = segment["center_z_m"] - segment["height_m"] / 2
-        parts.append(_Part(segment["x_m"], 0.0, bottom, segment["length_m"] / 2, segment["width_m"] / 2))
+        half_length_m, half_width_m = segment["length_m"] / 2, segment["width_m"] / 2
+        parts.append(_Part(segment["x_m"], 0.0, bottom, half_length_m, half_width_m))
     for wheel in body["wheels"]:
         x, y, z = (a + b for a, b in zip(axle_m(body, wheel), tyre_center_m(wheel), strict=True))
         radius = wheel["radius_m"]
-        parts.append(_Part(x, y, z, radius, wheel["width_m"] / 2, radius))
+        parts.append(_Part(x, y, z, half_length_m=radius, half_width_m=wheel["width_m"] / 2, radius_m=radius))
     return parts
 
 

@@ -63,6 +63,7 @@ def _value(value: Any, depth: int) -> str:
         case Is():
             return f"IS {value}"
         case Vector():
+            # Adding 0.0 turns -0.0 into 0.0.
             return " ".join(f"{number + 0.0:.9g}" for number in value)
         case bool():
             return str(value).upper()

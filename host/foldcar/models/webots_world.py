@@ -100,6 +100,7 @@ def _block(piece: Mapping[str, Any], name: str) -> Node:
     """Return a block as a solid. Raises FoldcarError if Webots has no shape for its kind."""
     length, width, height = piece["length_m"], piece["width_m"], piece["height_m"]
     place = _place(piece)
+    # Shapes reach into the floor, so that no gap is left between them.
     if piece["kind"] == "ramp":
         wedge = _wedge(length, width, height)
         return _solid(name, shape(wedge, PIECE_COLOUR), wedge, **place)
@@ -155,7 +156,7 @@ def controller_program() -> str:
 def controller_drive(body: Mapping[str, Any], pulses: PulseTrain, settling_s: float) -> str:
     """Return the controller's JSON file: the motors, and at which times their fractions of full speed change.
 
-    The car first stands for ``settling_s``.
+    A row is the time (s) and each motor's fraction, null without a pulse. The car first stands for ``settling_s``.
     """
     rows: list[list[float | None]] = []
     for t_s, widths_us in zip(pulses.times_s, pulses.widths_us, strict=True):

@@ -33,6 +33,7 @@ def check_standing(thing: Any) -> None:
             thing,
         )
     for name, angle in (("pitch", thing.orientation.pitch), ("roll", thing.orientation.roll)):
+        # NaN fulfils no comparison, so it is refused too.
         if not abs(angle) <= LEVEL_TOLERANCE_RAD:
             raise UnusableError(f"{name}: {float(angle):.4g} rad: everything stands upright", thing)
 

@@ -49,6 +49,7 @@ def condition(
 
 def _freeze(roots: Collection[Any], sample: Any) -> None:
     """Fix the roots, and the values that they depend on, at their values in ``sample``."""
+    # The list is complete before a value is fixed, because fixing changes what can be reached.
     for value_node in [value_node for root in roots for value_node in _reachable(root)]:
         if value_node not in sample:
             continue
@@ -80,7 +81,7 @@ def _ownership(scenario: Any) -> dict[int, Any]:
     instances = scenic_private.instances(scenario)
     owning_instances = [instance for instance in instances if isinstance(instance, Object) or id(instance) in names]
     parts = [*scenario.params.values(), *owning_instances]
-    # A parameter's value, an object or a named point owns itself, even if others depend on it.
+    # A parameter's value, an object or a named point owns itself, even if a part before it depends on it.
     owners = {id(part): part for part in parts}
     for part in list(owners.values()):
         for value in _random_now(part):
@@ -122,11 +123,16 @@ def _label(thing: Any, names: Mapping[int, str]) -> str:
 
 
 def _without_noise(thing: Any) -> Any:
-    """Return a copy of a sampled object to which Scenic's `mutate` does not add noise."""
+    """Return a copy of a sampled object to which Scenic's `mutate` does not add noise.
+
+    An Object forwards assignments to its dynamic proxy, which is still the original in a copy. So the copy's attributes
+    are set by ``object``.
+    """
     noiseless = copy.copy(thing)
     if isinstance(thing, Object):
-        # Scenic reads an object's attributes from its dynamic proxy, which outside simulations is the object itself.
+        # Attributes are also read from the proxy, which outside simulations is the object itself.
         object.__setattr__(noiseless, "_dynamicProxy", noiseless)
+    # The copy still refers to the original here, and would be sampled as that: with noise.
     object.__setattr__(noiseless, "_conditioned", noiseless)
     object.__setattr__(noiseless, "mutationScale", 0)
     return noiseless

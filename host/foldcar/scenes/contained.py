@@ -78,6 +78,7 @@ def time_limit(limit_s: float, what: str) -> Iterator[None]:
     finally:
         in_block = False
         if outer_s:
+            # An overdue timer fires at once; 0 would switch it off.
             outer_s = max(outer_s - (time.monotonic() - started_s), 0.001)
         signal.signal(signal.SIGALRM, handler)
         signal.setitimer(signal.ITIMER_REAL, outer_s, outer_repeat_s)

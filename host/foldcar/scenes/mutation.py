@@ -68,6 +68,7 @@ class Mutations:
             if number is not None:
                 self.points.add(number)
             if self._followed:
+                # In this compilation the hidden copy gets the noise, and the Point takes its place from the copy.
                 if number not in self._copies:
                     raise InvalidScenarioError("the program mutates other Points whenever it is compiled")
                 self._copies[number].mutationScale = scale
@@ -84,4 +85,5 @@ def _place_of(copy: Any, specifiers: Sequence[Any]) -> Any:
     for name, kind in NOISY.items():
         if name in copy.properties:
             values[name] = AttributeDistribution(name, copy, kind)
+    # All have priority 1, like properties that a program gives by `with`.
     return Specifier("mutated", dict.fromkeys(values, 1), values)

@@ -59,6 +59,7 @@ class Translator:
         from scenic.syntax import veneer
 
         self._ego, named_values = scenario.egoObject, named_things(scenario)
+        # The names of Scenic, Python and math to which the program gives another meaning.
         standard = {name: getattr(veneer, name, getattr(builtins, name, math)) for name in STANDARD}
         self._redefined = {name for name, value in standard.items() if named_values.get(name, value) is not value}
         assignment_counts = Counter(
@@ -172,6 +173,7 @@ class Translator:
         """Translate a property of the car's motion, such as `ego.speed` or `ego.position.x`."""
         if node.attr == "z":
             return self._height()
+        # `ego.x` and `ego.position.x` are the same, but a position has no other property.
         of_position = self.is_position(node.value)
         if node.attr not in MOTION or (of_position and node.attr not in ("x", "y")):
             raise NotNativeError(shown(node))

@@ -35,7 +35,7 @@ class NativeProgram:
     def of_scene(self, scene: Any) -> dict[str, Any]:
         """Return the member `program` of a scene (docs/carsim.md): endings, time limit, verdict and records.
 
-        Values that are known in a sample only are inserted. Raises UnusableError or FoldcarError.
+        Random values of the program have the values of this scene. Raises UnusableError or FoldcarError.
         """
         sample = SampledValues(scene, self._names)
         step_s = outer_step_s(scene.params)
@@ -65,6 +65,7 @@ class NativeProgram:
         """Return the limit of `terminate after` (s), or None if there is no limit below carsim's own."""
         if not self._limits:
             return None
+        # There is one: programs with several are not translated.
         duration = self._limits[-1]
         unit_s = 1.0 if type(duration).__name__ == "Seconds" else step_s
         limit_s = finite("terminate after", sample.value(duration.value)) * unit_s
@@ -76,6 +77,7 @@ class NativeProgram:
 def native_program(scenario: Any, program: Path, success: SuccessRule) -> tuple[NativeProgram | None, str]:
     """Return the translated program and ""; or None and the part, with its line, that needs Scenic beside carsim."""
     tree = parsed_program(read_text(program))
+    # The line that is being translated, 0 for the whole program, for the reason.
     line = 0
     try:
         _check_only_translatable_parts(scenario)
@@ -105,7 +107,7 @@ def native_program(scenario: Any, program: Path, success: SuccessRule) -> tuple[
         line = 0
         if len(endings) > MAX_STATEMENTS or len(records) > MAX_STATEMENTS:
             raise NotNativeError(f"more than {MAX_STATEMENTS} conditions or records")
-        expressions_terms = (*(ending[0] for ending in endings), *(record_name[3] for record_name in records))
+        expressions_terms = (*(terms for terms, _ in endings), *(terms for *_, terms in records))
         if any(len(terms) > MAX_TERMS for terms in expressions_terms):
             raise NotNativeError(f"an expression of more than {MAX_TERMS} terms")
         if (len(endings), len(records)) != (len(conditions), len(expressions)) or len(limits) > 1:
@@ -118,7 +120,7 @@ def native_program(scenario: Any, program: Path, success: SuccessRule) -> tuple[
 def _check_only_translatable_parts(scenario: Any) -> None:
     """Raise NotNativeError, with its name, if the program has a part that carsim cannot evaluate."""
     dynamic = scenario.dynamicScenario
-    is_present = {
+    parts = {
         "a modular scenario": scenic_private.is_modular(dynamic) or scenic_private.has_compose(dynamic),
         "monitors": bool(scenario.monitors),
         "behaviors": bool(scenic_private.agents(dynamic)),
@@ -126,8 +128,8 @@ def _check_only_translatable_parts(scenario: Any) -> None:
             requirement.proposition.has_temporal_operator for requirement in scenario.requirements
         ),
     }
-    for name, found_part in is_present.items():
-        if found_part:
+    for name, is_present in parts.items():
+        if is_present:
             raise NotNativeError(name)
 
 

@@ -38,8 +38,7 @@ def _variables(scenario: Any) -> dict[int, str]:
     for name, instances in named_instances(scenario).items():
         for index, instance in enumerate(instances):
             variables.setdefault(id(instance), name if len(instances) == 1 else f"{name}[{index}]")
-    # A loop's variable holds only the object of the last pass: if one object of a line has no variable, none of this
-    # line has one.
+    # After a loop, its variable holds only the last object. Objects of one line are therefore named all or not at all.
     unnamed_lines = {_line(instance) for instance in scenario.objects if id(instance) not in variables}
     unnamed_ids = {id(instance) for instance in scenario.objects if _line(instance) in unnamed_lines}
     return {instance_id: name for instance_id, name in variables.items() if instance_id not in unnamed_ids}

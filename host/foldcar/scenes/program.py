@@ -43,12 +43,14 @@ def compile_program(program: Path, params: Mapping[str, Any], files: ProgramFile
         raise FoldcarError(f"{program}: no such Scenic program{did_you_mean_file(program)}")
     if program.suffix != ".scenic":
         raise FoldcarError(f"{program}: a Scenic program's name ends in .scenic")
+    # For its error, if the file is no readable text.
     read_text(program)
     if params:
         # Scenic accepts any name as an override; compiling without overrides shows the declared names.
         _check_params(program, params, _compiled(program, files, {})[0].params)
     scenario, mutated = _compiled(program, files, params)
     if mutated:
+        # Only now is it known which Points are mutated, and must be followed while they are created.
         scenario, _ = _compiled(program, files, params, mutated)
     if len(scenario.objects) > MAX_OBJECTS:
         raise FoldcarError(f"{program}: {len(scenario.objects)} objects are above the limit {MAX_OBJECTS} of a scene")
@@ -118,6 +120,7 @@ class ProgramError(FoldcarError):
             if column is None and (name := _undefined_name(error)):
                 word = re.search(rf"\b{re.escape(name)}\b", text)
                 column = word.start() if word else None
+            # Tabs stay tabs, so that the caret stands below its column.
             caret = re.sub(r"[^\t]", " ", text[: column or 0]) + "^"
             self._excerpt = [f"  {text}", *([] if column is None else [f"  {caret}"])]
 
@@ -158,7 +161,7 @@ def _undefined_name(error: BaseException) -> str | None:
 
 
 def _name_hint(error: BaseException) -> str:
-    """Return a hint on a name that is not defined; "" for other errors."""
+    """Return a hint on a name, or a world model, that is not defined; "" for other errors."""
     if str(error).startswith("could not import world model"):
         return "; foldcar's is `model model`"
     name = _undefined_name(error)
@@ -201,6 +204,7 @@ def _no_collection() -> Iterator[None]:
 def _vocabulary_on_path() -> Iterator[None]:
     """Within the block, Scenic finds foldcar's vocabulary as `model model`."""
     folder = str(VOCABULARY_DIR)
+    # Last, so that it hides no module of the program.
     sys.path.append(folder)
     try:
         yield
@@ -234,7 +238,7 @@ def named_things(scenario: Any) -> dict[str, Any]:
 
 
 def named_instances(scenario: Any) -> dict[str, list[Any]]:
-    """Return a compiled program's objects and points by the names of its variables; a list by the list's name."""
+    """Return a compiled program's objects and points by the names of its variables; those of a list by the list's."""
     instance_ids = {id(value) for value in scenic_private.instances(scenario)}
     instances = {} if scenario.egoObject is None else {"ego": [scenario.egoObject]}
     for name, variable in named_things(scenario).items():

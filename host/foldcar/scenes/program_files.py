@@ -94,8 +94,10 @@ class ProgramFiles:
             if state is None and (self._fixed or not path.is_relative_to(self._folder)):
                 continue
             name = self._name(path)
-            recorded, current = self._digests.get(name), digest_or_missing(path) if file_state(path) == state else None
-            if current is None or current != (recorded or current):
+            recorded = self._digests.get(name)
+            # None if the file is no longer as the block has read it.
+            current = digest_or_missing(path) if file_state(path) == state else None
+            if current is None or (recorded and current != recorded):
                 raise _changed(self._program.parent / name)
             if recorded is None and self._fixed:
                 raise FoldcarError(
@@ -149,8 +151,10 @@ class _Modules:
         """Within the block sys.modules and sys.path are as if this program were alone in a new Python."""
         other_modules, outer_path = _pop_own_modules(self._folder), list(sys.path)
         sys.modules.update(self._modules)
-        # Without the working directory, so that a program finds the same modules wherever it is started.
+        # The empty entry means the working directory. It is left out, so that a program finds the same modules wherever
+        # it is started.
         sys.path[:] = self._path or [str(self._folder), *filter(None, outer_path)]
+        # The first finder that knows a module loads it, so this one stands before Python's.
         finder: Any = _Finder(self._folder)
         sys.meta_path.insert(sys.meta_path.index(PathFinder) if PathFinder in sys.meta_path else 0, finder)
         try:
@@ -168,7 +172,8 @@ def _pop_own_modules(folder: Path) -> dict[str, ModuleType]:
     own_names = {name for name in names if _is_own_module(sys.modules[name], folder)} - {"__main__"}
     _installed.update(names - own_names)
     if own_names:
-        # Compiled code cannot be loaded twice, so a package with compiled modules, which count as installed, stays.
+        # Compiled code cannot be loaded twice. Compiled modules count as installed, and the packages of installed modules
+        # stay in sys.modules.
         installed_packages = {name.partition(".")[0] for name in _installed}
         own_names = {name for name in own_names if name.partition(".")[0] not in installed_packages}
     return {name: sys.modules.pop(name) for name in own_names}
@@ -180,7 +185,7 @@ def _is_own_module(module: object, folder: Path) -> bool:
     spec, file = attributes.get("__spec__"), attributes.get("__file__")
     if isinstance(file, str):
         return spec is not None and isinstance(spec.loader, SourceFileLoader) and is_own(Path(file).absolute(), folder)
-    # A folder that is not a package.
+    # A namespace package: a folder without __init__.py, which has paths but no file.
     return any(is_own(Path(folder_name).absolute(), folder) for folder_name in attributes.get("__path__", ()))
 
 

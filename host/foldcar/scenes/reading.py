@@ -46,6 +46,7 @@ def rounded(value: float) -> float:
 
 def pose(thing: Any) -> dict[str, float]:
     """Return position (``x_m``, ``y_m``) and heading (rad, from +x counter-clockwise, ±π) in the simulator's frame."""
+    # Scenic's heading counts from +y.
     heading_rad = math.remainder(finite("heading", thing.heading, thing) + math.pi / 2, 2 * math.pi)
     return {
         "x_m": finite("x", thing.position.x, thing),

@@ -63,6 +63,7 @@ def refuse_useless_properties(cls: Any, specifiers: Sequence[Any], caller: Frame
     of Scenic's that has no meaning here.
     """
     for name in (name for specifier in specifiers for name in specifier.priorities if name != NAME):
+        # The object's own final properties. A program that reads a property itself has a use for it (see _reads).
         is_ours = _derives(cls, "Thing") and name not in SCENICS_FINAL
         if is_ours and name in scenic_private.final_properties(cls):
             sources = scenic_private.sources_of(cls, name)
@@ -108,6 +109,7 @@ def _refuse_misspelt(
     if name in known_names:
         return
     similar_names = difflib.get_close_matches(name, known_names, n=1, cutoff=SIMILARITY)
+    # The name may be one without its unit.
     similar_names += [other for other in known_names if other.startswith(f"{name}_")]
     if similar_names and not _reads(caller, name):
         raise at(error(f"{message}; did you mean {similar_names[0]}?"), *_line_of(caller))
@@ -155,6 +157,7 @@ def refuse_undefined_names(code: CodeType, namespace: Mapping[str, Any]) -> None
         for instruction in dis.get_instructions(block)
         if instruction.opname.startswith("STORE_")
     }
+    # The first block is the program's top level, which runs at once.
     for block in blocks[1:]:
         lines = dict(dis.findlinestarts(block))
         line: int | None = block.co_firstlineno

@@ -130,8 +130,8 @@ class SampledValues:
     def region(self, node: Any) -> Terms:
         """Return the terms of the condition that the car's position is in a region of the ground.
 
-        A circle is x, y, radius and "in_disc". Of polygons each is one term, the list of its corners' coordinates
-        x0, y0, x1, y1, …; several are joined by "or".
+        A circle is x, y, radius and "in_disc". Each polygon is one term, the list of its corners' coordinates
+        x0, y0, x1, y1, …; several polygons are joined by "or", in postfix order.
         """
         region = self.value(node)
         if type(region).__name__ == "CircularRegion":

@@ -55,7 +55,7 @@ def unsampled(thing: Any) -> Any:
     """Return the program's object of which ``thing`` is a sample, through all copies."""
     from scenic.core.object_types import Constructible
 
-    # A distribution has every attribute, each of which is a distribution again.
+    # Only objects are followed: a distribution has every attribute, each of which is a distribution again.
     while isinstance(thing, Constructible) and thing._sampleParent is not None:
         thing = thing._sampleParent
     return thing

@@ -201,6 +201,7 @@ def seeded(text: str) -> Iterator[None]:
     random.seed(digest)
     numpy.random.seed(numpy.frombuffer(digest, dtype="<u4"))
     try:
+        # What a program prints must not mix with results on stdout.
         with contextlib.redirect_stdout(sys.stderr):
             yield
     finally:

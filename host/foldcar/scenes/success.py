@@ -67,7 +67,7 @@ def success_rule(scenario: Any, program: Path) -> SuccessRule:
 
 
 def _approaches(program: Path, scenario: Any, has_goal: bool) -> Iterator[tuple[int, str, str]]:
-    """Yield (line, text, place's text) of the conditions to terminate that hold when the car is close to its target.
+    """Yield the conditions to terminate that hold when the car is close to its target: (line, text, place's text).
 
     The target is the Goal or, in a program without a Goal, a place.
     """

@@ -225,7 +225,10 @@ def _time_utc(place: str, text: str) -> str:
 
 
 def swept_experiments(store: Path) -> dict[str, ExperimentInfo]:
-    """Return a store's experiments by their names in the listing; empty if there is no store or no study in it."""
+    """Return a store's experiments by their ids, those of the listing and those of the store.
+
+    Empty if there is no store or no study in it.
+    """
     if not store.exists():
         return {}
     with Store.open(store) as opened_store:
@@ -259,6 +262,7 @@ def import_notes(store: Path, trials: Sequence[Mapping[str, Any]]) -> list[str]:
             values = {key: value for key, value in trial["design"].items() if info.fixed.get(key) != value}
             is_swept = trial["vehicle_type"] == info.vehicle_type and frozenset(trial["design"].items()) in swept_designs
             unswept[design_text(values) or trial["vehicle_type"]] += not is_swept
+        # The plus drops cars whose count is 0.
         for car, number in (+unswept).most_common(SHOWN_CARS):
             notes.append(f'experiment "{name}" was swept without a car of {car}; it has {count(number, "trial")}')
         for sample in sorted(sample for sample in samples if sample >= info.environments):

@@ -207,6 +207,7 @@ def _stand_still(car: Car) -> None:
     """Stop and disarm the car if possible; a car with a fault refuses, but is already at rest."""
 
     def receive_last_messages() -> None:
+        # The log gets the messages that the car sends after its last command.
         car.connection.wait_for(lambda message: False, AFTERWARDS_S)
 
     for action in (car.stop_trial, car.disarm, receive_last_messages):
@@ -215,7 +216,10 @@ def _stand_still(car: Car) -> None:
 
 
 def collect(car: Car, trial: int, log: Path) -> DriveEnd:
-    """Merge the car's log of ``trial`` into ``log``. Raises FoldcarError if the car has not stored one in 30 s.
+    """Merge the car's log of ``trial`` into ``log``; return how the drive ended.
+
+    Raises FoldcarError if the car is still storing its log after STORING_S, has no log of the trial, or if ``log`` has no
+    message of the trial.
 
     The car's times count from its boot. The first packet of the trial that the host received gives the offset to the
     host's clock.

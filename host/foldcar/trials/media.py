@@ -72,6 +72,8 @@ class Arrivals:
         for file in self._new() if self._begun else []:
             if not self.is_growing(file):
                 self._known.add(file)
+                # A file belongs to the last trial that had begun when it was changed. One that is older than the session
+                # keeps its time of recording, but was copied now: it belongs to the last trial.
                 trials = [trial for begun_s, trial in self._begun if begun_s <= _changed_s(file)]
                 last_trial = self._begun[-1][1]
                 trial_files.append((trials[-1] if trials else last_trial, file))

@@ -25,7 +25,7 @@ Standing = Mapping[str, tuple[Obstacle, str]]
 
 
 def standing(scene: Mapping[str, Any], obstacles: Mapping[str, Obstacle], deviations: Deviations) -> Standing:
-    """Return the obstacles of a scene at their measured positions."""
+    """Return the obstacles of a scene at their measured poses, each with what it is, by letter."""
     result = {}
     for letter, planned in obstacles.items():
         x_m, y_m, turned_rad = deviations.get(letter, (0.0, 0.0, 0.0))
@@ -62,7 +62,10 @@ def next_sample(
 
 
 def _cost(current: Standing | None, next_standing: Standing | None) -> tuple[int, float]:
-    """Return how many obstacles move from one arrangement to the next, and their total distance (m)."""
+    """Return how many obstacles move from one arrangement to the next, and their total distance (m).
+
+    Both are 0 if an arrangement is unknown: then the order does not matter.
+    """
     if current is None or next_standing is None:
         return 0, 0.0
     pairs = [(current.get(letter), next_standing.get(letter)) for letter in {**current, **next_standing}]

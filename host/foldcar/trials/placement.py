@@ -82,14 +82,15 @@ def draw_placement(
     title: str, course: Course | None = None,
 ) -> None:  # fmt: skip
     """Draw the scene, the car, a camera's markers and cards. A missing folder is created. Raises FoldcarError."""
-    from foldcar.figures.placement import draw_placement
+    from foldcar.figures.placement import draw_placement as draw_figure
     from foldcar.simulation.heights import carsim_heights
 
     make_output_folder(picture.parent)
     length_m, width_m = design.length_mm / 1000, design.width_mm / 1000
+    # Id, x and y (m), turn (rad) and size (m) of each marker.
     markers = [(m.id, m.x_m, m.y_m, m.turn_rad, course.floor_size_m) for m in course.floor] if course else []
     cards = [_card(obstacle, scene, course) for obstacle in obstacles.values()] if course else []
-    draw_placement(scene, obstacles, length_m, width_m, carsim_heights(carsim), picture, title, markers, cards)
+    draw_figure(scene, obstacles, length_m, width_m, carsim_heights(carsim), picture, title, markers, cards)
 
 
 def _card(obstacle: Obstacle, scene: Mapping[str, Any], course: Course) -> tuple[float, float, float, float]:

@@ -64,7 +64,11 @@ class PluggedCar:
     def collect(
         self, number: int, log: Path, time_limit_s: float, answers: Answers | None, identity: CarIdentity
     ) -> DriveEnd:
-        """Wait until an untethered car is connected again, and merge its log of trial ``number`` into ``log``."""
+        """Wait until an untethered car is connected again, and merge its log of trial ``number`` into ``log``.
+
+        With ``answers`` the operator says when to try and when to give up; without, the car is tried every second until
+        a timeout.
+        """
         end_s = time.monotonic() + time_limit_s + RECONNECT_TIMEOUT_S
         question = "The car drives on. When it has stopped, plug it in and press Enter, or type its port; q gives up: "
         while True:
@@ -158,7 +162,7 @@ def _end_earlier_trial(car: Car) -> None:
 
 
 def _clear_fault(car: Car, answers: Answers | None) -> None:
-    """Acknowledge the car's fault, after asking if there is someone to ask."""
+    """Acknowledge the car's fault, if any. With ``answers``, ask first; raises FoldcarError if the answer is no."""
     fault = car.fault_text()
     if fault is None:
         return

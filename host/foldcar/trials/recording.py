@@ -38,6 +38,7 @@ def record_outcome(
     """
     digest = sha256_of(log)
     ending = end.ending if end.outcome else ending_without_outcome(end.ending)
+    # Complete the trial before asking, so that it is not lost if the person interrupts the question.
     try:
         writer.complete(number, Ending(end.outcome or "aborted", ending, end.elapsed_time_s, "", digest))
     except StoreError as error:

@@ -43,6 +43,7 @@ def find_edges(direction_at: Callable[[int], int]) -> ServoEdges:
         raise FoldcarError(f"at {MIN_PULSE_US} µs the wheel does not turn as it should: is it wired to this output?")
     if direction_at(MAX_PULSE_US) != 1:
         raise FoldcarError(f"at {MAX_PULSE_US} µs the wheel does not turn as it should: is the direction set right?")
+    # The servo rests from the lower edge on, where its direction becomes 0, to the upper edge, where it becomes 1.
     directions = {MIN_PULSE_US: -1, MAX_PULSE_US: 1}
     low = _edge(direction_at, directions, 0)
     high = _edge(direction_at, directions, 1)

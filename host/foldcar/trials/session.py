@@ -107,9 +107,10 @@ class Session:
         self._answers = Answers(self._idle)
         self._questions = None if options.yes else self._answers
         self._plugged = PluggedCar()
+        # The samples that are drawn, with the car's hash; each sample's scene and obstacles.
         self._drawn: set[tuple[int, str]] = set()
         self._scenes: dict[int, tuple[dict[str, Any], dict[str, Obstacle]]] = {}
-        # Where obstacles stand since the last trial, and the sample to drive again.
+        # Where obstacles stand since the last trial (None: unknown), and the sample to drive again (None: the next one).
         self._standing: Standing | None = None
         self._again: int | None = None
         self._repeated = 0
@@ -133,6 +134,7 @@ class Session:
                     self._take_media(writer)
                     if trial.end.error is not None:
                         checked_car = self._after_error(trial.end.error)
+                    # Without a number of trials and without questions it is one trial.
                     if options.trials is None and options.yes:
                         break
                     if not self._ask_what_next(writer, trial):
@@ -163,6 +165,7 @@ class Session:
         """
         options, answers, number, ending = self._options, self._questions, trial.number, trial.stored
         self._again = None
+        # Nobody is asked if the options give outcome and note of all trials.
         if answers is None or None not in (options.outcome, options.note):
             return True
         while True:

@@ -81,11 +81,13 @@ def assemble(graph: Graph) -> Assembly:
     """
     builder = _Pieces(graph)
     roots = builder.root_poses()
-    world = {
+    # Each atom's pose in the component's frame: from the atom to its fused face, to the root of its piece, to the frame.
+    atom_poses = {
         path: compose(roots[builder.piece_of[first]], builder.local(first), pose)
         for first, fused in builder.fused.items()
         for path, pose in fused.poses.items()
     }
+    # A piece belongs to the body of its root face's first atom.
     bodies = [builder.fused[next(iter(sheet))].first.body for sheet in builder.sheets]
     places = list(zip(bodies, roots, strict=True))
     distinct, placed, joins = _merge_equal_pieces(builder.pieces(), places, list(builder.joins()))
@@ -93,15 +95,16 @@ def assemble(graph: Graph) -> Assembly:
     for mount in graph.mounts:
         face_path = str(mount.face)
         face = builder.names[builder.owner[face_path]]
-        mounts.append(replace(mount, pose=compose(world[face_path], mount.pose), face=face))
-    axles = (replace(axle, center_mm=apply(world[face_path], *axle.center_mm)) for face_path, axle in graph.axles)
+        mounts.append(replace(mount, pose=compose(atom_poses[face_path], mount.pose), face=face))
+    axles = (replace(axle, center_mm=apply(atom_poses[face_path], *axle.center_mm)) for face_path, axle in graph.axles)
     return Assembly(tuple(distinct), tuple(placed), tuple(joins), tuple(mounts), tuple(axles))
 
 
 def _seams(graph: Graph, fused: dict[str, Fused], owner: dict[str, str]) -> Iterator[Seam]:
-    """Yield one seam for each pair of edges of fused faces that links connect.
+    """Yield one seam for each pair of edges of fused faces that links connect. ``owner`` is each atom's fused face.
 
-    Raises ComponentError if the two edges of a seam differ in length.
+    Several links between atoms can lie on the same pair of fused edges. Raises ComponentError if the two edges
+    of a seam differ in length.
     """
     yielded = set()
     for link in (link for link in graph.links if link.kind != "rigid"):
@@ -116,11 +119,11 @@ def _seams(graph: Graph, fused: dict[str, Fused], owner: dict[str, str]) -> Iter
 
 
 class _Pieces:
-    """The pieces of a graph.
+    """The pieces of a graph. A fused face is known by the path of its first atom.
 
-    ``sheets`` are the fused faces of each piece, parents before children, with their poses in its first face's frame.
-    ``piece_of`` is the index of a fused face's piece. ``tabs`` grow from edge b of a seam and are glued to the face of
-    edge a, in that face's plane.
+    ``sheets``: for each piece its fused faces, parents before children, with their poses in the first face's frame.
+    ``piece_of``: the index of a fused face's piece. ``tabs``: they grow from edge b of a seam, and are glued to the face
+    of edge a, in that face's plane.
     """
 
     def __init__(self, graph: Graph) -> None:
@@ -129,6 +132,7 @@ class _Pieces:
         self.owner = {path: first for first, face in self.fused.items() for path in face.poses}
         self.seams = list(_seams(graph, self.fused, self.owner))
         self.folds = [seam for seam in self.seams if seam.link.kind in FOLDED]
+        # For each fused face, its neighbours over folds with their poses in its frame.
         steps: dict[str, list[tuple[str, Pose]]] = defaultdict(list)
         for seam in self.folds:
             for edge, opposite in ((seam.a, seam.b), (seam.b, seam.a)):
@@ -139,10 +143,10 @@ class _Pieces:
         for first in (first for first in self.fused if first not in self.piece_of):
             self.sheets.append(propagate_poses(first, IDENTITY, steps))
             self.piece_of |= dict.fromkeys(self.sheets[-1], len(self.sheets) - 1)
-            count = sum(seam.a[0] in self.sheets[-1] for seam in self.folds)
-            if count >= len(self.sheets[-1]):
+            fold_count = sum(seam.a[0] in self.sheets[-1] for seam in self.folds)
+            if fold_count >= len(self.sheets[-1]):
                 # A tree of folds has one fold fewer than faces.
-                message = f"is in a loop of {count} folds, which no flat sheet has; make one of them a tab"
+                message = f"is in a loop of {fold_count} folds, which no flat sheet has; make one of them a tab"
                 raise ComponentError(first, message)
         self.names: dict[str, str] = {}
         for sheet in self.sheets:
@@ -156,6 +160,7 @@ class _Pieces:
             # Tabs of one piece that join the same two faces are numbered.
             titles = _titles([f"{self.names[seam.b[0]]} tab to {self.names[seam.a[0]]}" for seam in own_seams])
             self.tabs += [(_tab(title, seam), seam) for title, seam in zip(titles, own_seams, strict=True)]
+        # Joins are numbered in the order of the seams, not of the pieces.
         self.tabs.sort(key=lambda tab: self.seams.index(tab[1]))
 
     def local(self, first: str) -> Pose:
@@ -175,12 +180,15 @@ class _Pieces:
     def _piece(self, index: int, sheet: dict[str, Pose]) -> Piece:
         """Return a piece with its faces, its tabs and its creases, each child after its parent."""
         order = {first: i for i, first in enumerate(sheet)}
+        # Each crease with the position of its child in the order of the faces.
         creases = []
         for link, a, b, _ in (seam for seam in self.folds if seam.a[0] in order):
             parent, child = (a, b) if order[a[0]] < order[b[0]] else (b, a)
             name = f"{self.names[parent[0]]} to {self.names[child[0]]}"
-            ends, limits = (self._ref(parent), self._ref(child)), (link.min_rad, link.max_rad)
-            crease = Crease(name, *ends, link.angle_rad, link.kind == "hinge", *limits, link.kind == "bend")
+            crease = Crease(
+                name, self._ref(parent), self._ref(child), link.angle_rad, flexure=link.kind == "hinge",
+                min_rad=link.min_rad, max_rad=link.max_rad, bend=link.kind == "bend",
+            )  # fmt: skip
             creases.append((order[child[0]], crease))
         creases.sort(key=lambda pair: pair[0])
         own_tabs = [(face, seam) for face, seam in self.tabs if self.piece_of[seam.b[0]] == index]
@@ -194,30 +202,30 @@ class _Pieces:
     def root_poses(self) -> list[Pose]:
         """Return the pose of each piece's first face in the car.
 
-        Placements and tabs between pieces give relative poses of pieces; from the face at ``graph.origin`` they are
-        followed to all other pieces. Raises ComponentError for a piece that is not reached.
+        Placements and tabs give poses of pieces relative to each other. They are followed from the piece with the face
+        ``graph.origin``, whose pose is known, to all others. Raises ComponentError for a piece that is not reached.
         """
         neighbours: dict[int, list[tuple[int, Pose]]] = defaultdict(list)
 
         def add(a: str, b: str, relative: Pose) -> None:
             """Record that the pieces of fused faces a and b are neighbours; ``relative`` is b's pose in a's frame."""
+            # The pose of b's piece in the frame of a's piece.
             step = compose(self.local(a), relative, inverse(self.local(b)))
             neighbours[self.piece_of[a]].append((self.piece_of[b], step))
             neighbours[self.piece_of[b]].append((self.piece_of[a], inverse(step)))
 
         for placement in self.graph.placements:
             a, b = self.owner[placement.on], self.owner[placement.face]
-            add(
-                a,
-                b,
-                compose(self.fused[a].poses[placement.on], placement.pose, inverse(self.fused[b].poses[placement.face])),
-            )
+            on_pose, face_pose = self.fused[a].poses[placement.on], self.fused[b].poses[placement.face]
+            add(a, b, compose(on_pose, placement.pose, inverse(face_pose)))
         for link, edge_a, edge_b, _ in self.seams:
             if link.kind == "tab" and self.piece_of[edge_a[0]] != self.piece_of[edge_b[0]]:
                 across = across_crease(self._ends(edge_a), self._ends(edge_b), link.angle_rad)
+                # The tab lies this much above the face that it is glued to, and the child's edge with it.
                 add(edge_a[0], edge_b[0], compose(translation(0, 0, link.inset_mm), across))
         path, pose = self.graph.origin or (next(iter(self.graph.atoms)), IDENTITY)
         first = self.owner[path]
+        # From the atom's pose in the car back to the fused face, and from there to the root of its piece.
         start_pose = compose(pose, inverse(self.fused[first].poses[path]), inverse(self.local(first)))
         poses = propagate_poses(self.piece_of[first], start_pose, neighbours)
         for face, index in self.piece_of.items():
@@ -246,6 +254,7 @@ class _Pieces:
                 (first, self.fused[first].edges.get(contact.a, 0)),
                 (second, self.fused[second].edges.get(contact.b, 0)),
             )
+            # Joins of equal seams share a number: by default each contact has its own.
             seam: object = ("tuck", first, b) if contact.kind == "tuck" else contact
             if self.fused[first].face.role == "rim":
                 seam = (self.piece_of[first], self.piece_of[second])

@@ -111,8 +111,10 @@ class BoxBeam(Component):
         points: dict[str, Point] = {"near": (0.0, 0.0), "front": (length, 0.0)}
         if self["flap_front"]:
             points["far front"] = (length, width)
-        for end, x, first in (("front", length - fold_starts["front"], True), ("rear", fold_starts["rear"], False)):
-            if not first:
+        # Counter-clockwise along the far edge: the front latch's notch, the flap's fold, the rear notch. x is the end of
+        # the fold beside a notch.
+        for end, x in (("front", length - fold_starts["front"]), ("rear", fold_starts["rear"])):
+            if end == "rear":
                 points["far"] = (length - fold_starts["front"], width)
             if self[f"latch_{end}"]:
                 # In the direction of -x: the notch's sides and, between its corners, the edge of the pull tab.
@@ -131,7 +133,9 @@ class BoxBeam(Component):
     def _add_flap(self, shape: Shape, fold_starts: Mapping[str, float]) -> None:
         """Add the flap with its latches' levers at the fold's edge and the edges of their tongues at the other.
 
-        ``fold_starts`` are the distances of the fold's ends from the beam's ends. The origin is the fold's rear end.
+        ``fold_starts`` are the distances (mm) of the fold's ends from the beam's ends. The origin is the fold's rear end,
+        x runs forwards, y downwards. Points have the names of the edges that start at them. A lever stands up, at
+        negative y, in the middle of its notch; its upper corners are cut off by 1 mm.
         """
         assembly = self.parts.assembly
         fold_length = self["length"] - sum(fold_starts.values())
@@ -156,11 +160,13 @@ class BoxBeam(Component):
     def _add_latch(self, shape: Shape, end: str) -> None:
         """Add the latch at an end: a tongue at the flap's lower edge, folded outwards through a slot of the right wall.
 
-        Require free space for the finger that pushes its lever, and add the pull tab if it is set for this end.
+        The flap hangs down inside the wall. Its lever, above, is pushed outwards to draw the tongue in. Require free
+        space for the finger that does this, and add the pull tab if it is set for this end.
         """
         assembly, film = self.parts.assembly, self.parts.film_mm
         width, play, (notch, _) = assembly.lock_mm.value, assembly.slot_clearance_mm.value, latch_mm(self.parts)
         reach = 1.5 * film + assembly.flap_gap_mm.value + assembly.lock_reach_mm.value
+        # From the beam's end to the middle of the notch.
         x = self[f"flap_{end}"] + notch / 2
         slot_center = (self["length"] - x if end == "front" else x, assembly.flap_mm.value)
         shape.face(f"{end} tongue", _tongue_outline(width, reach), role="tab")
@@ -170,6 +176,7 @@ class BoxBeam(Component):
         # A finger pushes the lever outwards until the tip is within the wall; the lever, equally high, moves as far out.
         finger, finger_length = self.parts.tools.finger_mm
         stroke, lid_z = assembly.lock_reach_mm.value + film, -(slot_center[1] + film)
+        # Both clearances are cylinders in the tongue's frame: the finger's stands on the lid, the tongue's lies along it.
         finger_pose = compose(translation(width / 2, stroke - finger / 2, lid_z), rotation("x", math.pi))
         tongue_pose = compose(translation(0.0, -(film + stroke) / 2, 0.0), rotation("y", math.pi / 2))
         shape.require_clearance(f"{end} tongue", ToolClearance("finger", finger_pose, finger, finger_length))
@@ -218,7 +225,7 @@ def cap_inset_mm(parts: Catalogue) -> float:
 
 
 def put_cap(shape: Shape, cap: str, end: str, module: str, outer_mm: Point, slit_mm: float) -> None:
-    """Tape a cap into the ``end`` (front or rear) of the beam of ``module``, with a cable slit ``slit_mm`` long.
+    """Tape a cap into the ``end`` (front or rear) of the beam of ``module``; cut a cable slit ``slit_mm`` long, if not 0.
 
     Faces ``CAP.cap``, seen from inside, with edges near (floor), front, far (lid) and rear, and ``CAP.flange``, under the
     lid. x points right on a front cap and left on a rear cap. ``outer_mm`` is the body's width and height.

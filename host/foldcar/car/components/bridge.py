@@ -104,6 +104,7 @@ def _add_boards_with_fasteners(shape: Shape, shelf: str, middle: tuple[float, fl
     feather, spacer = parts.feather, parts.spacer
     holes, height = [], spacer.length_mm.value
     size = (spacer.diameter_mm.value, spacer.diameter_mm.value, height)
+    # The board's x points to -y of the shelf, as USB points to +y: it is turned by -90°.
     for i, (x, y) in enumerate(((y, -x) for x, y in feather.free_holes(parts.board_screw)), 1):
         position = (middle[0] + x, middle[1] + y)
         holes.append(shape.round_hole(shelf, f"board screw {i}", "screw", position, parts.assembly.screw_hole_mm.value))

@@ -61,6 +61,7 @@ class Parameter:
         if self.is_switch:
             return None if value in (0, 1) else f"{value:g} is neither true nor false"
         minimum = self.minimum_with(parts)
+        # NaN fulfils no comparison, so it is refused here.
         if not value >= minimum - ROUNDING:
             metres = f"; lengths of cars are in mm: {value:g} m is {1000 * value:g}" if 0 < value < 1 else ""
             hint = metres if self.unit == "mm" else ""
@@ -120,7 +121,10 @@ class Component:
         self, values: Mapping[str, float] | None = None, path: str = "", body: str = "", parts: Catalogue | None = None,
         keys: Mapping[str, str] | None = None,
     ) -> None:  # fmt: skip
-        """``keys`` are the outermost parameters that set values. Raises ComponentError for a value outside its limits."""
+        """``keys`` has the outermost component's key for each value that is given, for messages.
+
+        Raises ComponentError for a value outside its limits.
+        """
         self.path, self.body, self.parts = path, body, parts or catalogue()
         given_values = dict(values or {})
         self.keys = {name: name for name in given_values} if keys is None else keys

@@ -73,8 +73,8 @@ class Composite(Component):
         ring = [name for name in self.children if all(name not in chain for chain in chains)]
         if len(chains) != 1 or ring:
             parts = [*(" - ".join(chain) for chain in chains), *([f"{' - '.join(ring)}, a ring"] if ring else [])]
-            found = "; ".join(parts) or "nothing"
-            raise ComponentError(self.path, f"its connections must make one chain, but make {found}")
+            chains_text = "; ".join(parts) or "nothing"
+            raise ComponentError(self.path, f"its connections must make one chain, but make {chains_text}")
         return chains[0]
 
     def _end(self, place: str) -> tuple[str, str]:

@@ -34,6 +34,9 @@ class Fused(NamedTuple):
 def fuse(graph: Graph) -> dict[str, Fused]:
     """Return the fused faces by the path of their first atom: each is a group of atoms that rigid links connect.
 
+    Edges between atoms disappear. Collinear edges become one if their tags are equal: the link's kind, angle and depth,
+    which of its ends the edge is, and the face at the other end.
+
     Raises ComponentError if a group's outline is not one polygon.
     """
     steps: dict[str, list[tuple[str, Pose]]] = defaultdict(list)
@@ -57,9 +60,9 @@ def fuse(graph: Graph) -> dict[str, Fused]:
 
 
 def propagate_poses(start: Key, pose: Pose, steps: Mapping[Key, list[tuple[Key, Pose]]]) -> dict[Key, Pose]:
-    """Return the poses of all nodes reachable from ``start``. A step is a neighbour and its pose in the node's frame.
+    """Return the poses of all nodes that can be reached from ``start``, which has ``pose``, nearest first.
 
-    The search is breadth first.
+    ``steps`` has each node's neighbours with their poses in the node's frame.
     """
     poses, queue = {start: pose}, [start]
     for current in queue:
@@ -71,15 +74,15 @@ def propagate_poses(start: Key, pose: Pose, steps: Mapping[Key, list[tuple[Key, 
 
 
 def _fused(graph: Graph, poses: dict[str, Pose], tags: dict[Edge, object], inner: set[Edge]) -> Fused:
-    """Return the face made of the atoms with these poses.
+    """Return the face made of the atoms with these poses in the first atom's frame.
 
-    Neighbouring collinear edges become one edge if their ``tags`` are equal: the same kind of link to the same face.
-    ``inner`` edges lie between two atoms.
+    ``inner`` edges lie between two atoms and disappear. Neighbouring collinear edges become one edge if their ``tags``
+    are equal: the same kind of link to the same face.
     """
     first = graph.atoms[next(iter(poses))]
     ring = _ring(graph, poses, inner)
     corners = [i for i in range(len(ring)) if not _is_collinear(ring, tags, i)]
-    # Edges before the first corner continue the last edge.
+    # Edge n of the outline starts at corner n. Edges of the ring before the first corner continue the last edge.
     edges = {edge: (sum(corner <= i for corner in corners) - 1) % len(corners) for i, (edge, _) in enumerate(ring)}
     holes, marks, clearances = list[Hole](), list[Mark](), list[ToolClearance]()
     for path, pose in poses.items():
@@ -100,7 +103,7 @@ def _ring(graph: Graph, poses: dict[str, Pose], inner_edges: set[Edge]) -> list[
     first = next(iter(poses))
     if len(poses) == 1:
         return [((first, i), point) for i, point in enumerate(graph.atoms[first].outline_mm)]
-    # Edges with their start and end, by the rounded start.
+    # Edges with their start and end in the first atom's frame, by the rounded start.
     edges_by_start: dict[tuple[int, int], tuple[Edge, Point, Point]] = {}
     for path, pose in poses.items():
         for index in range(len(graph.atoms[path].outline_mm)):
@@ -112,6 +115,7 @@ def _ring(graph: Graph, poses: dict[str, Pose], inner_edges: set[Edge]) -> list[
     ring = [(edge, first_start)]
     while _key(end) != _key(first_start):
         if _key(end) not in edges_by_start or len(ring) > len(edges_by_start):
+            # The ring ends at a gap, or runs into its own middle.
             raise ComponentError(edge[0], "is fused with its neighbours into something without a closed outline")
         edge, start, end = edges_by_start[_key(end)]
         ring.append((edge, start))

@@ -118,9 +118,9 @@ class HingeModule(Component):
         if self._stop_mm() >= MIN_STOP_MM:
             cap_width_mm = shape.face_size_mm(f"{caps[0]}.cap")[0]
             stop_top_mm = wall_mm(self["height"], self.parts) - STOP_FROM_LID_MM - cap_inset_mm(self.parts)
-            glue_mm = self._web_mm() * GLUE_SHARE
+            flap_mm = self._web_mm() * GLUE_SHARE
             # A cap's printed side faces inwards, and the stop stands outside: it is turned over.
-            stop_pose = translation(cap_width_mm * (1 + STOP_SHARE) / 2, stop_top_mm - glue_mm, -film)
+            stop_pose = translation(cap_width_mm * (1 + STOP_SHARE) / 2, stop_top_mm - flap_mm, -film)
             shape.place(f"{hinge}.glue 1", f"{caps[0]}.cap", compose(stop_pose, rotation("y", math.pi)), laminated=True)
 
     def _stop_mm(self) -> float:

@@ -157,8 +157,9 @@ def facet(
 ) -> dict[str, Point]:
     """Return the outline of a facet with the names of its edges, counter-clockwise from the origin.
 
-    Edges ``next`` and ``last`` lie at x = length and 0, ``inner`` and ``outer`` between. ``hooks`` for the inner and the
-    outer disc stand in the middles of these. With ``base_mm``, ``last`` has an edge ``base`` so long in its middle.
+    Edges ``next`` and ``last`` lie at x = length and 0, ``inner`` and ``outer`` at y = 0 and width. ``hooks`` (for the
+    inner and the outer disc) stand in the middles of the latter. With ``base_mm``, the middle of ``last`` is an edge
+    ``base`` of that length, from which a tongue grows.
     """
     outline = {"inner": (0.0, 0.0)}
     if hooks[0] is not None:
@@ -224,14 +225,19 @@ def _add_strip(shape: Shape, size: WheelSize, strip: int, count: int) -> None:
     shape.polygon_hole(f"rim {strip} {count - 1}", f"rim {strip} slot", "slot", _slot_outline(size))
 
 
-def _tongue_width_mm(size: WheelSize) -> Point:
+def _tongue_width_mm(size: WheelSize) -> tuple[float, float]:
     """Return the tongue's width (mm), and how far its head reaches beyond it on each side (mm)."""
     return min(4.0, 0.36 * size.between_mm), min(1.5, 0.15 * size.between_mm)
 
 
 def _slot_outline(size: WheelSize) -> list[Point]:
-    """Return the slot in the last facet's frame: narrow where the tongue passes, wide where its head is put in."""
+    """Return the slot in the last facet's frame: narrow where the tongue passes, wide where its head is put in.
+
+    From ``right`` to ``middle`` it is narrow, to ``left`` wide. x runs towards the next strip, whose tongue comes back
+    over the facet in the direction of -x.
+    """
     overlap, distance_mm = _start_mm(size)
+    # The part through the slot descends from above the facet to the same distance below it; this is its extent along x.
     through_length = math.sqrt(_through_mm(size) ** 2 - (2 * distance_mm) ** 2)
     start = size.facet_mm - overlap - OUTSIDE_MM
     right = start + size.film_mm / 2 + size.clearance_mm
@@ -249,7 +255,7 @@ def _through_mm(size: WheelSize) -> float:
     return max(THROUGH_MM, THROUGH_FILMS * size.film_mm)
 
 
-def _start_mm(size: WheelSize) -> Point:
+def _start_mm(size: WheelSize) -> tuple[float, float]:
     """Overlap (mm) of the next strip's start along the last facet, and distance of the strip's tongue from that facet."""
     slope, film = size.slope_rad, size.film_mm
     shift = size.facet_mm * (math.cos(slope) - math.cos(size.turn_rad))

@@ -85,6 +85,7 @@ class WheelModule(Module):
                 shape.axle(f"beam.{side}", "", side, (*axis, wheel_z), self["radius"], running_width_mm)
             return
         # The layer behind a servo, or the nut of its screw, must not meet the tab of a cap.
+        # The axis is in the middle of the length, so the limit is twice the reach, rounded up to 0.1 mm.
         min_length_mm = math.ceil(20 * (servo_reach_mm(parts)[0] + self["tab_depth"])) / 10
         if self["tab_depth"] > 0 and self["length"] < min_length_mm:
             reason = f"a segment of its own: one {servo.name} and the cap's tabs"
@@ -151,6 +152,7 @@ class ElectronicsModule(BrainModule):
         hole = plug_room_mm(parts.plugs.usb) + 2 * (parts.feather.usb.tolerance + assembly.slot_clearance_mm.value)
         shape.round_hole("beam.left", "USB", "opening", (x, usb_height_mm(parts)), hole)
         self._place_battery(shape, layout, y)
+        # All wires count as one part in the module's middle.
         wires = (self["length"] / 2, across / 2, wall_mm(self["height"], parts) / 2)
         shape.part(parts.wiring, "beam.floor", wires)
         shape.graph.wires += _power_wires(parts)
@@ -164,6 +166,8 @@ class ElectronicsModule(BrainModule):
         battery, pad = parts.battery, parts.pad
         boards_kg = sum(part.mass_kg.value for part in (parts.feather, parts.featherwing, parts.lipo))
         reach = (across - film - (battery.length_mm if layout.turned else battery.width_mm).value) / 2
+        # How far from the middle, on the other side, the battery would balance the boards. The y of lid and floor run in
+        # opposite directions.
         offset = (boards_y - across / 2) * boards_kg / battery.mass_kg.value
         if parts.battery_place == "roof":
             self._place_on_roof(shape, layout.battery_mm, across / 2 + offset)
@@ -242,6 +246,7 @@ class ElectronicsModule(BrainModule):
                 battery_end_mm += gap_mm + battery_mm
             lipo_end_mm = self._lipo_end_mm()
             rear_mm, front_mm = (battery_end_mm, lipo_end_mm) if side < 0 else (lipo_end_mm, battery_end_mm)
+            # The limits of the boards' middle, from the module's rear. Parts may reach into the neighbours' free floor.
             low = max(rear_mm - self["floor_rear"], self["usb_low"])
             high = min(length + self["floor_front"] - front_mm, self["usb_high"])
             boards_middle = min(max(length / 2, low), high)
@@ -250,7 +255,10 @@ class ElectronicsModule(BrainModule):
             yield Layout(low, high, side, turned, boards_middle, lipo_middle, battery_middle)
 
     def _floor_variants(self) -> list[tuple[float, int, bool]]:
-        """Return the battery's length along x, the flange's ``side`` and ``turned`` for a battery on the floor."""
+        """Return the ways to lay a battery on the floor: its length along x (mm), ``side``, whether it is turned.
+
+        If ``side`` is 1, the battery is in front of the boards; if -1, behind them.
+        """
         battery, floor_mm = self.parts.battery, self["width"] - 2 * self.parts.film_mm
         orientations = ((battery.width_mm, battery.length_mm, True), (battery.length_mm, battery.width_mm, False))
         return [

@@ -54,18 +54,21 @@ def put_servo(shape: Shape, name: str, wall: str, axis_mm: Point, inward: float,
     where the servo's axis passes the wall; ``inward`` is 1 if its long side lies towards +x, else -1.
     """
     parts, servo, film = shape.parts, shape.parts.servo, shape.parts.film_mm
+    # The middle of the body, whose axis is near one of its ends.
     x, y = axis_mm[0] + inward * (servo.length_mm.value / 2 - servo.axis_from_end_mm.value), axis_mm[1]
     hole = _cut_servo_opening(shape, wall, f"{name}.wall opening", x, y)
     outline = rectangle_around((0.0, 0.0), doubler_length_mm(parts), height_mm)
     shape.layer(f"{name}.doubler", wall, outline, (x, y), "servo doubler")
     _cut_servo_opening(shape, f"{name}.doubler", f"{name}.opening", 0.0, 0.0)
-    # The ears' undersides lie on the outside of the wall.
+    # z of the wall's frame points into the car. The ears' undersides lie on the outside of the wall, the body's bottom is
+    # inside; depth is z of its middle.
     depth = servo.ear_underside_mm.value - servo.depth_mm.value / 2 - film / 2
-    # The box's length and width lie in the wall, its depth across it; half a turn puts its shaft's end at the axis.
+    # The box's length and width lie in the wall. If the long side points to -x, half a turn puts the shaft at the axis.
     pose = compose(translation(x, y, depth), rotation("z", 0.0 if inward > 0 else math.pi))
     size, title = (servo.length_mm.value, servo.width_mm.value, servo.depth_mm.value), shape.path(name)
     shape.box(servo.name, title, wall, pose, size, servo.mass_kg.value, [hole], _servo_solids(parts))
     for i, direction in enumerate((-1, 1), 1):
+        # The screws come from outside, through ear, wall and doubler.
         under_head = (x + direction * servo.screw_spacing_mm.value / 2, y, -film / 2 - servo.ear_thickness_mm.value)
         seat, grip = compose(translation(*under_head), rotation("x", math.pi)), servo.ear_thickness_mm.value + 2 * film
         add_screw(shape, parts.screw, f"{title} screw {i}", wall, seat, grip)
@@ -131,7 +134,7 @@ def _servo_solids(parts: Catalogue) -> list[Solid]:
     top_z, turret_z, spline_z = -depth / 2, z(servo.turret_top_mm), z(servo.spline_top_mm)
     holes = tuple((x, 0.0, servo.screw_hole_mm.value) for x in (-hole_x, hole_x))
     idler_x = axis_x + servo.idler_from_axis_mm.value
-    # The centre screw cuts its way into the spline.
+    # The centre screw cuts its thread into the servo's shaft, so turret and spline have a bore as wide as the screw.
     screw = parts.centre_screw.diameter_mm.value
     return [
         Solid("box", (length, width, depth), IDENTITY),

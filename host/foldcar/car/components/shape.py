@@ -165,6 +165,7 @@ class Shape:
         (x0, y0), (x1, y1) = start_mm, end_mm
         if start_mm == end_mm:
             return self.round_hole(face, name, kind, start_mm, width_mm)
+        # Counter-clockwise: half a circle around the end, then half a circle around the start.
         begin, half = math.atan2(y1 - y0, x1 - x0) - math.pi / 2, CIRCLE_POINTS // 2
         turns = [begin + 2 * math.pi * i / CIRCLE_POINTS for i in range(CIRCLE_POINTS + 1)]
         ends = on_circle(width_mm / 2, turns[: half + 1], end_mm), on_circle(width_mm / 2, turns[half:], start_mm)
@@ -247,16 +248,19 @@ class Shape:
         ``solids`` and ``clearances`` are given in the frame of its centre.
         """
         face = self._face(on)
-        shape = tuple(holes), tuple(solids), tuple(clearances)
-        self.graph.mounts.append(Mount(part, name, self.graph.atoms[face].body, pose, size_mm, mass_kg, face, *shape))
+        body, lists = self.graph.atoms[face].body, (tuple(holes), tuple(solids), tuple(clearances))
+        self.graph.mounts.append(Mount(part, name, body, pose, size_mm, mass_kg, face, *lists))
 
     def axle(self, on: str, servo: str, side: Literal["left", "right"], center_mm: tuple[float, float, float],
              radius_mm: float, tyre_width_mm: float) -> None:  # fmt: skip
         """Add a wheel with its centre (mm) in the frame of the face ``on``, driven by ``servo``, or free if it is ""."""
         face = self._face(on)
-        # Servos turn counter-clockwise above neutral, so those on the right turn backwards. The car numbers the channels.
-        turned = (servo, -1, side, 1 if side == "left" else -1)
-        axle = Axle("", self.graph.atoms[face].body, *turned, center_mm, radius_mm, tyre_width_mm)
+        # Servos turn counter-clockwise above neutral, so those on the right turn backwards. The car names the wheel and
+        # numbers the channel later.
+        axle = Axle(
+            wheel="", body=self.graph.atoms[face].body, servo=servo, channel=-1, side=side,
+            direction=1 if side == "left" else -1, center_mm=center_mm, radius_mm=radius_mm, tyre_width_mm=tyre_width_mm,
+        )  # fmt: skip
         self.graph.axles.append((face, axle))
 
     def begin_at(self, face: str, pose: Pose) -> None:

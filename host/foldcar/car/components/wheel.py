@@ -56,6 +56,7 @@ class Wheel(Component):
         # The discs are drawn as seen from inside the wheel.
         for name, mirror in (("inner", -1), ("outer", 1)):
             shape.face(name, _disc_outline(size, mirror), piece=f"wheel {name} disc")
+        # In the wheel's frame y is the axle. z of both discs points into the wheel.
         out = (size.width_mm - size.film_mm) / 2
         poses = {
             "inner": compose(translation(0, -out, 0), rotation("x", -math.pi / 2)),
@@ -95,9 +96,10 @@ class Wheel(Component):
 
 
 def _disc_outline(size: WheelSize, mirror: int) -> dict[str, Point]:
-    """Return the outline of a disc with a notch for each tie: the bottom of notch i is the edge ``notch i``.
+    """Return the outline of a disc with a notch for each tie, by the names of the edges that start at its points.
 
-    ``mirror`` is -1 if directions in the wheel's frame run clockwise in the disc's, else 1.
+    The bottom of notch i is the edge ``notch i``. ``mirror`` is -1 if directions in the wheel's frame run clockwise in
+    the disc's, else 1.
     """
     radius, (notch_half, notch_bottom) = size.disc_radius_mm, size.notch_mm
     notch_angle = math.asin(notch_half / radius)

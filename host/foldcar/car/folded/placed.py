@@ -83,7 +83,7 @@ def place(car: FoldedCar, bodies: Collection[str] = ()) -> dict[str, list[Placed
     pieces = {piece.name: piece for piece in car.pieces}
     rear_of_front = {hinge.front: hinge.rear for hinge in car.hinges}
     on_wheels = [placed for placed in car.placed if placed.body.startswith("wheel")]
-    # The wheels of a unit are copies of the same pieces: the first stands for all.
+    # The wheels of a unit are copies of the same pieces: the first stands for all. In reverse, it overwrites the others.
     first_wheel = {placed.piece: placed.body for placed in reversed(on_wheels)}
     skipped_wheels = {placed.body for placed in on_wheels} - set(first_wheel.values())
     shapes: dict[str, dict[str, Pose]] = {}

@@ -74,10 +74,11 @@ def across_crease(parent: tuple[Point, Point], child: tuple[Point, Point], angle
         (uy * ex - vy * ey, uy * ey + vy * ex, wy),
         (-vz * ey, vz * ex, wz),
     )
-    # The translation maps the midpoint q of the child's edge to the midpoint p of the parent's.
+    # The translation p - R q maps the midpoint q of the child's edge to the midpoint p of the parent's; R are the rows.
     px, py = (parent[0][0] + parent[1][0]) / 2, (parent[0][1] + parent[1][1]) / 2
     qx, qy = (child[0][0] + child[1][0]) / 2, (child[0][1] + child[1][1]) / 2
-    return (*((a, b, w, t - a * qx - b * qy) for (a, b, w), t in zip(rows, (px, py, 0.0), strict=True)), IDENTITY[3])
+    rows_with_p = zip(rows, (px, py, 0.0), strict=True)
+    return (*((rx, ry, rz, p - rx * qx - ry * qy) for (rx, ry, rz), p in rows_with_p), IDENTITY[3])
 
 
 def _cos_sin(angle_rad: float) -> tuple[float, float]:

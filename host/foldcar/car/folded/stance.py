@@ -52,12 +52,14 @@ def standing(wheels_mm: Sequence[Point], center_mm: Point) -> Stance:
     the axles, may hang from a single one with the centre of mass below that axle.
     """
     x, z = center_mm
+    # Level on the largest wheels no wheel is below the ground, so there is always a stance.
     stances = [Stance(0.0, max(radius for _, radius in wheels_mm))]
     for (rear, rear_radius), (front, front_radius) in itertools.combinations(sorted(wheels_mm), 2):
         if front > rear:
             pitch = math.asin(max(-1.0, min(1.0, (front_radius - rear_radius) / (front - rear))))
             stances.append(Stance(pitch, front_radius - front * math.sin(pitch)))
     for axle_x, radius in wheels_mm if z < 0 else ():
+        # The centre of mass is straight below the axle.
         pitch = math.atan((x - axle_x) / z)
         stances.append(Stance(pitch, radius - axle_x * math.sin(pitch)))
 

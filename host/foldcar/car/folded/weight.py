@@ -59,6 +59,7 @@ def mount_properties(mount: Mount) -> MassProperties:
         mass_kg = mount.mass_kg * volume / sum(volumes)
         x, y, z = (size * MM for size in solid.size_mm)
         if solid.kind == "cylinder":
+            # With radius r and length h: m (3 r² + h²) / 12 across the axis, m r² / 2 about it. x is the diameter.
             across = mass_kg * (0.75 * x**2 + z**2) / 12
             moments = np.array([across, across, mass_kg * x**2 / 8])
         else:

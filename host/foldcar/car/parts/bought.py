@@ -140,6 +140,7 @@ class Horn(Bought):
         xs, ys = [-half, half], [-half, half]
         if self.arms:
             for angle_deg, reach in zip(self.arms.at_deg, self.arms.reach_mm, strict=True):
+                # Rounding makes the cosine of 90° exactly 0.
                 xs.append(reach * round(math.cos(math.radians(angle_deg)), 9))
                 ys.append(reach * round(math.sin(math.radians(angle_deg)), 9))
         return min(xs), min(ys), max(xs), max(ys)
@@ -223,13 +224,13 @@ class Feather(BoxPart):
     def free_holes(self, screw: Screw) -> list[tuple[float, float]]:
         """Return the centres (x, y) of the holes at which a screw's nut can be turned without meeting other parts."""
         # Half of a hexagonal nut's width across corners.
-        nut = screw.nut_width_mm.value / math.sqrt(3) if screw.nut_width_mm else screw.diameter_mm.value / 2
+        nut_mm = screw.nut_width_mm.value / math.sqrt(3) if screw.nut_width_mm else screw.diameter_mm.value / 2
 
         def distance_mm(box: Box, at: tuple[float, float]) -> float:
             return math.hypot(*(max(0.0, abs(at[i] - box.at_mm[i]) - box.size_mm[i] / 2) for i in (0, 1)))
 
         holes = [at for pattern in self.holes for at in pattern.at_mm]
-        return [at for at in holes if all(distance_mm(box, at) > nut for box in self.standing)]
+        return [at for at in holes if all(distance_mm(box, at) > nut_mm for box in self.standing)]
 
 
 class FeatherWing(BoxPart):

@@ -121,9 +121,10 @@ def solid_blocks(solid: Solid, title: str) -> Blocks:
     corners = box((x, y, z)) if solid.kind == "box" else prism(x / 2 - SKIN_MM, -z / 2 + SKIN_MM, z / 2 - SKIN_MM)
     if not solid.bores:
         return blocks_of([corners], title).moved(solid.pose)
-    # Bores are polygons around their circles.
+    # The polygons of bores enclose their circles, so that a shaft of the same diameter passes.
     scale = 1 / math.cos(math.pi / SIDES)
     bores = [shapely.Point(u, v).buffer(bore_mm / 2 * scale, quad_segs=SIDES // 4) for u, v, bore_mm in solid.bores]
+    # The corners are SKIN_MM inside the solid, and the plate takes off the same again, so it is added here.
     shape = shapely.MultiPoint(corners[:, :2]).convex_hull.buffer(SKIN_MM, join_style="mitre")
     return plate(shape.difference(shapely.union_all(bores)), z, title).moved(solid.pose)
 
@@ -222,15 +223,16 @@ def find_exit_path(
 ) -> ExitPath:
     """Find a path of one or two straight moves that takes solids out of the standing ones.
 
-    Directions are the car's axes and ``own_axes``, those of the part. Single moves are tried first, in the order of
-    length, where a move upwards counts half; then pairs, in the order of the first move's length. With ``only_own`` only
-    single moves along ``own_axes`` are tried.
+    Directions are the car's axes and ``own_axes``, those of the part. Single moves are tried first, the shortest first;
+    a move upwards counts half, because parts are best put in from above. Pairs of moves follow, in the order of the
+    first move's length. With ``only_own`` only single moves along ``own_axes`` are tried.
     """
     overlapped = first_obstacle(moving, standing, ignored=ignored)
     if overlapped is not None:
         return ExitPath(None, overlapped=overlapped)
     directions: list[Vector] = []
     for direction in own_axes if only_own else (*AXES, *own_axes):
+        # The part's axes are often the car's.
         if all(np.dot(direction, other) < 0.999 for other in directions):
             directions.append(direction)
     moves = [(direction, _out(moving, standing, direction)) for direction in directions]
@@ -246,9 +248,11 @@ def find_exit_path(
         for direction in list(first_directions):
             first = vector(np.array(direction) * length)
             if first_obstacle(moving, standing, first, ignored) is not None:
+                # A longer move would meet the same obstacle.
                 first_directions.remove(direction)
                 continue
             after_first = moving.moved(translation(*first))
+            # A second move along the first one's line would be the same as a single move.
             for second_direction in (other for other, _ in obstacles if abs(np.dot(other, direction)) < 0.9):
                 second = _out(after_first, standing, second_direction)
                 if first_obstacle(after_first, standing, second, ignored) is None:

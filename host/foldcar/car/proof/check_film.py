@@ -85,6 +85,7 @@ def _check_overlaps(piece: Piece) -> Iterator[Finding]:
     names, shapes = list(flat), list(flat.values())
     tree = shapely.STRtree(shapes)
     for i, k in tree.query(shapes, predicate="intersects").T.tolist():
+        # The query returns each pair twice, and each face with itself.
         area = shapely.intersection(shapes[i], shapes[k], grid_size=GRID_MM).area if i < k else 0.0
         if area > OVERLAP_MM2:
             yield Finding("overlap", f"{piece.name}: {names[i]}", f"overlaps {names[k]} by {area:.2f} mm² in the flat")
@@ -141,9 +142,9 @@ def check_joins(car: FoldedCar, bodies: Bodies) -> Iterator[Finding]:
     for join in (join for join in car.joins if join.kind in checks):
         ends = itertools.product(copies[join.piece_a, join.a.face], copies[join.piece_b, join.b.face])
         for a, b in ends:
-            # Hooks of wheels are turned behind the film after they went through their slots.
-            hook = join.kind in ("tab_slot", "lock") and a.body.startswith("wheel")
-            if a.body == b.body and not hook:
+            # Hooks of wheels go through their slots and are turned behind the film then, so they are not at their slots.
+            is_hook = join.kind in ("tab_slot", "lock") and a.body.startswith("wheel")
+            if a.body == b.body and not is_hook:
                 yield from checks[join.kind](join, a, b)
 
 

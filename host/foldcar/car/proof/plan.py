@@ -52,6 +52,7 @@ class Building:
         self._folded |= {name for name, fractions in folds.items() if any(fractions.values())}
         if unit:
             self._in_units |= {piece.piece for piece in pieces}
+        # The pieces of a unit that is put in are no longer apart from the car.
         for added_unit in units:
             self._in_units -= {added.name for step in self.steps if step.unit == added_unit.name for added in step.adds}
         joins = self._joins(flat, unit)
@@ -79,7 +80,7 @@ class Building:
     def _joins(self, flat: bool, unit: str) -> tuple[int, ...]:
         """Return the joins that can be made now: all copies of both pieces are in the car (or the unit) and folded.
 
-        Layers are joined while flat.
+        Layers are laminated while they are flat. Joins of the lid are made later.
         """
         pieces = self.roles.car.pieces
         complete = {piece.name for piece in pieces if all((piece.name, i) in self._present for i in range(piece.count))}
@@ -171,8 +172,10 @@ def _plan_inside(roles: Roles, building: Building) -> None:
     carried = [m for carrier in carriers for m in roles.carried(carrier) if not roles.is_fastener(m)]
     parts = [m for m in car.mounts if m.body not in wheels and not roles.is_fastener(m) and m.name not in building.parts]
     wires = [extension.name for extension in car.parts.extensions.sold] + [car.parts.wiring.name]
+    # Extension cables come before the other wires.
     plugged_parts = sorted((m for m in parts if m.part in wires), key=lambda m: m.part == wires[-1])
     axle_parts = (car.parts.axle_tube.name, car.parts.axle_cap.name)
+    # Parts that come in with their carrier, last of all, with the lid or with the axles are not put in one by one.
     later = (*plugged_parts, *carried)
     parts = [m for m in parts if m not in later and not roles.is_on_lid(m) and m.part not in axle_parts]
     under_carrier = [m for m in parts if m.part == car.parts.lipo.name and carriers]
@@ -240,16 +243,16 @@ def plan_service(car: FoldedCar) -> tuple[AssemblyStep, ...]:
             outside = roles.from_outside(mount, clearance)
             action = f"{USES[clearance.tool]} {mount.name}, the lid {'shut' if outside else 'open'}"
             (with_lid_shut if outside else with_lid_open).append(
-                AssemblyStep(action, {}, (), (), (ToolUse(mount.name, i),))
+                AssemblyStep(action, folds={}, adds=(), joins=(), tool_uses=(ToolUse(mount.name, i),))
             )
     folds = {name: dict.fromkeys(lid.creases, 0.0) for name, lid in sorted(roles.lids.items()) if lid.creases}
     for mount in (m for m in car.mounts if m.part == car.parts.battery.name):
         on_lid = roles.is_on_lid(mount)
         title = f"Take {mount.name} {'off' if on_lid else 'out'}"
         (with_lid_shut if on_lid else with_lid_open).append(
-            AssemblyStep(title, {}, (AddedPart("mount", mount.name, 0, mount.body),), ())
+            AssemblyStep(title, folds={}, adds=(AddedPart("mount", mount.name, 0, mount.body),), joins=())
         )
     gripped = [(name, face) for name in folds for face in roles.lids[name].gripped]
     grips = tuple(ToolUse(face.name, i, name) for name, face in gripped for i in range(len(face.clearances)))
-    opening = [AssemblyStep(OPEN, folds, (), (), grips)] if folds else []
+    opening = [AssemblyStep(OPEN, folds, adds=(), joins=(), tool_uses=grips)] if folds else []
     return (*with_lid_shut, *opening, *with_lid_open)

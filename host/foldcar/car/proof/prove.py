@@ -179,12 +179,16 @@ class _Prover:
         return self.roles.mounts[added.name].part in (self.car.parts.wiring.name, self.car.parts.tyre.name)
 
     def _with_insertion_path(self, place: str, added: AddedPart, present: Mapping[PartKey, Blocks]) -> AddedPart:
-        """Return the part with its insertion path, the reverse of a path out; add a finding if there is no path."""
+        """Return the part with its insertion path, the reverse of its path out of the parts that are ``present``.
+
+        A screw's nut has a path of its own. Without a path the part keeps an empty one, and a finding is added.
+        """
         moving = merge_blocks(self._solid(key) for key in self._part_keys(added))
         standing = merge_blocks(present.values())
         own_axes: list[Vector] = []
         mount = self.roles.mounts[added.name] if added.kind == "mount" else None
         if mount is not None:
+            # The columns of the rotation are the part's axes in the car: +x, -x, +y, -y, +z, -z.
             axes = np.array(mount.pose)[:3, :3].T
             own_axes = [vector(sign * axis) for axis in axes for sign in (1.0, -1.0)]
         nut_path: ExitPath | None = None
@@ -194,10 +198,11 @@ class _Prover:
             for _, missing_name, _ in (key for key in added.passes if key not in present):
                 self._add_finding(place, f"{self._name(added)} passes {missing_name}, which is not there yet")
         elif mount is not None and self._plugs_onto(mount, present):
-            # Pins go straight into their sockets: along +z or -z, the last two of the axes.
+            # Pins go straight into their sockets, along the part's +z or -z.
             exit_path = find_exit_path(moving, standing, own_axes[4:], self.joined, only_own=True)
         else:
             exit_path = find_exit_path(moving, standing, own_axes, self.joined)
+        # The paths of the part and of its nut, each backwards; empty for a part without a nut.
         insertion_paths = []
         for subject, path in (("", exit_path), ("the nut of ", nut_path)):
             if path is not None and path.moves_mm is None:

@@ -79,7 +79,8 @@ class Roles:
         for other in (base, *(p for p in self.placed(copy.body) if p not in (base, copy))):
             ends = ((j.piece_b, j.b.face) if j.piece_a == copy.piece else (j.piece_a, j.a.face) for j in glued)
             for face in (face for piece, face in ends if piece == other.piece):
-                if self._lies_on(copy, other, face) if is_layer else not self.is_layer(other):
+                is_host = self._lies_on(copy, other, face) if is_layer else not self.is_layer(other)
+                if is_host:
                     return other, face
         return None
 
@@ -226,6 +227,7 @@ def lid_of(car: FoldedCar, base: Piece) -> Lid:
     closing_joins = set()
     for join in (join for join in car.joins if join.kind in ("lock", "tuck")):
         ends = {(join.piece_a, join.a.face), (join.piece_b, join.b.face)}
+        # A join that shuts the lid has one end on it; a join between two of its own faces has both.
         if sum(piece == base.name and face in moving for piece, face in ends) == 1:
             closing_joins.add(join.number)
     gripped = tuple(face for face in base.faces if face.name in moving and face.clearances)
@@ -237,6 +239,7 @@ def stands_in(screw: Mount, solid: Solid, other: Mount, bored: Solid) -> bool:
     if solid.kind != "cylinder" or not bored.bores:
         return False
     to_bored = np.array(compose(inverse(compose(other.pose, bored.pose)), screw.pose, solid.pose))
+    # The shank's middle and axis in the bored solid's frame, whose bores run along z.
     x, y, z = to_bored[:3, 3]
     if abs(to_bored[2, 2]) < PARALLEL or abs(z) >= (solid.size_mm[2] + bored.size_mm[2]) / 2:
         return False

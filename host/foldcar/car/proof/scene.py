@@ -57,15 +57,21 @@ class Stage:
         return {name: self.mount(self.roles.mounts[name])}
 
     def _shift(self, host: Host) -> Pose:
-        """Return the motion of a face from its pose in the finished car to its pose at this stage."""
+        """Return the motion, in the car's frame, of a face from its pose in the finished car to its pose at this stage.
+
+        A host is a copy of a piece and its face on which something is fixed. None moves nothing.
+        """
         if host is None:
             return IDENTITY
-        piece, face = host
-        host_motion = self._shift(self.roles.host(piece))
-        current, finished = self._folded(piece.piece)[face], self.roles.finished[piece.piece][face]
+        copy, face = host
+        # The copy may be fixed to a face that moves itself.
+        host_motion = self._shift(self.roles.host(copy))
+        # Both are the face's pose in the frame of its piece's first face.
+        current, finished = self._folded(copy.piece)[face], self.roles.finished[copy.piece][face]
         if current == finished:
             return host_motion
-        return compose(host_motion, piece.pose, current, inverse(finished), inverse(piece.pose))
+        # From the car's frame back to the finished face, then on to the face as it is folded now.
+        return compose(host_motion, copy.pose, current, inverse(finished), inverse(copy.pose))
 
 
 TONGUES = frozenset({"lock", "tab_slot", "rim"})
@@ -89,7 +95,8 @@ class Scene:
         # Cache of the solids of pieces and mounts at their latest poses.
         self._last: dict[PartKey, tuple[dict[str, Pose], Blocks]] = {}
         self._tongues: dict[tuple[str, str], list[shapely.Geometry]] = defaultdict(list)
-        # All faces of a tongue's piece are cut where it meets a face of another piece: one join of the pair suffices.
+        # One join suffices for each tongue's piece and slotted face, because all faces of the piece are cut there. Of a
+        # piece that locks into itself each tongue's face needs its own.
         cuts = {(j.piece_a, j.piece_b, j.b.face, j.a.face if j.piece_a == j.piece_b else ""): j for j in roles.car.joins}
         for join in (join for join in cuts.values() if join.kind in TONGUES and not tongues):
             for face, tongue in self._through(join):
@@ -149,8 +156,9 @@ class Scene:
     def _through(self, join: Join) -> Iterator[tuple[str, shapely.Geometry]]:
         """Yield (face, region) of a tongue's piece: the part of each face, in its frame, that is in the slot of a join.
 
-        It is the band of the face whose height over the slot's face is between the film and the tongue's tip. All faces
-        of the piece are cut, because tongues may share a slot; of a piece that locks into itself only the tongue's.
+        The region is the band of the face from the near side of the slot's film to just behind the tongue's tip. All
+        faces of the piece are cut, because several tongues may share a slot. Of a piece that locks into itself, only the
+        tongue's face is cut, because the slot is in another face of it.
         """
         roles, piece = self.roles, self.roles.pieces[join.piece_a]
         tip = np.mean(edge(roles.faces[join.piece_a], join.a), axis=0)
@@ -158,9 +166,11 @@ class Scene:
         # A piece with a tongue occurs only once in a body, so the body tells which copies are joined.
         tongue, slotted = next(pair for pair in itertools.product(*copies) if pair[0].body == pair[1].body)
         to_slot = inverse(roles.pose_of(slotted, join.b.face))
+        # The tip's height over the slot's face; negative if the tongue comes from above.
         height = apply(compose(to_slot, roles.pose_of(tongue, join.a.face)), *tip)[2]
         half_film = roles.pieces[join.piece_b].thickness_mm / 2
         for face in (face for face in piece.faces if join.piece_a != join.piece_b or face.name == join.a.face):
+            # The face's pose relative to the slot's face; heights count in the direction of the tip.
             relative = np.array(compose(to_slot, roles.pose_of(tongue, face.name))) * (1.0 if height > 0 else -1.0)
             # Height of (x, y) of the face over the film: slope @ (x, y) + offset.
             slope, offset = relative[2, :2], relative[2, 3]

@@ -184,7 +184,10 @@ def _marks(marks: Sequence[Mark], seen: Sequence[VisibleFacet], view: Camera, si
 
 
 def _moved_clear(point: Vector, placed: Sequence[Vector], min_distance: float) -> Vector:
-    """Return the point (2,), moved away from the points already placed: each time by the nearest's minimum distance."""
+    """Return the point (2,), moved to the minimum distance from the nearest of the points that are already placed.
+
+    Another point may be too near then, so this is repeated, at most once for each point.
+    """
     for _ in placed:
         nearest = min(placed, key=lambda other: float(np.linalg.norm(point - other)))
         offset = point - nearest
@@ -199,6 +202,7 @@ def _arrow(arrow: Arrow, view: Camera, size: float) -> str:
     """Return the SVG of an arrow with a white edge, visible on any colour; "" if it is too short in the picture."""
     points = view.flat(arrow.points_mm)
     colour, width = ARROWS[arrow.kind]
+    # Lengths are fractions of the picture's larger side, so that arrows look alike in all pictures.
     line_width, tip_length = size * width / 100, size * (0.008 + 0.025 * width)
     direction = points[-1] - points[-2]
     last_length = float(np.linalg.norm(direction))
@@ -207,6 +211,7 @@ def _arrow(arrow: Arrow, view: Camera, size: float) -> str:
     direction = direction / last_length * min(tip_length, 0.6 * last_length)
     half_width = 0.42 * np.array([-direction[1], direction[0]])
     tip_base = points[-1] - direction
+    # The line ends a little inside the tip, so that no gap shows.
     line_path = _polyline(np.vstack([points[:-1], tip_base + 0.2 * direction]))
     tip_path = _polyline(np.stack([points[-1], tip_base + half_width, tip_base - half_width])) + "Z"
     label = ""

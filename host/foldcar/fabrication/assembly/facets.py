@@ -70,6 +70,7 @@ def film_shape(
         if face.name not in shown_faces:
             continue
         face_pose, key = poses[face.name].copy(), prefix + face.name
+        # A glued face is drawn beside the face that it lies on, not in the same plane.
         face_pose[:3, 3] += offsets.get(face.name, 0.0) * face_pose[:3, 2]
         rings = tuple(moved(face_pose, ring) for ring in (np.array(face.outline_mm), *map(_hole_ring, face.holes)))
         facets.append(Facet(key, rings, face_pose[:3, 2]))

@@ -82,6 +82,7 @@ def cutting_step(cut: CutCar, machine: str) -> Step:
         shape = film_shape(piece, np.eye(4), 0.0)
         points = np.concatenate([facet.rings_mm[0] for facet in shape.facets])
         across, along, _ = np.ptp(points, axis=0)
+        # A piece that is long along y is turned to lie across the picture.
         view = camera(180, 90) if along > UPRIGHT * across else ABOVE
         marks = join_marks(cut.car, piece, np.eye(4), 0.0)
         caption = piece.label + (f", {piece.count} times" if piece.count > 1 else "")

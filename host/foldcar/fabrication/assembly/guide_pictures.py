@@ -130,7 +130,8 @@ def _opening_arrows(car: FoldedCar, state: AssemblyState) -> list[Arrow]:
 def _views(scene: "Scene") -> list[tuple[Camera, str]]:
     """Return the cameras and captions of a scene's pictures, so that every new part is seen from where it comes."""
     if scene.outward is not None:
-        return [(camera(35 if scene.outward[1] > 0 else -35, 18), "seen from its outer side")]
+        azimuth_deg = 35 if scene.outward[1] > 0 else -35
+        return [(camera(azimuth_deg, elevation_deg=18), "seen from its outer side")]
     sides = scene.sides
     if not sides and np.ptp(points([scene.shape])[:, 2]) < FLAT_MM:
         return [(FLAT, "")]
@@ -169,6 +170,7 @@ class Scene:
         self.arrows: list[Arrow] = []
         self.marks: list[Mark] = []
         self._displaced: list[_DisplacedPart] = []
+        # Units of several bodies, such as wheels, are alike: the first is drawn.
         added_parts = [added for added in step.adds if not step.unit or added.body == body]
         new_ids = {id(part) for added in added_parts for part in state.parts_of(added)}
         all_parts = state.unit_parts(step.unit, body) if step.unit else state.in_place
@@ -191,12 +193,13 @@ class Scene:
         return [arrow for arrow, back in arrows if back @ view.toward > -BEHIND * np.linalg.norm(back)]
 
     def _show_added(self, added: AddedPart) -> list[Shape]:
-        """Return the shapes of the parts of ``added``, apart from their places; a nut is apart from its screw."""
+        """Return the shapes of the parts of ``added``, drawn at a distance from their places; a nut, from its screw."""
         parts = self.state.parts_of(added)
         if added.nut_mm:
             (screw,) = parts
             assert isinstance(screw, Mount)
             shank, nut = shank_and_nut(screw)
+            # The picture shows only the nut's last move, onto the shank.
             nut_added = replace(added, way_mm=added.nut_mm[-1:])
             return [*self._show_apart(added, [shank]), *self._show_apart(nut_added, [nut])]
         return self._show_apart(added, parts)
@@ -225,9 +228,10 @@ class Scene:
         return [self.state.shape(part, shift, creases=not moves) for part in parts]
 
     def _shift_of_obstacle(self, box: Vector, out: Vector) -> Vector:
-        """Return the largest shift (3,) of the parts that stand apart in the way of a box moving out; 0 without any.
+        """Return the largest shift (3,) of displaced parts that a box moving along ``out`` would meet; 0 without any.
 
-        A part is in the way if it went out in about the same direction and overlaps the box across that direction.
+        ``box`` is (2, 3): its minimum and maximum (mm). A part is in the way if it was displaced in about the same
+        direction and overlaps the box across that direction.
         """
         across = np.abs(out) < ACROSS
         shifts = [np.zeros(3)]
@@ -244,6 +248,7 @@ class Scene:
         """
         moves = [np.array(move) for move in added.way_mm if np.linalg.norm(move) > 0]
         if not moves and self.axle_mm is not None and added.kind == "piece" and is_wound(self.state.pieces[added.name]):
+            # The axle runs along y.
             radial = (box.mean(axis=0) - self.axle_mm) * (1.0, 0.0, 1.0)
             moves = [-radial] if np.linalg.norm(radial) > 0 else []
             return [STRIP_APART_MM * move / np.linalg.norm(move) for move in moves]
@@ -347,7 +352,7 @@ def _number_place(join: Join, piece: Piece, side: str) -> tuple[str, Vector] | N
         # A wound strip's faces are short, so the number is on the next face.
         fold_ends = [(crease.parent.face, crease.child.face) for crease in piece.creases]
         neighbours = [faces[b] for pair in fold_ends for a, b in permutations(pair) if a == face.name]
-        neighbour = max(neighbours, key=lambda hole: float(np.ptp(hole.outline_mm, axis=0).prod()), default=face)
+        neighbour = max(neighbours, key=lambda other: float(np.ptp(other.outline_mm, axis=0).prod()), default=face)
         return neighbour.name, np.array(neighbour.outline_mm).mean(axis=0)
     if side == "a" and join.kind in ("tab", "lap", "rim"):
         return face.name, outline.mean(axis=0)

@@ -124,16 +124,18 @@ def _hidden(shapes: NDArray[np.object_], planes: Vector) -> dict[int, list[BaseG
 def _overlapping(
     shapes: NDArray[np.object_], planes: Vector
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.bool_]]:
-    """Return pairs of overlapping outlines, the first behind the second somewhere, and whether it is everywhere.
+    """Return n pairs of overlapping outlines, of which the first is behind the second in a part of their region.
 
-    The results are two arrays of indices and one of truth values, each (n,). Depths differ linearly over the picture, so
-    over the region that two outlines share the difference lies between its minimum and maximum at their corners.
+    The three arrays (n,) are the index of the outline behind, that of the outline ahead, and whether it is ahead
+    everywhere. ``planes`` (faces, 3) are c, a, b of the depth c + a u + b v. Depths differ linearly over the picture, so
+    over the common region the difference lies between its minimum and maximum at either outline's corners.
     """
     shapely.prepare(shapes)
     behind, ahead = STRtree(shapes).query(shapes, predicate="intersects")
     corners, owners = shapely.get_coordinates(shapes, return_index=True)
     depths = planes[:, :1] + planes[:, 1:2] * corners[:, 0] + planes[:, 2:] * corners[:, 1]
-    # How much nearer the plane of each face is than the corners of each other face: minimum and maximum.
+    # How much nearer the plane of each face is than the corners of each other face, (faces, corners). Then the minimum
+    # and maximum over each face's corners, (faces, faces).
     leads = depths - depths[owners, np.arange(len(corners))]
     starts = np.searchsorted(owners, np.arange(len(shapes)))
     least, greatest = (reduce.reduceat(leads, starts, axis=1) for reduce in (np.minimum, np.maximum))
@@ -166,7 +168,8 @@ def _nearer_part(region: BaseGeometry, lead_plane: Vector) -> BaseGeometry:
         return Polygon()
     if (leads > 0).all():
         return region
-    # The half plane is cut out by a square larger than the region, one of whose sides lies on the line of lead 0.
+    # The region is intersected with the half plane of positive leads: a square larger than the region, one of whose
+    # sides lies on the line of lead 0.
     slope = math.hypot(*gradient)
     along, inward = np.array([-gradient[1], gradient[0]]) / slope, gradient / slope
     middle = corners.mean(axis=0)

@@ -89,6 +89,7 @@ class Operations:
 
         Tolerances of the pace and of every kind's seconds are independent errors, so their squares add up.
         """
+        # Without any operation the errors are 0 too, and 0 / inf is 0.
         pace, seconds = kinds()["pace"], self._seconds or math.inf
         errors = math.hypot(*(count * kinds()[kind].tolerance for kind, count in self.counts.items()))
         relative_error = math.hypot(pace.tolerance / pace.value, errors / seconds)
@@ -128,9 +129,10 @@ def operations_by_step(car: FoldedCar) -> list[tuple[AssemblyStep, Operations]]:
     result = []
     for step in assembly_steps(car):
         folded_pieces = [pieces[name] for name in step.folds]
+        # A join of a wheel occurs once for each wheel that has its pieces.
         joins = [join for join in car.joins if join.number in step.joins for _ in range(_repetitions(car, join))]
         parts = [mounts[added.name] for added in step.adds if added.kind == "mount"]
-        # Caps count by their tabs' tape, whether they carry a switch or not.
+        # A cap with a switch is put in as a unit. Taping its tabs is its only operation, as for a cap without a switch.
         taped = {name for join in joins if join.kind == "tab" for name in (join.piece_a, join.piece_b)}
         # Of the parts, only the LiPo needs tape: pads are adhesive. Wires count as plugs.
         step_operations = Operations(
@@ -191,9 +193,10 @@ def is_wound(piece: Piece) -> bool:
 
 
 def disc_turns(car: FoldedCar, step: AssemblyStep) -> list[Join]:
-    """Return one join for each disc that a step turns relative to a wheel's hub until the hooks hold.
+    """Return one join for each disc that is turned in a step.
 
-    Discs are the pieces of wheels without creases; the hub's hooks lock into their slots.
+    The hooks of a wheel's hub are put through the slots of a disc. Then the disc is turned, which locks all of them at
+    once. Discs are a wheel's pieces without creases.
     """
     discs = {piece.name for piece in car.pieces if not piece.creases} & _on_wheels(car)
     joins: dict[str, Join] = {}

@@ -67,7 +67,10 @@ class SceneShapes:
         return parts
 
     def _faces(self, piece: Piece) -> int:
-        """Return the index of a folded piece among ``pieces``; on first use add its faces, in units of UNIT_MM."""
+        """Return the index of a folded piece among ``pieces``. On first use add its faces, integers in units of UNIT_MM.
+
+        A face is a list of rings, each x, y, z, x, y, z, …: its outline and its holes.
+        """
         if piece not in self._film:
             plain, poses, faces = _without_small_holes(piece), face_poses(piece), []
             for face in plain.faces:

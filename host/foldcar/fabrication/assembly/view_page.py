@@ -7,6 +7,7 @@ Units are millimetres and radians, poses are 16 numbers, row-major. The page com
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from importlib.resources import files
 from typing import Any
 
@@ -154,7 +155,9 @@ def _is_smooth(crease: Crease, faces: dict[str, Face]) -> bool:
 
 
 def _shared_edges(piece: Piece, faces: dict[str, Face]) -> tuple[dict[str, set[int]], dict[str, list[tuple[int, str]]]]:
-    """Return two lists by face: indices of its edges that are not cut; (index of a point on a smooth bend, face beyond).
+    """Return, by face, the indices of its edges that are not cut, and the points that it shares over smooth bends.
+
+    Such a point is (index, face beyond the bend).
 
     A fold's longer edge is cut where it goes beyond the shorter one, so it counts as uncut only if both are equal.
     """
@@ -199,29 +202,40 @@ def _numbers(pose: Pose) -> list[float]:
     return [round(value, 6) for row in pose for value in row]
 
 
-def arrange_in_rows(extents: list[tuple[float, float, float, float]]) -> list[list[float]]:
-    """Arrange rectangles without overlap in rows around the centre; return poses [x, y, turn] of their origins.
+@dataclass
+class _Row:
+    """A row of rectangles along x; the first ``occupied_mm`` of it are taken."""
 
-    A rectangle is minimum x and y, size along x and y (mm). Rectangles longer along y than along x are turned by 90°, so
-    that rows are low. The highest rectangles are placed first, each in the first row with room.
+    low_y_mm: float
+    height_mm: float
+    occupied_mm: float = 0.0
+
+
+def arrange_in_rows(extents: list[tuple[float, float, float, float]]) -> list[list[float]]:
+    """Arrange rectangles without overlap in rows around the centre; return the poses [x, y, turn] of their frames.
+
+    A rectangle is (minimum x, minimum y, size along x, size along y) in its own frame (mm); turns are in rad. Rectangles
+    longer along y than along x are turned by 90°, so that rows are low. The highest rectangles are placed first, each in
+    the first row with room.
     """
     sizes = [(max(dx, dy) + GAP_MM, min(dx, dy) + GAP_MM) for _, _, dx, dy in extents]
-    # The rows together are about square; rows cannot be filled completely.
-    width = max(1.15 * math.sqrt(sum(a * b for a, b in sizes)), max(a for a, _ in sizes))
-    rows: list[list[float]] = []  # y, height, occupied length along x
+    # The rows together should be about square. They cannot be filled completely, so the side is larger than the areas'.
+    width = max(1.15 * math.sqrt(sum(along * across for along, across in sizes)), max(along for along, _ in sizes))
+    rows: list[_Row] = []
+    # Each rectangle's corner with the minimum x and y, as it is arranged.
     corners = [(0.0, 0.0)] * len(extents)
     for i in sorted(range(len(extents)), key=lambda i: (-sizes[i][1], i)):
         along, across = sizes[i]
-        row = next((row for row in rows if row[2] + along <= width), None)
+        row = next((row for row in rows if row.occupied_mm + along <= width), None)
         if row is None:
-            row = [rows[-1][0] + rows[-1][1] if rows else 0.0, across, 0.0]
+            row = _Row(rows[-1].low_y_mm + rows[-1].height_mm if rows else 0.0, across)
             rows.append(row)
-        corners[i] = (row[2] - width / 2, row[0])
-        row[2] += along
-    middle = (rows[-1][0] + rows[-1][1]) / 2
+        corners[i] = (row.occupied_mm - width / 2, row.low_y_mm)
+        row.occupied_mm += along
+    middle = (rows[-1].low_y_mm + rows[-1].height_mm) / 2
     places = []
     for (x, y), (low_x, low_y, along, across) in zip(corners, extents, strict=True):
-        # A quarter turn maps (x, y) to (-y, x).
+        # A quarter turn maps (x, y) to (-y, x), so the side with the largest y becomes the one with the smallest x.
         turned = across > along
         origin = (x + low_y + across, y - low_x) if turned else (x - low_x, y - low_y)
         places.append([round(origin[0], 3), round(origin[1] - middle, 3), math.pi / 2 if turned else 0.0])

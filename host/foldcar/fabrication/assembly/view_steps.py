@@ -122,6 +122,7 @@ def _exploded(
     Parts of a body with the same direction are ranked by how far out they are; each rank goes NEXT_MM farther. A part
     without a way goes outwards along the axle if it is of a wheel, else up.
     """
+    # By body and rounded direction, the parts with their depth along the direction and the shift of their units.
     groups: dict[tuple[str, tuple[int, ...]], list[tuple[float, Part, NDArray[np.float64]]]] = {}
     for part, ways in steps.ways.items():
         if part in steps.bases.values():
@@ -131,6 +132,7 @@ def _exploded(
         ways_out = [way[:1] if part[0] == NUT else way for _, way, _, _ in ways]
         directions = [np.array(way).sum(axis=0) if way else np.array(_axis_out(folded, item.body)) for way in ways_out]
         directions = [direction / np.linalg.norm(direction) for direction in directions]
+        # Rounded to thirds, nearly equal directions are the same.
         key = (item.body, tuple(int(value) for value in np.rint(3 * directions[0])))
         # Later directions are those of the unit that the part belongs to, which goes out as a whole.
         unit_shift = sum(directions[1:], np.zeros(3)) * FIRST_MM

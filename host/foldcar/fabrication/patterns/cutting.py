@@ -109,6 +109,7 @@ def _folds(options: Options) -> tuple[FlatPiece, list[Shape]]:
         marks += [Path("FOLD_VALLEY", cut) for cut in cuts]
         marks += _text(f"{cut_mm:g}", (left + right) / 2, base_y + 10.5)
         marks += _text(f"{bridge_mm:g}", (left + right) / 2, base_y + 6.0)
+    # The corners of the comb's back beside the tongues, which run from right to left.
     points += [(0.0, base_y)]
     points[2:2] = [(len(DASHES_MM) * pitch, base_y)]
     return _piece("folds", Polygon(points)), marks

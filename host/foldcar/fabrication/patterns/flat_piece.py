@@ -180,6 +180,7 @@ def _placings(piece: Piece, thickness_mm: float, options: Options) -> dict[str, 
         pose = poses[crease.parent.face]
         a, b = edge(faces, crease.parent)
         saved_per_length = _saved_mm(crease, thickness_mm, options) / math.dist(a, b)
+        # The child's move in the parent's frame: along the edge's inward normal.
         x, y = -(b[1] - a[1]) * saved_per_length, (b[0] - a[0]) * saved_per_length
         parent_shift = shifts[crease.parent.face]
         shifts[crease.child.face] = (
@@ -208,6 +209,7 @@ def _flat_face(face: Face, corners: list[list[Point]], place: Callable[[Point], 
         at = [place(p) for p in points]
         return tuple(zip(at, [*at[1:], at[0]], strict=True))
 
+    # Holes run clockwise, so that the film is on the left of their edges too.
     holes = {hole.name: ring(reversed(hole.outline_mm)) for hole in face.holes}
     laid = {mark.name: ring(mark.outline_mm) for mark in face.marks}
     return FlatFace(face.name, face.role, outline, edges, holes, laid)
@@ -259,6 +261,7 @@ def moved_to_origin(flat: FlatPiece) -> FlatPiece:
 def _shifted(value: Any, x: float, y: float) -> Any:
     """Return a copy of the value in which all points, also in nested containers and polygons, are moved by (x, y)."""
     match value:
+        # A point.
         case float(), float():
             return value[0] + x, value[1] + y
         case tuple():

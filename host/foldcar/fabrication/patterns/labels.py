@@ -79,8 +79,9 @@ def label_paths(
         if fit is None:
             missing.append(mark.text)
             continue
-        free = free.difference(fit[1].buffer(APART_MM, join_style="mitre"))
-        paths += fit[0]
+        strokes, box = fit
+        free = free.difference(box.buffer(APART_MM, join_style="mitre"))
+        paths += strokes
     fit = _first_fit(free, name, _in_faces(flat, turn), NAME_HEIGHTS_MM)
     if fit is None:
         missing.append(name)
@@ -114,6 +115,7 @@ def _first_fit(
         # Distance of the box's centre from an edge that it stands beside.
         depth = CLEAR_MM + height * (1 + DESCENT) / 2
         centres = np.array([place.point for place in places]) + depth * np.array([place.inward for place in places])
+        # The start of the base line, relative to the centre of the box.
         origin = -width / 2, -height / 2 + height * DESCENT / 2
 
         def placed(points: Sequence[Point], i: slice, at: Points = centres, origin: Point = origin) -> Points:
@@ -149,6 +151,7 @@ def _beside_edges(mark: EdgeMark, turn: float) -> Iterator[_Place]:
         length = math.hypot(bx - ax, by - ay)
         inward = (-(by - ay) / length, (bx - ax) / length)
         angle = _upright(math.atan2(by - ay, bx - ax) + turn) - turn
+        # Depths in the order of preference.
         for depth_mm in (1.2, 0.0, 3.0, 6.0):
             for fraction in (0.5, 0.4, 0.6, 0.3, 0.7, 0.2, 0.8, 0.1, 0.9):
                 x = ax + fraction * (bx - ax) + depth_mm * inward[0]
@@ -205,6 +208,7 @@ def join_marks(piece: FlatPiece, car: FoldedCar, unsplit_car: FoldedCar) -> Iter
                 done.add((join.number, ref.face))
                 yield EdgeMark(str(join.number), tuple(edges))
     for (number, _), edges in edges_around_rim.items():
+        # The sort keeps the order of edges with the same slant, so those half way round come first.
         half = len(edges) // 2
         yield EdgeMark(str(number), tuple(sorted((*edges[half:], *edges[:half]), key=_slant)[:PLACES]))
     for name, outline in (laid_parts for face in piece.faces for laid_parts in face.laid.items() if laid_parts[1]):
@@ -217,6 +221,7 @@ def _edges_under_layers(face: FlatFace, join: Join, unsplit_car: FoldedCar) -> I
 
     They are the edges of holes of the face under the layer or, without holes, of the layer's outline.
     """
+    # The names of the whole pieces, without the number of a part.
     upper_piece, lower_piece = (name.partition(PART)[0] for name in (join.piece_a, join.piece_b))
     piece = next(other for other in unsplit_car.pieces if other.name == lower_piece)
     outline = next(other for other in piece.faces if other.name == face.name).outline_mm
@@ -298,7 +303,7 @@ def _font() -> HersheyFonts:
 def text_strokes(text: str, height_mm: float) -> tuple[tuple[tuple[Point, ...], ...], float]:
     """Return the strokes of ``text`` and its width (mm); it starts at x = 0, its base line is y = 0.
 
-    Capitals are ``height_mm`` high.
+    Each stroke is a polyline of points (x, y) in mm. Capitals are ``height_mm`` high.
     """
     scale = height_mm / CAP_UNITS
     printable = "".join(c if " " <= c <= "~" else "?" for c in text)

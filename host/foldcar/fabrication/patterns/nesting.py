@@ -117,8 +117,9 @@ class _Area:
     def no_fit_mask(self, placed: _RotatedPiece, other: _RotatedPiece) -> Cells:
         """Return the no-fit mask: for each offset of ``other`` relative to ``placed``, whether they come too near.
 
-        The mask is where the correlation of both rasters is positive; it is computed by FFT as a convolution with the
-        mirrored raster. The first element is the lowest and leftmost offset (see `_Sheet.blocked`).
+        ``placed`` is grown by the gap between pieces; they come too near where its raster overlaps the other one. The
+        correlation of two rasters counts the common cells for every offset. It is computed by FFT, as a convolution with
+        the mirrored raster. The first element is the lowest and leftmost offset (see `_Sheet.blocked`).
         """
         key = (id(placed), id(other))
         if key not in self._masks:
@@ -126,7 +127,7 @@ class _Area:
             size = [next_fast_len(rows, real=True), next_fast_len(columns, real=True)]
             rasters = placed.grown, other.cells[::-1, ::-1]
             grown, mirrored = (rfft2(raster.astype(np.float32), size) for raster in rasters)
-            # Counts of cells: 0.5 is far above the rounding errors.
+            # Counts of cells: 0.5 is far above the rounding errors. The pieces are kept, so that no other gets their ids.
             self._masks[key] = (placed, other, irfft2(grown * mirrored, size)[:rows, :columns] > 0.5)
         return self._masks[key][2]
 
@@ -174,6 +175,7 @@ class _Sheet:
         blocked, placed_count = self._blocked.get(id(turned)) or (np.zeros(turned.places, dtype=bool), 0)
         rows, columns = turned.places
         for other, row, column in self.placed[placed_count:]:
+            # The mask's first element is the piece at first_row and first_column, which may lie outside the sheet.
             mask = self.area.no_fit_mask(other, turned)
             first_row = row - other.padding_cells - turned.cells.shape[0] + 1
             first_column = column - other.padding_cells - turned.cells.shape[1] + 1
@@ -197,6 +199,7 @@ class _Sheet:
             first_free = int(blocked.argmin())
             if not blocked[first_free]:
                 row, column = divmod(first_free, turned.places[1])
+                # Top, column and turn decide.
                 candidates.append((row + turned.cells.shape[0], column, turned.turn, row, turned))
         if not candidates:
             return None
@@ -279,6 +282,7 @@ def _search_layout(
     bar proves the scale; then it takes the least film. ``min_sheets`` is a lower bound of the number of sheets.
     """
     rng = random.Random(SEED)
+    # Each start is an order and whether the title is placed first; each first layout has its start.
     starts = itertools.product(orders, (True, False))
     first_layouts = [(_lay_out(area, title, turns, *start), *start) for start in starts]
     current, order, title_first = min(first_layouts, key=lambda start: start[0].film_cost)
@@ -329,14 +333,15 @@ def _first_orders(pieces: Sequence[tuple[str, Polygon, int]]) -> list[list[int]]
 
 
 def _lay_out(area: _Area, title: _Turns, turns: Sequence[_Turns], order: Sequence[int], title_first: bool) -> _Layout:
-    """Place the copies in that order, each on the first sheet with room.
+    """Place the copies in that order, each on the first sheet with room. ``turns`` are the pieces' turned rasters.
 
     With ``title_first`` a sheet's title is placed before its pieces, else where they leave room.
     """
     sheets: list[_Sheet] = []
     titles: list[Motion | None] = []
+    # Each copy's piece, sheet and motion.
     copies: list[tuple[int, int, Motion]] = []
-    # A piece that does not fit on a sheet will not fit later, because sheets only fill up.
+    # By piece, the first sheet that may have room: a sheet on which the piece did not fit only fills up.
     first_candidate = [0] * len(turns)
     for index in order:
         motion = None

@@ -146,6 +146,7 @@ def sheet_size_mm(sheet: str) -> tuple[float, float]:
 def arguments(options: Options) -> list[str]:
     """Return the arguments of a command line that give these options; values of the preset are left out."""
     preset = MACHINES[options.machine].preset
+    # The default machine needs no argument.
     words = [] if options.machine == "silhouette" else ["--machine", options.machine]
     for field in fields(options):
         value = getattr(options, field.name)

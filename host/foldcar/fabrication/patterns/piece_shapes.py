@@ -171,7 +171,8 @@ def fold_cuts(flat: FlatPiece, options: Options) -> tuple[tuple[Fold, tuple[Cut,
 def narrowest_film(flat: FlatPiece, options: Options) -> Film | None:
     """Return the narrowest film between two cuts; None for a piece with one cut.
 
-    Outlines and openings are offset, so that their film keeps its width; slits and dashes lose half a kerf on each side.
+    Outlines and openings are cut beside their line, in the waste, so that the film keeps its width. Slits and dashes are
+    cut on their line and take half a kerf of film on each side.
     """
     half_kerf = options.kerf_mm / 2
     # Name, geometry, and film lost on each side (mm).

@@ -36,6 +36,8 @@ def suggest_sheet(is_enough: Callable[[Options], bool], outlines: Iterable[Polyg
         other = replace(options, sheet=name)
         if math.prod(other.sheet_size_mm) > width * height and is_enough(other):
             return f"--sheet {name} would do"
+    # The shorter and the longer side of each outline's bounding box. Low and high are those of a sheet for all of them,
+    # with 1 mm to spare.
     sides = [sorted((x1 - x0, y1 - y0)) for x0, y0, x1, y1 in (outline.bounds for outline in outlines)]
     low, high = (_rounded_up(max(side[i] for side in sides) + 2 * options.margin_mm + 1) for i in (0, 1))
     if high > MAX_SHEET_MM:

@@ -51,6 +51,7 @@ def _split_pieces(
 
     If the piece fits, or splitting does not help, return the whole piece and no joins.
     """
+    # Each join by the child face of the fold that it replaces.
     waiting, done, joins = [piece], list[Piece](), dict[str, Join]()
     while waiting:
         part = waiting.pop(0)

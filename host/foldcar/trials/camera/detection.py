@@ -47,7 +47,7 @@ class Detector:
         return {number: corners for number, corners in markers if numbers.count(number) == 1}
 
     def find_all(self, grey: Grey) -> list[tuple[int, Floats]]:
-        """Return ids and corners of all markers of a picture."""
+        """Return ids and corners, (4, 2) in pixels, of all markers of a picture that are large enough to be read."""
         quads, ids, _ = self._aruco.detectMarkers(grey)
         squares = [quad.reshape(4, 2).astype(float) for quad in quads]
         marker_ids = [] if ids is None else ids.ravel().tolist()
@@ -76,6 +76,7 @@ class Detector:
             enlarged = window if scale == 1 else cv2.resize(window, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC)
             quads, ids, unread_quads = self._aruco.detectMarkers(enlarged)
             for quad, marker_id in zip(quads, [] if ids is None else ids.ravel().tolist(), strict=True):
+                # Pixel centres have integer coordinates, so the window's edge is at -0.5 at either scale.
                 corners = (quad.reshape(4, 2).astype(float) + 0.5) / scale - 0.5
                 if marker_id == number and _shortest(corners) >= MIN_SIDE_PX:
                     return numpy.asarray(refined(window, corners) + numpy.array([x0, y0]))
@@ -124,6 +125,7 @@ def _shortest(corners: Floats) -> float:
 
 def refined(grey: Grey, corners: Floats) -> Floats:
     """Refine corners (4, 2) by lines fitted to the sides; return them unchanged if a side is not visible."""
+    # In the second round the first one's corners tell better where the sides are.
     for _ in range(2):
         new_corners = _refined_once(grey, corners)
         if new_corners is None:
@@ -146,6 +148,7 @@ def _refined_once(grey: Grey, corners: Floats) -> Floats | None:
     normals = numpy.column_stack([sides[:, 1], -sides[:, 0]]) / lengths[:, None]
     reach = float(numpy.clip(REACH_MODULES * lengths.min() / MODULES, *REACH_PX))
     positions_across = numpy.arange(-reach, reach + STEP_PX / 2, STEP_PX)
+    # Positions along the sides (4, n, 2), and at each of them points across the side (4, n, across, 2).
     positions = corners[:, None] + ALONG[None, :, None] * sides[:, None]
     points = positions[:, :, None] + positions_across[None, None, :, None] * normals[:, None, None]
     sample_points = points.reshape(-1, len(positions_across), 2).astype(numpy.float32)
@@ -158,23 +161,30 @@ def _refined_once(grey: Grey, corners: Floats) -> Floats | None:
     weight_sums = weights.sum(axis=2)
     if (weight_sums.max(axis=1) <= 0).any():
         return None
-    # The edge is at the weighted mean of the positions of all steps between two samples.
+    # The edge is at the weighted mean of all steps, each of which lies half way between two samples.
     moments = (weights * (positions_across[:-1] + STEP_PX / 2)).sum(axis=2)
     offsets = moments / numpy.where(weight_sums > 0, weight_sums, 1.0)
-    points, directions = _fit_lines(positions, offsets, weight_sums, normals, sides / lengths[:, None])
-    new_corners = _intersections(numpy.roll(points, 1, axis=0), numpy.roll(directions, 1, axis=0), points, directions)
+    line_points, directions = _fit_lines(positions, offsets, weight_sums, normals, sides / lengths[:, None])
+    # A corner is where the side before it and the side after it intersect.
+    points_before, directions_before = (numpy.roll(values, 1, axis=0) for values in (line_points, directions))
+    new_corners = _intersections(points_before, directions_before, line_points, directions)
     return new_corners if numpy.isfinite(new_corners).all() and numpy.abs(new_corners - corners).max() <= reach else None
 
 
 def _fit_lines(
     positions: Floats, offsets: Floats, weight_sums: Floats, normals: Floats, directions: Floats
 ) -> tuple[Floats, Floats]:
-    """Fit a line to each of the four sides, robust to outliers; return a point (4, 2) and a direction (4, 2) of each.
+    """Fit a line to each of the four sides of a marker; return a point (4, 2) and a direction (4, 2) of each.
 
-    The line goes through the ``positions`` (4, n, 2) along a side, moved by ``offsets`` (4, n) along its normal.
-    ``weight_sums`` (4, n) are large where the edge is steep; faint positions are left out.
+    The edge was seen at n ``positions`` (4, n, 2) along a side, moved by ``offsets`` (4, n) along its normal. All are
+    in pixels; ``normals`` and ``directions`` (4, 2) are unit vectors. ``weight_sums`` (4, n) are large where the edge is
+    steep. Faint positions and outliers are excluded.
+
+    A side's line is: offset = mean_offset + slope (position - mean_position), by least squares.
     """
+    # Distance of each position from the side's first one (4, n).
     position = numpy.einsum("snk,sk->sn", positions - positions[:, :1], directions)
+    # A weight is 1 for points in the fit, 0 for excluded ones.
     weights = (weight_sums > 0.1 * numpy.median(weight_sums, axis=1, keepdims=True)).astype(float)
     rows = numpy.arange(len(position))
     for _ in range(FIT_ROUNDS):
@@ -185,7 +195,8 @@ def _fit_lines(
         covariance = (weights * from_middle * (offsets - mean_offset[:, None])).sum(axis=1)
         slope = covariance / numpy.where(spread > 0, spread, 1.0)
         residual = numpy.abs(offsets - mean_offset[:, None] - slope[:, None] * from_middle)
-        # Exclude points beyond 3.7 times the median residual of those not yet excluded: 2.5 standard deviations.
+        # Exclude points beyond 3.7 times the median residual of those not yet excluded: 2.5 standard deviations. Within
+        # 0.1 pixels no point is an outlier.
         ordered = numpy.sort(numpy.where(weights > 0, residual, numpy.inf), axis=1)
         median = ordered[rows, numpy.minimum(total.astype(int) // 2, ordered.shape[1] - 1)]
         weights = numpy.where((residual <= numpy.maximum(0.1, 3.7 * median)[:, None]) & (weights > 0), 1.0, 0.0)

@@ -111,6 +111,7 @@ def track_trial(
     )
     start = find_start(filmed.times_s, filmed.poses, _simulated(body, settings, scene, carsim), str(film))
     times_s = filmed.times_s - start.film_s
+    # A circle with a radius of less than 5 cm counts as turning on the spot.
     turns_on_the_spot = abs(settings["speed_m_s"]) <= 0.05 * abs(settings["yaw_rate_rad_s"])
     film_end_s = filmed.film_s - start.film_s
     ending = propose(times_s, filmed.poses, scene, settings["time_limit_s"], turns_on_the_spot, film_end_s)
@@ -159,6 +160,7 @@ def _facts(filmed: Filmed, start: Start, ending: Ending, lens: Lens | None, rema
 
 def _track_rows(times_s: Any, filmed: Filmed) -> list[list[float]]:
     """Return rows of time (s), pose (x, y, z, heading, pitch, roll) and the stored elements of its covariance."""
+    # Rows and columns, in the pose's order: x, y and heading with each other, then z, pitch and roll each alone.
     covariance_elements = [(0, 0), (0, 1), (0, 3), (1, 1), (1, 3), (3, 3), (2, 2), (4, 4), (5, 5)]
     return [
         [
@@ -193,8 +195,9 @@ def _position_remarks(filmed: Filmed, times_s: Any, start: Mapping[str, float], 
 
 
 def find_start(times_s: Floats, poses: Floats, simulated: Floats, where: str) -> Start:
-    """Find the start of the trial on the film's clock; ``simulated`` are rows of time in the trial, x, y.
+    """Find the start of the trial on the film's clock.
 
+    ``poses`` (frames, 2 or more) begin with x and y; ``simulated`` (rows, 3) are the time in the trial (s), x and y (m).
     The film's car and the simulated car pass the same distances (SET_OFF_M) at their own times; the start is the median
     difference of these times. Raises FoldcarError, beginning with ``where``, if the car moves in the first frame, if it
     never moves, or if no real car has this time scale.
@@ -238,7 +241,10 @@ def _pace(scale: float) -> str:
 
 
 def _time_scale(times_s: Floats, distances_m: Floats, simulated: Floats, simulated_distances_m: Floats) -> float:
-    """Return how many times longer the film's car takes for the distances of SCALED_M that both cars reach."""
+    """Return how many times longer the film's car takes for the distances of SCALED_M that both cars reach.
+
+    It is the slope of the film's times over the simulated ones. ``simulated`` (rows, 3) is time (s), x and y (m).
+    """
     farthest = min(distances_m.max(), simulated_distances_m.max())
     distances = SCALED_M[: int(numpy.searchsorted(SCALED_M, farthest, "right"))]
 

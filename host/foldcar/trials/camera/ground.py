@@ -155,6 +155,7 @@ class Standing:
         level_sd = growth * numpy.array([FLAT_M, FLAT_RAD, FLAT_RAD])
         plane_covariance = deviations.T @ deviations / len(deviations)
         covariance = numpy.diag(level_sd**2) + plane_covariance + numpy.outer(height_spread, height_spread)
+        # The rises per metre along the car's axes are the sines of their slopes; the left axis is pitched too.
         sin_pitch, bank = values[1:].clip(-0.99, 0.99)
         pitch = math.asin(sin_pitch)
         roll = math.asin(min(max(bank / math.cos(pitch), -0.99), 0.99))
@@ -165,10 +166,14 @@ class Standing:
 
         A plane has the height at the origin, and its rise per metre ahead and to the left.
         """
-        # A wheel that leans touches the ground beside its middle, and with its edge.
+        # Height of the axle over each point of a tyre's lower half: (wheels, across, along). A wheel that leans touches
+        # the ground beside its middle, and with its edge.
         sin, cos = math.sin(place.roll_rad), math.cos(place.roll_rad)
         rise = self.radii_m[:, None, None] * numpy.sqrt(1 - ALONG**2) * cos - self.width_m * ACROSS[:, None] * sin
-        return self._planes_on((self.heights(*self._points_below(place, shifts_m)) + rise).max(axis=(2, 3)))
+        # Height of the axle if the tyre touched the ground at this point: (shifts, wheels, across, along). The highest is
+        # the true one, because no point of the tyre is in the ground.
+        axle_heights = self.heights(*self._points_below(place, shifts_m)) + rise
+        return self._planes_on(axle_heights.max(axis=(2, 3)))
 
     def _planes_on(self, axle_heights: Floats) -> list[Floats]:
         """Return, for each shift, the planes (n, 3) of three wheels on the ground with no other wheel in the ground.
@@ -178,6 +183,7 @@ class Standing:
         wheel_triples, inverses = self._supports
         if not len(wheel_triples):
             return [self._planes_dragging(heights) for heights in axle_heights]
+        # The plane through the axles of each triple (shifts, triples, 3), and whether all wheels are on it or above.
         all_planes = numpy.einsum("tij,stj->sti", inverses, axle_heights[:, wheel_triples])
         is_above_ground = (all_planes @ self._wheel_rows.T >= axle_heights[:, None] - 1e-6).all(axis=2)
         return [planes[stands] for planes, stands in zip(all_planes, is_above_ground, strict=True)]
@@ -205,7 +211,10 @@ class Standing:
         return replace(self, factors=factors, factor_errors=errors)
 
     def _points_below(self, place: Place, shifts_m: Floats) -> tuple[Floats, Floats]:
-        """Return x and y of the points (shifts, wheels, ACROSS, ALONG) below the wheels of the car."""
+        """Return x and y (m) of the ground below points of the tyres, each (shifts, wheels, across, along).
+
+        The points of a tyre are those of its lower half at ACROSS and ALONG; a leaning wheel is beside its axle's middle.
+        """
         ahead, left = (shift[:, None, None, None] for shift in shifts_m.T)
         radii = self.radii_m[:, None, None]
         ahead = ahead + math.cos(place.pitch_rad) * self.ahead_m[:, None, None] + radii * ALONG
@@ -228,6 +237,7 @@ class Standing:
 
     @cached_property
     def _wheel_rows(self) -> Floats:
+        """The rows (wheels, 3) of 1, ahead and left, by which a plane's coefficients give the axles' heights."""
         return numpy.column_stack([numpy.ones_like(self.ahead_m), self.ahead_m, self.left_m])
 
     @cached_property
@@ -272,6 +282,7 @@ def standing(scene: Mapping[str, Any], heights: Heights, body: Mapping[str, Any]
     raised = numpy.abs(ground.z_m) > FLOOR_M
     obstacle, count = label(raised)
     if count > MAX_OBSTACLES:
+        # Too many for a fit of each height, such as the bumps of rough ground: they are one obstacle.
         obstacle, count = raised.astype(numpy.int32), 1
     errors = numpy.array([0.0] + count * [HEIGHT_ERROR])
     width_m, hinged = wheels[0]["width_m"], bool(body["hinges"])
@@ -289,6 +300,8 @@ def fit_heights(poses: "Sequence[Pose]", ground: Standing, pixel: float) -> Stan
     zeros = numpy.zeros(count + 1)
     planned = ground.rescaled(zeros + 1, zeros)
     raised = [planned.rescaled(1 + STEP * (numpy.arange(count + 1) == k), zeros) for k in range(count + 1)]
+    # Normal equations: the unknowns are the obstacles' changes, then the offset. The priors come first; heights have a
+    # common error and one of their own.
     normal, right_side = numpy.zeros((count + 3, count + 3)), numpy.zeros(count + 3)
     normal[:count, :count] = numpy.linalg.inv(HEIGHT_OWN**2 * numpy.eye(count) + HEIGHT_COMMON**2)
     normal[count:, count:] = numpy.diag(OFFSET**-2)
@@ -317,7 +330,8 @@ def fit_heights(poses: "Sequence[Pose]", ground: Standing, pixel: float) -> Stan
 def height_remarks(ground: Standing, where: str) -> list[str]:
     """Return a remark on each obstacle whose height seems to differ from the planned one.
 
-    Raises FoldcarError, beginning with ``where``, if it is less than half or more than twice as high.
+    The height is the planned one times a factor; factors that the film hardly determines are skipped. Raises
+    FoldcarError, beginning with ``where``, if a factor is outside PLAUSIBLE_FACTORS.
     """
     remarks = []
     for number, (factor, error) in enumerate(zip(ground.factors, ground.factor_errors, strict=True)):

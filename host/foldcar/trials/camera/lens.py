@@ -64,6 +64,7 @@ class Lens:
     def pixels(self, points: Floats) -> Floats:
         """Return the pixels (n, 2) of points (n, 3) in the camera's frame: x right, y down, z ahead."""
         x, y = points[:, 0] / points[:, 2], points[:, 1] / points[:, 2]
+        # Brown and Conrady's distortion: k radial, p tangential.
         k1, k2, p1, p2, k3 = self.distortion
         r2 = x * x + y * y
         radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
@@ -143,7 +144,7 @@ def calibrate(files: Sequence[Path]) -> tuple[Lens, int]:
 
 
 def _pictures(files: Sequence[Path]) -> Iterator[tuple[Path, Grey]]:
-    """Yield photos, and a few frames a second of films."""
+    """Yield each photo, and a few frames a second of each film, with its file."""
     for file in files:
         if file.suffix.lower() in PHOTOS:
             yield file, read_photo(file)

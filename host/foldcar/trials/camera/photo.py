@@ -119,8 +119,9 @@ def _errors(
     # Noise of the corners; that of the middle of four corners is half of one corner's.
     middle_m, shifted_m = view.on_plane(numpy.array([middle, middle + numpy.array([0, PIXEL / 2])]), height_m)
     noise_m = float(numpy.linalg.norm(middle_m - shifted_m))
-    side_m = float(numpy.linalg.norm(view.on_plane(corners[:2], height_m) - middle_m, axis=1).mean())
-    pixel_errors = (noise_m, noise_m, 2 * noise_m / max(side_m, 1e-3))
+    # The heading's error is one corner's noise at the corners' distance from the middle.
+    corner_distance_m = float(numpy.linalg.norm(view.on_plane(corners[:2], height_m) - middle_m, axis=1).mean())
+    pixel_errors = (noise_m, noise_m, 2 * noise_m / max(corner_distance_m, 1e-3))
     # Independent errors: their squares add up.
     x, y, turn = (math.hypot(*errors) for errors in zip(frame, pixel_errors, placing_errors, strict=True))
     return x, y, turn

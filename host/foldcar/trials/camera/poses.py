@@ -29,8 +29,8 @@ ROUNDS = 8
 STEP = 1e-5
 # A pose and its six neighbours.
 NEIGHBOURS = STEP * numpy.vstack([numpy.zeros(6), numpy.eye(6)])
-# The print's right, top and front in the car's frame.
-PRINTED = numpy.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+# Columns: the print's right, top and front in the car's frame.
+MARKER_TO_CAR = numpy.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
 
 @dataclass(frozen=True)
@@ -112,8 +112,8 @@ def find_pose(
 ) -> Pose | None:  # fmt: skip
     """Return the pose of the car whose marker has these corners in the picture; None if no pose fits.
 
-    ``pixel`` is the standard deviation of the corners (pixels). ``guess`` is the car's pose shortly before. The car
-    stands on the ground, unless the corners contradict this.
+    ``pixels`` (4, 2) are the corners, the first two at the car's front; ``pixel`` is their standard deviation.
+    ``guess`` is the car's pose shortly before. The car stands on the ground, unless the corners contradict this.
     """
     # Start with a car that stands on the ground: from far away, the tilt of the marker alone is too uncertain.
     middle_and_top = numpy.array([pixels.mean(axis=0), pixels[:2].mean(axis=0)])
@@ -137,7 +137,10 @@ def find_pose(
 
 
 def _poses_by_marker(pixels: Floats, view: View, marker: CarMarker) -> list[Floats]:
-    """Return up to two poses (6,) of the car that fit the marker alone, which looks nearly the same tilted either way."""
+    """Return up to two poses (6,) of the car that fit the marker alone, without the ground.
+
+    There are two, because a flat square looks nearly the same if it is tilted to the other side.
+    """
     count, turns, shifts, _ = cv2.solvePnPGeneric(
         marker_corners(marker.size_m),
         ideal_pixels(view.lens, pixels),
@@ -147,7 +150,9 @@ def _poses_by_marker(pixels: Floats, view: View, marker: CarMarker) -> list[Floa
     )
     result = []
     for k in range(count):
-        turn = view.rotation.T @ cv2.Rodrigues(turns[k])[0] @ PRINTED.T
+        # From the car's frame to the marker's, to the camera's, to the scene's.
+        turn = view.rotation.T @ cv2.Rodrigues(turns[k])[0] @ MARKER_TO_CAR.T
+        # The marker's middle in the scene; from it back to the car's origin.
         middle = view.rotation.T @ (shifts[k].ravel() - view.shift_m)
         result.append(numpy.array([*(middle - turn @ (marker.x_m, 0.0, marker.z_m)), *angles(turn)]))
     return result

@@ -30,6 +30,7 @@ def sheets(course: Course, obstacles: int = 4) -> bytes:
 
     Raises FoldcarError if a marker is too large for a page.
     """
+    # No ASCII-85 encoding: compressed streams are binary.
     rl_config.useA85 = 0
     binary = io.BytesIO()
     canvas = Canvas(binary, pagesize=(PAGE_MM[0] * mm, PAGE_MM[1] * mm), invariant=1, pageCompression=1)
@@ -103,6 +104,7 @@ def _squares(canvas: Any, picture: Any, x: float, y: float, size: float) -> None
     changes = numpy.flatnonzero((is_dark[1:] != is_dark[:-1]).any(axis=1)) + 1
     row_bounds = [0, *changes.tolist(), len(is_dark)]
     for top, next_row in pairwise(row_bounds):
+        # Where runs of black pixels begin and end.
         column_bounds = numpy.flatnonzero(numpy.diff(numpy.concatenate([[0], is_dark[top], [0]]).astype(int)))
         for start, end in zip(column_bounds[::2], column_bounds[1::2], strict=True):
             left, bottom = x + start * step, y + (len(is_dark) - next_row) * step
@@ -112,13 +114,17 @@ def _squares(canvas: Any, picture: Any, x: float, y: float, size: float) -> None
 
 
 def _car_page(canvas: Any, course: Course) -> None:
-    """Draw the car's marker on a stand, a box without a bottom; its walls are as high as the marker above the lid."""
+    """Draw the car's marker on a stand, a box without a bottom; its walls are as high as the marker above the lid.
+
+    x and y are in mm from the page's lower left corner.
+    """
     _begin(canvas)
     size, height = 1000 * course.car_size_m, 1000 * course.car_height_m
     x, y = (PAGE_MM[0] - size) / 2, 170 - size / 2
     side = size + 2 * _card(canvas, CAR_ID, x, y, size)
     low_x, low_y = x - (side - size) / 2, y - (side - size) / 2
     if height:
+        # The top and two opposite walls are one rectangle, the other two walls a second across it. Each wall has a foot.
         tab = 8.0
         canvas.rect(low_x - height, low_y, side + 2 * height, side)
         canvas.rect(low_x, low_y - height, side, side + 2 * height)

@@ -187,6 +187,7 @@ def _view(seen: _MarkersSeen, course: Course, lens: Lens | None, where: str) -> 
     moved_ids = []
     for number, median in median_corners.items():
         distances = numpy.abs(numpy.array(seen.floor[number]) - median).mean(axis=(1, 2))
+        # The limit grows with the picture's width. A few bad frames do not count.
         if numpy.quantile(distances, 0.9) > MAX_STILL_PX * seen.size[0] / 1920:
             moved_ids.append(number)
     if len(moved_ids) > 1:

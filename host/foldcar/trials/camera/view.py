@@ -175,7 +175,10 @@ def _without_moved_marker(
 
 
 def _largest_offset(view: View, course: Course, seen: Mapping[int, Floats]) -> float:
-    """Return the largest offset of a marker from its planned position; above 1 the marker counts as moved."""
+    """Return the largest offset of a floor marker from its planned pose, in units of the limits MOVED_M and MOVED_RAD.
+
+    Above 1 the marker counts as moved.
+    """
     planned_markers = {marker.id: marker for marker in course.floor}
     pairs = [(marker, planned_markers[marker.id]) for marker in view.course.floor if marker.id in seen]
     return max(
@@ -210,12 +213,17 @@ def _split(
 
 
 def _fit(seen: Mapping[int, Floats], course: Course, size: tuple[int, int], lens: Lens | None) -> View:
-    """Fit camera, lens, scale of print and floor markers to the corners ``seen`` in a picture, by least squares."""
+    """Fit camera, lens, scale of print and floor markers to the corners ``seen`` in a picture, by least squares.
+
+    The unknowns are turn (3) and shift (3) of the camera, 4 numbers of the lens, the scale, and 3 offsets of each marker
+    (see `_split`). A known lens stays as it is.
+    """
     visible_course = replace(course, floor=tuple(marker for marker in course.floor if marker.id in seen))
     start_lens = lens or assumed_lens(*size)
     pixels = numpy.concatenate([seen[marker.id] for marker in visible_course.floor])
     points = numpy.concatenate([floor_corners(marker, visible_course.floor_size_m) for marker in visible_course.floor])
     # Standard deviations of the unknowns from the lens on: lens, scale, offsets of the markers. The pose has no prior.
+    # The numbers of a known lens are held at 0.
     prior_sds = numpy.concatenate([
         [FOCAL, RADIAL, MIDDLE, MIDDLE] if lens is None else [1e-9] * 4,
         [PRINTED],
@@ -234,9 +242,11 @@ def _fit(seen: Mapping[int, Floats], course: Course, size: tuple[int, int], lens
         guess = start_lens if lens else replace(start_lens, focal_px=focal * max(size))
         _, turn, shift = cv2.solvePnP(points, ideal_pixels(guess, pixels), numpy.eye(3), None, flags=cv2.SOLVEPNP_IPPE)
         unknowns = numpy.concatenate([turn.ravel(), shift.ravel(), numpy.zeros(5 + 3 * len(visible_course.floor))])
+        # The focal length's logarithm relative to that of the assumed lens, 0.8 of the larger side.
         unknowns[6] = 0.0 if lens else math.log(focal / 0.8)
         scales = numpy.concatenate([[0.01] * 3, [0.01] * 3, prior_sds])
-        # Moved markers are recognised by their residuals, which a robust loss would hide.
+        # A robust loss would hide moved markers, which are recognised by their residuals. A few evaluations suffice to
+        # find the best start.
         fit = least_squares(residuals, unknowns, x_scale=scales, max_nfev=8)
         if best is None or fit.cost < best.cost:
             best = fit

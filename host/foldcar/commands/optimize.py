@@ -60,7 +60,10 @@ def optimize(
         int, typer.Option(metavar="N", min=1, max=100, help="Number of best designs to test in new environments.")
     ] = 3,
     fresh: Annotated[
-        int, typer.Option(metavar="N", min=1, max=MAX_ENVIRONMENTS, help="Number of new environments to test them in.")
+        int,
+        typer.Option(
+            metavar="N", min=1, max=MAX_ENVIRONMENTS, help="Number of new environments to test the best designs in."
+        ),
     ] = 200,
     sampler: Annotated[
         Literal["tpe", "nsga2", "random", "grid"],

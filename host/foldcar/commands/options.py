@@ -194,7 +194,7 @@ Components = Annotated[
         "--components",
         metavar="FILE",
         callback=_checked(_load_modules),
-        help="Python file that defines modules of cars, for vehicle types.",
+        help="Python file with car modules of your own, for vehicle types.",
     ),
 ]
 Scheduler = Annotated[

@@ -1,6 +1,6 @@
 """`foldcar params` shows and sets a car's parameters, and saves, loads and compares files of them.
 
-`foldcar calibrate-servos` measures neutral and deadband of each wheel's servo by observing the wheel.
+`foldcar calibrate-servos` measures neutral and dead band of each wheel's servo by observing the wheel.
 """
 
 import contextlib
@@ -157,7 +157,7 @@ def diff(file: ParameterFile, port: Port = None, as_json: Json = False) -> None:
 
 @params.command()
 def confirm(port: Port = None, as_json: Json = False) -> None:
-    """Confirm a car without a readable car.json: its wheels may then turn, until its next start.
+    """Allow a car without a readable car.json to drive.
 
     The car then uses its stored parameters until it restarts. The command prints these parameters.
 
@@ -190,7 +190,7 @@ def calibrate_servos(
         typer.Option(metavar="N", min=1, max=8, help="Servo output; may be repeated; default: all with a wheel."),
     ] = None,
 ) -> None:
-    """Measure each servo's neutral and deadband (µs).
+    """Measure each servo's neutral and dead band (µs).
 
     Lift the car first, because its wheels turn. The command asks in which direction each wheel turns.
 

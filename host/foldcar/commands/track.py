@@ -106,7 +106,7 @@ def track(
         Path | None,
         typer.Argument(
             metavar="FILM",
-            help="Film of the trial, or a photo taken before it (.jpg, .png); default: the film attached to it.",
+            help="Film of the trial, or a photo taken before it (.jpg, .png); default: the film attached to the trial.",
         ),
     ] = None,
     course: CourseFile = None,

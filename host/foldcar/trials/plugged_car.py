@@ -134,7 +134,7 @@ def welcome(
 def _servo_battery_text(car: Car, parameters: Mapping[str, float], assumed_v: float) -> str:
     """Return the voltage of the servos' battery, on which the speed depends, or that it is assumed."""
     if not parameters.get("SERVO_DIVIDER"):
-        return f"battery not measured: the simulated speed assumes {assumed_v:g} V"
+        return f"battery not measured; the simulation assumes {assumed_v:g} V"
     volts = car.servo_battery_v()
     return "battery unreadable: is it switched on?" if volts is None else f"{volts:.2f} V, simulated with {assumed_v:g} V"
 

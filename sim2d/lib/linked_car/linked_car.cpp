@@ -90,8 +90,9 @@ void LinkedCar::inject(const Injection& injection) {
 // Advances firmware and car by one step of the engine. Returns the bytes that a host receives from the car.
 std::vector<std::uint8_t> LinkedCar::step() {
   apply_faults();
-  hal_.clock.advance_to_us(now_us_ - booted_us_);
-  if (booting_ && now_us_ >= booted_us_) {
+  // The board's clock counts from the firmware's start; nothing reads it before.
+  if (now_us_ >= boot_end_us_) hal_.clock.advance_to_us(now_us_ - boot_end_us_);
+  if (booting_ && now_us_ >= boot_end_us_) {
     booting_ = false;
     firmware_ = std::make_unique<Firmware>(hal_.hal(), firmware_id_.c_str());
     firmware_->begin(options_.design);
@@ -162,7 +163,7 @@ void LinkedCar::restart(ResetReason reason) {
   hal_.board.restart_is_requested = false;
   hal_.link.to_car.clear();
   booting_ = true;
-  booted_us_ = now_us_ + kBootUs;
+  boot_end_us_ = now_us_ + kBootUs;
 }
 
 // Sets the simulated hardware by the faults that are active now; ends those whose time is over.

@@ -84,7 +84,7 @@ class LinkedCar {
   LineNoise to_car_noise_{1}, from_car_noise_{2};
   std::uint64_t steps_ = 0;
   std::uint64_t now_us_ = 0;
-  std::uint64_t booted_us_ = 0;  // time at which the firmware has started or will start
+  std::uint64_t boot_end_us_ = 0;  // time at which the firmware has started or will start
   bool booting_ = false;
   // Times at which injected faults end; 0 for none.
   std::uint64_t battery_until_us_ = 0, bus_until_us_ = 0, imu_until_us_ = 0, button_until_us_ = 0;

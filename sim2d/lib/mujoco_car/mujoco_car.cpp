@@ -10,7 +10,7 @@ namespace foldcar {
 namespace {
 
 // Accuracy of the lowest height at which the car touches nothing, and how far above that it starts.
-constexpr double kRaster_m = 1e-5;
+constexpr double kHeightTolerance_m = 1e-5;
 constexpr double kDrop_m = 5e-4;
 
 // The deeper a contact, the less of its slip's lift is removed: all of it at depth 0, nothing from this depth on.
@@ -85,15 +85,15 @@ void MujocoCar::place_on_ground() {
   data_->qpos[0] = scene_.start.x_m;
   data_->qpos[1] = scene_.start.y_m;
   set_heading(data_->qpos + 3, scene_.start.heading_rad);
-  double radius_m = 0;
+  double depth_m = 0;  // how far the car reaches below its origin
   for (const WheelSpec& wheel : body_.wheels) {
     // Where a tyre leans, the edge that is lower.
     const double edge_m = 0.5 * wheel.width_m * std::abs(sine(wheel.camber_rad));
-    radius_m = std::max(radius_m, wheel.radius_m + wheel.eccentricity_m + edge_m);
+    depth_m = std::max(depth_m, wheel.radius_m + wheel.eccentricity_m + edge_m);
   }
-  for (const SegmentSpec& part : body_.segments) radius_m = std::max(radius_m, 0.5 * part.height_m - part.center_z_m);
-  double low_m = lowest_ground_m(scene_) - 0.01, high_m = radius_m + highest_ground_m(scene_) + 0.01;
-  while (high_m - low_m > kRaster_m) {
+  for (const SegmentSpec& part : body_.segments) depth_m = std::max(depth_m, 0.5 * part.height_m - part.center_z_m);
+  double low_m = lowest_ground_m(scene_) - 0.01, high_m = depth_m + highest_ground_m(scene_) + 0.01;
+  while (high_m - low_m > kHeightTolerance_m) {
     const double middle_m = 0.5 * (low_m + high_m);
     data_->qpos[2] = middle_m;
     mj_kinematics(model, data_.get());

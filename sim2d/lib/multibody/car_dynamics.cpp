@@ -7,6 +7,8 @@ namespace {
 
 // Change of a hinge's angle over which the mass matrix is differentiated.
 constexpr double kDifference_rad = 1e-5;
+// In place of a wheel's number: a part that turns with its segment.
+constexpr int kNoWheel = -1;
 
 // Replaces a symmetric positive definite n × n matrix by its inverse: Gauss-Jordan elimination, without pivoting.
 void invert(std::vector<double>& a, std::size_t n) {
@@ -132,15 +134,15 @@ void CarDynamics::add_part(double mass_kg, const Vec3& at_m, const Vec3& inertia
   turning({frame.sine, 0, frame.cosine}, inertia_kg_m2.z);
 }
 
-// Computes the mass matrix for the hinges' present angles. A wheel is a uniform disc. The servo's rotor is geared to
-// it: its inertia at the shaft resists the wheel's rate relative to the segment, and its reaction stays in the
-// gearbox.
+// Computes the mass matrix for the hinges' present angles. A wheel is a uniform disc. The servo's rotor turns with the
+// wheel through the gears. Its inertia, as felt at the wheel's shaft, resists only the wheel's rate relative to the
+// segment; the segment feels no reaction.
 void CarDynamics::fill_mass(std::vector<double>& mass) const {
   mass.assign(size_ * size_, 0);
   for (std::size_t j = 0; j < frames_.size(); ++j) {
     const SegmentSpec& part = body_.segments[j];
     add_part(part.mass_kg, place(j, {part.com_x_m, part.com_y_m, part.com_z_m}),
-             {part.roll_inertia_kg_m2, part.pitch_inertia_kg_m2, part.yaw_inertia_kg_m2}, j, -1, mass);
+             {part.roll_inertia_kg_m2, part.pitch_inertia_kg_m2, part.yaw_inertia_kg_m2}, j, kNoWheel, mass);
   }
   for (std::size_t i = 0; i < wheels_; ++i) {
     const WheelSpec& wheel = body_.wheels[i];

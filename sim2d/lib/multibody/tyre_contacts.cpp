@@ -21,19 +21,20 @@ bool within(const Solid& solid, const Vec3& point_m, const Solid::Face& but) {
   });
 }
 
-// Calls visit with points among which is the deepest one, against the wall's normal, of what disc and solid have in
-// common: the disc's own deepest point if it lies in the solid, and where the solid's other faces cut the disc.
+// Calls visit with points that disc and solid have in common, among which is the deepest one below the contact face: the
+// disc's own deepest point if it lies in the solid, and the ends, within the circle, of the cuts of the other faces
+// through the disc.
 template <typename Visit>
-void for_each_overlap(const Tyre& tyre, const CrossDisc& disc, const Solid& solid, const Solid::Face& wall,
+void for_each_overlap(const Tyre& tyre, const CrossDisc& disc, const Solid& solid, const Solid::Face& contact_face,
                       const Visit& visit) {
-  const Vec3 in_plane = dot(wall.normal, tyre.axis) * tyre.axis - wall.normal;
+  const Vec3 in_plane = dot(contact_face.normal, tyre.axis) * tyre.axis - contact_face.normal;
   if (dot(in_plane, in_plane) > 1e-12) {
     const Vec3 extreme = disc.centre + tyre.radius_m * unit(in_plane);
-    if (within(solid, extreme, wall)) visit(extreme);
+    if (within(solid, extreme, contact_face)) visit(extreme);
   }
   for (const Solid::Face& face : solid.faces) {
     Cut cut;
-    if (&face == &wall || !cut_face(face, disc.centre, tyre.axis, cut)) continue;
+    if (&face == &contact_face || !cut_face(face, disc.centre, tyre.axis, cut)) continue;
     const Vec3 line = cut.to_m - cut.from_m, from = cut.from_m - disc.centre;
     double first, last;
     if (!within_circle(dot(line, line), dot(line, from), dot(from, from) - tyre.radius_m * tyre.radius_m, first, last)) {

@@ -286,14 +286,15 @@ void SideViewCar::turn_rotors(const Step& step) {
 }
 
 // Drives every hinge's joint with its flexure's torque at the end of the step, -k (angle + step · rate) - c · rate:
-// like a servo's it falls linearly with the rate.
+// like a servo's torque, it falls linearly with the rate, to 0 at bend / slope.
 void SideViewCar::bend_hinges() {
   for (std::size_t j = 0; j < hinges_.size(); ++j) {
     const HingeSpec& spec = body_.hinges[j];
     const double slope = spec.damping_n_m_s_rad + step_s_ * spec.stiffness_n_m_rad;
     if (slope == 0) continue;
     const double bend_n_m = -spec.stiffness_n_m_rad * hinge_rad(j);
-    drive(*hinges_[j], bend_n_m - slope * static_cast<double>(hinges_[j]->GetJointSpeed()), bend_n_m / slope);
+    const double rate_without_torque_rad_s = bend_n_m / slope;
+    drive(*hinges_[j], bend_n_m - slope * static_cast<double>(hinges_[j]->GetJointSpeed()), rate_without_torque_rad_s);
   }
 }
 

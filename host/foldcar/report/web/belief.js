@@ -11,7 +11,7 @@ const CURVE_HEIGHT = 400;
 const table = model => () => {
   const { e } = model, { designs } = e, pair = (low, high) => (low === null ? "–" : `${percent(low)} to ${percent(high)}`);
   return {
-    head: ["design", "built cars", "95 %", "simulation", "95 %", "smoothed", "95 %", ...e.engines.flatMap(one => [one.name, ...(one.corrected ? [`corrected by ${one.name}`, "95 %"] : [])]), "trials", "of cars", "95 % of these"],
+    head: ["design", "built cars", "95 %", "simulation", "95 %", "smoothed", "95 %", ...e.engines.flatMap(engine => [engine.name, ...(engine.corrected ? [`corrected by ${engine.name}`, "95 %"] : [])]), "trials", "of cars", "95 % of these"],
     rows: designs.name.map((name, i) => [name, percent(designs.belief[i]), pair(designs.belief_low[i], designs.belief_high[i]),
       designs.runs[i] ? `${designs.passed[i]} of ${designs.runs[i]}` : "–", pair(designs.low[i], designs.high[i]), percent(designs.smooth[i]), pair(designs.smooth_low[i], designs.smooth_high[i]),
       ...e.engines.flatMap(({ passed, runs, corrected }) => [runs[i] ? `${passed[i]} of ${runs[i]}` : "–", ...(corrected ? [percent(corrected.rate[i]), pair(corrected.low[i], corrected.high[i])] : [])]), designs.trials[i] ? `${designs.trials_passed[i]} of ${designs.trials[i]}` : "–", designs.cars[i] || "–", pair(designs.trials_low[i], designs.trials_high[i])]),
@@ -98,7 +98,7 @@ function curveFigure(model) {
         { name: "belief", type: "line", data: order.map(k => ({ value: [x[k], b[k]], design: k, itemStyle: { opacity: dim(k) } })), symbol: "circle", symbolSize: 9, lineStyle: { width: 0 }, itemStyle: { color: theme.accent }, z: 5, cursor: "pointer",
           markLine: { silent: true, symbol: "none", data: lines } },
         { name: "simulation", type: "scatter", data: order.filter(k => s[k] !== null).map(k => ({ value: [x[k], s[k]], design: k, itemStyle: { color: theme.paper, borderColor: theme.soft, borderWidth: 1.2, opacity: dim(k) } })), symbol: "rect", symbolSize: 6, z: 4 },
-        ...e.engines.filter(one => one.corrected).flatMap(({ name, corrected: { rate: r, low: l, high: h } }) => [
+        ...e.engines.filter(engine => engine.corrected).flatMap(({ name, corrected: { rate: r, low: l, high: h } }) => [
           intervals(`corrected by ${name}`, order.filter(k => r[k] !== null).map(k => [x[k], 100 * l[k], 100 * h[k]]), theme.good, 1.5, 0.7),
           { name: `corrected by ${name}`, type: "line", symbol: "circle", symbolSize: 5, z: 5, silent: true, lineStyle: { color: theme.good, width: 1.5 }, itemStyle: { color: theme.good },
             data: order.filter(k => r[k] !== null).map(k => [x[k], 100 * r[k]]) }]),
@@ -118,7 +118,7 @@ function curveFigure(model) {
 
 function legend(e) {
   const keys = [["belief", "built cars, 95 % band"], ["simulation", "runs that passed"], ["smooth", "simulation, 95 % band"], ...e.engines.map(({ name }, n) => [n ? "engine dotted" : "engine", name]),
-    ...e.engines.filter(one => one.corrected).map(({ name }) => ["corrected", `simulation corrected by ${name}, 95 %`])];
+    ...e.engines.filter(engine => engine.corrected).map(({ name }) => ["corrected", `simulation corrected by ${name}, 95 %`])];
   if (e.designs.trials.some(count => count)) keys.push(["trials", "trials"]);
   return make("span", { class: "legend" }, ...keys.map(([kind, text]) => make("span", {}, make("i", { class: `key ${kind}` }), text)));
 }
@@ -138,7 +138,7 @@ function mapPlaces(e, kx, ky) {
 
 function mapFigure(model) {
   const { e } = model, count = e.parameters.length;
-  const byShare = [...e.importance].sort((a, b) => b.share - a.share).map(one => one.parameter);
+  const byShare = [...e.importance].sort((a, b) => b.share - a.share).map(parameter => parameter.parameter);
   const [first, second] = [...new Set([...byShare, ...Array(count).keys()])];
   const place = (key, otherwise) => { const k = e.axes.findIndex(axis => axis.key === key && axis.parameter !== undefined); return k < 0 ? otherwise : k; };
   const [kx, ky] = [place(model.state.mx, first), place(model.state.my, second)];
@@ -159,7 +159,7 @@ function mapFigure(model) {
   const option = (theme, width) => {
     const height = Math.max(300, Math.min(560, apart ? 90 + levels[1].length * (width / Math.max(4, levels[0].length)) * 0.6 : 440));
     const cell = apart ? [inside * (width - 90) / levels[0].length / side, inside * (height - 64) / levels[1].length / rows] : [13, 13];
-    const size = apart ? cell.map(one => Math.max(3, one * (side * rows > 1 ? 0.9 : 0.97) - (side > 1 ? 1 : 0))) : cell;
+    const size = apart ? cell.map(sidePx => Math.max(3, sidePx * (side * rows > 1 ? 0.9 : 0.97) - (side > 1 ? 1 : 0))) : cell;
     const named = apart && size[0] > 30 && size[1] > 14;
     const axisOf = (k, more) => (apart
       ? axisStyle(theme, withUnit(axes[k]), { type: "value", min: -0.5, max: levels[k].length - 0.5, interval: 1, axisLabel: { show: false }, axisTick: { show: false }, splitLine: { show: false }, ...more })
@@ -174,10 +174,10 @@ function mapFigure(model) {
       yAxis: apart ? [labels(1), { ...axisOf(1), show: false }] : axisOf(1, { nameGap: 44 }),
       series: [{
         type: "scatter", xAxisIndex: apart ? 1 : 0, yAxisIndex: apart ? 1 : 0, symbol: apart ? "rect" : "circle", symbolSize: size, cursor: "pointer",
-        data: points.map(one => ({
-          ...one, label: { color: Math.abs(e.designs.belief[one.design] - 0.5) > 0.35 ? "#fff" : "#111" }, symbol: e.designs.trials[one.design] && !apart ? "diamond" : undefined,
-          itemStyle: { color: successColour(e.designs.belief[one.design]), opacity: model.within[one.design] ? 1 : 0.12,
-            borderColor: one.design === model.design ? theme.ink : e.designs.trials[one.design] ? theme.trial : apart ? theme.paper : theme.soft, borderWidth: one.design === model.design ? 3 : e.designs.trials[one.design] ? 2 : 0.5 },
+        data: points.map(point => ({
+          ...point, label: { color: Math.abs(e.designs.belief[point.design] - 0.5) > 0.35 ? "#fff" : "#111" }, symbol: e.designs.trials[point.design] && !apart ? "diamond" : undefined,
+          itemStyle: { color: successColour(e.designs.belief[point.design]), opacity: model.within[point.design] ? 1 : 0.12,
+            borderColor: point.design === model.design ? theme.ink : e.designs.trials[point.design] ? theme.trial : apart ? theme.paper : theme.soft, borderWidth: point.design === model.design ? 3 : e.designs.trials[point.design] ? 2 : 0.5 },
         })),
         label: named ? { show: true, formatter: ({ data }) => percent(e.designs.belief[data.design]).replace(" %", ""), fontSize: 11 } : { show: false },
         emphasis: { scale: false, itemStyle: { borderColor: theme.ink, borderWidth: 2 } },
@@ -185,8 +185,8 @@ function mapFigure(model) {
     };
   };
   const rest = e.parameters.map((_, k) => k).filter(k => k !== kx && k !== ky).map(k => e.parameters[k].label);
-  const options = e.parameters.map((one, k) => [e.axes[k].key, one.label]);
-  const pick = key => value => { model.set({ mx: axes[0].key, my: axes[1].key, [key]: value }); model.tell("data"); };
+  const options = e.parameters.map((parameter, k) => [e.axes[k].key, parameter.label]);
+  const pick = key => value => { model.set({ mx: axes[0].key, my: axes[1].key, [key]: value }); model.notify("data"); };
   return {
     title: "Success of built cars, by design", label: `Success over ${axes[0].label} and ${axes[1].label}`, table: table(model), option,
     controls: [select("→", options, axes[0].key, pick("mx")), select("↑", options, axes[1].key, pick("my")), scale(),

@@ -76,7 +76,7 @@ export class Chart {
     if (this.stale) return;
     if (!this.chart) {
       this.chart = echarts.init(this.place, null, { renderer: this.renderer });
-      for (const one of this.handlers) this.chart.on(...one);
+      for (const handler of this.handlers) this.chart.on(...handler);
     }
     // A resize draws the whole chart once more.
     const { chart, place } = this;

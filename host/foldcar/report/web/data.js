@@ -9,7 +9,7 @@ export class Experiment {
     Object.assign(this, raw);
     this.count = raw.designs.name.length;
     this.threshold = raw.thresholds[raw.thresholds.length - 1];
-    this.axes = [...raw.parameters.map((one, k) => parameterAxis(raw, one, k)), ...(raw.judged ? [successAxis(BELIEF, "built cars, success", raw.designs.belief), successAxis(SIMULATED, "success in simulation", raw.designs.rate)] : []), ...raw.designs.measures.map(measureAxis)];
+    this.axes = [...raw.parameters.map((parameter, k) => parameterAxis(raw, parameter, k)), ...(raw.judged ? [successAxis(BELIEF, "built cars, success", raw.designs.belief), successAxis(SIMULATED, "success in simulation", raw.designs.rate)] : []), ...raw.designs.measures.map(measureAxis)];
     this.axis = Object.fromEntries(this.axes.map(axis => [axis.key, axis]));
     if (this.runs) this.indexRuns();
     this.place = new Map(raw.designs.name.map((name, design) => [name, design]));
@@ -37,7 +37,7 @@ export class Experiment {
 }
 
 function parameterAxis(raw, { name, label, unit, values }, k) {
-  return { key: name, label, unit, parameter: k, values: raw.designs.value.map(one => values[one[k]] ?? null) };
+  return { key: name, label, unit, parameter: k, values: raw.designs.value.map(places => values[places[k]] ?? null) };
 }
 
 const successAxis = (key, label, shares) => ({ key, label, unit: "%", values: shares.map(share => (share === null ? null : 100 * share)), better: "more" });

@@ -15,23 +15,23 @@ export async function follow(take) {
     try {
       const answer = await fetch(`/study.json?${version}`, { cache: "no-store" });
       if (!answer.ok) throw new Error(answer.statusText);
-      const { study, ...told } = await answer.json();
-      [version, last, fresh] = [told.version, told, study ?? fresh];
-      tell(told);
+      const { study, ...progress } = await answer.json();
+      [version, last, fresh] = [progress.version, progress, study ?? fresh];
+      showProgress(progress);
     } catch {
-      gone(last);
+      showEnded(last);
     }
     if (fresh && !isBusy()) {
-      const kept = place();
+      const restore = keepPlace();
       take(fresh);
-      kept();
+      restore();
       fresh = null;
     }
     await new Promise(go => setTimeout(go, PAUSE_MS));
   }
 }
 
-function tell({ state, done, planned, left_s, designs, decided, changed_s, error }) {
+function showProgress({ state, done, planned, left_s, designs, decided, changed_s, error }) {
   const count = number => number.toLocaleString("en"), share = planned ? done / planned : null;
   const parts = [planned === null ? `${count(done)} runs` : `${count(done)} of ${designs === null ? "" : "at most "}${count(planned)} runs`];
   if (designs !== null) parts.push(`${count(decided)} of ${count(designs)} designs decided`);
@@ -42,13 +42,13 @@ function tell({ state, done, planned, left_s, designs, decided, changed_s, error
   document.title = `${percents}${document.title.replace(/^\d+ % · /, "")}`;
 }
 
-function gone(last) {
+function showEnded(last) {
   const before = last && ["killed", "stopped", "done"].includes(last.state) ? `${STATES[last.state]}. ` : "";
   show("gone", `${before}The server has ended`, last && last.planned ? last.done / last.planned : null,
     `${last && last.planned !== null ? `${last.done.toLocaleString("en")} of ${last.planned.toLocaleString("en")} runs are here; ` : ""}the page goes on when it is started again`);
 }
 
-function show(state, text, share, told) {
+function show(state, text, share, details) {
   const [word, bar, rest] = byId("live").children;
   byId("live").hidden = false;
   byId("live").dataset.state = state;
@@ -56,7 +56,7 @@ function show(state, text, share, told) {
   if (word.textContent !== text) word.textContent = text;
   bar.hidden = share === null;
   bar.value = share ?? 0;
-  rest.textContent = told;
+  rest.textContent = details;
 }
 
 const span = seconds => (seconds < 90 ? `${Math.max(1, Math.round(seconds))} s` : seconds < 5400 ? `${Math.round(seconds / 60)} min` : `${(seconds / 3600).toFixed(1)} h`);
@@ -66,18 +66,18 @@ let pressed = false;
 for (const [event, down] of [["pointerdown", true], ["pointerup", false], ["pointercancel", false]]) window.addEventListener(event, () => { pressed = down; }, true);
 const isBusy = () => pressed || document.activeElement?.matches("main input[type=number]");
 
-// What is open, focused and in sight; the function that brings it back.
-function place() {
+// Remembers what is open, focused and in sight. Returns a function that restores it.
+function keepPlace() {
   const main = document.querySelector("main"), named = element => `${element.closest("section")?.id} ${element.tagName} ${element.getAttribute("aria-label") || element.dataset.outcome || element.textContent}`;
   const heading = details => `${details.closest("section")?.id} ${details.querySelector("summary").textContent.replace(/[\d,]+/g, "")}`;
   const open = new Map();
-  const each = act => { const seen = new Map(); for (const one of main.querySelectorAll("details")) { const name = heading(one), n = seen.get(name) ?? 0; seen.set(name, n + 1); act(one, `${name} ${n}`); } };
-  each((one, name) => open.set(name, one.open));
+  const each = act => { const seen = new Map(); for (const details of main.querySelectorAll("details")) { const name = heading(details), n = seen.get(name) ?? 0; seen.set(name, n + 1); act(details, `${name} ${n}`); } };
+  each((details, name) => open.set(name, details.open));
   const active = main.contains(document.activeElement) ? named(document.activeElement) : null, { scrollY } = window;
   main.style.minHeight = `${main.offsetHeight}px`;
   return () => {
-    each((one, name) => { if (open.has(name)) one.open = open.get(name); });
-    if (active !== null && !main.contains(document.activeElement)) [...main.querySelectorAll("button, a, select, input, [tabindex], summary")].find(one => named(one) === active)?.focus({ preventScroll: true });
+    each((details, name) => { if (open.has(name)) details.open = open.get(name); });
+    if (active !== null && !main.contains(document.activeElement)) [...main.querySelectorAll("button, a, select, input, [tabindex], summary")].find(element => named(element) === active)?.focus({ preventScroll: true });
     window.scrollTo(0, scrollY);
     main.style.minHeight = "";
   };

@@ -1,4 +1,4 @@
-// What is shown, and who is told when it changes: data, state (also the address's fragment) and the design pointed at.
+// What is shown, and listeners to its changes: data, state (also the address's fragment) and the design pointed at.
 
 import { Experiment } from "./data.js";
 import { Drives } from "./drives.js";
@@ -9,7 +9,7 @@ export const SECTIONS = ["summary", "belief", "whatif", "parameters", "runs", "t
 
 export class Model {
   constructor() {
-    this.told = { data: [], state: [], hover: [] };
+    this.listeners = { data: [], state: [], hover: [] };
     this.state = { e: null, design: null, env: null, t: null, outcomes: [], brushes: {}, reality: {}, at: null, x: null, y: null, mx: null, my: null };
     this.hovered = null;
     this.read();
@@ -18,17 +18,17 @@ export class Model {
       this.read();
       if (!this.study) return;
       this.choose();
-      this.tell(before === this.state.e ? "state" : "data");
+      this.notify(before === this.state.e ? "state" : "data");
       this.scroll();
     });
   }
 
-  on(kind, act) { this.told[kind].push(act); }
+  on(kind, act) { this.listeners[kind].push(act); }
 
-  tell(kind) {
+  notify(kind) {
     if (kind === "data") this.mask = null;
-    for (const one of this.told[kind]) one();
-    if (kind === "data") this.tell("state");
+    for (const listener of this.listeners[kind]) listener();
+    if (kind === "data") this.notify("state");
   }
 
   // Another study, or the same one further on: what was chosen stays where it is still there.
@@ -37,7 +37,7 @@ export class Model {
     this.experiments = new Map(study.experiments.map(raw => [raw.id, raw]));
     this.decoded = null;
     this.choose();
-    this.tell("data");
+    this.notify("data");
   }
 
   // The experiment that the state names, or the first.
@@ -63,9 +63,9 @@ export class Model {
     this.write();
     if (other) {
       this.choose();
-      this.tell("data");
+      this.notify("data");
     } else {
-      this.tell("state");
+      this.notify("state");
     }
   }
 
@@ -78,7 +78,7 @@ export class Model {
   hover(design) {
     if (design === this.hovered) return;
     this.hovered = design;
-    this.tell("hover");
+    this.notify("hover");
   }
 
   brush(key, intervals) {

@@ -87,7 +87,7 @@ function effectFigure(e, { parameter, grid, mean, low, high, curves, over }) {
     table: () => ({ head: [withUnit(axis), "success", "to the mean over all values (95 %)"], rows: grid.map((value, k) => [String(value), percent(mean[k]), difference(k)]) }),
     option: theme => ({
       height: 210, grid: { left: 52, right: 12, top: 12, bottom: 42 },
-      tooltip: { trigger: "axis", formatter: ([one]) => `${axis.label} ${number(one.value[0])} ${axis.unit}<br>${percent(mean[one.dataIndex])}, to the mean over all values ${difference(one.dataIndex)}`, ...tipStyle(theme) },
+      tooltip: { trigger: "axis", formatter: ([point]) => `${axis.label} ${number(point.value[0])} ${axis.unit}<br>${percent(mean[point.dataIndex])}, to the mean over all values ${difference(point.dataIndex)}`, ...tipStyle(theme) },
       xAxis: axisStyle(theme, withUnit(axis), { type: "value", min: grid[0], max: grid[grid.length - 1] }),
       yAxis: successAxis(theme),
       series: [
@@ -214,8 +214,8 @@ class Parallel {
         return input;
       });
       for (const input of ends) input.addEventListener("change", () => {
-        const [low, high] = ends.map((one, end) => (one.value === "" ? limits[end] : Number(one.value)));
-        model.brush(axis.key, ends.every(one => one.value === "") || !(low <= high) ? [] : [[low, high]]);
+        const [low, high] = ends.map((field, end) => (field.value === "" ? limits[end] : Number(field.value)));
+        model.brush(axis.key, ends.every(field => field.value === "") || !(low <= high) ? [] : [[low, high]]);
       });
       return make("label", {}, `${withUnit(axis)} `, ends[0], " to ", ends[1]);
     });

@@ -68,7 +68,7 @@ export class RunEnds {
   table() {
     const { e } = this.model, { bins } = this.counts, seen = bins.map((column, k) => k).filter(k => bins[k].some(Boolean)), { obstacles } = this.ends;
     const rows = [...Array(this.ends.bins).keys()].filter(bin => seen.some(k => bins[k][bin]));
-    const there = bin => obstacles.filter(one => one.from_m < this.edge(bin + 1) && one.to_m > this.edge(bin)).map(one => one.name).join(", ");
+    const there = bin => obstacles.filter(obstacle => obstacle.from_m < this.edge(bin + 1) && obstacle.to_m > this.edge(bin)).map(obstacle => obstacle.name).join(", ");
     return { head: ["ended after", ...seen.map(k => e.outcome_labels[k]), "on the way there"], rows: rows.map(bin => [this.span(bin), ...seen.map(k => String(bins[k][bin])), there(bin)]) };
   }
 
@@ -98,7 +98,7 @@ export class RunEnds {
       yAxis: [{ gridIndex: 0, ...axisStyle(theme, "runs", { type: "value", minInterval: 1, nameGap: 34 }) }, { gridIndex: 1, type: "value", show: false, min: 0, max: 1 }],
       series: [
         ...seen.map(k => ({ type: "bar", name: e.outcome_labels[k], stack: "ends", barCategoryGap: "6%", data: bins[k], itemStyle: { color: OUTCOMES[e.outcomes[k]] } })),
-        { type: "custom", xAxisIndex: 1, yAxisIndex: 1, silent: true, clip: false, tooltip: { show: false }, data: ends.obstacles.map(one => [one.from_m, 0]), renderItem: obstacle },
+        { type: "custom", xAxisIndex: 1, yAxisIndex: 1, silent: true, clip: false, tooltip: { show: false }, data: ends.obstacles.map(obstacle => [obstacle.from_m, 0]), renderItem: obstacle },
         { type: "line", xAxisIndex: 1, yAxisIndex: 1, silent: true, data: [], tooltip: { show: false },
           markLine: { silent: true, symbol: "none", animation: false, lineStyle: { color: theme.soft, type: "dashed" }, label: { formatter: "goal", color: theme.soft, fontSize: 11, position: "insideEndTop", distance: 4 }, data: [{ xAxis: ends.goal_m }] } },
       ],
@@ -113,7 +113,7 @@ function laneOf(obstacles, pixels) {
     const middle = pixels((from_m + to_m) / 2), half = LETTER * name.length / 2 + 4;
     return [Math.min(pixels(least_m), middle - half), Math.max(pixels(most_m), middle + half)];
   };
-  for (const [k, [left, right]] of obstacles.map((one, k) => [k, box(one)]).sort(([, [a]], [, [b]]) => a - b)) {
+  for (const [k, [left, right]] of obstacles.map((obstacle, k) => [k, box(obstacle)]).sort(([, [a]], [, [b]]) => a - b)) {
     const lane = ends.findIndex(end => end <= left);
     found[k] = lane < 0 ? ends.length : lane;
     ends[found[k]] = right;

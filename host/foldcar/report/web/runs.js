@@ -36,7 +36,7 @@ export class Runs {
 
   // Pictures of those that tell something; the rest is in the table.
   causes(causes) {
-    const place = byId("causes"), pictures = make("div", { class: "multiples" }), telling = causes.filter(one => one.low > 0).slice(0, MAX_CAUSES);
+    const place = byId("causes"), pictures = make("div", { class: "multiples" }), telling = causes.filter(cause => cause.low > 0).slice(0, MAX_CAUSES);
     const [strongest] = causes, interval = ({ separation, low, high }) => `${percent(separation)} (${percent(low)} to ${percent(high)})`;
     place.append(make("h3", { text: "Why do they fail?" }), make("p", { class: "note", text: telling.length
       ? "What the environments drew at random, by how well it separates failed from passed runs of the same design: 0 % not at all, 100 % wholly. Bars: success at such values."
@@ -46,7 +46,7 @@ export class Runs {
       pictures.append(figure);
       this.charts.push(new Chart(figure, causeFigure(cause)));
     });
-    if (causes.length > telling.length) place.append(tableBehind(() => ({ head: ["value", "separates (95 %)", "success"], rows: causes.map(one => [one.label, interval(one), one.rises ? "rises with it" : "falls with it"]) }), `all ${causes.length} values`));
+    if (causes.length > telling.length) place.append(tableBehind(() => ({ head: ["value", "separates (95 %)", "success"], rows: causes.map(cause => [cause.label, interval(cause), cause.rises ? "rises with it" : "falls with it"]) }), `all ${causes.length} values`));
   }
 
   mark() {
@@ -61,12 +61,12 @@ export class Runs {
 }
 
 function causeFigure({ label, unit, bins }) {
-  const share = bins.map(one => (one.runs ? 100 * one.passed / one.runs : null)), name = bin => (bin.from === bin.to ? number(bin.from) : `${number(bin.from)} to ${number(bin.to)}`);
+  const share = bins.map(bin => (bin.runs ? 100 * bin.passed / bin.runs : null)), name = bin => (bin.from === bin.to ? number(bin.from) : `${number(bin.from)} to ${number(bin.to)}`);
   return {
     label: `Success by ${label}`, table: () => ({ head: [withUnit({ label, unit }), "runs", "passed", "success"], rows: bins.map((bin, k) => [name(bin), String(bin.runs), String(bin.passed), share[k] === null ? "–" : percent(share[k] / 100)]) }),
     option: theme => ({
       height: 170, grid: { left: 48, right: 10, top: 10, bottom: 42 },
-      tooltip: { trigger: "axis", formatter: ([one]) => `${label} ${name(bins[one.dataIndex])} ${unit || ""}<br>${bins[one.dataIndex].passed} of ${bins[one.dataIndex].runs} runs passed`, ...tipStyle(theme) },
+      tooltip: { trigger: "axis", formatter: ([bar]) => `${label} ${name(bins[bar.dataIndex])} ${unit || ""}<br>${bins[bar.dataIndex].passed} of ${bins[bar.dataIndex].runs} runs passed`, ...tipStyle(theme) },
       xAxis: axisStyle(theme, withUnit({ label, unit }), { type: "category", data: bins.map(bin => number((bin.from + bin.to) / 2)), axisTick: { show: false } }),
       yAxis: successAxis(theme, ""),
       series: [{ type: "bar", data: share, barCategoryGap: "8%", itemStyle: { color: theme.accent }, showBackground: true, backgroundStyle: { color: theme.ground } }],
@@ -81,7 +81,7 @@ function endings(model) {
   const shown = e.outcomes.map((name, k) => [name, k]).filter(([name, k]) => counts[k] || state.outcomes.includes(name));
   byId("endings").replaceChildren(...shown.map(([name, k]) => make("button", {
     type: "button", class: "chip", "aria-pressed": String(state.outcomes.includes(name)),
-    onclick: () => { model.set({ outcomes: state.outcomes.includes(name) ? state.outcomes.filter(one => one !== name) : [...state.outcomes, name] }); byId("endings").querySelector(`[data-outcome=${name}]`)?.focus(); },
+    onclick: () => { model.set({ outcomes: state.outcomes.includes(name) ? state.outcomes.filter(kept => kept !== name) : [...state.outcomes, name] }); byId("endings").querySelector(`[data-outcome=${name}]`)?.focus(); },
     "data-outcome": name,
   }, make("i", { class: "key", style: `background:${OUTCOMES[name]}` }), `${e.outcome_labels[k]} ${counts[k].toLocaleString("en")}`)));
 }

@@ -15,7 +15,7 @@ function chooser(model) {
   const several = model.study.experiments.length > 1;
   byId("experiment").hidden = !several;
   const list = byId("experiment").querySelector("select");
-  list.replaceChildren(...model.study.experiments.map(one => new Option(`${one.id} ${scene(one)}`, one.id)));
+  list.replaceChildren(...model.study.experiments.map(experiment => new Option(`${experiment.id} ${scene(experiment)}`, experiment.id)));
   list.value = model.e.id;
   list.onchange = () => model.set({ e: list.value });
 }

@@ -27,11 +27,11 @@ function remark(text) {
 }
 
 function facts({ count, environments, runs, designs, trials, fixed }) {
-  const all = designs.runs.reduce((sum, one) => sum + one, 0), passed = designs.passed.reduce((sum, one) => sum + (one ?? 0), 0);
+  const all = designs.runs.reduce((sum, count) => sum + count, 0), passed = designs.passed.reduce((sum, count) => sum + (count ?? 0), 0);
   const rows = [["designs", count.toLocaleString("en")], ["environments", environments.toLocaleString("en")],
     ["runs", `${all.toLocaleString("en")}, ${passed.toLocaleString("en")} passed`]];
-  const counted = trials.filter(one => one.standing === "built" && one.passed !== null);
-  if (counted.length) rows.push(["trials", `${counted.length}, ${counted.filter(one => one.passed).length} passed`]);
+  const counted = trials.filter(trial => trial.standing === "built" && trial.passed !== null);
+  if (counted.length) rows.push(["trials", `${counted.length}, ${counted.filter(trial => trial.passed).length} passed`]);
   return [...rows, ...fixed];
 }
 
@@ -74,12 +74,12 @@ export function verdict({ designs, threshold }, design) {
 
 export function showTrials(model) {
   const { e } = model, place = byId("trials-table");
-  const named = e.trials.some(one => one.car_name);
-  const rows = e.trials.map(one => [
-    String(one.number), one.design === null ? one.car : designButton(model, one.design, one.car), ...(named ? [one.car_name || "–"] : []), one.standing,
-    one.environment === null || one.design === null ? "–" : make("button", { type: "button", class: "design", text: String(one.environment), title: "the simulated run", onclick: () => model.open(one.design, one.environment) }),
-    one.passed === null ? "aborted" : one.passed ? "passed" : (one.outcome || "not passed").replaceAll("_", " "),
-    one.time_s === null ? "–" : `${number(one.time_s)} s`, one.when || "–", one.note || "",
+  const named = e.trials.some(trial => trial.car_name);
+  const rows = e.trials.map(trial => [
+    String(trial.number), trial.design === null ? trial.car : designButton(model, trial.design, trial.car), ...(named ? [trial.car_name || "–"] : []), trial.standing,
+    trial.environment === null || trial.design === null ? "–" : make("button", { type: "button", class: "design", text: String(trial.environment), title: "the simulated run", onclick: () => model.open(trial.design, trial.environment) }),
+    trial.passed === null ? "aborted" : trial.passed ? "passed" : (trial.outcome || "not passed").replaceAll("_", " "),
+    trial.time_s === null ? "–" : `${number(trial.time_s)} s`, trial.when || "–", trial.note || "",
   ]);
   place.replaceChildren(...(rows.length
     ? [make("details", { open: rows.length <= 12 }, make("summary", { text: `${rows.length} trial${rows.length > 1 ? "s" : ""} one by one` }), make("div", { class: "wide" }, plainTable(["trial", "car", ...(named ? ["name"] : []), "kind", "environment", "outcome", "after", "when", "note"], rows)))]

@@ -30,11 +30,11 @@ export class WhatIf {
     place.hidden = !e.drives?.sliders.length || !e.judged;
     if (place.hidden) return;
     this.sliders = e.drives.sliders;
-    this.values = Object.fromEntries(this.sliders.map(one => [one.name, one.nominal]));
+    this.values = Object.fromEntries(this.sliders.map(({ name, nominal }) => [name, nominal]));
     this.fields = new Map();
     byId("calibrated-note").textContent = e.drives.calibration ? ` The blue bar is its range by the calibration “${e.drives.calibration}”.` : "";
     const figure = make("figure", {});
-    byId("whatif-sliders").replaceChildren(...this.sliders.map(one => this.row(one)), this.buttons());
+    byId("whatif-sliders").replaceChildren(...this.sliders.map(slider => this.row(slider)), this.buttons());
     byId("whatif-chart").replaceChildren(this.legend(), figure);
     byId("whatif-single").replaceChildren();
     this.chart = new Chart(figure, this.figure());
@@ -67,16 +67,16 @@ export class WhatIf {
       make("button", { type: "button", id: "marginals", text: "which unknown matters most?", onclick: () => this.marginals() }), this.status);
   }
 
-  get different() { return this.sliders.filter(one => this.values[one.name] !== one.nominal); }
+  get different() { return this.sliders.filter(({ name, nominal }) => this.values[name] !== nominal); }
 
   // Values of the address.
   read() {
     const { state } = this.model;
-    for (const one of this.sliders) {
-      const value = state.reality[one.name];
-      this.values[one.name] = value === undefined ? one.nominal : Math.min(one.high, Math.max(one.low, value));
-      const { range, show } = this.fields.get(one.name);
-      range.value = this.values[one.name];
+    for (const slider of this.sliders) {
+      const value = state.reality[slider.name];
+      this.values[slider.name] = value === undefined ? slider.nominal : Math.min(slider.high, Math.max(slider.low, value));
+      const { range, show } = this.fields.get(slider.name);
+      range.value = this.values[slider.name];
       show();
     }
     if (this.different.length) this.changed();
@@ -84,10 +84,10 @@ export class WhatIf {
   }
 
   reset() {
-    for (const one of this.sliders) {
-      this.values[one.name] = one.nominal;
-      const { range, show } = this.fields.get(one.name);
-      range.value = one.nominal;
+    for (const slider of this.sliders) {
+      this.values[slider.name] = slider.nominal;
+      const { range, show } = this.fields.get(slider.name);
+      range.value = slider.nominal;
       show();
     }
     this.changed();
@@ -95,7 +95,7 @@ export class WhatIf {
 
   changed() {
     const { model } = this;
-    model.state.reality = Object.fromEntries(this.different.map(one => [one.name, Number(this.values[one.name].toPrecision(6))]));
+    model.state.reality = Object.fromEntries(this.different.map(({ name }) => [name, Number(this.values[name].toPrecision(6))]));
     for (const [name, value] of Object.entries(model.state.reality)) this.values[name] = value;
     model.write();
     this.stop();
@@ -133,14 +133,14 @@ export class WhatIf {
       if (performance.now() - drawn > REDRAW_MS || done === environments.length) {
         drawn = performance.now();
         this.chart.draw();
-        this.tell(done, environments.length, (drawn - begun) / 1000);
+        this.report(done, environments.length, (drawn - begun) / 1000);
       }
     }));
     if (group === this.group) byId("whatif").dataset.done = String(done);
   }
 
   // How far it is, and how probable the trials are.
-  tell(done, all, seconds) {
+  report(done, all, seconds) {
     const { e } = this.model, driven = [...e.designs.trials.keys()].filter(k => e.designs.trials[k] && this.rates.runs[k] && e.designs.runs[k]);
     const score = (passed, runs) => driven.reduce((sum, k) => {
       const rate = (passed[k] + 0.5) / (runs[k] + 1), failed = e.designs.trials[k] - e.designs.trials_passed[k];
@@ -183,7 +183,7 @@ export class WhatIf {
   }
 
   async copy() {
-    const text = `${JSON.stringify(Object.fromEntries(this.different.map(one => [one.name, this.values[one.name]])), null, 1)}\n`;
+    const text = `${JSON.stringify(Object.fromEntries(this.different.map(({ name }) => [name, this.values[name]])), null, 1)}\n`;
     try { await navigator.clipboard.writeText(text); this.copied.textContent = "copied: foldcar sweep LISTING --reality reality.json"; } catch { window.prompt("reality.json:", text); }
     setTimeout(() => { this.copied.textContent = "copy as reality.json"; }, 4000);
   }
@@ -193,7 +193,7 @@ export class WhatIf {
     const { e, drives } = this.model, design = this.model.design ?? e.leader ?? drives.designs[0], place = byId("whatif-single");
     if (this.single) drives.pool?.drop(this.single);
     const group = (this.single = {}), environments = drives.environments.slice(0, STEP_ENVIRONMENTS), base = { ...this.values };
-    const curves = this.sliders.map(one => ({ ...one, at: Array.from({ length: STEPS }, (_, k) => one.low + (one.high - one.low) * k / (STEPS - 1)), passed: new Uint32Array(STEPS) }));
+    const curves = this.sliders.map(slider => ({ ...slider, at: Array.from({ length: STEPS }, (_, k) => slider.low + (slider.high - slider.low) * k / (STEPS - 1)), passed: new Uint32Array(STEPS) }));
     const bar = make("progress", { max: "1" }), pictures = make("div", { class: "multiples" });
     place.replaceChildren(make("h3", { text: `Success of ${e.designs.name[design]} over each unknown, in ${environments.length} environments` }), bar, pictures);
     let done = 0;

@@ -69,7 +69,7 @@ def log(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="course.json of `foldcar markers`; the picture of where car and obstacles go then also shows the floor markers.",
+            help="course.json of `foldcar markers`; the picture of the placement then also shows the floor markers.",
         ),
     ] = None,
     media: Annotated[

@@ -51,8 +51,8 @@ def sweep(
         str | None,
         typer.Option(
             metavar="RULE",
-            help="When to stop simulating a design. `5pp`, or another number: when the 95 % interval of its success rate is "
-            "at most ± 5 percentage points. `decided`: when this interval contains none of the listing's thresholds.",
+            help="When to stop simulating a design. `5pp`, or another number: when the 95 % interval of its success rate "
+            "is at most ± 5 percentage points. `decided`: when this interval contains none of the listing's thresholds.",
         ),
     ] = None,
     jobs: Jobs = None,

@@ -12,7 +12,9 @@ from scipy.stats import binom, halfnorm, lognorm, norm
 from foldcar.car.variation import draw, workshop
 from foldcar.errors import FoldcarError
 from foldcar.inference.calibration.effects import drawn_reality
-from foldcar.inference.calibration.parameters import NAMES, NOMINAL, PARAMETERS
+from foldcar.inference.calibration.experiment import read_experiment
+from foldcar.inference.calibration.observations import observe
+from foldcar.inference.calibration.parameters import NAMES, NOMINAL, PARAMETERS, ScorePrior, built_priors
 from foldcar.inference.calibration.predictions import fraction_interval
 from foldcar.store.calibrations import Calibration, calibration_named
 from foldcar.store.reader import Store
@@ -131,12 +133,13 @@ def test_trials_that_fail_raise_obstacles_and_predict_failures(swept: Path) -> N
 def test_only_cars_that_were_built_from_the_sheets_have_their_prior(swept: Path, tmp_path: Path) -> None:
     store = Path(shutil.copy(swept / "swept.db", tmp_path / "s.db"))
 
-    def prior() -> Any:
-        answer = run(tmp_path, "calibrate", "s.db", "--replace", "--name", "mine", "--runs", "500", "--json", *simulated)
-        shown = json.loads(answer.stdout)["parameters"]
-        return next(row for row in shown if row["name"] == "com_height_m")["prior"]
+    def com_height_prior(simulated: bool) -> list[float]:
+        with Store.open(store) as opened:
+            observed = observe(opened, read_experiment(opened, "1"), simulated)
+        index = NAMES.index("com_height_m")
+        prior = built_priors("W_B_W", observed.from_sheets).get(index, ScorePrior(0.0, 1.0, ""))
+        return [float(PARAMETERS[index].value(prior.mean + prior.sd * z)) for z in (-1.6448536, 0.0, 1.6448536)]
 
-    simulated: tuple[str, ...] = ()
     with Store.open(store) as opened:
         parameters = [dict(design) for design in opened.designs("1").values()]
         scene = json.loads(next(opened.rows(BY_NAME["scene"]))["json"])
@@ -150,16 +153,13 @@ def test_only_cars_that_were_built_from_the_sheets_have_their_prior(swept: Path,
                 number = writer.begin("1", TrialDesign("W_B_W", design), drive, {}, facts, "log", "Ada")
                 writer.complete(number, Ending("timeout", "time limit", 1.5, "", None))
 
-    driven = prior()
-    simulated = ("--simulated-trials",)
-    rehearsed = prior()
-    simulated = ()
+    driven, rehearsed = com_height_prior(simulated=False), com_height_prior(simulated=True)
     shutil.copy(swept / "t.csv", tmp_path)
     run(tmp_path, "trials", "import", "s.db", "t.csv")
-    with_imported = prior()
+    with_imported = com_height_prior(simulated=False)
 
-    assert [driven[end] for end in ("low", "median", "high")] == pytest.approx([-0.004935, 0, 0.004935], abs=1e-6)
-    assert rehearsed["median"] == with_imported["median"] == pytest.approx(0.01)
+    assert driven == pytest.approx([-0.004935, 0, 0.004935], abs=1e-6)
+    assert rehearsed[1] == with_imported[1] == pytest.approx(0.01)
 
 
 def test_measured_values_are_kept_and_taken_as_known(swept: Path, tmp_path: Path) -> None:

@@ -61,6 +61,7 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
         # Not a repetition by _repeat_interrupt, so the user has sent it.
         _end()
     _repeating.clear()
+    # An import that is interrupted would leave a half-initialised module; _repeat_interrupt interrupts later.
     if not _imports(frame):
         raise KeyboardInterrupt
 

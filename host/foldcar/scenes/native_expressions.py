@@ -67,6 +67,7 @@ class Translator:
         )
         # A name that is assigned twice may have had another value where the expression stands.
         self.names = {name: value for name, value in named_values.items() if assignment_counts[name] == 1}
+        # Whether the ego's yaw, pitch and roll count from another orientation than the world's.
         self._turned = not _stands_in_world(scenario.egoObject)
 
     def truth(self, node: Any) -> Terms:

@@ -167,18 +167,19 @@ class ChunkPool:
         realities = self._writer.texts("variation", (run.variation_id for run in runs))
         requests = [
             RunRequest(
-                f"b{run.body_id}",
-                f"s{run.scene_id}",
-                settings[run.settings_id],
-                f"design {run.design + 1}, sample {run.sample}",
-                run.sample,
-                realities[run.variation_id],
+                body=f"b{run.body_id}",
+                scene=f"s{run.scene_id}",
+                settings=settings[run.settings_id],
+                label=f"design {run.design + 1}, sample {run.sample}",
+                sample=run.sample,
+                reality=realities[run.variation_id],
             )
             for run in runs
         ]
 
         def work() -> _Chunk:
-            return _Chunk(runner, runs, *self._simulators.run(runner, bodies, scenes, requests))
+            answers, seconds = self._simulators.run(runner, bodies, scenes, requests)
+            return _Chunk(runner, runs, answers, seconds)
 
         self._futures[self._pool.submit(work)] = runner
 

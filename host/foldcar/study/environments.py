@@ -32,7 +32,7 @@ class Environment:
         self._experiment = experiment
         self._source: SceneSource | None = None
         self._recalled: Files | None = None
-        # The fingerprint of the listing's environment, if a calibration changes this one.
+        # If a calibration has changed this environment: the fingerprint of the environment in the listing, else None.
         self.listed_fingerprint: str | None = None
         variation = experiment.variation
         self.spread_fingerprint = spread_fingerprint(variation, experiment.variation_seed) if variation else NOMINAL

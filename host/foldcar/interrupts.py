@@ -27,7 +27,7 @@ _repeating = threading.Event()
 _line = "foldcar: stopped"
 
 
-def listen() -> None:
+def handle_signals() -> None:
     """Start handling the signals; a signal that the caller ignores (nohup) stays ignored."""
     for number in NUMBERS:
         if signal.getsignal(number) is not signal.SIG_IGN:

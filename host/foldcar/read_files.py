@@ -141,12 +141,12 @@ def is_own(path: Path, folder: Path) -> bool:
         location.is_relative_to(root) and not (root in base.parents and location.is_relative_to(base))
         # As named, and with symbolic links resolved.
         for location, base in ((path, folder), (path.resolve(), folder.resolve()))
-        for root in _roots()
+        for root in _installed_roots()
     )
 
 
 @cache
-def _roots() -> set[Path]:
+def _installed_roots() -> set[Path]:
     """Return the folders of installed code, including Scenic's and foldcar's, and of the system."""
     scenic = importlib.util.find_spec("scenic")
     folders = [sysconfig.get_paths()[name] for name in ("stdlib", "platstdlib", "purelib", "platlib")]

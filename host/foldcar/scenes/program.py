@@ -47,7 +47,8 @@ def compile_program(program: Path, params: Mapping[str, Any], files: ProgramFile
     read_text(program)
     if params:
         # Scenic accepts any name as an override; compiling without overrides shows the declared names.
-        _check_params(program, params, _compiled(program, files, {})[0].params)
+        declaring_scenario, _ = _compiled(program, files, {})
+        _check_params(program, params, declaring_scenario.params)
     scenario, mutated = _compiled(program, files, params)
     if mutated:
         # Only now is it known which Points are mutated, and must be followed while they are created.

@@ -66,10 +66,10 @@ def success_rule(scenario: Any, program: Path) -> SuccessRule:
         endings = frozenset(str(condition) for condition in conditions if condition.line in approach_lines)
     if alternatives:
         rule = ", or if ".join(alternatives)
-        return SuccessRule(True, f"a run has passed if {rule}, within the time limit", endings)
+        return SuccessRule(defined=True, text=f"a run has passed if {rule}, within the time limit", endings=endings)
     return SuccessRule(
-        False,
-        f"success is undefined: {program.name} has no Goal, no `record final … as {VERDICT}` and no "
+        defined=False,
+        text=f"success is undefined: {program.name} has no Goal, no `record final … as {VERDICT}` and no "
         f"`terminate when` on the distance of the car to its target{ambiguous}; no fraction of passed runs is reported",
     )
 

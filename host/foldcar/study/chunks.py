@@ -94,8 +94,10 @@ class ChunkPool:
         self._writer = writer
         self._simulators = LocalSimulators(simulators) if isinstance(simulators, int) else simulators
         self._pool = ThreadPoolExecutor(self._simulators.max_count, thread_name_prefix="carsim")
+        # The submitted chunks with their runners.
         self._futures: dict[Future[_Chunk], Runner] = {}
         self._runner: Runner | None = None
+        # The chunk that is being filled, and the number of runs at which it is submitted.
         self._chunk: list[PlannedRun] = []
         self._chunk_runs = FIRST_CHUNK_RUNS
         # For each result that is being computed: how many runs of the study need it.

@@ -102,6 +102,7 @@ class Schedule:
     def __init__(self, rule: StoppingRule, max_runs: int, reached: Sequence[int]) -> None:
         self._rule, self._max_runs = rule, max_runs
         self._reached = numpy.asarray(reached, int)
+        # By design.
         self.passed = numpy.zeros(len(reached), int)
         self.runs = numpy.zeros(len(reached), int)
         self.counted = numpy.zeros(len(reached), int)

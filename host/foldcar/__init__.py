@@ -59,7 +59,9 @@ def __dir__() -> list[str]:
 def condition(
     scenario: object, scene: object, objects: "Collection[str] | None" = None, params: "Collection[str] | None" = None
 ) -> None:
-    """Call :func:`foldcar.scenes.conditioning.condition`; Scenic is imported on the first call.
+    """Freeze parts of ``scenario`` as they are in ``scene``: see :func:`foldcar.scenes.conditioning.condition`.
+
+    Scenic is imported on the first call.
 
     >>> import scenic
     >>> scenario = scenic.scenarioFromString("ego = new Object with width Range(1, 2)")

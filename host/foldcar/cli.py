@@ -19,7 +19,7 @@ from typer.core import TyperGroup
 
 from foldcar.errors import FoldcarError
 from foldcar.installation import keep_caches_in_checkout, missing_extra
-from foldcar.interrupts import EXIT_CODE, listen, stop_line
+from foldcar.interrupts import EXIT_CODE, handle_signals, stop_line
 from foldcar.shown_text import show_text
 from foldcar.version import __version__
 
@@ -130,8 +130,9 @@ def options(
 
 def main() -> None:
     """Run the command line and exit."""
+    # Control characters of printed texts are escaped, because texts may come from files and cars.
     show_text()
-    listen()
+    handle_signals()
     enable_completion()
     keep_caches_in_checkout()
     # Most objects live until the command ends; garbage collection at the default rate takes a tenth of the time of

@@ -27,7 +27,7 @@ _repeating = threading.Event()
 _line = "foldcar: stopped"
 
 
-def listen() -> None:
+def handle_signals() -> None:
     """Start handling the signals; a signal that the caller ignores (nohup) stays ignored."""
     for number in NUMBERS:
         if signal.getsignal(number) is not signal.SIG_IGN:
@@ -61,6 +61,7 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
         # Not a repetition by _repeat_interrupt, so the user has sent it.
         _end()
     _repeating.clear()
+    # An import that is interrupted would leave a half-initialised module; _repeat_interrupt interrupts later.
     if not _imports(frame):
         raise KeyboardInterrupt
 

@@ -154,7 +154,7 @@ def file_name_part(name: str) -> str:
 
     It is ``name`` itself if that is short and plain, else its plain characters and eight digits of its SHA-256.
     """
-    # A name that looks like one with digits gets digits, too: it could equal that of another name.
+    # A plain name that ends like a result with digits gets digits, too: else it could equal another name's result.
     if len(name) <= MAX_NAME_LENGTH and PLAIN_NAME.fullmatch(name) and not HASHED_NAME.fullmatch(name):
         return name
     plain = re.sub("[^a-z0-9-]+", "_", name.lower())[:MAX_NAME_LENGTH].strip("_")

@@ -39,11 +39,12 @@ class RecordedFiles:
 
     def record(self, path_or_descriptor: Any, mode: object, flags: int) -> None:
         """Record an audit event `open` with these arguments, unless it is of another thread or of a stack trace."""
-        # A descriptor is of a file that was recorded when its path was opened.
+        # An integer is a descriptor. Its file was recorded when the file's path was opened.
         if isinstance(path_or_descriptor, int) or threading.get_ident() != self._thread or _is_for_stack_trace():
             return
         with suppress(OSError, TypeError, ValueError):
             path = Path(os.path.normpath(Path(os.fsdecode(path_or_descriptor)).absolute()))
+            # A file that existed when it was first read stays an input, even if it is written later.
             if flags & (os.O_WRONLY | os.O_RDWR) and self.read.get(path) is None:
                 self.written.add(path)
             # Regular and missing files count as read; folders and devices do not.
@@ -68,7 +69,7 @@ _recorders: list[RecordedFiles] = []
 
 
 @contextmanager
-def heard_files() -> Iterator[RecordedFiles]:
+def recorded_files() -> Iterator[RecordedFiles]:
     """Record the files that this thread opens within the block."""
     _add_audit_hook()
     files = RecordedFiles()
@@ -140,12 +141,12 @@ def is_own(path: Path, folder: Path) -> bool:
         location.is_relative_to(root) and not (root in base.parents and location.is_relative_to(base))
         # As named, and with symbolic links resolved.
         for location, base in ((path, folder), (path.resolve(), folder.resolve()))
-        for root in _roots()
+        for root in _installed_roots()
     )
 
 
 @cache
-def _roots() -> set[Path]:
+def _installed_roots() -> set[Path]:
     """Return the folders of installed code, including Scenic's and foldcar's, and of the system."""
     scenic = importlib.util.find_spec("scenic")
     folders = [sysconfig.get_paths()[name] for name in ("stdlib", "platstdlib", "purelib", "platlib")]
@@ -171,7 +172,10 @@ def minimal_variables() -> dict[str, str]:
 
 @contextmanager
 def only_minimal_variables() -> Iterator[None]:
-    """Hide all other environment variables within the block: designs and environments must not depend on them."""
+    """Within the block, hide all environment variables but :func:`minimal_variables`.
+
+    Designs and sampled environments must not depend on the others.
+    """
     kept = minimal_variables()
     hidden = {name: value for name, value in os.environ.items() if name not in kept}
     for name in hidden:

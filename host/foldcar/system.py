@@ -20,7 +20,7 @@ from typing import Any
 # The file descriptor of standard input.
 INPUT = 0
 # Whether `select` waits for terminals and serial ports.
-SELECTS_FILES = sys.platform != "win32"
+CAN_SELECT_FILES = sys.platform != "win32"
 
 
 def end_group(process: "subprocess.Popen[Any]", number: int) -> None:
@@ -83,7 +83,7 @@ class TypedInput:
     def __init__(self) -> None:
         self.is_terminal = os.isatty(INPUT)
         self._lines: queue.SimpleQueue[bytes] = queue.SimpleQueue()
-        if not SELECTS_FILES:
+        if not CAN_SELECT_FILES:
             threading.Thread(target=self._copy, daemon=True).start()
 
     def _copy(self) -> None:
@@ -94,11 +94,11 @@ class TypedInput:
     @property
     def waitable(self) -> int | None:
         """The descriptor for `select` if keys can be waited for, else None."""
-        return INPUT if self.is_terminal and SELECTS_FILES else None
+        return INPUT if self.is_terminal and CAN_SELECT_FILES else None
 
     def read(self, wait_s: float) -> bytes | None:
         """Return what was typed, b"" at the end of input; None if nothing was typed within ``wait_s``."""
-        if not SELECTS_FILES:
+        if not CAN_SELECT_FILES:
             with contextlib.suppress(queue.Empty):
                 return self._lines.get(timeout=wait_s)
             return None
@@ -113,7 +113,7 @@ class TypedInput:
         if not self.is_terminal:
             yield lambda: None
             return
-        if not SELECTS_FILES:
+        if not CAN_SELECT_FILES:
             yield self._last_key
             return
         termios, tty = importlib.import_module("termios"), importlib.import_module("tty")

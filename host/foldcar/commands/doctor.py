@@ -107,10 +107,11 @@ def _packages() -> Finding:
     if mismatches:
         return Finding("packages", "missing", "; ".join(mismatches), REINSTALL)
     optional = [package for package in declared if package not in core and package.marker is not None]
-    absent_extras = [
-        extra for extra in MODULES
-        if any(package.marker.evaluate({"extra": extra}) and _mismatch(package) for package in optional if package.marker)
-    ]  # fmt: skip
+    absent_extras = []
+    for extra in MODULES:
+        of_extra = [package for package in optional if package.marker and package.marker.evaluate({"extra": extra})]
+        if any(map(_mismatch, of_extra)):
+            absent_extras.append(extra)
     if absent_extras:
         text = f"as declared, without the extras {', '.join(absent_extras)}: some commands need them"
         return Finding("packages", "absent", text, f"pip install 'foldcar[{','.join(absent_extras)}]'")
@@ -184,12 +185,13 @@ def _speedup(carsim: "Carsim") -> float:
         "goal": None,
         "course": course,
     }
-    texts = {"body": json.dumps(body)}, {"scene": json.dumps(scene)}
+    bodies, scenes = {"body": json.dumps(body)}, {"scene": json.dumps(scene)}
     # The difference between many runs and one excludes the start of the process.
     durations_s = []
     for runs in (1, 1 + SPEED_RUNS):
         started_s = time.perf_counter()
-        carsim.run(*texts, [RunRequest("body", "scene", json.dumps(settings), "speed", 0)] * runs)
+        request = RunRequest(body="body", scene="scene", settings=json.dumps(settings), label="speed", sample=0)
+        carsim.run(bodies, scenes, [request] * runs)
         durations_s.append(time.perf_counter() - started_s)
     return SPEED_RUNS * SPEED_RUN_S / max(1e-3, durations_s[1] - durations_s[0])
 

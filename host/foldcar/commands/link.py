@@ -99,6 +99,6 @@ def _world(run: ListedRun, k: int, values: Mapping[str, float] | None, car: str 
     if values is None:
         reality = run.variation_in(k, car)
     else:
-        number = k if car is None else named_car(car)
-        reality = drawn_reality(values, experiment.variation, experiment.variation_seed, k, number)
+        drawn_car = k if car is None else named_car(car)
+        reality = drawn_reality(values, experiment.variation, experiment.variation_seed, drive=k, car=drawn_car)
     return {**scene, "id": scene_name(scene, k)}, reality

@@ -87,8 +87,8 @@ def listed_run(
     environment = Environment(listed_experiment)
     variation, scene = environment.variation(sample), environment.sample(sample)
     carsim = Carsim(engine=engine)
-    # The empty body is replaced by that of the design.
-    return ListedRun(carsim, listed_experiment, design, environment, {}, variation, scene, sample).with_design(design)
+    run_without_body = ListedRun(carsim, listed_experiment, design, environment, {}, variation, scene, sample)
+    return run_without_body.with_design(design)
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,7 @@ class SimulatedRun:
         (answer,) = runner.run(
             {"car": canonical_json(self.body)},
             {"scene": canonical_json(self.scene)},
-            [RunRequest("car", "scene", settings, self.label, self.sample, canonical_json(self.reality))],
+            [RunRequest("car", "scene", settings, self.label, self.sample, reality=canonical_json(self.reality))],
         )
         return answer
 
@@ -125,6 +125,7 @@ class SimulatedRun:
         with_path = {} if "error" in answer else self.simulate(carsim, path_interval_s=PATH_INTERVAL_S)
         if "path" not in with_path:
             raise FoldcarError(f"{label}: a failed run has no path to show")
+        # A row begins with its time (s).
         return [row for row in with_path["path"] if row[0] <= answer["elapsed_time_s"]]
 
 

@@ -147,6 +147,8 @@ def optimize(
 
 def _search_object(names: list[str], progress: "SearchResult") -> dict[str, Any]:
     """Return the result of a search as plain data; ``names`` are those of the objectives."""
+    # A design's objectives have two values: those in the runs by which the search chose it, and those in fresh
+    # environments, with 95 % intervals.
     counts = ("designs", "pruned", "unbuildable", "runs", "new", "exhausted")
     best = [
         {

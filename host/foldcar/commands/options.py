@@ -68,7 +68,7 @@ def _plain(value: Any) -> Any:
 def _checked(check: Callable[[Any], object]) -> Callable[[typer.Context, Any], Any]:
     """Return an option's callback that calls ``check`` with its value.
 
-    It is not called without a value, or while a shell completes the command line.
+    ``check`` is not called if the option is not given, or while a shell completes the command line.
     """
 
     def callback(context: typer.Context, value: Any) -> Any:

@@ -112,8 +112,8 @@ def load(file: ParameterFile, port: Port = None, as_json: Json = False) -> None:
         if unknown:
             close = did_you_mean(unknown[0].upper(), car_values)
             raise FoldcarError(f"{file}: {unknown[0]}: the car has no such parameter; nothing was set{close}")
-        rows = [row for row in differences(car_values, file_values) if row[0] in file_values]
-        for name, _, _ in rows:
+        differing = [name for name, _, _ in differences(car_values, file_values) if name in file_values]
+        for name in differing:
             try:
                 set_parameter(car, name, file_values[name])
                 set_values[name] = file_values[name]
@@ -122,7 +122,7 @@ def load(file: ParameterFile, port: Port = None, as_json: Json = False) -> None:
             except FoldcarError as error:
                 refused.append(str(error))
                 typer.echo(f"{error}", err=True)
-    unchanged = len(file_values) - len(rows)
+    unchanged = len(file_values) - len(differing)
     result = {"set": set_values, "unchanged": unchanged, "refused": refused}
     print_result(as_json, result, f"{len(set_values)} parameters set, {unchanged} unchanged")
     if refused:

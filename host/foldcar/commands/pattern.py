@@ -147,9 +147,9 @@ def _cars_to_make(families: "Sequence[Family]") -> "Iterator[_CarToMake]":
 
 
 def _free_name(vehicle: str, taken_names: set[str]) -> str:
-    """Return a folder's name for a vehicle that is not in ``taken_names``, and add it to them.
+    """Return a name for the folder of a vehicle, and add it to ``taken_names``.
 
-    It is the vehicle's id without special characters, with a number if that name is taken.
+    The name is the vehicle's id without special characters. If that is taken, a number follows, from 2.
     """
     plain_name = re.sub(r"[^\w.+-]+", "_", vehicle).lstrip(".") or "vehicle"
     names = itertools.chain([plain_name], (f"{plain_name}-{number}" for number in itertools.count(2)))

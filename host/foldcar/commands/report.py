@@ -134,6 +134,7 @@ def _lines(experiment: Mapping[str, Any]) -> Iterator[str]:
             for row in experiment["importance"]
         ]
         yield f"Importance (fraction of the variance of success): {', '.join(importances)}."
+    # The first three causes whose interval excludes 0, which would mean that they do not separate the runs.
     separating = [row for row in experiment["causes"] if row["low"] > 0][:3]
     if separating:
         names = [f"{row['label']} ({row['separation']:.2f})" for row in separating]
@@ -152,8 +153,10 @@ def _table(experiment: Mapping[str, Any]) -> "ResultTable":
     driven = any(designs["trials"])
     # Code 0 is "passed", which has a column of its own.
     outcome_codes = [code for code, column in enumerate(designs["outcomes"]) if code and any(column)]
-    titles = ["runs", "passed %", "95 % interval", *["trials", "cars"] * driven, "built cars %"]
+    trial_titles = ["trials", "cars"] if driven else []
+    titles = ["runs", "passed %", "95 % interval", *trial_titles, "built cars %"]
     table = ResultTable("design", *titles, *(experiment["outcome_labels"][code] for code in outcome_codes))
+    # The belief is the expected success rate of built cars, 0 to 1, or None.
     best_first = sorted(range(len(designs["name"])), key=lambda i: -(designs["belief"][i] or 0))
     for i in best_first[:MAX_DESIGNS]:
         cells = [str(designs["runs"][i]), *_rate(experiment, i)]

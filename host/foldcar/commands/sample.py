@@ -89,16 +89,18 @@ def sample(
 
 def _summary(scenes: Iterator[dict[str, Any]]) -> Iterator[str]:
     """Yield lines with the ranges of the scenes' friction and of their number of terrain parts, by kind."""
-    frictions, numbers = [], dict[str, list[int]]()
+    frictions = []
+    # For each kind, how many parts each scene so far has.
+    counts_of_kind: dict[str, list[int]] = {}
     for index, scene in enumerate(scenes):
         frictions.append(scene["friction"])
         kinds = Counter(part["kind"] for part in scene["terrain"])
         # A kind that did not occur in earlier scenes had 0 parts there.
-        for kind in numbers.keys() | kinds.keys():
-            numbers.setdefault(kind, [0] * index).append(kinds[kind])
+        for kind in counts_of_kind.keys() | kinds.keys():
+            counts_of_kind.setdefault(kind, [0] * index).append(kinds[kind])
     yield f"  friction {_range(frictions)}"
-    for kind, number in sorted(numbers.items()):
-        yield f"  {kind.replace('_', ' ')}: {_range(number)} in each scene"
+    for kind, counts in sorted(counts_of_kind.items()):
+        yield f"  {kind.replace('_', ' ')}: {_range(counts)} in each scene"
 
 
 def _range(values: Sequence[float]) -> str:

@@ -107,17 +107,19 @@ def _print_estimates(planned: "Sweep", jobs: int, as_json: bool) -> None:
 
     with working("folding designs and simulating a few runs"):
         results = estimates(planned, jobs)
-    seconds, size = sum(item.seconds for item in results), sum(item.bytes for item in results)
+    seconds, size = sum(estimate.seconds for estimate in results), sum(estimate.bytes for estimate in results)
     lines = []
-    for item in results:
-        runs_text = count(item.runs, "run")
-        lines.append(f"experiment {item.experiment}: {count(item.designs, 'design')}, {runs_text} if all can be built")
-        if item.folded < item.designs:
-            folding_text = duration_text(item.folding_s)
-            lines.append(f"  {item.folded:,} of them were folded as a sample; folding all takes about {folding_text}")
-        if item.refused:
-            lines.append(f"  {len(item.refused):,} of {item.folded:,} cannot be built and would be skipped:")
-            lines += [f"    {reason}" for reason in item.refused]
+    for estimate in results:
+        runs_text = count(estimate.runs, "run")
+        lines.append(
+            f"experiment {estimate.experiment}: {count(estimate.designs, 'design')}, {runs_text} if all can be built"
+        )
+        if estimate.folded < estimate.designs:
+            folding_text = duration_text(estimate.folding_s)
+            lines.append(f"  {estimate.folded:,} of them were folded as a sample; folding all takes about {folding_text}")
+        if estimate.refused:
+            lines.append(f"  {len(estimate.refused):,} of {estimate.folded:,} cannot be built and would be skipped:")
+            lines += [f"    {reason}" for reason in estimate.refused]
     lines.append(f"about {duration_text(seconds)} with {count(jobs, 'simulator')}; the store about {size / 1e6:.1f} MB")
     lines.append("This is an estimate from a few runs; nothing was written. Runs that the store has are not repeated.")
     print_result(
@@ -126,7 +128,7 @@ def _print_estimates(planned: "Sweep", jobs: int, as_json: bool) -> None:
             "store": planned.store,
             "seconds": seconds,
             "bytes": size,
-            "experiments": [asdict(item) for item in results],
+            "experiments": [asdict(estimate) for estimate in results],
         },
         *lines,
     )
@@ -153,6 +155,7 @@ def _sweep(planned: "Sweep", scheduler: str | None, jobs: int | None, as_json: b
         simulators(scheduler, jobs, planned.carsim, bar.print_line) as places,
     ):
         planned.run(places, bar.update, bar.print_line)
+    # "there" are runs whose results the store had already; "most_runs" would be simulated without the stopping rule.
     result = {
         "store": store,
         "runs": progress.total,
@@ -179,9 +182,13 @@ def _announce_folding(planned: "Sweep") -> None:
     from foldcar.statistics.words import duration_text
     from foldcar.study.dry_run import fold
 
-    folding_time = duration_text(sum(fold(experiment.family, 1.0)[1] for experiment in planned.study.experiments))
+    folding_s = 0.0
+    for experiment in planned.study.experiments:
+        _, family_s = fold(experiment.family, limit_s=1.0)
+        folding_s += family_s
     print_note(
-        f"folding and checking all designs comes first and takes about {folding_time}; see --dry-run for the whole sweep"
+        f"folding and checking all designs comes first and takes about {duration_text(folding_s)}; "
+        "see --dry-run for the whole sweep"
     )
 
 

@@ -79,7 +79,8 @@ def _print_rates(console: Console, comparison: "ExperimentComparison") -> None:
         name for name in ("further_car", "pooled") if any(getattr(design, name) is not None for design in designs)
     ]
     extra_heads = [f"{name.replace('_', ' ')} %" for name in extra_rates]
-    paired = ["same outcome"] * any(design.paired for design in designs)
+    # A list of one column, or of none if no trial has a simulation of its own environment.
+    paired = ["same outcome"] if any(design.paired for design in designs) else []
     heads = ("design", "runs", "simulated %", "cars", "passed", "these %", *extra_heads, *paired, "gap")
     table = ResultTable(*heads, "verdict", left=("design", "verdict"))
     for design in designs:
@@ -105,6 +106,7 @@ def _gap(gap: "Gap | None") -> str:
 
 def _print_outcomes(console: Console, designs: "Sequence[DesignComparison]") -> None:
     """Print how many runs and trials of each design had each outcome."""
+    # The outcomes of any run or trial.
     occurring = {
         kind for design in designs for counts in (design.evidence.outcomes, design.driven_outcomes) for kind in counts
     }
@@ -252,7 +254,7 @@ def print_search(plan: "Plan", result: "SearchResult", store: Path, varied: Sequ
     heads = ["design"]
     for objective in plan.objectives:
         heads.append(f"{objective.name}, new")
-        # Without such a function the value depends on the design only, so it is the same in all environments.
+        # An objective without `value` depends on the design only, so it is the same in all environments.
         if objective.value is not None:
             heads.append("when chosen")
     table = ResultTable(*heads, left=heads)
@@ -271,7 +273,10 @@ def print_search(plan: "Plan", result: "SearchResult", store: Path, varied: Sequ
 
 
 def _objective(objective: "Objective", value: float | None, interval: tuple[float, float] | None) -> str:
-    """Return the value of an objective with its interval and unit; "all rejected" if it is unknown."""
+    """Return the value of an objective with its interval and unit; "all rejected" if the value is unknown.
+
+    An objective without a unit is a rate, 0 to 1, and shown in percent.
+    """
     if value is None:
         return "all rejected"
     texts = [
@@ -293,7 +298,8 @@ STANDING_TEXTS = {
 def print_trials(trials: Sequence[Trial]) -> None:
     """Print a row for each trial, and how many trials of each standing passed."""
     console = shown_console(PLAIN_WIDTH)
-    named = ["name"] * any(trial.car_name for trial in trials)
+    # A list of one column, or of none if no car has a name.
+    named = ["name"] if any(trial.car_name for trial in trials) else []
     heads = ("trial", "experiment", "design", "sample", "car", *named, "outcome", "time (s)", "ending", "started (UTC)")
     table = ResultTable(*heads, "note", left=("design", "car", "name", "outcome", "ending", "note"))
     varied = _varied(trials)

@@ -61,18 +61,19 @@ def markers(
     for size in match.groups():
         if not SIDE_MM[0] <= float(size) <= SIDE_MM[1]:
             raise FoldcarError(f"--course {course}: {size} is not from {SIDE_MM[0]:g} to {SIDE_MM[1]:g} mm")
-    layout = rectangle(*(float(size) / 1000 for size in match.groups()))
+    length_m, width_m = (float(size) / 1000 for size in match.groups())
+    layout = rectangle(length_m, width_m)
     pdf = sheets(layout, obstacles)
     make_output_folder(output)
-    files = [output / SHEETS, output / COURSE]
-    with atomic_file(files[0]) as binary:
+    sheets_file, course_file = output / SHEETS, output / COURSE
+    with atomic_file(sheets_file) as binary:
         binary.write(pdf)
-    if files[1].exists():
-        print_note(f"{files[1]}: exists and was not changed")
+    if course_file.exists():
+        print_note(f"{course_file}: exists and was not changed")
     else:
-        with atomic_file(files[1]) as binary:
+        with atomic_file(course_file) as binary:
             binary.write((json.dumps(course_json(layout), indent=1) + "\n").encode())
-    print_result(as_json, {"files": files}, *files)
+    print_result(as_json, {"files": [sheets_file, course_file]}, sheets_file, course_file)
 
 
 def lens(

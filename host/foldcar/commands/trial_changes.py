@@ -66,7 +66,13 @@ def withdraw(
     Example: foldcar trials withdraw study.db 7 8 --reason practice
     """
     chosen = dict.fromkeys(numbers)
-    _change("withdraw", store, reason, as_json, lambda writer: writer.withdraw(chosen, True, reason, operator))
+    _change(
+        "withdraw",
+        store,
+        reason,
+        as_json,
+        lambda writer: writer.withdraw(chosen, withdrawn=True, reason=reason, operator=operator),
+    )
 
 
 def restore(
@@ -80,7 +86,13 @@ def restore(
     Example: foldcar trials restore study.db 8 --reason "was no practice"
     """
     chosen = dict.fromkeys(numbers)
-    _change("restore", store, reason, as_json, lambda writer: writer.withdraw(chosen, False, reason, operator))
+    _change(
+        "restore",
+        store,
+        reason,
+        as_json,
+        lambda writer: writer.withdraw(chosen, withdrawn=False, reason=reason, operator=operator),
+    )
 
 
 def measure(

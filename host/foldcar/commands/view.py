@@ -57,7 +57,11 @@ def view(
 
     check_distinct([listing], [output])
     viewed = viewed_run(listing, run, vehicle, settings) if run is not None else None
-    design = viewed.design if viewed else listed_family(listing, vehicle, settings)[1].single()
+    if viewed is not None:
+        design = viewed.design
+    else:
+        _, family = listed_family(listing, vehicle, settings)
+        design = family.single()
     folded, title = folded_car(design), design.title
     raise_on_findings(title, list(map(str, verify(design).findings)))
     page = view_page(folded, title, _run_data(viewed, folded) if viewed else None)

@@ -48,6 +48,7 @@ def driven_line(path: Sequence[Sequence[float]], margin_m: float, spacing_m: flo
     heading = numpy.unwrap(rows[:, 4])[is_farther]
     first_m, last_m = min(float(numpy.min(travelled)), 0.0) - margin_m, s[-1] + margin_m
     distances = numpy.arange(first_m, last_m + spacing_m / 2, spacing_m)
+    # Beyond both ends interp keeps the values of the end; the distance beyond is added along the heading there.
     beyond_start, beyond_end = numpy.minimum(distances - s[0], 0.0), numpy.maximum(distances - s[-1], 0.0)
     return Line(
         distances,

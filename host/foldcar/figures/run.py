@@ -140,6 +140,7 @@ def _draw_side(
         axes.fill_between(line.distance_m, strip, -1.0, color=colour, linewidth=0, zorder=zorder, label=label)
         axes.plot(line.distance_m, strip, color="#6b4a17", linewidth=0.8, linestyle=line_style, zorder=3)
     travelled = travelled_m(rows)
+    # A little more than the length of the car, so that its pictures do not overlap.
     spacing_m = max(2.05 * reach, (line.distance_m[-1] - line.distance_m[0]) / MAX_POSES)
     drawn_rows = poses_to_draw(list(travelled), spacing_m)
     for index in drawn_rows:

@@ -32,17 +32,18 @@ def view_of(scenes: Sequence[Mapping[str, Any]], path: Any = ()) -> Extent:
         else:
             course = scene["course"]
             places += [(course["x_min_m"], course["y_min_m"]), (course["x_max_m"], course["y_max_m"])]
-        x += [place[0] for place in places]
-        y += [place[1] for place in places]
+        x += [place_x for place_x, _ in places]
+        y += [place_y for _, place_y in places]
         for piece in scene["terrain"]:
-            reach = _visible_radius_m(piece)
             # The view does not extend to the ends of a long wall across the course.
-            x += [piece["x_m"] - min(reach, 0.4), piece["x_m"] + min(reach, 0.4)]
-            y += [piece["y_m"] - min(reach, 0.4), piece["y_m"] + min(reach, 0.4)]
+            shown_m = min(_visible_radius_m(piece), 0.4)
+            x += [piece["x_m"] - shown_m, piece["x_m"] + shown_m]
+            y += [piece["y_m"] - shown_m, piece["y_m"] + shown_m]
     if len(path):
         rows = numpy.asarray(path, dtype=float)
         x += list(rows[:, 1])
         y += list(rows[:, 2])
+    # The view is cut at the limits of the largest course.
     sides = {key: [scene["course"][key] for scene in scenes] for key in scenes[0]["course"]}
     return Extent(
         max(min(x) - VIEW_MARGIN_M, min(sides["x_min_m"])),
@@ -163,7 +164,7 @@ def _line_in_course(x: float, y: float, heading_rad: float, course: Mapping[str,
         if abs(slope) > 1e-12:
             limits = (course[f"{axis}_min_m"], course[f"{axis}_max_m"])
             intervals.append(sorted((limit - position) / slope for limit in limits))
-    low, high = max(r[0] for r in intervals), min(r[1] for r in intervals)
+    low, high = max(start for start, _ in intervals), min(end for _, end in intervals)
     return numpy.array([[x, y]]) + numpy.array([[low], [high]]) * direction
 
 

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from foldcar.errors import FoldcarError
-from foldcar.system import SELECTS_FILES, ThreadedPort
+from foldcar.system import CAN_SELECT_FILES, ThreadedPort
 
 BAUD = 115200
 CONNECT_S = 5.0
@@ -99,7 +99,7 @@ def _open_serial(name: str) -> Stream:
     """Open a serial port or pseudo-terminal. Raises FoldcarError, which says why it cannot be opened."""
     import serial
 
-    if SELECTS_FILES:
+    if CAN_SELECT_FILES:
         if not Path(name).exists():
             raise FoldcarError(f"{name}: no such port")
         if not Path(name).is_char_device():
@@ -107,7 +107,7 @@ def _open_serial(name: str) -> Stream:
     try:
         # Exclusive, because two programs that read the same port would each get half of the packets. Windows allows
         # nothing else.
-        port = serial.Serial(name, BAUD, timeout=0 if SELECTS_FILES else READ_S, exclusive=True)
+        port = serial.Serial(name, BAUD, timeout=0 if CAN_SELECT_FILES else READ_S, exclusive=True)
     except (OSError, serial.SerialException) as error:
         number = getattr(error, "errno", None)
         if number == errno.EACCES:
@@ -118,7 +118,7 @@ def _open_serial(name: str) -> Stream:
         if type(error.__context__).__module__ == "termios":
             raise FoldcarError(f"{name}: not a serial port") from error
         raise FoldcarError(f"{name}: cannot be opened: {os.strerror(number) if number else error}") from error
-    if not SELECTS_FILES:
+    if not CAN_SELECT_FILES:
         threaded = ThreadedPort(lambda: bytes(port.read(port.in_waiting or 1)), port.close)
         return Stream(name, threaded, threaded.take, lambda data: int(port.write(data) or 0))
     os.set_blocking(port.fileno(), False)

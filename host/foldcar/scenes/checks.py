@@ -71,7 +71,9 @@ def check_free_start(start: Pose, ego: Any, terrain: Sequence[Pose], owners: Seq
             continue
         half_piece_m = reach_m(piece)
         distance_m = math.hypot(piece["x_m"] - start["x_m"], piece["y_m"] - start["y_m"])
-        if distance_m > math.hypot(*half_piece_m) + math.hypot(*half_size_m) or _stands_level(start, half_size_m, piece):
+        # Farther apart than both half diagonals, car and piece cannot overlap.
+        is_far = distance_m > math.hypot(*half_piece_m) + math.hypot(*half_size_m)
+        if is_far or _stands_level(start, half_size_m, piece):
             continue
         edge = f"the edge of a {piece['kind']} at ({piece['x_m']:.4g}, {piece['y_m']:.4g})"
         raise UnusableError(f"the start is inside an obstacle: the car would stand across {edge}", owner)

@@ -53,7 +53,8 @@ def time_limit(limit_s: float, what: str) -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread() or not hasattr(signal, "setitimer"):
         yield
         return
-    in_block, time_is_up = True, False
+    in_block = True
+    time_is_up = False
 
     def interrupt(number: int, frame: Any) -> None:
         nonlocal time_is_up
@@ -62,7 +63,8 @@ def time_limit(limit_s: float, what: str) -> Iterator[None]:
             raise _TimeUpError
 
     handler = signal.signal(signal.SIGALRM, interrupt)
-    # A block may be within another one with a limit, whose timer runs on afterwards.
+    # The signal repeats, because the block may suppress the first interruption. A block may be within another one with
+    # a limit, whose timer runs on afterwards.
     outer_s, outer_repeat_s = signal.setitimer(signal.ITIMER_REAL, limit_s, REPEAT_S)
     started_s = time.monotonic()
     try:

@@ -80,6 +80,7 @@ def _place_of(copy: Any, specifiers: Sequence[Any]) -> Any:
 
     Properties are those that the Point's ``specifiers`` set.
     """
+    # Without "mutationScale": the copy has the noise already, so the Point gets none.
     specified = {name for specifier in specifiers for name in specifier.priorities} - {"mutationScale"}
     values = {name: getattr(copy, name) for name in copy.properties if name in specified}
     for name, kind in NOISY.items():

@@ -67,6 +67,7 @@ class Translator:
         )
         # A name that is assigned twice may have had another value where the expression stands.
         self.names = {name: value for name, value in named_values.items() if assignment_counts[name] == 1}
+        # Whether the ego's yaw, pitch and roll count from another orientation than the world's.
         self._turned = not _stands_in_world(scenario.egoObject)
 
     def truth(self, node: Any) -> Terms:
@@ -106,7 +107,8 @@ class Translator:
             case ast.UnaryOp(op=ast.USub()):
                 return [*self.number(node.operand), "negate"]
             case ast.BinOp() if type(node.op) in ARITHMETIC:
-                return [*self.number(node.left), *self.number(node.right), ARITHMETIC[type(node.op)][0]]
+                operator_term, _ = ARITHMETIC[type(node.op)]
+                return [*self.number(node.left), *self.number(node.right), operator_term]
             case ast.Call(func=ast.Name(id="abs") as called, args=[argument], keywords=[]) if self._is_standard(called):
                 return [*self.number(argument), "abs"]
             case ast.Call(func=ast.Name(id="min" | "max" as name) as called, keywords=[]) if len(

@@ -46,6 +46,7 @@ class NativeProgram:
         records: list[dict[str, Any]] = []
         verdict: Any = None
         for name, kind, node, terms in self._records:
+            # A record without terms is a constant of the scene.
             if terms:
                 value: dict[str, Any] = {"value": _resolved(terms, sample)}
             else:

@@ -19,7 +19,8 @@ def terrain_objects(scenario: Any, scene: Any) -> list[tuple[str, int]]:
     class and its number among the objects of that class, such as ``kerb 2``; the only object of its class has no number.
     """
     variables = _variables(scenario)
-    pairs = [pair for pair in zip(scenario.objects, scene.objects, strict=True) if is_a(pair[1], "Terrain")]
+    all_pairs = zip(scenario.objects, scene.objects, strict=True)
+    pairs = [(original, sampled) for original, sampled in all_pairs if is_a(sampled, "Terrain")]
     totals = Counter(type(sampled).__name__ for _, sampled in pairs)
     count_so_far = Counter[str]()
     objects = []

@@ -56,6 +56,7 @@ class Obstacle:
         # Rounded, so that the last bit does not decide between corners at equal distance: the first is taken.
         distances = [round(math.hypot(*corner), 6) for corner in corners]
         first = distances.index(min(distances))
+        # The corners are in order around the obstacle.
         neighbours = corners[(first + 1) % 4], corners[(first - 1) % 4]
         # Of equal edges, the one whose other end is nearer to the mark.
         second = max(neighbours, key=lambda corner: (round(math.dist(corner, corners[first]), 6), -math.hypot(*corner)))

@@ -47,7 +47,8 @@ def compile_program(program: Path, params: Mapping[str, Any], files: ProgramFile
     read_text(program)
     if params:
         # Scenic accepts any name as an override; compiling without overrides shows the declared names.
-        _check_params(program, params, _compiled(program, files, {})[0].params)
+        declaring_scenario, _ = _compiled(program, files, {})
+        _check_params(program, params, declaring_scenario.params)
     scenario, mutated = _compiled(program, files, params)
     if mutated:
         # Only now is it known which Points are mutated, and must be followed while they are created.
@@ -68,7 +69,7 @@ def _compiled(
 
     ``followed`` are the numbers of mutated Points known from an earlier compilation (see Mutations). Raises FoldcarError.
     """
-    with _no_collection(), warnings.catch_warnings():
+    with _no_garbage_collection(), warnings.catch_warnings():
         # Scenic installs an excepthook, and warns if another library has done so before.
         warnings.filterwarnings("ignore", message="unable to install sys.excepthook")
         import scenic
@@ -79,7 +80,7 @@ def _compiled(
     mutations = Mutations(followed)
     limited = contained(COMPILE_LIMIT_S, f"{program}: compiling", program)
     try:
-        with _no_collection(), files.inside(anew=True), _vocabulary_on_path(), hooks(mutations), limited:
+        with _no_garbage_collection(), files.inside(anew=True), _vocabulary_on_path(), hooks(mutations), limited:
             scenario = scenic.scenarioFromFile(str(program), params=dict(params))
             refuse_same_names(scenario)
             if is_dynamic(scenario):
@@ -189,7 +190,7 @@ def overlap_hint(message: str) -> str:
 
 
 @contextlib.contextmanager
-def _no_collection() -> Iterator[None]:
+def _no_garbage_collection() -> Iterator[None]:
     """Disable garbage collection within the block, which makes importing and compiling a third faster."""
     was_enabled = gc.isenabled()
     gc.disable()

@@ -162,7 +162,8 @@ def refuse_undefined_names(code: CodeType, namespace: Mapping[str, Any]) -> None
         lines = dict(dis.findlinestarts(block))
         line: int | None = block.co_firstlineno
         for instruction in dis.get_instructions(block):
-            line, name = lines.get(instruction.offset, line), instruction.argval
+            line = lines.get(instruction.offset, line)
+            name = instruction.argval
             if instruction.opname == "LOAD_GLOBAL" and not (
                 name in assigned or name in namespace or hasattr(builtins, name)
             ):
@@ -210,7 +211,7 @@ def refuse_lost_statements(inherited: Any) -> None:
     statements = [statement for attribute in DROPPED for statement in getattr(inherited, attribute)]
     dropped = [(statement.line, statement.ty.value) for statement in statements]
     if scenic_private.is_limited(inherited):
-        # Scenic does not keep its line.
+        # Scenic does not keep this statement's line. With 0, the message names it only if it is the only one.
         dropped.append((0, "terminate after"))
     if dropped:
         line, kind = max(dropped)

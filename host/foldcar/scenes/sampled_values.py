@@ -81,7 +81,8 @@ class SampledValues:
                 value = self.value(node.operand)
                 return -value if isinstance(node.op, ast.USub) else value
             case ast.BinOp():
-                return ARITHMETIC[type(node.op)][1](self.value(node.left), self.value(node.right))
+                _, operate = ARITHMETIC[type(node.op)]
+                return operate(self.value(node.left), self.value(node.right))
             case ast.Call():
                 return self._called(node)
         if type(node).__name__ == "DegOp":

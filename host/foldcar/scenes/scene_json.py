@@ -150,6 +150,7 @@ def _checked(part: Any, thing: Any) -> dict[str, Any]:
             raise UnusableError(f"{kind}: {key} is missing", thing)
         piece[key] = finite(f"{kind}: {key}", part.get(key, 0.0), thing)
         if not minimum <= piece[key] <= maximum:
+            # Heights have the lowest limits; a value above them is probably in mm.
             hint = "; lengths are in metres" if maximum == HEIGHT_M[1] else ""
             raise UnusableError(f"{kind}: {key}: {part[key]} is not within {minimum:g} to {maximum:g}{hint}", thing)
     if kind in BOUNDED:
@@ -157,8 +158,9 @@ def _checked(part: Any, thing: Any) -> dict[str, Any]:
         if piece[key] > limit(piece):
             raise UnusableError(f"{kind}: {key}: {piece[key]:g} is above {maximum_text}, {limit(piece):g}", thing)
     if kind == "rough":
-        cells = GRID_FINENESS / piece["correlation_m"]
-        nodes = (piece["length_m"] * cells + 1) * (piece["width_m"] * cells + 1)
+        # The simulator draws a grid of random heights.
+        cells_per_m = GRID_FINENESS / piece["correlation_m"]
+        nodes = (piece["length_m"] * cells_per_m + 1) * (piece["width_m"] * cells_per_m + 1)
         if nodes > MAX_NODES:
             raise UnusableError(f"rough: correlation_m: makes {nodes:.3g} heights, the limit is {MAX_NODES:.3g}", thing)
         if piece["seed"] != int(piece["seed"]):

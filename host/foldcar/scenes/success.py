@@ -9,7 +9,7 @@ import ast
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from foldcar.scenes.program import named_things, parsed_program
 from foldcar.scenes.reading import is_a
@@ -35,6 +35,14 @@ class SuccessRule:
     endings: frozenset[str] = frozenset()
 
 
+class _Approach(NamedTuple):
+    """A condition that the car is close to a place: the condition's line and text, and the place's text."""
+
+    line: int
+    text: str
+    place: str
+
+
 def success_rule(scenario: Any, program: Path) -> SuccessRule:
     """Return the success rule of a compiled program (see the head of this file)."""
     has_goal = any(is_a(thing, "Goal") for thing in scenario.objects)
@@ -47,27 +55,27 @@ def success_rule(scenario: Any, program: Path) -> SuccessRule:
     else:
         conditions = [*scenario.terminationConditions, *scenario.terminateSimulationConditions]
         lines = {condition.line for condition in conditions}
-        # An approach is the line and text of a condition, and the text of the place that the car approaches.
         candidates = _approaches(program, scenario, has_goal) if lines else ()
-        approaches = [approach for approach in candidates if approach[0] in lines]
-        if len({place for _, _, place in approaches}) > 1:
-            approaches = [approach for approach in approaches if approach[2].lower() == TARGET]
+        approaches = [approach for approach in candidates if approach.line in lines]
+        if len({approach.place for approach in approaches}) > 1:
+            approaches = [approach for approach in approaches if approach.place.lower() == TARGET]
             if not approaches:
                 ambiguous = " (it measures the distance to several places, and none is named `target`)"
         alternatives += [f"`{text}` (line {line}) ends it with the car upright" for line, text, _ in approaches]
-        endings = frozenset(str(c) for c in conditions if c.line in {line for line, _, _ in approaches})
+        approach_lines = {approach.line for approach in approaches}
+        endings = frozenset(str(condition) for condition in conditions if condition.line in approach_lines)
     if alternatives:
         rule = ", or if ".join(alternatives)
-        return SuccessRule(True, f"a run has passed if {rule}, within the time limit", endings)
+        return SuccessRule(defined=True, text=f"a run has passed if {rule}, within the time limit", endings=endings)
     return SuccessRule(
-        False,
-        f"success is undefined: {program.name} has no Goal, no `record final … as {VERDICT}` and no "
+        defined=False,
+        text=f"success is undefined: {program.name} has no Goal, no `record final … as {VERDICT}` and no "
         f"`terminate when` on the distance of the car to its target{ambiguous}; no fraction of passed runs is reported",
     )
 
 
-def _approaches(program: Path, scenario: Any, has_goal: bool) -> Iterator[tuple[int, str, str]]:
-    """Yield the conditions to terminate that hold when the car is close to its target: (line, text, place's text).
+def _approaches(program: Path, scenario: Any, has_goal: bool) -> Iterator[_Approach]:
+    """Yield the conditions to terminate that hold when the car is close to its target.
 
     The target is the Goal or, in a program without a Goal, a place.
     """
@@ -81,7 +89,7 @@ def _approaches(program: Path, scenario: Any, has_goal: bool) -> Iterator[tuple[
             place = _approached_place(conjunct)
             if place is not None and _is_target(place, things, has_goal):
                 text = " ".join((ast.get_source_segment(source, node) or "").split())
-                yield condition.lineno, text, ast.get_source_segment(source, place) or ast.dump(place)
+                yield _Approach(condition.lineno, text, ast.get_source_segment(source, place) or ast.dump(place))
 
 
 def _conjuncts(condition: ast.AST) -> list[ast.AST]:

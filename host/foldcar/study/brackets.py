@@ -16,6 +16,7 @@ def unclosed(text: str) -> str | None:
 
     Example: ``line 3, column 5: "[" of line 1, column 7 is still open: write "]" before this "}"``.
     """
+    # Each with its position in the text.
     open_brackets: list[tuple[str, int]] = []
     for token, position in _tokens(text):
         if token in CLOSING:

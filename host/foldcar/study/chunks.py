@@ -94,8 +94,10 @@ class ChunkPool:
         self._writer = writer
         self._simulators = LocalSimulators(simulators) if isinstance(simulators, int) else simulators
         self._pool = ThreadPoolExecutor(self._simulators.max_count, thread_name_prefix="carsim")
+        # The submitted chunks with their runners.
         self._futures: dict[Future[_Chunk], Runner] = {}
         self._runner: Runner | None = None
+        # The chunk that is being filled, and the number of runs at which it is submitted.
         self._chunk: list[PlannedRun] = []
         self._chunk_runs = FIRST_CHUNK_RUNS
         # For each result that is being computed: how many runs of the study need it.
@@ -167,18 +169,19 @@ class ChunkPool:
         realities = self._writer.texts("variation", (run.variation_id for run in runs))
         requests = [
             RunRequest(
-                f"b{run.body_id}",
-                f"s{run.scene_id}",
-                settings[run.settings_id],
-                f"design {run.design + 1}, sample {run.sample}",
-                run.sample,
-                realities[run.variation_id],
+                body=f"b{run.body_id}",
+                scene=f"s{run.scene_id}",
+                settings=settings[run.settings_id],
+                label=f"design {run.design + 1}, sample {run.sample}",
+                sample=run.sample,
+                reality=realities[run.variation_id],
             )
             for run in runs
         ]
 
         def work() -> _Chunk:
-            return _Chunk(runner, runs, *self._simulators.run(runner, bodies, scenes, requests))
+            answers, seconds = self._simulators.run(runner, bodies, scenes, requests)
+            return _Chunk(runner, runs, answers, seconds)
 
         self._futures[self._pool.submit(work)] = runner
 

@@ -47,14 +47,16 @@ def fold(family: Family, limit_s: float) -> tuple[Family, float]:
 
     Returns the family of these designs, and the estimated time for folding all (s).
     """
-    started_s, members = time.perf_counter(), []
+    started_s = time.perf_counter()
+    members = []
     for position, values in family.spread_out():
-        # This folds the design.
+        # To find whether the design can be built, this folds it; the family keeps the answer.
         family.error(values)
         members.append((position, values))
         if time.perf_counter() - started_s > limit_s:
             break
     total_s = (time.perf_counter() - started_s) / len(members) * family.combinations
+    # Sorted by position, the designs are in the family's order.
     return family.only(values for _, values in sorted(members)), total_s
 
 

@@ -31,8 +31,9 @@ class Environment:
     def __init__(self, experiment: Experiment) -> None:
         self._experiment = experiment
         self._source: SceneSource | None = None
+        # The program's files of an earlier sweep, if none has changed (see recall).
         self._recalled: Files | None = None
-        # The fingerprint of the listing's environment, if a calibration changes this one.
+        # If a calibration has changed this environment: the fingerprint of the environment in the listing, else None.
         self.listed_fingerprint: str | None = None
         variation = experiment.variation
         self.spread_fingerprint = spread_fingerprint(variation, experiment.variation_seed) if variation else NOMINAL

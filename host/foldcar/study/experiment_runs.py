@@ -85,6 +85,8 @@ class StoredSamples:
             scene = environment.sample(k)
             writer.put_sample(self._environment_id, k, scene, self._dynamic)
             self._scene_count = k + 1
+        # A draw is how the built car of a sample differs from the design. Another experiment may have stored more draws
+        # than scenes, or fewer.
         for k in range(self._draw_count, sample + 1):
             writer.put_draw(self._spread_id, k, environment.variation(k), environment.variation_identity())
             self._draw_count = k + 1
@@ -159,6 +161,7 @@ class ExperimentRuns:
             for run in self.writer.planned_runs(plan, sample):
                 if samples_of_design is not None and sample not in samples_of_design.get(run.design, ()):
                     continue
+                # Reuse a stored result, or share that of an equal run in progress, whose outcome is not known yet.
                 if run.outcome is not None or self.pool.joins(run):
                     self.counts.reused += 1
                     self.counts.count(run.outcome)

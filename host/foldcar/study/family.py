@@ -106,10 +106,10 @@ class Family:
         for values in self._combinations():
             error = self.error(values)
             if error is not None:
-                members = zip(self.choices.items(), values, strict=True)
+                choices_and_values = zip(self.choices.items(), values, strict=True)
                 varied = [
                     f"{key}={value:g} {declared(key).unit}".rstrip()
-                    for (key, choices), value in members
+                    for (key, choices), value in choices_and_values
                     if len(choices) > 1
                 ]
                 parameter_text = "" if error.parameter is None else f"{error.parameter}: "
@@ -172,7 +172,9 @@ class Family:
 
         ``settings`` has a number for a parameter (``width``, ``W.length``), the name for a kind of part (``cells``).
         """
-        choices, origins, parts, letters = dict(self.choices), dict(self.origins), self.parts, self.type.split("_")
+        choices, origins, parts = dict(self.choices), dict(self.origins), self.parts
+        # A type such as W_B_W has the letters of the car's modules.
+        letters = self.type.split("_")
         for key, value in settings.items():
             if isinstance(value, str):
                 try:

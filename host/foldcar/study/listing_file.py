@@ -123,8 +123,8 @@ def _mistake(mistake: Any) -> str:
     path = ".".join(map(str, mistake["loc"])) or "the file"
     kind, message = mistake["type"], mistake["msg"].removeprefix("Value error, ")
     if kind == "extra_forbidden":
-        # In the location, sections and names that the listing chose take turns; OBJECTS has the sections. `wbt_filename`
-        # is accepted, but unused, so it is not suggested.
+        # A location is, for example, (experiments, 1, params, speed): every second element is a section, of which OBJECTS
+        # has the schema. `wbt_filename` is accepted, but unused, so it is not suggested.
         known = [key for key in OBJECTS[mistake["loc"][:-1:2]].model_fields if key != "wbt_filename"]
         return f"{path}: unknown key; known: {', '.join(known)}{did_you_mean(mistake['loc'][-1], known)}"
     if kind == "missing":

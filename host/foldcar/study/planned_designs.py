@@ -34,6 +34,7 @@ class PlannedDesigns:
         self.fingerprint = designs_fingerprint(experiment, table)
         if stored is not None and stored.fingerprint == self.fingerprint:
             experiment.family.mark_buildable(stored.parameters)
+            # None: no design is folded until the designs are iterated over.
             self._texts: list[bytes] | None = None
         else:
             # Compressed to a fifth of their size, because they stay in memory until the store is opened.

@@ -49,7 +49,7 @@ def side_view_limits(carsim: Carsim, experiment: Experiment, environment: Enviro
 def _sampled_inputs(
     carsim: Carsim, experiment: Experiment, environment: Environment
 ) -> tuple[list[Mapping[str, Any]], list[Mapping[str, Any]]]:
-    """Return the bodies of about DESIGNS designs, narrowest first, and the scenes of the first SAMPLES samples."""
+    """Return the bodies of about DESIGNS designs, narrowest track first, and the scenes of the first SAMPLES samples."""
     table = carsim.parameter_table()
     step = max(1, len(experiment.family) // DESIGNS)
     planned = [planned_design(experiment, design, table) for design in islice(experiment.family, 0, None, step)]
@@ -85,6 +85,7 @@ def _crests(bodies: Sequence[Mapping[str, Any]], scenes: Sequence[Mapping[str, A
 
     On these a car may come to rest on its belly, and in three dimensions roll off sideways.
     """
+    # Heights of segments count from the axles, which are one radius above the ground.
     clearance_m = min(
         wheel["radius_m"] + segment["center_z_m"] - 0.5 * segment["height_m"]
         for body in bodies
@@ -101,7 +102,7 @@ def one_sided(body: Mapping[str, Any]) -> str:
     """Return the property in which left and right side of a body differ; "" if they are equal."""
     if any(abs(segment["com_y_m"]) > RELATIVE_TOLERANCE * body["track_m"] for segment in body["segments"]):
         return "the centre of mass"
-    # The two wheels at each place along the car.
+    # The two wheels, left and right, at each place along the car.
     pairs: dict[tuple[int, float], list[Mapping[str, Any]]] = {}
     for wheel in body["wheels"]:
         pairs.setdefault((wheel["segment"], wheel["x_m"]), []).append(wheel)

@@ -54,10 +54,10 @@ def stopping_rules(until: str, study: Study) -> dict[str, StoppingRule]:
     points = re.fullmatch(r"([0-9]+(?:\.[0-9]+)?) ?pp", until)
     if points is None:
         raise FoldcarError(f"--until: '{until}' is neither decided nor a number of percentage points, such as 5pp")
-    width = float(points[1])
-    if not MIN_POINTS <= width < MAX_POINTS:
+    half_width_pp = float(points[1])
+    if not MIN_POINTS <= half_width_pp < MAX_POINTS:
         raise FoldcarError(f"--until: {until} is not from {MIN_POINTS}pp to below {MAX_POINTS}pp")
-    return {experiment.id: StoppingRule(width / 100, ()) for experiment in study.experiments}
+    return {experiment.id: StoppingRule(half_width_pp / 100, ()) for experiment in study.experiments}
 
 
 def design_states(experiment: Experiment, rule: StoppingRule, counts: DesignCounts) -> list[DesignState]:
@@ -67,6 +67,7 @@ def design_states(experiment: Experiment, rule: StoppingRule, counts: DesignCoun
     columns = [design.columns for design in experiment.family]
     rejected = [runs - counted for runs, counted in zip(counts.runs, counts.counted, strict=True)]
     rows = zip(columns, counts.runs, rejected, counts.passed, low.tolist(), high.tolist(), decided.tolist(), strict=True)
+    # The order of `rows` is that of the fields of DesignState.
     return [DesignState(experiment.id, *fields) for fields in rows]
 
 
@@ -101,12 +102,13 @@ class Schedule:
     def __init__(self, rule: StoppingRule, max_runs: int, reached: Sequence[int]) -> None:
         self._rule, self._max_runs = rule, max_runs
         self._reached = numpy.asarray(reached, int)
+        # By design.
         self.passed = numpy.zeros(len(reached), int)
         self.runs = numpy.zeros(len(reached), int)
         self.counted = numpy.zeros(len(reached), int)
         self.decided = numpy.zeros(len(reached), bool)
         self.closed = numpy.zeros(len(reached), bool)
-        # Designs with equal counts get equal batches.
+        # The end of the next batch, by (passed, runs, counted): designs with equal counts get equal batches.
         self._ends: dict[tuple[int, int, int], int] = {}
 
     def next(self) -> list[Batch]:

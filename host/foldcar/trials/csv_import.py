@@ -200,7 +200,7 @@ def _number(
     minimum: int = 0,
     maximum: float = math.inf,
 ) -> float:
-    """Return a cell as a number. Raises FoldcarError if it is not one, or beyond its limits."""
+    """Return a cell as a number, converted by ``kind``. Raises FoldcarError if it is not one, or beyond its limits."""
     try:
         value = kind(row[name])
     except ValueError:

@@ -3,7 +3,6 @@
 import contextlib
 import time
 from collections.abc import Callable, Iterator
-from typing import Any
 
 from rich.console import Group
 from rich.live import Live
@@ -23,12 +22,14 @@ class DriveView:
     """Shows a drive on a terminal, and stops it when a key is pressed.
 
     Nothing is shown if the output is not a terminal. The countdown begins with the first call of :meth:`update`.
-    ``other_input`` is a file whose input ends the wait for messages early, or None.
+    ``other_input`` is the descriptor of a file whose input ends the wait for messages early, or None.
     """
 
-    def __init__(self, countdown_s: int, time_limit_s: float, other_input: Any) -> None:
+    def __init__(self, countdown_s: int, time_limit_s: float, other_input: int | None) -> None:
         self.other_input = other_input
+        # Whether the person has said that the car has passed.
         self.passed = False
+        # Whether the person was told to pull the cable.
         self._announced = False
         self._countdown_s, self._time_limit_s = countdown_s, time_limit_s
         self._pressed: Callable[[], str | None] = lambda: None

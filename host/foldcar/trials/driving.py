@@ -126,7 +126,8 @@ def _has_cable(car: Car) -> bool:
 def _watch(car: Car, trial: int, view: DriveView, end_s: float, must_be_unplugged: bool = False) -> DriveEnd:
     """Wait for the end of the drive. Raises LinkLostError if the car is silent or does not end.
 
-    If it ``must_be_unplugged``, it is stopped when its wheels start while the cable is still plugged in.
+    ``end_s`` is the latest end, by time.monotonic(). A car that ``must_be_unplugged`` is stopped if its wheels start
+    while the cable is still plugged in.
     """
     dialect, connection = car.dialect, car.connection
     last_boot_ms = 0
@@ -224,10 +225,11 @@ def collect(car: Car, trial: int, log: Path) -> DriveEnd:
     The car's times count from its boot. The first packet of the trial that the host received gives the offset to the
     host's clock.
     """
-    first_message = next((message for message in read_tlog(log) if _is_of(message[1], trial)), None)
-    if first_message is None:
+    first = next(((time_us, message) for time_us, message in read_tlog(log) if _is_of(message, trial)), None)
+    if first is None:
         raise FoldcarError(f"{log}: contains no message of trial {trial} from before the cable was unplugged")
-    offset_us = first_message[0] - 1000 * first_message[1].time_boot_ms
+    received_us, first_message = first
+    offset_us = received_us - 1000 * first_message.time_boot_ms
     status = _wait_for_storage(car)
     if status is None:
         raise FoldcarError(f"{car.port}: the car is still storing its log after {STORING_S:g} s")

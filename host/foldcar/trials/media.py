@@ -58,9 +58,11 @@ class Arrivals:
         if age_s >= 0:
             return age_s < SETTLED_S
         state, now_s = file_state(file), time.monotonic()
-        if self._states.get(file, (None, 0.0))[0] != state:
+        last_state, unchanged_since_s = self._states.get(file, (None, 0.0))
+        if last_state != state:
+            unchanged_since_s = now_s
             self._states[file] = state, now_s
-        return now_s - self._states[file][1] < SETTLED_S
+        return now_s - unchanged_since_s < SETTLED_S
 
     def growing(self) -> list[Path]:
         """Return the new files that may still grow."""
@@ -75,7 +77,7 @@ class Arrivals:
                 # A file belongs to the last trial that had begun when it was changed. One that is older than the session
                 # keeps its time of recording, but was copied now: it belongs to the last trial.
                 trials = [trial for begun_s, trial in self._begun if begun_s <= _changed_s(file)]
-                last_trial = self._begun[-1][1]
+                _, last_trial = self._begun[-1]
                 trial_files.append((trials[-1] if trials else last_trial, file))
         return trial_files
 

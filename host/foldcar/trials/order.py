@@ -51,14 +51,18 @@ def next_sample(
     block = [sample for sample in candidates if sample // BLOCK == candidates[0] // BLOCK]
     standings: dict[int | None, Standing | None] = {sample: standing_in_sample(sample) for sample in block}
     standings[None] = current
-    costs = {pair: _cost(standings[pair[0]], standings[pair[1]]) for pair in itertools.permutations(standings, 2)}
+    costs = {
+        (before, after): _cost(standings[before], standings[after])
+        for before, after in itertools.permutations(standings, 2)
+    }
 
     def cost(order: tuple[int, ...]) -> tuple[float, ...]:
         steps = [costs[pair] for pair in itertools.pairwise((None, *order))]
         # Rounding makes sums of the same distances in different orders equal.
         return sum(moved_count for moved_count, _ in steps), round(sum(distance_m for _, distance_m in steps), 9)
 
-    return min(itertools.permutations(block), key=cost)[0]
+    first_sample, *_ = min(itertools.permutations(block), key=cost)
+    return first_sample
 
 
 def _cost(current: Standing | None, next_standing: Standing | None) -> tuple[int, float]:
@@ -70,9 +74,13 @@ def _cost(current: Standing | None, next_standing: Standing | None) -> tuple[int
         return 0, 0.0
     pairs = [(current.get(letter), next_standing.get(letter)) for letter in {**current, **next_standing}]
     moves = [(old, new) for old, new in pairs if _move(old, new)]
-    # Obstacles that are put down or taken away have no distance.
-    obstacles = [(old[0], new[0]) for old, new in moves if old is not None and new is not None]
-    return len(moves), sum(math.hypot(new.x_m - old.x_m, new.y_m - old.y_m) for old, new in obstacles)
+    # Obstacles that are put down or taken away have no distance. An arrangement has (obstacle, what it is) pairs.
+    distances_m = []
+    for old, new in moves:
+        if old is not None and new is not None:
+            (old_obstacle, _), (new_obstacle, _) = old, new
+            distances_m.append(math.hypot(new_obstacle.x_m - old_obstacle.x_m, new_obstacle.y_m - old_obstacle.y_m))
+    return len(moves), sum(distances_m)
 
 
 def moves_text(current: Standing, next_standing: Standing) -> str:

@@ -40,6 +40,7 @@ def lettered(obstacles: Iterable[Obstacle]) -> dict[str, Obstacle]:
 def instructions(scene: Mapping[str, Any], obstacles: Mapping[str, Obstacle]) -> Iterator[tuple[str, ...]]:
     """Yield rows with the columns HEADS: the car, the obstacles, rough ground, the goal, the floor."""
     start = scene["start"]
+    # Two empty columns: only obstacles are placed by distances from the mark.
     yield CAR, *_place(start["x_m"], start["y_m"], start["heading_rad"]), "", "", "its middle"
     obstacle_pieces = {index for obstacle in obstacles.values() for index in obstacle.pieces}
     ground = [footprint("", scene["terrain"], k) for k in range(len(scene["terrain"])) if k not in obstacle_pieces]
@@ -81,7 +82,10 @@ def draw_placement(
     scene: Mapping[str, Any], obstacles: Mapping[str, Obstacle], design: Design, carsim: Carsim, picture: Path,
     title: str, course: Course | None = None,
 ) -> None:  # fmt: skip
-    """Draw the scene, the car, a camera's markers and cards. A missing folder is created. Raises FoldcarError."""
+    """Draw the scene and the car, with ``course`` also its markers and cards, into ``picture``. Raises FoldcarError.
+
+    A missing folder is created.
+    """
     from foldcar.figures.placement import draw_placement as draw_figure
     from foldcar.simulation.heights import carsim_heights
 

@@ -94,7 +94,8 @@ def welcome(
 ) -> tuple[CarIdentity, Design]:
     """Print the car's identity and state, and compare its parameters with the design's.
 
-    If ``answers`` is None, nothing is asked. Raises FoldcarError with a remedy if the car cannot drive the trials.
+    If ``answers`` is None, nothing is asked. With ``any_build`` the car's firmware may be of another build than carsim's.
+    Raises FoldcarError with a remedy if the car cannot drive the trials.
     """
     identity = car.identity()
     battery = car.battery_v()

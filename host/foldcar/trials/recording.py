@@ -33,7 +33,7 @@ def record_outcome(
     """Complete the row of trial ``number``, print its outcome, and return what was stored.
 
     An aborted drive is stored as aborted. Else the outcome is ``outcome`` or, if that is None, asked for; without
-    ``answers`` it is that of the drive. ``mark`` is printed behind it, for a simulated car. Raises FoldcarError if the
+    ``answers`` it is that of the drive. ``mark`` is printed behind the outcome. Raises FoldcarError if the
     outcome remains unknown.
     """
     digest = sha256_of(log)

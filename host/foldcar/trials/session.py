@@ -107,18 +107,23 @@ class Session:
         self._answers = Answers(self._idle)
         self._questions = None if options.yes else self._answers
         self._plugged = PluggedCar()
-        # The samples that are drawn, with the car's hash; each sample's scene and obstacles.
+        # The (sample, hash of the car) whose placement has been drawn.
         self._drawn: set[tuple[int, str]] = set()
+        # Scene and obstacles by sample.
         self._scenes: dict[int, tuple[dict[str, Any], dict[str, Obstacle]]] = {}
         # Where obstacles stand since the last trial (None: unknown), and the sample to drive again (None: the next one).
         self._standing: Standing | None = None
         self._again: int | None = None
+        # How many trials are driven again, beyond the requested number.
         self._repeated = 0
         self._arrivals = Arrivals(options.media_folder)
         self.driven: list[int] = []
 
     def run(self, named_port: str | None) -> None:
-        """Drive trials until the requested number or until the person ends the session. Raises FoldcarError."""
+        """Drive trials until the requested number or until the person ends the session. Raises FoldcarError.
+
+        ``named_port`` None stands for the only port with a board.
+        """
         options = self._options
         self._plugged.connect(choose_port(named_port))
         try:
@@ -155,7 +160,8 @@ class Session:
         )
         if identity.simulated:
             sample = self._options.sample or 0
-            enter_sample(self._plugged.connected, self._scene(sample)[0], sample, self._experiment)
+            scene, _ = self._scene(sample)
+            enter_sample(self._plugged.connected, scene, sample, self._experiment)
         return CheckedCar(identity, design)
 
     def _ask_what_next(self, writer: TrialWriter, trial: "_Driven") -> bool:
@@ -177,10 +183,11 @@ class Session:
                 if key == REPEAT and not argument:
                     question = f"Trial {number} is (k)ept or (w)ithdrawn [kept]: "
                     if answers.choice(question, KEPT_KEYS, "kept") == "withdrawn":
-                        writer.withdraw([number], True, REPEATED_AT_ONCE, options.operator)
+                        writer.withdraw([number], withdrawn=True, reason=REPEATED_AT_ONCE, operator=options.operator)
                     self._again = trial.sample
                     self._repeated += 1
                     return True
+                # "u" changes the outcome, "n" adds to the note, "m" attaches a file.
                 if key == "u" and not argument:
                     outcome = answers.choice(f"{OUTCOME_QUESTION} [{ending.outcome}]: ", OUTCOME_KEYS, ending.outcome)
                     if outcome != ending.outcome:

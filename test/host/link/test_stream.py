@@ -9,7 +9,7 @@ from live_car import car_at_port, greeted
 
 def test_a_thread_reads_a_port_that_select_cannot_wait_for(monkeypatch: pytest.MonkeyPatch) -> None:
     """As on Windows, here with a pseudo-terminal."""
-    monkeypatch.setattr(stream, "SELECTS_FILES", False)
+    monkeypatch.setattr(stream, "CAN_SELECT_FILES", False)
 
     with car_at_port() as car, greeted(car.port) as connected:
         identity = connected.identity()

@@ -99,7 +99,8 @@ class Drawing:
         size = max(right - left, high - low)
         for arrow in self.arrows:
             text_width = len(arrow.text) * LETTER * TEXT * size
-            right = max(right, view.flat(arrow.points_mm)[0][0] + text_width)
+            start_u, _ = view.flat(arrow.points_mm)[0]
+            right = max(right, start_u + text_width)
         margin = MARGIN * size
         width, height = right - left + 2 * margin, high - low + 2 * margin
         box = f"{left - margin:.2f} {-high - margin:.2f} {width:.2f} {height:.2f}"
@@ -113,7 +114,11 @@ class Drawing:
 
 
 def _face(seen: VisibleFacet, size: float, faded: bool) -> str:
-    """Return a visible facet as a filled path, shaded by its light; ``size`` is the picture's larger side (mm)."""
+    """Return a visible facet as a filled path, shaded by its light, and paler if ``faded``.
+
+    ``size`` is the picture's larger side (mm).
+    """
+    # A material has two colours: of its front, and of its back.
     base = np.array(COLOURS[seen.facet.material][0 if seen.front else 1])
     if faded:
         base = base + (PALE - base) * FADED
@@ -133,6 +138,7 @@ def _lines(shape: Shape, seen: Sequence[VisibleFacet], view: Camera, size: float
     the picture's larger side (mm).
     """
     visible = {visible_facet.facet.key: visible_facet for visible_facet in seen}
+    # Edges of the same kind and facets are cut at once, which is faster.
     edges_by_keys: dict[tuple[str, tuple[str, ...]], list[Vector]] = {}
     for line in shape.lines:
         keys = tuple(key for key in line.keys if key in visible)
@@ -140,6 +146,7 @@ def _lines(shape: Shape, seen: Sequence[VisibleFacet], view: Camera, size: float
             edges_by_keys.setdefault((line.kind, keys), []).append(line.ends_mm)
     path_data: dict[str, list[str]] = {kind: [] for kind in LINES}
     for (kind, keys), edges in edges_by_keys.items():
+        # (edges, 2 ends, u and v), without edges that are seen end-on, as points.
         ends = view.flat(np.concatenate(edges)).reshape(-1, 2, 2)
         ends = ends[np.ptp(ends, axis=1).max(axis=1) > EDGE_SLACK_MM]
         if any(visible[key].whole for key in keys):

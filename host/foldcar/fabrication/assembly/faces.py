@@ -61,10 +61,12 @@ def face_triangles(face: Face) -> NDArray[np.int64]:
 
     Every point is a corner of a triangle, even inside a straight edge, because neighbouring faces share it.
     """
+    # The outline's points end at the first of `ends`, those of each hole at the next.
     points, ends = face_points(face)
     polygon = Polygon(points[: ends[0]], [points[a:b] for a, b in itertools.pairwise(ends)])
     parts = shapely.get_parts(shapely.constrained_delaunay_triangles(polygon))
     index_of = {(x, y): i for i, (x, y) in enumerate(points.tolist())}
+    # A triangle has four coordinates, because the last repeats the first.
     corners = shapely.get_coordinates(parts).reshape(-1, 4, 2)[:, :3].tolist()
     triangles = np.array([[index_of[x, y] for x, y in triangle] for triangle in corners], dtype=np.int64)
     a, b, c = (points[triangles[:, i]] for i in range(3))

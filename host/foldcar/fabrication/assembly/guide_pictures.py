@@ -132,6 +132,7 @@ def _views(scene: "Scene") -> list[tuple[Camera, str]]:
     if scene.outward is not None:
         azimuth_deg = 35 if scene.outward[1] > 0 else -35
         return [(camera(azimuth_deg, elevation_deg=18), "seen from its outer side")]
+    # The directions from which large parts come: x forward, y left, z up.
     sides = scene.sides
     if not sides and np.ptp(points([scene.shape])[:, 2]) < FLAT_MM:
         return [(FLAT, "")]
@@ -351,7 +352,7 @@ def _number_place(join: Join, piece: Piece, side: str) -> tuple[str, Vector] | N
             return face.name, middle - step if is_in_hole else middle + step
         # A wound strip's faces are short, so the number is on the next face.
         fold_ends = [(crease.parent.face, crease.child.face) for crease in piece.creases]
-        neighbours = [faces[b] for pair in fold_ends for a, b in permutations(pair) if a == face.name]
+        neighbours = [faces[other] for pair in fold_ends for this, other in permutations(pair) if this == face.name]
         neighbour = max(neighbours, key=lambda other: float(np.ptp(other.outline_mm, axis=0).prod()), default=face)
         return neighbour.name, np.array(neighbour.outline_mm).mean(axis=0)
     if side == "a" and join.kind in ("tab", "lap", "rim"):

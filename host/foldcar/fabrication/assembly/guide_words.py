@@ -116,7 +116,10 @@ def _insertion(added: AddedPart, state: AssemblyState, in_unit: bool) -> str:
 
 
 def _screw_insertion(screw: AddedPart, state: AssemblyState, in_unit: bool) -> str:
-    """Return the side a screw comes from, what it passes, its tool, and its nut; without a nut its last part holds it."""
+    """Return from which side a screw comes, what it passes, and its tool; then its nut, or else the part that holds it.
+
+    ``in_unit``: the screw goes into a unit that is assembled apart from the car, such as a wheel.
+    """
     labels = {("mount", name): mount.part for name, mount in state.mounts.items()}
     labels |= {("piece", name): NUMBER.sub("", piece.label) for name, piece in state.pieces.items()}
     passed = [labels[kind, name] for kind, name, _ in screw.passes]
@@ -135,6 +138,7 @@ def _directions(added: AddedPart, moves: Sequence[Vector], state: AssemblyState,
 
     Along y the sides are those of the wheel if it goes into a unit (``in_unit``), else of the car.
     """
+    # y of the part's wheel, or of the mount: a part that moves towards y = 0 comes from outside.
     axle = next((axle for axle in state.car.axles if axle.wheel == added.body), None)
     mount_y_mm = state.mounts[added.name].pose[1][3] if added.kind == "mount" else 0.0
     y_mm = axle.center_mm[1] if axle else mount_y_mm

@@ -5,7 +5,7 @@ Not counted are cutting, which is the machine's work, soldering the boards' head
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
@@ -111,10 +111,11 @@ def operations_of_splices(car: FoldedCar, cut: CutCar) -> Operations:
     """Return the operations that join the parts of split pieces: tabs to tape, and their additional folds."""
     unsplit_numbers = {join.number for join in car.joins}
     new_joins = [join for join in cut.car.joins if join.number not in unsplit_numbers]
-    split_folds, unsplit_folds = (
-        sum(p.count * len(_hand_folds(p)) for p in pieces) for pieces in (cut.car.pieces, car.pieces)
-    )
-    extra_folds = split_folds - unsplit_folds
+
+    def count_folds(pieces: Sequence[Piece]) -> int:
+        return sum(piece.count * len(_hand_folds(piece)) for piece in pieces)
+
+    extra_folds = count_folds(cut.car.pieces) - count_folds(car.pieces)
     return Operations(
         fold=max(extra_folds, 0), tape=sum(_repetitions(cut.car, join) for join in new_joins if join.kind in TAPED)
     )

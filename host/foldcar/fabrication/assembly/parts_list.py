@@ -87,7 +87,10 @@ def total_cost_usd(rows: tuple[Row, ...]) -> float:
 
 
 def parts_list_text(folded: FoldedCar, title: str, sheets: Sequence[Sheet] = (), done: Operations | None = None) -> str:
-    """Return the parts list as Markdown: parts to buy, pieces to cut, the worst case of every fit, the work by hand."""
+    """Return the parts list as Markdown: parts to buy, pieces to cut, the worst case of every fit.
+
+    ``done`` are the operations by hand; if they are given, the work follows.
+    """
     rows = parts_list(folded, sheets)
     return page_template("foldcar.fabrication.assembly", "parts.md").render(
         title=title,
@@ -158,7 +161,8 @@ def _bought_rows(folded: FoldedCar) -> list[Row]:
     counts = {name: counts[name] for name in dict.fromkeys([*order, *counts])}
     rows = []
     for name, count in counts.items():
-        row = Row(name, count, "", masses[name], *_cost(parts_by_name.get(name), count, folded))
+        cost_usd, note = _cost(parts_by_name.get(name), count, folded)
+        row = Row(name, count, "", masses[name], cost_usd, note)
         rows.append(_with_wire(folded, row) if name == folded.parts.wiring.name else row)
     catalogue = folded.parts
     if boards := counts.get(catalogue.featherwing.name, 0):

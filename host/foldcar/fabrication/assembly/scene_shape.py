@@ -121,6 +121,7 @@ def _solids(mount: Mount) -> list[dict[str, Any]]:
     shapes = [(solid.kind, solid.size_mm, np.array(solid.pose)) for solid in mount.solids]
     if not shapes or len(shapes) > MAX_SOLIDS:
         return [{"kind": "ring" if shapes else "box", "size": _sides(mount.size_mm), "pose": _rows(np.eye(4))}]
+    # A solid whose second shortest side is too short, such as a wire, cannot be seen.
     return [
         {"kind": kind, "size": _sides(size), "pose": _rows(pose)}
         for kind, size, pose in shapes
@@ -148,6 +149,7 @@ def recorded_run(
     head, content = ground_data(scene, heights)
     shapes = SceneShapes()
     parts = shapes.add(folded)
+    # "told" is the text below the scene; a row is a state of the path.
     return {
         "told": f"{message} The wheels turn as if they did not slip: a path has no angles of wheels. Orange: the goal"
         + ("; violet: a friction of its own." if any(piece["kind"] == "patch" for piece in scene["terrain"]) else "."),

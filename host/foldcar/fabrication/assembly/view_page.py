@@ -126,16 +126,24 @@ def _piece(piece: Piece, steps: ViewSteps, glued: set[tuple[str, str]]) -> dict[
     for face in piece.faces:
         points, ends = face_points(face)
         entry: dict[str, Any] = {
+            # x, y, x, y, … in the face's frame (mm), and the end index of the outline's points and of each hole's.
             "points": np.round(points, DECIMALS).ravel().tolist(),
             "rings": [int(end) for end in ends],
+            # Three indices of points for each triangle.
             "triangles": face_triangles(face).ravel().tolist(),
+            # Indices of edges of the outline that a neighbour shares, so that no cut is drawn.
             "uncut": sorted(uncut[face.name]),
+            # Points shared with a face beyond a smooth bend, each with the index of that face.
             "smooth": [[point, face_index[other]] for point, other in smooth[face.name]],
         }
         crease = creases.get(face.name)
         if crease is not None:
             side = 1 if crease.angle_rad > 0 else -1
+            # To which side of the face a taped tab is lifted: 1, -1, or 0 for other faces.
             entry["lifted"] = side if (piece.name, face.name) in glued else 0
+            # Both ends of the fold: `on` the parent's edge in the parent's frame, on the face's `own` edge in its frame.
+            # Then the index of the own edge, the angle of the closed fold (rad), whether the fold is drawn as a line,
+            # and (step, fraction of the angle) pairs.
             entry["fold"] = {
                 "parent": face_index[crease.parent.face],
                 "on": [*edge(faces, crease.parent)[0], *edge(faces, crease.parent)[1]],

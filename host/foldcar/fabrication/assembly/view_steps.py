@@ -62,7 +62,8 @@ def view_steps(folded: FoldedCar) -> ViewSteps:
     for key, item in item_of.items():
         host = roles.host(item) if isinstance(item, PlacedPiece) else roles.mount_host(item)
         if host is not None:
-            result.rides[key] = (_key(host[0]), host[1])
+            host_item, host_face = host
+            result.rides[key] = (_key(host_item), host_face)
     units: dict[tuple[str, str], list[Part]] = {}
     for number, step in enumerate(steps, 1):
         for position, added in enumerate(step.adds):
@@ -129,7 +130,8 @@ def _exploded(
             continue
         item = item_of[part]
         # A nut stands off the end of its screw, whatever its insertion path.
-        ways_out = [way[:1] if part[0] == NUT else way for _, way, _, _ in ways]
+        kind, _, _ = part
+        ways_out = [way[:1] if kind == NUT else way for _, way, _, _ in ways]
         directions = [np.array(way).sum(axis=0) if way else np.array(_axis_out(folded, item.body)) for way in ways_out]
         directions = [direction / np.linalg.norm(direction) for direction in directions]
         # Rounded to thirds, nearly equal directions are the same.

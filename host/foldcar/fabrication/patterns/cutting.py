@@ -61,6 +61,7 @@ def coupon(options: Options, parts: Catalogue) -> Sheet:
     window = Polygon(box(0, 0, 30, 34).exterior, [box(5, 5, 25, 25).exterior])
     # The tongue is as wide as a slot without clearance is long.
     tongue = Polygon([(0, 0), (30, 0), (30, 8), (20, 8), (20, 20), (10, 20), (10, 8), (0, 8)])
+    # Each test piece with its marks.
     rows = [
         [(_piece("bar", box(0, 0, 100, 8)), _text("100 mm", 50, 3))],
         [_slots(parts), (_piece("square", box(0, 0, 20, 20)), _text("20 mm", 10, 9))],
@@ -70,19 +71,23 @@ def coupon(options: Options, parts: Catalogue) -> Sheet:
     margin = options.margin_mm
     lines = wrapped([f"Coupon: {parts.film.title}, {options.machine}, kerf {options.kerf_mm:g} mm, {BAR}"])
     groups: list[tuple[Shape, ...]] = [tuple(shape.moved(Motion(0, (margin, margin))) for shape in title_shapes(lines))]
-    y, right = margin + title_size_mm(len(lines))[1] + options.gap_mm, margin
+    _, title_height = title_size_mm(len(lines))
+    y, right = margin + title_height + options.gap_mm, margin
     for row in rows:
         x, top = margin + options.kerf_mm, y
         for flat, marks in row:
             motion = Motion(0, (x, y))
             groups.append(tuple(shape.moved(motion) for shape in (*marks, *cut_shapes(flat, options.kerf_mm))))
             _, _, width, height = flat.outline.bounds
-            x, top, right = x + width + options.gap_mm + options.kerf_mm, max(top, y + height), max(right, x + width)
+            top = max(top, y + height)
+            right = max(right, x + width)
+            x += width + options.gap_mm + options.kerf_mm
         y = top + options.gap_mm + options.kerf_mm
     occupied = Polygon(box(margin, margin, right, y).exterior)
     if not fits((right - margin, y - margin), options.sheet_size_mm, margin):
         large = too_large_message("calibration coupon", occupied, options.sheet_size_mm, margin)
         raise NestingError(f"{large}; {suggest_sheet(lambda other: all_fit([occupied], other), [occupied], options)}")
+    # The sheet is turned if the coupon is wider than the sheet.
     size = options.sheet_size_mm if right + margin <= options.sheet_size_mm[0] else options.sheet_size_mm[::-1]
     return Sheet("coupon", *size, tuple(tuple(rounded(group)) for group in groups), options.dashed)
 

@@ -163,14 +163,14 @@ class Sheet:
         cuts_by_size: dict[int, list[tuple[Shape, ...]]] = {}
         for cut in cuts:
             x0, y0, x1, y1 = bounds(cut)
-            binary_exponent = math.frexp(max(x1 - x0, y1 - y0))[1]
+            _, binary_exponent = math.frexp(max(x1 - x0, y1 - y0))
             cuts_by_size.setdefault(binary_exponent, []).append(cut)
         position = (0.0, 0.0)
         for _, remaining in sorted(cuts_by_size.items()):
             while remaining:
-                starts = [math.dist(position, _ends(cut[0])[0]) for cut in remaining]
-                cut = remaining.pop(starts.index(min(starts)))
-                position = _ends(cut[-1])[1]
+                distances = [math.dist(position, start) for start, _ in (_ends(cut[0]) for cut in remaining)]
+                cut = remaining.pop(distances.index(min(distances)))
+                _, position = _ends(cut[-1])
                 yield cut
 
 

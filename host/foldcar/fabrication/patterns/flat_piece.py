@@ -183,6 +183,7 @@ def _placings(piece: Piece, thickness_mm: float, options: Options) -> dict[str, 
         # The child's move in the parent's frame: along the edge's inward normal.
         x, y = -(b[1] - a[1]) * saved_per_length, (b[0] - a[0]) * saved_per_length
         parent_shift = shifts[crease.parent.face]
+        # The pose turns the move from the parent's frame into that of the flat piece.
         shifts[crease.child.face] = (
             parent_shift[0] + pose[0][0] * x + pose[0][1] * y,
             parent_shift[1] + pose[1][0] * x + pose[1][1] * y,

@@ -118,6 +118,7 @@ def _first_fit(
         # The start of the base line, relative to the centre of the box.
         origin = -width / 2, -height / 2 + height * DESCENT / 2
 
+        # The defaults bind the values of this height: a function in a loop would see those of the last.
         def placed(points: Sequence[Point], i: slice, at: Points = centres, origin: Point = origin) -> Points:
             """Return points of the text, (m, 2), turned and moved to the places with these indices: (n, m, 2)."""
             u, v = (np.array(points) + origin).T
@@ -211,7 +212,9 @@ def join_marks(piece: FlatPiece, car: FoldedCar, unsplit_car: FoldedCar) -> Iter
         # The sort keeps the order of edges with the same slant, so those half way round come first.
         half = len(edges) // 2
         yield EdgeMark(str(number), tuple(sorted((*edges[half:], *edges[:half]), key=_slant)[:PLACES]))
-    for name, outline in (laid_parts for face in piece.faces for laid_parts in face.laid.items() if laid_parts[1]):
+    for name, outline in (laid_part for face in piece.faces for laid_part in face.laid.items()):
+        if not outline:
+            continue
         longest = sorted(outline, key=lambda edge: -round(math.dist(*edge), 3))
         yield EdgeMark(name, tuple(longest), shapely.MultiLineString(outline).convex_hull)
 

@@ -129,7 +129,8 @@ class _Area:
             grown, mirrored = (rfft2(raster.astype(np.float32), size) for raster in rasters)
             # Counts of cells: 0.5 is far above the rounding errors. The pieces are kept, so that no other gets their ids.
             self._masks[key] = (placed, other, irfft2(grown * mirrored, size)[:rows, :columns] > 0.5)
-        return self._masks[key][2]
+        _, _, mask = self._masks[key]
+        return mask
 
     def motion(self, turned: _RotatedPiece, row: int, column: int) -> Motion:
         """The motion of a piece whose first cell is at that row and column."""
@@ -327,7 +328,7 @@ def _first_orders(pieces: Sequence[tuple[str, Polygon, int]]) -> list[list[int]]
     sides = [(x1 - x0, y1 - y0) for x0, y0, x1, y1 in boxes]
     copies = [index for index, (_, _, count) in enumerate(pieces) for _ in range(count)]
     return [
-        sorted(copies, key=lambda i: (-sides[i][0] * sides[i][1], i)),
+        sorted(copies, key=lambda i: (-math.prod(sides[i]), i)),
         sorted(copies, key=lambda i: (-max(sides[i]), i)),
     ]
 

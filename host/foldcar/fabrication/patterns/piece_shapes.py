@@ -200,7 +200,9 @@ def _openings(flat: FlatPiece) -> Iterator[tuple[str, BaseGeometry]]:
                     for face in flat.faces for name, ring in face.holes.items()]  # fmt: skip
 
     def nearest_name(centre: ShapelyPoint) -> str:
-        return min(hole_centres, key=lambda hole: float(hole[1].distance(centre)), default=("a hole", centre))[0]
+        # Pairs (name, centre).
+        name, _ = min(hole_centres, key=lambda hole: float(hole[1].distance(centre)), default=("a hole", centre))
+        return name
 
     for ring in flat.outline.interiors:
         yield nearest_name(Polygon(ring).centroid), Polygon(ring)

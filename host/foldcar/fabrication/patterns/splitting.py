@@ -51,8 +51,10 @@ def _split_pieces(
 
     If the piece fits, or splitting does not help, return the whole piece and no joins.
     """
-    # Each join by the child face of the fold that it replaces.
-    waiting, done, joins = [piece], list[Piece](), dict[str, Join]()
+    waiting = [piece]
+    done: list[Piece] = []
+    # Each join by the child face of the fold that the join replaces.
+    joins: dict[str, Join] = {}
     while waiting:
         part = waiting.pop(0)
         crease = None if _fits(part, options) else _best_crease(part, options, depth_mm)
@@ -61,9 +63,10 @@ def _split_pieces(
             continue
         root_part, child_part = _cut_along(part, crease, depth_mm)
         waiting += [root_part, child_part]
-        ends = EdgeRef(_tab_name(crease), 0), crease.child
+        tab_edge = EdgeRef(_tab_name(crease), 0)
         length_mm = _length_mm(part, crease)
-        joins[crease.child.face] = Join(next(numbers), "tab", piece.name, ends[0], piece.name, ends[1], length_mm)
+        # split_to_fit replaces the whole piece's name by those of the parts.
+        joins[crease.child.face] = Join(next(numbers), "tab", piece.name, tab_edge, piece.name, crease.child, length_mm)
     if len(done) == 1 or not all(_fits(part, options) for part in done):
         return [piece], []
     numbered = [
@@ -80,17 +83,19 @@ def _best_crease(piece: Piece, options: Options, depth_mm: float) -> Crease | No
     It is the fold whose larger part exceeds the sheet least; of equal ones, the one whose larger part is smallest.
     """
     roles = {face.name: face.role for face in piece.faces}
-    best = None
-    for index, crease in enumerate(piece.creases):
+    best_crease: Crease | None = None
+    best_cost = (math.inf, math.inf)
+    for crease in piece.creases:
         if crease.flexure or {roles[crease.parent.face], roles[crease.child.face]} != {"panel"}:
             continue
         parts = _cut_along(piece, crease, depth_mm)
         excess_mm = max(_excess_mm(part, options) for part in parts)
         sizes_mm = [sum(_extent_mm(part, options)) for part in parts]
-        cost = (round(excess_mm, 3), round(max(sizes_mm), 3), index)
-        if best is None or cost < best[0]:
-            best = (cost, crease)
-    return None if best is None else best[1]
+        cost = (round(excess_mm, 3), round(max(sizes_mm), 3))
+        # Of folds with the same cost the first is kept.
+        if cost < best_cost:
+            best_cost, best_crease = cost, crease
+    return best_crease
 
 
 def _cut_along(piece: Piece, crease: Crease, depth: float) -> tuple[Piece, Piece]:

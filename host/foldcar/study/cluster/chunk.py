@@ -50,8 +50,8 @@ def recipe_of(runner: Runner, carsim: Carsim) -> Recipe:
     # Names are relative to the program's folder. Files outside are not sent: a worker reads its own.
     sent_names = (name for name in sorted(digests) if not Path(name).is_absolute() and digests[name] != MISSING)
     files = tuple((name, content(folder, name, digests[name])) for name in sent_names)
-    environment, code = json.dumps(runner.environment), (scene_code(), scenic_version())
-    return Recipe(engine, carsim.build, str(runner.program), files, environment, code)
+    code = (scene_code(), scenic_version())
+    return Recipe(engine, carsim.build, str(runner.program), files, json.dumps(runner.environment), code)
 
 
 def fault_of_worker(recipe: Recipe) -> str:
@@ -96,9 +96,9 @@ def _runner(recipe: Recipe) -> tuple[Runner, "tempfile.TemporaryDirectory[str] |
     if (scene_code(), scenic_version()) != recipe.code:
         raise CarsimError("its versions of foldcar and Scenic differ from this sweep's: install the same")
     folder = tempfile.TemporaryDirectory(prefix="foldcar-")
-    for name, text in recipe.files:
+    for name, file_bytes in recipe.files:
         file = Path(folder.name) / name
         file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_bytes(text)
+        file.write_bytes(file_bytes)
     program = Path(folder.name) / Path(recipe.program).name
     return ScenicRunner(program, **json.loads(recipe.environment), command=carsim.command), folder

@@ -161,8 +161,9 @@ class ClusterSimulators:
             if len(requests) == 1:
                 return [{"error": "the simulation killed its worker each time"}], 0.0
             half = len(requests) // 2
-            first, second = (self.run(runner, bodies, scenes, part) for part in (requests[:half], requests[half:]))
-            return first[0] + second[0], first[1] + second[1]
+            first_answers, first_s = self.run(runner, bodies, scenes, requests[:half])
+            second_answers, second_s = self.run(runner, bodies, scenes, requests[half:])
+            return first_answers + second_answers, first_s + second_s
         except (OSError, distributed.client.FutureCancelledError) as error:
             reason = str(error) or type(error).__name__
             raise FoldcarError(f"--scheduler: it no longer answers: {reason}; the same command resumes") from error
@@ -173,8 +174,10 @@ class ClusterSimulators:
         The chunk is submitted again if all these workers disappear.
         """
         while True:
-            workers, done = self._await_workers(recipe), threading.Event()
+            workers = self._await_workers(recipe)
+            done = threading.Event()
             future = self._client.submit(run_chunk, recipe, *chunk, workers=workers, retries=RETRIES, pure=False)
+            # The default binds the event of this round.
             future.add_done_callback(lambda _, done=done: done.set())
             # Dask would wait for the named workers forever, even if they are gone.
             while not done.wait(POLL_S) and self._threads.keys() & workers:
@@ -186,7 +189,8 @@ class ClusterSimulators:
 
     def _await_workers(self, recipe: Recipe) -> list[str]:
         """Wait for workers that can run the recipe, and return them. Raises FoldcarError after a time or `stop`."""
-        started_s, is_announced = time.monotonic(), False
+        started_s = time.monotonic()
+        is_announced = False
         while True:
             with self._lock:
                 self._update_workers()

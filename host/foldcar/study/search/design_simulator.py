@@ -66,7 +66,7 @@ class DesignSimulator:
             (run,) = (run for run in self._writer.planned_runs(plan, sample) if run.design == position)
             runs.append(run)
             if run.outcome is None and not self._pool.joins(run):
-                for finished in self._pool.add(run, len(samples) - index):
+                for finished in self._pool.add(run, runs_left=len(samples) - index):
                     self._keep(finished)
         for finished in self._pool.finish():
             self._keep(finished)

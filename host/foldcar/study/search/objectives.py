@@ -84,6 +84,7 @@ def _energy(rows: Sequence[Row], limit_s: float) -> float:
 
 def _energy_interval(rows: Sequence[Row], limit_s: float) -> Interval:
     """Return the 95 % interval of :func:`_energy`: percentiles over resampled runs (Efron's bootstrap), fixed seed."""
+    # (runs, 2: energy in J, whether the run passed); the objective is the ratio of their totals.
     table = _energies(rows)
     picks = np.random.default_rng(0).integers(0, len(table), (RESAMPLES, len(table)))
     totals = table[picks].sum(axis=1)

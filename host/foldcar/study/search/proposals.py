@@ -72,6 +72,7 @@ class Proposals:
         )
         self._grid = [] if sampler != "grid" else grid([len(self._levels[key]) for key in self._varied], designs)
         self._unused_grid_points = iter(self._grid)
+        # The proposal whose result is awaited: Optuna's trial, and the design.
         self._trial: Trial | None = None
         self._suggested: Values = ()
         # Loss and rows of the best design that was tried in all environments.

@@ -207,12 +207,12 @@ def _judged(experiment: Experiment, plan: Plan, tried: Tried, rows: Sequence[Row
     # None stands for an objective that is unknown because all runs were rejected.
     objectives = [objective if rows or objective.value is None else None for objective in plan.objectives]
     return Judged(
-        experiment.family.design(tried.values).columns,
-        tried.objectives,
-        tuple(
+        design=experiment.family.design(tried.values).columns,
+        chosen_by=tried.objectives,
+        fresh=tuple(
             None if objective is None else _value(objective, experiment, tried.values, rows) for objective in objectives
         ),
-        tuple(
+        intervals=tuple(
             None if objective is None or objective.interval is None else objective.interval(rows, experiment.timeout_s)
             for objective in objectives
         ),

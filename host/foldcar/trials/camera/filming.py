@@ -129,7 +129,15 @@ def track_trial(
     digest = sha256_of(film)
     assert digest is not None
     facts = _facts(filmed, start, ending, lens, remarks)
-    record = Track(number, film.name, digest, round(start.film_s, 4), ending.outcome, facts, _track_rows(times_s, filmed))
+    record = Track(
+        trial=number,
+        film=film.name,
+        film_sha256=digest,
+        start_s=round(start.film_s, 4),
+        outcome=ending.outcome,
+        facts=facts,
+        rows=_track_rows(times_s, filmed),
+    )
     return record, tuple(remarks)
 
 
@@ -221,8 +229,9 @@ def find_start(times_s: Floats, poses: Floats, simulated: Floats, where: str) ->
     offsets = numpy.subtract(film_times_s, simulated_times_s)
     # Short distances are noisy; over long ones an obstacle may slow the car down. Use the scale that is nearer to 1.
     long_scale = _time_scale(times_s, distances, simulated, simulated_distances)
+    short_scale, _ = numpy.polyfit(simulated_times_s, film_times_s, 1)
     scale = min(
-        float(numpy.polyfit(simulated_times_s, film_times_s, 1)[0]),
+        float(short_scale),
         long_scale,
         key=lambda candidate: abs(math.log(max(candidate, 1e-3))),
     )
@@ -255,7 +264,8 @@ def _time_scale(times_s: Floats, distances_m: Floats, simulated: Floats, simulat
 
     film_times_s = passing_times_s(times_s, distances_m)
     simulated_times_s = passing_times_s(simulated[:, 0], simulated_distances_m)
-    return float(numpy.polyfit(simulated_times_s, film_times_s, 1)[0])
+    slope, _ = numpy.polyfit(simulated_times_s, film_times_s, 1)
+    return float(slope)
 
 
 def _when(times_s: Floats, distances_m: Floats, distance: float) -> float:
@@ -313,6 +323,7 @@ def propose(
 
 def _passed(times_s: Floats, poses: Floats, goal: Mapping[str, Any], index: int) -> Ending:
     """Return the ending of a car that reached the goal between frame ``index`` and the frame before, interpolated."""
+    # Fractions of the way between the two frames.
     steps = numpy.linspace(0, 1, 21)
     previous = max(index - 1, 0)
     fraction = next(

@@ -280,10 +280,12 @@ def standing(scene: Mapping[str, Any], heights: Heights, body: Mapping[str, Any]
     radii_m = numpy.array([wheel["radius_m"] for wheel in wheels])
     ground = height_map(heights, scene, extent, cells)
     raised = numpy.abs(ground.z_m) > FLOOR_M
+    # The number of each cell's obstacle, 0 on the floor.
     obstacle, count = label(raised)
     if count > MAX_OBSTACLES:
         # Too many for a fit of each height, such as the bumps of rough ground: they are one obstacle.
         obstacle, count = raised.astype(numpy.int32), 1
+    # The floor's height, the first, is known.
     errors = numpy.array([0.0] + count * [HEIGHT_ERROR])
     width_m, hinged = wheels[0]["width_m"], bool(body["hinges"])
     return Standing(ground, obstacle, numpy.ones(count + 1), errors, ahead_m, left_m, radii_m, width_m, hinged)
@@ -313,6 +315,7 @@ def fit_heights(poses: "Sequence[Pose]", ground: Standing, pixel: float) -> Stan
         # The deviation is design @ unknowns.
         design = numpy.zeros((3, count + 3))
         design[:, count:] = numpy.eye(3)
+        # `planes` has one element here, because the car is not shifted.
         middle = planned.planes(place)[0].mean(axis=0)
         for k in planned.obstacles_below(place):
             design[:, k - 1] = (raised[k].planes(place)[0].mean(axis=0) - middle) / STEP

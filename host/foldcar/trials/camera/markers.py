@@ -88,6 +88,7 @@ def card_of(obstacle: Obstacle, terrain: Sequence[Mapping[str, Any]], course: Co
     """
     pieces = [terrain[index] for index in obstacle.pieces]
     is_solid = any(kind_of(piece).form == "block" for piece in pieces)
+    # A single round piece has no heading.
     turns = len(pieces) > 1 or "heading_rad" in pieces[0]
     left_m = obstacle.width_m / 2 + course.card_reach_m if is_solid else 0.0
     return Card(left_m, on_ground=not is_solid, turns=turns)

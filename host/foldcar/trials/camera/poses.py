@@ -151,7 +151,8 @@ def _poses_by_marker(pixels: Floats, view: View, marker: CarMarker) -> list[Floa
     result = []
     for k in range(count):
         # From the car's frame to the marker's, to the camera's, to the scene's.
-        turn = view.rotation.T @ cv2.Rodrigues(turns[k])[0] @ MARKER_TO_CAR.T
+        marker_to_camera, _ = cv2.Rodrigues(turns[k])
+        turn = view.rotation.T @ marker_to_camera @ MARKER_TO_CAR.T
         # The marker's middle in the scene; from it back to the car's origin.
         middle = view.rotation.T @ (shifts[k].ravel() - view.shift_m)
         result.append(numpy.array([*(middle - turn @ (marker.x_m, 0.0, marker.z_m)), *angles(turn)]))
@@ -165,8 +166,8 @@ def _pose_on_ground(
 
     It is refined twice, because the ground's values change with position and tilt.
     """
-    first = _refined(start, pixels, view, marker, ground.stance_at(Place.of(start)), pixel)[1].values
-    return _refined(first, pixels, view, marker, ground.stance_at(Place.of(first)), pixel)
+    _, first = _refined(start, pixels, view, marker, ground.stance_at(Place.of(start)), pixel)
+    return _refined(first.values, pixels, view, marker, ground.stance_at(Place.of(first.values)), pixel)
 
 
 def _refined(

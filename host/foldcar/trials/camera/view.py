@@ -117,7 +117,8 @@ def find_view(
 ) -> View:
     """Return the camera of a picture of ``size`` (width, height) by the ``corners`` of its markers, by id.
 
-    Raises FoldcarError, beginning with ``where``, if too few floor markers are seen or several were moved.
+    If ``lens`` is None, the lens is fitted to the floor markers. Raises FoldcarError, beginning with ``where``, if too
+    few floor markers are seen or several were moved.
     """
     markers_by_id = {marker.id: marker for marker in course.floor}
     seen = {number: corners[number] for number in markers_by_id if number in corners}
@@ -159,9 +160,10 @@ def _without_moved_marker(
         view = _fit(other_corners, course, size, lens)
         candidates.append((_largest_offset(view, course, other_corners) * MOVED_M / CONSISTENT_M, left_out, view))
     candidates.sort(key=lambda candidate: candidate[0])
+    offsets = [offset for offset, _, _ in candidates]
     # Ambiguous: without another marker the rest is consistent too, and fits nearly as well.
-    is_ambiguous = len(candidates) > 1 and candidates[1][0] < min(3 * candidates[0][0], 1)
-    if not candidates or candidates[0][0] > 1 or is_ambiguous:
+    is_ambiguous = len(offsets) > 1 and offsets[1] < min(3 * offsets[0], 1)
+    if not offsets or offsets[0] > 1 or is_ambiguous:
         raise FoldcarError(
             f"{where}: the floor markers do not have the positions or sizes of the course: measure them again "
             "(`foldcar markers` writes course.json, which may be edited)"
@@ -196,6 +198,7 @@ def _split(
     """Return lens, turn, shift, scale of the print and floor markers for a vector of unknowns.
 
     The vector has turn (3) and shift (3) of the camera, 4 numbers of the lens, the scale, and 3 offsets of each marker.
+    With ``with_lens`` the lens is ``start``, and its numbers are ignored.
     """
     lens = start
     if not with_lens:

@@ -68,7 +68,7 @@ _recorders: list[RecordedFiles] = []
 
 
 @contextmanager
-def heard_files() -> Iterator[RecordedFiles]:
+def opened_files() -> Iterator[RecordedFiles]:
     """Record the files that this thread opens within the block."""
     _add_audit_hook()
     files = RecordedFiles()
@@ -170,7 +170,7 @@ def minimal_variables() -> dict[str, str]:
 
 
 @contextmanager
-def only_minimal_variables() -> Iterator[None]:
+def minimal_environment() -> Iterator[None]:
     """Hide all other environment variables within the block: designs and environments must not depend on them."""
     kept = minimal_variables()
     hidden = {name: value for name, value in os.environ.items() if name not in kept}

@@ -74,8 +74,9 @@ def under_calibration(
 ) -> tuple[Study, Callable[[Experiment], Environment]]:
     """Return the study, and the function that creates an experiment's environment.
 
-    With the calibration ``name`` of the store, or a ``reality``, both are changed to it; None stands for no calibration.
-    Raises FoldcarError if both are given, or the calibration does not exist.
+    With the calibration ``name`` of the store, or with a ``reality``, the returned study and environments simulate with
+    the parameters of that; without either they are nominal. Raises FoldcarError if both are given, or the calibration
+    does not exist.
     """
     if name is not None and reality is not None:
         raise FoldcarError("--calibration and --reality: both set the simulator's parameters; use only one")

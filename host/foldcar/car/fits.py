@@ -145,6 +145,7 @@ def _lipo_fits(mount: Mount, faces: list[PlacedFace], parts: Catalogue) -> Itera
     bridge = {face.face.name: face.corners_mm for face in faces if face.piece.name == "bridge"}
 
     def gap(face: str, axis: int) -> float:
+        """Return the gap (mm) between a face of the bridge and the LiPo, along x (0), y (1) or z (2)."""
         return float(np.abs(bridge[face][:, axis] - mount.pose[axis][3]).min()) - mount.half_mm(axis)
 
     # The feet's edges face the LiPo, whereas shelf and flange face it with a side, half a film nearer.

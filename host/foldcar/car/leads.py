@@ -71,7 +71,7 @@ def extra_wire_m(leads_of_car: Iterable[Lead], wiring: PartData) -> float:
 def with_extensions(car: FoldedCar) -> FoldedCar:
     """Return the car with an extension for each servo whose lead is too short, and with the mass of all its wire.
 
-    It is the shortest extension that is long enough. Raises DesignError if none is.
+    Each is the shortest extension that is long enough. Raises DesignError if even the longest one is too short.
     """
     extensions, mounts = car.parts.extensions.sold, {mount.name: mount for mount in car.mounts}
     servos, car_leads = {axle.servo for axle in car.axles if axle.driven}, leads(car)

@@ -21,7 +21,7 @@ from foldcar.car.components.hinge_module import HingeModule
 from foldcar.car.components.module import ElectronicsModule, Module
 from foldcar.car.design_parameters import MODULES, USER_FILES, parameters
 from foldcar.errors import FoldcarError
-from foldcar.read_files import file_digest, heard_files, is_own, only_minimal_variables
+from foldcar.read_files import file_digest, is_own, minimal_environment, opened_files
 
 # All files that users' modules consist of.
 _module_files: set[Path] = set()
@@ -40,11 +40,12 @@ def load_components(file: Path) -> list[str]:
         raise FoldcarError(f"--components {file}: is not a Python file")
     module = importlib.util.module_from_spec(spec)
     try:
-        with only_minimal_variables(), heard_files() as heard:
+        with minimal_environment(), opened_files() as opened_by_modules:
             spec.loader.exec_module(module)
     except SyntaxError as error:
         raise FoldcarError(f"{file}:{error.lineno}: {error.msg}") from error
     except Exception as error:
+        # The lines of the file in the traceback: the last one is named, or 1 if there is none.
         lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename) == path]
         raise FoldcarError(f"{file}:{(lines or [1])[-1] or 1}: {type(error).__name__}: {error}") from error
     classes = (kind for kind in vars(module).values() if inspect.isclass(kind) and kind.__module__ == module.__name__)
@@ -62,7 +63,9 @@ def load_components(file: Path) -> list[str]:
     # Python may have read an imported module's compiled code only, so the sources are found by the modules' names.
     modules = (getattr(module, "__file__", None) for module in list(sys.modules.values()))
     imported = (Path(file) for file in modules if file and Path(file).is_relative_to(path.parent))
-    opened = (file for file, state in heard.read.items() if state is not None or file.is_relative_to(path.parent))
+    opened = (
+        file for file, state in opened_by_modules.read.items() if state is not None or file.is_relative_to(path.parent)
+    )
     _module_files.update(file for file in (path, *opened, *imported) if _identifies_module(file, path.parent))
     _module_files.update(path.parent.glob("*.py"))
     return USER_FILES[path]
@@ -87,6 +90,7 @@ def _check(file: Path, kind: type[Module] | type[Composite]) -> None:
     except Exception as error:
         del MODULES[kind.letter]
         parameters.cache_clear()
+        # The lines of the file in the traceback: the last one is named, or the first one of the class.
         lines = [
             frame.lineno for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename) == file.resolve()
         ]
@@ -134,9 +138,9 @@ def forbid_new_files() -> Iterator[None]:
     if not USER_FILES:
         yield
         return
-    with only_minimal_variables(), heard_files() as heard:
+    with minimal_environment(), opened_files() as opened_by_modules:
         yield
-    for file, state in heard.read.items():
+    for file, state in opened_by_modules.read.items():
         is_new = state is not None and file not in _module_files
         if is_new and all(_identifies_module(file, path.parent) for path in USER_FILES):
             raise FoldcarError(

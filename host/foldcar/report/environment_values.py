@@ -151,7 +151,8 @@ def _by_sample(
 ) -> dict[int, Read]:
     """Return what ``read`` makes of each sample's scene or variation; equal ones are read once.
 
-    ``table`` has the sample's row in ``content_table``, where ``key`` is the experiment's environment or spread.
+    The rows of ``table`` (sample or draw) with the experiment's value of ``key`` (its environment or spread) name a row
+    of ``content_table`` (scene or variation) for each sample.
     """
     rows = store.rows(BY_NAME[table], f"WHERE {key} = ?1 AND sample < ?2", experiment[key], experiment["environments"])
     ids = {row["sample"]: row[f"{content_table}_id"] for row in rows}

@@ -140,7 +140,7 @@ class LiveStudy:
         # A search has no planned number of runs.
         open_end = not infos or any(info.searched for info in infos)
         now_s = time.monotonic()
-        # Until a sweep runs, so that a pause does not count.
+        # The estimate begins anew as long as no sweep runs, so that a pause does not count.
         if self._first is None or not infos or not is_written(self._path):
             self._first = now_s, done
         first_s, first_done = self._first

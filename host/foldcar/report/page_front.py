@@ -52,7 +52,7 @@ def _rows(evidence: Evidence) -> list[list[Row]]:
     rows: list[list[Row]] = [[] for _ in evidence.family]
     numbers = (runs.metrics[:, NUMBERS.index(name)].tolist() for name in ("elapsed_time_s", "consumed_energy_j"))
     for design, outcome, time_s, energy_j in zip(runs.design.tolist(), runs.outcome.tolist(), *numbers, strict=True):
-        # Rows have None where the arrays have NaN.
+        # Rows have None where the arrays have NaN; only NaN differs from itself.
         measured = (None if value != value else value for value in (time_s, energy_j))
         rows[design].append(Row(OUTCOMES[outcome], *measured))
     return rows

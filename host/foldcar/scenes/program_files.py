@@ -30,9 +30,9 @@ from foldcar.read_files import (
     digest_or_missing,
     file_digest,
     file_state,
-    heard_files,
     is_own,
-    only_minimal_variables,
+    minimal_environment,
+    opened_files,
 )
 
 Files = Mapping[str, str]
@@ -71,23 +71,23 @@ class ProgramFiles:
         if anew:
             self._modules.forget()
         error_of_block: Exception | None = None
-        with only_minimal_variables(), self._modules.loaded(), heard_files() as heard:
+        with minimal_environment(), self._modules.loaded(), opened_files() as opened:
             try:
                 yield
             except Exception as error:
                 error_of_block = error
         # Checked before the failure is raised, which may have been caused by a file that is being changed.
-        self._record_digests(heard)
+        self._record_digests(opened)
         if error_of_block is not None:
             raise error_of_block
 
-    def _record_digests(self, heard: RecordedFiles) -> None:
+    def _record_digests(self, opened: RecordedFiles) -> None:
         """Record the digests of the files that the block has read. Raises FoldcarError if one has changed or is too late.
 
         Files that the program wrote itself, installed files and compiled Python are not recorded.
         """
-        self._written |= heard.written
-        for path, state in heard.read.items():
+        self._written |= opened.written
+        for path, state in opened.read.items():
             if path.suffix == ".pyc" or path in self._written or not is_own(path, self._folder):
                 continue
             # State None: the file is missing. If it appears later, reading it is noticed then.

@@ -207,8 +207,9 @@ def fit_effects(parameters: ArrayLike, design: ArrayLike, environment: ArrayLike
     """Fit the model to designs with ``parameters`` (d, k) and their runs, and draw its factors.
 
     ``design``, ``environment`` and ``passed`` (runs,) are each run's index of the design, index of the environment, and 1
-    if it passed, else 0. The draws have the sandwich covariance of the file's head, because runs in one environment are
-    not independent. Raises FoldcarError if there are runs of fewer than 4 designs or a parameter does not vary.
+    if it passed, else 0. The draws' covariance is a sandwich estimate with environments as clusters, because runs in one
+    environment are not independent. Raises FoldcarError if there are runs of fewer than 4 designs or a parameter does not
+    vary.
     """
     designs = numpy.asarray(parameters, dtype=float)
     design_index, environment_index = numpy.asarray(design), numpy.asarray(environment)

@@ -90,7 +90,8 @@ class WheelModule(Module):
         if self["tab_depth"] > 0 and self["length"] < min_length_mm:
             reason = f"a segment of its own: one {servo.name} and the cap's tabs"
             raise self.parameter_error("length", f"{self['length']:g} is below the minimum {min_length_mm:g} ({reason})")
-        # The layer behind a servo is at most twice as high as it, and clear of the lid's flap and its locks.
+        # The layer behind a servo, its doubler, is at most twice as high as the servo, and clear of the lid's flap and
+        # locks.
         flap_depth_mm = parts.assembly.flap_mm.value + parts.film_mm + parts.assembly.slot_clearance_mm.value
         clear_height_mm = min(wall_mm(self["height"], parts) - 2 * flap_depth_mm, 2 * servo.width_mm.value)
         height = max(min_doubler_mm(parts), clear_height_mm)

@@ -130,6 +130,7 @@ def _plan_segments(roles: Roles, building: Building) -> None:
     bases = [roles.base[body] for body in roles.bodies]
     layers = [other for other in copies if roles.is_layer(other)]
 
+    # A host is a piece and the face of it that something is fixed to.
     def layers_on(hosts: Sequence[PlacedPiece]) -> list[PlacedPiece]:
         return [layer for layer in layers if (host := roles.host(layer)) is not None and host[0] in hosts]
 
@@ -149,8 +150,8 @@ def _plan_segments(roles: Roles, building: Building) -> None:
     for title, group in (("Close the ends", caps), ("Join the segments", connectors)):
         with_layers = [piece for piece in group if layers_on([piece])]
         for piece in with_layers:
-            flat, unit = f"Tape the layers onto the flat {piece.piece}", _unit_name(roles, piece)
-            building.step(flat, [piece, *layers_on([piece])], unit=unit, flat=True)
+            flat_title, unit = f"Tape the layers onto the flat {piece.piece}", _unit_name(roles, piece)
+            building.step(flat_title, [piece, *layers_on([piece])], unit=unit, flat=True)
             for mount in (m for m in roles.car.mounts if (host := roles.mount_host(m)) is not None and host[0] is piece):
                 building.step(f"Put the {mount.name} into the flat {piece.piece}", mounts=[mount], unit=unit, flat=True)
         units = [AddedPart("unit", _unit_name(roles, piece), 0, piece.body) for piece in with_layers]

@@ -148,6 +148,7 @@ class Simulator:
         """Simulate a chunk with one call of carsim; results as in :meth:`passes`."""
         bodies, scenes, requests = {}, {}, []
         for index, run in enumerate(chunk):
+            # Every run has a body and a scene of its own, both named by its index in the chunk.
             name, design = str(index), self.experiment.designs[run.design]
             reality = drawn_reality(run.values, self.experiment.info.variation, self.seed, run.number, run.car)
             bodies[name], scenes[name] = canonical_json(design.body), canonical_json(run.scene)

@@ -44,7 +44,8 @@ def planned_sweep(
 
         real_parameters = as_calibration(reality, read_reality(reality, engine))
     study, environment_of = under_calibration(study, store, calibration, real_parameters)
-    return Sweep(study, store, carsim, command, environment_of, stopping_rules(until, study) if until else {})
+    rules = stopping_rules(until, study) if until else {}
+    return Sweep(study, store, carsim, command, environment_of, rules)
 
 
 def _check_same_study(study: Study, store: Path) -> None:

@@ -198,7 +198,8 @@ class Resimulation:
             keys.append(hashlib.sha256("\0".join(inputs).encode()).digest())
             if keys[-1] not in _RESULTS:
                 scenes[str(number)] = scene
-                requests.append(RunRequest("car", str(number), settings, f"environment {number}", number, reality))
+                label = f"environment {number}"
+                requests.append(RunRequest("car", str(number), settings, label, sample=number, reality=reality))
         answers = carsim.run({"car": body}, scenes, requests) if requests else []
         for request, answer in zip(requests, answers, strict=True):
             # A request's sample is the index of its case.

@@ -123,7 +123,9 @@ def _read(store: Store, info: ExperimentInfo) -> EnvironmentValues:
     first = store.row(DESIGN, experiment=info.id, position=0)
     body = store.row(BY_NAME["body"], id=first["body_id"])
     wheels = json.loads(body["json"]).get("wheels", ())
-    cars = _by_sample(store, row, "draw", "spread_id", "variation", lambda drawn: _car(drawn, wheels))
+    cars = _by_sample(
+        store, row, table="draw", key="spread_id", content_table="variation", read=lambda drawn: _car(drawn, wheels)
+    )
     tables = [scenes, cars]
     names = list(dict.fromkeys(name for table in tables for sampled in table.values() for name in sampled))
     column_of_name = {name: place for place, name in enumerate(names)}

@@ -325,6 +325,7 @@ class Store:
             counts, facts = self.design_counts(row["id"]), self._facts(row)
             until, decided = _stopping_rule(facts.pop("until", None), counts)
             planned = facts.pop("ended_runs", None)
+            # None: the sweep has not ended.
             if planned is None:
                 # Decided designs, and designs of a search, get no more runs.
                 closed = [is_decided or facts.get("searched") for is_decided in decided]

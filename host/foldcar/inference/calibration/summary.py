@@ -47,6 +47,7 @@ def summarise(
         "runs": runs,
         "simulated_trials": observed.simulated,
         "parameters": _parameters(inference),
+        # Standard deviation of the log-odds of cars of one design.
         "car_sd": inference.problem.emulator.car_sd,
         "correlations": _correlations(inference),
         "designs": _designs(inference, experiment, nominal, rates, chances),
@@ -115,6 +116,7 @@ def _parameter(
         "source": prior.source,
         "prior": dict(zip(("low", "median", "high"), prior_ends, strict=True)),
         "posterior": _quantiles(values),
+        # The fraction of the prior's variance that the trials removed.
         "explained": variance_reduction,
     }
 

@@ -226,8 +226,8 @@ def sweep(
 ) -> Study:
     """Simulate the runs of a listing, or of one experiment, that the store lacks, and return the study.
 
-    ``environments`` replaces the listing's number; ``jobs`` simulators run in parallel (None: one per processor). If it
-    is interrupted, the same call resumes. Raises FoldcarError if the listing or an argument is invalid.
+    ``environments`` replaces the listing's number; ``jobs`` simulators run in parallel (None: one per processor). If the
+    sweep is interrupted, the same call resumes it. Raises FoldcarError if the listing or an argument is invalid.
 
     >>> study = foldcar.sweep("scenarios/width_study.json", "w.db", environments=1, jobs=1)
     >>> study.experiments["1"].environments

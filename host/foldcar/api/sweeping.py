@@ -44,7 +44,8 @@ def planned_sweep(
 
         real_parameters = as_calibration(reality, read_reality(reality, engine))
     study, environment_of = under_calibration(study, store, calibration, real_parameters)
-    return Sweep(study, store, carsim, command, environment_of, stopping_rules(until, study) if until else {})
+    rules = stopping_rules(until, study) if until else {}
+    return Sweep(study, store, carsim, command, environment_of, rules)
 
 
 def _check_same_study(study: Study, store: Path) -> None:
@@ -74,8 +75,9 @@ def under_calibration(
 ) -> tuple[Study, Callable[[Experiment], Environment]]:
     """Return the study, and the function that creates an experiment's environment.
 
-    With the calibration ``name`` of the store, or a ``reality``, both are changed to it; None stands for no calibration.
-    Raises FoldcarError if both are given, or the calibration does not exist.
+    With the calibration ``name`` of the store, or with a ``reality``, the returned study and environments simulate with
+    the parameters of that; without either they are nominal. Raises FoldcarError if both are given, or the calibration
+    does not exist.
     """
     if name is not None and reality is not None:
         raise FoldcarError("--calibration and --reality: both set the simulator's parameters; use only one")

@@ -31,7 +31,7 @@ def body_json(design: Design) -> dict[str, Any]:
     Raises DesignError if the design cannot be compiled.
     """
     car = folded_car(design)
-    # Wheels of one unit are alike: the first one's mass is that of all.
+    # Wheels of one unit are alike: the first one's mass is that of all. In reverse, it overwrites the others.
     first_wheels = {axle.unit: axle.wheel for axle in reversed(car.axles)}
     wheel_kg = {unit: body_properties(car, wheel).mass_kg for unit, wheel in first_wheels.items()}
     # The first two axles are those of a left and a right wheel.

@@ -66,8 +66,9 @@ def _check_wheels(design: "Design") -> None:
             reason = f"half of height {height:g} and {belly.value:g} under the belly"
             raise DesignError(key, f"{radius:g} is below the minimum {minimum_text(min_radius)} ({reason})")
     for front, rear in itertools.pairwise(axles):
-        min_distance = front[0] + rear[0] + design.parts.assembly.wheel_distance_mm.value
-        distance, flat = _folded_distance_mm(design, front[2], rear[2])
+        (front_radius, _, front_module), (rear_radius, _, rear_module) = front, rear
+        min_distance = front_radius + rear_radius + design.parts.assembly.wheel_distance_mm.value
+        distance, flat = _folded_distance_mm(design, front_module, rear_module)
         if distance < min_distance:
             folded = "" if distance == flat else ", folded to the limits of H"
             lengths = " and ".join(f"{key} {value:g}" for key, value in design.values.items() if key.endswith(".length"))
@@ -89,11 +90,13 @@ def _folded_distance_mm(design: "Design", front: int, rear: int) -> tuple[float,
     flat = centers[front] - centers[rear]
     if not hinges:
         return flat, flat
+    # The chain begins at the rear axle.
     hinges.reverse()
     half_height, xs = design.height_mm / 2, [centers[i] for i in (rear, *hinges, front)]
     rises = [-half_height, *[0.0] * (len(hinges) - 1), half_height]
     steps = [complex(end - start, rise) for (start, end), rise in zip(itertools.pairwise(xs), rises, strict=True)]
     distances = []
+    # Flat, folded down, folded up.
     for sign, name in ((0, "fold_down"), (-1, "fold_down"), (1, "fold_up")):
         pitches = itertools.accumulate((sign * math.radians(design.of(i, name)) for i in hinges), initial=0.0)
         distances.append(abs(sum(step * cmath.rect(1.0, pitch) for step, pitch in zip(steps, pitches, strict=True))))

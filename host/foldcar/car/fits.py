@@ -81,7 +81,7 @@ def _hole_fits(name: str, hole: Hole, parts: Catalogue) -> Iterator[Fit]:
         length, width = _size(hole, hole.center_mm or (1.0, 0.0))
         screw, holes = parts.horn_screw.diameter_mm, parts.horn.wheel_screws
         tolerance_mm = 2 * holes.tolerance + screw.tolerance
-        yield Fit("wheel's screws along their slots", length - screw.value, tolerance_mm, 2 * cut)
+        yield Fit("wheel's screws along their slots", length - screw.value, tolerance_mm, cutter_mm=2 * cut)
         yield _fit_between_cuts("wheel's screws across their slots", width, screw, parts)
     elif name == "rod":
         yield _fit_between_cuts("rod in its holes", _size(hole)[0], parts.axle_rod.diameter_mm, parts)
@@ -91,7 +91,9 @@ def _hole_fits(name: str, hole: Hole, parts: Catalogue) -> Iterator[Fit]:
         # A deviation in height counts twice in a diameter. The hole and the bridge's legs are cut.
         tolerance_mm = math.hypot(usb.width_mm.max_value, usb.thickness_mm.max_value) - diagonal
         tolerance_mm += 2 * (parts.feather.usb.tolerance + parts.spacer.length_mm.tolerance)
-        yield Fit("USB plug in its hole", _size(hole)[0] - diagonal, tolerance_mm, 4 * cut)
+        # A round hole is as long as it is wide.
+        diameter_mm, _ = _size(hole)
+        yield Fit("USB plug in its hole", diameter_mm - diagonal, tolerance_mm, cutter_mm=4 * cut)
 
 
 def _servo_fits(opening: Hole, parts: Catalogue) -> Iterator[Fit]:
@@ -135,7 +137,9 @@ def _switch_fits(opening: Hole, car: FoldedCar) -> Iterator[Fit]:
     count = sum(piece.count for piece, hole in holes if math.dist(_size(hole), slot) < ROUNDING_MM)
     thickness_mm = count * film.value + (count - 1) * tape.value
     tolerance_mm = count * film.tolerance + (count - 1) * tape.tolerance + switch.panel_least_mm.tolerance
-    yield Fit("switch's barbs behind layers of film", thickness_mm - switch.panel_least_mm.value, tolerance_mm, 0.0)
+    # Nothing is cut: the thickness does not depend on the cutter.
+    clearance_mm = thickness_mm - switch.panel_least_mm.value
+    yield Fit("switch's barbs behind layers of film", clearance_mm, tolerance_mm, cutter_mm=0.0)
 
 
 def _lipo_fits(mount: Mount, faces: list[PlacedFace], parts: Catalogue) -> Iterator[Fit]:
@@ -145,6 +149,7 @@ def _lipo_fits(mount: Mount, faces: list[PlacedFace], parts: Catalogue) -> Itera
     bridge = {face.face.name: face.corners_mm for face in faces if face.piece.name == "bridge"}
 
     def gap(face: str, axis: int) -> float:
+        """Return the gap (mm) between a face of the bridge and the LiPo, along x (0), y (1) or z (2)."""
         return float(np.abs(bridge[face][:, axis] - mount.pose[axis][3]).min()) - mount.half_mm(axis)
 
     # The feet's edges face the LiPo, whereas shelf and flange face it with a side, half a film nearer.
@@ -161,7 +166,8 @@ def _fits_under_lid(mount: Mount, faces: list[PlacedFace], parts: Catalogue) -> 
     walls = np.concatenate([face.corners_mm for face in faces if face.face.role == "panel"])
     # The latches' levers, parts of the flap, stand higher than the lid.
     lid_mm = max(float(face.corners_mm[:, 2].max()) for face in faces if face.face.name == "lid")
-    # The solids' own axes z point up or down, so half of size_mm[2] lies above their middles.
+    # Row 2, column 3 of a pose is the height of its origin. The solids' own axes z point up or down, so half of
+    # size_mm[2] lies above their middles.
     top_mm = max(compose(mount.pose, solid.pose)[2][3] + solid.size_mm[2] / 2 for solid in mount.shape)
     gap_mm = lid_mm - film / 2 - top_mm
     if mount.part == wing.name:

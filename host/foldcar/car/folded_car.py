@@ -243,7 +243,7 @@ def switch_cap(design: Design) -> str:
 
 
 def settings_from_car(design: Design, module: int) -> dict[str, float]:
-    """Return the values, by name, that a module gets from its place in the car; it is not a hinge."""
+    """Return the values, by name, that a module, not a hinge, gets from its place in the car."""
     settings = _flap_settings(design, module)
     if module in design.wheel_modules:
         # Only a module that is a segment of its own has a cap at its inner end.

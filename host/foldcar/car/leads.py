@@ -71,7 +71,7 @@ def extra_wire_m(leads_of_car: Iterable[Lead], wiring: PartData) -> float:
 def with_extensions(car: FoldedCar) -> FoldedCar:
     """Return the car with an extension for each servo whose lead is too short, and with the mass of all its wire.
 
-    It is the shortest extension that is long enough. Raises DesignError if none is.
+    Each is the shortest extension that is long enough. Raises DesignError if even the longest one is too short.
     """
     extensions, mounts = car.parts.extensions.sold, {mount.name: mount for mount in car.mounts}
     servos, car_leads = {axle.servo for axle in car.axles if axle.driven}, leads(car)
@@ -160,7 +160,8 @@ class _Ways:
             for extension in (extension for extension in parts.extensions.sold if extension.name in extension_names):
                 available, extension_name = _extended_mm(self.car, available, extension), extension.name
             length, needed = self._lengths_mm(way, allowance_mm)
-            yield Lead(axle.servo, f"{self.wing} {axle.channel}", "plug", length, needed, available, extension_name)
+            output = f"{self.wing} {axle.channel}"
+            yield Lead(axle.servo, output, "plug", length, needed, available, extension=extension_name)
 
     def lipo(self) -> Lead:
         """Return the LiPo's lead to its socket on the Feather."""
@@ -192,13 +193,15 @@ class _Ways:
         for side, end in _ends(battery, parts.battery):
             by_side.append([])
             for sign, name, target, part in connections:
+                # The longer one of the ways from the battery in its place and from the lifted battery.
                 way = max(self.way(start, target, battery.body, part) for start in (end, end + lift))
-                needed = self._lengths_mm(way, joint)
-                by_side[-1].append(Lead(f"{battery.name} {sign}", name, "solder", *needed, available, leaves=side))
+                lengths_mm = self._lengths_mm(way, joint)
+                by_side[-1].append(Lead(f"{battery.name} {sign}", name, "solder", *lengths_mm, available, leaves=side))
         # The leads leave the battery on the side from which they are shorter.
         yield from min(by_side, key=lambda pair: sum(lead.needed_mm for lead in pair))
-        needed = self._lengths_mm(self.way(tails, block, switch.body, wing.name), 2 * joint)
-        yield Lead(f"{switch.name} 2", f"{wing.name} terminal +", "wire", *needed, 0.0)
+        lengths_mm = self._lengths_mm(self.way(tails, block, switch.body, wing.name), 2 * joint)
+        # A wire is cut from stock: it has no length of its own.
+        yield Lead(f"{switch.name} 2", f"{wing.name} terminal +", "wire", *lengths_mm, available_mm=0.0)
 
     def _lengths_mm(self, way: tuple[float, int], ends_mm: float) -> tuple[float, float]:
         """Return the length of a way (mm), and that of the lead along it, with slack and ``ends_mm`` for its ends.

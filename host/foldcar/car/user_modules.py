@@ -45,6 +45,7 @@ def load_components(file: Path) -> list[str]:
     except SyntaxError as error:
         raise FoldcarError(f"{file}:{error.lineno}: {error.msg}") from error
     except Exception as error:
+        # The lines of the file in the traceback: the last one is named, or 1 if there is none.
         lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename) == path]
         raise FoldcarError(f"{file}:{(lines or [1])[-1] or 1}: {type(error).__name__}: {error}") from error
     classes = (kind for kind in vars(module).values() if inspect.isclass(kind) and kind.__module__ == module.__name__)
@@ -87,6 +88,7 @@ def _check(file: Path, kind: type[Module] | type[Composite]) -> None:
     except Exception as error:
         del MODULES[kind.letter]
         parameters.cache_clear()
+        # The lines of the file in the traceback: the last one is named, or the first one of the class.
         lines = [
             frame.lineno for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename) == file.resolve()
         ]

@@ -236,12 +236,12 @@ def _photo(
     (experiment,) = read_study(listing, trial.experiment).experiments
     scene, obstacles = Environment(experiment).sample_with_obstacles(trial.sample)
     obstacles_by_letter = lettered(obstacles)
-    if canonical_json(scene_as_placed(scene, obstacles_by_letter, trial.deviations)) != drive[2]:
+    if canonical_json(scene_as_placed(scene, obstacles_by_letter, trial.deviations)) != drive.scene:
         raise FoldcarError(
             f"{listing}: sample {trial.sample} of {experiment.program} differs from the scene of trial {number}: "
             "the program, its parameters, its seed or foldcar have changed; use the listing and program of the trial"
         )
-    body: dict[str, Any] = json.loads(drive[0])
+    body: dict[str, Any] = json.loads(drive.body)
     ground = standing(scene, carsim_heights(Carsim()), body)
     seen = measure_placement(grey, str(photo), course, lens, scene, obstacles_by_letter, car_marker(body, course), ground)
     for remark in seen.remarks:

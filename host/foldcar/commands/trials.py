@@ -237,7 +237,7 @@ def export(
     log = intact_log(store, number, trial.log, trial.log_sha256) or log_file(store, trial.log)
     scene_update, start = None, NO_START
     if drive is not None and log.is_file():
-        body, scene = json.loads(drive[0]), json.loads(drive[2])
+        body, scene = json.loads(drive.body), json.loads(drive.scene)
         grid = smooth_ground(scene, carsim_heights(Carsim()))
         scene_update = foxglove_scene(body, scene, grid)
         start = {**scene["start"], "z_m": start_height_m(body, scene, grid)}

@@ -147,19 +147,19 @@ class Adviser:
             info,
             threshold,
             self.precision,
-            headline(self.evidence, belief, compare_experiment(self.evidence), threshold),
-            grounds(self.evidence, belief, threshold),
-            self._next_step(recommended, belief.labels[best], loss, enough),
-            recommended,
-            tuple(int(belief.samples[column]) for column in columns),
-            len(differing),
-            enough,
-            belief.designs[best].design if belief.driven else None,
-            loss if belief.driven else None,
-            self._gain if belief.driven else None,
-            self._undecided if belief.driven else (),
-            self._remarks(trials_per_design - len(columns)),
-            self._basis,
+            headline=headline(self.evidence, belief, compare_experiment(self.evidence), threshold),
+            grounds=grounds(self.evidence, belief, threshold),
+            next_step=self._next_step(recommended, belief.labels[best], loss, enough),
+            recommendations=recommended,
+            environments=tuple(int(belief.samples[column]) for column in columns),
+            telling=len(differing),
+            enough=enough,
+            leader=belief.designs[best].design if belief.driven else None,
+            loss=loss if belief.driven else None,
+            gain=self._gain if belief.driven else None,
+            undecided=self._undecided if belief.driven else (),
+            remarks=self._remarks(missing_environments=trials_per_design - len(columns)),
+            basis=self._basis,
         )
 
     def _placed(self, build: int) -> list[Placed]:
@@ -176,6 +176,7 @@ class Adviser:
             first = first_designs(belief.parameters, rate, uncertainty, self.threshold)[:build]
         first_indices = [placed.index for placed in first]
         candidates = numpy.union1d(self._open_candidates, numpy.array(first_indices, dtype=int))
+        # Trials need not decide designs that are nearer to the threshold than this; before the first trial, all count.
         zone = self.precision if belief.driven else 0.0
         # From here on, indices into the candidates.
         chosen = numpy.searchsorted(candidates, first_indices).tolist()
@@ -229,6 +230,7 @@ class Adviser:
 
         A design whose cars were not simulated has the mean of the other designs, or the prior mean.
         """
+        # PRIOR itself, not a copy, marks designs whose cars were not simulated.
         spreads = [None if design.spread is PRIOR else float(design.spread @ SPREADS) for design in self.belief.designs]
         simulated = [spread for spread in spreads if spread is not None]
         mean_spread = sum(simulated) / len(simulated) if simulated else float(PRIOR @ SPREADS)
@@ -280,10 +282,18 @@ class Adviser:
         else:
             reason = first_reason(placed.place, design, self.evidence.info.simulation)
         return Recommendation(
-            design.label, design.design, placed.place, reason, design.simulated(), self.belief.built[index],
-            bool(design.trials), len(design.trials), effort.cars, effort.trials,
-            cost(design, effort, self._assembly_min) if with_cost else None,
-        )  # fmt: skip
+            design.label,
+            design.design,
+            placed.place,
+            reason,
+            simulated=design.simulated(),
+            expected=self.belief.built[index],
+            built=bool(design.trials),
+            trials_done=len(design.trials),
+            cars=effort.cars,
+            trials=effort.trials,
+            cost=cost(design, effort, self._assembly_min) if with_cost else None,
+        )
 
     def _remarks(self, missing_environments: int) -> tuple[str, ...]:
         """Return the remarks of the advice, then those of the evidence.

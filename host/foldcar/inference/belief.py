@@ -60,9 +60,10 @@ class Belief:
 
 
 def believe(designs: Sequence[DesignEvidence], design_indices: Sequence[int], names: Sequence[str]) -> Belief | None:
-    """Infer success rates of ``designs`` with runs, which differ in the parameters ``names``; None without designs.
+    """Infer the success rates of ``designs``, all of which have runs; return None if there are no designs.
 
-    ``design_indices`` are their indices in the evidence. Simulation is smoothed over designs; trials then correct it.
+    ``names`` are the parameters in which the designs differ, ``design_indices`` their indices in the evidence. Simulation
+    is smoothed over designs; trials then correct the smoothed rates.
     """
     if not designs:
         return None
@@ -78,6 +79,7 @@ def believe(designs: Sequence[DesignEvidence], design_indices: Sequence[int], na
     trials[dropped] = 0
     cars = [design.cars if counted else None for design, counted in zip(designs, trials[:, 1].tolist(), strict=True)]
     samples = numpy.unique(numpy.concatenate([design.samples for design in designs]))
+    # (designs, samples): NaN where a design has no run in the sample.
     passed = numpy.full((len(designs), len(samples)), numpy.nan)
     for row, design in enumerate(designs):
         passed[row, numpy.searchsorted(samples, design.samples)] = design.passed
@@ -88,6 +90,7 @@ def believe(designs: Sequence[DesignEvidence], design_indices: Sequence[int], na
         draws = bias.draws(max(MIN_DRAWS, min(MAX_DRAWS, MAX_NUMBERS // len(designs))))
         contradicting = contradictions(parameters, runs, trials, cars, simulation)
         return Belief(
-            tuple(designs), numpy.array(design_indices), parameters, samples, passed, trials[:, 1], simulation.rates(),
-            tuple(bias.rates()), draws, contradicting, unpooled,
+            tuple(designs), numpy.array(design_indices), parameters, samples, passed, trials=trials[:, 1],
+            simulation=simulation.rates(), built=tuple(bias.rates()), draws=draws, contradictions=contradicting,
+            unpooled=unpooled,
         )  # fmt: skip

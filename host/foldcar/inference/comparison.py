@@ -119,8 +119,8 @@ def compare(
 ) -> Comparison:
     """Compare a store's trials with its runs; rates that differ by at most ``margin`` (0 to 1) agree.
 
-    ``experiment`` limits it to one. ``simulated_trials`` compares trials of simulated cars instead of built ones. Raises
-    FoldcarError if the store cannot be read or has no such experiment.
+    ``experiment`` limits the comparison to one. ``simulated_trials`` compares trials of simulated cars instead of built
+    ones. Raises FoldcarError if the store cannot be read or has no such experiment.
     """
     unswept = {trial.experiment for trial in store.trials()} - swept_ids(store)
     evidence = [] if experiment in unswept else read_evidence(store, experiment, simulated_trials)
@@ -153,7 +153,9 @@ def compare_experiment(evidence: Evidence, margin: float = MARGIN) -> Experiment
     belief = evidence.belief
     pooled = {} if belief is None else dict(zip(belief.labels, belief.built, strict=True))
     rates = {design.label: _rates(design, confidence) for design in with_runs}
-    compared = tuple(_design(design, pooled.get(design.label), rates.get(design.label), margin) for design in driven)
+    compared = tuple(
+        _compare_design(design, pooled.get(design.label), rates.get(design.label), margin) for design in driven
+    )
     if not with_runs:
         reason = (
             "no design has both runs and trials."
@@ -194,7 +196,7 @@ def _rates(design: DesignEvidence, confidence: float) -> Rates:
     return Rates(in_simulation, cars.rate(confidence), pair_correlation(passed, simulated))
 
 
-def _design(design: DesignEvidence, pooled: Rate | None, rates: Rates | None, margin: float) -> DesignComparison:
+def _compare_design(design: DesignEvidence, pooled: Rate | None, rates: Rates | None, margin: float) -> DesignComparison:
     """Compare a design's trials with its runs; ``rates`` are None without runs.
 
     ``pooled`` is the rate of a new car by simulation and all designs' trials.
@@ -203,9 +205,18 @@ def _design(design: DesignEvidence, pooled: Rate | None, rates: Rates | None, ma
     further = None if design.cars is None else design.cars.rate(CONFIDENCE)
     if rates is None:
         return DesignComparison(design, driven, further_car=further)
+    # The gap of this one design.
     gap = mean_gap([rates])
-    paired, verdict = _is_paired(design), gap.verdict(margin)
-    return DesignComparison(design, driven, design.simulated(CONFIDENCE), further, pooled, gap, paired, verdict)
+    return DesignComparison(
+        design,
+        driven,
+        simulated=design.simulated(CONFIDENCE),
+        further_car=further,
+        pooled=pooled,
+        gap=gap,
+        gap_is_paired=_is_paired(design),
+        verdict=gap.verdict(margin),
+    )
 
 
 def _verdict(compared: Sequence[DesignComparison], mean: Gap, margin: float, simulation: str) -> tuple[str, str]:
@@ -214,6 +225,7 @@ def _verdict(compared: Sequence[DesignComparison], mean: Gap, margin: float, sim
     Designs whose gap excludes 0 decide first, then the mean gap, then designs that agree.
     """
     start = simulation[0].upper() + simulation[1:]
+    # The labels of designs by verdict.
     labels: dict[str, list[str]] = {}
     for design in compared:
         if design.verdict is not None:
@@ -224,7 +236,8 @@ def _verdict(compared: Sequence[DesignComparison], mean: Gap, margin: float, sim
     paired = [design.gap_is_paired for design in compared if design.gap is not None]
     where = "in the same environments, " if all(paired) else ""
     average = f"{where}on average over {count(len(paired), 'design')}, {difference} (95 %: {interval})"
-    pairs, agreeing = (sum(getattr(design, name) for design in compared) for name in ("paired", "agreeing"))
+    pairs = sum(design.paired for design in compared)
+    agreeing = sum(design.agreeing for design in compared)
     if pairs:
         average += f"; {agreeing} of {pairs} trials ended as simulated in the same environment"
     unsure = f"; {TOO_FEW} to say at {listed(labels[TOO_FEW])}" if TOO_FEW in labels else ""

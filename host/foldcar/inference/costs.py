@@ -31,7 +31,10 @@ def trial_min(drive_s: float | None) -> float:
 
 @lru_cache
 def assembly_min(vehicle_type: str, design: tuple[tuple[str, float | str], ...]) -> float:
-    """Return the minutes to build a car of the ``design``, pairs of name and value, as its guide estimates them."""
+    """Return the minutes to build a car of the ``design``, pairs of name and value, as its guide estimates them.
+
+    Returns UNKNOWN_ASSEMBLY_MIN for a car that cannot be cut.
+    """
     # These modules take a second to import.
     from foldcar.fabrication.assembly.operations import operations
     from foldcar.fabrication.patterns.options import options
@@ -45,7 +48,7 @@ def assembly_min(vehicle_type: str, design: tuple[tuple[str, float | str], ...])
 
 
 def cost(design: DesignEvidence, effort: Effort, car_min: float) -> Cost | None:
-    """Return the cost of cars, ``car_min`` minutes each to assemble, and trials; None if they cannot be cut."""
+    """Return the cost of cars, ``car_min`` minutes each to assemble, and trials; None if the cars cannot be cut."""
     driving_min = effort.trials * trial_min(design.mean_time_s)
     if not effort.cars:
         return Cost(0, math.ceil(driving_min))
@@ -58,7 +61,8 @@ def cost(design: DesignEvidence, effort: Effort, car_min: float) -> Cost | None:
 
 @lru_cache
 def _cut(vehicle_type: str, design: tuple[tuple[str, float | str], ...]) -> tuple[int, float] | None:
-    """Return the number of sheets of a car and the minutes to cut them; None if it cannot be cut."""
+    """Return the number of sheets of a car and the minutes to cut them; None if the car cannot be cut."""
+    # These modules take a second to import.
     from foldcar.fabrication.patterns.options import options
     from foldcar.fabrication.patterns.sheets import enlarge_sheet, pattern
 

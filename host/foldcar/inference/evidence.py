@@ -230,6 +230,7 @@ def _design_of(trials: Sequence[Trial]) -> tuple[str, Mapping[str, float]]:
 def _swept_designs(store: Store, info: ExperimentInfo, runs: RunArrays) -> list[DesignEvidence]:
     """Return the swept designs of the family with their runs."""
     designs = list(store.designs(info.id).values())
+    # The indices of each design's runs.
     order = numpy.argsort(runs.design, kind="stable")
     rows_by_design = numpy.split(order, numpy.searchsorted(runs.design[order], numpy.arange(1, len(designs))))
     elapsed_s = runs.metrics[:, NUMBERS.index("elapsed_time_s")]
@@ -315,7 +316,7 @@ def _with_trials(
     """Return the design with its trials, each paired with the simulation of its environment.
 
     A trial placed as planned is paired with the stored run; another one is simulated again as placed. ``ids_in_samples``
-    are the numbers of trials whose sample is one of the runs' environments.
+    are the ids of the trials that were driven in an environment of the runs.
     """
     if not trials:
         return design

@@ -86,6 +86,7 @@ def unswept_designs(designs_and_reasons: Sequence[tuple[DesignEvidence, str | No
         by_reason.setdefault(reason, []).append(design)
     sentences = []
     for reason, designs in by_reason.items():
+        # The beginnings of both halves of a sentence.
         subjects = [(f"{design.label} is", "it was") for design in designs]
         if len(designs) > SHOWN:
             subjects = [(f"{_shown_names([design.label for design in designs])} are", "they were")]
@@ -109,6 +110,7 @@ def cars_of_designs(designs: Sequence[DesignEvidence]) -> list[str]:
             "`foldcar log --car` and `foldcar trials correct --car-name` tell cars apart."
         )
     driven = [design.cars for design in designs if design.cars is not None]
+    # PRIOR itself, not a copy, marks designs whose cars were not simulated.
     for simulated, source in ((False, "is assumed"), (True, "is that of simulated ones")):
         sds = sorted(cars.spread for cars in driven if (cars.weights is not PRIOR) == simulated)
         if sds:

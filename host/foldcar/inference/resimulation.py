@@ -79,9 +79,9 @@ class Resimulation:
             self._over_limit[info.id] += 1
             return None
         self._trials += 1
-        body, settings, scene = drive
-        case = self._variation(info, trial.sample), scene
-        ((outcome, _),) = self._run(self._simulator(info), body, [case], settings)
+        case = self._variation(info, trial.sample), drive.scene
+        # One case has one result: outcome and time.
+        ((outcome, _),) = self._run(self._simulator(info), drive.body, [case], drive.settings)
         return outcome
 
     def design(self, info: ExperimentInfo, trial: Trial) -> tuple[list[RunResult], str | None]:
@@ -109,15 +109,16 @@ class Resimulation:
     ) -> "SimulatedCars | None":
         """Run CARS cars of one design, as the experiment varies them, in the environments of its ``trials``.
 
-        Other environments of the sweep are added up to MIN_SCENES. ``ids_in_samples`` are the numbers of trials whose
-        sample is one of the sweep. Returns None if the cars cannot be simulated.
+        If these are fewer than MIN_SCENES, other environments of the sweep are added. ``ids_in_samples`` are the ids of
+        the trials that were driven in a sample of the sweep. Returns None if the cars cannot be simulated, if the
+        experiment does not vary cars, or if the cars of all designs would need more than MAX_CAR_RUNS runs.
         """
         if self._refusal(info) is not None or not self._drives(info).varied:
             return None
         sampled_scenes = self._scenes(info)
         drives = {trial.id: self._store.trial_drive(trial.id) for trial in trials}
         # The scene of each trial: as placed if it was recorded, else as sampled.
-        scene_of_trial = {number: drive[2] for number, drive in drives.items() if drive is not None}
+        scene_of_trial = {number: drive.scene for number, drive in drives.items() if drive is not None}
         for trial in trials:
             if trial.id not in scene_of_trial and trial.id in ids_in_samples and trial.sample in sampled_scenes:
                 scene_of_trial[trial.id] = sampled_scenes[trial.sample]
@@ -126,8 +127,8 @@ class Resimulation:
         scenes += further_scenes[: max(0, MIN_SCENES - len(scenes))]
         try:
             # Body and settings as stored with a trial, else composed now.
-            inputs = next((drive[:2] for drive in drives.values() if drive is not None), None)
-            body, settings = inputs or self._composed(info, trials[0])
+            stored = next((drive for drive in drives.values() if drive is not None), None)
+            body, settings = self._composed(info, trials[0]) if stored is None else (stored.body, stored.settings)
         except FoldcarError:
             return None
         cars = [self._variation(info, sample) for sample in sorted(self._drives(info).variations)[:CARS]]
@@ -144,6 +145,7 @@ class Resimulation:
     def _composed(self, info: ExperimentInfo, trial: Trial) -> tuple[str, str]:
         """Return body and settings of a trial's design. Raises FoldcarError if it cannot be built."""
         design = compose_columns(trial.vehicle_type, trial.design)
+        # Raises DesignError if the car cannot be folded.
         folded_car(design)
         body, table = body_json(design), self._simulator(info).parameter_table()
         place = f"{self._store.path}: experiment {info.id}"
@@ -196,9 +198,11 @@ class Resimulation:
             keys.append(hashlib.sha256("\0".join(inputs).encode()).digest())
             if keys[-1] not in _RESULTS:
                 scenes[str(number)] = scene
-                requests.append(RunRequest("car", str(number), settings, f"environment {number}", number, reality))
+                label = f"environment {number}"
+                requests.append(RunRequest("car", str(number), settings, label, sample=number, reality=reality))
         answers = carsim.run({"car": body}, scenes, requests) if requests else []
         for request, answer in zip(requests, answers, strict=True):
+            # A request's sample is the index of its case.
             _RESULTS[keys[request.sample]] = outcome_of(answer), answer.get("elapsed_time_s")
         return [_RESULTS[key] for key in keys]
 

@@ -61,7 +61,7 @@ def headline(evidence: Evidence, belief: Belief, compared: ExperimentComparison,
     best_chance = f"{belief.labels[best]} has the best chance, {percent(chances[best])}"
     if not belief.driven:
         built = f"No car was driven yet; of built cars {best_chance}." if len(chances) > 1 else "No car was driven yet."
-        return f"In {simulation} {_simulated(belief, evidence, threshold)}. {built}"
+        return f"In {simulation} {_reaching_in_simulation(belief, evidence, threshold)}. {built}"
     verdicts = []
     for verdict in (OPTIMISTIC, PESSIMISTIC):
         names = [design.label for design in compared.designs if design.verdict == verdict]
@@ -88,7 +88,7 @@ def grounds(evidence: Evidence, belief: Belief, threshold: float) -> str:
     """Return the evidence for the headline: simulated rates, designs that simulation cannot rank, numbers of trials."""
     sentences, simulation = [], evidence.info.simulation
     if belief.driven:
-        sentences.append(f"In {simulation} {_simulated(belief, evidence, threshold)}.")
+        sentences.append(f"In {simulation} {_reaching_in_simulation(belief, evidence, threshold)}.")
     rates = belief.simulation
     # Designs whose interval reaches the best design's rate.
     tied = rates[:, 2] >= rates[:, 0].max()
@@ -96,6 +96,7 @@ def grounds(evidence: Evidence, belief: Belief, threshold: float) -> str:
         low, high = (f"{100 * end:.0f}" for end in (rates[tied, 0].min(), rates[tied, 0].max()))
         span = f"{low} %" if low == high else f"{low} to {high} %"
         driven = "" if not belief.driven or belief.trials[tied].any() else "; none of these was driven"
+        # If all are tied, `_names` says "each of 5 designs"; here that must read "the best 5 designs".
         names = _names(belief, evidence, tied).replace("each of", "the best", 1)
         sentences.append(f"{_capital(simulation)} cannot rank {names} ({span}){driven}.")
     driven_designs = sorted(evidence.driven, key=lambda design: -design.trials_passed / len(design.trials))
@@ -115,6 +116,7 @@ def undecided_text(undecided: Sequence[Undecided], precision: float) -> str:
     """
     sentences = []
     for near_threshold in (True, False):
+        # ``at``: the whole interval is near the threshold.
         group = [design for design in undecided if design.at == near_threshold]
         group.sort(key=lambda design: design.trials)
         if not group:
@@ -153,7 +155,7 @@ def next_reason(belief: Belief, index: int, threshold: float) -> str:
     return "; ".join(parts)
 
 
-def _simulated(belief: Belief, evidence: Evidence, threshold: float) -> str:
+def _reaching_in_simulation(belief: Belief, evidence: Evidence, threshold: float) -> str:
     """Return which designs reach the threshold in simulation, such as "75 to 150 mm reach 75 %"."""
     rate, low, _ = belief.simulation.T
     limit, reach, confident = percent(threshold), rate >= threshold, low >= threshold

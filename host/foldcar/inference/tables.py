@@ -65,7 +65,7 @@ def write_selection(selections: Sequence[Selection], file: Path) -> None:
     """Write a row for each recommended design as CSV, atomically. Raises FoldcarError."""
     _write(
         [
-            _selected(selection, rank, recommendation)
+            _recommendation_row(selection, rank, recommendation)
             for selection in selections
             for rank, recommendation in enumerate(selection.recommendations, 1)
         ],
@@ -130,7 +130,7 @@ def _compared(experiment: str, design: DesignComparison) -> dict[str, Any]:
     return row | {f"{source}_{name}": number for source, counts in outcomes.items() for name, number in counts.items()}
 
 
-def _selected(selection: Selection, rank: int, design: Recommendation) -> dict[str, Any]:
+def _recommendation_row(selection: Selection, rank: int, design: Recommendation) -> dict[str, Any]:
     """Return the row of a recommended design: rank, parameters, reason, rates with intervals, cost, environments."""
     row: dict[str, Any] = {"experiment": selection.info.id, "rank": rank, **design.design, "place": design.place}
     row |= {name: getattr(design, name) for name in ("reason", "built", "trials_done", "cars", "trials")}

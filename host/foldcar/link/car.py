@@ -140,6 +140,7 @@ class Car:
         """
         flags = self.dialect.FOLDCAR_TRIAL_FLAGS_UNTETHERED if untethered else 0
         flags |= self.dialect.FOLDCAR_TRIAL_FLAGS_BUTTON if button else 0
+        # In the order of the command's parameters in foldcar.xml.
         values = speed_m_s, yaw_rate_rad_s, time_limit_s, float(flags), float(trial), delay_s
         self._command("start", self.dialect.MAV_CMD_FOLDCAR_START_TRIAL, *values)
 

@@ -174,9 +174,10 @@ class CarClockRate:
         if self._first is None or car_s < self._first[0]:
             self._first = (car_s, host_s)
             return
-        passed_s = host_s - self._first[1]
+        first_car_s, first_host_s = self._first
+        passed_s = host_s - first_host_s
         if passed_s >= self.SPAN_S:
-            self.value = max(1.0, (car_s - self._first[0]) / passed_s)
+            self.value = max(1.0, (car_s - first_car_s) / passed_s)
             self._first = (car_s, host_s)
 
 

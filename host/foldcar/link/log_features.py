@@ -75,7 +75,18 @@ def log_features(file: Path) -> LogFeatures:
     if roll is None or pitch is None:
         return LogFeatures(elapsed_s, battery_sag_v=sag_v, servo_battery_v=servo_v, servo_battery_rest_v=rest_v)
     heading_error = HEADING_ERROR_RAD + HEADING_ERROR_FACTOR * abs(roll * pitch)
-    return LogFeatures(elapsed_s, roll, pitch, TILT_ERROR_RAD, heading, heading_error, shocks, sag_v, servo_v, rest_v)
+    return LogFeatures(
+        elapsed_s,
+        max_roll_rad=roll,
+        max_pitch_rad=pitch,
+        tilt_error_rad=TILT_ERROR_RAD,
+        heading_change_rad=heading,
+        heading_error_rad=heading_error,
+        shocks_s=shocks,
+        battery_sag_v=sag_v,
+        servo_battery_v=servo_v,
+        servo_battery_rest_v=rest_v,
+    )
 
 
 def _motion(
@@ -83,12 +94,13 @@ def _motion(
 ) -> tuple[Any, float | None, tuple[float, ...] | None]:
     """Return the drive's tilts, its change of heading (rad), and the times of its shocks (s).
 
-    Tilts are (n, 2: roll and pitch, rad), the pitch corrected as the file's head describes. The drive begins at
+    Tilts are (n, 2: roll and pitch, rad), the pitch corrected for the error of the car's filter. The drive begins at
     ``start_s`` (time since boot) and takes ``duration_s``. All are None without IMU data both before and in the drive.
     """
     attitudes = {message.time_boot_ms: message for message in messages if message.get_type() == "ATTITUDE"}
     samples = {message.time_boot_ms: message for message in messages if message.get_type() == "SCALED_IMU"}
     common_ms = sorted(attitudes.keys() & samples.keys())
+    # (time since the start in s, ATTITUDE, SCALED_IMU)
     rows = [(ms / 1000 - start_s, attitudes[ms], samples[ms]) for ms in common_ms]
     # The second before the start is needed for the filter's error and the first heading.
     rows = [row for row in rows if -1.0 <= row[0] <= duration_s]
@@ -112,7 +124,7 @@ def _motion(
             tilts.append((attitude.roll, attitude.pitch - filter_error))
             if abs(total_m_s2 / GRAVITY_M_S2 - 1) > SHOCK_FRACTION:
                 shocks.append(round(time_s, 3))
-    yaws = numpy.unwrap([row[1].yaw for row in (rows_before[-1], *rows_during)])
+    yaws = numpy.unwrap([attitude.yaw for _, attitude, _ in (rows_before[-1], *rows_during)])
     # MAVLink's yaw is clockwise.
     return numpy.array(tilts), float(yaws[0] - yaws[-1]), tuple(shocks)
 

@@ -115,7 +115,7 @@ def export_mcap(
             kind = message.get_type()
             topics.add(f"/{_sender(message)}/{kind}", kind, _schema(message), _content(message), time_us)
             if kind == "STATUSTEXT":
-                topics.add("/log", "foxglove.Log", LOG, _log(message, time_us), time_us)
+                topics.add("/log", "foxglove.Log", LOG, _foxglove_log(message, time_us), time_us)
             if kind == "FOLDCAR_TRUTH":
                 pose = (message.x, message.y, message.z, message.heading, message.pitch, message.roll)
                 if all(map(math.isfinite, pose)):
@@ -253,7 +253,7 @@ def _since_boot_us(message: Any) -> int | None:
     return None if boot_ms is None else 1000 * int(boot_ms)
 
 
-def _log(message: Any, time_us: int) -> dict[str, Any]:
+def _foxglove_log(message: Any, time_us: int) -> dict[str, Any]:
     """Return a status text as Foxglove's Log message."""
     return {
         "timestamp": time_stamp(time_us),

@@ -24,6 +24,7 @@ def main() -> None:
         motor.setPosition(float("inf"))
         motor.setVelocity(0.0)
         motor.setAvailableTorque(0.0)
+    # A row is a time (s) and each motor's fraction of full speed from then on, None for no torque.
     rows = iter(drive["changes"])
     row = next(rows, None)
     while robot.step(step_ms) != -1:

@@ -24,7 +24,10 @@ ARC_SLICES = 12
 
 
 def foxglove_scene(body: Mapping[str, Any], scene: Mapping[str, Any], grid: HeightGrid | None) -> dict[str, Any]:
-    """Return the message with the entities ``car`` and ``ground``."""
+    """Return the message with the entities ``car`` and ``ground``.
+
+    ``grid`` is the scene's smooth ground with the floor around it; without one, the floor is a flat box.
+    """
     pieces = [piece for piece in scene["terrain"] if kind_of(piece).form == "block"]
     ground = [_block(piece) for piece in pieces]
     course = scene["course"]

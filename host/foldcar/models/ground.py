@@ -56,11 +56,13 @@ def smooth_bounds_m(scene: Mapping[str, Any]) -> tuple[float, float, float, floa
     if not bounds:
         return None
     course = scene["course"]
-    x_min = max(min(b[0] for b in bounds), course["x_min_m"] - MARGIN_M)
-    x_max = min(max(b[1] for b in bounds), course["x_max_m"] + MARGIN_M)
-    y_min = max(min(b[2] for b in bounds), course["y_min_m"] - MARGIN_M)
-    y_max = min(max(b[3] for b in bounds), course["y_max_m"] + MARGIN_M)
-    return x_min, x_max, y_min, y_max
+    x_mins, x_maxs, y_mins, y_maxs = zip(*bounds, strict=True)
+    return (
+        max(min(x_mins), course["x_min_m"] - MARGIN_M),
+        min(max(x_maxs), course["x_max_m"] + MARGIN_M),
+        max(min(y_mins), course["y_min_m"] - MARGIN_M),
+        min(max(y_maxs), course["y_max_m"] + MARGIN_M),
+    )
 
 
 def smooth_ground(

@@ -71,6 +71,7 @@ def _add_wheel(robot: Element, body: Mapping[str, Any], wheel: Mapping[str, Any]
     link = add(robot, "link", name=name)
     axle_inertia, diameter_inertia = wheel_inertia_kg_m2(wheel)
     center = tyre_center_m(wheel)
+    # About x, y (the axle) and z.
     _add_inertial(link, center, wheel["mass_kg"], [diameter_inertia, axle_inertia, diameter_inertia])
     size = {"radius": numbers(wheel["radius_m"]), "length": numbers(wheel["width_m"])}
     _add_shape(link, center, math.pi / 2, wheel["grip"], "cylinder", **size)

@@ -151,6 +151,8 @@ def _wheel(body: Mapping[str, Any], wheel: Mapping[str, Any]) -> Node:
     name = wheel_name(wheel)
     axle_inertia, diameter_inertia = wheel_inertia_kg_m2(wheel)
     center = tyre_center_m(wheel)
+    # About x, y (the axle) and z.
+    inertias = [diameter_inertia, axle_inertia, diameter_inertia]
     # The axis of a Webots cylinder is z.
     cylinder = Node("Cylinder", {"radius": wheel["radius_m"], "height": wheel["width_m"]})
     lying = (1, 0, 0, math.pi / 2)
@@ -161,7 +163,7 @@ def _wheel(body: Mapping[str, Any], wheel: Mapping[str, Any]) -> Node:
         "children": [placed(shape(cylinder, TYRE_COLOUR), center, lying)],
         "contactMaterial": f"{name} tyre",
         "boundingObject": placed(cylinder, center, lying),
-        "physics": _physics(wheel["mass_kg"], center, [diameter_inertia, axle_inertia, diameter_inertia]),
+        "physics": _physics(wheel["mass_kg"], center, inertias),
     }
     devices = [Node("PositionSensor", {"name": f"{name} angle"})]
     if "servo" in wheel:

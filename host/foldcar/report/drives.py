@@ -244,9 +244,13 @@ def _trial(store: Store, blobs: Blobs, trial: Trial) -> dict[str, Any]:
     if path.rows is not None:
         blobs[f"trial-{trial.id}"] = blob(path.rows.round(4).tolist())
     return {
+        # How many of car and obstacles stood off their planned poses.
         "moved": len(trial.deviations),
+        # Whether the trial has a blob with its path.
         "path": path.rows is not None,
+        # Without a path: rows of time (s), pitch and roll (rad), or None.
         "attitude": path.attitude,
+        # Without a path: why there is none, or None.
         "missing": path.missing,
         "film_error": path.film_error,
     }

@@ -123,7 +123,9 @@ def _read(store: Store, info: ExperimentInfo) -> EnvironmentValues:
     first = store.row(DESIGN, experiment=info.id, position=0)
     body = store.row(BY_NAME["body"], id=first["body_id"])
     wheels = json.loads(body["json"]).get("wheels", ())
-    cars = _by_sample(store, row, "draw", "spread_id", "variation", lambda drawn: _car(drawn, wheels))
+    cars = _by_sample(
+        store, row, table="draw", key="spread_id", content_table="variation", read=lambda drawn: _car(drawn, wheels)
+    )
     tables = [scenes, cars]
     names = list(dict.fromkeys(name for table in tables for sampled in table.values() for name in sampled))
     column_of_name = {name: place for place, name in enumerate(names)}
@@ -151,7 +153,8 @@ def _by_sample(
 ) -> dict[int, Read]:
     """Return what ``read`` makes of each sample's scene or variation; equal ones are read once.
 
-    ``table`` has the sample's row in ``content_table``, where ``key`` is the experiment's environment or spread.
+    The rows of ``table`` (sample or draw) with the experiment's value of ``key`` (its environment or spread) name a row
+    of ``content_table`` (scene or variation) for each sample.
     """
     rows = store.rows(BY_NAME[table], f"WHERE {key} = ?1 AND sample < ?2", experiment[key], experiment["environments"])
     ids = {row["sample"]: row[f"{content_table}_id"] for row in rows}

@@ -94,6 +94,7 @@ class LiveStudy:
                 self._polled.clear()
                 self.refresh()
             elif self._polled.is_set():
+                # A page has polled, but it is too early to compute the data again.
                 time.sleep(0.1)
         if time.monotonic() - self._polled_s < OPEN_S:
             self.refresh()
@@ -108,7 +109,7 @@ class LiveStudy:
         if stamp == self._seen:
             return
         try:
-            study, infos = self._made() if self._path.exists() else (b"null", [])
+            study, infos = self._compute() if self._path.exists() else (b"null", [])
         except FoldcarError as problem:
             self._error = str(problem)
         else:
@@ -121,8 +122,8 @@ class LiveStudy:
             MIN_INTERVAL_S, (time.process_time() - begun_s) / (CPU_FRACTION * usable_processors())
         )
 
-    def _made(self) -> tuple[bytes, list[ExperimentInfo]]:
-        """Compute the page's data from the store, as JSON, and read the experiments."""
+    def _compute(self) -> tuple[bytes, list[ExperimentInfo]]:
+        """Compute the page's data from the store, as JSON, and read the experiments; both are returned."""
         # The import takes longer than serving the page.
         from foldcar.report.page_data import page_data, read_experiments
 
@@ -140,7 +141,7 @@ class LiveStudy:
         # A search has no planned number of runs.
         open_end = not infos or any(info.searched for info in infos)
         now_s = time.monotonic()
-        # Until a sweep runs, so that a pause does not count.
+        # The estimate begins anew as long as no sweep runs, so that a pause does not count.
         if self._first is None or not infos or not is_written(self._path):
             self._first = now_s, done
         first_s, first_done = self._first

@@ -330,6 +330,6 @@ def _runs(evidence: Evidence) -> dict[str, list[Any]]:
         "design": runs.design.tolist(),
         "environment": runs.sample.tolist(),
         "outcome": runs.outcome.tolist(),
-        # JSON has no NaN, which is the time of a failed run.
+        # The time of a failed run is NaN, which JSON does not have; only NaN differs from itself.
         "time_s": [None if time_s != time_s else time_s for time_s in times_s],
     }

@@ -111,6 +111,7 @@ class DesignColumns:
                 evidence.belief.design_indices[list(evidence.belief.contradictions.undriven_neighbours)].tolist()
             )
         return {
+            # Indices into the values of each parameter.
             "value": [[values[name][float(design.design[name])] for name in values] for design in family],
             "name": self.names,
             "swept": [design.swept for design in family],
@@ -118,14 +119,17 @@ class DesignColumns:
             "passed": evidence.run_counts[:, 0].tolist(),
             "rate": [round(passed / runs, 6) if runs else None for passed, runs in evidence.run_counts.tolist()],
             **_ends("", self.run_intervals),
+            # A column for each outcome.
             "outcomes": evidence.outcome_counts.T.tolist(),
             "trials": evidence.trial_counts[:, 1].tolist(),
             "trials_passed": evidence.trial_counts[:, 0].tolist(),
             "cars": [0 if design.cars is None else len(design.cars.passed) for design in family],
             **_ends("trials_", self.trial_intervals),
+            # Success in simulation, smoothed over designs, and of a further built car, both with low and high.
             **_bands("smooth", self.simulation),
             **_bands("belief", self.built),
             "verdict": ["open" if index in doubtful else verdict(band, threshold) for index, band in enumerate(judged)],
+            # How the design's own trials contradict simulation.
             "refuted": [
                 verdicts.get(name) if verdicts.get(name) in (OPTIMISTIC, PESSIMISTIC) else None for name in self.names
             ],

@@ -55,13 +55,13 @@ def effect_rows(evidence: Evidence, effects: Effects, indices: list[int]) -> lis
                 **curve_data,
                 "level": [round(end, DIGITS) for end in effect.level],
                 "curves": curves,
-                "over": over(effect, len(indices)),
+                "over": combinations_text(effect, len(indices)),
             }
         )
     return result
 
 
-def over(effect: Effect, parameters: int) -> str:
+def combinations_text(effect: Effect, parameters: int) -> str:
     """Describe the combinations that an effect is a mean over; "" with a single parameter."""
     if parameters < 2:
         return ""

@@ -29,9 +29,9 @@ def search_front(evidence: Evidence, areas: Sequence[float | None], fresh: Evide
         own_fresh_rows = fresh_rows[fresh_index] if fresh_index is not None else []
         # Designs that the search abandoned were not tried in all environments: they have no point.
         if own_fresh_rows or len(rows) == max(map(len, tried_rows)):
-            points.append(
-                _point(index, objectives, own_fresh_rows or rows, info.timeout_s, areas[index], bool(own_fresh_rows))
-            )
+            is_fresh = bool(own_fresh_rows)
+            own_rows = own_fresh_rows if is_fresh else rows
+            points.append(_point(index, objectives, own_rows, info.timeout_s, areas[index], is_fresh))
     signs = [-1 if objective.largest else 1 for objective in objectives]
     # Points from the environments of the search are too good, so points are compared only with those of the same kind.
     for is_fresh in (True, False):
@@ -52,7 +52,7 @@ def _rows(evidence: Evidence) -> list[list[Row]]:
     rows: list[list[Row]] = [[] for _ in evidence.family]
     numbers = (runs.metrics[:, NUMBERS.index(name)].tolist() for name in ("elapsed_time_s", "consumed_energy_j"))
     for design, outcome, time_s, energy_j in zip(runs.design.tolist(), runs.outcome.tolist(), *numbers, strict=True):
-        # Rows have None where the arrays have NaN.
+        # Rows have None where the arrays have NaN; only NaN differs from itself.
         measured = (None if value != value else value for value in (time_s, energy_j))
         rows[design].append(Row(OUTCOMES[outcome], *measured))
     return rows

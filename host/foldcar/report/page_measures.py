@@ -28,7 +28,7 @@ MAX_FOLDED = 300
 def measures(
     store: Store, info: ExperimentInfo, designs: Sequence[Mapping[str, Any]], runs: RunArrays
 ) -> list[dict[str, Any]]:
-    """Return a column for each measure of ``designs``; those in the store come first. Raises StoreError."""
+    """Return a column for each measure of ``designs``, which begin with the stored ones. Raises StoreError."""
     number, columns = len(designs), []
     if info.success_defined:
         counted = runs.counted

@@ -21,7 +21,7 @@ def range_sentences(evidence: Evidence, effects: Effects | None, indices: Sequen
     if effects is None or evidence.info.searched:
         return []
     names = [list(evidence.values)[index] for index in indices]
-    return [*_gap(effects, names, threshold, evidence.info.simulation), *_ends(effects, names)]
+    return [*_gap(effects, names, threshold, evidence.info.simulation), *_rising_ends(effects, names)]
 
 
 def _gap(effects: Effects, names: Sequence[str], threshold: float, simulation: str) -> list[str]:
@@ -51,13 +51,14 @@ def _gap(effects: Effects, names: Sequence[str], threshold: float, simulation: s
     return [f"Nothing was simulated between {between}; sweep there first: {car} has {chance}."]
 
 
-def _ends(effects: Effects, names: Sequence[str]) -> list[str]:
+def _rising_ends(effects: Effects, names: Sequence[str]) -> list[str]:
     """Return sentences on ends of ranges at which success still rises."""
     sentences = []
     for index, name in enumerate(names):
         effect = effects.effect(index)
         if len(effect.grid) < 3:
             continue
+        # The indices of an end and of its neighbour, and the probability that success rises at the end.
         for end, inner, rises in ((0, 1, effect.rises[0]), (-1, -2, effect.rises[1])):
             higher = effect.mean[end] - effect.mean[inner] >= MIN_RISE and effect.mean[end] == effect.mean.max()
             value = float(effect.grid[end])

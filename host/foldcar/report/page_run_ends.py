@@ -144,6 +144,7 @@ def read_course(objects: Sequence[tuple[str, int]], scenes: Mapping[int, Mapping
     named = objects_of_pieces(objects, scenes.values()) or []
     named = named if len(named) <= MAX_OBSTACLES else []
     goal_m = numpy.full(environments, numpy.nan)
+    # (3, environments, obstacles): where they begin and end along the way, and how far beside it they are.
     ends_m = numpy.full((3, environments, len(named)), numpy.nan)
     for sample, scene in scenes.items():
         start, goal = scene.get("start"), scene.get("goal")

@@ -31,7 +31,8 @@ def other_simulations(evidence: Evidence, experiments: Sequence[Evidence]) -> li
         ]
         if not pairs:
             continue
-        name, own_name = _simulation(other.info, evidence.info), _simulation(evidence.info, other.info)
+        # Each is named by its difference from the other.
+        name, own_name = _simulation_name(other.info, evidence.info), _simulation_name(evidence.info, other.info)
         own_passed, passed = (sum(side) for side in zip(*pairs, strict=True))
         text = f"{name}: {passed:,} of the same {len(pairs):,} runs passed, {own_name}: {own_passed:,}"
         if other.info.under == evidence.info.under:
@@ -48,7 +49,7 @@ def other_simulations(evidence: Evidence, experiments: Sequence[Evidence]) -> li
     return simulations
 
 
-def _simulation(info: ExperimentInfo, other: ExperimentInfo) -> str:
+def _simulation_name(info: ExperimentInfo, other: ExperimentInfo) -> str:
     """Name an experiment's simulation by its difference from the other's: its engine, or its calibration."""
     if info.engine != other.engine:
         return engine_title(info.engine) or MULTIBODY
@@ -75,6 +76,7 @@ def _corrected(evidence: Evidence, other: Evidence) -> dict[str, Columns] | None
         return None
     rows = {index: row for row, index in enumerate(other.belief.design_indices.tolist())}
     _, columns, other_columns = numpy.intersect1d(belief.samples, other.belief.samples, return_indices=True)
+    # The other simulation is the slower one, whose rates are wanted.
     passed_slow: NDArray[Any] = numpy.full(belief.passed.shape, numpy.nan)
     for row_index, design in enumerate(belief.designs):
         index = other.index_of(design)

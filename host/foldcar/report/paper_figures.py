@@ -20,7 +20,7 @@ from matplotlib.patheffects import withStroke
 from foldcar.figures.style import ACCENT, FAILURE, INK, OUTCOME_COLOURS, OUTCOME_LABELS
 from foldcar.outputs import file_name_part
 from foldcar.report.page_designs import DesignColumns
-from foldcar.report.page_effects import importance_rows, over
+from foldcar.report.page_effects import combinations_text, importance_rows
 from foldcar.simulation.results import OUTCOMES
 from foldcar.statistics.effects import Effects
 from foldcar.statistics.words import label_and_unit
@@ -63,7 +63,8 @@ def drawings(
             yield Drawing(f"{start}_outcomes_by_{name}", f"Outcomes by {label}", partial(draw_outcomes, designs))
     if len(indices) > 1 and effects is not None:
         caption_start = "Success over each parameter, with 95 % bands of the differences between its values"
-        caption = f"{caption_start}: {over(effects.effect(0), len(indices))}, for the first. Thin: single combinations."
+        combinations = combinations_text(effects.effect(0), len(indices))
+        caption = f"{caption_start}: {combinations}, for the first. Thin: single combinations."
         yield Drawing(f"{start}_effects", caption, partial(draw_effects, designs, effects, indices, thresholds))
         two = [row["parameter"] for row in importance_rows(effects, indices)][:2]
         first, second = (list(designs.evidence.values)[index] for index in two)
@@ -130,7 +131,7 @@ def draw_feasibility(designs: DesignColumns, thresholds: Sequence[float]) -> Fig
     axes.fill_between(simulation[0], *(100 * simulation[2:]), color=INK, alpha=0.25, linewidth=0)
     label = f"{designs.evidence.info.simulation}, 95 % band"
     axes.plot(simulation[0], 100 * simulation[1], "-", color=INK, linewidth=1.2, label=label)
-    _draw_trials(axes, axis, designs, 0.0, -0.12)
+    _draw_trials(axes, axis, designs, built_offset=0.0, simulated_offset=-0.12)
     _finish_success(axes, axis, thresholds, "Feasible region")
     tint = Patch(color=REGION, label=f"median of built cars reaches {100 * thresholds[-1]:g} %")
     figure.legend(handles=[*axes.get_legend_handles_labels()[0], tint], loc="outside lower center", ncols=3)
@@ -151,7 +152,7 @@ def draw_success(designs: DesignColumns, thresholds: Sequence[float]) -> Figure:
             rate = passed / runs
             look: dict[str, Any] = {"color": success_colour(rate, thresholds), "error_kw": error_bar}
             axes.bar(axis.place[index], 100 * rate, 0.8 * axis.step, yerr=error_percent(rate, ends), **look)
-    _draw_trials(axes, axis, designs, 0.2 * axis.step, -0.2 * axis.step)
+    _draw_trials(axes, axis, designs, built_offset=0.2 * axis.step, simulated_offset=-0.2 * axis.step)
     _finish_success(axes, axis, thresholds, f"Mean success over all environments, {designs.interval_name} 95 % intervals")
     limits = [f"{100 * threshold:g}" for threshold in thresholds]
     classes = [f"below {limits[0]} %", *(f"{low} to {high} %" for low, high in pairwise(limits)), f"above {limits[-1]} %"]

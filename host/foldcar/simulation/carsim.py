@@ -154,6 +154,7 @@ class Carsim:
         results = [self._read_answer(line, requests) for line in complete_lines]
         if is_killed and len(results) < len(requests):
             return results, process_ending(process.returncode, process.stderr)
+        # carsim ends with 2 if a simulation failed.
         expected_code = 2 if any("error" in result for result in results) else 0
         if len(results) != len(requests) or not (is_killed or process.returncode == expected_code):
             ending = process_ending(process.returncode, process.stderr)

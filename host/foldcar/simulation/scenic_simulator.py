@@ -69,6 +69,7 @@ class CarSimulator(Simulator):  # type: ignore[misc]
         scene_text = self._describe(scene)
 
         def start() -> Any:
+            """Start the trial; called when Scenic sets the simulation up."""
             return self._carsim.start(self._body, scene_text, self._settings)
 
         step_s = outer_step_s(scene.params, timestep)
@@ -196,7 +197,7 @@ class CarSimulation(Simulation):  # type: ignore[misc]
         self._native = advanced.result
         self._show(advanced.state, self._steps_at(advanced.state) if advanced.result else look)
         limit_s = self._time_limit_s() - ROUNDING_S
-        # Only these can end or reject the run before the look.
+        # Only the time limit, endings and requirements of the program can end or reject the run before the look.
         if limit_s < advanced.state.t_s - 2 * ROUNDING_S or self._endings or self._requirements:
             self._move_back(limit_s)
 
@@ -274,7 +275,9 @@ class CarSimulation(Simulation):  # type: ignore[misc]
         if self._native is not None:
             self.run_result = self._native
         else:
-            self.run_result = self._carsim.end(len(self._carsim.rows()) - 1 if self._row is None else self._row)
+            # The trial ends at the look: at the last row, unless the look was moved back to an earlier one.
+            look_row = len(self._carsim.rows()) - 1 if self._row is None else self._row
+            self.run_result = self._carsim.end(look_row)
 
     def _steps_at(self, state: State) -> float:
         """Return the outer steps since the start, with a fraction, at the time of a state of the last advance."""

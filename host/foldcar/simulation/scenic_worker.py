@@ -116,18 +116,18 @@ class ScenicWorker:
 
         Raises FoldcarError if the program no longer gives the scene that the request has.
         """
-        k, program = request["sample"], self._source.program
-        self._open_sample(k)
+        sample, program = request["sample"], self._source.program
+        self._open_sample(sample)
         if self._described != json.loads(request["scene"]):
-            raise other_scene(program, k)
+            raise other_scene(program, sample)
         assert self._carsim is not None
         body, settings, scene = request["body"], request["settings"], str(request["scene"])
         # carsim gets the scene's text as the store has it.
         simulator = self._simulator(self._carsim, body, settings, lambda _: scene, self._passing)
-        place = f"{program}: sample {k}"
+        place = f"{program}: sample {sample}"
         with self._source.files.inside():
             try:
-                with seeded(f"{self._source.seed}/{k}/run"), contained(RUN_LIMIT_S, "running", program):
+                with seeded(f"{self._source.seed}/{sample}/run"), contained(RUN_LIMIT_S, "running", program):
                     return simulator.run(self._scene)
             except FoldcarError as error:
                 # A CarsimError is not the program's fault; all others come from its records.
@@ -135,14 +135,14 @@ class ScenicWorker:
             except Exception as error:
                 raise TrialFailedError(f"{place}: {one_line(error, program)}") from error
 
-    def _open_sample(self, k: int) -> None:
-        """Draw sample ``k``, unless it is the last one drawn."""
-        if self._sample == k and self._scene is not None:
+    def _open_sample(self, sample: int) -> None:
+        """Draw the ``sample``, unless it is the last one drawn."""
+        if self._sample == sample and self._scene is not None:
             return
         self._sample, self._scene = None, None
-        scene = self._source.scenic_scene(k)
-        self._described = self._source.describe(scene, k)
-        self._sample, self._scene = k, scene
+        scene = self._source.scenic_scene(sample)
+        self._described = self._source.describe(scene, sample)
+        self._sample, self._scene = sample, scene
 
 
 def _write_line(output: TextIO, answer: dict[str, Any]) -> None:

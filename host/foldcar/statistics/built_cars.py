@@ -89,6 +89,7 @@ class BuiltCars:
         # As usual for Jeffreys' interval, an end is 0 if no trial passed, and 1 if all passed.
         low, high = (0.0 if not self.passed.any() else low), (1.0 if (self.passed == self.counted).all() else high)
         fraction = self.passed.sum() / self.counted.sum()
+        # Shifts say how much easier the environments of the trials are; the mean shift is taken back from the odds.
         odds_ratio = numpy.exp(-self.shift @ self.counted / self.counted.sum())
         value = min(max(float(fraction * odds_ratio / (fraction * odds_ratio + 1 - fraction)), low), high)
         return Rate(value, low, high, confidence, f"{self.text}, for a further car of the design")

@@ -94,6 +94,7 @@ class Effects:
         # The band shows the uncertainty of the curve's shape: the draws are shifted to a common level.
         low, high = levels.mean() + numpy.quantile(mean_curves - levels[:, None], (0.025, 0.975), axis=0)
         level_low, level_high = numpy.quantile(levels, (0.025, 0.975)).tolist()
+        # Single combinations, evenly spaced by index.
         shown = numpy.unique(numpy.linspace(0, len(combinations) - 1, MAX_CURVES).round().astype(int))
         curves = numpy.median(draws[:, shown], axis=0)
         first_is_higher, last_is_higher = (
@@ -104,11 +105,11 @@ class Effects:
             mean_curves.mean(axis=0),
             low,
             high,
-            (level_low, level_high),
-            curves,
-            len(combinations),
-            all_run,
-            (first_is_higher, last_is_higher),
+            level=(level_low, level_high),
+            curves=curves,
+            combinations=len(combinations),
+            run=all_run,
+            rises=(first_is_higher, last_is_higher),
         )
 
     def standardised(
@@ -207,8 +208,9 @@ def fit_effects(parameters: ArrayLike, design: ArrayLike, environment: ArrayLike
     """Fit the model to designs with ``parameters`` (d, k) and their runs, and draw its factors.
 
     ``design``, ``environment`` and ``passed`` (runs,) are each run's index of the design, index of the environment, and 1
-    if it passed, else 0. The draws have the sandwich covariance of the file's head, because runs in one environment are
-    not independent. Raises FoldcarError if there are runs of fewer than 4 designs or a parameter does not vary.
+    if it passed, else 0. The draws' covariance is a sandwich estimate with environments as clusters, because runs in one
+    environment are not independent. Raises FoldcarError if there are runs of fewer than 4 designs or a parameter does not
+    vary.
     """
     designs = numpy.asarray(parameters, dtype=float)
     design_index, environment_index = numpy.asarray(design), numpy.asarray(environment)

@@ -25,7 +25,7 @@ class Gap:
     confidence: float
 
     def verdict(self, margin: float) -> str:
-        """Return AGREES if the interval is within ``margin`` (0 to 1), OPTIMISTIC below 0, PESSIMISTIC above 0.
+        """Return AGREES if the interval is within ± ``margin`` (0 to 1), OPTIMISTIC if below 0, PESSIMISTIC if above 0.
 
         Otherwise there were TOO_FEW cars or trials.
         """

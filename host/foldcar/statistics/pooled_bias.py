@@ -241,7 +241,7 @@ class Contradictions:
     undriven_neighbours: tuple[int, ...] = ()
 
     def remark(self, labels: Sequence[str]) -> list[str]:
-        """Return a list with a sentence that names these designs by their ``labels``, empty if there are none."""
+        """Return a sentence that names the contradictory designs by their ``labels``, in a list; [] if there are none."""
         if not self.designs:
             return []
         names = listed([labels[index] for index in self.designs])
@@ -255,7 +255,7 @@ class Contradictions:
         ]
 
 
-NONE = Contradictions()
+NO_CONTRADICTIONS = Contradictions()
 
 
 def contradictions(
@@ -275,7 +275,7 @@ def contradictions(
     )
     driven = numpy.flatnonzero(trial_counts[:, 1])
     if len(driven) < MIN_DRIVEN or not all_parameters.size:
-        return NONE
+        return NO_CONTRADICTIONS
     checked = driven[numpy.argsort(-trial_counts[driven, 1], kind="stable")][:MAX_CHECKED]
     # Cars that are alike count as one car that drove all trials.
     no_spread = (SPREADS == 0).astype(float)
@@ -286,12 +286,13 @@ def contradictions(
         for index in checked.tolist()
     ]
     smoothed = (smoothed_simulation(all_parameters, run_counts) if simulation is None else simulation).subset(checked)
+    # Pickled, because the cache of results needs a hashable argument.
     p_values = _p_values(
         pickle.dumps((all_parameters[checked], run_counts[checked], trial_counts[checked], built, smoothed))
     )
     flagged = sorted(checked[p_values < MIN_PROBABILITY].tolist())
     if not flagged:
-        return NONE
+        return NO_CONTRADICTIONS
     neighbours = numpy.flatnonzero(_undriven_neighbours(unit_range(all_parameters), driven, flagged))
     return Contradictions(tuple(flagged), tuple(neighbours.tolist()))
 

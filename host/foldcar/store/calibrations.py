@@ -95,6 +95,7 @@ class CalibrationWriter(StoreConnection):
                     raise _name_taken_error(self.path, calibration.name)
                 # Another sweep may have begun while the calibration was computed.
                 for experiment in self._rows(EXPERIMENT):
+                    # What the experiment was swept under: a calibration, unless another kind is stored.
                     used = json.loads(experiment["facts"]).get("calibration") or {}
                     if (used.get("name"), used.get("kind", CALIBRATION_KIND)) == (calibration.name, CALIBRATION_KIND):
                         raise _in_use_error(self.path, calibration.name, experiment["id"])

@@ -109,6 +109,7 @@ def store_digest(store: Store) -> tuple[str, int]:
     modulo 2^256, of the SHA-256 of every run as a JSON array: the build's name, the hashes of body, scene, settings and
     variation, the outcome, the metrics by name, the message, the recorded values.
     """
+    # The build is identified by its name, body, scene, settings and variation by their hashes.
     names = {
         column: {row["id"]: row[name] for row in store.rows(BY_NAME[column.removesuffix("_id")])}
         for column, name in zip(RUN.key, ("name", "hash", "hash", "hash", "hash"), strict=True)

@@ -39,7 +39,7 @@ def design_counts(path: Path, connection: Connection, experiment: str) -> Design
             (experiment,),
         )
         counts = {position: tuple(numbers) for position, *numbers in rows}
-    # Four lists: runs, counted, passed, reached.
+    # Four lists: runs, runs that count, passed runs, and the samples up to the last one with a run.
     columns = ([counts.get(position, (0, 0, 0, 0))[column] for position in positions] for column in range(4))
     return DesignCounts(positions, *columns)
 

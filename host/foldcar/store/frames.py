@@ -103,6 +103,7 @@ def _frame(store: Store, name: str) -> pd.DataFrame:
     parameters = dict.fromkeys(column for design in designs for column in design)
     is_defined = (runs.outcome != OUTCOMES.index(REJECTED)) & (name in store.judged_experiments())
     columns = {
+        # HEAD has the column of the experiment's row for each column of the frame.
         **{column: _strings([experiment[key]]).repeat(len(runs.design)) for column, key in HEAD.items()},
         **{column: _numbers([design.get(column) for design in designs])[runs.design] for column in parameters},
         "sample": runs.sample,

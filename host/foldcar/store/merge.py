@@ -100,6 +100,7 @@ class _Merge:
         designs = dict(self._connection.execute(DESIGN_COUNTS).fetchall())
         for table in TABLES:
             order = ("position",) if table is EXPERIMENT else table.order or table.key
+            # Experiments are identified by name, which stays; all other references are numbers of rows, which change.
             referring = ((column.name, column.refers or REFERENCES.get(column.name)) for column in table.columns)
             references = {name: referred for name, referred in referring if referred not in (None, EXPERIMENT.name)}
             for row in read_rows(path, source, table, f"ORDER BY {', '.join(order)}"):
@@ -248,6 +249,7 @@ class _Merge:
         source, name = log_file(path, trial["log"]), trial["log"]
         digest = sha256_of(source)
         if digest is None:
+            # The log is missing, so there is nothing to copy.
             return str(name)
         logs_by_target = {target: log for log, target in self.logs.items()}
         for candidate in (Path(name), Path(name).with_stem(f"{Path(name).stem}-{trial['uuid'][:8]}")):
@@ -264,6 +266,7 @@ class _Merge:
         for row in self._merged_rows(EXPERIMENT):
             facts = json.loads(row["facts"])
             runs = sum(design_counts(self._merged, self._connection, row["id"]).runs)
+            # If both are equal, the row stays: it says correctly that the sweep has ended.
             if facts.pop(ENDED, None) != runs:
                 facts |= {ENDED: runs} if runs in self._ended[row["id"]] else {}
                 self._insert(EXPERIMENT, {**row, "facts": json.dumps(facts)}, "OR REPLACE")

@@ -31,7 +31,7 @@ from foldcar.store.tables import (
     TRIAL,
     Table,
 )
-from foldcar.store.trial_records import Correction, Media, Track, Trial
+from foldcar.store.trial_records import Correction, Media, Track, Trial, TrialDrive
 
 if TYPE_CHECKING:
     from foldcar.statistics.stopping import StoppingRule
@@ -155,10 +155,10 @@ class Store:
         return self.once(("trials in environment", info.id), lambda: self._find_trials_in_environment(info))
 
     def _find_trials_in_environment(self, info: ExperimentInfo) -> set[int]:
-        """Return the numbers of trials whose scenes are those of the experiment's samples.
+        """Return the ids of trials whose scenes are those of the experiment's samples.
 
-        The trial's environment has the same number, or the samples that both environments have are equal scenes, or the
-        trial's own scene is the planned one.
+        Either trial and experiment have the same environment; or their environments have samples in common, and all of
+        these are equal scenes; or the trial's own scene is the planned one.
         """
         environment_id = self._environment_id(info)
         trials = list(self.rows(TRIAL, "WHERE experiment = ? AND environment_id IS NOT NULL", info.listed_id))
@@ -224,14 +224,14 @@ class Store:
         rows = self.rows(MEDIA, "WHERE ?1 IS NULL OR trial_id = ?1 ORDER BY trial_id, added_utc, file", trial)
         return [Media(row["trial_id"], row["kind"], row["file"], row["sha256"]) for row in rows]
 
-    def trial_drive(self, number: int) -> tuple[str, str, str] | None:
-        """Return body, settings and scene (with deviations) of a trial as JSON; None if they are unknown."""
+    def trial_drive(self, number: int) -> TrialDrive | None:
+        """Return what a trial drove with, and where; None if there is no such trial, or one of the texts is unknown."""
         for trial in self.rows(TRIAL, "WHERE id = ?", number):
             texts = []
             for table in (BY_NAME["body"], BY_NAME["settings"], BY_NAME["scene"]):
                 for row in self.rows(table, "WHERE id = ?", trial[f"{table.name}_id"]):
                     texts.append(row["json"])
-            return (texts[0], texts[1], texts[2]) if len(texts) == 3 else None
+            return TrialDrive(*texts) if len(texts) == 3 else None
         return None
 
     def rows(self, table: Table, rest: str = "", *values: Any) -> Iterator[Row]:
@@ -325,6 +325,7 @@ class Store:
             counts, facts = self.design_counts(row["id"]), self._facts(row)
             until, decided = _stopping_rule(facts.pop("until", None), counts)
             planned = facts.pop("ended_runs", None)
+            # None: the sweep has not ended.
             if planned is None:
                 # Decided designs, and designs of a search, get no more runs.
                 closed = [is_decided or facts.get("searched") for is_decided in decided]

@@ -42,6 +42,7 @@ class TrialPath:
 def trial_path(store: Store, trial: Trial) -> TrialPath:
     """Return a trial's path from its log, else from its film, else its attitude or why that is missing."""
     logged = _logged_path(store, trial)
+    # Not a TrialPath: rows of a path.
     if not isinstance(logged, TrialPath):
         return TrialPath(_resampled(logged))
     track = store.track(trial.id)
@@ -116,13 +117,16 @@ def _resampled(rows: Rows) -> Rows:
 
 def _attitudes(messages: list[Any], start_s: float) -> TrialPath:
     """Return pitch and roll of a built car with an IMU, or the reason why there is no path."""
+    # (time since the start in s, pitch, roll in rad)
     attitudes = [
         (round(message.time_boot_ms / 1000 - start_s, 3), round(message.pitch, 3), round(message.roll, 3))
         for message in messages
         if message.get_type() == "ATTITUDE" and message.get_srcSystem() == CAR_SYSTEM
     ]
     driving_attitudes = tuple(
-        attitude for attitude in attitudes if attitude[0] >= 0 and all(map(math.isfinite, attitude))
+        (time_s, pitch, roll)
+        for time_s, pitch, roll in attitudes
+        if time_s >= 0 and math.isfinite(pitch) and math.isfinite(roll)
     )
     if len(driving_attitudes) < 2:
         return TrialPath(missing="its log has no path, because a built car without an IMU does not measure its position")

@@ -6,7 +6,7 @@ A person judges a trial, so its outcomes differ from those of a run (:mod:`foldc
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from foldcar.errors import FoldcarError
 
@@ -40,6 +40,14 @@ LONGEST_S = 86_400.0
 RUNNING = "running"
 # The ending of a trial during which the program was killed.
 INTERRUPTED = "the program was ended"
+
+
+class TrialDrive(NamedTuple):
+    """What a trial drove with, and where, as JSON texts: body, settings, and the scene with its deviations."""
+
+    body: str
+    settings: str
+    scene: str
 
 
 def checked_name(name: str, place: str) -> str:

@@ -154,6 +154,7 @@ class TrialWriter(StoreConnection):
                 choices = {"outcome": TRIAL_OUTCOMES, "car": CARS}.get(field)
                 if choices is not None and after not in choices:
                     raise StoreError(f"{self.path}: trial {trial}: {field}: {after!r} is not one of {', '.join(choices)}")
+                # Not `>`, so that NaN is refused, too.
                 if isinstance(after, float) and not after <= LONGEST_S:
                     raise StoreError(f"{self.path}: trial {trial}: {field}: {after:g} is not at most {LONGEST_S:g}")
                 row = self._trial(trial)

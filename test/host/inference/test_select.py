@@ -28,7 +28,7 @@ from foldcar.inference.selecting import select as select_designs
 from foldcar.inference.selecting import select_evidence
 from foldcar.report.page_data import read_experiments
 from foldcar.statistics.built_cars import SPREADS
-from foldcar.statistics.pooled_bias import NONE, contradictions
+from foldcar.statistics.pooled_bias import NO_CONTRADICTIONS, contradictions
 from foldcar.statistics.rate import wilson_interval
 from foldcar.statistics.selection import BEST, MIDDLE, Effort
 from foldcar.store.calibrations import write_calibrations
@@ -178,7 +178,7 @@ def test_a_lone_failing_design_is_named_and_rates_beside_it_are_open(tmp_path: P
     assert any(remark.startswith(sentence) for remark in compared.remarks)
     assert {"100 mm", "120 mm"} <= {design.label for design in selection.undecided}
     assert verdicts["100 mm"] == verdicts["120 mm"] == "open" and verdicts["80 mm"] == "good"
-    assert contradictions([[1.0], [2.0]], [[9, 10]] * 2, [[0, 9], [9, 9]]) == NONE
+    assert contradictions([[1.0], [2.0]], [[9, 10]] * 2, [[0, 9], [9, 9]]) == NO_CONTRADICTIONS
 
 
 def test_advice_of_two_parameters_of_one_design_and_of_none_that_passes(tmp_path: Path) -> None:

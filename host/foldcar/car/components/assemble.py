@@ -111,6 +111,7 @@ def _seams(graph: Graph, fused: dict[str, Fused], owner: dict[str, str]) -> Iter
         a, b = ((owner[path], fused[owner[path]].edges[path, index]) for path, index in (link.a, link.b))
         if (a, b) not in yielded:
             length_a, length_b = (math.dist(*side(fused[path].face.outline_mm, index)) for path, index in (a, b))
+            # A tab's edge is shorter than the edge that it is glued to, by the inset at each end.
             if abs(length_a - length_b - 2 * link.inset_mm) > 1e-4:
                 message = f"meets {link.b[0]} in edges of {length_a:g} and {length_b:g} mm once they are fused"
                 raise ComponentError(link.a[0], message)
@@ -132,7 +133,7 @@ class _Pieces:
         self.owner = {path: first for first, face in self.fused.items() for path in face.poses}
         self.seams = list(_seams(graph, self.fused, self.owner))
         self.folds = [seam for seam in self.seams if seam.link.kind in FOLDED]
-        # For each fused face, its neighbours over folds with their poses in its frame.
+        # For each fused face, its neighbours over folds with their poses in its frame. An edge is a face and an index.
         steps: dict[str, list[tuple[str, Pose]]] = defaultdict(list)
         for seam in self.folds:
             for edge, opposite in ((seam.a, seam.b), (seam.b, seam.a)):

@@ -139,7 +139,8 @@ class BoxBeam(Component):
         """
         assembly = self.parts.assembly
         fold_length = self["length"] - sum(fold_starts.values())
-        notch, depth, grip = latch_mm(self.parts)[0], assembly.flap_mm.value, assembly.grip_mm.value
+        notch, _ = latch_mm(self.parts)
+        depth, grip = assembly.flap_mm.value, assembly.grip_mm.value
         gap, half = assembly.grip_gap_mm.value, assembly.lock_mm.value / 2
         front: dict[str, Point] = {"front": (fold_length, 0.0)}
         rear: dict[str, Point] = {"far": (fold_length, depth), "rear": (0.0, depth)}

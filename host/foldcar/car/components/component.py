@@ -137,6 +137,7 @@ class Component:
         for sub in self.subcomponents():
             if sub.name in self.children:
                 raise ComponentError(path, f'two subcomponents are called "{sub.name}"')
+            # The subcomponent's values that were given from outside, with the outermost keys that gave them.
             outer_keys = {name: self.keys.get(sub.keys.get(name, name)) for name in sub.values}
             outermost = {name: key for name, key in outer_keys.items() if key is not None}
             child = sub.kind(sub.values, self._under(sub.name), sub.body or self.body, self.parts, outermost)

@@ -35,10 +35,11 @@ class Composite(Component):
     root: ClassVar[str] = ""
 
     def modules(self) -> Iterator[Link]:
-        """Yield its modules, front to back, with those of nested composites. Raises ComponentError if not a chain."""
+        """Yield the modules, also of nested composites, front to back. Raises ComponentError if they are not a chain."""
         for name in self._order():
             child = self.children[name]
             if isinstance(child, Composite):
+                # The root of a nested composite is the root here only if that composite is named as the root.
                 yield from (Link(link.module, name == self.root and link.root) for link in child.modules())
             elif isinstance(child, Module | HingeModule):
                 yield Link(child, name == self.root)

@@ -212,10 +212,12 @@ def _add_strip(shape: Shape, size: WheelSize, strip: int, count: int) -> None:
     """
     length_mm, width_mm, turn_deg = size.facet_mm, size.between_mm, math.degrees(size.turn_rad)
     dip_deg = math.degrees(size.turn_rad - size.slope_rad)
-    hook = Hook(NECK_MM, HOOK_MM, HOOK_MM, 2 * size.clearance_mm + size.film_mm)
+    hook = Hook(NECK_MM, left_mm=HOOK_MM, right_mm=HOOK_MM, reach_mm=2 * size.clearance_mm + size.film_mm)
+    tongue_mm, _ = _tongue_width_mm(size)
     for i in range(count):
         hooks = (None, None) if i % size.facets_per_tie else (hook, hook)
-        outline = facet(length_mm, width_mm, hooks, 0.0 if i else _tongue_width_mm(size)[0])
+        # The tongue grows from the first facet.
+        outline = facet(length_mm, width_mm, hooks, base_mm=0.0 if i else tongue_mm)
         shape.face(f"rim {strip} {i}", outline, role="rim", piece="wheel rim")
     for i in range(count - 1):
         # The last facet dips under the start of the next strip.
@@ -278,7 +280,8 @@ def _add_tongue(shape: Shape, size: WheelSize, strip: int) -> None:
     shape.face(f"rim {strip} tongue head", head, role="rim")
     parallel_deg = math.degrees(size.slope_rad)
     # The part through the slot begins at a distance from the facet and ends at the same distance behind it.
-    through_deg = math.degrees(math.asin(2 * _start_mm(size)[1] / _through_mm(size)))
+    _, distance_mm = _start_mm(size)
+    through_deg = math.degrees(math.asin(2 * distance_mm / _through_mm(size)))
     tongue = f"rim {strip} tongue"
     shape.connect(f"rim {strip} 0.base", f"{tongue} out.root", "bend", parallel_deg)
     shape.connect(f"{tongue} out.end", f"{tongue} through.root", "bend", through_deg)
@@ -303,7 +306,7 @@ def build_hub(shape: Shape, size: WheelSize) -> None:
     shape.face("hub", _hub_outline(size), piece="wheel hub")
     shape.place("hub", "inner", translation(0, 0, size.film_mm), laminated=True)
     length = 2 * size.hub_mm * math.tan(WALL_RAD / 2)
-    hook = Hook(WALL_NECK_MM, WALL_HOOK_MM, 0.0, 2 * size.clearance_mm + size.film_mm)
+    hook = Hook(WALL_NECK_MM, left_mm=WALL_HOOK_MM, right_mm=0.0, reach_mm=2 * size.clearance_mm + size.film_mm)
     for i, direction in enumerate(DIRECTIONS_RAD, 1):
         shape.face(f"wall {i}", facet(length, size.wall_mm, (None, hook)), role="rim")
         shape.connect(f"hub.wall {i}", f"wall {i}.inner", "fold", 90)

@@ -80,17 +80,21 @@ class WheelModule(Module):
         running_width_mm = self.parts.tyre.running_width_mm(self["tire_thickness"])
         if not self["driven"]:
             wall_distance_mm = wall_mm(self["width"], parts)
-            put_rod(shape, ("beam.left", "beam.right"), axis, wall_distance_mm, gap, self["tire_thickness"])
+            walls = "beam.left", "beam.right"
+            put_rod(shape, walls, axis, apart_mm=wall_distance_mm, gap_mm=gap, wheel_mm=self["tire_thickness"])
             for side in SIDES:
+                # No servo drives the wheel.
                 shape.axle(f"beam.{side}", "", side, (*axis, wheel_z), self["radius"], running_width_mm)
             return
         # The layer behind a servo, or the nut of its screw, must not meet the tab of a cap.
         # The axis is in the middle of the length, so the limit is twice the reach, rounded up to 0.1 mm.
-        min_length_mm = math.ceil(20 * (servo_reach_mm(parts)[0] + self["tab_depth"])) / 10
+        long_reach_mm, _ = servo_reach_mm(parts)
+        min_length_mm = math.ceil(20 * (long_reach_mm + self["tab_depth"])) / 10
         if self["tab_depth"] > 0 and self["length"] < min_length_mm:
             reason = f"a segment of its own: one {servo.name} and the cap's tabs"
             raise self.parameter_error("length", f"{self['length']:g} is below the minimum {min_length_mm:g} ({reason})")
-        # The layer behind a servo is at most twice as high as it, and clear of the lid's flap and its locks.
+        # The layer behind a servo, its doubler, is at most twice as high as the servo, and clear of the lid's flap and
+        # locks.
         flap_depth_mm = parts.assembly.flap_mm.value + parts.film_mm + parts.assembly.slot_clearance_mm.value
         clear_height_mm = min(wall_mm(self["height"], parts) - 2 * flap_depth_mm, 2 * servo.width_mm.value)
         height = max(min_doubler_mm(parts), clear_height_mm)

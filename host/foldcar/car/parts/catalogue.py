@@ -165,6 +165,7 @@ def catalogue_of(choices: PartChoices) -> Catalogue:
     data, contents = files("foldcar.car.parts").joinpath("data"), {}
     for field in Catalogue.model_fields:
         name = getattr(choices, field, None)
+        # The battery's place is chosen like a part, but has no data.
         if field != "battery_place":
             file = f"{field}_{name}.json" if name else f"{field}.json"
             contents[field] = json.loads(data.joinpath(file).read_text(encoding="utf-8"))

@@ -236,7 +236,12 @@ def find_exit_path(
         if all(np.dot(direction, other) < 0.999 for other in directions):
             directions.append(direction)
     moves = [(direction, _out(moving, standing, direction)) for direction in directions]
-    moves.sort(key=lambda pair: float(np.linalg.norm(pair[1])) * (0.5 if pair[0][2] > 0.999 else 1.0))
+
+    def cost(direction_and_move: tuple[Vector, Vector]) -> float:
+        direction, move = direction_and_move
+        return float(np.linalg.norm(move)) * (0.5 if direction[2] > 0.999 else 1.0)
+
+    moves.sort(key=cost)
     obstacles: list[tuple[Vector, str]] = []
     for direction, move in moves:
         obstacle = first_obstacle(moving, standing, move, ignored)

@@ -40,6 +40,7 @@ def flat_polygons(piece: Piece) -> dict[str, shapely.Polygon]:
     poses = folded(piece, 0.0)
     flat = {}
     for face in piece.faces:
+        # The pose's rows for x and y; z stays 0 in the flat.
         (a, b, _, x), (c, d, _, y), *_ = poses[face.name]
         flat[face.name] = affine_transform(polygon(face), (a, b, c, d, x, y))
     return flat
@@ -187,6 +188,7 @@ def _check_tongue(join: Join, a: PlacedFace, b: PlacedFace) -> Iterator[Finding]
     place = f"join {join.number}: {a.title} through {b.title}"
     slot = next((hole for hole in b.face.holes if hole.name == join.slot), None)
     edge_in_slot_face = b.in_face(a.edge_mm(join.a.index))
+    # The height of the tip over the middle of the slotted film; the tongue comes from above and must leave it below.
     end_mm = float(np.max(edge_in_slot_face[:, 2]))
     if slot is None:
         yield Finding("slot", place, f'there is no slot "{join.slot}"')

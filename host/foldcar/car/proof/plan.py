@@ -131,7 +131,7 @@ def _plan_segments(roles: Roles, building: Building) -> None:
     layers = [other for other in copies if roles.is_layer(other)]
 
     def layers_on(hosts: Sequence[PlacedPiece]) -> list[PlacedPiece]:
-        return [layer for layer in layers if (host := roles.host(layer)) is not None and host[0] in hosts]
+        return [layer for layer in layers if (host := roles.host(layer)) is not None and host.piece in hosts]
 
     other_pieces = [other for other in copies if other not in layers]
     connectors = [piece for piece in other_pieces if roles.is_connector(piece)]
@@ -149,9 +149,10 @@ def _plan_segments(roles: Roles, building: Building) -> None:
     for title, group in (("Close the ends", caps), ("Join the segments", connectors)):
         with_layers = [piece for piece in group if layers_on([piece])]
         for piece in with_layers:
-            flat, unit = f"Tape the layers onto the flat {piece.piece}", _unit_name(roles, piece)
-            building.step(flat, [piece, *layers_on([piece])], unit=unit, flat=True)
-            for mount in (m for m in roles.car.mounts if (host := roles.mount_host(m)) is not None and host[0] is piece):
+            flat_title, unit = f"Tape the layers onto the flat {piece.piece}", _unit_name(roles, piece)
+            building.step(flat_title, [piece, *layers_on([piece])], unit=unit, flat=True)
+            hosts = ((mount, roles.mount_host(mount)) for mount in roles.car.mounts)
+            for mount in (mount for mount, host in hosts if host is not None and host.piece is piece):
                 building.step(f"Put the {mount.name} into the flat {piece.piece}", mounts=[mount], unit=unit, flat=True)
         units = [AddedPart("unit", _unit_name(roles, piece), 0, piece.body) for piece in with_layers]
         without_layers = [piece for piece in group if piece not in with_layers]

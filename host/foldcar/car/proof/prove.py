@@ -75,19 +75,19 @@ class _Prover:
         proved: list[AddedPart] = []
         for added in step.adds:
             group = (step.unit, added.body) if step.unit else CAR
-            first = step.adds[0].body
-            if step.unit in self.roles.wheel_units and added.body != first:
+            first_body = step.adds[0].body
+            if step.unit in self.roles.wheel_units and added.body != first_body:
                 # Wheels are alike: the insertion path is that of the first wheel's part, turned with the wheel.
                 own_adds = [add for add in step.adds if add.body == added.body]
-                first_part = [earlier for earlier in proved if earlier.body == first][own_adds.index(added)]
-                moves = tuple(self._rotated(move, first, added.body) for move in first_part.way_mm)
+                first_part = [earlier for earlier in proved if earlier.body == first_body][own_adds.index(added)]
+                moves = tuple(self._rotated(move, first_body, added.body) for move in first_part.way_mm)
                 proved_part = replace(added, way_mm=moves)
             else:
                 proved_part, present = added, self.standing.get(group, {})
                 if present and not self._is_bent(added):
                     proved_part = self._with_insertion_path(place, added, present)
             self.standing.setdefault(group, {}).update({key: self._solid(key) for key in self._part_keys(added)})
-            if proved_part.body == first or step.unit not in self.roles.wheel_units:
+            if proved_part.body == first_body or step.unit not in self.roles.wheel_units:
                 self._check_tool_uses(place, [use for use in step.tool_uses if use.name == added.name], group)
             proved.append(proved_part)
         return replace(step, adds=tuple(proved))

@@ -7,6 +7,7 @@ joins, creases and mounts.
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache, lru_cache
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -22,8 +23,13 @@ PARALLEL = 0.999
 TOUCH_MM = 0.1
 # Layers lie closer than this to the face they are glued to.
 LAYER_MM = 1.5
-# A copy of a piece, and the face of it that a part is fixed to; None for a part that is not fixed.
-Host = tuple[PlacedPiece, str] | None
+
+
+class Host(NamedTuple):
+    """What a part is fixed to: a copy of a piece, and the face of it."""
+
+    piece: PlacedPiece
+    face: str
 
 
 @lru_cache(maxsize=16)
@@ -66,7 +72,7 @@ class Roles:
         for body in self.bodies:
             yield from (copy for copy in self.placed(body) if copy is not self.base[body])
 
-    def _host(self, copy: PlacedPiece) -> Host:
+    def _host(self, copy: PlacedPiece) -> Host | None:
         """Return the piece and face that a copy is glued to and moves with; None for a body's base or a loose piece.
 
         The base is preferred. A layer moves with the face that it lies on; other pieces never move with a layer.
@@ -81,13 +87,13 @@ class Roles:
             for face in (face for piece, face in ends if piece == other.piece):
                 is_host = self._lies_on(copy, other, face) if is_layer else not self.is_layer(other)
                 if is_host:
-                    return other, face
+                    return Host(other, face)
         return None
 
-    def mount_host(self, mount: Mount) -> Host:
-        """The piece and its face that a mount is fixed to."""
+    def mount_host(self, mount: Mount) -> Host | None:
+        """The piece and its face that a mount is fixed to; None for a mount that is not fixed to any."""
         candidates = (*([self.base[mount.body]] if mount.body in self.base else []), *self.placed(mount.body))
-        return next(((copy, mount.face) for copy in candidates if mount.face in self.finished[copy.piece]), None)
+        return next((Host(copy, mount.face) for copy in candidates if mount.face in self.finished[copy.piece]), None)
 
     def is_on_lid(self, mount: Mount) -> bool:
         """Whether a mount lies on the outer side of a lid."""
@@ -99,12 +105,13 @@ class Roles:
         if face not in self.lids[beam.piece].faces:
             return False
         # Printed sides, along +z of their frames, look inwards.
-        return compose(inverse(self.pose_of(*host)), mount.pose)[2][3] < 0
+        pose_on_face = compose(inverse(self.pose_of(*host)), mount.pose)
+        return pose_on_face[2][3] < 0
 
-    def _on_beam(self, host: Host, body: str) -> Host:
+    def _on_beam(self, host: Host | None, body: str) -> Host | None:
         """Follow a host to the beam that carries it; return the beam and the face on it, or None if there is no beam."""
-        while host is not None and host[0] is not self.base.get(body):
-            host = self.host(host[0])
+        while host is not None and host.piece is not self.base.get(body):
+            host = self.host(host.piece)
         return host
 
     def pose_of(self, copy: PlacedPiece, face: str) -> Pose:

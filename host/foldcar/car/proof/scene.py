@@ -56,7 +56,7 @@ class Stage:
             return self.faces(self.roles.copies[name, copy])
         return {name: self.mount(self.roles.mounts[name])}
 
-    def _shift(self, host: Host) -> Pose:
+    def _shift(self, host: Host | None) -> Pose:
         """Return the motion, in the car's frame, of a face from its pose in the finished car to its pose at this stage.
 
         A host is a copy of a piece and its face on which something is fixed. None moves nothing.

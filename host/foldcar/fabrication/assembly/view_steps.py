@@ -62,8 +62,7 @@ def view_steps(folded: FoldedCar) -> ViewSteps:
     for key, item in item_of.items():
         host = roles.host(item) if isinstance(item, PlacedPiece) else roles.mount_host(item)
         if host is not None:
-            host_item, host_face = host
-            result.rides[key] = (_key(host_item), host_face)
+            result.rides[key] = (_key(host.piece), host.face)
     units: dict[tuple[str, str], list[Part]] = {}
     for number, step in enumerate(steps, 1):
         for position, added in enumerate(step.adds):

@@ -148,10 +148,13 @@ class Simulator:
         """Simulate a chunk with one call of carsim; results as in :meth:`passes`."""
         bodies, scenes, requests = {}, {}, []
         for index, run in enumerate(chunk):
+            # Every run has a body and a scene of its own, both named by its index in the chunk.
             name, design = str(index), self.experiment.designs[run.design]
             reality = drawn_reality(run.values, self.experiment.info.variation, self.seed, run.number, run.car)
             bodies[name], scenes[name] = canonical_json(design.body), canonical_json(run.scene)
             label = f"design {run.design + 1}, drive {run.number}"
-            requests.append(RunRequest(name, name, design.settings, label, run.number, canonical_json(reality)))
+            requests.append(
+                RunRequest(name, name, design.settings, label, sample=run.number, reality=canonical_json(reality))
+            )
         outcomes = [outcome_of(answer) for answer in self._carsim.run(bodies, scenes, requests)]
         return [np.nan if outcome == "failed" else float(outcome == PASSED) for outcome in outcomes]

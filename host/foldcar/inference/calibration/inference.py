@@ -73,7 +73,7 @@ class Problem:
     def posterior(self, seed: int) -> Posterior:
         """Draw from the posterior of the scores.
 
-        The sampler works with latent values, whose prior is standard normal; the result has them as scores.
+        The sampler works with latent values, whose prior is standard normal; ``with_priors`` converts them to scores.
         """
 
         def likelihood(latent: FloatArray, tau: FloatArray) -> FloatArray:
@@ -164,7 +164,8 @@ def plan(runs: int, observed: Observations, designs: int) -> Plan:
     runs_per_set = min(len(observed.cells), MAX_CELLS) + OTHERS
     first, second = int(FIRST * runs / runs_per_set), int(SECOND * runs / runs_per_set)
     scenes = max(1, int(check_runs_per_draw / checked))
-    return Plan(first, second, checked, scenes, runs_per_set * (first + second) + DRAWS * checked * scenes)
+    total = runs_per_set * (first + second) + DRAWS * checked * scenes
+    return Plan(first, second, checked, scenes, runs=total)
 
 
 def infer(
@@ -221,6 +222,7 @@ def simulated_rates(
         for i, values in enumerate(values_of_drives)
         for design in designs
     ]
+    # (drives, designs): in ``runs``, the designs of a drive follow each other.
     table = simulator.passes(runs, done).reshape(-1, len(designs))
     return Inference(problem, posterior, chosen, designs, table)
 

@@ -100,8 +100,8 @@ def experiment_to_measure(store: Store, named: str | None) -> str:
 def _chosen_experiment(experiments: list[str], named: str | None, if_unknown: str, if_several: str) -> str:
     """Return the ``named`` experiment, or the only one if ``named`` is None.
 
-    Raises FoldcarError. It starts with ``if_unknown`` if there is no such experiment, with ``if_several`` if None may be
-    one of several.
+    Raises FoldcarError. Its message starts with ``if_unknown`` if the named experiment is not one of ``experiments``, or
+    if there are none; with ``if_several`` if a name is needed to choose one of several.
     """
     if named is None and len(experiments) > 1:
         raise FoldcarError(f"{if_several} {', '.join(experiments)}: choose one with --experiment")
@@ -163,7 +163,7 @@ def _observed(
     cell_of_trial, car_of_trial = [], []
     for trial, design in trials:
         drive = store.trial_drive(trial.id) if trial.id in ids_in_samples else None
-        scene = drive[2] if drive is not None else _sampled_scene(experiment, trial, ids_in_samples)
+        scene = drive.scene if drive is not None else _sampled_scene(experiment, trial, ids_in_samples)
         cell_of_trial.append(cells.setdefault((design, scene), len(cells)))
         car_of_trial.append(cars.setdefault((design, trial.car_name), len(cars)))
     return Observations(
@@ -181,7 +181,7 @@ def _observed(
 def _sampled_scene(experiment: SweptExperiment, trial: Trial, ids_in_samples: set[int]) -> str | None:
     """Return the scene of an imported trial's sample as JSON; None if it is not one of the experiment's scenes.
 
-    ``ids_in_samples`` are the numbers of trials whose sample is one of the experiment's.
+    ``ids_in_samples`` are the ids of the trials that were driven in a sample of the experiment.
     """
     if trial.id not in ids_in_samples or trial.sample is None or trial.sample >= len(experiment.scenes):
         return None

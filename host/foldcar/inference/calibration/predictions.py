@@ -67,7 +67,14 @@ def rates_of(inference: Inference, experiment: SweptExperiment, seed: int) -> Ra
     offsets = mean + np.sqrt(variance) * stream.standard_normal(mean.shape)
     errors = stream.standard_normal((len(mean), simulated.columns.shape[1])) @ simulated.columns.T
     logits = logits + shifts + errors + np.sqrt(simulated.rest) * stream.standard_normal(mean.shape)
-    return Rates(rates, expit(logits), expit(logits + offsets), shifts, simulated.variance, error)
+    return Rates(
+        rates,
+        calibrated=expit(logits),
+        predicted=expit(logits + offsets),
+        shifts=shifts,
+        variances=simulated.variance,
+        emulator_error=error,
+    )
 
 
 def _shift(logits: FloatArray, rate: float) -> float:
@@ -78,9 +85,10 @@ def _shift(logits: FloatArray, rate: float) -> float:
 def trial_chances(
     problem: Problem, posterior: Posterior, counts: Mapping[int, int], errors: Mapping[int, tuple[float, float]]
 ) -> dict[int, FloatArray]:
-    """Return log probabilities (n draws, trials + 1) of 0 to all passes of a new car, by the design's index.
+    """Return log probabilities (n draws, trials + 1) that a new car passes in 0, 1, … or all trials, by design.
 
-    ``counts`` are the numbers of its trials, ``errors`` the emulator's (shift, variance) as in Rates, by design.
+    ``counts`` are the numbers of trials, ``errors`` the emulator's (shift, variance) as in Rates. All are by the design's
+    index.
     """
     designs = np.array(list(counts))
     means, variances = problem.offsets(posterior.scores, posterior.discrepancy, designs)

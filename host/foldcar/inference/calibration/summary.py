@@ -47,6 +47,7 @@ def summarise(
         "runs": runs,
         "simulated_trials": observed.simulated,
         "parameters": _parameters(inference),
+        # Standard deviation of the log-odds of cars of one design.
         "car_sd": inference.problem.emulator.car_sd,
         "correlations": _correlations(inference),
         "designs": _designs(inference, experiment, nominal, rates, chances),
@@ -77,7 +78,7 @@ def left_out(
                 "design": experiment.varied(design),
                 "passed": passed,
                 "counted": counted,
-                "predicted": _ends(chances, CONFIDENCE),
+                "predicted": _predicted_interval(chances, CONFIDENCE),
                 "log_score": log_score(chances, passed),
                 "nominal_log_score": _nominal_log_score(nominal.get(design), passed, counted),
             }
@@ -115,6 +116,7 @@ def _parameter(
         "source": prior.source,
         "prior": dict(zip(("low", "median", "high"), prior_ends, strict=True)),
         "posterior": _quantiles(values),
+        # The fraction of the prior's variance that the trials removed.
         "explained": variance_reduction,
     }
 
@@ -123,6 +125,7 @@ def _correlations(inference: Inference) -> list[dict[str, Any]]:
     """Return the correlations of all pairs of parameters, strongest first."""
     free = inference.problem.free
     matrix = np.atleast_2d(np.corrcoef(inference.posterior.scores[:, free].T))
+    # Each pair once: ``second`` comes before ``first``.
     pairs = [
         {"parameters": [NAMES[second], NAMES[first]], "correlation": round(float(matrix[i, j]), 3)}
         for i, first in enumerate(free)
@@ -134,11 +137,15 @@ def _correlations(inference: Inference) -> list[dict[str, Any]]:
 def _designs(
     inference: Inference, experiment: SweptExperiment, nominal: Nominal, rates: Rates, chances: Mapping[int, FloatArray]
 ) -> list[dict[str, Any]]:
-    """Return a row for each checked design; ``predicted`` is the fraction of as many trials of another car."""
+    """Return a row for each checked design: its trials, and its rates in simulation and of built cars.
+
+    If the design has trials, ``predicted`` is the interval of the fraction that passes in as many trials of another car.
+    """
     counts, rows = inference.problem.observed.counts(), []
     for column, design in enumerate(inference.designs.tolist()):
         calibrated, built = rates.calibrated[:, column], rates.predicted[:, column]
         passed, counted = counts.get(design, (0, 0))
+        # Runs of the sweep, with the simulator's nominal parameters.
         nominal_passed, runs = nominal.get(design, (0, 0))
         row: dict[str, Any] = {
             "design": experiment.varied(design),
@@ -149,8 +156,8 @@ def _designs(
             "built": {**_quantiles(built), "mean": float(built.mean())},
         }
         if counted:
-            row["predicted"] = _ends(chances[design], CONFIDENCE)
-            row["predicted_95"] = _ends(chances[design], 0.95)
+            row["predicted"] = _predicted_interval(chances[design], CONFIDENCE)
+            row["predicted_95"] = _predicted_interval(chances[design], 0.95)
         rows.append(row)
     return rows
 
@@ -181,7 +188,7 @@ def _quantiles(values: FloatArray) -> dict[str, float]:
     return {"low": low, "high": high, "median": median}
 
 
-def _ends(chances: FloatArray, confidence: float) -> dict[str, float]:
+def _predicted_interval(chances: FloatArray, confidence: float) -> dict[str, float]:
     """Return the interval of the fraction that passes, for log probabilities (n, trials + 1)."""
     return dict(zip(("low", "high"), fraction_interval(chances, confidence), strict=True))
 

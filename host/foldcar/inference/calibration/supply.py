@@ -30,7 +30,9 @@ class Supply:
 
 
 def measured_supply(store: Path, trials: Iterable[Trial], body: Mapping[str, Any]) -> Supply:
-    """Return the mean voltage of the servos' supply in the trials' logs.
+    """Return the mean voltage of the servos' supply in the trials' logs, relative to the design's, with a note.
+
+    Both are None if no log has the voltage; the ratio alone is None if it is implausible.
 
     A body whose supply has a resistance is compared at rest, because the simulator lowers its voltage under load. Other
     bodies have the loaded voltage, which is compared with that of the drive. Trials without an intact log are left out.

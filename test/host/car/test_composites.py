@@ -52,6 +52,7 @@ def listed_design() -> Any:
     return read_family(Path("cars.json"), "v", vehicle).single()
 
 
+@pytest.mark.slow
 def test_the_script_s_car_is_that_of_the_type_string(tmp_path: Path) -> None:
     load(tmp_path, SNAKE)
     scripted, listed = compose("Snake", {}), listed_design()

@@ -125,6 +125,7 @@ def described(folder: Path, kind: str, more: str) -> dict[str, Any] | str:
         return str(error)
 
 
+@pytest.mark.slow
 def test_every_property_has_an_effect_or_is_refused(tmp_path: Path) -> None:
     """A property that is accepted and changes nothing would leave its author with another world than he thinks."""
     values = {"shape": "BoxShape()", "velocity": "(1, 0, 0)", "angularVelocity": "(0, 0, 1)", "steps": "2"}

@@ -18,7 +18,7 @@ namespace foldcar {
 // Until begin() has succeeded no log can be stored.
 class FlashLogs : public LogStorage {
  public:
-  // Finds the partition and the logs in it. Returns false if there is none, or a smaller one.
+  // Finds the partition and the logs in it. Returns false without a partition of sufficient size.
   bool begin();
   // From now on no log can be stored.
   void give_up() { partition_ = nullptr; }
@@ -54,7 +54,7 @@ class FlashLogs : public LogStorage {
   bool block_is_blank(std::size_t slot, std::size_t block) const;
 
   const esp_partition_t* partition_ = nullptr;
-  std::array<std::uint16_t, kSlots> ids_{};  // of the log in each slot, 0 if there is none
+  std::array<std::uint16_t, kSlots> ids_{};  // of the log in each slot, 0 in an empty one
   std::size_t prepared_ = kNone;             // the slot that is erased
   std::size_t erasing_ = kNone, erased_blocks_ = 0;  // the slot that is being erased
   std::size_t open_ = kNone;                 // the slot of the open log

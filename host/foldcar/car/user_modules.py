@@ -45,7 +45,7 @@ def load_components(file: Path) -> list[str]:
     except SyntaxError as error:
         raise FoldcarError(f"{file}:{error.lineno}: {error.msg}") from error
     except Exception as error:
-        # The lines of the file in the traceback: the last one is named, or 1 if there is none.
+        # The lines of the file in the traceback: the last one is named; without any, line 1.
         lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename) == path]
         raise FoldcarError(f"{file}:{(lines or [1])[-1] or 1}: {type(error).__name__}: {error}") from error
     classes = (kind for kind in vars(module).values() if inspect.isclass(kind) and kind.__module__ == module.__name__)

@@ -195,7 +195,7 @@ class Adviser:
 
     @property
     def _open_candidates(self) -> NDArray[numpy.int64]:
-        """The candidates that may be best, or may be on either side of the threshold; if there are none, all."""
+        """The candidates that may be best or on either side of the threshold; without such candidates, all."""
         belief, candidates = self.belief, self._candidates
         chances = belief.chances(self.threshold)[candidates]
         best_chances = (belief.draws.argmax(axis=1)[:, None] == candidates).mean(axis=0)

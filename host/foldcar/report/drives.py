@@ -23,7 +23,14 @@ from foldcar.errors import FoldcarError
 from foldcar.fabrication.assembly.scene_shape import SceneShapes, drawn_body
 from foldcar.figures.scene_data import ground_data
 from foldcar.inference.calibration.effects import REAL_ONLY, start_deviates
-from foldcar.inference.calibration.parameters import MAX_SCORE, NAMES, PARAMETERS, ScorePrior, built_priors
+from foldcar.inference.calibration.parameters import (
+    MAX_SCORE,
+    NAMES,
+    PARAMETERS,
+    ScorePrior,
+    built_priors,
+    prior_interval,
+)
 from foldcar.report.page_data import Experiment
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.engines import ENGINES, MUJOCO_ENVIRONMENT, engine_of
@@ -44,8 +51,6 @@ MAX_DESIGNS, MAX_SAMPLES = 400, 200
 SLIDERS = tuple(parameter for parameter in PARAMETERS if parameter.name != "wheel_spread")
 # The largest resistance (Ω) of the supply's slider.
 MAX_SUPPLY_OHM = 0.6
-# The standard normal quantile of 95 %: ends of a 90 % interval.
-Z_90 = 1.6448536
 FNV_OFFSET, FNV_PRIME = 0x811C9DC5, 0x01000193
 
 Blobs = dict[str, str]
@@ -144,13 +149,18 @@ def sliders(vehicle_type: str, from_sheets: bool, calibration: Calibration | Non
     for parameter in SLIDERS:
         index = NAMES.index(parameter.name)
         prior = special_priors.get(index, ScorePrior(0.0, 1.0, parameter.source))
-        interval = [float(parameter.value(prior.mean + prior.sd * z)) for z in (-Z_90, 0.0, Z_90)]
         low, high = (float(parameter.value(score)) for score in (-MAX_SCORE, MAX_SCORE))
         # The nominal value must be on the slider; a half-normal parameter is a standard deviation, which may be 0.
         low = 0.0 if parameter.prior == "half-normal" else min(low, parameter.nominal)
         row = _slider(parameter.name, parameter.unit, parameter.meaning, parameter.nominal, low, high)
         posterior = calibrated[parameter.name]["posterior"] if calibration else None
-        rows.append({**row, "prior": _rounded(interval), "calibrated": posterior and _rounded(_interval(posterior))})
+        rows.append(
+            {
+                **row,
+                "prior": _rounded(prior_interval(parameter, prior)),
+                "calibrated": posterior and _rounded(_interval(posterior)),
+            }
+        )
     # Only a reality has this parameter, so it has neither prior nor posterior.
     supply = REAL_ONLY["supply_resistance_ohm"]
     meaning = "resistance of cells, wires and switch of the servo supply, beyond the design's"
@@ -250,7 +260,7 @@ def _trial(store: Store, blobs: Blobs, trial: Trial) -> dict[str, Any]:
         "path": path.rows is not None,
         # Without a path: rows of time (s), pitch and roll (rad), or None.
         "attitude": path.attitude,
-        # Without a path: why there is none, or None.
+        # Without a path: the reason; with a path: None.
         "missing": path.missing,
         "film_error": path.film_error,
     }

@@ -65,7 +65,7 @@ class CarExtents:
 
 
 def read_run_ends(store: Store, info: ExperimentInfo, runs: RunArrays) -> dict[str, Any] | None:
-    """Return the page's ``ends`` (see page_data.py) of counted ``runs``, None if there are none. Raises StoreError."""
+    """Return the page's ``ends`` (see page_data.py) of counted ``runs``; None without counted runs. Raises StoreError."""
     # Progress towards the goal is meaningless for a car that drives in circles.
     if not info.success_defined or info.yaw_rate_rad_s or not len(runs.design):
         return None

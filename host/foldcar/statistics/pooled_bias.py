@@ -241,7 +241,7 @@ class Contradictions:
     undriven_neighbours: tuple[int, ...] = ()
 
     def remark(self, labels: Sequence[str]) -> list[str]:
-        """Return a sentence that names the contradictory designs by their ``labels``, in a list; [] if there are none."""
+        """Return a list with a sentence that names the contradictory designs by their ``labels``; [] without any."""
         if not self.designs:
             return []
         names = listed([labels[index] for index in self.designs])

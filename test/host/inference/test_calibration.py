@@ -14,7 +14,7 @@ from foldcar.errors import FoldcarError
 from foldcar.inference.calibration.effects import drawn_reality
 from foldcar.inference.calibration.experiment import read_experiment
 from foldcar.inference.calibration.observations import observe
-from foldcar.inference.calibration.parameters import NAMES, NOMINAL, PARAMETERS, ScorePrior, built_priors
+from foldcar.inference.calibration.parameters import NAMES, NOMINAL, PARAMETERS, ScorePrior, built_priors, prior_interval
 from foldcar.inference.calibration.predictions import fraction_interval
 from foldcar.store.calibrations import Calibration, calibration_named
 from foldcar.store.reader import Store
@@ -138,7 +138,7 @@ def test_only_cars_that_were_built_from_the_sheets_have_their_prior(swept: Path,
             observed = observe(opened, read_experiment(opened, "1"), simulated)
         index = NAMES.index("com_height_m")
         prior = built_priors("W_B_W", observed.from_sheets).get(index, ScorePrior(0.0, 1.0, ""))
-        return [float(PARAMETERS[index].value(prior.mean + prior.sd * z)) for z in (-1.6448536, 0.0, 1.6448536)]
+        return list(prior_interval(PARAMETERS[index], prior))
 
     with Store.open(store) as opened:
         parameters = [dict(design) for design in opened.designs("1").values()]

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from foldcar.inference.calibration.parameters import NAMES, PARAMETERS, built_priors
-from foldcar.inference.calibration.supply import Supply, measured_supply
+from foldcar.inference.calibration.supply import MeasuredSupply, measured_supply
 from foldcar.link.connection import CAR_COMPONENT, CAR_SYSTEM
 from foldcar.link.dialect import load_dialect
 from foldcar.link.tlog import TlogWriter
@@ -59,7 +59,7 @@ def test_without_a_plausible_reading_nothing_is_scaled(tmp_path: Path, trial: Tr
     store = tmp_path / "s.db"
     changed = replace(with_log(store, trial, 5000, 4900), log_sha256="0" * 64)
 
-    assert measured_supply(store, [trial, changed], {"supply_v": 5.0}) == Supply()
+    assert measured_supply(store, [trial, changed], {"supply_v": 5.0}) == MeasuredSupply()
     wrong = measured_supply(store, [with_log(store, trial, 2000, 2000)], {"supply_v": 5.0})
     assert wrong.ratio is None and "check SERVO_DIVIDER" in str(wrong.note)
 

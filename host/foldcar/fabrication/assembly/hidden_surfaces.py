@@ -124,7 +124,7 @@ def _hidden(shapes: NDArray[np.object_], planes: Vector) -> dict[int, list[BaseG
 def _overlapping(
     shapes: NDArray[np.object_], planes: Vector
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.bool_]]:
-    """Return n pairs of overlapping outlines, of which the first is behind the second in a part of their region.
+    """Return n pairs of overlapping outlines; the first is behind the second in a part of their region.
 
     The three arrays (n,) are the index of the outline behind, that of the outline ahead, and whether it is ahead
     everywhere. ``planes`` (faces, 3) are c, a, b of the depth c + a u + b v. Depths differ linearly over the picture, so

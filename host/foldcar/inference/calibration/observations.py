@@ -101,7 +101,7 @@ def _chosen_experiment(experiments: list[str], named: str | None, if_unknown: st
     """Return the ``named`` experiment, or the only one if ``named`` is None.
 
     Raises FoldcarError. Its message starts with ``if_unknown`` if the named experiment is not one of ``experiments``, or
-    if there are none; with ``if_several`` if a name is needed to choose one of several.
+    without experiments; with ``if_several`` if a name is needed to choose one of several.
     """
     if named is None and len(experiments) > 1:
         raise FoldcarError(f"{if_several} {', '.join(experiments)}: choose one with --experiment")

@@ -13,7 +13,15 @@ from scipy.stats import binom
 
 from foldcar.inference.calibration.experiment import SweptExperiment
 from foldcar.inference.calibration.inference import Inference
-from foldcar.inference.calibration.parameters import MEASURABLE, NAMES, PARAMETERS, FloatArray, Parameter, ScorePrior
+from foldcar.inference.calibration.parameters import (
+    MEASURABLE,
+    NAMES,
+    PARAMETERS,
+    FloatArray,
+    Parameter,
+    ScorePrior,
+    prior_interval,
+)
 from foldcar.inference.calibration.posterior import DISCREPANCY
 from foldcar.inference.calibration.predictions import Rates, fraction_interval, log_score, rates_of, trial_chances
 from foldcar.statistics.words import design_text, listed
@@ -109,12 +117,10 @@ def _parameter(
     parameter: Parameter, values: FloatArray, prior: ScorePrior, variance_reduction: float | None
 ) -> dict[str, Any]:
     """Return the row of a parameter with posterior draws ``values`` (n,)."""
-    # The 5 %, 50 % and 95 % points of the standard normal distribution.
-    prior_ends = [float(parameter.value(prior.mean + prior.sd * z)) for z in (-1.6448536, 0.0, 1.6448536)]
     return {
         **{name: getattr(parameter, name) for name in ("name", "unit", "meaning", "nominal")},
         "source": prior.source,
-        "prior": dict(zip(("low", "median", "high"), prior_ends, strict=True)),
+        "prior": dict(zip(("low", "median", "high"), prior_interval(parameter, prior), strict=True)),
         "posterior": _quantiles(values),
         # The fraction of the prior's variance that the trials removed.
         "explained": variance_reduction,

@@ -22,14 +22,14 @@ MIN_RATIO, MAX_RATIO = 0.6, 1.4
 
 
 @dataclass(frozen=True, slots=True)
-class Supply:
+class MeasuredSupply:
     """``ratio`` is the measured voltage divided by the design's, None if unknown; ``note`` is a sentence about it."""
 
     ratio: float | None = None
     note: str | None = None
 
 
-def measured_supply(store: Path, trials: Iterable[Trial], body: Mapping[str, Any]) -> Supply:
+def measured_supply(store: Path, trials: Iterable[Trial], body: Mapping[str, Any]) -> MeasuredSupply:
     """Return the mean voltage of the servos' supply in the trials' logs, relative to the design's, with a note.
 
     Both are None if no log has the voltage; the ratio alone is None if it is implausible.
@@ -49,12 +49,12 @@ def measured_supply(store: Path, trials: Iterable[Trial], body: Mapping[str, Any
         if volts:
             voltages.append(volts)
     if not voltages:
-        return Supply()
+        return MeasuredSupply()
     mean_v, design_v = float(np.mean(voltages)), float(body["supply_v"])
     ratio, load = mean_v / design_v, "while driving" if under_load else "at rest"
     measured = f"The servos' supply had {mean_v:.2f} V {load} in {count(len(voltages), 'trial')}"
     if not MIN_RATIO <= ratio <= MAX_RATIO:
-        return Supply(None, f"{measured}, which is not used: the design has {design_v:g} V; check SERVO_DIVIDER.")
-    return Supply(
+        return MeasuredSupply(None, f"{measured}, which is not used: the design has {design_v:g} V; check SERVO_DIVIDER.")
+    return MeasuredSupply(
         ratio, f"{measured}, the design has {design_v:g} V: torque and speed of the servos are scaled by {ratio:.2f}."
     )

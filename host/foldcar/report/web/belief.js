@@ -138,7 +138,7 @@ function mapPlaces(e, kx, ky) {
 
 function mapFigure(model) {
   const { e } = model, count = e.parameters.length;
-  const byShare = [...e.importance].sort((a, b) => b.share - a.share).map(parameter => parameter.parameter);
+  const byShare = [...e.importance].sort((a, b) => b.share - a.share).map(({ parameter }) => parameter);
   const [first, second] = [...new Set([...byShare, ...Array(count).keys()])];
   const place = (key, otherwise) => { const k = e.axes.findIndex(axis => axis.key === key && axis.parameter !== undefined); return k < 0 ? otherwise : k; };
   const [kx, ky] = [place(model.state.mx, first), place(model.state.my, second)];

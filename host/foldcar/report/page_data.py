@@ -20,8 +20,7 @@
   trials contradict simulation; ``measures``: ``{"key", "label", "unit", "better": "less" | "more" | null, "value":
   column}``.
 - ``engines``: for each other engine or calibration that simulated the same cars in the same samples ``{"id": its
-  experiment, "name", "passed", "runs": columns by design, "text": a sentence that compares them, "corrected": null,
-  or columns ``rate``, ``low``, ``high``: rates in a slower engine, estimated from all runs and its few}``.
+  experiment, "name", "passed", "runs": columns by design, "text": a sentence that compares them}``.
 - ``runs``: columns ``design``, ``environment``, ``outcome``, ``time_s`` in the order of design and environment; null
   beyond MAX_RUNS, where ``runs_omitted`` says so.
 - ``outcomes``, ``outcome_labels``: names and labels of the numbers in ``outcome``.

@@ -1,19 +1,12 @@
-"""Compare an experiment with other simulations of its cars in its samples, and correct its rates by theirs."""
+"""Compare an experiment with other simulations of its cars in its samples."""
 
 from collections.abc import Sequence
 from typing import Any
 
-import numpy
-from numpy.typing import NDArray
-
-from foldcar.errors import FoldcarError
 from foldcar.inference.evidence import Evidence
-from foldcar.simulation.engines import MUJOCO, MULTIBODY, engine_of, engine_title
+from foldcar.simulation.engines import MULTIBODY, engine_title
 from foldcar.simulation.results import OUTCOMES
-from foldcar.statistics.rate_correction import corrected_rates
 from foldcar.store.info import ExperimentInfo
-
-Columns = list[float | None]
 
 
 def other_simulations(evidence: Evidence, experiments: Sequence[Evidence]) -> list[dict[str, Any]]:
@@ -40,12 +33,7 @@ def other_simulations(evidence: Evidence, experiments: Sequence[Evidence]) -> li
             text += f"; {agreement:.1f} % of the runs have the same result in both"
         counts = [(0, 0) if index is None else tuple(other.run_counts[index].tolist()) for index in indices]
         columns = {key: [count[k] for count in counts] for k, key in enumerate(("passed", "runs"))}
-        # Runs in MuJoCo correct the rates of the multibody simulation, not the reverse.
-        engines = engine_of(evidence.info.engine), engine_of(other.info.engine)
-        corrected = _corrected(evidence, other) if engines == (MULTIBODY, MUJOCO) else None
-        if corrected is not None:
-            text += "; the chart shows the rates corrected by these runs"
-        simulations.append({"id": other.info.id, "name": name, **columns, "corrected": corrected, "text": f"{text}."})
+        simulations.append({"id": other.info.id, "name": name, **columns, "text": f"{text}."})
     return simulations
 
 
@@ -67,28 +55,3 @@ def _passed_runs(evidence: Evidence) -> dict[tuple[int, int], bool]:
     runs = evidence.runs.counted
     passed = runs.outcome == OUTCOMES.index("passed")
     return dict(zip(zip(runs.design.tolist(), runs.sample.tolist(), strict=True), passed.tolist(), strict=True))
-
-
-def _corrected(evidence: Evidence, other: Evidence) -> dict[str, Columns] | None:
-    """Return the experiment's rates corrected by the other's runs in the same samples, as columns; None if too few."""
-    belief = evidence.belief
-    if belief is None or other.belief is None:
-        return None
-    rows = {index: row for row, index in enumerate(other.belief.design_indices.tolist())}
-    _, columns, other_columns = numpy.intersect1d(belief.samples, other.belief.samples, return_indices=True)
-    # The other simulation is the slower one, whose rates are wanted.
-    passed_slow: NDArray[Any] = numpy.full(belief.passed.shape, numpy.nan)
-    for row_index, design in enumerate(belief.designs):
-        index = other.index_of(design)
-        if index in rows:
-            passed_slow[row_index, columns] = other.belief.passed[rows[index], other_columns]
-    try:
-        rates = corrected_rates(belief.parameters, belief.passed, passed_slow)
-    except FoldcarError:
-        return None
-    result: dict[str, Columns] = {}
-    for name, values in zip(("rate", "low", "high"), rates, strict=True):
-        result[name] = [None] * len(evidence.family)
-        for index, value in zip(belief.design_indices.tolist(), values.tolist(), strict=True):
-            result[name][index] = round(value, 6)
-    return result

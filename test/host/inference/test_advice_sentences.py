@@ -15,8 +15,7 @@ from foldcar.inference.selecting import select, select_evidence
 from foldcar.report.page_data import page_data, read_experiments
 from foldcar.report.page_ranges import range_sentences
 from foldcar.store.reader import Store
-from foldcar.store.writer import write_store
-from written_study import BUILD, FACTS, add_experiment, add_trials, import_trials, write_study
+from written_study import add_trials, import_trials, write_study
 
 SAMPLES = 20
 Counts = Mapping[float, int | None]
@@ -155,33 +154,6 @@ def test_a_search_is_judged_by_its_best_in_fresh_environments(tmp_path: Path) ->
     start = "A search tried 3 designs; 2 were judged in 20 fresh environments. "
     assert judged.headline == start + alone.headline
     assert "no design reaches 75 %; the best, 80 mm, passes 60 %" in judged.headline
-
-
-def test_few_runs_in_mujoco_correct_the_rates_of_many(tmp_path: Path) -> None:
-    """MuJoCo passes 30 points less often at every width; it has run 10 of 40 environments."""
-    widths, path = [75.0 + 5 * k for k in range(9)], tmp_path / "s.db"
-
-    def passing(less: int) -> Callable[[Mapping[str, float], int], str]:
-        # Environment 7 k of 40 is as hard as k.
-        return lambda design, sample: "passed" if (7 * sample) % 40 < 34 - less else "tipped"
-
-    write_study(path, {"width_mm": widths}, 40, passing(0))
-    with write_store(path) as writer:
-        writer.begin_study({**FACTS, "carsim_build": BUILD}, BUILD)
-        facts = {"engine": "MuJoCo 4.0.0"}
-        add_experiment(writer, "1 (MuJoCo)", {"width_mm": widths}, 40, passing(12), facts, stored=10)
-
-    with Store.open(path) as opened:
-        experiments = {experiment["id"]: experiment for experiment in page_data(opened)["experiments"]}
-
-    (mujoco,) = experiments["1"]["engines"]
-    (multibody,) = experiments["1 (MuJoCo)"]["engines"]
-    assert multibody["corrected"] is None
-    corrected = mujoco["corrected"]
-    cheap, truth = 34 / 40, 22 / 40
-    # The ten environments, in which the difference is 20 points, are the same for all designs: they tell less than 90.
-    assert all(truth < rate < cheap - 0.1 for rate in corrected["rate"])
-    assert all(low < truth < high for low, high in zip(corrected["low"], corrected["high"], strict=True))
 
 
 # What the page says of ranges.

@@ -1,8 +1,7 @@
-"""Intervals of rates, from runs, from trials, and from both; the difference of two simulations."""
+"""Intervals of rates, from runs, from trials, and from both."""
 
 import numpy
 import pytest
-from scipy import stats
 
 from foldcar.errors import FoldcarError
 from foldcar.statistics.rate import (
@@ -12,7 +11,6 @@ from foldcar.statistics.rate import (
     limited_mean,
     wilson_interval,
 )
-from foldcar.statistics.rate_correction import corrected_rates
 
 
 def test_no_success_of_ten_has_the_closed_form() -> None:
@@ -68,47 +66,3 @@ def test_mean_time_has_the_interval_of_the_bayesian_bootstrap(crossing: int, nev
 )
 def test_wilson_interval_is_the_published_one(successes: int, runs: int, low: float, high: float) -> None:
     assert wilson_interval(successes, runs) == pytest.approx((low, high), abs=5e-5)
-
-
-@pytest.mark.parametrize("rough", [0.0, 0.5])
-def test_few_slow_runs_correct_many_fast_ones(rough: float) -> None:
-    """Cars pass where their log-odds exceed the difficulty of an environment, which is the same in both simulations."""
-    random, widths, errors, covered = numpy.random.default_rng(4), numpy.linspace(0, 1, 19)[:, None], [], []
-    for _ in range(80):
-        fast = 2 - 14 * (widths - random.uniform(0.3, 0.7)) ** 2
-        slow = fast + random.normal(0, 0.7) + random.normal(0, 0.7) * (widths - 0.5) + random.normal(0, rough, (19, 1))
-        difficulty, scatter = random.logistic(0, 1.5, 100), random.normal(0, 0.5, (2, 19, 100))
-        passed_fast, passed_slow = (scatter + numpy.stack([fast, slow]) > difficulty).astype(float)
-        true = stats.norm.cdf((slow - random.logistic(0, 1.5, 20_000)) / 0.5).mean(axis=1)
-        few = passed_slow[:, :10]
-        simple = passed_fast.mean(axis=1)
-        passed_slow[:, 10:] = numpy.nan
-
-        rate, low, high = corrected_rates(widths, passed_fast, passed_slow)
-
-        covered.append(((low <= true) & (true <= high)).mean())
-        others = (few.mean(axis=1), simple, simple + (few - passed_fast[:, :10]).mean(axis=1))
-        errors.append([abs(estimate - true).mean() for estimate in (rate, *others)])
-    corrected, *others = numpy.mean(errors, axis=0)
-    assert corrected < 0.85 * min(others)
-    assert 0.93 < numpy.mean(covered) < 0.99
-
-
-def test_a_constant_difference_is_found_at_designs_without_dear_runs_too() -> None:
-    widths, fast = numpy.arange(12.0)[:, None], numpy.tile([0.0, 1.0], (12, 100))
-    fast[3] = numpy.nan
-    same, low, high = corrected_rates(widths, fast, fast)
-    slow = fast.copy()
-    slow[:, 1::10] = 0
-    slow[6] = numpy.nan
-    lower, *band = corrected_rates(widths, fast, slow)
-
-    present = numpy.arange(12) != 3
-    assert numpy.isnan([same[3], low[3], high[3]]).all()
-    assert same[present] == pytest.approx(numpy.full(11, 0.5), abs=0.01)
-    assert numpy.all((low < 0.5) & (high > 0.5) | ~present)
-    assert lower[present] == pytest.approx(numpy.full(11, 0.4), abs=0.02)
-    assert (band[1] - band[0])[6] > (band[1] - band[0])[5]
-    for wrong, message in ((numpy.full((12, 200), numpy.nan), "in two environments"), (slow[:, :5], "that are alike")):
-        with pytest.raises(FoldcarError, match=message):
-            corrected_rates(widths, fast, wrong)

@@ -11,10 +11,10 @@ const CURVE_HEIGHT = 400;
 const table = model => () => {
   const { e } = model, { designs } = e, pair = (low, high) => (low === null ? "–" : `${percent(low)} to ${percent(high)}`);
   return {
-    head: ["design", "built cars", "95 %", "simulation", "95 %", "smoothed", "95 %", ...e.engines.flatMap(engine => [engine.name, ...(engine.corrected ? [`corrected by ${engine.name}`, "95 %"] : [])]), "trials", "of cars", "95 % of these"],
+    head: ["design", "built cars", "95 %", "simulation", "95 %", "smoothed", "95 %", ...e.engines.map(({ name }) => name), "trials", "of cars", "95 % of these"],
     rows: designs.name.map((name, i) => [name, percent(designs.belief[i]), pair(designs.belief_low[i], designs.belief_high[i]),
       designs.runs[i] ? `${designs.passed[i]} of ${designs.runs[i]}` : "–", pair(designs.low[i], designs.high[i]), percent(designs.smooth[i]), pair(designs.smooth_low[i], designs.smooth_high[i]),
-      ...e.engines.flatMap(({ passed, runs, corrected }) => [runs[i] ? `${passed[i]} of ${runs[i]}` : "–", ...(corrected ? [percent(corrected.rate[i]), pair(corrected.low[i], corrected.high[i])] : [])]), designs.trials[i] ? `${designs.trials_passed[i]} of ${designs.trials[i]}` : "–", designs.cars[i] || "–", pair(designs.trials_low[i], designs.trials_high[i])]),
+      ...e.engines.map(({ passed, runs }) => (runs[i] ? `${passed[i]} of ${runs[i]}` : "–")), designs.trials[i] ? `${designs.trials_passed[i]} of ${designs.trials[i]}` : "–", designs.cars[i] || "–", pair(designs.trials_low[i], designs.trials_high[i])]),
   };
 };
 
@@ -98,10 +98,6 @@ function curveFigure(model) {
         { name: "belief", type: "line", data: order.map(k => ({ value: [x[k], b[k]], design: k, itemStyle: { opacity: dim(k) } })), symbol: "circle", symbolSize: 9, lineStyle: { width: 0 }, itemStyle: { color: theme.accent }, z: 5, cursor: "pointer",
           markLine: { silent: true, symbol: "none", data: lines } },
         { name: "simulation", type: "scatter", data: order.filter(k => s[k] !== null).map(k => ({ value: [x[k], s[k]], design: k, itemStyle: { color: theme.paper, borderColor: theme.soft, borderWidth: 1.2, opacity: dim(k) } })), symbol: "rect", symbolSize: 6, z: 4 },
-        ...e.engines.filter(engine => engine.corrected).flatMap(({ name, corrected: { rate: r, low: l, high: h } }) => [
-          intervals(`corrected by ${name}`, order.filter(k => r[k] !== null).map(k => [x[k], 100 * l[k], 100 * h[k]]), theme.good, 1.5, 0.7),
-          { name: `corrected by ${name}`, type: "line", symbol: "circle", symbolSize: 5, z: 5, silent: true, lineStyle: { color: theme.good, width: 1.5 }, itemStyle: { color: theme.good },
-            data: order.filter(k => r[k] !== null).map(k => [x[k], 100 * r[k]]) }]),
         ...e.engines.map(({ name, passed, runs }, n) => ({ name, type: "line", symbol: "triangle", symbolSize: 7, z: 4, silent: true,
           lineStyle: { color: theme.ink, width: 1.5, type: n ? "dotted" : "dashed" }, itemStyle: { color: theme.ink },
           data: order.filter(k => runs[k]).map(k => [x[k], 100 * passed[k] / runs[k]]) })),
@@ -117,8 +113,7 @@ function curveFigure(model) {
 }
 
 function legend(e) {
-  const keys = [["belief", "built cars, 95 % band"], ["simulation", "runs that passed"], ["smooth", "simulation, 95 % band"], ...e.engines.map(({ name }, n) => [n ? "engine dotted" : "engine", name]),
-    ...e.engines.filter(engine => engine.corrected).map(({ name }) => ["corrected", `simulation corrected by ${name}, 95 %`])];
+  const keys = [["belief", "built cars, 95 % band"], ["simulation", "runs that passed"], ["smooth", "simulation, 95 % band"], ...e.engines.map(({ name }, n) => [n ? "engine dotted" : "engine", name])];
   if (e.designs.trials.some(count => count)) keys.push(["trials", "trials"]);
   return make("span", { class: "legend" }, ...keys.map(([kind, text]) => make("span", {}, make("i", { class: `key ${kind}` }), text)));
 }

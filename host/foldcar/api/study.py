@@ -111,19 +111,18 @@ class Study:
         threshold: float | None = None,
         precision: float = PRECISION,
         experiment: str | None = None,
-        with_cost: bool = False,
         simulated_trials: bool = False,
     ) -> list[Selection]:
         """Recommend designs to build next, for each experiment; see :func:`foldcar.inference.selecting.select`.
 
-        Sheets are nested and costs computed only ``with_cost``, which takes a second for each car. Raises FoldcarError.
+        Raises FoldcarError.
 
         >>> len(study.select(build=1)[0].recommendations)
         1
         """
         number = checked_int("build", build, 1, MAX_BUILT)
         return self._read(
-            lambda store: select(store, number, threshold, precision, experiment, with_cost, simulated_trials)
+            lambda store: select(store, number, threshold, precision, experiment, simulated_trials)
         )
 
     def compare(

@@ -60,7 +60,7 @@ def select(
     half_width = parse_points("--precision", precision, low=1, high=45)
     with working("weighing designs"):
         selections = Study(store).select(
-            build=build, threshold=threshold, precision=half_width, experiment=experiment, with_cost=True,
+            build=build, threshold=threshold, precision=half_width, experiment=experiment,
             simulated_trials=simulated_trials,
         )  # fmt: skip
     if csv is not None:

@@ -146,7 +146,7 @@ def _print_session(store: Path, numbers: Collection[int]) -> None:
         standing = SIMULATED if all(trial.standing != BUILT for trial in session_trials) else BUILT
         is_swept = experiment in swept_ids(reader)
         evidence = read_evidence(reader, experiment, standing == SIMULATED) if is_swept else []
-        comparison, selections = compare_evidence(evidence), select_evidence(evidence, with_cost=False)
+        comparison, selections = compare_evidence(evidence), select_evidence(evidence)
         missing = [text for selection in selections if standing == BUILT for text in measure_first(reader, selection)]
     completed = [trial for trial in session_trials if trial.standing == standing and trial.completed]
     passed, uncounted = sum(trial.outcome == "passed" for trial in completed), len(session_trials) - len(completed)

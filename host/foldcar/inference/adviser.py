@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from foldcar.inference.belief import Belief
 from foldcar.inference.comparison import compare_experiment
-from foldcar.inference.costs import CUTTING_MM_S, PLACING_MIN, Cost, assembly_min, cost, trial_min
+from foldcar.inference.costs import FILLING, PLACING_MIN, Cost, car_min, cost, trial_min
 from foldcar.inference.design_evidence import Design
 from foldcar.inference.evidence import Evidence
 from foldcar.inference.sentences import Undecided, first_reason, grounds, headline, next_reason, undecided_text
@@ -56,7 +56,7 @@ class Recommendation:
     ``place`` is its place in the feasible region (:mod:`foldcar.statistics.selection`), or NEXT after trials; ``reason``
     explains it. ``simulated`` is the rate of its runs, ``expected`` the rate of a new car by simulation and trials.
     ``cars`` new cars with ``trials`` new trials in all narrow its interval to the wanted precision. ``built`` is whether
-    it was driven before. ``cost`` is None if the car cannot be cut, or if costs are not wanted.
+    it was driven before. ``cost`` is None if the car cannot be folded.
     """
 
     label: str
@@ -126,14 +126,14 @@ class Adviser:
     threshold: float
     precision: float
 
-    def selection(self, build: int, with_cost: bool) -> Selection:
-        """Return the advice, with up to ``build`` designs to build and, if ``with_cost``, their sheets and minutes."""
+    def selection(self, build: int) -> Selection:
+        """Return the advice, with up to ``build`` designs to build."""
         belief, info, threshold = self.belief, self.evidence.info, self.threshold
         best, loss = expected_loss(belief.draws)
         # Enough is known if stopping now loses little, and a further hour of work gains little.
         enough = belief.driven and loss <= min(MAX_LOSS, self.precision) and self._gain < MIN_GAIN
         placed = [] if enough else self._placed(build)
-        recommended = tuple(self._recommendation(place, with_cost) for place in placed)
+        recommended = tuple(self._recommendation(place) for place in placed)
         rows = [place.index for place in placed]
         # New trials take environments in which the recommended designs were not driven yet.
         driven_samples = {trial.sample for index in rows for trial in belief.designs[index].trials}
@@ -210,7 +210,7 @@ class Adviser:
         # (BATCHES, candidates)
         work_min = [
             [
-                self._effort(index, batch).work_min(self._assembly_min, minutes)
+                self._effort(index, batch).work_min(self._car_min, minutes)
                 for index, minutes in zip(candidates, minutes_per_trial, strict=True)
             ]
             for batch in BATCHES
@@ -222,7 +222,7 @@ class Adviser:
         design = self.belief.designs[index]
         trials_of_cars = [] if design.cars is None else design.cars.counted.astype(int).tolist()
         minutes = trial_min(design.mean_time_s)
-        return further_effort(further, self._correlations[index], self._assembly_min, minutes, trials_of_cars, min_total)
+        return further_effort(further, self._correlations[index], self._car_min, minutes, trials_of_cars, min_total)
 
     @cached_property
     def _spreads(self) -> NDArray[numpy.float64]:
@@ -244,18 +244,17 @@ class Adviser:
         return [correlation_within_cars(rates, spread) for rates, spread in zip(draws, self._spreads, strict=True)]
 
     @cached_property
-    def _assembly_min(self) -> float:
-        """The minutes to build a car of the design in the middle of the family, as its guide estimates them."""
-        design = self.belief.designs[len(self.belief.designs) // 2]
-        return assembly_min(design.vehicle_type, tuple(design.design.items()))
+    def _car_min(self) -> float:
+        """The minutes to cut and build a car; the designs of an experiment are of one vehicle type."""
+        return car_min(self.belief.designs[0].vehicle_type)
 
     @property
     def _basis(self) -> str:
         """The assumptions behind sheets, minutes and numbers of trials, as sentences."""
         return (
-            "Sheets: 12 x 12 inch, 12 x 24 where a piece is longer, as `foldcar pattern` nests them. Minutes assume "
-            f"cutting at {CUTTING_MM_S:g} mm/s, {self._assembly_min:.0f} min to build a car (as its guide estimates, "
-            f"headers and firmware aside), {PLACING_MIN:g} min to place a trial, and the time that simulation drives. "
+            f"Sheets are an estimate: 12 x 12 inch, of which the pieces fill {FILLING:.0%}. Minutes assume "
+            f"{self._car_min:.0f} min to cut and build a car (without headers and firmware), {PLACING_MIN:g} min to "
+            "place a trial, and the time that simulation drives. "
             f"Cars and trials are planned for cars of a design that differ by {self._spreads.mean():.1f} in log-odds "
             "(standard deviation)."
         )
@@ -272,7 +271,7 @@ class Adviser:
                 result.append(Undecided(design.label, design.design, near_threshold, trials))
         return tuple(result)
 
-    def _recommendation(self, placed: Placed, with_cost: bool) -> Recommendation:
+    def _recommendation(self, placed: Placed) -> Recommendation:
         """Return a chosen design with its reason, rates, further work and cost."""
         index, design = placed.index, self.belief.designs[placed.index]
         needed = trials_needed(self.belief.draws[:, index], self.precision)
@@ -292,7 +291,7 @@ class Adviser:
             trials_done=len(design.trials),
             cars=effort.cars,
             trials=effort.trials,
-            cost=cost(design, effort, self._assembly_min) if with_cost else None,
+            cost=cost(design, effort),
         )
 
     def _remarks(self, missing_environments: int) -> tuple[str, ...]:
@@ -334,7 +333,7 @@ class Adviser:
         chance = f"{percent(self.belief.chances(self.threshold)[index])} chance to reach {percent(self.threshold)}"
         cars = f" of {count(first.cars, 'car')}" if first.cars else ""
         design = self.belief.designs[index]
-        minutes = first.cars * self._assembly_min + first.trials * trial_min(design.mean_time_s)
+        minutes = first.cars * self._car_min + first.trials * trial_min(design.mean_time_s)
         hours = f", about {_hours(round(minutes))}"
         later_text = f"; then {listed([design.label for design in recommended[1:]])}" if len(recommended) > 1 else ""
         verb = "build" if first.cars else "drive"

@@ -1,19 +1,28 @@
-"""Sheets and minutes that cars and trials take."""
+"""Estimate the sheets of film and the minutes of work that cars and trials take.
 
+Both are rough on purpose: `foldcar pattern` says exactly what a car needs. The numbers and their sources are in
+``costs.json``: the minutes to cut and build a car of each vehicle type, and how well pieces fill a sheet.
+"""
+
+import json
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from pathlib import Path
 
 from foldcar.car.design import compose_columns
+from foldcar.car.folded.weight import film_area_cm2
 from foldcar.car.folded_car import folded_car
 from foldcar.errors import FoldcarError
 from foldcar.inference.design_evidence import DesignEvidence
 from foldcar.statistics.selection import Effort
 
-MACHINE = "silhouette"
-# Assumptions: speed of a desktop cutter in film (mm/s), time to place the obstacles of a trial (minutes), and time to
-# build a car that the guide cannot fold (minutes).
-CUTTING_MM_S, PLACING_MIN, UNKNOWN_ASSEMBLY_MIN = 20.0, 3.0, 60.0
+_DATA = json.loads(Path(__file__).with_name("costs.json").read_text(encoding="utf-8"))
+FILLING: float = _DATA["filling"]["value"]
+# A sheet of 12 x 12 inch (cm²).
+SHEET_CM2 = (12 * 2.54) ** 2
+# Assumed time to place car and obstacles for a trial (minutes).
+PLACING_MIN = 3.0
 
 
 @dataclass(frozen=True)
@@ -29,47 +38,32 @@ def trial_min(drive_s: float | None) -> float:
     return PLACING_MIN + (drive_s or 0.0) / 60
 
 
-@lru_cache
-def assembly_min(vehicle_type: str, design: tuple[tuple[str, float | str], ...]) -> float:
-    """Return the minutes to build a car of the ``design``, pairs of name and value, as its guide estimates them.
+def car_min(vehicle_type: str) -> float:
+    """Return the minutes to cut and build a car of a type such as ``W_B_W``.
 
-    Returns UNKNOWN_ASSEMBLY_MIN for a car that cannot be cut.
+    The parts that may follow a type's ``+`` do not change them.
     """
-    # These modules take a second to import.
-    from foldcar.fabrication.assembly.operations import operations
-    from foldcar.fabrication.patterns.options import options
-    from foldcar.fabrication.patterns.sheets import cut_car, enlarge_sheet
-
-    try:
-        folded = folded_car(compose_columns(vehicle_type, dict(design)))
-        return operations(folded, cut_car(folded, enlarge_sheet(folded, options(MACHINE)))).minutes
-    except (FoldcarError, ValueError):
-        return UNKNOWN_ASSEMBLY_MIN
+    modules = vehicle_type.partition("+")[0]
+    known = _DATA["car_min"].get(modules)
+    return float(known["value"] if known else _DATA["module_min"]["value"] * len(modules.split("_")))
 
 
-def cost(design: DesignEvidence, effort: Effort, car_min: float) -> Cost | None:
-    """Return the cost of cars, ``car_min`` minutes each to assemble, and trials; None if the cars cannot be cut."""
+def cost(design: DesignEvidence, effort: Effort) -> Cost | None:
+    """Return the cost of the cars and trials of ``effort``; None if the design cannot be folded."""
     driving_min = effort.trials * trial_min(design.mean_time_s)
     if not effort.cars:
         return Cost(0, math.ceil(driving_min))
-    cut = _cut(design.vehicle_type, tuple(design.design.items()))
-    if cut is None:
+    sheets = _sheets(design.vehicle_type, tuple(design.design.items()))
+    if sheets is None:
         return None
-    sheets, cutting_min = cut
-    return Cost(effort.cars * sheets, math.ceil(effort.cars * (cutting_min + car_min) + driving_min))
+    return Cost(effort.cars * sheets, math.ceil(effort.cars * car_min(design.vehicle_type) + driving_min))
 
 
 @lru_cache
-def _cut(vehicle_type: str, design: tuple[tuple[str, float | str], ...]) -> tuple[int, float] | None:
-    """Return the number of sheets of a car and the minutes to cut them; None if the car cannot be cut."""
-    # These modules take a second to import.
-    from foldcar.fabrication.patterns.options import options
-    from foldcar.fabrication.patterns.sheets import enlarge_sheet, pattern
-
+def _sheets(vehicle_type: str, design: tuple[tuple[str, float | str], ...]) -> int | None:
+    """Return the number of sheets of a car; None if the design cannot be folded."""
     try:
-        composed = compose_columns(vehicle_type, dict(design))
-        folded = folded_car(composed)
-        cut = pattern(folded, enlarge_sheet(folded, options(MACHINE)), composed.title)
+        area_cm2 = film_area_cm2(folded_car(compose_columns(vehicle_type, dict(design))))
     except (FoldcarError, ValueError):
         return None
-    return len(cut.sheets), cut.cut_length_mm / CUTTING_MM_S / 60
+    return math.ceil(area_cm2 / (SHEET_CM2 * FILLING))

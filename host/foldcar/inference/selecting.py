@@ -28,18 +28,16 @@ def select(
     threshold: float | None = None,
     precision: float = PRECISION,
     experiment: str | None = None,
-    with_cost: bool = True,
     simulated_trials: bool = False,
 ) -> list[Selection]:
     """Recommend up to ``build`` designs for every swept experiment, or for ``experiment``; an empty list without a sweep.
 
     ``threshold`` (0 to 1) is the success that a good design reaches; None stands for the listing's highest, or THRESHOLD.
-    ``precision`` is the half-width (0 to 0.5) to which trials narrow a rate. ``with_cost`` nests the sheets, which takes
-    a second for each car. ``simulated_trials`` uses trials of simulated cars instead of built ones. Raises FoldcarError
-    if the store cannot be read or has no such experiment.
+    ``precision`` is the half-width (0 to 0.5) to which trials narrow a rate. ``simulated_trials`` uses trials
+    of simulated cars instead of built ones. Raises FoldcarError if the store cannot be read or has no such experiment.
     """
     evidence = read_evidence(store, experiment, simulated_trials)
-    selections = select_evidence(evidence, build, threshold, precision, with_cost)
+    selections = select_evidence(evidence, build, threshold, precision)
     if simulated_trials:
         return [replace(selection, headline=f"SIMULATED trials. {selection.headline}") for selection in selections]
     return [
@@ -61,7 +59,6 @@ def select_evidence(
     build: int = BUILD,
     threshold: float | None = None,
     precision: float = PRECISION,
-    with_cost: bool = True,
 ) -> list[Selection]:
     """Advise as :func:`select` does, given evidence.
 
@@ -73,7 +70,7 @@ def select_evidence(
         name: fresh_id(name) for name, searched in by_id.items() if searched.info.searched and fresh_id(name) in by_id
     }
     selections = [
-        None if experiment.info.id in fresh_ids else _select_one(experiment, build, threshold, precision, with_cost)
+        None if experiment.info.id in fresh_ids else _select_one(experiment, build, threshold, precision)
         for experiment in evidence
     ]
     advice = {
@@ -91,7 +88,7 @@ def select_evidence(
     return answers
 
 
-def _select_one(evidence: Evidence, build: int, threshold: float | None, precision: float, with_cost: bool) -> Selection:
+def _select_one(evidence: Evidence, build: int, threshold: float | None, precision: float) -> Selection:
     """Advise on one experiment."""
     info, belief = evidence.info, evidence.belief
     limit = threshold if threshold is not None else max(info.thresholds, default=THRESHOLD)
@@ -99,7 +96,7 @@ def _select_one(evidence: Evidence, build: int, threshold: float | None, precisi
         return Selection(info, limit, precision, _no_advice_text(evidence), remarks=evidence.remarks)
     # The matrices are so small that threads would only wait for each other.
     with threadpool_limits(1):
-        return Adviser(evidence, belief, limit, precision).selection(build, with_cost)
+        return Adviser(evidence, belief, limit, precision).selection(build)
 
 
 def _no_advice_text(evidence: Evidence) -> str:

@@ -137,11 +137,11 @@ def read_experiments(store: Store, thresholds: Sequence[float] = (), simulated_t
     swept = read_evidence(store)
     # The advice is about the highest threshold.
     highest_threshold = max(thresholds, default=None)
-    selections = select_evidence(swept, threshold=highest_threshold, with_cost=False)
+    selections = select_evidence(swept, threshold=highest_threshold)
     by_id = {evidence.info.id: evidence for evidence in swept}
     unswept = read_unswept(store)
     named = [*by_id.items(), *unswept.items()]
-    selections += select_evidence(list(unswept.values()), threshold=highest_threshold, with_cost=False)
+    selections += select_evidence(list(unswept.values()), threshold=highest_threshold)
     experiments = []
     for (name, evidence), selection in zip(named, selections, strict=True):
         info = evidence.info

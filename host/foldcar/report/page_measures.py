@@ -13,13 +13,14 @@ import numpy
 from numpy.typing import NDArray
 
 from foldcar.car.design import compose_columns
+from foldcar.car.folded.weight import film_area_cm2
+from foldcar.car.folded_car import folded_car
 from foldcar.errors import FoldcarError
 from foldcar.simulation.results import NUMBERS, OUTCOMES
 from foldcar.store.frames import RunArrays
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
 from foldcar.store.tables import BY_NAME, DESIGN
-from foldcar.study.search.objectives import film_area_cm2
 
 # With more designs there is no sheet area, because folding a car takes some 10 ms.
 MAX_FOLDED = 300
@@ -86,6 +87,6 @@ def _masses_g(store: Store, info: ExperimentInfo, number: int) -> NDArray[Any]:
 
 def _area_cm2(info: ExperimentInfo, design: Mapping[str, Any]) -> float:
     try:
-        return film_area_cm2(compose_columns(info.vehicle_type, design))
+        return film_area_cm2(folded_car(compose_columns(info.vehicle_type, design)))
     except (FoldcarError, ValueError):
         return numpy.nan

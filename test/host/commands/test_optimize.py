@@ -16,6 +16,7 @@ import shapely
 import foldcar
 from conftest import STEP_PYRAMIDS
 from foldcar.car.design import compose
+from foldcar.car.folded.weight import film_area_cm2
 from foldcar.car.folded_car import folded_car
 from foldcar.car.proof.check_film import flat_polygons
 from foldcar.inference.calibration.parameters import PARAMETERS
@@ -23,7 +24,7 @@ from foldcar.statistics.stopping import evidence_of_worse
 from foldcar.store.calibrations import new_calibration, write_calibrations
 from foldcar.study.experiments import read_study
 from foldcar.study.search.design_simulator import Row
-from foldcar.study.search.objectives import OBJECTIVES, film_area_cm2
+from foldcar.study.search.objectives import OBJECTIVES
 from foldcar.study.search.proposals import Proposals
 
 Command = Callable[..., "subprocess.CompletedProcess[str]"]
@@ -90,7 +91,7 @@ def test_a_search_of_all_designs_finds_what_a_sweep_finds(
     # None of the best of two objectives is beaten in both by any design.
     times = runs["elapsed_time_s"].where(runs["passed"].astype(bool), 30.0)
     worth = {
-        key: (times[index].mean(), film_area_cm2(compose("W_B_W", dict(zip(("width", "radius"), key, strict=True)))))
+        key: (times[index].mean(), film_area_cm2(folded_car(compose("W_B_W", {"width": key[0], "radius": key[1]}))))
         for key, index in runs.groupby(["width_mm", "radius_mm"]).groups.items()
     }
     for design in multiple["best"]:
@@ -228,7 +229,7 @@ def test_the_film_is_that_of_the_flat_pieces() -> None:
         faces = [shapely.Polygon(face.exterior) for face in flat_polygons(piece).values()]
         area += piece.count * shapely.union_all(faces).area
 
-    assert film_area_cm2(design) == pytest.approx(area / 100, rel=1e-6)
+    assert film_area_cm2(folded_car(design)) == pytest.approx(area / 100, rel=1e-6)
 
 
 def test_nsga2_and_a_grid_propose_each_design_once(listing: Path) -> None:

@@ -42,7 +42,7 @@ def store(tmp_path: Path) -> Callable[..., Path]:
 def study(store: Callable[..., Path]) -> Studied:
     def made(*words: Any, **facts: Any) -> Selection:
         with Store.open(store(*words, **facts)) as opened:
-            (selection,) = select(opened, with_cost=False)
+            (selection,) = select(opened)
         return selection
 
     return made
@@ -119,7 +119,7 @@ def test_the_page_prints_what_select_says(store: Callable[..., Path]) -> None:
     path = store(counts)
     import_trials(path, [({"width_mm": 95.0}, k, "passed" if k < 7 else "stuck") for k in range(10)])
     with Store.open(path) as opened:
-        (selected,) = select(opened, with_cost=False)
+        (selected,) = select(opened)
         (shown,) = page_data(opened)["experiments"]
 
     assert (shown["headline"], shown["grounds"]) == (selected.headline, selected.grounds)
@@ -149,7 +149,7 @@ def test_a_search_is_judged_by_its_best_in_fresh_environments(tmp_path: Path) ->
     searched = evidence("s", {60.0: 20, 70.0: 18, 80.0: 16}, searched=True, objectives=("success",))
     fresh = evidence("f", {70.0: 8, 80.0: 12}, id="1 fresh")
 
-    judged, alone = select_evidence([searched, fresh], with_cost=False)
+    judged, alone = select_evidence([searched, fresh])
 
     start = "A search tried 3 designs; 2 were judged in 20 fresh environments. "
     assert judged.headline == start + alone.headline

@@ -184,7 +184,7 @@ def test_trials_in_other_samples_of_a_program_of_that_name_count_nowhere(tmp_pat
 
     (compared,) = compare(store)["experiments"]
     with Store.open(store) as opened:
-        (selected,) = select_designs(opened, with_cost=False)
+        (selected,) = select_designs(opened)
         (shown,) = page_data(opened)["experiments"]
 
     assert [(design["design"]["width_mm"], design["trials"]) for design in compared["designs"]] == [(115.0, 3)]

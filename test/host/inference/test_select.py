@@ -17,9 +17,8 @@ from foldcar.car.folded_car import folded_car
 from foldcar.cli import app
 from foldcar.commands.tables import print_selections
 from foldcar.fabrication.assembly.operations import operations
-from foldcar.fabrication.patterns import nesting, sheets
 from foldcar.fabrication.patterns.options import options
-from foldcar.fabrication.patterns.sheets import cut_car, enlarge_sheet
+from foldcar.fabrication.patterns.sheets import cut_car, enlarge_sheet, pattern
 from foldcar.inference import adviser, costs
 from foldcar.inference.adviser import NEXT, Selection
 from foldcar.inference.comparison import compare
@@ -38,9 +37,9 @@ from written_study import add_trials, import_trials, write_study
 
 
 def advise(store: Path, **options: Any) -> list[Selection]:
-    """As the command, without nesting sheets, which takes a second a car."""
+    """As the command."""
     with Store.open(store) as opened:
-        return select_designs(opened, with_cost=False, **options)
+        return select_designs(opened, **options)
 
 
 def plain(store: Path, capsys: pytest.CaptureFixture[str]) -> str:
@@ -80,9 +79,7 @@ def outcome(design: Mapping[str, float], sample: int) -> str:
 FAMILY = {"width_mm": [float(width) for width in range(70, 190, 10)]}
 
 
-def test_advice_before_trials_and_after_each_round(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    # The first order of pieces that fits: a search takes longer than all else.
-    monkeypatch.setattr(nesting, "MAX_TRIES", 0)
+def test_advice_before_trials_and_after_each_round(tmp_path: Path) -> None:
     store = write_study(tmp_path / "s.db", FAMILY, 40, outcome, thresholds=[0.5, 0.75])
 
     (before,) = advise(store)
@@ -152,7 +149,7 @@ def test_cars_that_differ_ask_for_several_of_a_design(tmp_path: Path) -> None:
             belief = evidence.belief
             assert belief is not None
             designs = tuple(replace(design, spread=(spread == SPREADS).astype(float)) for design in belief.designs)
-            (result,) = select_evidence([replace(evidence, belief=replace(belief, designs=designs))], with_cost=False)
+            (result,) = select_evidence([replace(evidence, belief=replace(belief, designs=designs))])
             return result
 
         alike, differing = with_spread(0.0), with_spread(1.0)
@@ -241,21 +238,16 @@ def test_of_very_many_driven_designs_those_with_most_trials_count(
     assert sentence in selection.remarks and sentence not in whole.remarks
 
 
-def test_a_car_costs_its_sheets_and_minutes_of_cutting_assembly_and_trials(monkeypatch: pytest.MonkeyPatch) -> None:
-    """20 mm of cut a second, the car's minutes; 3 min and the drive for each trial."""
-    cut = SimpleNamespace(cut_length_mm=24_010.0, sheets=[1, 2])
-    monkeypatch.setattr(sheets, "pattern", lambda *_: cut)
+def test_cars_and_trials_cost_sheets_and_minutes() -> None:
+    """71 min for a W_B_W, 3 min and the drive for each trial; 189 cm² of film is 3.2 sheets of 929 cm² at 63 %."""
     design = {"width_mm": 95.0}
 
-    def driven(design: dict[str, float], drive_s: float | None) -> Any:
-        return SimpleNamespace(vehicle_type="W_B_W", design=design, mean_time_s=drive_s)
-
     def priced(cars: int, trials: int, drive_s: float | None, design: dict[str, float] = design) -> costs.Cost | None:
-        costs._cut.cache_clear()
-        return costs.cost(driven(design, drive_s), Effort(cars, trials, trials), 90.0)
+        evidence: Any = SimpleNamespace(vehicle_type="W_B_W", design=design, mean_time_s=drive_s)
+        return costs.cost(evidence, Effort(cars, trials, trials))
 
-    assert priced(1, 10, 30.0) == costs.Cost(2, math.ceil(24_010 / 20 / 60 + 90 + 10 * 3.5))
-    assert priced(3, 10, 30.0) == costs.Cost(6, math.ceil(3 * (24_010 / 20 / 60 + 90) + 10 * 3.5))
+    assert priced(1, 10, 30.0) == costs.Cost(4, 71 + 35)
+    assert priced(3, 10, 30.0) == costs.Cost(12, 3 * 71 + 35)
     assert priced(0, 60, None) == costs.Cost(0, 180)
     assert priced(0, 7, 45.0) == costs.Cost(0, math.ceil(7 * 3.75))
     assert priced(1, 10, 30.0, {"width_mm": 1.0}) is None
@@ -269,9 +261,31 @@ def test_many_designs_are_thinned_evenly_from_first_to_last(tmp_path: Path, monk
     assert "9 designs between these were left out of the choice, to save time." in selection.remarks
 
 
-def test_a_car_takes_as_long_as_its_guide_says() -> None:
-    width = 95.0
-    folded = folded_car(compose_columns("W_B_W", {"width_mm": width}))
-    cut = cut_car(folded, enlarge_sheet(folded, options("silhouette")))
+# As in patterns/six_wheels.json and hinged.json.
+SIX = {"width_mm": 95.0, "height_mm": 50.0, "radius_mm": 40.0, "W_length_mm": 90.0, "B_length_mm": 80.0}
 
-    assert costs.assembly_min("W_B_W", (("width_mm", width),)) == operations(folded, cut).minutes
+
+@pytest.mark.parametrize(
+    ("vehicle_type", "design"),
+    [
+        ("W_B_W", {"width_mm": 65.0}),
+        ("W_B_W", {"width_mm": 245.0}),
+        ("W_B_W_W", SIX),
+        ("W_B_H_W_H_W", SIX),
+        ("W_W_B_W", SIX),
+    ],
+)
+def test_the_estimate_of_a_car_is_near_its_pattern_and_its_guide(vehicle_type: str, design: dict[str, float]) -> None:
+    """The real pattern nests the pieces, the real guide counts operations; a blade cuts 20 mm/s."""
+    folded = folded_car(compose_columns(vehicle_type, design))
+    sheet = enlarge_sheet(folded, options("silhouette"))
+    cut = pattern(folded, sheet, "car")
+    minutes = operations(folded, cut_car(folded, sheet)).minutes + cut.cut_length_mm / 20 / 60
+    evidence: Any = SimpleNamespace(vehicle_type=vehicle_type, design=design, mean_time_s=None)
+
+    estimate = costs.cost(evidence, Effort(1, 0, 0))
+
+    assert estimate is not None
+    nested_cm2 = len(cut.sheets) * math.prod(sheet.sheet_size_mm) / 100
+    assert abs(estimate.sheets * costs.SHEET_CM2 - nested_cm2) <= 1.01 * costs.SHEET_CM2
+    assert estimate.minutes == pytest.approx(minutes, rel=0.15)

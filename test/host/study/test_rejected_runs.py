@@ -59,7 +59,7 @@ def test_advice_goes_by_the_others_and_says_so(store: Path, tmp_path: Path) -> N
     copy = write_study(tmp_path / "trials.db", WIDTHS, SAMPLES, outcome)
     add_trials(copy, [({"width_mm": 100.0}, sample, "passed") for sample in (0, 15)])
     with Store.open(store) as opened:
-        (advice,) = select(opened, with_cost=False)
+        (advice,) = select(opened)
     (compared,) = Study(copy).compare().experiments
 
     rates = {recommendation.label: recommendation.simulated.value for recommendation in advice.recommendations}

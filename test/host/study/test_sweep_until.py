@@ -215,7 +215,7 @@ def test_advice_and_python_give_the_interval_that_a_sweep_that_stopped_may_give(
     store, counts = decided
     with Store.open(store) as opened, Store.open(full_store) as full:
         stopped, fixed = read_evidence(opened)[0].designs, read_evidence(full)[0].designs
-        (selection,) = select(opened, with_cost=False)
+        (selection,) = select(opened)
     study = Study(store)
 
     for state, design in zip(counts.states, stopped, strict=True):

@@ -84,6 +84,11 @@ def max_placement_shift_mm(car: FoldedCar) -> float:
     return car.parts.assembly.placement_mm.value * placed_by_eye_kg / car_kg
 
 
+def film_area_cm2(car: FoldedCar) -> float:
+    """Return the area of the car's flat pieces (cm²): all faces with tabs; holes are not subtracted."""
+    return sum(piece.count * sum(area_mm2(face.outline_mm) for face in piece.faces) for piece in car.pieces) / 100
+
+
 def area_mm2(outline: Sequence[Point]) -> float:
     """The signed area of a polygon (mm²), positive if it runs counter-clockwise (shoelace formula)."""
     x0, y0 = outline[-1]

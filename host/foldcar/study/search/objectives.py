@@ -10,17 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from foldcar.car.design import Design
-from foldcar.car.folded.weight import area_mm2
-from foldcar.car.folded_car import folded_car
 from foldcar.statistics.rate import limited_mean, wilson_interval
 from foldcar.study.search.design_simulator import Row
 
 Interval = tuple[float, float]
 # Number of bootstrap samples.
 RESAMPLES = 2000
-# 1 mm² in cm².
-CM2 = 0.01
 # A run that is at least as good as any other.
 PERFECT = Row("passed", 0.0, 0.0)
 
@@ -99,12 +94,6 @@ def _energies(rows: Sequence[Row]) -> Any:
     energies_j = [row.consumed_energy_j for row in rows if row.consumed_energy_j is not None]
     mean = math.fsum(energies_j) / len(energies_j) if energies_j else math.inf
     return np.array([(mean if row.consumed_energy_j is None else row.consumed_energy_j, row.passed) for row in rows])
-
-
-def film_area_cm2(design: Design) -> float:
-    """Return the area of the car's flat pieces (cm²): all faces with tabs; holes are not subtracted."""
-    pieces = folded_car(design).pieces
-    return CM2 * sum(piece.count * sum(area_mm2(face.outline_mm) for face in piece.faces) for piece in pieces)
 
 
 def is_dominated(losses: Sequence[float], others: Iterable[Sequence[float]]) -> bool:

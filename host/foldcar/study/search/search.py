@@ -11,6 +11,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from foldcar.car.folded.weight import film_area_cm2
+from foldcar.car.folded_car import folded_car
 from foldcar.errors import FoldcarError
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.results import no_rate_text
@@ -21,7 +23,7 @@ from foldcar.study.environments import Environment
 from foldcar.study.experiments import Experiment, Study
 from foldcar.study.limits import MAX_SEED
 from foldcar.study.search.design_simulator import DesignSimulator, Row, Values, fresh_id, open_simulator
-from foldcar.study.search.objectives import OBJECTIVES, Objective, film_area_cm2
+from foldcar.study.search.objectives import OBJECTIVES, Objective
 from foldcar.study.search.proposals import Proposals, Tried
 from foldcar.study.sweep import study_facts
 
@@ -198,7 +200,7 @@ def _try_designs(
 def _value(objective: Objective, experiment: Experiment, values: Values, rows: Sequence[Row]) -> float:
     """Return a design's objective, by its results or, for the area of its sheets, by its pieces."""
     if objective.value is None:
-        return film_area_cm2(experiment.family.design(values))
+        return film_area_cm2(folded_car(experiment.family.design(values)))
     return objective.value(rows, experiment.timeout_s)
 
 

@@ -68,7 +68,7 @@ HEADER_FLAGS := -fsyntax-only -std=gnu++17 -Wall -Wextra -Werror -pthread -DUNIT
 HEADER_COMPILERS := g++ $(shell command -v clang++)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup mujoco study pyramids calibration fidelity statistics test test-packages test-native headers test-host lint bench fuzz races fresh container-check clean wheel release lock system-packages platformio installed fuzz-packages check docs tidy determinism golden
+.PHONY: help setup mujoco study pyramids calibration fidelity statistics synthetic scale test test-packages test-native headers test-host lint bench fuzz races fresh container-check clean wheel release lock system-packages platformio installed fuzz-packages check docs tidy determinism golden
 .DELETE_ON_ERROR:
 # Else make removes them as intermediate.
 .PRECIOUS: .pio/fuzz/obj/%.o
@@ -87,7 +87,9 @@ help:
 	@echo 'make fidelity  set up, compare with MuJoCo and bring docs/fidelity.md up to date'
 	@echo 'make pyramids  set up, search sizes of the step pyramids that fit the publication, bring docs/scenarios.md up to date'
 	@echo 'make calibration  set up, calibrate by the published trials and by hidden realities, renew docs/fidelity.md'
-	@echo 'make statistics  measure coverage of the intervals and trials saved, and bring docs/statistics.md up to date'
+	@echo 'make statistics  measure coverage of the intervals, the stopping rule of select, the search; bring docs/statistics.md up to date'
+	@echo 'make synthetic   the whole method on a hidden reality in MuJoCo, in out/synthetic'
+	@echo 'make scale       the cost of families of up to a million runs, in out/scale'
 	@echo 'make fresh     as root: make study and make test in a bare root of SUITE=$(SUITE) (TARGETS=study: the study only)'
 	@echo 'make container-check  as root: the steps of the Dockerfile in bare roots, without a container engine'
 	@echo 'make release   archive of the sources and wheel with carsim, in dist/, checked and tried outside the checkout'
@@ -120,8 +122,21 @@ fidelity: setup mujoco
 	@mkdir -p out
 	$(BIN)/python tools/fidelity.py out/fidelity.db out/across.db docs/fidelity.md
 
-statistics: .venv/installed
+# What docs/statistics.md quotes: intervals into the page; select's stopping rule and the search's samplers to read.
+statistics: setup
 	$(BIN)/python tools/interval_coverage.py docs/statistics.md
+	$(BIN)/python tools/selection.py
+	$(BIN)/python tools/optimize_comparison.py --seeds 8
+
+# The whole method on a hidden reality, as docs/fidelity.md tells it; into a new folder.
+synthetic: setup mujoco
+	@mkdir -p out
+	$(BIN)/python docs/synthetic_study.py out/synthetic
+
+# The cost of families of up to a million runs, as in docs/performance.md; into a new folder.
+scale: setup
+	@mkdir -p out
+	$(BIN)/python bench/scale.py out/scale --most 1000000
 
 # All else runs beside the host's tests, in the time in which these wait for cars and browsers. What fails stands last, also
 # under make -j; a shell's background ignores Ctrl-C, hence the trap, and timeout ends all that it started.

@@ -22,7 +22,7 @@ from synthetic_trials import SIMULATED_CARS, centre_of, logistic, of_built
 from threadpoolctl import threadpool_limits
 
 from foldcar.inference.adviser import MAX_LOSS, MIN_GAIN, ROUND_TRIALS
-from foldcar.inference.costs import PLACING_MIN, UNKNOWN_ASSEMBLY_MIN
+from foldcar.inference.costs import PLACING_MIN, car_min
 from foldcar.inference.selecting import PRECISION
 from foldcar.statistics.built_cars import SPREADS, BuiltCars, simulated_weights
 from foldcar.statistics.pooled_bias import pooled_bias
@@ -50,7 +50,7 @@ MIN_SPREAD, MAX_SPREAD = 0.6, 1.9
 NEAR = 0.05
 # Prices at which an hour of work is no longer worth it, 0 to 1; minutes of a trial.
 PRICES = (0.0025, 0.005, MIN_GAIN, 0.02)
-TRIAL_MIN = PLACING_MIN + 0.5
+CAR_MIN, TRIAL_MIN = car_min("W_B_W"), PLACING_MIN + 0.5
 STOPS = (
     "ends below, points/h", "ends", "trials (10–90 %)", "cars", "hours", "leader lacks", "over 5 points, %", "decided, %",
     "of all, wrong", "mean's side wrong", "by > 15 points",
@@ -121,7 +121,7 @@ class Round:
     @property
     def hours(self) -> float:
         """What the work took so far."""
-        return float(self.cars * UNKNOWN_ASSEMBLY_MIN + self.trials * TRIAL_MIN) / 60
+        return float(self.cars * CAR_MIN + self.trials * TRIAL_MIN) / 60
 
     def wrong(self) -> tuple[float, ...]:
         """Shares of widths: decided; decided wrongly; by their mean on the wrong side; and so by more than PRECISION."""
@@ -154,7 +154,7 @@ def rounds(random: numpy.random.Generator, selecting: bool, most: int) -> list[R
         draws, rates = bias.draws(DRAWS), bias.rates()
         best, loss = expected_loss(draws)
         work = [
-            [planned(at, draws, widths, batch).work_min(UNKNOWN_ASSEMBLY_MIN, TRIAL_MIN) for at in range(len(WIDTHS))]
+            [planned(at, draws, widths, batch).work_min(CAR_MIN, TRIAL_MIN) for at in range(len(WIDTHS))]
             for batch in BATCHES
         ]
         gain = gain_per_hour(draws, THRESHOLD, PRECISION, work)
@@ -171,7 +171,7 @@ def planned(index: int, draws: numpy.ndarray, widths: dict[int, Width], further:
     spread = float(widths[index].weights @ SPREADS) if index in widths else float(numpy.mean(spreads))
     done = widths[index].counted if index in widths else []
     alike = correlation_within_cars(draws[:, index], spread)
-    return further_effort(further, alike, UNKNOWN_ASSEMBLY_MIN, TRIAL_MIN, done, least)
+    return further_effort(further, alike, CAR_MIN, TRIAL_MIN, done, least)
 
 
 def selected(runs: numpy.ndarray, draws: numpy.ndarray, number: int) -> Sequence[int]:

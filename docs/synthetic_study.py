@@ -41,7 +41,7 @@ LOSS = 0.05
 CARS_OF_A_DESIGN = 2
 SPEEDUP = "4"
 # A car whose clock runs faster than its host's waits longer for it.
-PATIENCE = "CMD_TIMEOUT_MS 5000\nARM_TIMEOUT_S 60\n"
+PATIENCE = {"CMD_TIMEOUT_MS": 5000, "ARM_TIMEOUT_S": 60}
 
 
 class Setting(NamedTuple):
@@ -100,7 +100,6 @@ def main() -> int:
 def write_listing(folder: Path, setting: Setting) -> Path:
     """Write listing and reality; returns the listing's path."""
     (folder / "reality.json").write_text(json.dumps(REALITY, indent=2))
-    (folder / "patience.parm").write_text(PATIENCE)
     experiment = {"timeout": 60, "environments": setting.environments, "threshold": THRESHOLD}
     common = {"width": {"from": 65, "to": 185, "step": setting.step_mm}, "height": 50, "radius": 60}
     lengths = [{"common": common}, {"W": {"length": 60}}, {"B": {"length": 80}}]
@@ -142,8 +141,9 @@ def drive(listing: Path, study: Path, trial: Trial) -> None:
         with subprocess.Popen(command(words), stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as car:
             assert car.stdout is not None
             port = car.stdout.readline().strip()
-            patience: list[str | Path] = ["params", "load", folder / "patience.parm", "--port", port]
-            subprocess.run(command(patience), stdout=subprocess.DEVNULL, check=True)
+            for name, value in PATIENCE.items():
+                patience: list[str | Path] = ["params", "set", name, str(value), "--port", port]
+                subprocess.run(command(patience), stdout=subprocess.DEVNULL, check=True)
             logged: list[str | Path] = ["log", listing, *chosen, "--store", study, "--port", port, "--trials", "1"]
             done = subprocess.run(command([*logged, "--countdown", "0", "--yes"]), capture_output=True, text=True)
             car.terminate()

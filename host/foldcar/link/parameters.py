@@ -1,20 +1,14 @@
-"""Reads and sets a car's parameters over the link, and reads and writes parameter files.
+"""Reads and sets a car's parameters over the link.
 
-A file has a line ``NAME value`` (MAVProxy) or ``NAME,value`` (Mission Planner) for each parameter, and comments after #.
 Values are transferred as 32-bit floating-point numbers, and compared as such.
 """
 
-import math
 import struct
 import time
-from collections.abc import Mapping
-from pathlib import Path
 
 from foldcar.errors import FoldcarError
 from foldcar.link.car import ANSWER_S, TRIES, Car
 from foldcar.link.connection import CAR_COMPONENT, CAR_SYSTEM
-from foldcar.outputs import atomic_file
-from foldcar.typed import decimal_number, read_text
 
 # Time limit for all parameters, and the silence after which missing ones are requested again.
 LIST_S = 20.0
@@ -96,40 +90,3 @@ def value_text(value: float) -> str:
     rounded = (float(f"{value:.{digits}g}") for digits in range(1, 10))
     shortest = next(number for number in rounded if equal_float32(number, value))
     return f"{shortest:.9g}"
-
-
-def differences(car: Mapping[str, float], other: Mapping[str, float]) -> list[tuple[str, float | None, float | None]]:
-    """Return (name, the car's value, the other value) of each parameter that differs; None stands for a missing value."""
-    names = dict.fromkeys([*car, *other])
-    rows = [(name, car.get(name), other.get(name)) for name in names]
-    return [(name, a, b) for name, a, b in rows if a is None or b is None or not equal_float32(a, b)]
-
-
-def read_file(file: Path) -> dict[str, float]:
-    """Read a parameter file; return the values by name. Raises FoldcarError, which names file and line."""
-    values: dict[str, float] = {}
-    for number, line in enumerate(read_text(file).split("\n"), 1):
-        words = line.partition("#")[0].replace(",", " ").split()
-        if not words:
-            continue
-        try:
-            name, value = words[0], decimal_number(words[1])
-        except (IndexError, ValueError):
-            value = math.nan
-        if len(words) == 2 and math.isfinite(value) and not fits_float32(value):
-            raise FoldcarError(f"{file}: line {number}: {name}: {words[1]} is beyond ±{MAX_FLOAT32:.3g}")
-        if len(words) != 2 or not math.isfinite(value):
-            raise FoldcarError(f"{file}: line {number}: not NAME VALUE: {line.strip()}")
-        if name in values:
-            raise FoldcarError(f"{file}: line {number}: {name} occurs twice")
-        values[name] = value
-    if not values:
-        raise FoldcarError(f"{file}: contains no parameters")
-    return values
-
-
-def write_file(file: Path, values: Mapping[str, float], head: str) -> None:
-    """Write a parameter file atomically, with ``head`` as a comment in its first line. Raises FoldcarError."""
-    lines = [f"# {head}", *(f"{name:<16} {value_text(value)}" for name, value in values.items())]
-    with atomic_file(file) as binary:
-        binary.write(("\n".join(lines) + "\n").encode())

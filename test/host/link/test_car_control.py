@@ -107,7 +107,7 @@ def test_a_car_without_a_design_arms_only_when_that_is_confirmed(
     car.client.close()
     car.client = None
 
-    refused = foldcar("calibrate-servos", "--port", car.port, "--output", "1", input="n\n")
+    refused = foldcar("calibrate-servos", "--port", car.port, "--servo", "1", input="n\n")
     confirmed = foldcar("params", "confirm", "--port", car.port)
 
     assert refused.returncode == 2 and "a fault is not acknowledged (There is no car.json" in refused.stderr

@@ -20,7 +20,7 @@ from foldcar.errors import FoldcarError
 from foldcar.link.car import Car
 from foldcar.link.connection import Connection
 from foldcar.link.dialect import load_dialect
-from foldcar.link.parameters import differences, equal_float32, read_file, value_text, write_file
+from foldcar.link.parameters import value_text
 from foldcar.link.stream import choose_port, open_stream, permission_text
 from foldcar.link.tlog import LogError, TlogWriter, log_damage, read_tlog
 from foldcar.trials.driving import drive_end
@@ -59,42 +59,9 @@ def test_a_wrongly_wired_servo_is_reported(turns: Any) -> None:
         find_edges(turns)
 
 
-def test_a_parameter_file_reads_back_to_the_same_32_bit_numbers(tmp_path: Path) -> None:
-    values = {f"P{k}": struct.unpack("<f", struct.pack("<f", x))[0] for k, x in enumerate((0.1, 3.4, 25e6, -1 / 3, 0))}
-
-    write_file(tmp_path / "p.parm", values, "of a car")
-
-    read = read_file(tmp_path / "p.parm")
-    assert all(equal_float32(read[name], value) for name, value in values.items()) and len(read) == 5
-    assert value_text(values["P1"]) == "3.4" and value_text(values["P2"]) == "25000000"
-    assert differences(read, values) == []
-    differing = differences({"A": 1.0, "B": 2.0}, {"B": 3.0, "C": 4.0})
-    assert differing == [("A", 1.0, None), ("B", 2.0, 3.0), ("C", None, 4.0)]
-
-
-def test_parameter_files_of_other_programs_are_read(tmp_path: Path) -> None:
-    (tmp_path / "p.param").write_bytes("\ufeff#NOTE: of Mission Planner\r\nA,1.5\r\nB,-2\r\nC\t3\r\n".encode())
-
-    assert read_file(tmp_path / "p.param") == {"A": 1.5, "B": -2, "C": 3}
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("", "contains no parameters"),
-        ("A,1,5\n", "line 1: not NAME VALUE: A,1,5"),
-        ("A 1\nB\n", "line 2: not NAME VALUE: B"),
-        ("A nan\n", "line 1: not NAME VALUE"),
-        ("A 1e39\n", r"line 1: A: 1e39 is beyond ±3\.4e\+38"),
-        ("A 1 2\n", "line 1: not NAME VALUE"),
-        ("A 1\n# c\nA 2 # again\n", "line 3: A occurs twice"),
-    ],
-)
-def test_a_bad_parameter_file_is_refused(tmp_path: Path, text: str, message: str) -> None:
-    (tmp_path / "p.parm").write_text(text)
-
-    with pytest.raises(FoldcarError, match=f"p.parm: {message}"):
-        read_file(tmp_path / "p.parm")
+def test_a_parameters_value_is_shown_by_its_shortest_decimals() -> None:
+    for value, shown in ((0.1, "0.1"), (3.4, "3.4"), (25e6, "25000000"), (0.0, "0"), (-1 / 3, "-0.33333334")):
+        assert value_text(struct.unpack("<f", struct.pack("<f", value))[0]) == shown
 
 
 def heartbeats(count: int) -> list[bytes]:

@@ -1,16 +1,17 @@
 """Compares samplers of `foldcar optimize` with grid search on equal numbers of runs, and prints docs/optimize.md's table.
 
 The family is swept once; every search then finds its runs in the store. What a search recommends after some number of
-runs is judged in fresh environments. Example: `.venv/bin/python tools/optimize_comparison.py --store out/space.db`.
+runs is judged in fresh environments. Example: `.venv/bin/python tools/optimize_comparison.py`.
 `--risk 1000` measures instead how often a design is left early that would have ended as good as the best.
 """
 
 import argparse
+import itertools
 import math
 import os
+import random
 import statistics
-from collections.abc import Iterator
-from itertools import product
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy
@@ -38,7 +39,6 @@ TIMEOUT_S = 60.0
 SEARCHES = {
     "TPE, leaving designs early": ("tpe", True),
     "TPE": ("tpe", False),
-    "NSGA-II": ("nsga2", False),
     "random": ("random", False),
     "grid": ("grid", False),
 }
@@ -61,19 +61,51 @@ def swept(study: Study, store: Path, carsim: Carsim, jobs: int) -> dict[Values, 
 def picks(
     experiment: Experiment, rows: dict[Values, list[Row]], sampler: str, prune: bool, seed: int
 ) -> Iterator[Values | None]:
-    """What the search recommends after each of the budgets; None if it has tried no design in all environments."""
-    # A grid is laid out for its number of designs.
-    spans = [[budget] for budget in BUDGETS] if sampler == "grid" else [list(BUDGETS)]
-    for span in spans:
-        proposals = Proposals(experiment.family, [SUCCESS], sampler, seed, span[-1])
-        for budget in span:
-            while sum(proposal.environments for proposal in proposals.tried) < budget * experiment.environments:
-                values = proposals.next()
-                if values is None:
-                    break
-                one_design(proposals, rows[values], prune)
-            best = proposals.best(1)
-            yield best[0].values if best else None
+    """What a search recommends after each of the budgets; None if it has tried no design in all environments."""
+    if sampler == "tpe":
+        yield from searched(experiment, rows, prune, seed)
+        return
+    levels = [sorted(values) for values in experiment.family.choices.values()]
+    shuffled = random.Random(seed).sample(sorted(rows), len(rows))
+    for budget in BUDGETS:
+        # A grid is laid out for its number of designs; some of its points cannot be built.
+        points = [tuple(values[i] for values, i in zip(levels, point, strict=True)) for point in grid(levels, budget)]
+        designs = [values for values in points if values in rows] if sampler == "grid" else shuffled[:budget]
+        yield max(designs, key=lambda values: passes(rows[values]), default=None)
+
+
+def searched(experiment: Experiment, rows: dict[Values, list[Row]], prune: bool, seed: int) -> Iterator[Values | None]:
+    """What `foldcar optimize` recommends after each of the budgets."""
+    proposals = Proposals(experiment.family, [SUCCESS], seed)
+    for budget in BUDGETS:
+        while sum(proposal.environments for proposal in proposals.tried) < budget * experiment.environments:
+            values = proposals.next()
+            if values is None:
+                break
+            one_design(proposals, rows[values], prune)
+        best = proposals.best(1)
+        yield best[0].values if best else None
+
+
+def grid(values: Sequence[Sequence[float]], points: int) -> list[tuple[int, ...]]:
+    """Return at most ``points`` grid points, as indices of the ``values`` of each parameter.
+
+    The coarsest parameter is divided further as long as that fits.
+    """
+    levels = [len(values_of_parameter) for values_of_parameter in values]
+    counts = [1] * len(levels)
+
+    def fits(axis: int) -> bool:
+        new_count = counts[axis] + 1
+        return new_count <= levels[axis] and math.prod(counts) // counts[axis] * new_count <= points
+
+    while axes := [axis for axis in range(len(levels)) if fits(axis)]:
+        counts[min(axes, key=lambda axis: counts[axis] / levels[axis])] += 1
+    # Use the middles of equal parts.
+    indices = [
+        [(2 * i + 1) * level // (2 * count) for i in range(count)] for level, count in zip(levels, counts, strict=True)
+    ]
+    return list(itertools.product(*indices))
 
 
 def one_design(proposals: Proposals, rows: list[Row], prune: bool) -> None:
@@ -110,14 +142,14 @@ def print_risk(pairs: int) -> None:
     """
     print("|environments|rate|best of, their rate|left early, %|of those that would end as good, %|better, %|runs|")
     print("|---|---|---|---|---|---|---|")
-    for number, rate, others, best_rate in product((30, 100), (0.5, 0.8), (1, 5), (0.5, 0.8)):
+    for number, rate, others, best_rate in itertools.product((30, 100), (0.5, 0.8), (1, 5), (0.5, 0.8)):
         if best_rate < rate:
             continue
-        random = numpy.random.default_rng([number, others])
+        generator = numpy.random.default_rng([number, others])
         left, gain, runs = (numpy.zeros(pairs) for _ in range(3))
         for pair in range(pairs):
-            hard = random.standard_normal(number)
-            strengths = norm.ppf([best_rate] * others + [rate])[:, None] + random.standard_normal((others + 1, number))
+            hard = generator.standard_normal(number)
+            strengths = norm.ppf([best_rate] * others + [rate])[:, None] + generator.standard_normal((others + 1, number))
             *other_runs, own_runs = [
                 [Row("passed" if good else "tipped", 1.0, 1.0) for good in row] for row in strengths > hard
             ]
@@ -147,7 +179,7 @@ def main() -> None:
     """Sweep, search, judge, print."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--listing", type=Path, default=LISTING)
-    parser.add_argument("--store", type=Path)
+    parser.add_argument("--store", type=Path, default=Path("out/space.db"))
     parser.add_argument("--risk", type=int, metavar="PAIRS", help="measure the risk of leaving early instead")
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--fresh", type=int, default=100)
@@ -155,7 +187,6 @@ def main() -> None:
     options = parser.parse_args()
     if options.risk:
         print_risk(options.risk)
-    if options.store is None:
         return
     study, carsim = read_study(options.listing), Carsim()
     (experiment,) = study.experiments

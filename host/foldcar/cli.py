@@ -64,7 +64,7 @@ MAX_WORD_LENGTH = 300
 
 # The commands in the order of `foldcar -h`, and the modules of foldcar.commands that they are in.
 COMMANDS = {
-    "new": "new", "sweep": "sweep", "optimize": "optimize", "run": "run", "sample": "sample", "gallery": "sample",
+    "new": "new", "sweep": "sweep", "optimize": "optimize", "run": "run", "sample": "sample",
     "report": "report", "select": "advice", "compare": "advice", "calibrate": "calibrate", "export": "stores",
     "check": "stores", "merge": "stores", "model": "model", "pattern": "pattern", "view": "view", "link": "link",
     "log": "log", "markers": "track", "lens": "track", "track": "track", "flash": "flash", "doctor": "doctor",

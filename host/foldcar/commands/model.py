@@ -7,13 +7,12 @@ import typer
 
 from foldcar.commands.options import (
     Components,
-    Json,
     Listing,
     OutputFolder,
     Sample,
     Settings,
     design_settings,
-    print_result,
+    print_lines,
 )
 from foldcar.errors import FoldcarError
 
@@ -38,7 +37,6 @@ def model(
     ] = None,
     sample: Sample = 0,
     components: Components = None,
-    as_json: Json = False,
 ) -> None:
     """Write a car for MuJoCo, URDF readers or Webots.
 
@@ -103,8 +101,7 @@ def model(
         target.parent.mkdir(parents=True, exist_ok=True)
         with atomic_file(target) as binary:
             binary.write(text.encode())
-    written = [output / name for name in files]
-    print_result(as_json, {"files": written}, *written)
+    print_lines(*(output / name for name in files))
 
 
 def _drive(

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from foldcar.commands.options import Json, print_result
+from foldcar.commands.options import print_lines
 from foldcar.errors import FoldcarError
 from foldcar.installation import PACKAGE, source_tree
 from foldcar.outputs import make_output_folder
@@ -34,7 +34,7 @@ EXAMPLES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "obstacle_course": (
         ("scenarios/obstacle_course.json", "scenarios/obstacle_course.scenic"),
         (
-            "foldcar gallery scenarios/obstacle_course.scenic -o gallery",
+            "foldcar sample scenarios/obstacle_course.scenic -n 3 --plot course.png",
             "foldcar sweep scenarios/obstacle_course.json --store course.db",
         ),
     ),
@@ -50,7 +50,6 @@ def new(
     example: Annotated[
         str | None, typer.Option(metavar="NAME", help=f"Write the files of this example: {', '.join(EXAMPLES)}.")
     ] = None,
-    as_json: Json = False,
 ) -> None:
     """Create a small project to start from.
 
@@ -83,7 +82,7 @@ def new(
         raise FoldcarError(f"{folder}: cannot be written: {error.strerror or error}") from error
     lines = [f"{folder}: {', '.join(names)}; now type:", f"  cd {shlex.quote(str(folder))}"]
     lines += [f"  {command}" for command in commands]
-    print_result(as_json, {"folder": folder, "files": [folder / name for name in names]}, *lines)
+    print_lines(*lines)
 
 
 def _remove(folder: Path, was_created: bool) -> None:

@@ -35,8 +35,13 @@ def print_result(as_json: bool, result: Mapping[str, Any], *lines: object) -> No
     if as_json:
         typer.echo(json.dumps(_plain(result), indent=2, allow_nan=False))
     else:
-        for line in lines:
-            typer.echo(line)
+        print_lines(*lines)
+
+
+def print_lines(*lines: object) -> None:
+    """Print lines on standard output."""
+    for line in lines:
+        typer.echo(line)
 
 
 def print_note(text: str) -> None:

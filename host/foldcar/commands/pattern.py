@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from foldcar.commands.options import Components, Json, Listing, Machine, OutputFolder, Settings, Sheet, print_result
+from foldcar.commands.options import Components, Listing, Machine, OutputFolder, Settings, Sheet, print_lines
 from foldcar.installation import require
 from foldcar.shown_text import decoded
 
@@ -57,7 +57,6 @@ def pattern(
     margin: Annotated[float | None, typer.Option(metavar="MM", help="Width of a sheet's blank border.")] = None,
     gap: Annotated[float | None, typer.Option(metavar="MM", help="Smallest distance between two pieces.")] = None,
     components: Components = None,
-    as_json: Json = False,
 ) -> None:
     """Write all files that are needed to build a car.
 
@@ -114,7 +113,7 @@ def pattern(
             of_vehicles = f" of {vehicles} vehicles" if vehicles > 1 else ""
             lines += [*skipped, f"{len(cars)} cars{of_vehicles} in {output}: {_amounts(cars)}"]
     # The folder is complete now.
-    print_result(as_json, {"folder": output, "cars": cars, "skipped": skipped}, *lines)
+    print_lines(*lines)
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,4 @@
-"""`foldcar sample` samples scenes of an environment as JSON Lines for `carsim batch`, and draws them.
-
-`foldcar gallery` draws each environment: three samples from above and from the side.
-"""
+"""`foldcar sample` samples scenes of an environment as JSON Lines for `carsim batch`, and draws them."""
 
 import json
 import sys
@@ -15,7 +12,6 @@ import typer
 from foldcar.commands.options import (
     STANDARD_OUTPUT,
     Json,
-    OutputFolder,
     Picture,
     Seed,
     check_distinct,
@@ -23,7 +19,7 @@ from foldcar.commands.options import (
     print_result,
 )
 from foldcar.errors import FoldcarError
-from foldcar.outputs import atomic_file, make_output_folder
+from foldcar.outputs import atomic_file
 from foldcar.study.limits import MAX_ENVIRONMENTS
 
 if TYPE_CHECKING:
@@ -142,37 +138,3 @@ def _parse_params(words: Sequence[str]) -> dict[str, Any]:
         except (ValueError, RecursionError) as error:
             raise FoldcarError(f"--param {error}") from None
     return params
-
-
-def gallery(
-    scenarios: Annotated[list[Path], typer.Argument(metavar="SCENARIO", help="Scenic programs of environments.")],
-    output: OutputFolder,
-    seed: Seed = 42,
-    as_json: Json = False,
-) -> None:
-    """Draw environments, NAME.png for each NAME.scenic.
-
-    Each picture shows three samples from above, and the ground under the wheels from the side.
-
-    \b
-    Example: foldcar gallery scenarios/two_bumps.scenic scenarios/gaussian_hills.scenic -o pictures
-    """
-    from foldcar.figures.scenes import SAMPLES, draw_environment
-    from foldcar.scenes.source import open_environment
-    from foldcar.simulation.carsim import Carsim
-    from foldcar.simulation.heights import carsim_heights
-
-    names = [program.stem for program in scenarios]
-    repeated = next((name for name in names if names.count(name) > 1), None)
-    if repeated is not None:
-        raise FoldcarError(f"{output / repeated}.png: two programs would write this file; draw them into two folders")
-    heights = carsim_heights(Carsim())
-    make_output_folder(output)
-    files = []
-    for program in scenarios:
-        source = open_environment(program, {}, seed)
-        scenes = [{"id": f"{seed}/{k}", **source.sample(k)} for k in range(SAMPLES)]
-        file = output / f"{program.stem}.png"
-        draw_environment(scenes, file, heights, program.stem)
-        files.append(file)
-    print_result(as_json, {"files": files}, *files)

@@ -1,25 +1,24 @@
 """The commands for whole stores: `foldcar check`, `merge` and `export`."""
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from foldcar.commands.options import (
     STANDARD_OUTPUT,
-    Json,
     NewStore,
     SimulatedTrials,
     StudyStore,
     check_distinct,
     counts_text,
     output_file,
-    print_result,
+    print_lines,
 )
 from foldcar.errors import FoldcarError
 
 
-def check(store: Annotated[Path, typer.Argument(metavar="STORE", help="Store to check.")], as_json: Json = False) -> None:
+def check(store: Annotated[Path, typer.Argument(metavar="STORE", help="Store to check.")]) -> None:
     """Check a store for damage.
 
     It checks SQLite's structures, references between rows and the logs of trials. Exit code 1 if anything is damaged.
@@ -33,9 +32,8 @@ def check(store: Annotated[Path, typer.Argument(metavar="STORE", help="Store to 
     checked = check_store(store)
     findings = [" ".join(finding.split()) for finding in checked.findings]
     state = f"{len(findings)} damaged" if findings else "sound"
-    result = {"store": store, "version": VERSION, "rows": checked.rows, "logs": checked.logs, "findings": findings}
     lines = [*findings, f"{state}; {checked.rows} rows, {checked.logs} logs read; version {VERSION}"]
-    print_result(as_json, result, *(f"{store}: {line}" for line in lines))
+    print_lines(*(f"{store}: {line}" for line in lines))
     if findings:
         raise typer.Exit(1)
 
@@ -43,7 +41,6 @@ def check(store: Annotated[Path, typer.Argument(metavar="STORE", help="Store to 
 def merge(
     stores: Annotated[list[Path], typer.Argument(metavar="STORE...", help="Stores to merge, two or more.")],
     output: NewStore,
-    as_json: Json = False,
 ) -> None:
     """Merge several stores into a new one.
 
@@ -61,7 +58,7 @@ def merge(
     check_distinct(stores, [output])
     row_counts = merge_stores(stores, output)
     counts = {f"{table}s": row_counts[table] for table in ("run", "experiment", "trial")}
-    print_result(as_json, {"store": output, **counts}, f"{output}: {counts_text(counts)}")
+    print_lines(f"{output}: {counts_text(counts)}")
 
 
 def export(
@@ -84,7 +81,6 @@ def export(
     digest: Annotated[
         bool, typer.Option("--digest", help="Print a digest of all runs' keys and results; their order does not matter.")
     ] = False,
-    as_json: Json = False,
 ) -> None:
     """Write a store's runs or trials as a table.
 
@@ -103,34 +99,22 @@ def export(
         options_text = "--csv FILE, --parquet FILE, --trials FILE or --digest"
         raise FoldcarError(f"export: nothing to write; use {options_text}")
     check_distinct([store], [csv, parquet, trials])
-    for option, is_given in (("--json", as_json), ("--digest", digest)):
-        if is_given and csv == STANDARD_OUTPUT:
-            raise FoldcarError(f"export: --csv - and {option} both print on standard output; choose one")
+    if digest and csv == STANDARD_OUTPUT:
+        raise FoldcarError("export: --csv - and --digest both print on standard output; choose one")
     if failed and csv is None and parquet is None:
         raise FoldcarError("export: --failed: has no effect without --csv FILE or --parquet FILE")
-    digest_result: dict[str, Any] = {}
-    written: list[dict[str, Any]] = []
     messages = []
     with Store.open(store) as reader:
         if csv == STANDARD_OUTPUT:
             write_csv(reader, data_output(), failed)
         elif csv is not None:
-            written.append({"path": csv, "runs": export_csv(reader, csv, failed)})
+            messages.append(f"{csv}: {export_csv(reader, csv, failed)} runs")
         if parquet is not None:
-            written.append({"path": parquet, "runs": export_parquet(reader, parquet, failed)})
+            messages.append(f"{parquet}: {export_parquet(reader, parquet, failed)} runs")
         if trials is not None:
             count, left_out = export_trials(reader, trials, simulated_trials)
-            written.append({"path": trials, "trials": count, "left_out": left_out})
-            messages += [f"{trials}: {left_out}"] if left_out else []
+            messages += [f"{trials}: {count} trials", *([f"{trials}: {left_out}"] if left_out else [])]
         if digest:
-            digest_result = dict(zip(("digest", "runs"), store_digest(reader), strict=True))
-    print_result(
-        as_json,
-        {"store": store, "written": written, **digest_result},
-        *([f"{digest_result['digest']}  {digest_result['runs']} runs"] if digest else []),
-    )
-    for entry in () if as_json else written:
-        counts = {name: count for name, count in entry.items() if name not in ("path", "left_out")}
-        typer.echo(f"{entry['path']}: {counts_text(counts)}", err=True)
+            print_lines("{}  {} runs".format(*store_digest(reader)))
     for message in messages:
         typer.echo(message, err=True)

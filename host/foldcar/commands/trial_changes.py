@@ -1,13 +1,12 @@
 """Commands of `foldcar trials` that change stored trials: `correct`, `withdraw`, `restore`, and `measure`."""
 
 from collections.abc import Callable
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foldcar.commands.options import Json, OneExperiment, TrialNumber, TrialStore, print_result
+from foldcar.commands.options import OneExperiment, TrialNumber, TrialStore, print_lines
 from foldcar.errors import FoldcarError
 
 if TYPE_CHECKING:
@@ -33,7 +32,6 @@ def correct(
     ] = None,
     car_name: Annotated[str | None, typer.Option(metavar="NAME", help="Name of the built car.")] = None,
     operator: Operator = "",
-    as_json: Json = False,
 ) -> None:
     """Correct a trial's data.
 
@@ -52,11 +50,11 @@ def correct(
         raise FoldcarError(
             "trials correct: nothing to change; use --outcome, --note, --elapsed-time, --car or --car-name"
         )
-    _change("correct", store, reason, as_json, lambda writer: writer.correct(number, changes, reason, operator))
+    _change("correct", store, reason, lambda writer: writer.correct(number, changes, reason, operator))
 
 
 def withdraw(
-    store: TrialStore, numbers: TrialNumbers, reason: Reason, operator: Operator = "", as_json: Json = False
+    store: TrialStore, numbers: TrialNumbers, reason: Reason, operator: Operator = ""
 ) -> None:
     """Exclude trials from all rates.
 
@@ -70,13 +68,12 @@ def withdraw(
         "withdraw",
         store,
         reason,
-        as_json,
         lambda writer: writer.withdraw(chosen, withdrawn=True, reason=reason, operator=operator),
     )
 
 
 def restore(
-    store: TrialStore, numbers: TrialNumbers, reason: Reason, operator: Operator = "", as_json: Json = False
+    store: TrialStore, numbers: TrialNumbers, reason: Reason, operator: Operator = ""
 ) -> None:
     """Make withdrawn trials count again.
 
@@ -90,7 +87,6 @@ def restore(
         "restore",
         store,
         reason,
-        as_json,
         lambda writer: writer.withdraw(chosen, withdrawn=False, reason=reason, operator=operator),
     )
 
@@ -104,7 +100,6 @@ def measure(
         ),
     ] = None,
     experiment: OneExperiment = None,
-    as_json: Json = False,
 ) -> None:
     """Store measurements of built cars and obstacles.
 
@@ -138,15 +133,11 @@ def measure(
         measured = measured_values(reader, experiment_id)
     units = {parameter.name: parameter.unit for parameter in PARAMETERS}
     lines = [f"experiment {experiment_id}: {name} {value:g} {units[name]}" for name, value in measured.items()]
-    print_result(
-        as_json,
-        {"experiment": experiment_id, "measured": measured},
-        *(lines or [f"experiment {experiment_id}: no measured values"]),
-    )
+    print_lines(*(lines or [f"experiment {experiment_id}: no measured values"]))
 
 
 def _change(
-    command: str, store: Path, reason: str, as_json: bool, change: "Callable[[TrialWriter], list[Correction]]"
+    command: str, store: Path, reason: str, change: "Callable[[TrialWriter], list[Correction]]"
 ) -> None:
     """Call ``change`` with a writer of an existing store, and print the corrections that it returns.
 
@@ -161,6 +152,4 @@ def _change(
     require_store(store)
     with write_trials(store) as writer:
         corrections = change(writer)
-    print_result(
-        as_json, {"corrections": [asdict(correction) for correction in corrections]}, *map(correction_text, corrections)
-    )
+    print_lines(*map(correction_text, corrections))

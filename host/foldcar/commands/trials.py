@@ -17,6 +17,7 @@ from foldcar.commands.options import (
     TrialNumber,
     TrialStore,
     output_file,
+    print_lines,
     print_note,
     print_result,
 )
@@ -73,7 +74,6 @@ def replay(
     number: TrialNumber,
     plot: Picture = None,
     simulated_trials: SimulatedTrials = False,
-    as_json: Json = False,
 ) -> None:
     """Simulate a trial's design in the trial's scene.
 
@@ -103,7 +103,6 @@ def replay(
     body, settings, scene = map(json.loads, drive)
     answer = SimulatedRun(f"trial {number}", body, scene, settings, 0).simulate(carsim, path_interval_s=PATH_INTERVAL_S)
     outcome, simulated_s = outcome_of(answer), answer.get("elapsed_time_s")
-    agrees = None
     if not trial.completed:
         verdict = "not compared: the trial was aborted"
     elif trial.standing == BUILT or (simulated_trials and trial.standing == SIMULATED):
@@ -135,9 +134,7 @@ def replay(
             raise FoldcarError(f"{plot}: a failed run has no picture")
         draw_run(body, scene, answer, answer["path"], carsim_heights(carsim), plot)
         lines.append(f"picture: {plot}")
-    simulated = {"outcome": outcome, "elapsed_time_s": simulated_s, "message": answer.get("error")}
-    result = {"trial": asdict(trial), "simulated": simulated, "agrees": agrees, "picture": plot}
-    print_result(as_json, {**result, "log": log_summary and asdict(log_summary)}, *lines)
+    print_lines(*lines)
 
 
 def _log_lines(log_summary: "LogFeatures") -> list[str]:
@@ -169,7 +166,6 @@ def import_file(
     store: TrialStore,
     file: Annotated[Path, typer.Argument(metavar="CSV", help="CSV file of trials (see docs/trials.md).")],
     experiment: Annotated[str | None, typer.Option(metavar="ID", help="Experiment of rows without one.")] = None,
-    as_json: Json = False,
 ) -> None:
     """Import trials from a CSV file.
 
@@ -189,8 +185,7 @@ def import_file(
     repeated = len(rows) - len(imported)
     range_text = f", {imported[0]} to {imported[-1]}" if imported else ""
     repeated_text = f"; {repeated} were imported before" if repeated else ""
-    line = f"{len(imported)} trials imported{range_text}{repeated_text}; store: {store}"
-    print_result(as_json, {"store": store, "imported": imported, "known": repeated}, line)
+    print_lines(f"{len(imported)} trials imported{range_text}{repeated_text}; store: {store}")
 
 
 @trials.command()
@@ -255,7 +250,7 @@ def _print_damage(log: Path) -> None:
 
 
 @trials.command()
-def dialect(output: OutputFolder, as_json: Json = False) -> None:
+def dialect(output: OutputFolder) -> None:
     """Write foldcar's MAVLink dialect as XML.
 
     Other programs need the file, DIR/v1.0/foldcar.xml, to decode foldcar's own messages.
@@ -274,4 +269,4 @@ def dialect(output: OutputFolder, as_json: Json = False) -> None:
     file = output / "v1.0" / "foldcar.xml"
     with atomic_file(file) as binary:
         binary.write(text.encode())
-    print_result(as_json, {"files": [file]}, file)
+    print_lines(file)

@@ -10,13 +10,12 @@ import typer
 from foldcar.commands.listed_run import ListedRun, listed_family, listed_run, simulated_run
 from foldcar.commands.options import (  # fmt: skip
     Components,
-    Json,
     Listing,
     Settings,
     Vehicle,
     check_distinct,
     output_file,
-    print_result,
+    print_lines,
 )
 from foldcar.commands.run import variation_text
 from foldcar.errors import FoldcarError
@@ -39,7 +38,6 @@ def view(
         typer.Option(metavar="ID[/K]", help="Also show a run: experiment ID in sampled environment K, e.g. 1/3."),
     ] = None,
     components: Components = None,
-    as_json: Json = False,
 ) -> None:
     """Write a page that shows a car's assembly and a run.
 
@@ -67,7 +65,7 @@ def view(
     page = view_page(folded, title, _run_data(viewed, folded) if viewed else None)
     with atomic_file(output) as binary:
         binary.write(page.encode())
-    print_result(as_json, {"files": [output]}, output)
+    print_lines(output)
 
 
 def _run_data(listed: ListedRun, folded: "FoldedCar") -> dict[str, Any]:

@@ -82,7 +82,7 @@ REST = (
     ("pattern", "study.json", "--vehicle", "mine", *CAR, "-o", "car"),
     ("new", "yard"),
     ("sample", "yard.scenic", "-n", "2", "--seed", "1"),
-    ("gallery", "yard.scenic", "-o", "pictures"),
+    ("sample", "yard.scenic", "-n", "3", "--plot", "yard.png"),
     ("run", "study.json", "--experiment", "yard", *CAR),
     ("model", "study.json", "--vehicle", "mine", *CAR, "--to", "mjcf", "-o", "models"),
     ("view", "study.json", "--vehicle", "mine", *CAR, "-o", "car.html"),
@@ -96,7 +96,7 @@ def test_what_needs_no_terminal_works(project: Path, commands: tuple[tuple[str, 
     assert "Traceback" not in done.stderr and done.returncode == 0, done.stderr
     ends = [line for line in done.stderr.splitlines() if line.startswith("ended with")]
     assert ends == ["ended with 0"] * len(commands), done.stderr
-    made = {"report", "car", "pictures", "car.html"} if commands is REST else {"yard.db", "runs.csv", "trials.csv"}
+    made = {"report", "car", "yard.png", "car.html"} if commands is REST else {"yard.db", "runs.csv", "trials.csv"}
     assert made <= {file.name for file in project.iterdir()}
 
 

@@ -1,4 +1,4 @@
-"""The commands `foldcar sample` and `foldcar gallery`."""
+"""The command `foldcar sample`."""
 
 import json
 from pathlib import Path
@@ -53,22 +53,11 @@ def test_mistakes_are_one_line_and_leave_no_file(refused: Any, tmp_path: Path) -
     assert file.read_text() == "kept\n"
 
 
-def test_named_programs_are_drawn_into_a_folder(foldcar: Any, tmp_path: Path, carsim_binary: Path) -> None:
-    programs = [PYRAMIDS.parent / "two_bumps.scenic", PYRAMIDS.parent / "gaussian_hills.scenic"]
-    done = foldcar("gallery", *programs, "-o", "pictures")
-    assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout.split() == ["pictures/two_bumps.png", "pictures/gaussian_hills.png"]
-    files = {file.name: file.read_bytes() for file in (tmp_path / "pictures").iterdir()}
-    assert set(files) == {"two_bumps.png", "gaussian_hills.png"}
-    # They are kept with the documentation.
-    assert all(len(content) < 150_000 for content in files.values())
-    foldcar("gallery", programs[0], "-o", "again")
-    assert (tmp_path / "again" / "two_bumps.png").read_bytes() == files["two_bumps.png"]
+def test_a_picture_is_small_and_the_same_each_time(foldcar: Any, tmp_path: Path, carsim_binary: Path) -> None:
+    """Pictures are kept with the documentation."""
+    for file in ("a.png", "b.png"):
+        done = foldcar("sample", PYRAMIDS.parent / "two_bumps.scenic", "-n", "3", "--seed", "42", "--plot", file)
+        assert (done.returncode, done.stderr) == (0, "")
 
-
-def test_two_programs_of_one_name_and_a_file_as_folder_are_refused(refused: Any, tmp_path: Path) -> None:
-    program = PYRAMIDS.parent / "two_bumps.scenic"
-    twice = refused("gallery", program, program, "-o", "pictures")
-    assert twice == "pictures/two_bumps.png: two programs would write this file; draw them into two folders"
-    (tmp_path / "file").write_text("")
-    assert refused("gallery", program, "-o", "file") == "file: not a folder"
+    assert len((tmp_path / "a.png").read_bytes()) < 150_000
+    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()

@@ -167,14 +167,14 @@ def test_measured_values_are_kept_and_taken_as_known(swept: Path, tmp_path: Path
 
     before = run(tmp_path, "trials", "measure", "s.db")
     run(tmp_path, "trials", "measure", "s.db", "track_m=0.5e-2", "obstacle_height=1.1", "friction=0.9")
-    kept = run(tmp_path, "trials", "measure", "s.db", "track_m=0.002", "friction=", "--json")
+    kept = run(tmp_path, "trials", "measure", "s.db", "track_m=0.002", "friction=")
     answer = run(
         tmp_path, "calibrate", "s.db", "--name", "two", "--runs", "500", "--known", "obstacle_height=1.05", "--json"
     )
     shown = run(tmp_path, "calibrate", "s.db", "--name", "three", "--runs", "500").stdout
 
     assert before.stdout == "experiment 1: no measured values\n"
-    assert json.loads(kept.stdout) == {"experiment": "1", "measured": {"obstacle_height": 1.1, "track_m": 0.002}}
+    assert kept.stdout == "experiment 1: obstacle_height 1.1 ×\nexperiment 1: track_m 0.002 m\n"
     draws = json.loads(answer.stdout)["draws"]
     rows = [line.split() for line in shown.splitlines()]
     assert ["obstacle_height", "(×)", "1.1", "1.1", "-"] in rows and ["track_m", "0.002", "0.002", "-"] in rows

@@ -14,10 +14,14 @@ from foldcar.api.study import Study
 from foldcar.inference.selecting import select
 from foldcar.report.page_data import page_data
 from foldcar.scenes.source import open_environment
+from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.results import OUTCOMES
 from foldcar.statistics.rate import anytime_interval
 from foldcar.statistics.stopping import StoppingRule
 from foldcar.store.reader import Store
+from foldcar.study.experiments import read_study
+from foldcar.study.search.objectives import OBJECTIVES
+from foldcar.study.search.search import Plan, SearchResult, search, searched_study
 from written_study import add_trials, write_study
 
 WIDTHS = {"width_mm": [80.0, 100.0, 120.0, 140.0]}
@@ -105,16 +109,15 @@ def test_a_sweep_counts_them_apart(listing: Path, tmp_path: Path, foldcar: Any) 
 
 def test_a_sweep_until_decided_and_a_search_go_by_the_others(listing: Path, foldcar: Any) -> None:
     until = json.loads(foldcar("sweep", listing, "--store", "u.db", "--jobs", "1", "--until", "decided", "--json").stdout)
-    output = json.loads(
-        foldcar("optimize", listing, "--store", "o.db", "--jobs", "1", "--designs", "2", "--fresh", "3", "--json").stdout
-    )
+    plan, result = Plan((OBJECTIVES["success"],), designs=2, fresh=3), SearchResult(planned=2)
+    search(searched_study(read_study(listing), plan.fresh), plan, listing.parent / "o.db", Carsim(), 1, "", result)
 
     rule = StoppingRule(None, (0.5,))
     for design in until["designs"]:
         assert design["rejected"] and design["passed"] == design["runs"] - design["rejected"]
         assert design["decided"] == bool(rule.decided(design["passed"], design["passed"]))
         assert design["low"] == pytest.approx(float(anytime_interval(design["passed"], design["passed"])[0]))
-    assert [design["chosen_by"]["success"] for design in output["best"]] == [1, 1]
+    assert [design.chosen_by for design in result.best] == [(1,), (1,)]
 
 
 FAILS_FROM = (

@@ -5,7 +5,6 @@ design's objectives, or the fact that it cannot be built. Equal seeds give equal
 the same proposals and finds their runs in the store.
 """
 
-import itertools
 import math
 import random
 import warnings
@@ -23,8 +22,6 @@ from foldcar.study.family import Family
 from foldcar.study.search.design_simulator import Row, Values
 from foldcar.study.search.objectives import Objective, is_dominated
 
-# Population of NSGA-II: with Optuna's default of 50, a search of a hundred designs would have only two generations.
-POPULATION = 16
 # After this many successive proposals of designs that were proposed before, a new design is drawn at random, in at most
 # DRAWS attempts.
 MAX_REPEATS = 8
@@ -52,10 +49,10 @@ class Tried:
 class Proposals:
     """An Optuna study of a family: :meth:`next` proposes an untried design, :meth:`tell` takes its result.
 
-    ``sampler`` is ``tpe``, ``nsga2``, ``grid`` or another name for random designs. A grid has at most ``designs`` points.
+    Designs are proposed by a tree-structured Parzen estimator (TPE) with the random ``seed``.
     """
 
-    def __init__(self, family: Family, objectives: Sequence[Objective], sampler: str, seed: int, designs: int) -> None:
+    def __init__(self, family: Family, objectives: Sequence[Objective], seed: int = 0) -> None:
         self._family = family
         self._objectives = objectives
         self._seed = seed
@@ -66,12 +63,9 @@ class Proposals:
         optuna.logging.set_verbosity(optuna.logging.ERROR)
         # Optuna warns of each option that may still change, such as multivariate TPE.
         warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
-        self._sampler = sampler
         self._study = optuna.create_study(
             directions=["maximize" if objective.largest else "minimize" for objective in objectives]
         )
-        self._grid = [] if sampler != "grid" else grid([len(self._levels[key]) for key in self._varied], designs)
-        self._unused_grid_points = iter(self._grid)
         # The proposal whose result is awaited: Optuna's trial, and the design.
         self._trial: Trial | None = None
         self._suggested: Values = ()
@@ -85,12 +79,7 @@ class Proposals:
         seen = {*(tried.values for tried in self.tried), *self.unbuildable}
         repeats = 0
         while True:
-            grid_point = next(self._unused_grid_points, None)
-            if self._grid and grid_point is None:
-                return None
-            if grid_point is not None:
-                self._study.enqueue_trial(dict(zip(self._varied, grid_point, strict=True)))
-            elif repeats >= MAX_REPEATS:
+            if repeats >= MAX_REPEATS:
                 # The sampler repeats itself: draw a new design without it.
                 if not self._enqueue_new_design(seen):
                     return None
@@ -162,12 +151,7 @@ class Proposals:
 
     def _sampler_of(self, number: int) -> Any:
         """Return a new sampler for proposal ``number``, with a seed of its own, so that a resumed search repeats it."""
-        seed = (self._seed * 1_000_003 + number) % 2**32
-        if self._sampler == "tpe":
-            return optuna.samplers.TPESampler(seed=seed, multivariate=True)
-        if self._sampler == "nsga2":
-            return optuna.samplers.NSGAIISampler(seed=seed, population_size=POPULATION)
-        return optuna.samplers.RandomSampler(seed=seed)
+        return optuna.samplers.TPESampler(seed=(self._seed * 1_000_003 + number) % 2**32, multivariate=True)
 
     def _enqueue_new_design(self, seen: set[Values]) -> bool:
         """Make a random buildable design that is not in ``seen`` the next proposal; return False after DRAWS failures."""
@@ -179,23 +163,3 @@ class Proposals:
                 self._study.enqueue_trial(indices)
                 return True
         return False
-
-
-def grid(levels: Sequence[int], points: int) -> list[tuple[int, ...]]:
-    """Return at most ``points`` grid points, as indices of the values of each parameter.
-
-    ``levels`` are the parameters' numbers of values. The coarsest parameter is divided further as long as that fits.
-    """
-    counts = [1] * len(levels)
-
-    def fits(axis: int) -> bool:
-        new_count = counts[axis] + 1
-        return new_count <= levels[axis] and math.prod(counts) // counts[axis] * new_count <= points
-
-    while axes := [axis for axis in range(len(levels)) if fits(axis)]:
-        counts[min(axes, key=lambda axis: counts[axis] / levels[axis])] += 1
-    # Use the middles of equal parts.
-    indices = [
-        [(2 * i + 1) * level // (2 * count) for i in range(count)] for level, count in zip(levels, counts, strict=True)
-    ]
-    return list(itertools.product(*indices))

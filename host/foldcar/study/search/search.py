@@ -35,20 +35,20 @@ FRESH_BIT = 1 << 40
 
 @dataclass(frozen=True)
 class Plan:
-    """The settings of a search with at most ``designs`` designs and ``runs`` runs (None: no limit).
+    """The settings of a search with at most ``designs`` designs.
 
-    The ``best`` designs are tested in ``fresh`` new environments. ``prune`` is whether designs that are probably worse
-    than the best are stopped early.
+    The ``best`` designs are tested in ``fresh`` new environments.
     """
 
     objectives: tuple[Objective, ...]
-    sampler: str
-    seed: int
     designs: int
-    runs: int | None
-    fresh: int
-    best: int
-    prune: bool
+    best: int = 3
+    fresh: int = 200
+
+    @property
+    def prunes(self) -> bool:
+        """Whether designs that are probably worse than the best are stopped early: only one objective has an order."""
+        return len(self.objectives) == 1
 
 
 @dataclass(frozen=True)
@@ -118,15 +118,13 @@ def search(
     command: str,
     result: SearchResult,
     report: Callable[[SearchResult], None] = lambda result: None,
-    environment_of: Callable[[Experiment], Environment] = Environment,
 ) -> None:
     """Search the family of the first experiment of :func:`searched_study`; the second has the new environments.
 
-    ``result`` is updated, and ``report`` called, after every step. ``environment_of`` creates an experiment's
-    environment; a calibration has its own. Raises FoldcarError.
+    ``result`` is updated, and ``report`` called, after every step. Raises FoldcarError.
     """
     experiment, fresh = study.experiments
-    environment = environment_of(experiment)
+    environment = Environment(experiment)
     _check(experiment, environment, plan)
     names = [objective.name for objective in plan.objectives]
 
@@ -136,12 +134,12 @@ def search(
 
     with write_store(store) as writer:
         writer.begin_study(study_facts(study, carsim, command), carsim.build)
-        proposals = Proposals(experiment.family, plan.objectives, plan.sampler, plan.seed, plan.designs)
+        proposals = Proposals(experiment.family, plan.objectives)
         with open_simulator(experiment, environment, writer, carsim, simulators, simulated, names) as simulator:
             _try_designs(experiment, plan, proposals, simulator, result, report)
             simulator.finish(list(proposals.unbuildable))
         best = proposals.best(plan.best)
-        with open_simulator(fresh, environment_of(fresh), writer, carsim, simulators, simulated, ()) as simulator:
+        with open_simulator(fresh, Environment(fresh), writer, carsim, simulators, simulated, ()) as simulator:
             for tried in best:
                 rows = _counted(simulator.rows(tried.values, range(plan.fresh)))
                 result.best.append(_judged(experiment, plan, tried, rows))
@@ -161,7 +159,7 @@ def _try_designs(
 ) -> None:
     """Try proposed designs, batch by batch of their environments, until a limit of the plan is reached."""
     first = plan.objectives[0]
-    while result.designs < plan.designs and (plan.runs is None or result.runs + experiment.environments <= plan.runs):
+    while result.designs < plan.designs:
         values = proposals.next()
         if values is None:
             result.exhausted = True
@@ -171,7 +169,7 @@ def _try_designs(
         for batch in batches(experiment.environments):
             all_rows += simulator.rows(values, batch)
             pruned = (
-                plan.prune
+                plan.prunes
                 and len(all_rows) < experiment.environments
                 and proposals.is_worse(all_rows, experiment.timeout_s)
             )
@@ -236,10 +234,6 @@ def _check(experiment: Experiment, environment: Environment, plan: Plan) -> None
     """Raise FoldcarError if the plan cannot be carried out for the experiment."""
     if all(objective.value is None for objective in plan.objectives):
         raise FoldcarError("--objective sheet-area: needs no simulation; add an objective such as success")
-    if plan.runs is not None and plan.runs < experiment.environments:
-        raise FoldcarError(
-            f"--runs {plan.runs}: is too few; one design needs {experiment.environments}, one in each environment"
-        )
     if experiment.condition is not None:
         raise FoldcarError(
             f"{experiment.place}: environment {experiment.environment} has a condition, which new samples cannot have"

@@ -58,7 +58,6 @@ MODULES = {
     "calibrate": ("sklearn",),
     "cluster": ("cryptography", "dask", "distributed"),
     "fabricate": ("ezdxf", "fcl", "reportlab", "trimesh"),
-    "camera": ("cv2", "reportlab"),
     "link": ("mcap", "pymavlink", "serial"),
     "mujoco": ("mujoco",),
     "optimize": ("optuna",),

@@ -220,7 +220,7 @@ def export(
     from foldcar.store.reader import Store
 
     with Store.open(store) as reader:
-        trial, drive, filmed_track = reader.trial(number), reader.trial_drive(number), reader.track(number)
+        trial, drive = reader.trial(number), reader.trial_drive(number)
     if trial.log is None:
         raise FoldcarError(f"{store}: trial {number} was imported and has no log")
     facts = {
@@ -241,7 +241,7 @@ def export(
         grid = smooth_ground(scene, carsim_heights(Carsim()))
         scene_update = foxglove_scene(body, scene, grid)
         start = {**scene["start"], "z_m": start_height_m(body, scene, grid)}
-    count = export_mcap(log, mcap, facts, scene_update, start, filmed_track.rows if filmed_track else ())
+    count = export_mcap(log, mcap, facts, scene_update, start)
     _print_damage(log)
     print_result(as_json, {"files": [mcap], "messages": count}, f"{mcap}: {count} messages")
 

@@ -58,7 +58,7 @@ MODULES = {
     "calibrate": ("sklearn",),
     "cluster": ("cryptography", "dask", "distributed"),
     "fabricate": ("ezdxf", "fcl", "reportlab", "trimesh"),
-    "link": ("mcap", "pymavlink", "serial"),
+    "link": ("pymavlink", "serial"),
     "mujoco": ("mujoco",),
     "optimize": ("optuna",),
     "parquet": ("pyarrow",),

@@ -192,6 +192,6 @@ def test_logs_outside_of_the_folder_are_refused(tmp_path: Path, store: Path, fol
         with Store.open(store) as opened, pytest.raises(StoreError, match="is outside the folder"):
             log_file(store, str(opened.trial(1).log))
         assert any("is outside the folder" in finding for finding in check_store(store).findings)
-    answer = foldcar("trials", "export", "s.db", "1", "--mcap", "x.mcap")
+    answer = foldcar("merge", "s.db", "s.db", "-o", "m.db")
     assert answer.returncode == 2 and "is outside the folder" in answer.stderr and answer.stderr.count("\n") == 1
     assert sorted(file.name for file in tmp_path.iterdir()) == ["s-logs", "s.db"]

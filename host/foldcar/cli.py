@@ -67,7 +67,7 @@ COMMANDS = {
     "new": "new", "sweep": "sweep", "optimize": "optimize", "run": "run", "sample": "sample",
     "report": "report", "select": "advice", "compare": "advice", "calibrate": "calibrate", "export": "stores",
     "check": "stores", "merge": "stores", "model": "model", "pattern": "pattern", "view": "view", "link": "link",
-    "log": "log", "markers": "track", "lens": "track", "track": "track", "flash": "flash", "doctor": "doctor",
+    "log": "log", "flash": "flash", "doctor": "doctor",
     "calibrate-servos": "params", "trials": "trials", "params": "params",
 }  # fmt: skip
 

@@ -1,4 +1,4 @@
-"""What differs between operating systems: typed input, serial ports to wait for, groups of processes, priority.
+"""What differs between operating systems: typed input, serial ports to wait for, groups of processes.
 
 Linux and macOS wait for any file descriptor with `select`. On Windows `select` takes sockets only: threads read there.
 Nothing else in foldcar asks which system it runs on.
@@ -34,12 +34,6 @@ def end_group(process: "subprocess.Popen[Any]", number: int) -> None:
 def kill_group(process: "subprocess.Popen[Any]") -> None:
     """Kill a process started with ``start_new_session``, and the processes that it started."""
     end_group(process, getattr(signal, "SIGKILL", signal.SIGTERM))
-
-
-def lower_priority(steps: int) -> None:
-    """Lower this process's priority by ``steps``, so that other processes get processor time first."""
-    if hasattr(os, "nice"):
-        os.nice(steps)
 
 
 class ThreadedPort:

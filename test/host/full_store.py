@@ -8,14 +8,12 @@ from typing import Any
 
 from foldcar.store.calibrations import Calibration, write_calibrations
 from foldcar.store.tables import Table
-from foldcar.store.trial_records import Ending, Track, TrialDesign
+from foldcar.store.trial_records import Ending, TrialDesign
 from foldcar.store.trial_writer import CarFacts, Drive, write_trials
 from foldcar.store.writer import PlannedDesign, PlannedExperiment, StoreWriter, write_store
 from written_study import EXPERIMENT_FACTS, FACTS, METRICS, add_experiment
 
 CAR = CarFacts("fw", "hash", "/dev/pts/7", "built", "Ada")
-TRACKED = {"frame_error_m": [0.001], "start_error_s": 0.02}
-TRACK = Track(1, "trial.mp4", "0" * 64, 1.25, "passed", TRACKED, [[0.05 * k, *[0.01 * k] * 15] for k in range(3)])
 
 
 def full_store(path: Path) -> Path:
@@ -38,7 +36,6 @@ def full_store(path: Path) -> Path:
             trials.complete(trial, Ending("passed", "goal", 2.5, "", digest))
         trials.correct(1, {"note": "over the edge", "outcome": "tipped"}, "seen on the film", "Bo")
         trials.withdraw([2], True, "practice", "Bo")
-        trials.put_track(TRACK)
         trials.put_media(1, "film", Path(__file__))
         for at, outcome in enumerate(("stuck", "passed")):
             row = {"uuid": f"row {at}", "experiment": "1", "vehicle_type": "W_B_W", "source": "table", "car": "built"}

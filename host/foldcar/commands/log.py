@@ -65,13 +65,6 @@ def log(
         bool, typer.Option("--any-build", help="Drive even if the firmware's build differs from the simulated one.")
     ] = False,
     yes: Annotated[bool, typer.Option("--yes", help="Ask no questions; use the default answers.")] = False,
-    course: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="course.json of `foldcar markers`; the picture of the placement then also shows the floor markers.",
-        ),
-    ] = None,
     media: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="Folder to watch: new photos and films are attached to the current trial."),
@@ -88,7 +81,6 @@ def log(
     """
     from foldcar.interrupts import message_on_signal
     from foldcar.store.trial_records import TRIAL_OUTCOMES, checked_name
-    from foldcar.trials.camera.markers import read_course
     from foldcar.trials.session import Session, SessionOptions
 
     if outcome is not None and outcome not in TRIAL_OUTCOMES:
@@ -114,7 +106,6 @@ def log(
         button=button,
         any_build=any_build,
         yes=yes,
-        course=None if course is None else read_course(course),
         media_folder=media,
     )
     with message_on_signal(lambda: f"stopped: the trials driven so far are in {store}"):

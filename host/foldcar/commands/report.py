@@ -1,14 +1,11 @@
-"""`foldcar report` writes a page with figures of a store's study and prints a summary, or serves the page."""
+"""`foldcar report` writes a page with figures of a store's study and prints a summary."""
 
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from foldcar.commands.live import PORT, LivePort, serve
-from foldcar.commands.options import Json, SimulatedTrials, StudyStore, output_folder, print_result, thresholds_of_success
-from foldcar.errors import FoldcarError
+from foldcar.commands.options import Json, OutputFolder, SimulatedTrials, StudyStore, print_result, thresholds_of_success
 from foldcar.installation import usable_processors
 
 if TYPE_CHECKING:
@@ -25,14 +22,7 @@ PAGE_ONLY = ("runs", "runs_omitted", "drives", "files", "provenance", "outcome_l
 
 def report(
     store: StudyStore,
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="DIR", callback=output_folder, help="Folder for the files.")
-    ] = None,
-    live: Annotated[
-        bool,
-        typer.Option("--live", help="Serve the page on this machine until Ctrl-C; it updates as the store grows."),
-    ] = False,
-    port: LivePort = None,
+    output: OutputFolder,
     simulated_trials: SimulatedTrials = False,
     threshold: Annotated[
         list[float] | None,
@@ -42,7 +32,6 @@ def report(
             help="Success rate of good designs, 0 to 1; may be repeated. Default: the listing's, or 0.5 and 0.75.",
         ),
     ] = None,
-    beside_sweep: Annotated[bool, typer.Option("--beside-sweep", hidden=True)] = False,
     as_json: Json = False,
 ) -> None:
     """Write a report of a study, or of trials alone.
@@ -51,32 +40,17 @@ def report(
     summary is printed. The page contains the simulator: it simulates every run, checks it against the stored one, and
     shows what changes if car or ground differ from what was simulated.
 
-    With --live nothing is written. The page shows the store's content while a sweep, a search or trials go on.
+    You may write a report while a sweep, a search or trials go on. It shows what the store contains by then, and how many
+    of the planned runs these are.
 
     \b
     Example: foldcar report study.db -o report --threshold 0.6 --threshold 0.8
-             foldcar report study.db --live
     """
-    from foldcar.store.connection import require_store
-
-    if live == (output is not None):
-        raise FoldcarError("-o: --live writes no files; leave out -o" if live else "-o DIR is missing; or use --live")
-    if port is not None and not live:
-        raise FoldcarError("--port: needs --live, which serves the page")
-    where = ["--live"] if output is None else ["-o", str(output)]
-    command = ["foldcar", "report", str(store), *where]
+    command = ["foldcar", "report", str(store), "-o", str(output)]
     if simulated_trials:
         command.append("--simulated-trials")
     thresholds = sorted(set(threshold or []))
     command += [word for rate in thresholds for word in ("--threshold", f"{rate:g}")]
-    if output is None:
-        if not beside_sweep:
-            require_store(store)
-        from foldcar.report.live import LiveStudy
-
-        study = LiveStudy(store, command, thresholds, simulated_trials)
-        serve(study, store.name, PORT if port is None else port, beside_sweep, as_json)
-        return
     from foldcar.commands.progress_bar import TerminalBar
     from foldcar.report.drives import PageDrives
     from foldcar.report.write import PAGE, write_report

@@ -2,14 +2,12 @@
 
 import shlex
 from collections.abc import Iterator, Sequence
-from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foldcar.commands.live import PORT, LivePort, served_beside
 from foldcar.commands.options import (
     Components,
     Engine,
@@ -27,7 +25,6 @@ from foldcar.commands.options import (
     print_result,
     simulators,
 )
-from foldcar.errors import FoldcarError
 from foldcar.installation import usable_processors
 
 if TYPE_CHECKING:
@@ -65,10 +62,6 @@ def sweep(
     ] = None,
     engine: Engine = "multibody",
     components: Components = None,
-    live: Annotated[
-        bool, typer.Option("--live", help="Serve the report's page on this machine; it is updated during the sweep.")
-    ] = False,
-    port: LivePort = None,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Only estimate time and size, and list designs that cannot be built.")
     ] = False,
@@ -83,8 +76,6 @@ def sweep(
     Example: foldcar sweep scenarios/width_study.json --store study.db
     foldcar sweep scenarios/width_study.json --store study.db --until decided
     """
-    if port is not None and not live:
-        raise FoldcarError("--port: needs --live, which serves the page")
     check_scheduler_option(scheduler, jobs)
     from foldcar.api.sweeping import planned_sweep
 
@@ -95,8 +86,7 @@ def sweep(
     if dry_run:
         _print_estimates(planned, jobs or usable_processors(), as_json)
         return
-    with served_beside(store, PORT if port is None else port) if live else nullcontext():
-        _sweep(planned, scheduler, jobs, as_json)
+    _sweep(planned, scheduler, jobs, as_json)
 
 
 def _print_estimates(planned: "Sweep", jobs: int, as_json: bool) -> None:

@@ -1,4 +1,4 @@
-"""`foldcar trials` lists a store's trials, simulates them again, corrects, imports and exports them."""
+"""`foldcar trials` lists a store's trials, simulates them again, corrects and imports them."""
 
 import json
 import math
@@ -16,7 +16,6 @@ from foldcar.commands.options import (
     SimulatedTrials,
     TrialNumber,
     TrialStore,
-    output_file,
     print_lines,
     print_note,
     print_result,
@@ -186,59 +185,6 @@ def import_file(
     range_text = f", {imported[0]} to {imported[-1]}" if imported else ""
     repeated_text = f"; {repeated} were imported before" if repeated else ""
     print_lines(f"{len(imported)} trials imported{range_text}{repeated_text}; store: {store}")
-
-
-@trials.command()
-def export(
-    store: TrialStore,
-    number: TrialNumber,
-    mcap: Annotated[
-        Path,
-        typer.Option(metavar="FILE", callback=output_file, help="MCAP file to write, for Foxglove and PlotJuggler."),
-    ],
-    as_json: Json = False,
-) -> None:
-    """Convert a trial's log to MCAP.
-
-    The log itself is a .tlog file, which MAVLink tools can open.
-
-    \b
-    Example: foldcar trials export study.db 7 --mcap trial7.mcap
-    """
-    from foldcar.link.mcap_export import NO_START, export_mcap
-    from foldcar.models.foxglove_scene import foxglove_scene
-    from foldcar.models.ground import smooth_ground, start_height_m
-    from foldcar.simulation.carsim import Carsim
-    from foldcar.simulation.heights import carsim_heights
-    from foldcar.statistics.words import design_text
-    from foldcar.store.log_files import intact_log, log_file
-    from foldcar.store.reader import Store
-
-    with Store.open(store) as reader:
-        trial, drive, filmed_track = reader.trial(number), reader.trial_drive(number), reader.track(number)
-    if trial.log is None:
-        raise FoldcarError(f"{store}: trial {number} was imported and has no log")
-    facts = {
-        "trial": str(trial.id),
-        "experiment": trial.experiment,
-        "design": design_text(trial.design),
-        "sample": str(trial.sample),
-        "outcome": trial.outcome,
-        "note": trial.note,
-        "car": trial.car or "unknown",
-        "car_name": trial.car_name or "",
-        "withdrawn": str(trial.withdrawn).lower(),
-    }
-    log = intact_log(store, number, trial.log, trial.log_sha256) or log_file(store, trial.log)
-    scene_update, start = None, NO_START
-    if drive is not None and log.is_file():
-        body, scene = json.loads(drive.body), json.loads(drive.scene)
-        grid = smooth_ground(scene, carsim_heights(Carsim()))
-        scene_update = foxglove_scene(body, scene, grid)
-        start = {**scene["start"], "z_m": start_height_m(body, scene, grid)}
-    count = export_mcap(log, mcap, facts, scene_update, start, filmed_track.rows if filmed_track else ())
-    _print_damage(log)
-    print_result(as_json, {"files": [mcap], "messages": count}, f"{mcap}: {count} messages")
 
 
 def _print_damage(log: Path) -> None:

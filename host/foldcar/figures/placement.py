@@ -1,6 +1,6 @@
 """Draws the placement of car and obstacles for a trial, with letters and positions as in the instructions."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -30,17 +30,13 @@ def draw_placement(
     heights: Heights,
     file: Path,
     title: str,
-    markers: Sequence[tuple[int, float, float, float, float]] = (),
-    cards: Sequence[tuple[float, float, float, float]] = (),
 ) -> None:
     """Draw ``scene`` (docs/carsim.md), its lettered obstacles and the outline of a car of that size into ``file``.
 
-    ``markers`` of a camera on the floor are number, x, y, turn and side (m, rad), ``cards`` of obstacles x, y, turn and
-    side. Raises FoldcarError.
+    Raises FoldcarError.
     """
     check_format(file)
-    squares = [*(marker[1:] for marker in markers), *cards]
-    extent = view_of([scene], [(0, x + by * side, y + by * side) for x, y, _, side in squares for by in (-0.7, 0.7)])
+    extent = view_of([scene])
     ground = height_map(heights, scene, extent, CELLS)
     scale = height_scale([ground])
     long_m, wide_m = extent.size_m
@@ -66,15 +62,6 @@ def draw_placement(
                 axes.annotate(text, end, offset, textcoords="offset points", ha="left" if right else "right",
                               va="bottom" if above else "top", fontsize=8, zorder=8,
                               bbox={"facecolor": "#ffffffcc", "edgecolor": "none", "pad": 1})  # fmt: skip
-        for label, (x_m, y_m, turn_rad, side_m) in zip(["a camera's cards", *[None] * len(cards)], cards, strict=False):
-            _draw_outline(axes, (x_m, y_m), turn_rad, side_m, side_m, facecolor="#ffffffaa", label=label)
-        for number, x_m, y_m, turn_rad, side_m in markers:
-            at = (x_m, y_m)
-            _draw_outline(axes, at, turn_rad, side_m, side_m, facecolor="white")
-            axes.annotate(f"{number}", at, ha="center", va="center", fontsize=9, fontweight="bold", zorder=8)
-            text = f"{1000 * x_m:.0f}, {1000 * y_m:.0f} mm"
-            axes.annotate(text, (x_m, y_m - side_m / 2), (0, -5), textcoords="offset points", ha="center", va="top",
-                          fontsize=8, zorder=8)  # fmt: skip
         axes.plot([0], [0], "x", color=ACCENT, markersize=8, zorder=7, label="mark on the floor, 0, 0")
         if obstacles:
             axes.plot([], [], ".-", color=ACCENT, label="edges to measure by tape: x, y (mm)")
@@ -86,26 +73,10 @@ def draw_placement(
 
 
 def _draw_car(axes: Any, start: Mapping[str, float], length_m: float, width_m: float) -> None:
-    at = (start["x_m"], start["y_m"])
-    rear = _draw_outline(axes, at, start["heading_rad"], length_m, width_m, facecolor="none")
-    axes.annotate(CAR, rear, (-4, 0), textcoords="offset points", ha="right", va="center")
-
-
-def _draw_outline(
-    axes: Any,
-    at: Sequence[float],
-    turn_rad: float,
-    length_m: float,
-    width_m: float,
-    facecolor: str,
-    label: str | None = None,
-) -> Any:
-    """Draw a turned rectangle, and return the middle of its rear side."""
     half, side = length_m / 2, width_m / 2
     corners = [(half, side), (half, -side), (-half, -side), (-half, side)]
-    place = Affine2D().rotate(turn_rad).translate(*at)
-    outline = Polygon(
-        place.transform(corners), closed=True, facecolor=facecolor, edgecolor=INK, linewidth=1.2, zorder=6, label=label
-    )
+    place = Affine2D().rotate(start["heading_rad"]).translate(start["x_m"], start["y_m"])
+    outline = Polygon(place.transform(corners), closed=True, facecolor="none", edgecolor=INK, linewidth=1.2, zorder=6)
     axes.add_patch(outline)
-    return place.transform([(-half, 0)])[0]
+    (rear,) = place.transform([(-half, 0)])
+    axes.annotate(CAR, rear, (-4, 0), textcoords="offset points", ha="right", va="center")

@@ -18,8 +18,10 @@ def runs(store: Store, info: ExperimentInfo) -> list[str]:
     """Return remarks on runs: what their engine cannot simulate, how many are missing or rejected."""
     sentences = [info.warning] if info.warning else []
     if info.stored_runs < info.planned_runs:
-        stored = f"{info.stored_runs:,} of {info.planned_runs:,} runs are stored"
-        sentences.append(f"Unfinished: {stored}; the command that started the sweep resumes it.")
+        # A stopping rule makes fewer runs if it decides designs early.
+        planned = f"at most {info.planned_runs:,}" if info.until is not None else f"{info.planned_runs:,}"
+        stored = f"{info.stored_runs:,} of {planned} planned runs are here"
+        sentences.append(f"Unfinished: {stored}. If the sweep does not run any more, its command resumes it.")
     counts = store.design_counts(info.id) if info.stored_runs else None
     rejected = 0 if counts is None else sum(counts.runs) - sum(counts.counted)
     if counts is not None and rejected:

@@ -38,8 +38,8 @@ MAX_RUNS, MAX_TRIALS = 5_000, 2_000
 CARS, MIN_SCENES, MAX_SCENES, MAX_CAR_RUNS = 20, 10, 12, 5_000
 # The outcome and the time of a run (s), None if it failed.
 RunResult = tuple[str, float | None]
-# Results by a hash of build, engine, body, settings and scene. They outlive a store, because the live page reopens it
-# after every trial.
+# Results by a hash of build, engine, body, settings and scene. They outlive a store, because `foldcar.Study` opens it
+# anew for each question.
 _RESULTS: dict[bytes, RunResult] = {}
 
 

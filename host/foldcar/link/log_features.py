@@ -1,4 +1,4 @@
-"""Summarises a drive from its log without a camera: duration, tilt, turn, shocks, the battery.
+"""Summarises a drive from its log: duration, tilt, turn, shocks, the battery.
 
 Input: a .tlog. Output: LogFeatures; a value is None if the log does not contain it (no IMU, no battery voltage, no end).
 

@@ -1,6 +1,6 @@
 """Reads and writes .tlog files: each packet of either direction after its time (µs since 1970, 64-bit big-endian).
 
-This is the log format of MAVLink's ground stations: `mavlogdump.py`, MAVExplorer and QGroundControl open it. Every
+This is the log format of MAVLink's ground stations: QGroundControl, MAVExplorer and pymavlink read it. Every
 packet is passed to the operating system on arrival, so that a killed program loses none.
 """
 
@@ -18,8 +18,6 @@ from foldcar.outputs import atomic_file
 
 # The time before each packet.
 STAMP = struct.Struct(">Q")
-# The last time whose nanoseconds fit in the signed 64 bits of other formats, in the year 2262.
-LAST_US = (2**63 - 1) // 1000
 
 
 class LogError(FoldcarError):
@@ -106,7 +104,7 @@ def records_of(data: bytes) -> tuple[list[tuple[int, bytes]], int]:
         packet_start = offset + STAMP.size
         length = _packet_bytes(data, packet_start)
         (time_us,) = STAMP.unpack_from(data, offset)
-        if length is None or packet_start + length > len(data) or time_us > LAST_US:
+        if length is None or packet_start + length > len(data):
             break
         records.append((time_us, data[packet_start : packet_start + length]))
         offset = packet_start + length

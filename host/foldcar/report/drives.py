@@ -262,7 +262,6 @@ def _trial(store: Store, blobs: Blobs, trial: Trial) -> dict[str, Any]:
         "attitude": path.attitude,
         # Without a path: the reason; with a path: None.
         "missing": path.missing,
-        "film_error": path.film_error,
     }
 
 

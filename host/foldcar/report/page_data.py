@@ -30,7 +30,8 @@
   95 %]}]}``, see drives.py.
 - ``trials``: ``{"number", "design": index or null, "car": the design's name, "car_name": that of the car itself or null,
   "standing": "built" | "simulated", "environment": index or null, "passed": null if aborted, "outcome", "time_s",
-  "when", "note", "replay": null, or the drawing data of drives.py}``.
+  "when", "note", "media": its photos and films, ``{"kind", "name", "address": relative, null for a missing file}``,
+  added by the caller, "replay": null, or the drawing data of drives.py}``.
 - ``effects``: for each parameter ``{"parameter": its index, "grid": values, "mean", "low", "high": success in
   simulation at each value, a mean over the same combinations of the other parameters, with the 95 % band of its
   difference from the mean over all values, "level": [low, high], the 95 % interval of that mean over all values,
@@ -315,6 +316,7 @@ def _trial_rows(store: Store, experiment: Experiment) -> list[dict[str, Any]]:
             "time_s": trial.elapsed_time_s,
             "when": trial.started_utc,
             "note": trial.note or trial.source or "",
+            "media": [],
             "replay": None,
         }
         for trial in experiment.trials

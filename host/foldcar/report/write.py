@@ -1,9 +1,11 @@
 """Write a report: all files go to a temporary folder first, then into the folder of the report."""
 
+import os
 import tempfile
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from threadpoolctl import threadpool_limits
 
@@ -16,7 +18,9 @@ from foldcar.report.drives import PageDrives, deflated
 from foldcar.report.page_data import page_data, read_experiments
 from foldcar.report.paper_figures import Drawing, drawings
 from foldcar.simulation.engines import find_wasm
+from foldcar.store.log_files import referred_file
 from foldcar.store.reader import Store
+from foldcar.store.trial_records import Media
 
 PAGE = "index.html"
 NO_MODULE = "this foldcar has no carsim.wasm; `make setup` builds it where Emscripten is installed"
@@ -51,6 +55,8 @@ def write_report(
                 drawings(experiment.columns, experiment.effects, experiment.parameter_indices, experiment.thresholds)
             )
         planned += own
+        for row in shown["trials"]:
+            row["media"] = [_shown_media(store, item, folder) for item in store.media(row["number"])]
         shown["files"] = [[drawing.caption, f"{drawing.name}.svg"] for drawing in own]
         blobs |= drives.add(store, experiment, shown, f"e{number}")
     if any(shown["drives"] for shown in data["experiments"]):
@@ -75,6 +81,17 @@ def write_report(
     except OSError as error:
         raise FoldcarError(f"{folder}: cannot be written: {error.strerror or error}") from error
     return data
+
+
+def _shown_media(store: Store, media: Media, folder: Path) -> dict[str, Any]:
+    """Return kind, name and address of a photo or film for a page in ``folder``; no address for a missing file."""
+    file = referred_file(store.path, media.file).resolve()
+    try:
+        address = quote(Path(os.path.relpath(file, folder.resolve())).as_posix())
+    except ValueError:
+        # On Windows, the file is on another drive than the page.
+        address = file.as_uri()
+    return {"kind": media.kind, "name": file.name, "address": address if file.is_file() else None}
 
 
 def _save_figures(planned: Iterable[Drawing], folder: Path) -> None:

@@ -10,10 +10,8 @@ A lone design that fails between good ones breaks the assumption. So each driven
 of the others (:func:`contradictions`).
 """
 
-import pickle
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from itertools import product
 from typing import Any
 
@@ -286,10 +284,7 @@ def contradictions(
         for index in checked.tolist()
     ]
     smoothed = (smoothed_simulation(all_parameters, run_counts) if simulation is None else simulation).subset(checked)
-    # Pickled, because the cache of results needs a hashable argument.
-    p_values = _p_values(
-        pickle.dumps((all_parameters[checked], run_counts[checked], trial_counts[checked], built, smoothed))
-    )
+    p_values = _p_values(all_parameters[checked], run_counts[checked], trial_counts[checked], built, smoothed)
     flagged = sorted(checked[p_values < MIN_PROBABILITY].tolist())
     if not flagged:
         return NO_CONTRADICTIONS
@@ -297,16 +292,18 @@ def contradictions(
     return Contradictions(tuple(flagged), tuple(neighbours.tolist()))
 
 
-# A live page is recomputed while a sweep runs, so results are cached. Arrays cannot be hashed, but their bytes can.
-@lru_cache(32)
-def _p_values(pickled: bytes) -> NDArray[Any]:
+def _p_values(
+    parameters: NDArray[Any], runs: NDArray[Any], trials: NDArray[Any], built: Sequence[BuiltCars | None],
+    smoothed: SmoothedSimulation,
+) -> NDArray[Any]:  # fmt: skip
     """Return the two-sided p-value (d,) of each design's trials, predicted from the trials of the other designs.
 
-    ``pickled`` are parameters, counts of runs and of trials, cars and smoothed simulation of the designs.
+    Arguments are those of :func:`pooled_bias`; every design has ``built`` cars.
     """
-    parameters, runs, trials, built, smoothed = pickle.loads(pickled)
     random, p_values = numpy.random.default_rng(1), []
     for index, cars in enumerate(built):
+        # Each of these designs has trials, and so cars.
+        assert cars is not None
         other_trials = trials.copy()
         other_trials[index] = 0
         posterior = pooled_bias(parameters, runs, other_trials, built, smoothed)

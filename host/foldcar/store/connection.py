@@ -224,7 +224,7 @@ def _writer_lock(path: Path) -> Iterator[None]:
     try:
         file.touch()
         status = file.stat()
-        # The timeout is longer than `is_written` holds its read lock.
+        # Processes that begin at the same time may refuse each other the lock; one of them gets it when it tries again.
         lock = sqlite3.connect(file, timeout=0.2, isolation_level=None)
     except OSError as error:
         raise StoreError(f"{path}: cannot be written: {error.strerror or error}") from error
@@ -244,22 +244,6 @@ def _writer_lock(path: Path) -> Iterator[None]:
             # Windows cannot delete an open file, so an empty one remains.
             with contextlib.suppress(OSError):
                 file.unlink()
-
-
-def is_written(path: Path) -> bool | None:
-    """Return whether a process is writing to the store, without blocking it; None if a writer was killed."""
-    # A writer holds a lock on this file until it ends, and then deletes it. So a file without lock is a killed writer's.
-    file = beside(path, "-lock")
-    # On Windows the file remains after every writer, so it does not show that one was killed.
-    killed_writer = None if os.name == "posix" else False
-    if not file.exists():
-        return False
-    try:
-        with contextlib.closing(sqlite3.connect(f"{file.as_uri()}?mode=ro", 0, uri=True)) as lock:
-            lock.execute("SELECT count(*) FROM sqlite_master").fetchone()
-    except sqlite3.OperationalError as error:
-        return "locked" in str(error)
-    return killed_writer
 
 
 def is_same_file(path: Path, status: os.stat_result) -> bool:

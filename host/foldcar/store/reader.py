@@ -27,11 +27,10 @@ from foldcar.store.tables import (
     RESULT_JOIN,
     RUN,
     STUDY,
-    TRACK,
     TRIAL,
     Table,
 )
-from foldcar.store.trial_records import Correction, Media, Track, Trial, TrialDrive
+from foldcar.store.trial_records import Correction, Media, Trial, TrialDrive
 
 if TYPE_CHECKING:
     from foldcar.statistics.stopping import StoppingRule
@@ -211,13 +210,6 @@ class Store:
         fields = ("trial_id", "corrected_utc", "field", "before", "after", "reason", "operator")
         rows = self.rows(CORRECTION, "WHERE ?1 IS NULL OR trial_id = ?1 ORDER BY trial_id, id", trial)
         return [Correction(*(row[field] for field in fields)) for row in rows]
-
-    def track(self, trial: int) -> Track | None:
-        """Return the car's track on a trial's film; None if no film was tracked."""
-        for row in self.rows(TRACK, "WHERE id = ?", trial):
-            facts, rows = json.loads(row["facts"]), json.loads(row["rows"])
-            return Track(trial, row["film"], row["film_sha256"], row["start_s"], row["outcome"], facts, rows)
-        return None
 
     def media(self, trial: int | None = None) -> list[Media]:
         """Return photos and films of all trials or of one, by trial, in the order in which they were attached."""

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 from pydantic import Field, NonNegativeInt, TypeAdapter, ValidationError, with_config
 from typing_extensions import NotRequired, TypedDict
 
-from foldcar.store.tables import CALIBRATION, DESIGN, EXPERIMENT, LIMITS, RECORDED, TRACK, TRIAL, Table
+from foldcar.store.tables import CALIBRATION, DESIGN, EXPERIMENT, LIMITS, RECORDED, TRIAL, Table
 
 Number = Annotated[float, Field(ge=LIMITS["REAL"][0], le=LIMITS["REAL"][1])]
 Numbers = dict[str, Number]
@@ -68,13 +68,6 @@ class ExperimentFacts(TypedDict):
     files: NotRequired[dict[str, str]]
 
 
-class TrackFacts(TypedDict):
-    """The facts of a filmed path that foldcar computes with."""
-
-    frame_error_m: Annotated[list[Number], Field(min_length=1)]
-    start_error_s: Number
-
-
 class CalibrationSummary(TypedDict):
     """The part of a summary that reports show."""
 
@@ -87,8 +80,6 @@ SHAPES: Mapping[tuple[str, str], Any] = {
     (RECORDED.name, "value"): Any,
     (TRIAL.name, "design"): Parameters,
     (TRIAL.name, "deviations"): dict[str, tuple[Number, Number, Number]],
-    (TRACK.name, "facts"): TrackFacts,
-    (TRACK.name, "rows"): list[Annotated[list[Number], Field(min_length=16, max_length=16)]],
     (CALIBRATION.name, "draws"): Annotated[list[Numbers], Field(min_length=1)],
     (CALIBRATION.name, "summary"): CalibrationSummary,
     ("variation", "json"): dict[str, Number | list[Number]],

@@ -11,7 +11,8 @@ from sqlite3 import Connection
 from foldcar.simulation.results import METRICS, OUTCOMES
 from foldcar.store.trial_records import BUILT, CARS, MEDIA_ENDINGS, TRIAL_OUTCOMES, UNKNOWN
 
-# Raised by every change of a table or view; stores of other versions are refused.
+# Raised by every change of a table or view that foldcar reads; stores of other versions are refused. Other tables in a
+# store, such as those of earlier releases, are left unread.
 VERSION = 4
 
 # SQL types of columns. JSON is a JSON text, VALUE a text or a number, COUNT a number from 0.
@@ -253,25 +254,6 @@ CORRECTION = Table(
         Column("operator", "TEXT", "who corrected it"),
     ),
 )
-TRACK = Table(
-    "track",
-    "where a camera saw the car in a trial",
-    (
-        Column("id", "INTEGER", "the trial", refers="trial"),
-        Column("film", "TEXT", "the film's name"),
-        Column("film_sha256", "TEXT", "SHA-256 of the film"),
-        Column("tracked_utc", "TEXT", "when"),
-        Column("start_s", "REAL", "the film's time of the trial's start, in s"),
-        Column("outcome", "TEXT", "the outcome that the film shows", null=True, choices=TRIAL_OUTCOMES),
-        Column("facts", "JSON", "end, errors of clock and frame, lens, remarks; the names end with their units"),
-        Column(
-            "rows",
-            "JSON",
-            "lists of time in the trial (s), x, y, z (m), heading, pitch, roll (rad), then (co)variances of x x, "
-            "x y, x heading, y y, y heading, heading heading, z z, pitch pitch, roll roll, relative to the markers",
-        ),
-    ),
-)
 MEDIA = Table(
     "media",
     "photos and films of trials, kept where they are",
@@ -326,7 +308,6 @@ TABLES = (
     RECORDED,
     TRIAL,
     CORRECTION,
-    TRACK,
     MEDIA,
     CALIBRATION,
     MEASURED,

@@ -1,11 +1,10 @@
-"""The path of a trial's car: a simulated car's from its log, a built car's from a film, else its IMU's roll and pitch.
+"""The path of a trial's car by its log: a simulated car's path, or a built car's roll and pitch by its IMU.
 
 Input: a trial of the store. Output: rows of time (s), x, y, z (m), heading, pitch, roll (rad); a path, or angles
 over time, or a sentence that says why both are missing.
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,7 +16,7 @@ from foldcar.link.connection import CAR_SYSTEM
 from foldcar.link.tlog import read_tlog, trial_start_s
 from foldcar.store.log_files import intact_log
 from foldcar.store.reader import Store
-from foldcar.store.trial_records import LONGEST_S, Track, Trial
+from foldcar.store.trial_records import LONGEST_S, Trial
 
 Rows = NDArray[numpy.float64]
 # Interval between the points of a drawn path.
@@ -29,31 +28,16 @@ class TrialPath:
     """The path of a trial's car: one of ``rows``, ``attitude`` and ``missing`` is set.
 
     ``rows`` (n, 7) are time (s), x, y, z (m), heading, pitch, roll (rad). ``attitude`` has time (s), pitch and roll (rad)
-    of a car whose position is unknown. ``missing`` is the reason why both are unknown. ``film_error``, for a filmed path,
-    are the standard deviations of position (m) and start (s).
+    of a car whose position is unknown. ``missing`` is the reason why both are unknown.
     """
 
     rows: Rows | None = None
     attitude: tuple[tuple[float, float, float], ...] = ()
     missing: str = ""
-    film_error: tuple[float, float] | None = None
 
 
 def trial_path(store: Store, trial: Trial) -> TrialPath:
-    """Return a trial's path from its log, else from its film, else its attitude or why that is missing."""
-    logged = _logged_path(store, trial)
-    # Not a TrialPath: rows of a path.
-    if not isinstance(logged, TrialPath):
-        return TrialPath(_resampled(logged))
-    track = store.track(trial.id)
-    filmed = _filmed_path(track)
-    if track is None or filmed is None:
-        return logged
-    return TrialPath(_resampled(filmed), film_error=_film_error(track))
-
-
-def _logged_path(store: Store, trial: Trial) -> Rows | TrialPath:
-    """Return the rows of the path in a trial's log; if it has no path, a TrialPath with attitudes or the reason."""
+    """Return a trial's path from its log, else its attitude, else why both are missing."""
     if trial.log is None:
         return TrialPath(missing="it has no log" if trial.source is None else "it was imported, without a log")
     try:
@@ -66,8 +50,8 @@ def _logged_path(store: Store, trial: Trial) -> Rows | TrialPath:
     start_s = trial_start_s(messages)
     if start_s is None:
         return TrialPath(missing="its log has no running trial")
-    driven = _reported_path(messages, start_s)
-    return _attitudes(messages, start_s) if driven is None else driven
+    rows = _reported_path(messages, start_s)
+    return _attitudes(messages, start_s) if rows is None else TrialPath(_resampled(rows))
 
 
 def _reported_path(messages: list[Any], start_s: float) -> Rows | None:
@@ -82,30 +66,13 @@ def _reported_path(messages: list[Any], start_s: float) -> Rows | None:
                 rows[time_s] = pose
             if message.outcome and math.isfinite(message.outcome_time):
                 end_s = min(end_s, float(message.outcome_time))
-    return _path([(time_s, *pose) for time_s, pose in sorted(rows.items()) if time_s <= end_s])
-
-
-def _filmed_path(track: Track | None) -> Rows | None:
-    """Return the path of a filmed track from the start on; None without a track or with too few rows."""
-    return _path([] if track is None else [row[:7] for row in track.rows if row[0] >= 0])
-
-
-def _path(rows: Sequence[Sequence[float]]) -> Rows | None:
-    """Return the rows with continuous headings, which may exceed π; None if they are too few for a path."""
-    if len(rows) < 2:
+    path = [(time_s, *pose) for time_s, pose in sorted(rows.items()) if time_s <= end_s]
+    if len(path) < 2:
         return None
-    result = numpy.array(rows)
+    result = numpy.array(path)
+    # Headings are continuous, and may exceed π.
     result[:, 4] = numpy.unwrap(result[:, 4])
     return result
-
-
-def _film_error(track: Track) -> tuple[float, float]:
-    """Return the standard deviations of position (m) and start (s) of a filmed path."""
-    rows = numpy.array([row for row in track.rows if row[0] >= 0])
-    # Columns 7 and 10 are the variances of x and y.
-    marker_error_m = math.sqrt(float(numpy.median(numpy.maximum(rows[:, 7], rows[:, 10]))))
-    position_error_m = math.hypot(marker_error_m, max(track.facts["frame_error_m"]))
-    return round(position_error_m, 4), round(track.facts["start_error_s"], 3)
 
 
 def _resampled(rows: Rows) -> Rows:

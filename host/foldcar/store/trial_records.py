@@ -4,9 +4,9 @@ A person judges a trial, so its outcomes differ from those of a run (:mod:`foldc
 """
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from foldcar.errors import FoldcarError
 
@@ -145,22 +145,6 @@ class Trial:
     def counts(self) -> bool:
         """Whether it counts in success rates: of a built car, completed, not withdrawn."""
         return self.standing == BUILT and self.completed
-
-
-@dataclass(frozen=True, slots=True)
-class Track:
-    """The car's track in a trial by a camera: the columns of the store's table `track`.
-
-    Rows begin with time in the trial (s), x, y, z (m), heading, pitch, roll (rad).
-    """
-
-    trial: int
-    film: str
-    film_sha256: str
-    start_s: float
-    outcome: str | None
-    facts: Mapping[str, Any]
-    rows: Sequence[Sequence[float]]
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,7 +19,7 @@ from foldcar.store.errors import StoreError
 from foldcar.store.info import listed_id
 from foldcar.store.log_files import reference, sha256_of
 from foldcar.store.rows import Row
-from foldcar.store.tables import CORRECTION, EXPERIMENT, MEDIA, TRACK, TRIAL
+from foldcar.store.tables import CORRECTION, EXPERIMENT, MEDIA, TRIAL
 from foldcar.store.trial_records import (
     BUILT,
     CARS,
@@ -31,7 +31,6 @@ from foldcar.store.trial_records import (
     Correction,
     Ending,
     Media,
-    Track,
     TrialDesign,
 )
 from foldcar.store.writer import canonical_json
@@ -198,17 +197,6 @@ class TrialWriter(StoreConnection):
         self._update(TRIAL, {**trial, field: after})
         return correction
 
-    def put_track(self, track: Track) -> None:
-        """Store the car's track, replacing an earlier one. Raises StoreError if its trial does not exist."""
-        with self._transaction():
-            self._trial(track.trial)
-            row = {
-                "id": track.trial, "film": track.film, "film_sha256": track.film_sha256, "tracked_utc": now_utc(),
-                "start_s": track.start_s, "outcome": track.outcome, "facts": json.dumps(track.facts),
-                "rows": json.dumps(track.rows, separators=(",", ":")),
-            }  # fmt: skip
-            self._insert(TRACK, [row], "OR REPLACE")
-
     def put_media(self, trial: int, kind: str, file: Path) -> Media:
         """Attach a photo or film to a trial; the file is not copied. Raises StoreError if file or trial is missing."""
         digest = sha256_of(file)
@@ -220,23 +208,6 @@ class TrialWriter(StoreConnection):
             self._trial(trial)
             self._insert(MEDIA, [row], "OR REPLACE")
         return result
-
-    def put_deviations(
-        self, trial: int, deviations: Mapping[str, tuple[float, float, float]], scene: Mapping[str, Any], reason: str,
-        operator: str,
-    ) -> list[Correction]:  # fmt: skip
-        """Store by how much car and obstacles stood off their planned poses, and the ``scene`` that results.
-
-        ``deviations`` are (x in m, y in m, turn in rad) by name. Returns the correction, or [] if nothing changes.
-        """
-        with self._transaction():
-            trial_row = self._trial(trial)
-            text = canonical_json({name: list(deviation) for name, deviation in deviations.items()})
-            scene_id = self._put_text("scene", canonical_json(scene))
-            if (trial_row["deviations"], trial_row["scene_id"]) == (text, scene_id):
-                return []
-            # Only the deviations need a correction: the scene follows from them and the planned scene.
-            return [self._change({**trial_row, "scene_id": scene_id}, "deviations", text, reason, operator)]
 
     def import_trials(self, trials: list[dict[str, Any]]) -> list[int]:
         """Store those of the imported trials that are not stored yet; return their numbers.

@@ -21,7 +21,6 @@ from foldcar.scenes.obstacles import CAR, Obstacle, footprint
 from foldcar.scenes.terrain_kinds import description
 from foldcar.shown_console import ResultTable, shown_console
 from foldcar.simulation.carsim import Carsim
-from foldcar.trials.camera.markers import Course, card_of
 from foldcar.trials.person import Answers, print_line
 from foldcar.typed import decimal_number
 
@@ -80,29 +79,15 @@ def show_placement(scene: Mapping[str, Any], obstacles: Mapping[str, Obstacle]) 
 
 def draw_placement(
     scene: Mapping[str, Any], obstacles: Mapping[str, Obstacle], design: Design, carsim: Carsim, picture: Path,
-    title: str, course: Course | None = None,
+    title: str,
 ) -> None:  # fmt: skip
-    """Draw the scene and the car, with ``course`` also its markers and cards, into ``picture``. Raises FoldcarError.
-
-    A missing folder is created.
-    """
+    """Draw the scene and the car into ``picture``, whose folder is created if missing. Raises FoldcarError."""
     from foldcar.figures.placement import draw_placement as draw_figure
     from foldcar.simulation.heights import carsim_heights
 
     make_output_folder(picture.parent)
     length_m, width_m = design.length_mm / 1000, design.width_mm / 1000
-    # Id, x and y (m), turn (rad) and size (m) of each marker.
-    markers = [(m.id, m.x_m, m.y_m, m.turn_rad, course.floor_size_m) for m in course.floor] if course else []
-    cards = [_card(obstacle, scene, course) for obstacle in obstacles.values()] if course else []
-    draw_figure(scene, obstacles, length_m, width_m, carsim_heights(carsim), picture, title, markers, cards)
-
-
-def _card(obstacle: Obstacle, scene: Mapping[str, Any], course: Course) -> tuple[float, float, float, float]:
-    """Return middle (x, y), turn and side of an obstacle's card (m, rad)."""
-    left_m = card_of(obstacle, scene["terrain"], course).left_m
-    heading_rad = obstacle.heading_rad
-    x_m, y_m = obstacle.x_m - left_m * math.sin(heading_rad), obstacle.y_m + left_m * math.cos(heading_rad)
-    return x_m, y_m, heading_rad, 2 * course.card_reach_m
+    draw_figure(scene, obstacles, length_m, width_m, carsim_heights(carsim), picture, title)
 
 
 def ask_deviations(

@@ -29,7 +29,6 @@ from foldcar.store.trial_records import BUILT, SIMULATED, Ending, TrialDesign
 from foldcar.store.trial_writer import CarFacts, Drive, TrialWriter, write_trials
 from foldcar.study.environments import Environment
 from foldcar.study.experiments import read_study
-from foldcar.trials.camera.markers import Course
 from foldcar.trials.drive_view import DriveView
 from foldcar.trials.driving import CTRL_C, DRIVES_ON, DriveEnd, drive
 from foldcar.trials.media import Arrivals, media_kind
@@ -50,7 +49,7 @@ CORRECTED_AT_ONCE, REPEATED_AT_ONCE = "said at once after the trial", "driven ag
 class SessionOptions:
     """The options of `foldcar log`. Options that are None are asked for or chosen during the session, unless ``yes``.
 
-    A camera puts photos and films of each trial into ``media_folder``.
+    A phone puts photos and films of each trial into ``media_folder``.
     """
 
     listing: Path
@@ -68,7 +67,6 @@ class SessionOptions:
     button: bool
     any_build: bool
     yes: bool
-    course: Course | None = None
     car: str | None = None
     media_folder: Path | None = None
 
@@ -337,7 +335,7 @@ class Session:
         picture = self._logs / f"place-{file_name_part(self._experiment.id)}-{sample}.png"
         if (sample, checked_car.identity.hash) not in self._drawn:
             title = f"Sample {sample}: where to put car and obstacles"
-            draw_placement(*self._scene(sample), checked_car.design, self._carsim, picture, title, self._options.course)
+            draw_placement(*self._scene(sample), checked_car.design, self._carsim, picture, title)
             self._drawn.add((sample, checked_car.identity.hash))
         print_line(f"picture: {picture}")
 

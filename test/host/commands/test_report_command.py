@@ -127,9 +127,9 @@ def test_several_experiments_and_several_parameters_and_unfinished_ones(tmp_path
     assert sorted(path.name for path in tmp_path.iterdir()) == ["report", "study.db"]
     text = " ".join(shown.split())
     for sentence in (
-        "Unfinished: 12 of 16 runs are stored",
+        "Unfinished: 12 of 16 planned runs are here.",
         "In simulation no run passed",
-        "Unfinished: 0 of 10 runs are stored",
+        "Unfinished: 0 of 10 planned runs are here.",
         "No run is stored yet.",
     ):
         assert sentence in text

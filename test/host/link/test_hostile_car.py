@@ -119,7 +119,6 @@ def test_a_path_ends_with_the_longest_trial(store: Path) -> None:
         for time_us in (4_000, 1_004_000, 900 * hour_us):
             writer.write(packet("FOLDCAR_TRUTH", time_usec=time_us))
     change(store, BY_NAME["trial"], "id = 1", log="s-logs/jump.tlog", log_sha256=None)
-    change(store, BY_NAME["track"], "id = 1", rows="[]")
 
     with Store.open(store) as opened:
         rows = trial_path(opened, opened.trial(1)).rows

@@ -12,7 +12,7 @@ from typing import Any
 import numpy
 import pytest
 
-from browser import study_of
+from browser import Tab, study_of
 from foldcar.figures.scene_data import HEIGHT_M, ground_data
 from foldcar.inference.calibration.environment import read_reality
 from foldcar.inference.calibration.parameters import NOMINAL
@@ -21,7 +21,8 @@ from foldcar.report.drives import result_hashes
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.heights import carsim_heights
 from foldcar.simulation.results import NUMBERS, OUTCOMES
-from swept_listing import reported
+from foldcar.store.trial_writer import write_trials
+from swept_listing import foldcar, reported
 
 WIDTHS, SAMPLES = (95, 245), 3
 
@@ -123,3 +124,33 @@ def test_smooth_ground_is_the_simulators(study: Path, carsim_binary: Path) -> No
 
     assert heights[rows, columns] == pytest.approx(expected, abs=HEIGHT_M / 2 + 0.05 * numpy.exp(-8))
     assert heights.max() > 0.045
+
+
+# A picture of one pixel, as PNG.
+PIXEL = b64decode(
+    "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mNk+M9QDwADhgGAWjR9awAAAABJRU5ErkJggg=="
+)
+
+
+def test_photos_and_films_are_shown_beside_their_trial(study: Path) -> None:
+    phone = study / "my phone"
+    phone.mkdir()
+    with write_trials(study / "s.db") as writer:
+        for trial, kind, name in ((1, "photo", "a#1.png"), (1, "film", "drive.mp4"), (2, "photo", "gone.jpg")):
+            # Equal files of a trial are stored once, so each ends with its name.
+            (phone / name).write_bytes(PIXEL + name.encode())
+            writer.put_media(trial, kind, phone / name)
+    (phone / "gone.jpg").unlink()
+    foldcar("report", study / "s.db", "-o", study / "report")
+
+    (experiment,) = study_of(study / "report")["experiments"]
+    assert [[item["address"] for item in trial["media"]] for trial in experiment["trials"]] == [
+        ["../my%20phone/a%231.png", "../my%20phone/drive.mp4"], [None],
+    ]  # fmt: skip
+    with Tab((study / "report" / "index.html").as_uri()) as tab:
+        tab.wait("document.body?.dataset.state === 'ready'")
+        tab.ask("document.querySelector('.media img').scrollIntoView()")
+        tab.wait("document.querySelector('.media img').naturalWidth === 1")
+        assert tab.ask("document.querySelector('.media video').src").endswith("/my%20phone/drive.mp4")
+        cells = tab.ask("[...document.querySelectorAll('.media')].map(cell => cell.textContent)")
+    assert cells == ["", "gone.jpg (missing)"]

@@ -132,25 +132,12 @@ KEYS = """
   found.panel = one("#design h3").textContent;
   found.end = Number(one("#replay").dataset.end);
 """
-NEWS = """
-  study.set({ design: "245 mm", env: 1, brushes: { width_mm: [[90, 245]] } }); await pause(50);
-  const data = JSON.parse(one("script#study").textContent), { designs } = data.experiments[0];
-  designs.name.push("300 mm"); designs.value.push([3]); data.experiments[0].parameters[0].values.push(300);
-  for (const [name, column] of Object.entries(designs)) {
-    if (name === "outcomes") for (const counts of column) counts.push(0);
-    else if (name === "measures") for (const one of column) one.value.push(null);
-    else if (column.length < 4) column.push(["runs", "passed", "trials", "trials_passed"].includes(name) ? 0 : null);
-  }
-  study.use(data); await pause(200);
-  found.news = [one("#design h3"), one("#grid .told"), one(".kept")].map(part => part.textContent);
-  found.hash = location.hash;
-"""
 
 
 @pytest.fixture(scope="module")
 def used(study: Path) -> Any:
-    """What the page in a wide window tells while a person filters, drags, presses keys, and new data come."""
-    return probed(study, LOOK + FILTER + DRAG + KEYS + NEWS)
+    """What the page in a wide window tells while a person filters, drags and presses keys."""
+    return probed(study, LOOK + FILTER + DRAG + KEYS)
 
 
 def test_every_chart_is_drawn_and_fits_and_every_control_has_a_name(study: Path, used: Any) -> None:
@@ -206,14 +193,6 @@ def test_arrow_keys_go_from_run_to_run_which_are_replayed(study: Path, used: Any
     assert "design=95+mm" in used["keyed"] and "env=1" in used["keyed"]
     assert used["panel"].startswith("95 mm")
     assert used["end"] == pytest.approx(end_s)
-
-
-def test_new_data_are_drawn_and_what_was_chosen_stays(used: Any) -> None:
-    panel, cell, kept = used["news"]
-
-    assert panel.startswith("245 mm") and cell.startswith("245 mm, environment 1: ")
-    assert "2 of 4 designs" in kept
-    assert "design=245+mm" in used["hash"] and "b.width_mm=90..245" in used["hash"]
 
 
 OPENED = """

@@ -79,7 +79,6 @@ def test_corrections_leave_a_trail(tmp_path: Path, foldcar: Any) -> None:
         (("correct", "s.db", "1", "--reason", "r", "--outcome", "flew"), "s.db: trial 1: outcome: 'flew' is not one of"),
         (("correct", "s.db", "1", "--reason", "r", "--elapsed-time", "inf"), "s.db: trial 1: elapsed_time_s: inf is not"),
         (("replay", "s.db", "9"), "s.db: has no trial 9"),
-        (("export", "s.db", "1", "--mcap", "x.mcap"), "logs/t.tlog: cannot be read: No such file or directory"),
     ],
 )
 def test_mistakes_are_one_line(tmp_path: Path, foldcar: Any, words: tuple[str, ...], message: str) -> None:

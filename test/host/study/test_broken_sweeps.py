@@ -1,6 +1,7 @@
 """Sweeps that do not end as planned: broken simulators, studies that cannot run, kills, full disks."""
 
 import os
+import re
 import resource
 import shlex
 import signal
@@ -10,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from browser import study_of
 from foldcar.errors import FoldcarError
 from forked_foldcar import ForkedProcess, original
 from swept_listing import WriteListing, rows, stored_runs, swept
@@ -135,6 +137,33 @@ def test_ctrl_c_stops_keeps_and_says_how_to_go_on(
         "the same command resumes\n"  # fmt: skip
     assert output == ""
     assert sorted(file.name for file in tmp_path.iterdir()) == ["listing.json", "s.db"]
+
+
+def test_a_report_says_how_many_of_the_planned_runs_are_here(
+    tmp_path: Path, write_listing: WriteListing, listing_data: Any, carsim_binary: Path, foldcar: Any
+) -> None:
+    """Beside a running sweep, and after the sweep was killed."""
+    store = tmp_path / "s.db"
+    process = start(write_listing(listing_data), store, carsim_binary, 5000)
+    while process.poll() is None and stored_runs(store) == 0:
+        time.sleep(0.05)
+
+    def reported() -> int:
+        answer = foldcar("report", store, "-o", tmp_path / "report")
+        assert answer.returncode == 0, answer.stderr
+        # Two designs in 5,000 environments.
+        (number,) = re.findall(r"Unfinished: ([\d,]+) of 10,000 planned runs are here\.", " ".join(answer.stdout.split()))
+        (experiment,) = study_of(tmp_path / "report")["experiments"]
+        assert [remark for remark in experiment["remarks"] if f"{number} of 10,000 planned runs are here." in remark]
+        runs = int(number.replace(",", ""))
+        assert runs == sum(experiment["designs"]["runs"])
+        return runs
+
+    beside = reported()
+    assert process.poll() is None
+    process.kill()
+    process.wait()
+    assert 0 < beside <= reported() == stored_runs(store) < 10_000
 
 
 def test_a_full_disk_is_one_line_and_loses_nothing(

@@ -7,6 +7,7 @@ from typing import Any
 import numpy
 import pytest
 
+from foldcar.inference import remarks
 from foldcar.simulation.carsim import Carsim
 from foldcar.statistics.rate import anytime_interval
 from foldcar.statistics.stopping import MIN_CHANCE, StoppingRule
@@ -109,6 +110,8 @@ def test_a_sweep_in_mujoco_makes_the_runs_of_the_schedule(
     with Store.open(stores[1]) as store:
         info = store.info().experiments["1 (MuJoCo)"]
         assert 12 <= info.stored_runs < info.planned_runs
+        remark = f"{info.stored_runs} of at most {info.planned_runs} planned runs are here."
+        assert remark in remarks.runs(store, info)[0]
     resumed = swept(listing, stores[1], native, 3, until="decided")
 
     orders = []

@@ -2,6 +2,10 @@
 
 import json
 import math
+import re
+import shutil
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -92,3 +96,18 @@ def test_what_a_log_does_not_tell_is_none(tmp_path: Path) -> None:
     (tmp_path / "empty.tlog").write_bytes(b"")
 
     assert without == log_features(tmp_path / "empty.tlog") == LogFeatures()
+
+
+def test_the_script_of_the_documentation_prints_the_voltages_of_a_log(tmp_path: Path) -> None:
+    log = Path(__file__).parents[1] / "data" / "trial.tlog"
+    page = (Path(__file__).parents[3] / "docs" / "trials.md").read_text(encoding="utf-8")
+    (script,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    (name,) = re.findall(r'"(study-logs/\S+\.tlog)"', script)
+    (tmp_path / name).parent.mkdir()
+    shutil.copyfile(log, tmp_path / name)
+
+    done = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=True)
+
+    printed = [tuple(map(float, line.split())) for line in done.stdout.splitlines()]
+    stored = [(time_us / 1e6, m.voltage_battery / 1000) for time_us, m in read_tlog(log) if m.get_type() == "SYS_STATUS"]
+    assert len(printed) == 2 and numpy.array(printed) == pytest.approx(numpy.array(stored), rel=0, abs=1e-5)

@@ -1,7 +1,6 @@
 """Trials with the real firmware in a simulated car: `foldcar log` driven by a person and by a script."""
 
 import hashlib
-import json
 import os
 import re
 import subprocess
@@ -16,12 +15,10 @@ import pytest
 from foldcar.car.body import body_json
 from foldcar.car.design import compose
 from foldcar.link.log_features import log_features
-from foldcar.link.mcap_export import export_mcap
 from foldcar.link.tlog import read_tlog
 from foldcar.trials.drive_view import DriveView
 from foldcar.trials.driving import drive
 from live_car import LOG, car_at_port, greeted, inject, moving, trials_in
-from test_mcap_export import conforms
 from typist import Typist
 
 
@@ -87,27 +84,6 @@ def test_a_script_drives_trials_that_other_tools_read(tmp_path: Path, free_cours
     assert len(dump) == len(times) and not any("BAD_DATA" in line for line in dump)
     for kind in ("PARAM_VALUE", "COMMAND_LONG", "SERVO_OUTPUT_RAW"):
         assert sum(f" {kind} " in line for line in dump) == kinds[kind]
-    check_export(log, tmp_path / "t.mcap")
-
-
-def check_export(log: Path, file: Path) -> None:
-    """Assert that the MCAP export has every message of ``log`` and that each conforms to its schema."""
-    from mcap.reader import make_reader
-
-    count = export_mcap(log, file, {"trial": "1"})
-
-    messages = list(read_tlog(log))
-    with file.open("rb") as opened:
-        read = list(make_reader(opened).iter_messages())
-    result = [
-        (schema, channel, m) for schema, channel, m in read if schema is not None and schema.name[:9] != "foxglove."
-    ]
-    assert count == len(result) == len(messages)
-    for schema, channel, message in result:
-        assert channel.topic.endswith(schema.name) and conforms(json.loads(message.data), json.loads(schema.data))
-    truth = [m for _, m in messages if m.get_type() == "FOLDCAR_TRUTH"]
-    places = [json.loads(m.data)["x"] for _, c, m in result if c.topic == "/simulator/FOLDCAR_TRUTH"]
-    assert places == [m.x for m in truth]
 
 
 def test_another_design_is_refused_and_does_not_move(tmp_path: Path, free_course: Path, foldcar: Any) -> None:

@@ -31,7 +31,6 @@ export class Model {
     if (kind === "data") this.notify("state");
   }
 
-  // Another study, or the same one further on: what was chosen stays where it is still there.
   use(study) {
     this.study = study;
     this.experiments = new Map(study.experiments.map(raw => [raw.id, raw]));

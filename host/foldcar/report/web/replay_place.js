@@ -137,13 +137,12 @@ export class ReplayPlace {
 
   async trialRun(number, colour) {
     const { key } = this.model.drives, trial = this.model.e.trials.find(row => row.number === number), { replay } = trial;
-    const moved = replay.moved ? " Obstacles or car stood elsewhere than planned." : "", film = replay.film_error;
-    const label = `trial ${number}, ${film ? "filmed" : `${trial.standing} car`}`;
+    const moved = replay.moved ? " Obstacles or car stood elsewhere than planned." : "";
+    const label = `trial ${number}, ${trial.standing} car`;
     if (replay.attitude.length) return { label, colour, ghost: true, attitude: replay.attitude, note: `Trial ${number}: roll and pitch as its sensor measured them.${moved}` };
     if (!replay.path) return { note: `Trial ${number} is not drawn: ${replay.missing}.` };
     const [path, car] = await Promise.all([readBlob(`${key}-trial-${number}`), this.car(this.design)]);
-    const source = film ? `as filmed: position known to ${(1000 * film[0]).toFixed(0)} mm, start to ${(1000 * film[1]).toFixed(0)} ms` : "from its log";
-    return { label, colour, ghost: true, path: pathOfRows(path.head), car, note: `Trial ${number} of a ${trial.standing} car, ${source}.${moved}` };
+    return { label, colour, ghost: true, path: pathOfRows(path.head), car, note: `Trial ${number} of a ${trial.standing} car, from its log.${moved}` };
   }
 
   // What can be laid over: trials of this run, then the other designs in the same environment.

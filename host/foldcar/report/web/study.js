@@ -1,8 +1,7 @@
-// The study page: the data stand in the element #study, or come again and again from a server (live.js).
+// The study page; its data stand in the element #study.
 
 import { Belief } from "./belief.js";
 import { byId, make } from "../../figures/web/dom.js";
-import { follow as followStore } from "./live.js";
 import { Model, SECTIONS } from "./model.js";
 import { Parameters } from "./parameters.js";
 import { ReplayPlace } from "./replay_place.js";
@@ -69,21 +68,11 @@ function start() {
   });
   document.addEventListener("keydown", event => { if (event.key === "Escape" && model.state.design !== null) model.set({ design: null, env: null, t: null }); });
   window.study = model;
-  const first = study => {
-    document.body.classList.remove("empty");
-    model.use(study);
-    if (model.state.at) model.scroll();
-    follow(model);
-    document.body.dataset.state = "ready";
-    document.body.dataset.readyMs = performance.now().toFixed(0);
-  };
-  const data = JSON.parse(byId("study").textContent);
-  if (!data.live) {
-    first(data);
-    return;
-  }
-  document.body.classList.add("empty");
-  followStore(study => (model.study ? model.use(study) : first(study)));
+  model.use(JSON.parse(byId("study").textContent));
+  if (model.state.at) model.scroll();
+  follow(model);
+  document.body.dataset.state = "ready";
+  document.body.dataset.readyMs = performance.now().toFixed(0);
 }
 
 start();

@@ -1,1 +1,0 @@
-"""A camera beside a trial: markers, where they stand in pictures, where the car was."""

@@ -56,7 +56,7 @@ def sweep(
     store: Path, jobs: int, environments: int | None = None, listing: Path = LISTING, engine: str = "multibody"
 ) -> Timed:
     """Sweep the study, or another listing, into a new store."""
-    more = () if environments is None else ("--environments", str(environments))
+    more = () if environments is None else ("--samples", str(environments))
     return run("sweep", listing, "--store", store, "--jobs", str(jobs), "--engine", engine, *more)
 
 

@@ -57,7 +57,7 @@ def sizes(most: int) -> list[int]:
 def row(folder: Path, runs: int, before: int, jobs: int) -> list[str]:
     """The measurements of one size."""
     store = folder / "kerb.db"
-    sweep = ["sweep", str(LISTING), "--store", str(store), "--environments", str(runs // DESIGNS), "--jobs", str(jobs)]
+    sweep = ["sweep", str(LISTING), "--store", str(store), "--samples", str(runs // DESIGNS), "--jobs", str(jobs)]
     made, again = measured(folder, *sweep), measured(folder, *sweep)
     report = measured(folder, "report", str(store), "-o", str(folder / f"report_{runs}"))
     new = runs - before

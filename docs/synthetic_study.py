@@ -159,7 +159,7 @@ def drive(listing: Path, study: Path, trial: Trial) -> None:
 def sweep_truth(listing: Path, store: Path, environments: int) -> None:
     """The true rates of a listing's designs in so many environments."""
     reality = ("--engine", "mujoco", "--reality", listing.parent / "reality.json")
-    run("sweep", listing, "--store", store, "--environments", str(environments), *reality)
+    run("sweep", listing, "--store", store, "--samples", str(environments), *reality)
 
 
 def judge(folder: Path, setting: Setting, calibrated: str, answer: Any) -> int:

@@ -9,7 +9,7 @@ from foldcar.commands.options import (
     CsvFile,
     Json,
     OneExperiment,
-    SimulatedTrialsInstead,
+    SimulatedTrials,
     StudyStore,
     check_distinct,
     parse_points,
@@ -37,7 +37,7 @@ def select(
     ] = "15pp",
     experiment: OneExperiment = None,
     csv: CsvFile = None,
-    simulated_trials: SimulatedTrialsInstead = False,
+    simulated_trials: SimulatedTrials = False,
     as_json: Json = False,
 ) -> None:
     """Recommend designs to build next, with reasons.
@@ -79,7 +79,7 @@ def compare(
         str, typer.Option(metavar="POINTS", help="Largest difference, in percentage points, at which two rates agree.")
     ] = "15pp",
     csv: CsvFile = None,
-    simulated_trials: SimulatedTrialsInstead = False,
+    simulated_trials: SimulatedTrials = False,
     as_json: Json = False,
 ) -> None:
     """Compare simulation with trials of built cars.

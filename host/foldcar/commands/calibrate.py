@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from foldcar.commands.options import Jobs, Json, Seed, SimulatedTrialsInstead, output_store, print_result
+from foldcar.commands.options import Jobs, Json, Seed, SimulatedTrials, output_store, print_result
 from foldcar.errors import FoldcarError
 from foldcar.installation import usable_processors
 
@@ -33,7 +33,7 @@ def calibrate(
     leave_one_out: Annotated[
         bool, typer.Option("--leave-one-out", help="Also predict each design from the trials of the other designs.")
     ] = False,
-    simulated_trials: SimulatedTrialsInstead = False,
+    simulated_trials: SimulatedTrials = False,
     known: Annotated[
         list[str] | None,
         typer.Option(

@@ -144,7 +144,7 @@ def _print_session(store: Path, numbers: Collection[int]) -> None:
     uncounted_text = f"; {count(uncounted, 'more trial')} aborted or withdrawn" if uncounted else ""
     lines = [f"This session: {passed} of {len(completed)} passed in experiment {experiment}{uncounted_text}"]
     if standing == SIMULATED:
-        lines.append("SIMULATED trials: they do not count in the rates of built cars.")
+        lines.append("SIMULATED trials: other commands count them with --simulated-trials only.")
     driven_designs = [trial.design for trial in session_trials]
     rows = [
         row

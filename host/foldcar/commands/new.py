@@ -40,7 +40,7 @@ EXAMPLES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     ),
     "optimize": (
         ("examples/design_space.json", "scenarios/step_pyramids.scenic"),
-        ("foldcar optimize examples/design_space.json --store space.db --designs 60 --environments 50",),
+        ("foldcar optimize examples/design_space.json --store space.db --designs 60 --samples 50",),
     ),
 }
 

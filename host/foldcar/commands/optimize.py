@@ -7,11 +7,11 @@ import typer
 
 from foldcar.commands.options import (
     Components,
-    Environments,
     Jobs,
     Listing,
     OneExperiment,
     OutputStore,
+    Samples,
     Scheduler,
     check_scheduler_option,
     command_line,
@@ -45,7 +45,7 @@ def optimize(
     designs: Annotated[
         int, typer.Option(metavar="N", min=1, max=MAX_DESIGNS, help="Maximum number of designs to try.")
     ] = 50,
-    environments: Environments = None,
+    samples: Samples = None,
     jobs: Jobs = None,
     scheduler: Scheduler = None,
     experiment: OneExperiment = None,
@@ -59,7 +59,7 @@ def optimize(
     any time; the same command resumes it.
 
     \b
-    Example: foldcar optimize examples/design_space.json --store space.db --designs 60 --environments 50
+    Example: foldcar optimize examples/design_space.json --store space.db --designs 60 --samples 50
     """
     from foldcar.commands.progress_bar import SearchBar
     from foldcar.commands.tables import print_search
@@ -74,7 +74,7 @@ def optimize(
     if len(set(objective_names)) < len(objective_names):
         raise FoldcarError(f"--objective: {', '.join(objective_names)}: each objective may be named only once")
     plan = Plan(tuple(OBJECTIVES[name] for name in objective_names), designs)
-    study = searched_study(read_study(listing, experiment, environments), plan.fresh)
+    study = searched_study(read_study(listing, experiment, samples), plan.fresh)
     progress = SearchResult(planned=designs)
 
     def stopped() -> str:

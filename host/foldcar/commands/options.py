@@ -173,7 +173,7 @@ Sample = Annotated[
         metavar="K", min=0, max=MAX_ENVIRONMENTS - 1, help="Which sample of environment and car, counted from 0."
     ),
 ]
-Environments = Annotated[
+Samples = Annotated[
     int | None,
     typer.Option(
         metavar="N", min=1, max=MAX_ENVIRONMENTS, help="Number of sampled environments; default: the listing's."
@@ -232,10 +232,7 @@ Port = Annotated[
 ]
 SimulatedTrials = Annotated[
     bool,
-    typer.Option("--simulated-trials", help="Include trials of simulated cars; they are marked and counted separately."),
-]
-SimulatedTrialsInstead = Annotated[
-    bool, typer.Option("--simulated-trials", help="Use trials of simulated cars instead of built ones.")
+    typer.Option("--simulated-trials", help="Use trials of simulated cars as if built cars had driven them."),
 ]
 
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from foldcar.commands.options import Json, OutputFolder, SimulatedTrials, StudyStore, print_result, thresholds_of_success
+from foldcar.commands.options import OutputFolder, SimulatedTrials, StudyStore, thresholds_of_success
 from foldcar.installation import usable_processors
 
 if TYPE_CHECKING:
@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 PIPED_WIDTH = 160
 # Number of designs in the printed table; `foldcar export` lists all.
 MAX_DESIGNS = 60
-# Keys of the page's data that the JSON summary does not contain.
-PAGE_ONLY = ("runs", "runs_omitted", "drives", "files", "provenance", "outcome_labels")
 
 
 def report(
@@ -32,7 +30,6 @@ def report(
             help="Success rate of good designs, 0 to 1; may be repeated. Default: the listing's, or 0.5 and 0.75.",
         ),
     ] = None,
-    as_json: Json = False,
 ) -> None:
     """Write a report of a study, or of trials alone.
 
@@ -59,13 +56,6 @@ def report(
     with Store.open(store) as reader, TerminalBar("report", 0) as bar:
         drives = PageDrives(_carsim, usable_processors(), bar.plan, bar.done)
         data = write_report(reader, output, command, simulated_trials, drives, thresholds)
-    if as_json:
-        shown_experiments = [
-            {key: value for key, value in experiment.items() if key not in PAGE_ONLY}
-            for experiment in data["experiments"]
-        ]
-        print_result(True, {"store": store, "page": output / PAGE, "experiments": shown_experiments})
-        return
     _print_summary(data)
     typer.echo(f"report: {output / PAGE}")
 

@@ -11,12 +11,12 @@ import typer
 from foldcar.commands.options import (
     Components,
     Engine,
-    Environments,
     Jobs,
     Json,
     Listing,
     OneExperiment,
     OutputStore,
+    Samples,
     Scheduler,
     UnderCalibration,
     check_scheduler_option,
@@ -43,7 +43,7 @@ MANY_DESIGNS = 2_000
 def sweep(
     listing: Listing,
     store: OutputStore,
-    environments: Environments = None,
+    samples: Samples = None,
     until: Annotated[
         str | None,
         typer.Option(
@@ -80,7 +80,7 @@ def sweep(
     from foldcar.api.sweeping import planned_sweep
 
     planned = planned_sweep(
-        listing, store, command_line(), experiment=experiment, environments=environments, until=until,
+        listing, store, command_line(), experiment=experiment, environments=samples, until=until,
         calibration=calibration, reality=reality, engine=engine,
     )  # fmt: skip
     if dry_run:
@@ -219,7 +219,7 @@ def stopping_lines(experiment: "Experiment", rule: "StoppingRule", states: "Sequ
         shown = undecided[:SHOWN_UNDECIDED]
         names = listed(design_text({name: state.design[name] for name in experiment.family.varied}) for state in shown)
         rest_text = f" and {len(undecided) - len(shown)} more" if len(undecided) > len(shown) else ""
-        yield f"  undecided: {names}{rest_text}; --environments N allows more runs"
+        yield f"  undecided: {names}{rest_text}; --samples N allows more runs"
 
 
 def _print_failed(store: Path, experiments: Sequence[str], failed: int, total: int) -> None:

@@ -27,10 +27,10 @@ def correct(
     outcome: Annotated[str | None, typer.Option(metavar="OUTCOME", help="Correct outcome.")] = None,
     note: Annotated[str | None, typer.Option(metavar="TEXT", help="New note.")] = None,
     elapsed_time: Annotated[float | None, typer.Option(metavar="S", min=0, help="Correct driving time (s).")] = None,
-    car: Annotated[
-        str | None, typer.Option(metavar="CAR", help="built or simulated; only if the car did not report it.")
+    kind: Annotated[
+        str | None, typer.Option(metavar="KIND", help="built or simulated; only if the car did not report it.")
     ] = None,
-    car_name: Annotated[str | None, typer.Option(metavar="NAME", help="Name of the built car.")] = None,
+    car: Annotated[str | None, typer.Option(metavar="NAME", help="Name of the built car.")] = None,
     operator: Operator = "",
 ) -> None:
     """Correct a trial's data.
@@ -42,13 +42,14 @@ def correct(
     """
     from foldcar.store.trial_records import checked_name
 
-    outcome, car = (None if word is None else word.lower() for word in (outcome, car))
-    name = None if car_name is None else checked_name(car_name, "--car-name")
-    new_values = {"outcome": outcome, "note": note, "elapsed_time_s": elapsed_time, "car": car, "car_name": name}
+    outcome, kind = (None if word is None else word.lower() for word in (outcome, kind))
+    name = None if car is None else checked_name(car, "--car")
+    # The store's column `car` has the kind of car.
+    new_values = {"outcome": outcome, "note": note, "elapsed_time_s": elapsed_time, "car": kind, "car_name": name}
     changes = {name: value for name, value in new_values.items() if value is not None}
     if not changes:
         raise FoldcarError(
-            "trials correct: nothing to change; use --outcome, --note, --elapsed-time, --car or --car-name"
+            "trials correct: nothing to change; use --outcome, --note, --elapsed-time, --kind or --car"
         )
     _change("correct", store, reason, lambda writer: writer.correct(number, changes, reason, operator))
 

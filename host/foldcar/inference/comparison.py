@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from foldcar.inference.design_evidence import Design, DesignEvidence, by_car
-from foldcar.inference.evidence import Evidence, read_evidence, swept_ids, unswept_trials
+from foldcar.inference.evidence import Evidence, read_evidence, simulated_text, swept_ids, unswept_trials
 from foldcar.statistics.gap import (
     AGREES,
     OPTIMISTIC,
@@ -119,13 +119,12 @@ def compare(
 ) -> Comparison:
     """Compare a store's trials with its runs; rates that differ by at most ``margin`` (0 to 1) agree.
 
-    ``experiment`` limits the comparison to one. ``simulated_trials`` compares trials of simulated cars instead of built
-    ones. Raises FoldcarError if the store cannot be read or has no such experiment.
+    ``experiment`` limits the comparison to one. With ``simulated_trials``, trials of simulated cars count as
+    if built cars had driven them. Raises FoldcarError if the store cannot be read or has no such experiment.
     """
     unswept = {trial.experiment for trial in store.trials()} - swept_ids(store)
     evidence = [] if experiment in unswept else read_evidence(store, experiment, simulated_trials)
-    result = compare_evidence(evidence, unswept_trials(store, experiment, simulated_trials), margin)
-    return replace(result, sentence=f"SIMULATED trials. {result.sentence}") if simulated_trials else result
+    return compare_evidence(evidence, unswept_trials(store, experiment, simulated_trials), margin)
 
 
 def compare_evidence(evidence: Sequence[Evidence], unswept: Sequence[Trial] = (), margin: float = MARGIN) -> Comparison:
@@ -135,7 +134,8 @@ def compare_evidence(evidence: Sequence[Evidence], unswept: Sequence[Trial] = ()
         f"Experiment {name} was not swept: {count(number, 'trial')} without runs."
         for name, number in Counter(trial.experiment for trial in unswept).items()
     )
-    return Comparison(experiments, sentences, margin, _overall(experiments))
+    simulated = next(filter(None, map(simulated_text, evidence)), "")
+    return Comparison(experiments, sentences, margin, f"{simulated}{_overall(experiments)}")
 
 
 def compare_experiment(evidence: Evidence, margin: float = MARGIN) -> ExperimentComparison:

@@ -48,6 +48,7 @@ class Evidence:
     ``designs`` are the swept ones of the family in its order, then those of the family with trials only, then others.
     ``runs`` are the stored ones; their ``design`` is an index into ``designs``. ``belief`` is about the designs of the
     family with runs; None without any, or if success is undefined. ``remarks`` are sentences for readers.
+    ``simulated_trials`` is the number of trials by simulated cars that count as trials of built ones.
     """
 
     info: ExperimentInfo
@@ -55,6 +56,7 @@ class Evidence:
     runs: RunArrays
     belief: Belief | None
     remarks: tuple[str, ...]
+    simulated_trials: int = 0
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -109,11 +111,16 @@ class Evidence:
         return {design_key(design.vehicle_type, design.design): index for index, design in enumerate(self.family)}
 
 
+def simulated_text(evidence: Evidence) -> str:
+    """Return the words that begin every answer in which trials of simulated cars count, else an empty text."""
+    return "Trials of SIMULATED cars count here as trials of built ones. " if evidence.simulated_trials else ""
+
+
 def read_evidence(store: Store, experiment: str | None = None, simulated_trials: bool = False) -> list[Evidence]:
     """Read the evidence of every swept experiment, or of ``experiment``; an empty list if no sweep has begun.
 
-    ``simulated_trials`` reads trials of simulated cars instead of built ones; a remark says so. Raises FoldcarError if
-    the store cannot be read or has no such experiment.
+    With ``simulated_trials``, trials of simulated cars count as if built cars had driven them; a remark says so. Raises
+    FoldcarError if the store cannot be read or has no such experiment.
     """
     if not store.holds_study():
         return []
@@ -125,8 +132,11 @@ def read_evidence(store: Store, experiment: str | None = None, simulated_trials:
     ]
 
 
-def read_unswept(store: Store) -> dict[str, Evidence]:
-    """Read the evidence of experiments with trials only: one for each experiment and type of car, by its name."""
+def read_unswept(store: Store, simulated_trials: bool = False) -> dict[str, Evidence]:
+    """Read the evidence of experiments with trials only: one for each experiment and type of car, by its name.
+
+    ``simulated_trials`` is as in :func:`read_evidence`.
+    """
     swept = swept_ids(store)
     groups: dict[tuple[str, str], list[Trial]] = {}
     for trial in store.trials():
@@ -134,15 +144,15 @@ def read_unswept(store: Store) -> dict[str, Evidence]:
             groups.setdefault((trial.experiment, trial.vehicle_type), []).append(trial)
     return {
         f"{name}: {vehicle_type}, trials only": _evidence(
-            store, _unswept_info(trials), NO_RUNS, resimulation=None, simulated_trials=False, trials=trials
+            store, _unswept_info(trials), NO_RUNS, resimulation=None, simulated_trials=simulated_trials, trials=trials
         )
         for (name, vehicle_type), trials in groups.items()
     }
 
 
 def unswept_trials(store: Store, experiment: str | None = None, simulated_trials: bool = False) -> list[Trial]:
-    """Return the completed trials, of built cars or of simulated ones, of experiments that were not swept."""
-    kept, _ = _select(list(store.trials(experiment)), simulated_trials)
+    """Return the completed trials of experiments that were not swept; the options as in :func:`read_evidence`."""
+    kept, _ = select_trials(store.trials(experiment), simulated_trials)
     swept = swept_ids(store)
     return [trial for trial in kept if trial.completed and trial.experiment not in swept]
 
@@ -211,7 +221,8 @@ def _evidence(
         _with_trials(info, design, by_design.get(key, []), ids_in_samples, resimulation)
         for key, design in designs.items()
     ]
-    evidence = Evidence(info, tuple(with_trials), runs, None, ())
+    simulated = sum(trial.standing == SIMULATED for trial in trials)
+    evidence = Evidence(info, tuple(with_trials), runs, None, (), simulated)
     indices = [index for index, design in enumerate(evidence.family) if design.runs and info.success_defined]
     belief = believe([evidence.family[index] for index in indices], indices, list(info.varied))
     if info.success_defined:
@@ -280,17 +291,6 @@ def _simulated_design(
     return design, reason
 
 
-def _select(trials: Sequence[Trial], simulated_trials: bool) -> tuple[list[Trial], list[str]]:
-    """Return the trials of built cars or of simulated ones, aborted ones included, and remarks on those left out."""
-    kept, left_out = select_trials(trials, simulated_trials)
-    text = left_out_text(left_out)
-    sentences = [] if text is None else [text]
-    if not simulated_trials:
-        return kept, sentences
-    simulated = [trial for trial in kept if trial.standing == SIMULATED]
-    return simulated, [remarks.simulated_cars(len(kept) - len(simulated)), *sentences]
-
-
 def _trials(
     info: ExperimentInfo, trials: Sequence[Trial], other_programs: Mapping[int, str | None], simulated_trials: bool
 ) -> tuple[list[Trial], list[str]]:
@@ -298,8 +298,9 @@ def _trials(
 
     ``other_programs`` has the Scenic program, by the trial's number, of trials in other environments than the runs.
     """
-    kept, sentences = _select(trials, simulated_trials)
-    sentences += remarks.trials(info, kept)
+    kept, left_out = select_trials(trials, simulated_trials)
+    text = left_out_text(left_out)
+    sentences = [*([] if text is None else [text]), *remarks.trials(info, kept)]
     sentences += remarks.trials_in_other_environments(
         [other_programs[trial.id] for trial in kept if trial.id in other_programs], info
     )

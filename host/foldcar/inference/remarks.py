@@ -8,7 +8,7 @@ from foldcar.statistics.built_cars import PRIOR
 from foldcar.statistics.words import count
 from foldcar.store.info import REALITY_KIND, ExperimentInfo
 from foldcar.store.reader import Store
-from foldcar.store.trial_records import Trial
+from foldcar.store.trial_records import SIMULATED, Trial
 
 # Number of designs that one remark names.
 SHOWN = 5
@@ -45,16 +45,13 @@ def trials(info: ExperimentInfo, kept: Sequence[Trial]) -> list[str]:
             else f"The runs are of the {info.under}, which was fitted to trials of experiment {info.listed_id}. So "
             "they agree with those trials; only later trials can test them."
         )
+    simulated = sum(trial.standing == SIMULATED for trial in kept)
+    if simulated:
+        sentences.append(f"SIMULATED cars drove {simulated} of {count(len(kept), 'trial')}.")
     corrected = sum(trial.corrections > 0 for trial in kept)
     if corrected:
         sentences.append(f"{count(corrected, 'trial')} corrected afterwards: the latest correction counts.")
     return sentences
-
-
-def simulated_cars(left_out: int) -> str:
-    """Return the remark that trials are of simulated cars, with ``left_out`` trials of built ones."""
-    built = f"; {count(left_out, 'trial')} of built cars left out" if left_out else ""
-    return f"SIMULATED trials: of simulated cars, not of built ones{built}."
 
 
 def trials_in_other_environments(programs: Iterable[str | None], info: ExperimentInfo) -> list[str]:
@@ -109,7 +106,7 @@ def cars_of_designs(designs: Sequence[DesignEvidence]) -> list[str]:
     if nameless:
         sentences.append(
             f"Trials without a car's name are taken for those of one car of their design, at {_shown_names(nameless)}: "
-            "`foldcar log --car` and `foldcar trials correct --car-name` tell cars apart."
+            "`foldcar log --car` and `foldcar trials correct --car` tell cars apart."
         )
     driven = [design.cars for design in designs if design.cars is not None]
     # PRIOR itself, not a copy, marks designs whose cars were not simulated.

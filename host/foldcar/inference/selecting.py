@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 
 from foldcar.inference.adviser import Adviser, Selection
 from foldcar.inference.calibration.parameters import MEASURABLE
-from foldcar.inference.evidence import Evidence, read_evidence
+from foldcar.inference.evidence import Evidence, read_evidence, simulated_text
 from foldcar.simulation.results import no_rate_text
 from foldcar.statistics.words import count, listed
 from foldcar.store.calibrations import measured_values
@@ -33,13 +33,12 @@ def select(
     """Recommend up to ``build`` designs for every swept experiment, or for ``experiment``; an empty list without a sweep.
 
     ``threshold`` (0 to 1) is the success that a good design reaches; None stands for the listing's highest, or THRESHOLD.
-    ``precision`` is the half-width (0 to 0.5) to which trials narrow a rate. ``simulated_trials`` uses trials
-    of simulated cars instead of built ones. Raises FoldcarError if the store cannot be read or has no such experiment.
+    ``precision`` is the half-width (0 to 0.5) to which trials narrow a rate. With ``simulated_trials``, trials
+    of simulated cars count as if built cars had driven them. Raises FoldcarError if the store cannot be read or has no
+    such experiment.
     """
     evidence = read_evidence(store, experiment, simulated_trials)
     selections = select_evidence(evidence, build, threshold, precision)
-    if simulated_trials:
-        return [replace(selection, headline=f"SIMULATED trials. {selection.headline}") for selection in selections]
     return [
         replace(selection, remarks=(*measure_first(store, selection), *selection.remarks)) for selection in selections
     ]
@@ -93,10 +92,12 @@ def _select_one(evidence: Evidence, build: int, threshold: float | None, precisi
     info, belief = evidence.info, evidence.belief
     limit = threshold if threshold is not None else max(info.thresholds, default=THRESHOLD)
     if belief is None:
-        return Selection(info, limit, precision, _no_advice_text(evidence), remarks=evidence.remarks)
+        text = f"{simulated_text(evidence)}{_no_advice_text(evidence)}"
+        return Selection(info, limit, precision, text, remarks=evidence.remarks)
     # The matrices are so small that threads would only wait for each other.
     with threadpool_limits(1):
-        return Adviser(evidence, belief, limit, precision).selection(build)
+        selection = Adviser(evidence, belief, limit, precision).selection(build)
+    return replace(selection, headline=f"{simulated_text(evidence)}{selection.headline}")
 
 
 def _no_advice_text(evidence: Evidence) -> str:

@@ -54,7 +54,6 @@
 """
 
 import shlex
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -100,18 +99,14 @@ THRESHOLDS = (0.5, 0.75)
 class Experiment:
     """An experiment, prepared for page and figures; ``name`` identifies it on the page.
 
-    ``trials`` are shown; ``left_out`` counts the others by standing. ``elsewhere`` are those driven in other environments
-    than the runs: number of the trial and its Scenic program. ``effects`` is the smooth model of the parameters with
-    indices ``parameter_indices``, None without one. ``fresh`` is the evidence on a search's best designs in fresh
-    environments.
+    ``trials`` are shown. ``effects`` is the smooth model of the parameters with indices ``parameter_indices``, None
+    without one. ``fresh`` is the evidence on a search's best designs in fresh environments.
     """
 
     name: str
     evidence: Evidence
     selection: Selection
     trials: Sequence[Trial]
-    left_out: Counter[str]
-    elsewhere: Mapping[int, str | None]
     thresholds: tuple[float, ...]
     effects: Effects | None
     parameter_indices: list[int]
@@ -125,22 +120,22 @@ class Experiment:
     @cached_property
     def columns(self) -> DesignColumns:
         """The designs as columns."""
-        return DesignColumns(self.evidence, [trial for trial in self.trials if trial.id not in self.elsewhere])
+        return DesignColumns(self.evidence)
 
 
 def read_experiments(store: Store, thresholds: Sequence[float] = (), simulated_trials: bool = False) -> list[Experiment]:
     """Read the experiments of a store in their order, then those with trials only.
 
     ``thresholds`` of success are 0 to 1; without any, each experiment has its listing's, or THRESHOLDS.
-    ``simulated_trials`` shows trials of simulated cars too; they count in no rate. Raises FoldcarError if the store
-    cannot be read.
+    With ``simulated_trials``, trials of simulated cars count as if built cars had driven them. Raises FoldcarError if the
+    store cannot be read.
     """
-    swept = read_evidence(store)
+    swept = read_evidence(store, simulated_trials=simulated_trials)
     # The advice is about the highest threshold.
     highest_threshold = max(thresholds, default=None)
     selections = select_evidence(swept, threshold=highest_threshold)
     by_id = {evidence.info.id: evidence for evidence in swept}
-    unswept = read_unswept(store)
+    unswept = read_unswept(store, simulated_trials)
     named = [*by_id.items(), *unswept.items()]
     selections += select_evidence(list(unswept.values()), threshold=highest_threshold)
     experiments = []
@@ -149,13 +144,12 @@ def read_experiments(store: Store, thresholds: Sequence[float] = (), simulated_t
         trials = [
             trial for trial in store.trials(info.listed_id) if name in by_id or trial.vehicle_type == info.vehicle_type
         ]
-        shown, left_out = select_trials(trials, simulated_trials)
+        shown, _ = select_trials(trials, simulated_trials)
         effects, indices = read_effects(evidence)
         fresh = by_id.get(fresh_id(name)) if info.searched else None
         good = tuple(sorted(set(thresholds))) or info.thresholds or THRESHOLDS
         advice = replace(selection, remarks=(*measure_first(store, selection), *selection.remarks))
-        elsewhere = store.trials_in_other_environments(info) if evidence.swept else {}
-        experiments.append(Experiment(name, evidence, advice, shown, left_out, elsewhere, good, effects, indices, fresh))
+        experiments.append(Experiment(name, evidence, advice, shown, good, effects, indices, fresh))
     return experiments
 
 

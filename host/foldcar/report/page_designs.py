@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-import numpy
 from numpy.typing import NDArray
 
 from foldcar.inference.comparison import compare_experiment
@@ -13,7 +12,6 @@ from foldcar.inference.evidence import Evidence
 from foldcar.statistics import rate
 from foldcar.statistics.gap import OPTIMISTIC, PESSIMISTIC
 from foldcar.statistics.words import label_and_unit
-from foldcar.store.trial_records import SIMULATED, Trial
 
 Interval = tuple[float, float] | None
 Band = tuple[float, float, float] | None
@@ -21,28 +19,17 @@ Band = tuple[float, float, float] | None
 
 @dataclass(frozen=True)
 class DesignColumns:
-    """The designs of the family, in the order of ``evidence``; ``trials`` are those that are shown.
+    """The designs of the family, in the order of ``evidence``.
 
     An interval is (low, high), a band (rate, low, high), all 0 to 1 at 95 %; None without a rate.
     """
 
     evidence: Evidence
-    trials: Sequence[Trial]
 
     @property
     def names(self) -> list[str]:
         """The designs' names for readers."""
         return [design.label for design in self.evidence.family]
-
-    @cached_property
-    def simulated_trial_counts(self) -> NDArray[Any]:
-        """The completed trials of simulated cars that are shown: passed and all (designs, 2)."""
-        counts = numpy.zeros((len(self.names), 2), dtype=int)
-        for trial in self.trials:
-            index = self.evidence.index_of(trial)
-            if trial.standing == SIMULATED and trial.completed and index is not None:
-                counts[index] += trial.outcome == "passed", 1
-        return counts
 
     @cached_property
     def run_intervals(self) -> list[Interval]:

@@ -4,14 +4,12 @@ import shlex
 from typing import TYPE_CHECKING
 
 from foldcar.inference.design_evidence import in_family
-from foldcar.inference.remarks import trials_in_other_environments
 from foldcar.simulation.results import OUTCOMES
 from foldcar.statistics.stopping import MIN_CHANCE
 from foldcar.statistics.words import count
 from foldcar.store.calibrations import calibrations
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
-from foldcar.store.trial_records import SIMULATED
 
 if TYPE_CHECKING:
     from foldcar.report.page_data import Experiment
@@ -36,13 +34,6 @@ def remarks(store: Store, experiment: "Experiment") -> list[str]:
     outside = sum(not in_family(info, trial.vehicle_type, trial.design) for trial in experiment.trials)
     if outside:
         sentences.append(f"{count(outside, 'trial')} of cars that do not belong to this family count in no rate here.")
-    passed, number = experiment.columns.simulated_trial_counts.sum(axis=0).tolist()
-    if number:
-        sentences.append(f"SIMULATED trials, which count in no rate: {passed} of {number} of simulated cars passed.")
-    simulated = [trial.id for trial in experiment.trials if trial.standing == SIMULATED]
-    sentences += trials_in_other_environments(
-        [experiment.elsewhere[id] for id in simulated if id in experiment.elsewhere], info
-    )
     for calibration in calibrations(store):
         if calibration.experiment == info.id:
             findings = " ".join(calibration.summary["findings"])

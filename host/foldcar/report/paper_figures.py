@@ -131,7 +131,7 @@ def draw_feasibility(designs: DesignColumns, thresholds: Sequence[float]) -> Fig
     axes.fill_between(simulation[0], *(100 * simulation[2:]), color=INK, alpha=0.25, linewidth=0)
     label = f"{designs.evidence.info.simulation}, 95 % band"
     axes.plot(simulation[0], 100 * simulation[1], "-", color=INK, linewidth=1.2, label=label)
-    _draw_trials(axes, axis, designs, built_offset=0.0, simulated_offset=-0.12)
+    _draw_trials(axes, axis, designs)
     _finish_success(axes, axis, thresholds, "Feasible region")
     tint = Patch(color=REGION, label=f"median of built cars reaches {100 * thresholds[-1]:g} %")
     figure.legend(handles=[*axes.get_legend_handles_labels()[0], tint], loc="outside lower center", ncols=3)
@@ -152,7 +152,7 @@ def draw_success(designs: DesignColumns, thresholds: Sequence[float]) -> Figure:
             rate = passed / runs
             look: dict[str, Any] = {"color": success_colour(rate, thresholds), "error_kw": error_bar}
             axes.bar(axis.place[index], 100 * rate, 0.8 * axis.step, yerr=error_percent(rate, ends), **look)
-    _draw_trials(axes, axis, designs, built_offset=0.2 * axis.step, simulated_offset=-0.2 * axis.step)
+    _draw_trials(axes, axis, designs, offset=0.2 * axis.step)
     _finish_success(axes, axis, thresholds, f"Mean success over all environments, {designs.interval_name} 95 % intervals")
     limits = [f"{100 * threshold:g}" for threshold in thresholds]
     classes = [f"below {limits[0]} %", *(f"{low} to {high} %" for low, high in pairwise(limits)), f"above {limits[-1]} %"]
@@ -168,13 +168,10 @@ def error_percent(rate: float, ends: tuple[float, float]) -> list[list[float]]:
     return [[max(0.0, 100 * (rate - ends[0]))], [max(0.0, 100 * (ends[1] - rate))]]
 
 
-def _draw_trials(axes: Axes, axis: Axis, designs: DesignColumns, built_offset: float, simulated_offset: float) -> None:
-    """Draw filled diamonds for trials of built cars and open ones for simulated cars, each with an offset in x."""
+def _draw_trials(axes: Axes, axis: Axis, designs: DesignColumns, offset: float = 0.0) -> None:
+    """Draw diamonds for the rates of trials, with an offset in x."""
     counts, intervals = designs.evidence.trial_counts, designs.trial_intervals
-    _draw_counts(axes, axis, counts, intervals, "trials", built_offset, fmt="D", color=FAILURE)
-    ends = designs.intervals(designs.simulated_trial_counts)
-    look = {"fmt": "D", "color": FAILURE, "markerfacecolor": "white", "markeredgecolor": FAILURE}
-    _draw_counts(axes, axis, designs.simulated_trial_counts, ends, "simulated trials", simulated_offset, **look)
+    _draw_counts(axes, axis, counts, intervals, "trials", offset, fmt="D", color=FAILURE)
 
 
 def _draw_counts(axes: Axes, axis: Axis, counts: Any, ends: Any, label: str, offset: float = 0.0, **look: Any) -> None:

@@ -36,7 +36,7 @@ def write_report(
 ) -> dict[str, Any]:
     """Write the page and its figures (SVG, PNG, PDF) into ``folder``, replacing those of an earlier report.
 
-    ``simulated_trials``: show trials of simulated cars too; ``drives`` adds what the page simulates;
+    ``simulated_trials`` is as in :func:`read_experiments`; ``drives`` adds what the page simulates;
     ``thresholds`` are those of :func:`read_experiments`. Returns the page's data, for a summary on the terminal.
     Raises FoldcarError if there is nothing to report or the folder cannot be written.
     """

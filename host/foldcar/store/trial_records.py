@@ -21,7 +21,7 @@ WITHDRAWN = "withdrawn"
 
 # Reasons for leaving out trials, by standing.
 _REASONS = {
-    SIMULATED: "of a simulated car (--simulated-trials shows them)",
+    SIMULATED: "of a simulated car (--simulated-trials counts them)",
     UNKNOWN: "of a car that may be built or simulated (`foldcar trials correct --car` says which)",
     WITHDRAWN: "withdrawn (`foldcar trials list` shows why)",
 }

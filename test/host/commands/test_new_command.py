@@ -1,6 +1,5 @@
 """`foldcar new`: a project that runs as it is, and what is refused."""
 
-import json
 import subprocess
 import sys
 from collections.abc import Callable
@@ -9,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from browser import study_of
 from foldcar.commands.new import EXAMPLES, FILES
 from foldcar.study.experiments import read_study
 
@@ -53,11 +53,11 @@ def test_an_example_has_what_its_commands_name(foldcar: Command, refused: Any, t
 def test_the_projects_environment_tells_its_designs_apart(foldcar: Command, tmp_path: Path) -> None:
     foldcar("new", "yard")
     listing = tmp_path / "yard" / "study.json"
-    done = foldcar("sweep", listing, "--store", "yard.db", "--environments", "6", "--json")
+    done = foldcar("sweep", listing, "--store", "yard.db", "--samples", "6", "--json")
     assert done.returncode == 0, done.stderr
-    output = json.loads(foldcar("report", "yard.db", "-o", "report", "--json").stdout)
+    foldcar("report", "yard.db", "-o", "report")
 
-    (experiment,) = output["experiments"]
+    (experiment,) = study_of(tmp_path / "report")["experiments"]
     k = [parameter["name"] for parameter in experiment["parameters"]].index("radius_mm")
     passed: dict[float, list[float]] = {}
     for values, rate in zip(experiment["designs"]["value"], experiment["designs"]["rate"], strict=True):

@@ -10,7 +10,7 @@ SETTINGS = ("--set", "width=95", "--set", "height=50", "--set", "width=115")
 @pytest.mark.parametrize(
     ("words", "limit"),
     [
-        (("sweep", "l.json", "--store", "s.db", "--environments", "2000000"), "1000000"),
+        (("sweep", "l.json", "--store", "s.db", "--samples", "2000000"), "1000000"),
         (("sweep", "l.json", "--store", "s.db", "--jobs", "257"), "256"),
         (("sample", "p.scenic", "-n", "1000001"), "1000000"),
         (("sample", "p.scenic", "--seed", "-1"), "0"),

@@ -70,14 +70,14 @@ def poorer(folder: Path, *commands: tuple[str, ...]) -> "subprocess.CompletedPro
 
 COMMON = (
     ("--help",),
-    ("sweep", "study.json", "--store", "yard.db", "--environments", "2"),
+    ("sweep", "study.json", "--store", "yard.db", "--samples", "2"),
     ("export", "s.db", "--csv", "runs.csv", "--trials", "trials.csv"),
     ("check", "s.db"),
     ("trials", "list", "s.db"),
 )
 # Drives, cuts, folds and draws: half a minute.
 REST = (
-    ("sweep", "study.json", "--store", "two.db", "--environments", "2"),
+    ("sweep", "study.json", "--store", "two.db", "--samples", "2"),
     ("report", "two.db", "-o", "report"),
     ("pattern", "study.json", "--vehicle", "mine", *CAR, "-o", "car"),
     ("new", "yard"),

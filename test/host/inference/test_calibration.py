@@ -220,7 +220,7 @@ def calibration(folder: Path, name: str = "mine", store: str = "s.db") -> Calibr
 def test_a_sweep_under_a_calibration_takes_its_draws_and_leaves_nominal_runs(swept: Path) -> None:
     store = swept / "swept_under.db"
     shutil.copy(swept / "s.db", store)
-    sweep = ["sweep", "l.json", "--store", store.name, "--calibration", "mine", "--environments", "3"]
+    sweep = ["sweep", "l.json", "--store", store.name, "--calibration", "mine", "--samples", "3"]
     first, second = run(swept, *sweep), run(swept, *sweep)
 
     assert first.stdout.startswith("6 new runs") and second.stdout.startswith("0 new runs, 6 already")

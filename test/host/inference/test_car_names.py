@@ -47,14 +47,14 @@ def test_a_driven_trial_has_its_cars_name_which_a_correction_changes(tmp_path: P
     assert driven.returncode == 0, driven.stderr
     assert [trial.car_name for trial in trials_in(tmp_path / "s.db")] == ["Ada"]
 
-    corrected = foldcar("trials", "correct", "s.db", "1", "--car-name", "Ben", "--reason", "two of them")
+    corrected = foldcar("trials", "correct", "s.db", "1", "--car", "Ben", "--reason", "two of them")
     assert '"Ada" -> "Ben"' in corrected.stdout
     assert "Ben" in foldcar("trials", "list", "s.db").stdout
     assert foldcar("export", "s.db", "--trials", "t.csv", "--simulated-trials").returncode == 0
     assert ",Ben," in (tmp_path / "t.csv").read_text()
     long = "--car: 'xxxxxxxxxx"
     assert refused(*LOG, "--port", "none", "--car", "x" * 50).startswith(long)
-    assert "is not a name of 1 to 40" in refused("trials", "correct", "s.db", "1", "--car-name", "", "--reason", "x")
+    assert "is not a name of 1 to 40" in refused("trials", "correct", "s.db", "1", "--car", "", "--reason", "x")
 
 
 def test_a_design_is_judged_by_its_cars_and_by_what_simulation_finds_of_their_environments(

@@ -75,7 +75,7 @@ def test_torque_and_speed_follow_the_measured_voltage_and_are_known_better() -> 
 
 def test_a_calibration_takes_the_voltage_from_the_logs_of_its_trials(tmp_path: Path, trial: Trial) -> None:
     store = tmp_path / "s.db"
-    foldcar("sweep", tmp_path / "l.json", "--store", store, "--environments", "20")
+    foldcar("sweep", tmp_path / "l.json", "--store", store, "--samples", "20")
     logged = with_log(store, trial, 5000, 4680)
     with sqlite3.connect(store) as connection:
         connection.execute("UPDATE trial SET log = ?, log_sha256 = ?", [logged.log, logged.log_sha256])

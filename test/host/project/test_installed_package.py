@@ -95,13 +95,13 @@ def test_the_wheel_for_every_system_simulates_with_node(sources: Path, carsim_bi
 
     foldcar(installed, "new", ".")
     for name, folder in (("node", installed), ("native", PROJECT / "host")):
-        foldcar(folder, "sweep", "study.json", "--store", f"{name}.db", "--environments", "2")
+        foldcar(folder, "sweep", "study.json", "--store", f"{name}.db", "--samples", "2")
 
     assert wheel.name.endswith("-py3-none-any.whl")
     assert not (installed / "foldcar" / "carsim").exists() and (installed / "foldcar" / "carsim.wasm").is_file()
     with Store.open(tmp_path / "yard" / "node.db") as node, Store.open(tmp_path / "yard" / "native.db") as native:
         assert list(node.results("yard")) == list(native.results("yard"))
-    assert foldcar(installed, "sweep", "study.json", "--store", "native.db", "--environments", "2").startswith(
+    assert foldcar(installed, "sweep", "study.json", "--store", "native.db", "--samples", "2").startswith(
         "0 new runs"
     )
     assert "WebAssembly with Node, " in foldcar(installed, "doctor")

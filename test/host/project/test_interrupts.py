@@ -43,7 +43,7 @@ def swept(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A store of the listing's runs in one environment."""
     folder = tmp_path_factory.mktemp("swept")
     (folder / "flat.json").write_text(json.dumps(two_widths()))
-    words = ["sweep", "flat.json", "--store", "full.db", "--environments", "1"]
+    words = ["sweep", "flat.json", "--store", "full.db", "--samples", "1"]
     assert original().run(words, folder).returncode == 0
     return folder / "full.db"
 

@@ -223,7 +223,7 @@ def test_a_sweep_that_resumes_with_other_samples_is_refused(
     listing: Path, program: Path, foldcar: Run, tmp_path: Path
 ) -> None:
     program.write_text(f"{HEAD}import time\nnow = time.time()\ndef value(x):\n    return now % 1 + 0.1\n{SAMPLED}")
-    words = ["sweep", listing, "--store", "s.db", "--environments"]
+    words = ["sweep", listing, "--store", "s.db", "--samples"]
     assert foldcar(*words, "2").returncode == 0
     again, more = foldcar(*words, "2"), foldcar(*words, "4")
     assert "0 new runs, 2 already stored" in again.stdout
@@ -253,7 +253,7 @@ def test_nothing_is_imported_from_the_working_directory(listing: Path, program: 
     folder.mkdir()
     for name in ("json", "numpy", "random", "scenic", "socket"):
         (folder / f"{name}.py").write_text("raise SystemExit(f'{__name__} of the working directory')\n")
-    command = [Path(sys.executable).with_name("foldcar"), "sweep", listing, "--store", "s.db", "--environments", "1"]
+    command = [Path(sys.executable).with_name("foldcar"), "sweep", listing, "--store", "s.db", "--samples", "1"]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert "1 new runs" in done.stdout

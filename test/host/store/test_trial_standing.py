@@ -1,4 +1,4 @@
-"""Trials of simulated cars and withdrawn ones: marked wherever they are shown, counted nowhere unless asked for."""
+"""Trials of simulated cars and withdrawn ones: marked wherever they are shown; they count only if that is wanted."""
 
 import contextlib
 import csv
@@ -50,13 +50,19 @@ def test_the_report_counts_built_cars_and_says_what_is_left_out(mixed: Path, fol
     assert (plain.returncode, done.returncode) == (0, 0), plain.stderr + done.stderr
     page = (mixed.parent / "plain" / "index.html").read_text()
     assert counted(mixed.parent / "plain") == (2, 1, 0)
-    assert "Trials left out: 2 of a simulated car (--simulated-trials shows them); 1 of a car that may be" in page
+    assert "Trials left out: 2 of a simulated car (--simulated-trials counts them); 1 of a car that may be" in page
     assert "Trials left out: 2 of a simulated car" in plain.stdout
     page = (mixed.parent / "asked" / "index.html").read_text()
-    # What is asked for stands apart: the built cars' numbers are the same.
-    assert counted(mixed.parent / "asked") == (2, 1, 2)
-    assert "simulated trials" in (mixed.parent / "asked" / "experiment_1_success_by_width_mm.svg").read_text()
-    assert "SIMULATED trials" in done.stdout and "foldcar report s.db -o asked --simulated-trials" in page
+    # Both simulated cars passed; they count like the built ones, and the page's first sentence says so.
+    assert counted(mixed.parent / "asked") == (4, 3, 2)
+    (experiment,) = study_of(mixed.parent / "asked")["experiments"]
+    first = "Trials of SIMULATED cars count here as trials of built ones. "
+    assert experiment["headline"].startswith(first) and first in " ".join(done.stdout.split()) + " "
+    assert "SIMULATED cars drove 2 of 4 trials." in experiment["remarks"]
+    assert "foldcar report s.db -o asked --simulated-trials" in page
+    for command in ("select", "compare"):
+        assert first.strip() in " ".join(foldcar(command, "s.db", "--simulated-trials").stdout.split())
+        assert "SIMULATED" not in foldcar(command, "s.db").stdout
 
 
 def test_the_export_leaves_them_out_too(mixed: Path, foldcar: Any) -> None:
@@ -112,8 +118,8 @@ def test_a_withdrawn_trial_counts_nowhere_and_leaves_a_trail(mixed: Path, foldca
     [
         (("restore", "s.db", "1", "--reason", "r"), "s.db: trial 1 is not withdrawn"),
         (("withdraw", "s.db", "2", "77", "--reason", "r"), "s.db: has no trial 77"),
-        (("correct", "s.db", "5", "--reason", "r", "--car", "real"), "s.db: trial 5: car: 'real' is not one of built, "),
-        (("correct", "s.db", "6", "--reason", "r", "--car", "built"),
+        (("correct", "s.db", "5", "--reason", "r", "--kind", "real"), "s.db: trial 5: car: 'real' is not one of built, "),
+        (("correct", "s.db", "6", "--reason", "r", "--kind", "built"),
          "s.db: trial 6: car: the car itself reported that it is simulated; this cannot be corrected"),
     ],
 )  # fmt: skip
@@ -130,12 +136,12 @@ def test_mistakes_change_nothing(mixed: Path, foldcar: Any, words: tuple[str, ..
 
 
 def test_a_person_says_what_drove_where_no_car_did(mixed: Path, foldcar: Any) -> None:
-    answer = foldcar("trials", "correct", "s.db", "5", "--car", "built", "--reason", "I drove it", "--operator", "Bo")
+    answer = foldcar("trials", "correct", "s.db", "5", "--kind", "built", "--reason", "I drove it", "--operator", "Bo")
 
     assert 'trial 5: car none -> "built"' in answer.stdout, answer.stderr
     exported = foldcar("export", "s.db", "--trials", "t.csv")
     assert exported.stderr.startswith("t.csv: 3 trials\n")
-    assert foldcar("trials", "correct", "s.db", "5", "--car", "simulated", "--reason", "no").returncode == 0
+    assert foldcar("trials", "correct", "s.db", "5", "--kind", "simulated", "--reason", "no").returncode == 0
 
 
 def test_the_next_sample_depends_on_trials_that_count(tmp_path: Path) -> None:

@@ -115,7 +115,7 @@ def test_a_study_that_cannot_run_is_refused_and_leaves_no_store(
 
 
 def start(listing: Path, store: Path, carsim: Path, environments: int) -> ForkedProcess:
-    words = ["sweep", str(listing), "--store", str(store), "--environments", str(environments), "--jobs", "2"]
+    words = ["sweep", str(listing), "--store", str(store), "--samples", str(environments), "--jobs", "2"]
     return original().start(words, listing.parent, {**os.environ, "FOLDCAR_CARSIM": str(carsim)})
 
 
@@ -174,7 +174,7 @@ def test_a_full_disk_is_one_line_and_loses_nothing(
     limit = (tmp_path / "s.db").stat().st_size + 60_000
 
     answer = new_foldcar(
-        "sweep", listing, "--store", "s.db", "--environments", "2000",
+        "sweep", listing, "--store", "s.db", "--samples", "2000",
         env={**os.environ, "FOLDCAR_CARSIM": str(carsim_binary)},
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)),
     )  # fmt: skip

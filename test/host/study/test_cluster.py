@@ -243,7 +243,7 @@ def test_the_workers_of_this_machine_speak_tls_and_end_with_the_command(
     listing: Path, tmp_path: Path, number: signal.Signals
 ) -> None:
     process = subprocess.Popen(
-        [sys.executable, "-m", "foldcar", "sweep", str(listing), "--store", "s.db", "--environments", "1000",
+        [sys.executable, "-m", "foldcar", "sweep", str(listing), "--store", "s.db", "--samples", "1000",
          "--scheduler", "local:1"],
         cwd=tmp_path, stderr=subprocess.PIPE, text=True, start_new_session=True, preexec_fn=like_a_shell,
         env={**os.environ, MARK: str(tmp_path)},

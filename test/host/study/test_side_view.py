@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from browser import study_of
 from foldcar.store.reader import Store
 from foldcar.study.side_view_check import one_sided
 from study_car import car_body, empty_scene, run_carsim
@@ -88,8 +89,7 @@ def test_it_is_named_by_the_sweep_and_wherever_its_rates_are_shown(
     page = foldcar("report", "s.db", "-o", "page")
     assert warning in " ".join(page.stdout.split())
     assert json.dumps(named)[1:-1] in (tmp_path / "page" / "index.html").read_text()
-    answer = foldcar("report", "s.db", "--json", "-o", "page")
-    assert warning in json.loads(answer.stdout)["experiments"][0]["remarks"]
+    assert warning in study_of(tmp_path / "page")["experiments"][0]["remarks"]
     assert named in " ".join(foldcar("select", "s.db", "--build", "1").stdout.split())
     assert "which matter here" not in foldcar("sweep", listing, "--store", "s.db").stderr
 

@@ -171,7 +171,7 @@ def test_a_sweep_that_stopped_is_complete_and_weighs_its_designs_alike(
     first, _, named = stopping_lines(study.experiments[0], stopping_rules("decided", study)["1"], counts.states)
     assert first.startswith("experiment 1: 2 of 3 designs decided, 1 undecided; ")
     assert first.endswith(f"{counts.new} of at most {3 * MOST} runs")
-    assert named == "  undecided: 145 mm; --environments N allows more runs"
+    assert named == "  undecided: 145 mm; --samples N allows more runs"
 
 
 @pytest.mark.parametrize(

@@ -1,16 +1,15 @@
 """Mistakes and accidents with cars, trials and their files: each ends in one true line, and nothing is lost unsaid."""
 
-import json
 import os
 import subprocess
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 
+from browser import study_of
 from foldcar.errors import FoldcarError
 from foldcar.link.stream import open_stream
 from foldcar.trials.plugged_car import require_same_car
@@ -100,18 +99,17 @@ def test_the_report_tells_trials_of_another_environment(
 ) -> None:
     assert foldcar("sweep", "l.json", "--store", "s.db", "--jobs", "1").returncode == 0
     assert foldcar(*LOG, "--port", port, "--yes", "--countdown", "0").returncode == 0
-    same: Any = json.loads(foldcar("report", "s.db", "-o", "r", "--simulated-trials", "--json").stdout)
+    assert foldcar("report", "s.db", "-o", "same", "--simulated-trials").returncode == 0
     text = (tmp_path / "free.scenic").read_text()
     (tmp_path / "other.scenic").write_text(text.replace("(1.0, 0)", "(0.7, 0)"))
     free_course.write_text(free_course.read_text().replace("free.scenic", "other.scenic"))
 
     assert foldcar("sweep", "l.json", "--store", "s.db", "--jobs", "1").returncode == 0
-    other: Any = json.loads(foldcar("report", "s.db", "-o", "r", "--simulated-trials", "--json").stdout)
+    assert foldcar("report", "s.db", "-o", "other", "--simulated-trials").returncode == 0
 
     sentence = "1 trial left out: driven in free.scenic, not in other.scenic."
-    assert sentence in other["experiments"][0]["remarks"]
-    assert sentence not in same["experiments"][0]["remarks"]
-    assert sentence in (tmp_path / "r" / "index.html").read_text()
+    same, other = ([e["remarks"] for e in study_of(tmp_path / name)["experiments"]] for name in ("same", "other"))
+    assert sentence in other[0] and sentence not in same[0]
 
 
 def test_a_link_lost_before_the_start_has_no_time_of_an_earlier_trial(

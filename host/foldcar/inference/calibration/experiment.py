@@ -85,7 +85,7 @@ def read_experiment(store: Store, name: str) -> SweptExperiment:
     if len(scenes) < MIN_SCENES:
         raise FoldcarError(
             f"{place}: the store has {len(scenes)} scenes of its environment, a calibration needs {MIN_SCENES}: "
-            f"sweep with --environments {MIN_SCENES} or more"
+            f"sweep with --samples {MIN_SCENES} or more"
         )
     designs = [
         SweptDesign(parameters, drives.value("body", body), drives.text("settings", settings))

@@ -113,7 +113,7 @@ def _chosen_experiment(experiments: list[str], named: str | None, if_unknown: st
 
 
 def observe(store: Store, experiment: SweptExperiment, simulated: bool) -> Observations:
-    """Read the completed trials of built cars or, if ``simulated``, of simulated ones, in the experiment's environment.
+    """Read the completed trials of built cars and, if ``simulated``, of simulated ones, in the experiment's environment.
 
     Notes say which trials are left out. Raises FoldcarError if no trial remains.
     """
@@ -124,7 +124,7 @@ def observe(store: Store, experiment: SweptExperiment, simulated: bool) -> Obser
     left_out = Counter[str]()
     for trial in store.trials(name):
         design = experiment.design_of(trial.design) if trial.vehicle_type == experiment.info.vehicle_type else None
-        if trial.standing != (SIMULATED if simulated else BUILT):
+        if trial.standing != BUILT and not (simulated and trial.standing == SIMULATED):
             left_out[trial.standing] += 1
         elif not trial.completed:
             left_out[ABORTED] += 1

@@ -81,15 +81,15 @@ function picture({ kind, name, address }) {
 
 export function showTrials(model) {
   const { e } = model, place = byId("trials-table");
-  const named = e.trials.some(trial => trial.car_name), filmed = e.trials.some(trial => trial.media.length);
+  const named = e.trials.some(trial => trial.car_name), hasMedia = e.trials.some(trial => trial.media.length);
   const rows = e.trials.map(trial => [
     String(trial.number), trial.design === null ? trial.car : designButton(model, trial.design, trial.car), ...(named ? [trial.car_name || "–"] : []), trial.standing,
     trial.environment === null || trial.design === null ? "–" : make("button", { type: "button", class: "design", text: String(trial.environment), title: "the simulated run", onclick: () => model.open(trial.design, trial.environment) }),
     trial.passed === null ? "aborted" : trial.passed ? "passed" : (trial.outcome || "not passed").replaceAll("_", " "),
-    trial.time_s === null ? "–" : `${number(trial.time_s)} s`, trial.when || "–", ...(filmed ? [make("div", { class: "media" }, ...trial.media.map(picture))] : []), trial.note || "",
+    trial.time_s === null ? "–" : `${number(trial.time_s)} s`, trial.when || "–", ...(hasMedia ? [make("div", { class: "media" }, ...trial.media.map(picture))] : []), trial.note || "",
   ]);
   place.replaceChildren(...(rows.length
-    ? [make("details", { open: rows.length <= 12 }, make("summary", { text: `${rows.length} trial${rows.length > 1 ? "s" : ""} one by one` }), make("div", { class: "wide" }, plainTable(["trial", "car", ...(named ? ["name"] : []), "kind", "environment", "outcome", "after", "when", ...(filmed ? ["photos, films"] : []), "note"], rows)))]
+    ? [make("details", { open: rows.length <= 12 }, make("summary", { text: `${rows.length} trial${rows.length > 1 ? "s" : ""} one by one` }), make("div", { class: "wide" }, plainTable(["trial", "car", ...(named ? ["name"] : []), "kind", "environment", "outcome", "after", "when", ...(hasMedia ? ["photos, films"] : []), "note"], rows)))]
     : [make("p", { class: "note" }, "No trial of this experiment is shown: ", make("code", { text: "foldcar log" }), " and ", make("code", { text: "foldcar trials import" }), " add trials. The remarks above say which trials are omitted.")]));
   byId("provenance").replaceChildren(make("table", { class: "facts" }, make("tbody", {}, ...e.provenance.map(([label, text]) => make("tr", {}, make("th", { scope: "row", text: label }), make("td", {}, text.includes("\n") ? make("pre", { text }) : text))))));
   byId("files").replaceChildren(...e.files.map(([label, address]) => make("li", {}, make("a", { href: address, text: label.split(/[.;:]( |$)/)[0] }))));

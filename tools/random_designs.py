@@ -54,7 +54,7 @@ class Draw:
 
     def __str__(self) -> str:
         settings = " ".join(f"{key}={value:.6g}" for key, value in self.values.items())
-        return f"{self.type} {settings} --machine {self.machine}" + (f" --sheet {self.sheet}" if self.sheet else "")
+        return f"{self.type} {settings} --material {self.machine}" + (f" --sheet {self.sheet}" if self.sheet else "")
 
 
 @dataclass

@@ -13,7 +13,7 @@ from foldcar.fabrication.patterns.sheet_files import WRITERS, pdf
 from foldcar.fabrication.patterns.sheets import pattern
 
 CHOSEN = options("laser", sheet="300x200")
-COMMAND = "foldcar pattern cars.json --vehicle w95 --set W.length=80 --machine laser --sheet 300x200 -o car"
+COMMAND = "foldcar pattern cars.json --vehicle w95 --set W.length=80 --material laser --sheet 300x200 -o car"
 
 
 @dataclass(frozen=True)

@@ -220,22 +220,23 @@ def sweep(
     store: str | Path,
     *,
     experiment: str | None = None,
-    environments: int | None = None,
+    samples: int | None = None,
     jobs: int | None = None,
 ) -> Study:
     """Simulate the runs of a listing, or of one experiment, that the store lacks, and return the study.
 
-    ``environments`` replaces the listing's number; ``jobs`` simulators run in parallel (None: one per processor). If the
-    sweep is interrupted, the same call resumes it. Raises FoldcarError if the listing or an argument is invalid.
+    ``samples`` replaces the listing's number of environments; ``jobs`` simulators run in parallel (None: one per
+    processor). If the sweep is interrupted, the same call resumes it. Raises FoldcarError if the listing or an argument
+    is invalid.
 
-    >>> study = foldcar.sweep("scenarios/width_study.json", "w.db", environments=1, jobs=1)
+    >>> study = foldcar.sweep("scenarios/width_study.json", "w.db", samples=1, jobs=1)
     >>> study.experiments["1"].environments
     1
     """
     from foldcar.api.sweeping import planned_sweep
     from foldcar.installation import usable_processors
 
-    count = None if environments is None else checked_int("environments", environments, 1, MAX_ENVIRONMENTS)
+    count = None if samples is None else checked_int("samples", samples, 1, MAX_ENVIRONMENTS)
     workers = usable_processors() if jobs is None else checked_int("jobs", jobs, 1, MAX_JOBS)
     command = f"foldcar.sweep({str(listing)!r}, {str(store)!r})"
     planned_sweep(Path(listing), Path(store), command, experiment=experiment, environments=count).run(workers)

@@ -223,7 +223,14 @@ Settings = Annotated[
         help="Set a parameter (mm, degrees) or a part, e.g. width=95, W.length=60, tyre=none.",
     ),
 ]
-Machine = Annotated[str, typer.Option(metavar="NAME", help="Cutting machine: silhouette, cricut, laser or scissors.")]
+Material = Annotated[
+    str,
+    typer.Option(
+        metavar="NAME|FILE",
+        help="How the film is cut and folded: a preset (silhouette, cricut, laser or scissors) or a JSON file with your "
+        "own numbers (see docs/patterns.md).",
+    ),
+]
 Sheet = Annotated[
     str | None, typer.Option(metavar="SIZE", help="Sheet size: a4, letter, a3, 12in, 12x24in or WIDTHxHEIGHT in mm.")
 ]

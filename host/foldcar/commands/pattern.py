@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from foldcar.commands.options import Components, Listing, Machine, OutputFolder, Settings, Sheet, print_lines
+from foldcar.commands.options import Components, Listing, Material, OutputFolder, Settings, Sheet, print_lines
 from foldcar.installation import require
 from foldcar.shown_text import decoded
 
@@ -33,29 +33,8 @@ def pattern(
         bool,
         typer.Option("--all", help="Make all designs of the listing, or of --vehicle, each in its own folder in DIR."),
     ] = False,
-    machine: Machine = "silhouette",
+    material: Material = "silhouette",
     sheet: Sheet = None,
-    fold: Annotated[
-        str | None, typer.Option(metavar="STYLE", help="How folds are cut: dash (a dashed line) or score.")
-    ] = None,
-    kerf: Annotated[float | None, typer.Option(metavar="MM", help="Width of film that the cut removes.")] = None,
-    tab_clearance: Annotated[
-        float | None, typer.Option(metavar="MM", help="Amount by which tabs are made smaller.")
-    ] = None,
-    dash_cut: Annotated[float | None, typer.Option(metavar="MM", help="Length of each cut of a dashed fold.")] = None,
-    dash_bridge: Annotated[
-        float | None, typer.Option(metavar="MM", help="Film left between cuts of a dashed fold.")
-    ] = None,
-    bend_radius: Annotated[float | None, typer.Option(metavar="MM", help="Inner radius of folds.")] = None,
-    k_factor: Annotated[
-        float | None,
-        typer.Option(
-            metavar="FRACTION",
-            help="Position of the neutral layer in a fold: distance from the inner side, divided by thickness.",
-        ),
-    ] = None,
-    margin: Annotated[float | None, typer.Option(metavar="MM", help="Width of a sheet's blank border.")] = None,
-    gap: Annotated[float | None, typer.Option(metavar="MM", help="Smallest distance between two pieces.")] = None,
     components: Components = None,
 ) -> None:
     """Write all files that are needed to build a car.
@@ -70,14 +49,10 @@ def pattern(
     require("fabricate")
     from foldcar.commands.listed_run import listed_families
     from foldcar.fabrication.make_car import MANIFEST, make_car
-    from foldcar.fabrication.patterns.options import options
+    from foldcar.fabrication.patterns.options import read_material
     from foldcar.outputs import atomic_folder
 
-    pattern_options = options(
-        machine, sheet=sheet, fold=fold, kerf_mm=kerf, tab_clearance_mm=tab_clearance, dash_cut_mm=dash_cut,
-        dash_bridge_mm=dash_bridge, bend_radius_mm=bend_radius, k_factor=k_factor, margin_mm=margin,
-        gap_mm=gap,
-    )  # fmt: skip
+    pattern_options = read_material(material, sheet)
     families = listed_families(listing, vehicle, settings, every)[1]
     cars_to_make = (
         list(_cars_to_make(families)) if every else [_CarToMake(families[0].vehicle, "", families[0].single(), ())]

@@ -7,6 +7,7 @@ import re
 import shlex
 import subprocess
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,9 @@ import ezdxf
 import pytest
 
 from foldcar.commands.pattern import car_command
-from foldcar.fabrication.patterns.options import OptionError, options
+from foldcar.errors import FoldcarError
+from foldcar.fabrication.patterns import options as pattern_options
+from foldcar.fabrication.patterns.options import PRESETS, OptionError, options, read_material
 from sheet_reader import read_svg
 from test_shown_text import ASCII
 
@@ -33,7 +36,7 @@ def files_of(folder: Path) -> dict[str, bytes]:
 def test_a_car_is_made_with_what_its_manifest_names_but_never_over_other_files(
     foldcar: Command, write_listing: Callable[[Any], Path], listing_data: dict[str, Any], tmp_path: Path
 ) -> None:
-    words = ["pattern", write_listing(listing_data).name, "--set", "width=95", "--machine", "laser", "-o", "car"]
+    words = ["pattern", write_listing(listing_data).name, "--set", "width=95", "--material", "laser", "-o", "car"]
 
     done = foldcar(*words)
 
@@ -65,7 +68,7 @@ def test_every_car_is_made_and_its_own_command_makes_it_anew_alike_but_never_ove
     listing_data["experiments"]["1"]["veh_id"] = "one axle"
     write_listing(listing_data).rename(tmp_path / "étude.json")
     # A sheet as large as two cars takes the search for their places less time.
-    laser = ["--machine", "laser", "--sheet", "1000x1000"]
+    laser = ["--material", "laser", "--sheet", "1000x1000"]
 
     done = new_foldcar("pattern", "étude.json", "--all", *laser, "-o", "cars", env={**os.environ, "PYTHONHASHSEED": "0"})
 
@@ -119,7 +122,7 @@ def test_every_car_is_made_and_its_own_command_makes_it_anew_alike_but_never_ove
     ("words", "message"),
     [
         (("--set", "width=95", "--sheet", "110x110"), "it cannot be split; --sheet 12in would do"),
-        (("--set", "width=95", "--machine", "axe"), "--machine axe: not one of silhouette, cricut, laser, scissors"),
+        (("--set", "width=95", "--material", "axe"), "--material axe: is neither a file nor one of silhouette,"),
         ((), "has 2 values (95, 245); choose one"),
     ],
 )
@@ -149,10 +152,52 @@ def test_a_file_in_the_folders_place_is_refused(foldcar: Command, listing: Path,
 def test_options_are_of_any_case_and_within_their_limits() -> None:
     assert options("Laser", sheet="A4", fold="Score") == options("laser", sheet="a4", fold="score")
     for changes, message in (
-        ({"sheet": "huge"}, "--sheet huge: neither one of a4, letter, 12in"),
-        ({"kerf_mm": 3}, "--kerf 3: not within 0 to 1 mm"),
-        ({"fold": "bite"}, "--fold bite: not one of dash, score"),
-        ({"margin_mm": 40, "sheet": "60x60"}, "--margin 40: leaves nothing"),
+        ({"sheet": "huge"}, "sheet huge: is neither one of a4, letter, 12in"),
+        ({"kerf_mm": 3}, "kerf_mm 3: is not within 0 to 1"),
+        ({"fold": "bite"}, "fold bite: is not one of dash, score"),
+        ({"margin_mm": 40, "sheet": "60x60"}, "margin_mm 40: leaves nothing"),
     ):
         with pytest.raises(OptionError, match=re.escape(message)):
             options("silhouette", **changes)
+
+
+def test_a_material_file_changes_a_preset_and_is_named_on_the_sheets(
+    foldcar: Command, write_listing: Callable[[Any], Path], listing_data: dict[str, Any], tmp_path: Path
+) -> None:
+    write_listing(listing_data)
+    file = tmp_path / "mine.json"
+    file.write_text('{"machine": "laser", "kerf_mm": 0.4, "tab_clearance_mm": 0.5} // of my shop')
+
+    done = foldcar("pattern", "listing.json", "--set", "width=95", "--material", "mine.json", "-o", "car")
+
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "for laser, kerf 0.4 mm" in done.stdout
+    command = json.loads((tmp_path / "car" / "pattern.json").read_text())["command"]
+    assert "--material mine.json --sheet 600x400" in command
+    chosen = read_material(str(file))
+    assert replace(chosen, kerf_mm=0.15, tab_clearance_mm=0.2, file=None) == options("laser")
+    # Each preset is a file of the same kind.
+    presets = sorted((Path(pattern_options.__file__).parent / "materials").glob("*.json"))
+    assert {preset.stem for preset in presets} == set(PRESETS)
+    for preset in presets:
+        assert replace(read_material(str(preset)), file=None) == PRESETS[preset.stem]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('{"kerf_mm": 0.1}', "is not a JSON object with a machine: silhouette, cricut, laser, scissors"),
+        ('{"machine": "axe"}', "machine axe: is not one of silhouette, cricut, laser, scissors"),
+        ('{"machine": "laser", "kerf": 0.1}', 'kerf: unknown key; known: bend_radius_mm, '),
+        ('{"machine": "laser", "kerf_mm": "0.1"}', "kerf_mm: '0.1' is not a number"),
+        ('{"machine": "laser", "kerf_mm": 3}', "kerf_mm 3: is not within 0 to 1 (the cut of a blade or beam)"),
+        ('{"machine": "laser", "sheet": 4}', "sheet: 4 is not a text"),
+        ('{"machine": "laser", ', "is not JSON"),
+    ],
+)
+def test_mistakes_in_a_material_file_name_file_key_value_and_limit(tmp_path: Path, text: str, message: str) -> None:
+    file = tmp_path / "mine.json"
+    file.write_text(text)
+
+    with pytest.raises(FoldcarError, match=re.escape(f"{file}: {message}")):
+        read_material(str(file))

@@ -215,6 +215,6 @@ def test_trials_alone_make_a_page(tmp_path: Path, foldcar: Any) -> None:
     assert "<title>foldcar report: s.db</title>" in page
     # 10 of 44 in the paper's Table 1.
     assert "10 of 44 trials of built cars passed; nothing was simulated to compare with." in page
-    assert "1 of a simulated car (--simulated-trials shows them)" in page and "1 of a simulated" in answer.stdout
+    assert "1 of a simulated car (--simulated-trials counts them)" in page and "1 of a simulated" in answer.stdout
     assert "7 of 10" in answer.stdout
     assert [len(list((tmp_path / "out").glob(f"experiment_*.{suffix}"))) for suffix in ("svg", "png")] == [1, 1]

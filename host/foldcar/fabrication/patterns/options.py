@@ -1,7 +1,8 @@
-"""The options of a pattern for a machine and a sheet: kerf, folds, clearances, sizes; profiles of machines.
+"""The options of a pattern: how a machine cuts and folds the film, and the sheet.
 
-Input: a machine's name and changed values. Output: Options; OptionError for a value outside its limits. The data of
-machines are in ``machines.json``: preset, sheets, how the machine's program reads a file, what to do with each layer.
+Input: a material file, which has the numbers, or the name of a preset. The presets are files of the same kind in
+``materials/``. Output: Options; OptionError for a value outside its limits. Facts about machines are in
+``machines.json``: sheets, how the machine's program reads a file, what to do with each layer.
 """
 
 import json
@@ -13,6 +14,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 from foldcar.errors import FoldcarError
+from foldcar.study.listing_file import load_listing
+from foldcar.typed import did_you_mean
 
 INCH_MM = 25.4
 MAX_SHEET_MM = 5000.0
@@ -29,7 +32,6 @@ SHEETS = {
     "a3": (297.0, 420.0),
     "12x24in": (12 * INCH_MM, 24 * INCH_MM),
 }
-_DATA = json.loads(Path(__file__).with_name("machines.json").read_text(encoding="utf-8"))
 # Minimum and maximum of each number, and the quantity it limits.
 LIMITS = {
     "kerf_mm": (0.0, 1.0, "the cut of a blade or beam"),
@@ -54,7 +56,7 @@ class Options:
     ``kerf_mm`` is the width that the cut removes, ``margin_mm`` the sheet's border that the machine cannot reach,
     ``gap_mm`` the distance of two pieces. ``bend_radius_mm`` is a fold's inner radius, ``k_factor`` the position of its
     neutral layer from the inner side per thickness. ``fold``: dashes of ``dash_cut_mm`` with bridges of
-    ``dash_bridge_mm``, or a scored line.
+    ``dash_bridge_mm``, or a scored line. ``file`` is the name of the material file; None for a preset.
     """
 
     machine: str
@@ -64,10 +66,11 @@ class Options:
     fold: Literal["dash", "score"]
     margin_mm: float
     gap_mm: float
-    dash_cut_mm: float = 1.5
-    dash_bridge_mm: float = 1.0
-    bend_radius_mm: float = 0.0
-    k_factor: float = 0.5
+    dash_cut_mm: float
+    dash_bridge_mm: float
+    bend_radius_mm: float
+    k_factor: float
+    file: str | None = None
 
     @property
     def sheet_size_mm(self) -> tuple[float, float]:
@@ -82,12 +85,11 @@ class Options:
 
 @dataclass(frozen=True, slots=True)
 class Machine:
-    """A machine: its preset, the sheets it takes (smallest first), the program that reads its ``files`` and what to do.
+    """A machine: the sheets it takes (smallest first), the program that reads its ``files`` and what to do.
 
     ``actions`` has a text for each layer; FOLD stands for both kinds of folds.
     """
 
-    preset: Options
     sheets: Sequence[str]
     program: str
     files: Literal["svg", "dxf", "pdf", "lbrn2"]
@@ -96,7 +98,13 @@ class Machine:
     actions: Mapping[str, str]
 
 
-MACHINES = {name: Machine(Options(name, **data.pop("options")), **data) for name, data in _DATA.items()}
+_FOLDER = Path(__file__).parent
+MACHINES = {
+    name: Machine(**data) for name, data in json.loads((_FOLDER / "machines.json").read_text(encoding="utf-8")).items()
+}
+PRESETS = {
+    name: Options(**json.loads((_FOLDER / "materials" / f"{name}.json").read_text(encoding="utf-8"))) for name in MACHINES
+}
 
 
 def options(machine: str, **changes: Any) -> Options:
@@ -105,23 +113,48 @@ def options(machine: str, **changes: Any) -> Options:
     Raises OptionError for an unknown name or a value outside its limits.
     """
     machine = machine.lower()
-    changes = {key: value.lower() if isinstance(value, str) else value for key, value in changes.items()}
+    changes = {
+        key: value.lower() if isinstance(value, str) and key != "file" else value for key, value in changes.items()
+    }
     if machine not in MACHINES:
-        raise OptionError(f"--machine {machine}: not one of {', '.join(MACHINES)}")
-    result = replace(MACHINES[machine].preset, **{key: value for key, value in changes.items() if value is not None})
-    for field in fields(result):
-        value = getattr(result, field.name)
-        if field.name not in LIMITS or value is None:
-            continue
-        minimum, maximum, meaning = LIMITS[field.name]
+        raise OptionError(f"machine {machine}: is not one of {', '.join(MACHINES)}")
+    result = replace(PRESETS[machine], **{key: value for key, value in changes.items() if value is not None})
+    for name, (minimum, maximum, meaning) in LIMITS.items():
+        value = getattr(result, name)
         if not minimum <= value <= maximum:
-            raise OptionError(f"{_flag(field.name)} {value:g}: not within {minimum:g} to {maximum:g} mm ({meaning})")
+            raise OptionError(f"{name} {value:g}: is not within {minimum:g} to {maximum:g} ({meaning})")
     if result.fold not in ("dash", "score"):
-        raise OptionError(f"--fold {result.fold}: not one of dash, score")
+        raise OptionError(f"fold {result.fold}: is not one of dash, score")
     width, height = result.sheet_size_mm
     if min(width, height) - 2 * result.margin_mm < 1:
-        raise OptionError(f"--margin {result.margin_mm:g}: leaves nothing of a sheet of {width:g} x {height:g} mm")
+        raise OptionError(f"margin_mm {result.margin_mm:g}: leaves nothing of a sheet of {width:g} x {height:g} mm")
     return result
+
+
+def read_material(material: str, sheet: str | None = None) -> Options:
+    """Return the options of a preset, or of a material file (JSON), with another ``sheet`` if that is not None.
+
+    Raises OptionError, which names the file and the key.
+    """
+    if material.lower() in PRESETS:
+        return options(material, sheet=sheet)
+    file = Path(material)
+    if not file.is_file():
+        raise OptionError(f"--material {material}: is neither a file nor one of {', '.join(PRESETS)}")
+    data, _ = load_listing(file)
+    if not isinstance(data, Mapping) or "machine" not in data:
+        raise OptionError(f"{file}: is not a JSON object with a machine: {', '.join(PRESETS)}")
+    known = {field.name for field in fields(Options)} - {"file"}
+    for key, value in data.items():
+        if key not in known:
+            raise OptionError(f"{file}: {key}: unknown key; known: {', '.join(sorted(known))}{did_you_mean(key, known)}")
+        is_number = isinstance(value, int | float) and not isinstance(value, bool)
+        if not (is_number if key in LIMITS else isinstance(value, str)):
+            raise OptionError(f"{file}: {key}: {value!r} is not a {'number' if key in LIMITS else 'text'}")
+    try:
+        return options(**{**data, "sheet": sheet or data.get("sheet")}, file=material)
+    except OptionError as error:
+        raise OptionError(f"{file}: {error}") from None
 
 
 def sheet_size_mm(sheet: str) -> tuple[float, float]:
@@ -137,23 +170,20 @@ def sheet_size_mm(sheet: str) -> tuple[float, float]:
     if not (10 <= width <= MAX_SHEET_MM and 10 <= height <= MAX_SHEET_MM):
         names = ", ".join(SHEETS)
         raise OptionError(
-            f"--sheet {sheet}: neither one of {names} nor WIDTHxHEIGHT of 10 to {MAX_SHEET_MM:g} mm, as in 600x400, "
+            f"sheet {sheet}: is neither one of {names} nor WIDTHxHEIGHT of 10 to {MAX_SHEET_MM:g} mm, as in 600x400, "
             "or in inches, as in 24x36in"
         )
     return width, height
 
 
 def arguments(options: Options) -> list[str]:
-    """Return the arguments of a command line that give these options; values of the preset are left out."""
-    preset = MACHINES[options.machine].preset
-    # The default machine needs no argument.
-    words = [] if options.machine == "silhouette" else ["--machine", options.machine]
-    for field in fields(options):
-        value = getattr(options, field.name)
-        if value != getattr(preset, field.name):
-            words += [_flag(field.name), value if isinstance(value, str) else f"{value:.10g}"]
+    """Return the arguments of `foldcar pattern` that give these options; the default preset and its sheet need none.
+
+    A material file is named without its folder.
+    """
+    material = options.machine if options.file is None else Path(options.file).name
+    words = [] if material == "silhouette" else ["--material", material]
+    # A file may name any sheet.
+    if options.file is not None or options.sheet != PRESETS[options.machine].sheet:
+        words += ["--sheet", options.sheet]
     return words
-
-
-def _flag(field: str) -> str:
-    return f"--{field.removesuffix('_mm').replace('_', '-')}"

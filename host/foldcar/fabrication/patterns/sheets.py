@@ -156,7 +156,7 @@ def cut_car(folded: FoldedCar, options: Options) -> CutCar:
     film = folded.parts.film
     if getattr(film.cutting, options.machine) is None:
         machines = " or ".join(name for name, cutting in film.cutting if cutting is not None)
-        raise OptionError(f"--machine {options.machine}: does not cut {film.title}; only {machines} would do")
+        raise OptionError(f"machine {options.machine}: does not cut {film.title}; only {machines} would do")
     car = split_to_fit(folded, options)
     wheel_pieces = {placed.piece for placed in car.placed if placed.body.startswith("wheel")}
     pieces = []

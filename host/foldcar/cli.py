@@ -8,7 +8,6 @@ libraries in its functions.
 import atexit
 import gc
 import os
-import re
 import sys
 from collections.abc import Iterator, Mapping
 from importlib import import_module
@@ -59,8 +58,6 @@ def enable_completion() -> None:
 
 # Number of new objects after which Python collects garbage.
 GARBAGE_THRESHOLD = 50_000
-# Words of messages that are longer than this are shortened; paths are usually shorter.
-MAX_WORD_LENGTH = 300
 
 # The commands in the order of `foldcar -h`, and the modules of foldcar.commands that they are in.
 COMMANDS = {
@@ -149,9 +146,7 @@ def main() -> None:
         message, code = _ending(error)
         if message is None:
             raise
-        # Shorten very long words that come from files, such as numbers of 400 digits.
-        shortened = re.sub(rf"\S{{{MAX_WORD_LENGTH + 1},}}", lambda word: f"{word[0][:40]}…{word[0][-10:]}", message)
-        sys.stderr.write(f"{shortened}\n")
+        sys.stderr.write(f"{message}\n")
         if code != EXIT_CODE:
             sys.exit(code)
         # After a KeyboardInterrupt within `exec` (of dataclasses), Python ends itself by SIGINT even if it is handled.

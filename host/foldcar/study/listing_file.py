@@ -3,8 +3,8 @@
 It reports all mistakes in form, cars and programs, each with its key.
 """
 
+import json
 import re
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -66,17 +66,6 @@ def read_listing(file: Path, programs: bool = False) -> tuple[Listing, str]:
     return listing, text
 
 
-def _with_joined_surrogates(data: Any) -> Any:
-    """Return the data with surrogate pairs joined to characters, because json5 does not join them (as in emojis)."""
-    if isinstance(data, dict):
-        return {_with_joined_surrogates(key): _with_joined_surrogates(value) for key, value in data.items()}
-    if isinstance(data, list):
-        return [_with_joined_surrogates(value) for value in data]
-    if isinstance(data, str) and not data.isascii():
-        return data.encode("utf-16", "surrogatepass").decode("utf-16", "surrogatepass")
-    return data
-
-
 def load_listing(file: Path) -> tuple[Any, str]:
     """Return the JSON data in ``file`` and the file's text. Raises ListingError if it is not JSON, or not readable."""
     try:
@@ -87,13 +76,18 @@ def load_listing(file: Path) -> tuple[Any, str]:
             raise ListingError(file, "is a store, which `foldcar report` reads; a listing is a JSON file") from None
         raise ListingError(file, str(error).removeprefix(f"{file}: ")) from error
     try:
-        data = _with_joined_surrogates(json5.loads(text, allow_duplicate_keys=False))
+        data = json5.loads(text, allow_duplicate_keys=False)
     except ValueError as error:
         raise ListingError(file, f"is not JSON: {unclosed(text) or _json_mistake(str(error))}") from error
     except RecursionError as error:
         raise ListingError(file, "is nested too deeply") from error
     try:
         check_numbers(data)
+        # Escapes such as \ud83d are half a character, which UTF-8 does not have.
+        json.dumps(data, ensure_ascii=False).encode()
+    except UnicodeEncodeError as error:
+        half = ascii(error.object[error.start])[1:-1]
+        raise ListingError(file, f"{half}: is half a character; write the whole character instead") from None
     except ValueError as error:
         raise ListingError(file, str(error)) from None
     return data, text
@@ -101,9 +95,6 @@ def load_listing(file: Path) -> tuple[Any, str]:
 
 def _json_mistake(message: str) -> str:
     """Return the parser's message, beginning with line and column."""
-    if message.startswith("Exceeds the limit"):
-        # Python's own message gives advice to programmers.
-        return f"a number has more than {sys.get_int_max_str_digits()} digits"
     match = re.fullmatch(r"<string>:(\d+) (Unexpected .+) at column (\d+)", message)
     if match is None:
         return message.removeprefix("<string>:")

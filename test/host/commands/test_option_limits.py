@@ -56,4 +56,3 @@ def test_a_threshold_reads_like_the_listings(
 def test_a_parameter_of_a_program_that_is_given_twice_is_refused(tmp_path: Any, refused: Any) -> None:
     (tmp_path / "p.scenic").write_text("model model\n")
     assert refused("sample", "p.scenic", "--param", "a=1", "--param", "a=2") == "--param a=2: a is given twice"
-    assert len(refused("sample", "p.scenic", "--param", "x=" + "9" * 5000)) < 400

@@ -135,8 +135,7 @@ WIDTH = "vehicles.1.params.0.common.width"
         (WIDTH, {"from": 1}, ': a range has exactly the keys "from", "to", "step"'),
         (WIDTH, {"from": 65, "to": 90, "step": 1e-9}, ": the range has 25000000001 values, the limit is"),
         (WIDTH, {"from": 0, "to": 1e300, "step": 1e-300}, ".to: 1e+300 is out of bounds"),
-        (WIDTH, int("9" * 400), ": a number of 400 digits is above the limit"),
-        (WIDTH, "\ud800", ": '\\ud800' contains an invalid character"),
+        (WIDTH, int("9" * 400), ": the number is above the limit"),
         (
             WIDTH,
             {"from": 65, "to": 245, "step": 7},
@@ -166,7 +165,7 @@ def test_a_mistake_is_named_with_file_key_value_and_limit(
         ('{"a": 1\n "b": 2}', 'is not JSON: line 2, column 2: unexpected """'),
         ('{"a": 1, "a": 2}', "is not JSON: Duplicate key"),
         ("[" * 10000, "is nested too deeply"),
-        (f'{{"a": {"4" * 5000}}}', "is not JSON: a number has more than 4300 digits"),
+        ('{"title": "\\ud83d"}', "\\ud83d: is half a character"),
         ("[]", "the file: [] is not a JSON object"),
         ("\x00", "is not UTF-8 text (it contains NUL characters)"),
     ],
@@ -306,12 +305,3 @@ def test_cars_that_cannot_be_built_are_skipped_and_named(
     single = foldcar("run", listing, "--experiment", "1", "--set", "width=20")
     assert single.returncode == 2
     assert single.stderr.startswith("foldcar: error: --set width: 20 is below the minimum 53.65")
-
-
-def test_characters_beyond_16_bits_may_be_escaped(write_listing: Any, listing_data: Any) -> None:
-    listing_data["vehicles"] = {"\U0001f697": listing_data["vehicles"]["1"]}
-    listing_data["experiments"]["1"]["veh_id"] = "\U0001f697"
-    file = write_listing(listing_data)
-    assert r"\ud83d\ude97" in file.read_text()
-
-    assert list(read_listing(file)[0].vehicles) == ["\U0001f697"]

@@ -38,6 +38,7 @@ EXPERIMENT_FACTS = {
     **RULE,
 }
 METRICS = {**dict.fromkeys(NUMBERS, 0.2), "elapsed_time_s": 12.5, "distance_to_target_m": None, "consumed_energy_j": 3.0}
+SETTINGS = {"speed_m_s": 0.3, "yaw_rate_rad_s": 0.0, "time_limit_s": 120}
 Outcome = Callable[[Mapping[str, float], int], str]
 
 
@@ -71,16 +72,18 @@ def add_experiment(
     study = {**EXPERIMENT_FACTS, "varied": {key: list(values) for key, values in varied.items()}, **facts}
     plan = PlannedExperiment(name, "car", "pyramids", environment, spread, samples, study)
     designs = [{**dict(zip(varied, values, strict=True)), **FIXED} for values in product(*varied.values())]
-    bodies = [{"id": name, **design, "segments": [{"mass_kg": 0.2}], "wheels": []} for design in designs]
-    writer.put_experiment(
-        plan, [PlannedDesign(*pair, {"time_limit_s": 120}) for pair in zip(designs, bodies, strict=True)]
-    )
+    writer.put_experiment(plan, [PlannedDesign(design, body_of(design), SETTINGS) for design in designs])
     for sample in range(samples):
         writer.put_sample(environment, sample, {"of": fingerprint(name), "sample": sample})
         writer.put_draw(spread, sample, {})
     for sample in range(samples if stored is None else stored):
         runs = writer.planned_runs(plan, sample)
         writer.add_results((run, {**METRICS, "outcome": outcome(designs[run.design], sample)}) for run in runs)
+
+
+def body_of(design: Mapping[str, Any]) -> dict[str, Any]:
+    """The body of a design written here."""
+    return {**design, "segments": [{"mass_kg": 0.2}], "wheels": []}
 
 
 def fingerprint(experiment: str) -> str:
@@ -101,6 +104,9 @@ def add_trials(
     environment: str | None = None,
     program: str = "step_pyramids.scenic",
     scenes_of: str | None = None,
+    settings: Mapping[str, Any] = SETTINGS,
+    mass_kg: float = 0.2,
+    elapsed_time_s: float = 12.0,
 ) -> list[int]:
     """Add trials (design, sample, outcome) where a stored run of the same design was simulated; returns their numbers.
 
@@ -112,15 +118,15 @@ def add_trials(
         for varied, sample, outcome in trials:
             design = {**varied, **FIXED}
             drive = Drive(
-                {"id": experiment, **design},
-                {"time_limit_s": 120},
+                {**body_of(design), "segments": [{"mass_kg": mass_kg}]},
+                settings,
                 {"of": scenes_of or environment or fingerprint(experiment), "sample": sample},
                 environment or fingerprint(experiment),
                 program,
                 sample,
             )
             number = writer.begin(experiment, TrialDesign("W_B_W", design), drive, {}, facts, "log", "Ada")
-            writer.complete(number, Ending(outcome, "time limit", 12.0, "", None))
+            writer.complete(number, Ending(outcome, "time limit", elapsed_time_s, "", None))
             numbers.append(number)
     return numbers
 

@@ -24,6 +24,7 @@ from foldcar.inference.design_evidence import (
     simulated_spread,
 )
 from foldcar.inference.resimulation import Resimulation
+from foldcar.inference.same_drive import other_drives
 from foldcar.simulation.results import NUMBERS, OUTCOMES, REJECTED
 from foldcar.store.frames import RunArrays, run_arrays
 from foldcar.store.info import ExperimentInfo
@@ -200,6 +201,10 @@ def _evidence(
     trials = list(store.trials(info.listed_id)) if trials is None else trials
     other_programs = {} if resimulation is None else store.trials_in_other_environments(info)
     trials, sentences = _trials(info, trials, other_programs, simulated_trials)
+    if resimulation is not None:
+        different = other_drives(store, info, trials)
+        sentences += remarks.trials_driven_otherwise(different.values())
+        trials = [trial for trial in trials if trial.id not in different]
     by_design: dict[Any, list[Trial]] = {}
     for trial in trials:
         by_design.setdefault(design_key(trial.vehicle_type, trial.design), []).append(trial)

@@ -74,6 +74,14 @@ def trials_in_other_environments(programs: Iterable[str | None], info: Experimen
     return sentences
 
 
+def trials_driven_otherwise(differences: Iterable[str]) -> list[str]:
+    """Return a remark for each way in which trials were driven otherwise than the runs, with the number of trials."""
+    return [
+        f"{count(number, 'trial')} left out, not driven as the runs: {difference}."
+        for difference, number in Counter(differences).items()
+    ]
+
+
 def unswept_designs(designs_and_reasons: Sequence[tuple[DesignEvidence, str | None]]) -> list[str]:
     """Return remarks on the designs that have trials but no stored runs.
 

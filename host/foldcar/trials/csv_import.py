@@ -161,7 +161,13 @@ def _trial(
     if "sample" in row:
         trial["sample"] = _number(place, row, "sample", whole_number, maximum=MAX_ID)
     if "elapsed_time_s" in row:
-        trial["elapsed_time_s"] = _number(place, row, "elapsed_time_s", decimal_number, maximum=LONGEST_S)
+        trial["elapsed_time_s"] = time_s = _number(place, row, "elapsed_time_s", decimal_number, maximum=LONGEST_S)
+        info = swept.get(experiment_id)
+        if info is not None and outcome == "passed" and time_s > info.timeout_s:
+            raise FoldcarError(
+                f"{place}: elapsed_time_s: {time_s:g} is above the time limit of {info.timeout_s:g} s, so the trial has "
+                "not passed"
+            )
     if "started_utc" in row:
         trial["started_utc"] = _time_utc(place, row["started_utc"])
     count = _number(place, row, "count", whole_number, minimum=1, maximum=MAX_COUNT) if "count" in row else 1

@@ -26,7 +26,7 @@ from foldcar.statistics.rate import wilson_interval
 from foldcar.store.reader import Store
 from foldcar.store.trial_writer import write_trials
 from swept_listing import foldcar, json_output
-from written_study import add_trial, add_trials, fingerprint, import_trials, write_study
+from written_study import SETTINGS, add_trial, add_trials, fingerprint, import_trials, write_study
 
 WIDTHS = {"width_mm": [65.0, 95.0, 115.0, 180.0]}
 # Percent passed in simulation; trials passed and all, of the published table.
@@ -147,6 +147,69 @@ def test_only_built_cars_count_each_beside_its_run(tmp_path: Path) -> None:
     (simulated,) = compare(store, "--simulated-trials")["experiments"]
     assert [(design["trials"], design["trials_passed"]) for design in simulated["designs"]] == [(21, 11)]
     assert "SIMULATED cars drove 5 of 23 trials." in simulated["remarks"]
+
+
+@pytest.mark.parametrize(
+    ("options", "difference"),
+    [
+        ({"settings": {**SETTINGS, "speed_m_s": 0.05}}, "speed 0.05 m/s, not 0.3 m/s"),
+        ({"settings": {**SETTINGS, "yaw_rate_rad_s": 0.1}}, "turn rate 0.1 rad/s, not 0 rad/s"),
+        ({"settings": {**SETTINGS, "time_limit_s": 10}, "elapsed_time_s": 11.0}, "time limit 10 s, not 120 s"),
+        ({"settings": {**SETTINGS, "time_limit_s": 300}, "elapsed_time_s": 150.0}, "time limit 300 s, not 120 s"),
+        ({"mass_kg": 0.25}, "another body: segments.0.mass_kg 0.25, not 0.2"),
+        (
+            {"mass_kg": 0.25, "settings": {**SETTINGS, "speed_m_s": 0.1}},
+            "speed 0.1 m/s, not 0.3 m/s; another body: segments.0.mass_kg 0.25, not 0.2",
+        ),
+        # These were driven alike: ended within both limits, a rounding error.
+        ({"settings": {**SETTINGS, "time_limit_s": 20}}, None),
+        ({"settings": {**SETTINGS, "time_limit_s": 300}}, None),
+        ({"mass_kg": 0.2 * (1 + 1e-9)}, None),
+    ],
+)
+def test_trials_of_another_drive_are_left_out_and_named(
+    tmp_path: Path, options: Mapping[str, Any], difference: str | None
+) -> None:
+    store = write_study(tmp_path / "s.db", WIDTHS, 100, passing(SIMULATED), speed_m_s=0.3)
+    design = {"width_mm": 180.0}
+    add_trials(store, [(design, k, "passed") for k in range(4)])
+    add_trials(store, [(design, k, "passed") for k in range(4, 7)], **options)
+
+    for shown in (compare(store), json_output("select", store)):
+        (experiment,) = shown["experiments"]
+        remark = f"3 trials left out, not driven as the runs: {difference}."
+        assert (remark in experiment["remarks"]) == (difference is not None)
+        assert not any("not driven as the runs" in text and text != remark for text in experiment["remarks"])
+    (compared,) = compare(store)["experiments"]
+    assert [row["trials"] for row in compared["designs"]] == [7 if difference is None else 4]
+
+
+def test_a_trial_that_timed_out_under_a_shorter_limit_says_nothing_of_a_longer_one(tmp_path: Path) -> None:
+    store = write_study(tmp_path / "s.db", WIDTHS, 100, passing(SIMULATED), speed_m_s=0.3)
+    design = {"width_mm": 180.0}
+    short = {**SETTINGS, "time_limit_s": 20}
+    add_trials(store, [(design, 0, "tipped")], settings=short)
+    add_trials(store, [(design, 1, "timeout")], settings=short, elapsed_time_s=20.0)
+    import_trials(store, [(design, 2, "passed")])
+
+    (experiment,) = compare(store)["experiments"]
+
+    # An imported trial does not say how it was driven: it counts.
+    assert [(row["trials"], row["trials_passed"]) for row in experiment["designs"]] == [(2, 1)]
+    assert "1 trial left out, not driven as the runs: time limit 20 s, not 120 s." in experiment["remarks"]
+
+
+def test_an_imported_trial_that_passed_after_the_time_limit_is_refused(tmp_path: Path) -> None:
+    store = write_study(tmp_path / "s.db", WIDTHS, 100, passing(SIMULATED))
+    table = tmp_path / "t.csv"
+    table.write_text("experiment,vehicle_type,outcome,source,width_mm,elapsed_time_s\n1,W_B_W,passed,notes,95,130\n")
+
+    done = CliRunner().invoke(app, ["trials", "import", str(store), str(table)])
+
+    message = "line 2: elapsed_time_s: 130 is above the time limit of 120 s, so the trial has not passed"
+    assert str(done.exception) == f"{table}: {message}"
+    with Store.open(store) as opened:
+        assert not list(opened.trials())
 
 
 def test_imported_samples_are_of_the_environment_that_the_store_had(

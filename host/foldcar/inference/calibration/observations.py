@@ -18,6 +18,7 @@ from foldcar.inference.calibration.experiment import PASSED, SweptExperiment
 from foldcar.inference.calibration.parameters import FloatArray
 from foldcar.inference.calibration.posterior import IntArray
 from foldcar.inference.calibration.supply import measured_supply
+from foldcar.inference.same_drive import other_drives
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import BUILT, SIMULATED, UNKNOWN, WITHDRAWN, Trial
 
@@ -122,7 +123,9 @@ def observe(store: Store, experiment: SweptExperiment, simulated: bool) -> Obser
     ids_in_samples = store.trials_in_environment(experiment.info)
     kept: list[tuple[Trial, int]] = []
     left_out = Counter[str]()
-    for trial in store.trials(name):
+    trials_of_experiment = list(store.trials(name))
+    different = other_drives(store, experiment.info, trials_of_experiment)
+    for trial in trials_of_experiment:
         design = experiment.design_of(trial.design) if trial.vehicle_type == experiment.info.vehicle_type else None
         if trial.standing != BUILT and not (simulated and trial.standing == SIMULATED):
             left_out[trial.standing] += 1
@@ -132,9 +135,11 @@ def observe(store: Store, experiment: SweptExperiment, simulated: bool) -> Obser
             left_out[OTHER_ENVIRONMENT] += 1
         elif design is None:
             left_out[NO_DESIGN] += 1
+        elif trial.id in different:
+            left_out[f"not driven as the runs ({different[trial.id]})"] += 1
         else:
             kept.append((trial, design))
-    reasons = "; ".join(f"{left_out[key]} {text}" for key, text in _REASONS.items() if left_out[key])
+    reasons = "; ".join(f"{number} {_REASONS.get(key, key)}" for key, number in left_out.items())
     if not kept:
         hint = " (--simulated-trials calibrates by them)" if left_out[SIMULATED] else ""
         raise FoldcarError(f"{store.path}: experiment {name}: no trial to calibrate by: {reasons}{hint}")

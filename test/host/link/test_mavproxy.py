@@ -11,7 +11,6 @@ from pathlib import Path
 
 from foldcar.car.body import body_json, car_json
 from foldcar.car.design import compose
-from foldcar.link.parameters import read_file
 from foldcar.link.simulated_car import simulated_car
 from foldcar.simulation.carsim import Carsim
 from study_car import empty_scene
@@ -151,5 +150,5 @@ def test_mavproxy_lists_sets_and_saves_parameters_and_arms(tmp_path: Path, carsi
             assert "no link" not in station.output and "timeout" not in station.output
         finally:
             station.end()
-    values = read_file(saved)
-    assert set(values) == set(table) and values["CH1_NEUTRAL_US"] == 1511.0
+    values = dict(line.split() for line in saved.read_text().splitlines())
+    assert set(values) == set(table) and float(values["CH1_NEUTRAL_US"]) == 1511.0

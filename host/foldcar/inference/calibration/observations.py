@@ -18,7 +18,7 @@ from foldcar.inference.calibration.experiment import PASSED, SweptExperiment
 from foldcar.inference.calibration.parameters import FloatArray
 from foldcar.inference.calibration.posterior import IntArray
 from foldcar.inference.calibration.supply import measured_supply
-from foldcar.inference.same_drive import other_drives
+from foldcar.store.other_drives import other_drives
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import BUILT, SIMULATED, UNKNOWN, WITHDRAWN, Trial
 

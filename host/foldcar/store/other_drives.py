@@ -8,7 +8,6 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from foldcar.inference.design_evidence import design_key
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
 from foldcar.store.stored_drives import StoredDrives, read_drives
@@ -25,10 +24,11 @@ def other_drives(store: Store, info: ExperimentInfo, trials: Sequence[Trial]) ->
     Example: {7: "speed 0.05 m/s, not 0.3 m/s"}
     """
     drives: StoredDrives = store.once(("drives", info.id), lambda: read_drives(store, info.id))
-    index = {design_key(info.vehicle_type, parameters): k for k, parameters in enumerate(drives.parameters)}
+    index = {frozenset(parameters.items()): k for k, parameters in enumerate(drives.parameters)}
     result = {}
     for trial in trials:
-        design = index.get(design_key(trial.vehicle_type, trial.design))
+        is_swept_type = trial.vehicle_type == info.vehicle_type
+        design = index.get(frozenset(trial.design.items())) if is_swept_type else None
         drive = store.trial_drive(trial.id)
         settings = {} if drive is None else json.loads(drive.settings)
         if design is None:

@@ -32,7 +32,7 @@ CARSIM_WASM := .pio/wasm/carsim.wasm
 BUNDLES := host/foldcar/bundles/NOTICE.txt
 # Folders are among the prerequisites so that a removed file counts as a change.
 CARSIM_SOURCES := $(shell find firmware/lib firmware/src sim2d platformio.ini $(addprefix host/foldcar/link/,dialect.py foldcar.xml standard_messages.txt) -not -name '*.pyc' \
-  -not -name __pycache__) tools/build_id.py tools/firmware_id.py tools/mavlink_headers.py tools/simulation_digest.py tools/carsim_build.py tools/determinism.py
+  -not -name __pycache__) tools/build_id.py tools/golden_check.py tools/firmware_id.py tools/mavlink_headers.py tools/simulation_digest.py tools/carsim_build.py tools/determinism.py
 
 # What `make fresh` tries, and on which release of Debian.
 SUITE := trixie

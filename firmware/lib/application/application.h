@@ -79,6 +79,8 @@ class Application {
   const DesignResult& design() const { return design_; }
   const Parameters& parameters() const { return parameters_; }
   const Attitude& attitude() const { return attitude_; }
+  // The attitude is unknown until the next sample of the IMU.
+  void forget_attitude() { attitude_ = Attitude(); }
   const ImuSample& imu_sample() const { return imu_sample_; }
   // Whether the servo driver acknowledged the last write.
   bool servos_answer() const { return servos_answer_; }

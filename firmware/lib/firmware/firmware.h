@@ -28,6 +28,9 @@ class Firmware {
   // To be called when the loop has stood still and its clock too, as in a simulation that was stopped: what has arrived
   // meanwhile is refused. poll() sees by itself when the loop was late.
   void stood_still() { link_.receive(true); }
+  // To be called when the car stands elsewhere and its IMU has not felt how it came there, as in a simulation that puts it
+  // back: the attitude is estimated anew, from the next sample.
+  void was_put_elsewhere() { application_.forget_attitude(); }
 
   const Application& application() const { return application_; }
   const Parameters& parameters() const { return parameters_; }

@@ -125,6 +125,9 @@ std::vector<std::uint8_t> LinkedCar::step() {
 void LinkedCar::place_at_start() {
   car_ = engine_.create_car(world_->body, world_->scene, *terrain_, nullptr);
   motion_sensor_ = MotionSensor();
+  hal_.imu.now = motion_sensor_.observe(car_->state(), engine_.step_s());
+  // Of a car that has tipped, the estimate would be tilted for a second more, and a trial that starts then be aborted.
+  if (firmware_ != nullptr) firmware_->was_put_elsewhere();
 }
 
 // Parses the host's packets for FOLDCAR_SCENE, which only the simulator knows, and moves the car to that scene.

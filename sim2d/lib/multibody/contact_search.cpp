@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <numeric>
 #include <stdexcept>
 #include <string>
 
@@ -16,9 +18,6 @@ namespace {
 
 // The list of blocks near the car is made anew when the car has moved this far.
 constexpr double kNearTolerance_m = 0.05;
-
-// If there are more contacts than this, only the deepest are kept: no car needs as many to stand on.
-constexpr std::size_t kMostContacts = 200;
 
 // Vertical plane along the car's heading, in which the ground is cut to an outline and wheels meet it as circles.
 // Heights are divided by the cosine of the roll for which it was cut, so that a leaning wheel is a circle there too.
@@ -68,6 +67,20 @@ void add_contacts(const CutPlane& plane, const LateralSpan& span, const OutlineE
 
 }  // namespace
 
+// The solver's result depends on which contacts remain and on their order, so nothing here is left to the C++ library.
+void keep_deepest(std::vector<Contact>& contacts) {
+  if (contacts.size() <= kMaxContacts) return;
+  std::vector<std::size_t> kept(contacts.size());
+  std::iota(kept.begin(), kept.end(), std::size_t{0});
+  std::stable_sort(kept.begin(), kept.end(),
+                   [&](std::size_t a, std::size_t b) { return contacts[a].gap_m < contacts[b].gap_m; });
+  kept.resize(kMaxContacts);
+  std::sort(kept.begin(), kept.end());
+  // In place: kept[i] >= i.
+  for (std::size_t i = 0; i < kMaxContacts; ++i) contacts[i] = contacts[kept[i]];
+  contacts.resize(kMaxContacts);
+}
+
 ContactSearch::ContactSearch(const BodySpec& body, const CarConstants& constants, const Terrain& terrain)
     : body_(body), terrain_(terrain), reach_m_(hypotenuse(2 * constants.reach_m, body.track_m)) {}
 
@@ -83,11 +96,7 @@ void ContactSearch::find(const CarDynamics& car, const TrackTerrain* ground, dou
   faces_ = 0;
   for (std::size_t i = 0; i < body_.wheels.size(); ++i) find_tyre(i, car, ground, margin_m, contacts);
   for (std::size_t j = 0; j < body_.segments.size(); ++j) find_belly(j, car, ground, margin_m, contacts);
-  if (contacts.size() > kMostContacts) {
-    std::nth_element(contacts.begin(), contacts.begin() + kMostContacts, contacts.end(),
-                     [](const Contact& a, const Contact& b) { return a.gap_m < b.gap_m; });
-    contacts.resize(kMostContacts);
-  }
+  keep_deepest(contacts);
   for (Contact& contact : contacts) {
     // A wall's normal is along the axles: there the second direction is upwards.
     const Vec3 along = cross(car.turn.left, contact.normal);
@@ -124,7 +133,7 @@ void ContactSearch::add_nearby_solid_contacts(const Part& part, const Vec3& midd
   }
   if (static_cast<double>(faces_) > kMostFaces) {
     throw std::runtime_error("scene.terrain.faces: the blocks at wheels and bellies have " + std::to_string(faces_) +
-                             " faces or more, the limit is " + std::to_string(static_cast<long>(kMostFaces)) +
+                             " faces or more, the limit is " + std::to_string(static_cast<std::int64_t>(kMostFaces)) +
                              ": let fewer blocks overlap");
   }
 }

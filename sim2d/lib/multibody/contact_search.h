@@ -6,6 +6,7 @@
 // the outermost lines across the tyre or belly that carry there.
 #pragma once
 
+#include <cstddef>
 #include <vector>
 
 #include "body_spec.h"
@@ -16,6 +17,12 @@
 #include "track_terrain.h"
 
 namespace foldcar {
+
+// No car needs more contacts to stand on.
+constexpr std::size_t kMaxContacts = 200;
+
+// Of more contacts than kMaxContacts, keeps the deepest, of equally deep ones those found first, in the order of finding.
+void keep_deepest(std::vector<Contact>& contacts);
 
 class ContactSearch {
  public:

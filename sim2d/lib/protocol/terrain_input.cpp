@@ -1,6 +1,7 @@
 #include "terrain_input.h"
 
 #include <algorithm>
+#include <cstdint>
 #include <utility>
 #include <vector>
 
@@ -69,7 +70,7 @@ void read_rough(JsonReader& reader, TerrainSpec& terrain) {
   const double most_nodes = reader.limits("nodes").maximum;
   if (nodes > most_nodes) {
     reader.fail("correlation_m", "its grid of an eighth of that is too fine for the rectangle: the limit of a scene is " +
-                                     std::to_string(static_cast<long>(most_nodes)) + " nodes");
+                                     std::to_string(static_cast<std::int64_t>(most_nodes)) + " nodes");
   }
 }
 

@@ -20,6 +20,8 @@ constexpr double kSame_m = 1e-4;
 constexpr float kLeast = 1.5F * b2_linearSlop;
 // Blocks reach this far below z = 0.
 constexpr double kSunk_m = 0.02;
+// Sorts are stable, because the outline's last bits depend on the order of elements that compare equal, as lines that
+// begin at one place, or 0 and -0.
 
 double distance_m(const SliceFrame& frame, double x_m, double y_m) {
   return hypotenuse(x_m - frame.x_m, y_m - frame.y_m);
@@ -60,8 +62,8 @@ struct Line {
 // Andrew's monotone chain: in order of x, drop each point that lies on or below the line from the point before it to
 // the next.
 void add_upper_hull(std::vector<Vec3> points, std::vector<Line>& lines) {
-  std::sort(points.begin(), points.end(),
-            [](const Vec3& a, const Vec3& b) { return a.x < b.x || (a.x == b.x && a.z < b.z); });
+  std::stable_sort(points.begin(), points.end(),
+                   [](const Vec3& a, const Vec3& b) { return a.x < b.x || (a.x == b.x && a.z < b.z); });
   std::vector<Vec3> hull;
   for (const Vec3& next : points) {
     const auto above = [&](const Vec3& a, const Vec3& b) {
@@ -87,14 +89,14 @@ std::vector<double> changes_of(const std::vector<Line>& lines) {
       if ((first < 0) != (last < 0)) at_m.push_back(from_m + first / (first - last) * (to_m - from_m));
     }
   }
-  std::sort(at_m.begin(), at_m.end());
+  std::stable_sort(at_m.begin(), at_m.end());
   return at_m;
 }
 
 // Returns the upper envelope of the lines, from left to right, as vertices in Box2D's units: between two changes one
 // line is the highest. A gap without lines ends an outline; the next line begins another.
 std::vector<std::vector<b2Vec2>> highest(std::vector<Line> lines) {
-  std::sort(lines.begin(), lines.end(), [](const Line& a, const Line& b) { return a.x0_m < b.x0_m; });
+  std::stable_sort(lines.begin(), lines.end(), [](const Line& a, const Line& b) { return a.x0_m < b.x0_m; });
   const std::vector<double> at_m = changes_of(lines);
   std::vector<std::vector<b2Vec2>> outlines;
   std::vector<Line> here;
@@ -185,8 +187,8 @@ void SideViewGround::add_blocks(const CourseSpec& course, FixtureBits bits) {
 // Adds the pieces of smooth ground that are still missing between x_min_m and x_max_m.
 void SideViewGround::extend(double x_min_m, double x_max_m) {
   if (terrain_.ground() == nullptr) return;
-  const auto first = static_cast<long>(std::floor(x_min_m / kPiece_m));
-  const auto end = static_cast<long>(std::ceil(x_max_m / kPiece_m));
+  const auto first = static_cast<std::int64_t>(std::floor(x_min_m / kPiece_m));
+  const auto end = static_cast<std::int64_t>(std::ceil(x_max_m / kPiece_m));
   if (first_ == end_) first_ = end_ = first;
   while (first_ > first) add_piece(--first_);
   while (end_ < end) add_piece(end_++);
@@ -194,7 +196,7 @@ void SideViewGround::extend(double x_min_m, double x_max_m) {
 
 // Adds the smooth ground from index · kPiece_m on, kPiece_m long, as one chain for each strip below wheels and belly.
 // The vertices before and after the chain's ends tell Box2D how the ground goes on.
-void SideViewGround::add_piece(long index) {
+void SideViewGround::add_piece(std::int64_t index) {
   const double x_m = static_cast<double>(index) * kPiece_m;
   const Vec3 at_m = to_world(x_m, 0);
   const SliceFrame frame{at_m.x, at_m.y, frame_.heading_rad};

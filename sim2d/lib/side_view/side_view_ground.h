@@ -8,6 +8,7 @@
 #include <box2d/box2d.h>
 
 #include <array>
+#include <cstdint>
 
 #include "body_spec.h"
 #include "ground_outline.h"
@@ -38,7 +39,7 @@ class SideViewGround {
     FixtureBits bits;
   };
   void add_blocks(const CourseSpec& course, FixtureBits bits);
-  void add_piece(long index);
+  void add_piece(std::int64_t index);
   void add_fixture(const b2Shape& shape, FixtureBits bits);
 
   const Terrain& terrain_;
@@ -46,7 +47,7 @@ class SideViewGround {
   const double cosine_, sine_;  // of its heading
   std::array<Strip, 3> strips_;
   b2Body* body_;
-  long first_ = 0, end_ = 0;  // pieces of the smooth ground that are there
+  std::int64_t first_ = 0, end_ = 0;  // pieces of the smooth ground that are there
 };
 
 }  // namespace foldcar

@@ -6,6 +6,13 @@
 #include "elementary_functions.h"
 
 namespace foldcar {
+namespace {
+
+// Blocks that adjoin, as the slopes and the plateau of a ramp, have no slit between them: places and headings are rounded
+// to 1e-9 m and rad, which moves the end of a block by up to 5e-8 m.
+constexpr double kRounding_m = 1e-7;
+
+}  // namespace
 
 Block::Block(const BlockSpec& spec)
     : spec_(spec), cosine_(cosine(spec.heading_rad)), sine_(sine(spec.heading_rad)) {
@@ -27,8 +34,8 @@ double Block::surface_m(double u_m) const {
 
 bool Block::covers(double x_m, double y_m) const {
   const double dx = x_m - spec_.x_m, dy = y_m - spec_.y_m;
-  return std::abs(along_m(x_m, y_m)) <= 0.5 * spec_.length_m &&
-         std::abs(cosine_ * dy - sine_ * dx) <= 0.5 * spec_.width_m;
+  return std::abs(along_m(x_m, y_m)) <= 0.5 * spec_.length_m + kRounding_m &&
+         std::abs(cosine_ * dy - sine_ * dx) <= 0.5 * spec_.width_m + kRounding_m;
 }
 
 double Block::height_m(double x_m, double y_m) const { return surface_m(along_m(x_m, y_m)); }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <limits>
 #include <stdexcept>
 #include <string>
@@ -25,8 +26,8 @@ constexpr double kMinSpacing_m = 0.0008;
 void check_heights(double heights) {
   if (heights <= kMostHeights) return;
   throw std::runtime_error("scene.terrain.heights: the ground under the car takes " +
-                           std::to_string(static_cast<long>(heights)) + " heights at a time, the limit is " +
-                           std::to_string(static_cast<long>(kMostHeights)) +
+                           std::to_string(static_cast<std::int64_t>(heights)) + " heights at a time, the limit is " +
+                           std::to_string(static_cast<std::int64_t>(kMostHeights)) +
                            ": let fewer pieces overlap, or make them smoother");
 }
 
@@ -68,9 +69,9 @@ void GroundOutline::plan(const Ground& ground, const SliceFrame& frame, double s
   const double radius_m = 0.5 * hypotenuse(kCell_m, column_m);
   station_m_.clear();
   double highest_1_m = 0, before_1_m = 1;
-  const auto first = static_cast<long>(std::floor((s_m + span.s_min_m) / kCell_m));
-  const auto last = static_cast<long>(std::ceil((s_m + span.s_max_m) / kCell_m));
-  for (long cell = first; cell < last; ++cell) {
+  const auto first = static_cast<std::int64_t>(std::floor((s_m + span.s_min_m) / kCell_m));
+  const auto last = static_cast<std::int64_t>(std::ceil((s_m + span.s_max_m) / kCell_m));
+  for (std::int64_t cell = first; cell < last; ++cell) {
     const double from_m = static_cast<double>(cell) * kCell_m;
     double bound_1_m = 0;
     for (int column = 0; column < columns && !fields_.empty(); ++column) {

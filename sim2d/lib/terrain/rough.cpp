@@ -113,9 +113,10 @@ Disc Rough::reach() const { return {spec_.x_m, spec_.y_m, 0.5 * hypotenuse(spec_
 
 // Height at a place in cells from the rectangle's corner, bilinear between the four nodes around it; 0 outside.
 double Rough::at(double along, double across) const {
-  if (!(along >= 0 && across >= 0)) return 0;
+  const bool is_inside = along >= 0 && across >= 0 && along < static_cast<double>(cells_along_) &&
+                         across < static_cast<double>(cells_across_);
+  if (!is_inside) return 0;
   const auto column = static_cast<std::size_t>(along), row = static_cast<std::size_t>(across);
-  if (column >= cells_along_ || row >= cells_across_) return 0;
   const double u = along - static_cast<double>(column), v = across - static_cast<double>(row);
   const float* near = &node_m_[row * (cells_along_ + 1) + column];
   const float* far = near + cells_along_ + 1;

@@ -32,13 +32,17 @@ double distance_m(const Moment& now, double ahead_m, double left_m, double up_m,
   return std::sqrt(dx * dx + dy * dy + dz * dz);
 }
 
-// Returns whether a point is inside: then a ray from it towards +x crosses an odd number of edges.
+// Returns whether a point is on an edge, which Scenic counts as inside, or inside: then a ray from it towards +x crosses an
+// odd number of edges.
 bool in_polygon(const std::vector<double>& corners_m, double x_m, double y_m) {
   bool inside = false;
   const std::size_t count = corners_m.size() / 2;
   for (std::size_t i = 0; i < count; ++i) {
     const std::size_t j = (i + 1) % count;
     const double xi = corners_m[2 * i], yi = corners_m[2 * i + 1], xj = corners_m[2 * j], yj = corners_m[2 * j + 1];
+    const bool is_beside = x_m >= std::min(xi, xj) && x_m <= std::max(xi, xj) && y_m >= std::min(yi, yj) &&
+                           y_m <= std::max(yi, yj);
+    if (is_beside && (xj - xi) * (y_m - yi) == (yj - yi) * (x_m - xi)) return true;
     if ((yi > y_m) != (yj > y_m) && x_m < xi + (y_m - yi) * (xj - xi) / (yj - yi)) inside = !inside;
   }
   return inside;

@@ -64,13 +64,17 @@ def test_a_pressed_run_drives_as_it_was_stored_and_all_runs_are_reproduced(study
     assert verified.startswith(f"✓ {runs} of {runs} runs reproduced by this page, bit by bit (carsim ")
 
 
-def test_a_result_that_differs_is_named(study: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("is_same_build", [True, False])
+def test_a_result_that_differs_is_named_with_its_reason(study: Path, tmp_path: Path, is_same_build: bool) -> None:
     (tmp_path / "s.db").write_bytes((study / "s.db").read_bytes())
     with sqlite3.connect(tmp_path / "s.db") as connection:
         (roll_rad,) = connection.execute("SELECT max(max_roll_rad) FROM run").fetchone()
         connection.execute("UPDATE run SET max_roll_rad = ?1 * (1 + 1e-15) WHERE max_roll_rad = ?1", [roll_rad])
         query = "SELECT design_position, sample FROM result ORDER BY max_roll_rad DESC"
         design, sample = connection.execute(query).fetchone()
+        (build,) = connection.execute("SELECT name FROM build").fetchone()
+        if not is_same_build:
+            connection.execute("UPDATE build SET name = '0123456789abcdef'")
     foldcar("report", tmp_path / "s.db", "-o", tmp_path / "report")
 
     with opened(tmp_path / "report", f"design={WIDTHS[design]}+mm&env={sample}&at=runs") as tab:
@@ -78,11 +82,21 @@ def test_a_result_that_differs_is_named(study: Path, tmp_path: Path) -> None:
         verdict = tab.ask("document.querySelector('.verified').textContent")
         tab.ask("document.querySelector('#verify button').click()")
         tab.wait(f"/^[✓✗]/.test({VERIFIED})", 120)
-        verified = tab.ask(VERIFIED)
+        verified, agent = tab.ask(VERIFIED), tab.ask("navigator.userAgent")
 
-    assert verdict.startswith("✗ The stored run ")
+    fault = (
+        f"Both are of carsim {build}, which should compute the same bits everywhere: this is a fault of foldcar, not of "
+        "your study. Please send its authors this page (index.html), this text, and the name of your system. Your "
+        f"browser: {agent}."
+    )
+    other_build = (
+        f"The stored result is of carsim 0123456789abcdef, this page has {build}: "
+        "sweep and report again with one foldcar."
+    )
+    reason = fault if is_same_build else other_build
+    assert verdict.startswith("✗ The stored run ") and verdict.endswith(reason)
     assert verified.startswith(f"✗ {len(WIDTHS) * SAMPLES - 1} of {len(WIDTHS) * SAMPLES} runs reproduced")
-    assert f"These differ: {WIDTHS[design]} mm in environment {sample}." in verified
+    assert verified.endswith(f" These differ: {WIDTHS[design]} mm in environment {sample}. {reason}")
 
 
 @pytest.mark.parametrize("variation", [None, "workshop"])

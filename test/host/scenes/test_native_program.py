@@ -1,6 +1,7 @@
 """Endings and records of Scenic programs that carsim evaluates: it gives what Scenic beside the simulation gives."""
 
 import json
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from foldcar.errors import FoldcarError
 from foldcar.scenes.source import SceneSource, open_environment, seeded
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.carsim_step import SteppedCarsim
+from foldcar.simulation.engines import MULTIBODY, SIDE_VIEW
 from foldcar.simulation.runner import RunRequest
 from foldcar.simulation.scenic_simulator import CarSimulator
 from foldcar.store.reader import Store
@@ -68,14 +70,25 @@ def rounded(value: Any) -> Any:
     return [rounded(part) for part in value]
 
 
-def both_ways(source: SceneSource, k: int, width_mm: float, carsim: Path) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The result of carsim alone, and of Scenic beside it."""
+def flat(folder: Path, statements: str) -> SceneSource:
+    """A program in which a car drives along y = 0 on level ground."""
+    program = folder / "flat.scenic"
+    head = "model model\nparam outer_step_s = 1 / 60\nego = new Robot at (0, 0), facing -90 deg\n"
+    program.write_text(head + statements)
+    return open_environment(program, {}, 7)
+
+
+def both_ways(
+    source: SceneSource, k: int, width_mm: float, carsim: Path, options: tuple[str, ...] = ()
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The result of carsim alone, and of Scenic beside it. ``options`` choose the engine."""
     body, settings = car_texts(width_mm, 8)
     scene = source.sample(k)
     request = RunRequest("car", "scene", settings, "run", k)
-    (native,) = Carsim(carsim).run({"car": body}, {"scene": json.dumps(scene)}, [request])
+    engine = SIDE_VIEW if options else MULTIBODY
+    (native,) = Carsim(engine=engine).run({"car": body}, {"scene": json.dumps(scene)}, [request])
     without = json.dumps({key: part for key, part in scene.items() if key != "program"})
-    with SteppedCarsim([str(carsim)]) as stepped, seeded("run"):
+    with SteppedCarsim([str(carsim), *options]) as stepped, seeded("run"):
         simulator = CarSimulator(stepped, body, settings, lambda _: without, source.success.endings)
         beside = simulator.run(source.scenic_scene(k))
     return {"recorded": {}, **native}, beside
@@ -128,13 +141,96 @@ def test_what_needs_scenic_is_named(tmp_path: Path, statements: str, needs: str)
     assert opened(tmp_path, statements).needs_scenic == needs
 
 
-def test_a_region_of_the_ground_is_met_by_a_car_that_drives_over_it(tmp_path: Path, carsim_binary: Path) -> None:
-    """In Scenic a disc is met only at its own height, which a car that drives never has to the last digit."""
-    source = opened(tmp_path, "terminate when ego.position in CircularRegion((0.5, 0), 0.05)\nrecord final ego.x as x")
-    body, settings = car_texts(95, 8)
-    request = RunRequest("car", "scene", settings, "run", 0)
-    (result,) = Carsim(carsim_binary).run({"car": body}, {"scene": json.dumps(source.sample(0))}, [request])
-    assert result["outcome"] == "terminated" and 0.44 < result["recorded"]["x"]["value"] < 0.47
+# Regions across the car's way, with a function of x and y that says whether a place is inside.
+REGIONS: dict[str, tuple[str, Callable[[float, float], bool]]] = {
+    "circle": ("CircularRegion((0.45, 0.02), 0.1)", lambda x, y: math.hypot(x - 0.45, y - 0.02) <= 0.1),
+    "circle at another height": ("CircularRegion((0.45, 0, 0.3), 0.12)", lambda x, y: math.hypot(x - 0.45, y) <= 0.12),
+    "random circle": ("CircularRegion((0.4, 0), Range(0.05, 0.051))", lambda x, y: math.hypot(x - 0.4, y) <= 0.0505),
+    "rectangle": ("RectangularRegion((0.45, 0), 0, 0.2, 0.9)", lambda x, y: abs(x - 0.45) <= 0.1 and abs(y) <= 0.45),
+    "rectangle with the way as its edge": (
+        "RectangularRegion((0.4, -0.2), 0, 0.2, 0.4)", lambda x, y: abs(x - 0.4) <= 0.1 and -0.4 <= y <= 0,
+    ),
+    "other rectangle with the way as its edge": (
+        "RectangularRegion((0.4, 0.2), 0, 0.2, 0.4)", lambda x, y: abs(x - 0.4) <= 0.1 and 0 <= y <= 0.4,
+    ),
+    "polygon": ("PolygonalRegion([(0.4, 0.5), (0.3, -0.5), (0.5, -0.5)])", lambda x, y: abs(x - 0.4) <= (0.5 - y) / 10),
+}  # fmt: skip
+RECORDED = (
+    "record ego.position as path\nrecord ego.position in area as inside\n"
+    "record ego.position not in area as outside\n"
+)
+
+
+@pytest.mark.parametrize("engine", [(), ("--side-view",)], ids=["multibody", "side view"])
+@pytest.mark.parametrize("region", REGIONS)
+def test_a_region_is_compared_in_the_ground_plane_in_both(
+    tmp_path: Path, carsim_binary: Path, region: str, engine: tuple[str, ...]
+) -> None:
+    """The records of both evaluators agree with plane geometry, also where the car drives exactly along an edge."""
+    text, is_inside = REGIONS[region]
+    source = flat(tmp_path, f"area = {text}\nterminate when ego.x > 0.6\n{RECORDED}")
+    native, beside = both_ways(source, 0, 95.0, carsim_binary, engine)
+
+    assert not source.dynamic and rounded(native) == rounded(beside)
+    values = {name: [value for _, value in series["value"]] for name, series in native["recorded"].items()}
+    expected = [is_inside(x, y) for x, y, _ in values["path"]]
+    assert values["inside"] == expected == [not value for value in values["outside"]]
+    # Where the way is an edge, a car that may leave it to either side is inside now and then.
+    assert (not engine and "edge" in region) or 5 < sum(expected) < len(expected) - 5
+
+
+@pytest.mark.parametrize("region", REGIONS)
+@pytest.mark.parametrize(
+    "statements",
+    [
+        "terminate when ego.position in area",
+        "terminate when ego.position in area and ego.x > 0.4",
+        "terminate simulation when not ego.position not in area",
+        "terminate when ego.position not in area",
+        "terminate when ego.x > 0.3 and (ego.y > 1 or not ego.position in area)",
+        "terminate when ego.x > 0.45\nrecord final ego.position in area as passed",
+        "terminate when ego.x > 0.45\nrecord ego.position not in area as passed",
+        "terminate after 1.2 seconds\nrecord initial ego.position in area as begins\n"
+        "record final ego.position in area and ego.speed > 0.1 as ends",
+    ],
+)
+def test_a_region_ends_a_run_as_in_scenic(tmp_path: Path, carsim_binary: Path, region: str, statements: str) -> None:
+    source = flat(tmp_path, f"area = {REGIONS[region][0]}\n{statements}\nrecord final ego.x as x\n")
+    assert not source.dynamic, source.needs_scenic
+    # In the side view the car drives exactly along an edge.
+    native, beside = both_ways(source, 0, 95.0, carsim_binary, ("--side-view",))
+    assert rounded(native) == rounded(beside)
+
+
+def test_a_monitor_does_not_change_where_a_circle_ends_a_run(tmp_path: Path, carsim_binary: Path) -> None:
+    ending = "terminate when ego.position in CircularRegion((0.5, 0), 0.05)\nrecord final ego.x as x\n"
+    monitor = "monitor Idle():\n    while True:\n        wait\nrequire monitor Idle()\n"
+    native, _ = both_ways(flat(tmp_path, ending), 0, 95.0, carsim_binary)
+    source = flat(tmp_path, ending + monitor)
+    body, settings = car_texts(95.0, 8)
+    with SteppedCarsim([str(carsim_binary)]) as stepped:
+        simulator = CarSimulator(stepped, body, settings, lambda scene: json.dumps(source.describe(scene, 0)))
+        watched = simulator.run(source.scenic_scene(0))
+
+    assert source.dynamic and rounded(watched) == rounded(native)
+    assert native["outcome"] == "terminated" and 0.45 < native["recorded"]["x"]["value"] < 0.46
+
+
+def test_a_sector_is_compared_in_the_ground_plane(tmp_path: Path, carsim_binary: Path) -> None:
+    """Only Scenic beside the simulation has sectors: this one is a quarter that opens towards the car."""
+    statements = (
+        "area = SectorRegion(0.5 @ 0, 0.2, 90 deg, 90 deg)\nterminate when ego.x > 0.6\nrecord ego.position as path\n"
+        "record ego.position in area as inside\n"
+    )
+    source = flat(tmp_path, statements)
+    body, settings = car_texts(95.0, 8)
+    with SteppedCarsim([str(carsim_binary)]) as stepped:
+        simulator = CarSimulator(stepped, body, settings, lambda scene: json.dumps(source.describe(scene, 0)))
+        recorded = simulator.run(source.scenic_scene(0))["recorded"]
+
+    inside = [value for _, value in recorded["inside"]["value"]]
+    # The car drives along the sector's axis, so that only its radius counts.
+    assert inside == [0.3 <= x <= 0.5 for _, (x, _, _) in recorded["path"]["value"]] and sum(inside) > 5
 
 
 def test_a_value_that_is_no_finite_number_fails_its_run(tmp_path: Path, carsim_binary: Path) -> None:

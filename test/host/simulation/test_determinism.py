@@ -1,5 +1,7 @@
 """The same bits with other compilers and levels of optimisation, and with a C library that computes otherwise."""
 
+import json
+import math
 import subprocess
 import sys
 from pathlib import Path
@@ -10,6 +12,7 @@ ROOT = Path(__file__).resolve().parents[3]
 sys.path.insert(0, str(ROOT / "tools"))
 
 import determinism  # noqa: E402
+import determinism_fuzz  # noqa: E402
 
 RENEWAL = (
     "After a change of the physics `make golden` writes the new numbers; without one this platform computes otherwise"
@@ -42,8 +45,56 @@ def test_the_golden_trials_differ_from_each_other(golden: str) -> None:
     replies = golden.splitlines()
     # The ground is the same in both engines.
     grounds = [reply for reply in replies if reply.startswith('{"heights"')]
-    assert (len(replies), len(set(replies)), len(set(grounds))) == (18, 15, 3)
-    assert all('"outcome":"passed"' in reply for reply in replies if reply.startswith('{"run"'))
+    assert (len(replies), len(set(replies)), len(set(grounds))) == (44, 41, 3)
+
+
+def test_the_golden_trials_end_in_every_way(golden: str) -> None:
+    # In a batch no fault can occur: the simulated battery, bus and host do not fail.
+    replies = [json.loads(line) for line in golden.splitlines()]
+    outcomes = [reply["outcome"] for reply in replies if "run" in reply]
+    half = len(outcomes) // 2
+    every = {"passed", "tipped", "stuck", "off_course", "timeout", "terminated"}
+    assert set(outcomes[:half]) == set(outcomes[half:]) == every
+
+
+def test_the_golden_trials_have_more_contacts_than_are_kept() -> None:
+    lines = [json.loads(line) for line in determinism.INPUT.read_text(encoding="utf-8").splitlines()]
+    pile = next(line["scene"]["terrain"] for line in lines if line.get("scene", {}).get("id") == "pile")
+    wheels = next(line["body"]["wheels"] for line in lines if line.get("body", {}).get("id") == "six")
+    # The six wheels of the car in the middle of the pile, and the blocks below each: both rims of a tyre touch each
+    # block that is at most 4 mm lower than the highest.
+    contacts = 0
+    for wheel in wheels:
+        x_m, y_m = 0.5 + wheel["x_m"], 0.065 if wheel["side"] == "left" else -0.065
+        tops = [block["height_m"] for block in pile if _covers(block, x_m, y_m)]
+        contacts += 2 * sum(top > max(tops) - 0.003 for top in tops)
+    assert contacts > 200
+
+
+def _covers(block: dict[str, float], x_m: float, y_m: float) -> bool:
+    dx, dy = x_m - block["x_m"], y_m - block["y_m"]
+    c, s = math.cos(block["heading_rad"]), math.sin(block["heading_rad"])
+    return abs(c * dx + s * dy) < 0.5 * block["length_m"] and abs(c * dy - s * dx) < 0.5 * block["width_m"]
+
+
+def test_random_cars_on_random_scenes_give_the_same_bits_in_webassembly(carsim_binary: Path) -> None:
+    cases = [determinism_fuzz.random_case(number, seed=20) for number in range(60)]
+
+    differing, outcomes = determinism_fuzz.differences(cases, [str(carsim_binary)], determinism.wasm_command())
+
+    assert [found.case.number for found in differing] == []
+    assert len(outcomes) >= 5 and outcomes["error"] == 0
+
+
+def test_a_random_case_that_is_answered_otherwise_is_found(carsim_binary: Path, tmp_path: Path) -> None:
+    other = tmp_path / "carsim"
+    other.write_text(f'#!/bin/sh\n"{carsim_binary}" "$@" | sed "/r3/s/elapsed_time_s/elapsed_s/"\n', encoding="utf-8")
+    other.chmod(0o755)
+    cases = [determinism_fuzz.random_case(number, seed=20) for number in range(5)]
+
+    differing, _ = determinism_fuzz.differences(cases, [str(carsim_binary)], [str(other)])
+
+    assert [found.case.number for found in differing] == [3]
 
 
 @pytest.mark.parametrize("level", ["O0", "O3"])

@@ -115,6 +115,28 @@ PROGRAMS = {
         "record final ego.consumedEnergy as energy\nterminate when ego.speed > 0.3\n"
     ),
 }  # fmt: skip
+# Regions of the ground that the car enters and leaves, and what a program can do with them.
+REGIONS = {
+    "circle": "CircularRegion((0.1, 0.01), 0.03)",
+    "rectangle": "RectangularRegion((0.1, 0), 20 deg, 0.06, 0.2)",
+    "polygon": "PolygonalRegion([(0.07, 0.1), (0.09, -0.1), (0.13, 0)])",
+}
+USES = {
+    "terminate": "terminate when ego.position in area\n",
+    "terminate outside": "terminate simulation when ego.x > 0.1 and ego.position not in area\n",
+    "records": "record ego.position in area as inside\nrecord final ego.position not in area as outside\n",
+    "require always": "require always ego.position not in area\n",
+    "require until": "require ego.position not in area until ego.position in area\nterminate after 0.5 seconds\n",
+    "a monitor": (
+        "monitor M():\n    while ego.position not in area:\n        wait\n    while ego.position in area:\n        wait\n"
+        "    terminate simulation\nrequire monitor M()\n"
+    ),
+}
+PROGRAMS |= {
+    f"{use} with a {region}": f"area = {text}\n{statements}"
+    for region, text in REGIONS.items()
+    for use, statements in USES.items()
+}
 
 
 class Replay(Simulation):  # type: ignore[misc]

@@ -135,6 +135,31 @@ TEST(test_the_car_can_be_put_back) {
   TEST_ASSERT_FLOAT_WITHIN(0.02f, 0.0f, when_armed.x_m());
 }
 
+// A car that has driven up a wall onto its back, and is put back when it is armed for the next trial, or by hand.
+TEST(test_a_car_that_has_tipped_drives_again_when_it_is_put_back) {
+  for (const bool when_armed : {true, false}) {
+    Bench bench(when_armed);
+    bench.worlds[0].scene.terrain.blocks = {{0.6, 0, 0.3, 2, 0.2, 0, BlockSpec::Kind::kBox}};
+    bench.car = std::make_unique<LinkedCar>(bench.engine, bench.worlds, bench.options, kFirmware);
+    bench.start_trial();
+    bench.run(2);
+    TEST_ASSERT_EQUAL_INT(FOLDCAR_FAULT_TILT, bench.trial().fault);
+    bench.send(bench.host.command(MAV_CMD_FOLDCAR_ACKNOWLEDGE_FAULT, {}));
+    bench.run(0.1);
+    if (!when_armed) bench.inject(R"({"inject": "put_back"})");
+    bench.send(bench.host.command(MAV_CMD_COMPONENT_ARM_DISARM, {1}));
+    bench.run(0.02);
+    bench.send(bench.host.command(MAV_CMD_FOLDCAR_START_TRIAL, {0.3f, 0, 30, 0, 8}));
+    bench.run(1);
+    TEST_ASSERT_EQUAL_UINT(8, bench.trial().trial_id);
+    TEST_ASSERT_EQUAL_INT(FOLDCAR_STATE_RUNNING, bench.trial().state);
+    const auto attitude =
+        bench.host.all<mavlink_attitude_t>(MAVLINK_MSG_ID_ATTITUDE, mavlink_msg_attitude_decode).back();
+    TEST_ASSERT_FLOAT_WITHIN(0.05f, 0, attitude.pitch);
+    TEST_ASSERT_FLOAT_WITHIN(0.05f, 0, attitude.roll);
+  }
+}
+
 TEST(test_a_disarmed_car_follows_the_host_to_another_scene) {
   Bench bench(true);
   const auto scene = [&] {

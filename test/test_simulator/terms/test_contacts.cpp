@@ -9,6 +9,7 @@
 
 #include "../../study_car.h"
 #include "belly_contacts.h"
+#include "contact_search.h"
 #include "scene_terrain.h"
 #include "tyre_contacts.h"
 
@@ -165,5 +166,28 @@ TEST(test_a_turned_tyre_meets_a_steps_edge_across_the_edge) {
       }
     }
     TEST_ASSERT_TRUE(met);
+  }
+}
+
+// The deepest contacts remain, of equally deep ones those found first, in the order of finding: by counting, for each
+// contact, those that come before it. Depths repeat often, and the 200th is one of many equal ones.
+TEST(test_of_many_contacts_the_deepest_and_first_found_remain_in_order) {
+  std::mt19937 random(3);
+  for (const std::size_t count : {kMaxContacts - 1, kMaxContacts, kMaxContacts + 1, 5 * kMaxContacts}) {
+    std::vector<Contact> contacts(count);
+    for (std::size_t i = 0; i < count; ++i) {
+      contacts[i].segment = i;
+      contacts[i].gap_m = -0.0001 * static_cast<double>(random() % 7);
+    }
+    std::vector<std::size_t> expected;
+    for (const Contact& contact : contacts) {
+      const auto deeper = std::count_if(contacts.begin(), contacts.end(), [&](const Contact& other) {
+        return other.gap_m < contact.gap_m || (other.gap_m == contact.gap_m && other.segment < contact.segment);
+      });
+      if (static_cast<std::size_t>(deeper) < kMaxContacts) expected.push_back(contact.segment);
+    }
+    keep_deepest(contacts);
+    TEST_ASSERT_EQUAL(std::min(count, kMaxContacts), contacts.size());
+    for (std::size_t i = 0; i < contacts.size(); ++i) TEST_ASSERT_EQUAL(expected[i], contacts[i].segment);
   }
 }

@@ -156,6 +156,32 @@ TEST(test_fields_add_up_and_the_highest_of_them_and_the_blocks_counts) {
   TEST_ASSERT_EQUAL_DOUBLE(0, terrain.height_m(1, 0.05));
 }
 
+// A ramp with a plateau, turned and placed as scenes are, rounded to 1e-9, has no slit at its joints.
+TEST(test_between_blocks_that_adjoin_there_is_no_slit) {
+  const auto rounded = [](double value) { return std::round(value * 1e9) / 1e9; };
+  std::mt19937 random(1);
+  for (int place = 0; place < 200; ++place) {
+    const double heading_rad = place == 0 ? -3.141592653 : 1e-4 * (static_cast<double>(random() % 62832) - 31416);
+    const double c = std::cos(heading_rad), s = std::sin(heading_rad);
+    const auto at = [&](double along_m, double length_m, double turn_rad, BlockSpec::Kind kind) {
+      return BlockSpec{rounded(2 + c * along_m), rounded(s * along_m), length_m, 0.6, 0.06, rounded(heading_rad + turn_rad), kind};
+    };
+    TerrainSpec spec;
+    spec.blocks = {at(-0.25, 0.2, 0, BlockSpec::Kind::kRamp), at(0, 0.3, 0, BlockSpec::Kind::kBox),
+                   at(0.2, 0.1, M_PI, BlockSpec::Kind::kRamp)};
+    const SceneTerrain terrain(spec);
+    for (double across_m = -0.29; across_m < 0.295; across_m += 0.01) {
+      for (const double joint_m : {-0.15, 0.15}) {
+        for (const double off_m : {-1e-10, 0.0, 1e-10}) {
+          const double along_m = joint_m + off_m;
+          const double z_m = terrain.height_m(2 + c * along_m - s * across_m, s * along_m + c * across_m);
+          TEST_ASSERT_DOUBLE_WITHIN(1e-6, 0.06, z_m);
+        }
+      }
+    }
+  }
+}
+
 TEST(test_a_tyre_bridges_a_hole_narrower_than_itself) {
   for (const double radius_m : {0.005, 0.03}) {
     TerrainSpec spec;

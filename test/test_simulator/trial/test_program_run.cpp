@@ -67,6 +67,16 @@ TEST(test_regions_are_of_the_ground) {
   TEST_ASSERT_TRUE(holds(kArrow, at(0.3, 0.25)));
   TEST_ASSERT_FALSE(holds(kArrow, at(0.5, 1)));
   TEST_ASSERT_FALSE(holds(kArrow, at(2.5, 1)));
+  // On each edge and corner, as for Scenic.
+  const char* const kSquare = "[[-1, -1, 1, -1, 1, 1, -1, 1]]";
+  for (const double along : {-1.0, 0.5, 1.0}) {
+    for (const double side : {-1.0, 1.0}) {
+      TEST_ASSERT_TRUE(holds(kSquare, at(along, side)));
+      TEST_ASSERT_TRUE(holds(kSquare, at(side, along)));
+      TEST_ASSERT_FALSE(holds(kSquare, at(along, 1.0001 * side)));
+      TEST_ASSERT_FALSE(holds(kSquare, at(1.0001 * side, along)));
+    }
+  }
 }
 
 TEST(test_arithmetic_is_in_postfix_order) {

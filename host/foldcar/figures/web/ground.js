@@ -1,5 +1,8 @@
 // The ground of a scene of docs/carsim.md: blocks as they are, hills and rough ground as a grid. Metres.
 
+// Blocks that adjoin have no slit between them, as in sim2d/lib/terrain/block.cpp.
+const ROUNDING_M = 1e-7;
+
 // grid: {x_min_m, y_min_m, x_step_m, y_step_m, columns, rows, z_m} of the smooth ground, row by row from the lowest y, or
 // null without smooth ground.
 export class Ground {
@@ -17,7 +20,7 @@ export class Ground {
     for (const block of this.blocks) {
       const dx = x - block.x_m, dy = y - block.y_m;
       const along = dx * block.cos + dy * block.sin, across = dy * block.cos - dx * block.sin;
-      if (Math.abs(along) > block.length_m / 2 || Math.abs(across) > block.width_m / 2) continue;
+      if (Math.abs(along) > block.length_m / 2 + ROUNDING_M || Math.abs(across) > block.width_m / 2 + ROUNDING_M) continue;
       z = Math.max(z, topOf(block, along));
     }
     return z;

@@ -181,8 +181,13 @@ export class Drives {
     if (agrees === null) return "";
     if (agrees) return "✓ This page computed the stored outcome and numbers, bit by bit.";
     const run = this.e.run(design, environment), label = this.e.outcome_labels[this.e.runs.outcome[run]];
-    const builds = this.build === this.pool.build ? "" : ` It was made by carsim ${this.build}, this page has ${this.pool.build}.`;
-    return `✗ The stored run ${label} after ${this.e.runs.time_s[run]} s; this page computes: ${outcomeText(this.e, answer)}.${builds}`;
+    return `✗ The stored run ${label} after ${this.e.runs.time_s[run]} s; this page computes: ${outcomeText(this.e, answer)}. ${this.reasonOfDifference()}`;
+  }
+
+  // Why a stored result and this page's differ, and what to do.
+  reasonOfDifference() {
+    if (this.build !== this.pool.build) return `The stored result is of carsim ${this.build}, this page has ${this.pool.build}: sweep and report again with one foldcar.`;
+    return `Both are of carsim ${this.build}, which should compute the same bits everywhere: this is a fault of foldcar, not of your study. Please send its authors this page (index.html), this text, and the name of your system. Your browser: ${navigator.userAgent}.`;
   }
 }
 

@@ -51,7 +51,7 @@ export class Verify {
     this.bar.hidden = true;
     const same = pairs.length - differing.length, seconds = (performance.now() - begun) / 1000;
     const named = differing.slice(0, MAX_NAMED).map(([design, environment]) => `${e.designs.name[design]} in environment ${environment}`).join(", ");
-    const builds = differing.length ? ` These differ: ${named}${differing.length > MAX_NAMED ? ", …" : ""}. They were made by carsim ${drives.build}, this page has ${drives.pool.build}.` : "";
-    this.text.textContent = `${differing.length ? "✗" : "✓"} ${same.toLocaleString("en")} of ${pairs.length.toLocaleString("en")} runs reproduced by this page, bit by bit (carsim ${drives.pool.build}, ${seconds.toFixed(0)} s).${builds}`;
+    const reason = differing.length ? ` These differ: ${named}${differing.length > MAX_NAMED ? ", …" : ""}. ${drives.reasonOfDifference()}` : "";
+    this.text.textContent = `${differing.length ? "✗" : "✓"} ${same.toLocaleString("en")} of ${pairs.length.toLocaleString("en")} runs reproduced by this page, bit by bit (carsim ${drives.pool.build}, ${seconds.toFixed(0)} s).${reason}`;
   }
 }

@@ -37,6 +37,11 @@ def spreadsheet_cell(cell: Any) -> Any:
     return f"'{cell}" if isinstance(cell, str) and _FORMULA.match(cell) else cell
 
 
+def without_apostrophe(cell: str) -> str:
+    """Return the text of a cell that :func:`spreadsheet_cell` wrote."""
+    return cell[1:] if cell.startswith("'") and _FORMULA.match(cell[1:]) else cell
+
+
 def markdown_text(text: object) -> str:
     """Return the text in one line with Markdown's markup escaped; an underscore inside a word is not markup."""
     return _MARKUP.sub(r"\\\g<0>", " ".join(str(text).split()))

@@ -111,7 +111,9 @@ def log(
     with message_on_signal(lambda: f"stopped: the trials driven so far are in {store}"):
         session = Session(options)
         session.run(port)
-        typer.echo(f"{len(session.driven)} trials; store: {store}")
+        from foldcar.statistics.words import count
+
+        typer.echo(f"{count(len(session.driven), 'trial')} in this session; store: {store}")
         if session.driven and not yes:
             _print_session(store, session.driven)
 

@@ -13,7 +13,7 @@ from rich.console import Console
 
 from foldcar.figures.style import OUTCOME_LABELS
 from foldcar.shown_console import ResultTable, shown_console
-from foldcar.statistics.words import design_text, points, rank_text
+from foldcar.statistics.words import count, design_text, percent_number, points, rank_text
 from foldcar.store.trial_records import BUILT, SIMULATED, UNKNOWN, WITHDRAWN, Correction, Trial
 
 if TYPE_CHECKING:
@@ -34,12 +34,12 @@ SHOWN_UNBUILDABLE = 5
 
 def _percent(fraction: float | None) -> str:
     """Return a fraction in whole per cent, without the sign; "-" for None."""
-    return "-" if fraction is None else f"{100 * fraction:.0f}"
+    return "-" if fraction is None else percent_number(fraction)
 
 
 def _percent_range(low: float, high: float) -> str:
     """Return two fractions as a range of whole per cent: ``40–89``."""
-    return f"{_percent(low)}–{_percent(high)}"
+    return f"{100 * low:.0f}–{100 * high:.0f}"
 
 
 def _rate(rate: "Rate | None") -> str:
@@ -318,7 +318,7 @@ def print_trials(trials: Sequence[Trial]) -> None:
             trial.note or (trial.source or ""),
         )
     table.print_on(console)
-    console.print(f"{len(trials)} trials")
+    console.print(count(len(trials), "trial"))
     for standing, text in STANDING_TEXTS.items():
         group = [trial for trial in trials if trial.standing == standing]
         completed = [trial for trial in group if trial.completed]

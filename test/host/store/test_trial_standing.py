@@ -12,6 +12,8 @@ from typing import Any
 import pytest
 
 from browser import study_of
+from foldcar.store.check import check_store
+from foldcar.store.reader import Store
 from foldcar.store.trial_records import Ending, TrialDesign
 from foldcar.store.trial_writer import write_trials
 from full_store import contents

@@ -14,6 +14,7 @@ from foldcar.car.variation import draw
 from foldcar.scenes.fingerprint import environment_fingerprint, spread_fingerprint, variation_code
 from foldcar.scenes.obstacles import Obstacle
 from foldcar.scenes.program_files import Files, ProgramFiles
+from foldcar.scenes.scene_notes import scene_notes
 from foldcar.scenes.source import SceneSource, open_environment
 from foldcar.scenes.success import SuccessRule
 from foldcar.simulation.carsim import Carsim
@@ -89,6 +90,13 @@ class Environment:
     def success(self) -> SuccessRule:
         """The rule that says when a run has passed."""
         return self._open().success
+
+    def notes(self) -> list[str]:
+        """Return remarks on sample 0, which its author probably did not mean; none if the program is not compiled.
+
+        A program that an earlier sweep has sampled is not compiled again for its remarks.
+        """
+        return [] if self._source is None else scene_notes(self.sample(0))
 
     @property
     def terrain_objects(self) -> list[tuple[str, int]]:

@@ -6,7 +6,16 @@ from typing import Annotated
 
 import typer
 
-from foldcar.commands.options import Components, ExperimentId, Listing, Port, Settings, design_settings, output_store
+from foldcar.commands.options import (
+    Components,
+    ExperimentId,
+    Listing,
+    Port,
+    Settings,
+    design_settings,
+    output_store,
+    print_note,
+)
 from foldcar.errors import FoldcarError
 from foldcar.study.limits import MAX_ENVIRONMENTS
 
@@ -110,6 +119,8 @@ def log(
     )
     with message_on_signal(lambda: f"stopped: the trials driven so far are in {store}"):
         session = Session(options)
+        for text in session.unlisted_values:
+            print_note(text)
         session.run(port)
         from foldcar.statistics.words import count
 

@@ -100,6 +100,8 @@ class Session:
         self._options = options
         (self._experiment,) = read_study(options.listing, options.experiment).experiments
         self._family = self._experiment.family.narrowed(options.settings)
+        # Remarks on chosen values that the sweep's family does not have.
+        self.unlisted_values = self._experiment.family.outside(options.settings)
         self._carsim = Carsim()
         self._environment = Environment(self._experiment)
         self._answers = Answers(self._idle)

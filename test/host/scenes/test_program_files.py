@@ -256,7 +256,7 @@ def test_nothing_is_imported_from_the_working_directory(listing: Path, program: 
     command = [Path(sys.executable).with_name("foldcar"), "sweep", listing, "--store", "s.db", "--samples", "1"]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    assert "1 new runs" in done.stdout
+    assert "1 new run" in done.stdout
 
 
 def test_files_of_one_name_in_two_folders_are_told_apart(experiment: Experiment, tmp_path: Path) -> None:

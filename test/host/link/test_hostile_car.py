@@ -69,11 +69,12 @@ def car_that_sends(*packets: bytes, endless: bool = False) -> Iterator[Car]:
     ours.setblocking(False)
     thread = threading.Thread(target=send)
     thread.start()
+    connection = Connection(Stream("car", ours, ours.recv, ours.send))
     try:
-        yield Car(Connection(Stream("car", ours, ours.recv, ours.send)))
+        yield Car(connection)
     finally:
         stop.set()
-        ours.close()
+        connection.close()
         its.close()
         thread.join()
 

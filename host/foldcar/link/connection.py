@@ -83,8 +83,8 @@ class Connection:
     def receive(self, timeout_s: float, other_input: Any = None) -> list[Any]:
         """Wait for input and return the car's messages in it; [] after ``timeout_s``, or if ``other_input`` is first.
 
-        Messages of all senders are logged; those of the car are also kept in ``latest``. ``other_input`` is another file for
-        `select`, such as the keyboard. Raises LinkLostError and LogError.
+        Messages of all senders are logged; those of the car are also kept in ``latest``. ``other_input`` is another file
+        for `select`, such as the keyboard. Raises LinkLostError and LogError.
         """
         self._log_heartbeats()
         self._listen()
@@ -145,7 +145,7 @@ class Connection:
         return None
 
     def silence_s(self) -> float:
-        """Return how long this host has listened since the last message of the car (s); pauses of the host do not count."""
+        """Return the time (s) for which this host has listened since the last message of the car."""
         return self._silence_s
 
     def close(self) -> None:

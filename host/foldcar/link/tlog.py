@@ -46,7 +46,7 @@ class TlogWriter:
         return (self._epoch_ns + time.monotonic_ns()) // 1000
 
     def write(self, packet: bytes, time_us: int | None = None) -> None:
-        """Append a packet with ``time_us`` (µs since 1970, default: now), or with the last packet's time if that is later.
+        """Append a packet with ``time_us`` (µs since 1970, default: now); times in a log never decrease.
 
         Raises LogError if the write fails.
         """

@@ -84,6 +84,7 @@ class Station:
 
 def test_mavproxys_stick_drives_forward_and_to_the_right(tmp_path: Path, carsim_binary: Path) -> None:
     design = compose("W_B_W", {"width": 95.0})
+    table = Carsim(carsim_binary).parameter_table()
     body, worlds = body_json(design), [({**empty_scene(goal_x_m=None), "id": "flat"}, {})]
     with simulated_car([str(carsim_binary)], body, worlds, car_json(design), 1.0, None, subprocess.PIPE) as car:
         station = Station(car.port, tmp_path)
@@ -106,7 +107,9 @@ def test_mavproxys_stick_drives_forward_and_to_the_right(tmp_path: Path, carsim_
         try:
             station.sees("online system 1")
             # A busy machine may let MAVProxy wait longer between two commands than the dead man's switch allows.
-            station.asks("param set CMD_TIMEOUT_MS 10000", "CMD_TIMEOUT_MS 10000.000000", every_s=5)
+            station.asks("param fetch", f"Received {len(table)} parameters", every_s=20)
+            station.types("param set CMD_TIMEOUT_MS 10000")
+            station.asks("param show CMD_TIMEOUT_MS", "CMD_TIMEOUT_MS   10000.0")
             station.types("arm throttle")
             station.sees("ARMED")
             # x, y, z, r as QGroundControl sends them: y to the right; the throttle z rests at 500 with some settings.

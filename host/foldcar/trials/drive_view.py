@@ -37,6 +37,8 @@ class DriveView:
         self.passed = False
         self._countdown_s, self._time_limit_s = countdown_s, time_limit_s
         self._pressed: Callable[[], str | None] = lambda: None
+        # When the countdown has begun (s, monotonic); None before.
+        self._begun_s: float | None = None
         self._ended = threading.Event()
         self._thread: threading.Thread | None = None
 
@@ -60,6 +62,10 @@ class DriveView:
         if self._thread is not None:
             self._thread.join()
 
+    def begin(self) -> None:
+        """Show the drive from now on; the countdown begins, if there is one."""
+        self._begun_s = time.monotonic()
+
     def wants_stop(self) -> str | None:
         """Return the ending if a key was pressed that stops the drive, else None."""
         key = self._pressed()
@@ -70,7 +76,7 @@ class DriveView:
 
     def _show(self, car: Car) -> None:
         """Show the car's state every REFRESH_S until the drive has ended."""
-        begun_s, announced = time.monotonic(), False
+        announced = False
         # Its own file: while a write to the terminal blocks, it holds the file's lock. A closed terminal is no error.
         with (
             contextlib.suppress(OSError),
@@ -85,8 +91,8 @@ class DriveView:
                         console.print(line, soft_wrap=True)
                         file.flush()
                         announced = True
-                    if console.is_terminal:
-                        remaining_s = max(0.0, begun_s + self._countdown_s - time.monotonic())
+                    if console.is_terminal and self._begun_s is not None:
+                        remaining_s = max(0.0, self._begun_s + self._countdown_s - time.monotonic())
                         live.update(self._panel(car, remaining_s), refresh=True)
 
     def _announcement(self, car: Car) -> str | None:
@@ -110,6 +116,8 @@ class DriveView:
         elif trial is not None and trial.state == car.dialect.FOLDCAR_STATE_RUNNING:
             text = f"DRIVING  {trial.elapsed_ms / 1000:5.1f} s  {self._time_limit_s:g} s at most"
             headline = Text(text, style="bold red")
+        elif trial is not None and trial.state in (car.dialect.FOLDCAR_STATE_FINISHED, car.dialect.FOLDCAR_STATE_FAULT):
+            headline = Text("ENDED")
         table = Table.grid(padding=(0, 2))
         if pulses is not None:
             widths = {number: getattr(pulses, f"servo{number}_raw") for number in range(1, CHANNELS + 1)}

@@ -106,6 +106,8 @@ def _drive_to_end(
         values = settings["speed_m_s"], settings["yaw_rate_rad_s"], settings["time_limit_s"]
         car.start_trial(*values, trial, untethered, delay_s, button)
         started = True
+        if untethered:
+            view.begin()
         longest_s = math.inf if button else MAX_DELAY * (delay_s + settings["time_limit_s"]) + STORING_S
         return _watch(car, trial, view, time.monotonic() + longest_s, untethered and _has_cable(car))
     except LinkLostError as error:
@@ -124,6 +126,7 @@ def _drive_to_end(
 
 def _count_down(car: Car, countdown_s: int, view: DriveView) -> str | None:
     """Wait for the countdown; return how it was ended early, or None if it ran out."""
+    view.begin()
     now_s = time.monotonic()
     end_s = now_s + countdown_s
     while now_s < end_s:

@@ -46,7 +46,7 @@ class ProgramFiles:
         self._program = program
         self._folder = program.parent.absolute()
         self._fixed = fixed is not None
-        self._digests = dict(fixed) if fixed is not None else self._neighbours()
+        self._digests: dict[str, str] = dict(fixed) if fixed is not None else self._neighbours()
         self._modules = _Modules(self._folder)
         self._written: set[Path] = set()
 
@@ -54,6 +54,10 @@ class ProgramFiles:
         """Return the files. From now on a block must not read others."""
         self._fixed = True
         return self._digests
+
+    def adopt(self, files: Files) -> None:
+        """Add files that another process has read with the program."""
+        self._digests.update(files)
 
     def unchanged(self) -> bool:
         """Whether the files are unchanged, and no new ones are beside the program."""

@@ -5,6 +5,7 @@ armed, and completed step by step. If the program is killed, at most the answer 
 """
 
 import contextlib
+import json
 import shutil
 import time
 from collections.abc import Mapping
@@ -23,10 +24,12 @@ from foldcar.link.stream import LinkLostError, choose_port
 from foldcar.link.tlog import LogError, TlogWriter
 from foldcar.outputs import file_name_part, make_output_folder
 from foldcar.scenes.obstacles import Obstacle
+from foldcar.scenes.source import other_scene
 from foldcar.simulation.carsim import Carsim
 from foldcar.store.log_files import logs_folder, store_folder
 from foldcar.store.trial_records import BUILT, SIMULATED, Ending, TrialDesign
 from foldcar.store.trial_writer import CarFacts, Drive, TrialWriter, write_trials
+from foldcar.store.writer import canonical_json
 from foldcar.study.environments import Environment
 from foldcar.study.experiments import read_study
 from foldcar.trials.drive_view import DriveView
@@ -249,6 +252,8 @@ class Session:
         self._take_media(writer)
         self._arrivals.begin(number)
         scene, obstacles = self._scene(sample)
+        if writer.swept_scene(fingerprint, sample) not in (None, json.loads(canonical_json(scene))):
+            raise other_scene(experiment.program, sample)
         acknowledge_faults(self._plugged.connected, self._questions)
         if identity.simulated:
             enter_sample(self._plugged.connected, scene, sample, experiment)

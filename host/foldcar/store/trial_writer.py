@@ -19,7 +19,7 @@ from foldcar.store.errors import StoreError
 from foldcar.store.info import listed_id
 from foldcar.store.log_files import reference, sha256_of
 from foldcar.store.rows import Row
-from foldcar.store.tables import CORRECTION, EXPERIMENT, MEDIA, TRIAL
+from foldcar.store.tables import BY_NAME, CORRECTION, EXPERIMENT, MEDIA, SAMPLE, TRIAL
 from foldcar.store.trial_records import (
     BUILT,
     CARS,
@@ -196,6 +196,14 @@ class TrialWriter(StoreConnection):
         self._add(CORRECTION, {**row, "trial_id": row.pop("trial")})
         self._update(TRIAL, {**trial, field: after})
         return correction
+
+    def swept_scene(self, environment_fingerprint: str, sample: int) -> Any | None:
+        """Return the scene of a sample that a sweep has stored; None if there is none."""
+        of_sample = "WHERE environment_id = (SELECT id FROM environment WHERE fingerprint = ?) AND sample = ?"
+        for row in self._rows(SAMPLE, of_sample, environment_fingerprint, sample):
+            (scene,) = self._rows(BY_NAME["scene"], "WHERE id = ?", row["scene_id"])
+            return json.loads(scene["json"])
+        return None
 
     def put_media(self, trial: int, kind: str, file: Path) -> Media:
         """Attach a photo or film to a trial; the file is not copied. Raises StoreError if file or trial is missing."""

@@ -12,10 +12,11 @@ from typing import Any
 
 from foldcar.car.variation import draw
 from foldcar.scenes.fingerprint import environment_fingerprint, spread_fingerprint, variation_code
+from foldcar.scenes.fixed_hash import open_fixed_environment
 from foldcar.scenes.obstacles import Obstacle
 from foldcar.scenes.program_files import Files, ProgramFiles
 from foldcar.scenes.scene_notes import scene_notes
-from foldcar.scenes.source import SceneSource, open_environment
+from foldcar.scenes.source import SceneSource
 from foldcar.scenes.success import SuccessRule
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.runner import Runner
@@ -142,7 +143,7 @@ class Environment:
         """Return the source of scenes; compile the program at the first call."""
         if self._source is None:
             experiment = self._experiment
-            self._source = open_environment(
+            self._source = open_fixed_environment(
                 experiment.program,
                 dict(experiment.scenic_params),
                 experiment.seed,

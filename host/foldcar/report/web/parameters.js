@@ -1,7 +1,7 @@
 // What matters of the parameters, and the designs by all their numbers: parallel coordinates with brushes, a scatter.
 
-import { linked, scale, tip } from "./belief.js";
-import { Chart, axisStyle, band, successAxis, successColour, tipStyle } from "./charts.js";
+import { designTip, linked, scale } from "./belief.js";
+import { Chart, axisStyle, band, successAxis, successColour, tooltip } from "./charts.js";
 import { BELIEF, isSuccess, number, percent, valueText, withUnit } from "./data.js";
 import { byId, make, select } from "../../figures/web/dom.js";
 
@@ -58,7 +58,7 @@ export class Parameters {
       label: `${y.label} by ${x.label} of every design`, table: () => designTable(model),
       option: theme => ({
         height: 340, grid: { left: 64, right: 18, top: 14, bottom: 48 },
-        tooltip: { trigger: "item", formatter: ({ data }) => (data?.design !== undefined ? `${tip(model, data.design)}<br>${x.label} ${valueText(x, x.values[data.design])}<br>${y.label} ${valueText(y, y.values[data.design])}` : ""), ...tipStyle(theme) },
+        tooltip: designTip(model, theme, design => [x, y].map(axis => `${axis.label} ${valueText(axis, axis.values[design])}`)),
         xAxis: axisOf(theme, x, false), yAxis: axisOf(theme, y, true),
         series: [{ type: "scatter", cursor: "pointer", symbolSize: 11, data: [...Array(e.count).keys()].filter(k => x.values[k] !== null && y.values[k] !== null).map(k => ({
           value: [x.values[k], y.values[k]], design: k, symbol: e.designs.trials[k] ? "diamond" : "circle",
@@ -87,7 +87,7 @@ function effectFigure(e, { parameter, grid, mean, low, high, curves, over }) {
     table: () => ({ head: [withUnit(axis), "success", "to the mean over all values (95 %)"], rows: grid.map((value, k) => [String(value), percent(mean[k]), difference(k)]) }),
     option: theme => ({
       height: 210, grid: { left: 52, right: 12, top: 12, bottom: 42 },
-      tooltip: { trigger: "axis", formatter: ([point]) => `${axis.label} ${number(point.value[0])} ${axis.unit}<br>${percent(mean[point.dataIndex])}, to the mean over all values ${difference(point.dataIndex)}`, ...tipStyle(theme) },
+      tooltip: tooltip(theme, ([point]) => [`${axis.label} ${number(point.value[0])} ${axis.unit}`, `${percent(mean[point.dataIndex])}, to the mean over all values ${difference(point.dataIndex)}`], { trigger: "axis" }),
       xAxis: axisStyle(theme, withUnit(axis), { type: "value", min: grid[0], max: grid[grid.length - 1] }),
       yAxis: successAxis(theme),
       series: [

@@ -3,7 +3,7 @@
 // Parameters, their priors and limits: `drives.sliders` of page_data.py. Results: success by design beside the stored runs, how
 // probable the trials are, and success of one design over each slider.
 
-import { Chart, axisStyle, band, successAxis, tipStyle } from "./charts.js";
+import { Chart, axisStyle, band, successAxis, tooltip } from "./charts.js";
 import { number, withUnit } from "./data.js";
 import { LATER, SOON } from "./drives.js";
 import { byId, make } from "../../figures/web/dom.js";
@@ -156,7 +156,7 @@ export class WhatIf {
     const share = (passed, runs) => (runs ? 100 * passed / runs : null);
     const stored = k => share(e.designs.passed[k], e.designs.runs[k]), now = k => (this.rates ? share(this.rates.passed[k], this.rates.runs[k]) : null);
     const order = () => (single ? [...axis.values.keys()].filter(k => axis.values[k] !== null).sort((a, b) => axis.values[a] - axis.values[b]) : [...Array(e.count).keys()]);
-    const tip = theme => ({ trigger: "item", formatter: ({ data }) => (data?.design === undefined ? "" : `<b>${e.designs.name[data.design]}</b><br>as simulated ${number(stored(data.design))} %<br>what if ${number(now(data.design))} %`), ...tipStyle(theme) });
+    const tip = theme => tooltip(theme, ({ data }) => (data?.design === undefined ? [] : [make("b", { text: e.designs.name[data.design] }), `as simulated ${number(stored(data.design))} %`, `what if ${number(now(data.design))} %`]));
     const option = theme => (single ? {
       height: 300, grid: { left: 58, right: 18, top: 16, bottom: 48 }, tooltip: tip(theme),
       xAxis: axisStyle(theme, withUnit(axis), { type: "value", scale: true }), yAxis: successAxis(theme),

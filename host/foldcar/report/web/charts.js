@@ -71,6 +71,7 @@ export class Chart {
 
   // always: although it is not in sight.
   draw(always = false) {
+    if (this.disposed) return;
     const theme = colours(), { height, ...option } = this.option(theme, this.place.clientWidth);
     if (height) this.place.style.height = `${height}px`;
     this.stale = !always && !isNear(this);
@@ -86,7 +87,9 @@ export class Chart {
     this.drawn();
   }
 
+  // A frame or an answer may still come that draws it.
   dispose() {
+    this.disposed = true;
     all.delete(this);
     this.seen.disconnect();
     if (this.chart) this.chart.dispose();

@@ -76,8 +76,12 @@ export class Chart {
     if (height) this.place.style.height = `${height}px`;
     this.stale = !always && !isNear(this);
     if (this.stale) return;
-    if (!this.chart) {
-      this.chart = echarts.init(this.place, null, { renderer: this.renderer });
+    // On paper all charts are SVG: browsers print a canvas as it was some frames ago, without what is still to be painted.
+    const renderer = document.documentElement.classList.contains("print") ? "svg" : this.renderer;
+    if (this.drawnBy !== renderer) {
+      this.chart?.dispose();
+      this.chart = echarts.init(this.place, null, { renderer });
+      this.drawnBy = renderer;
       for (const handler of this.handlers) this.chart.on(...handler);
     }
     // A resize draws the whole chart once more.

@@ -5,7 +5,8 @@ import { Chart, axisStyle, band, successAxis, successColour, tooltip } from "./c
 import { BELIEF, isSuccess, number, percent, valueText, withUnit } from "./data.js";
 import { byId, make, select } from "../../figures/web/dom.js";
 
-const NARROW = 640;
+// Sides of the parallel axes, height of a line of their headings, space between two headings, size of their letters (px).
+const SIDES = 92, LINE = 14, SPACE = 8, HEADING = 12;
 const BANDS = "Bands hold the differences between values, with 95 %: how far success at a value is above or below the mean over all values. All values were run in the same environments, so the level of a whole curve is less sure than its shape.";
 // Rows of the table of designs.
 const MAX_ROWS = 500;
@@ -126,22 +127,22 @@ class Parallel {
   }
 
   option(theme, width) {
-    const { e } = this.model, upright = width < NARROW;
-    this.upright = upright;
+    const { e } = this.model, headings = headingLines(this.axes, (width - SIDES) / (this.axes.length - 1) - SPACE), upright = headings === null;
+    const head = upright ? 0 : Math.max(0, ...headings.map(lines => lines.length));
     const dims = this.axes.map((axis, dim) => {
       const [least, most] = this.limits(axis);
       return {
-        dim, id: axis.key, name: upright ? withUnit(axis) : `${axis.label}${axis.unit ? `\n${axis.unit}` : ""}`, realtime: false, type: "value",
+        dim, id: axis.key, name: upright ? withUnit(axis) : headings[dim].join("\n"), realtime: false, type: "value",
         min: least, max: most, inverse: turned(axis, upright), nameLocation: turned(axis, upright) || upright ? "start" : "end",
       };
     });
     const data = [...Array(e.count).keys()].map(k => ({ value: this.valuesOf(k), lineStyle: { color: successColour(e.designs.belief[k]) } }));
     const many = e.count > 300;
     return {
-      height: upright ? 64 * this.axes.length + 40 : 330,
-      parallel: { left: upright ? 20 : 46, right: upright ? 24 : 46, top: upright ? 34 : 46, bottom: upright ? 30 : 24, layout: upright ? "vertical" : "horizontal",
+      height: upright ? 64 * this.axes.length + 40 : 302 + LINE * head,
+      parallel: { left: upright ? 20 : SIDES / 2, right: upright ? 24 : SIDES / 2, top: upright ? 34 : 18 + LINE * head, bottom: upright ? 30 : 24, layout: upright ? "vertical" : "horizontal",
         parallelAxisDefault: {
-          nameGap: upright ? 4 : 14, nameTextStyle: { color: theme.ink, fontSize: 12, lineHeight: 14, ...(upright ? { align: "left", verticalAlign: "bottom", padding: [0, 0, 12, 0] } : {}) },
+          nameGap: upright ? 4 : 14, nameTextStyle: { color: theme.ink, fontSize: HEADING, lineHeight: LINE, ...(upright ? { align: "left", verticalAlign: "bottom", padding: [0, 0, 12, 0] } : {}) },
           axisLine: { lineStyle: { color: theme.soft } }, axisTick: { lineStyle: { color: theme.soft } }, axisLabel: { color: theme.soft, fontSize: 11, hideOverlap: true },
           areaSelectStyle: { width: upright ? 26 : 18, borderColor: theme.accent, borderWidth: 1.5, color: theme.accent, opacity: 0.25 },
         } },
@@ -221,6 +222,22 @@ class Parallel {
     });
     return make("details", { class: "behind" }, make("summary", { text: "ranges as numbers" }), make("div", { class: "fields" }, ...rows));
   }
+}
+
+// The lines of each axis's heading, none wider than `width` (px); null if a word is wider.
+function headingLines(axes, width) {
+  const ruler = document.createElement("canvas").getContext("2d");
+  ruler.font = `${HEADING}px ${getComputedStyle(document.body).fontFamily}`;
+  const fits = text => ruler.measureText(text).width <= width;
+  const headings = axes.map(({ label, unit }) => {
+    const lines = [];
+    for (const word of label.split(" ")) {
+      if (lines.length && fits(`${lines.at(-1)} ${word}`)) lines.push(`${lines.pop()} ${word}`);
+      else lines.push(word);
+    }
+    return unit ? [...lines, unit] : lines;
+  });
+  return headings.flat().every(fits) ? headings : null;
 }
 
 // Better is above.

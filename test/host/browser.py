@@ -32,25 +32,16 @@ FLAGS = [
     "--disable-component-update",
     "--disable-sync",
     "--no-first-run",
-    "--virtual-time-budget=3000",
     "--window-size=1100,900",
 ]
 HANGS_S = 600
 # What goes wrong on a page is in ``errors``.
 ERRORS = """window.errors = [];
 addEventListener("error", event => errors.push("error: " + event.message));
-addEventListener("unhandledrejection", event => errors.push("rejected: " + event.reason));"""
-
-
-def browse(page: Path | str, fragment: str, *options: str) -> str:
-    """Open ``page``, a file or an address, at ``#fragment`` with an empty profile; gives the standard output."""
-    address = page.as_uri() if isinstance(page, Path) else page
-    with tempfile.TemporaryDirectory(prefix="foldcar-browser-", ignore_cleanup_errors=True) as profile:
-        command = [browser(), *FLAGS, f"--user-data-dir={profile}", *options, f"{address}#{fragment}"]
-        done = subprocess.run(
-            command, env=_environment(profile), capture_output=True, text=True, timeout=HANGS_S, check=True
-        )  # fmt: skip
-        return done.stdout
+addEventListener("unhandledrejection", event => errors.push("rejected: " + event.reason));
+addEventListener("securitypolicyviolation", ({ violatedDirective, blockedURI }) => {
+  errors.push(`refused: ${violatedDirective} ${blockedURI}`);
+});"""
 
 
 def _environment(profile: str) -> dict[str, str]:
@@ -72,18 +63,18 @@ def browser() -> str:
 class Tab:
     """A page in a browser that runs in real time and is asked by the DevTools protocol, over pipes: no port, no library.
 
-    ``with Tab(url) as tab``: ``tab.ask("document.title")``.
+    ``with Tab(url) as tab``: ``tab.ask("document.title")``. The script ``before`` runs before those of the page and
+    of its frames. It may take away what some browsers lack.
     """
 
-    def __init__(self, address: str, width: int = 1280, height: int = 900) -> None:
-        self._address, self._size = address, (width, height)
+    def __init__(self, address: str, width: int = 1280, height: int = 900, before: str = "") -> None:
+        self._address, self._size, self._before = address, (width, height), before
         self._number, self._session, self._left = 0, "", b""
 
     def __enter__(self) -> "Tab":
         self._profile = tempfile.TemporaryDirectory(prefix="foldcar-browser-", ignore_cleanup_errors=True)
         (its_in, self._to), (self._from, its_out) = os.pipe(), os.pipe()
-        flags = [flag for flag in FLAGS if not flag.startswith("--virtual-time")]
-        words = [browser(), *flags, "--remote-debugging-pipe", f"--user-data-dir={self._profile.name}", "about:blank"]
+        words = [browser(), *FLAGS, "--remote-debugging-pipe", f"--user-data-dir={self._profile.name}", "about:blank"]
         # The browser reads commands from descriptor 3 and answers on 4.
         shell = ["bash", "-c", f'exec "$@" 3<&{its_in} 4>&{its_out}', "browser", *words]
         self._process = subprocess.Popen(
@@ -98,7 +89,7 @@ class Tab:
         metrics = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
         self.send("Emulation.setDeviceMetricsOverride", **metrics)
         self.send("Page.enable")
-        self.send("Page.addScriptToEvaluateOnNewDocument", source=ERRORS)
+        self.send("Page.addScriptToEvaluateOnNewDocument", source=f"{ERRORS}\n{self._before}")
         self.send("Page.navigate", url=self._address)
         return self
 
@@ -186,12 +177,11 @@ def study_of(folder: Path) -> dict[str, Any]:
     return study
 
 
-def probed(page: str, folder: Path, fragment: str, script: str) -> Any:
+def probed(page: str, folder: Path, fragment: str, script: str, before: str = "") -> Any:
     """What the JavaScript function body ``script`` returns of ``view`` (view.js) once the page is ready."""
     file = folder / "probed.html"
-    probe = f"document.body.dataset.probe = JSON.stringify((function (view) {{ {script} }})(window.view));"
-    file.write_text(page.replace("</body>", f"<script>{probe}</script></body>"), encoding="utf-8")
-    shown = browse(file, fragment, "--dump-dom")
-    assert 'data-state="ready"' in shown
-    (encoded,) = re.findall(r'data-probe="([^"]*)"', shown)
-    return json.loads(encoded.replace("&quot;", '"').replace("&amp;", "&"))
+    file.write_text(page, encoding="utf-8")
+    with Tab(f"{file.as_uri()}#{fragment}", before=before) as tab:
+        tab.wait("document.body?.dataset.state === 'ready'")
+        assert tab.ask("errors") == []
+        return tab.ask(f"(function (view) {{ {script} }})(window.view)")

@@ -1,7 +1,9 @@
 """Templates of HTML pages, and the scripts and data in them."""
 
 import json
+from base64 import b64encode
 from collections.abc import Callable, Mapping
+from hashlib import sha256
 from importlib.resources import files
 from typing import Any
 
@@ -28,8 +30,22 @@ def page_template(package: str, file: str, filters: Mapping[str, Callable[..., A
 def web_page(package: str, name: str, **values: Any) -> str:
     """Return web/NAME.html of a package with its style NAME.css and its bundled script NAME.js. Raises FoldcarError."""
     style = files(package).joinpath(f"web/{name}.css").read_text(encoding="utf-8")
-    template = page_template(package, f"web/{name}.html", {"script_json": script_json})
-    return template.render(style=Markup(style), program=bundle(f"{name}.js"), **values)
+    template, program = page_template(package, f"web/{name}.html", {"script_json": script_json}), bundle(f"{name}.js")
+    return template.render(style=Markup(style), program=program, policy=content_policy(program), **values)
+
+
+def content_policy(program: str = "") -> str:
+    """Return the Content-Security-Policy of a page: it runs ``program`` and no other script, and asks no other host.
+
+    Whatever a name or a note in a store contains, a browser then does not run it. Pictures and films may lie beside
+    the page, also as files. Workers are made from the page's own text.
+    """
+    digest = b64encode(sha256(program.encode()).digest()).decode()
+    scripts = f"'sha256-{digest}' 'wasm-unsafe-eval'" if program else "'none'"
+    return (
+        f"default-src 'none'; script-src {scripts}; worker-src blob:; style-src 'unsafe-inline'; "
+        "img-src 'self' file:; media-src 'self' file:; base-uri 'none'; form-action 'none'"
+    )
 
 
 def bundle(name: str) -> Markup:

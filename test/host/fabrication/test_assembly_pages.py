@@ -113,7 +113,7 @@ def test_a_run_on_the_page_ends_at_the_goal(tmp_path: Path, foldcar: Command, fr
 
     assert done.returncode == 0, done.stderr
     page = (tmp_path / "car.html").read_text(encoding="utf-8")
-    run = json.loads(page.partition("window.foldcar = ")[2].partition(";</script>")[0])["run"]
+    run = json.loads(page.partition('id="car">')[2].partition("</script>")[0])["run"]
     first, last = run["rows"][0], run["rows"][-1]
     assert f"passed after {last[0]:.2f} s" in run["told"]
     goal = run["ground"]["scene"]["goal"]

@@ -248,9 +248,9 @@ def test_without_webgl_a_run_has_roll_and_pitch(tmp_path: Path) -> None:
       own.getContext = function (kind, ...rest) {
         return /webgl/.test(kind) && this.id !== "model" ? null : get.call(this, kind, ...rest);
       };"""
-    probe = probed(page.replace("<body>", f"<body><script>{no_webgl}</script>"), tmp_path, "time=0", """
+    probe = probed(page, tmp_path, "time=0", """
       view.run.time(0.8);
       return [document.querySelector(".scene-picture").textContent, document.querySelector(".strips").height];
-    """)  # fmt: skip
+    """, no_webgl)  # fmt: skip
 
     assert probe[0].startswith("Without WebGL") and probe[1] > 60

@@ -99,7 +99,7 @@ FILTER = """
   found.rows = [...document.querySelectorAll("#listed tbody tr")].map(row => row.textContent);
   const behind = one("[data-chart=curve] details"); behind.open = true; await pause(50);
   found.table = [...behind.querySelectorAll("tbody tr")].map(row => [...row.children].map(cell => cell.textContent));
-  found.filtered = location.hash;
+  await pause(600); found.filtered = location.hash;
   study.set({ brushes: {}, outcomes: [] }); await pause(50);
 """
 DRAG = """

@@ -33,7 +33,7 @@ from foldcar.fabrication.assembly.wiring import wiring_drawing
 from foldcar.fabrication.patterns.drawing import Sheet
 from foldcar.fabrication.patterns.options import MACHINES
 from foldcar.fabrication.patterns.sheets import CutCar
-from foldcar.figures.page import page_template
+from foldcar.figures.page import content_policy, page_template
 
 ABOVE = camera(-90, 90)
 ASLANT = camera(-55, 32)
@@ -47,6 +47,7 @@ def guide_page(folded: FoldedCar, cut: CutCar, machine: str, title: str, sheets:
     lines = service_lines(folded, service_steps(folded))
     return page_template("foldcar.fabrication.assembly", "guide.html").render(
         title=title,
+        policy=content_policy(),
         facts=facts(folded, sheets),
         rows=parts_list(folded, sheets),
         finished=Drawing(whole_car(folded, FROM_FRONT), FROM_FRONT, "The finished car", caption="the finished car"),

@@ -8,11 +8,9 @@ Units are millimetres and radians, poses are 16 numbers, row-major. The page com
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
-from markupsafe import Markup
 
 from foldcar.car.folded.model import Crease, EdgeRef, Face, FoldedCar, Mount, Piece, Pose
 from foldcar.car.folded.pose import edge
@@ -28,7 +26,7 @@ from foldcar.fabrication.assembly.facets import NUT_OF, shank_and_nut
 from foldcar.fabrication.assembly.parts_list import parts_list, total_cost_usd, total_mass_kg
 from foldcar.fabrication.assembly.view_steps import NUT, Part, ViewSteps, view_steps
 from foldcar.fabrication.patterns.drawing import Sheet
-from foldcar.figures.page import bundle, page_template, script_json
+from foldcar.figures.page import web_page
 
 PACKAGE = "foldcar.fabrication.assembly"
 DECIMALS = 4
@@ -37,14 +35,8 @@ GAP_MM = 12.0
 
 def view_page(folded: FoldedCar, title: str, run: Mapping[str, Any] | None = None) -> str:
     """Return the page's text. ``run`` is the object that run.js reads."""
-    return page_template(PACKAGE, "web/view.html").render(
-        title=title,
-        facts=facts(folded),
-        run=run,
-        data=script_json({"car": view_data(folded), "run": run}),
-        style=Markup(files(PACKAGE).joinpath("web/view.css").read_text(encoding="utf-8")),
-        program=bundle("view.js"),
-    )
+    data = {"car": view_data(folded), "run": run}
+    return web_page(PACKAGE, "view", title=title, facts=facts(folded), run=run, data=data)
 
 
 def facts(folded: FoldedCar, sheets: Sequence[Sheet] = ()) -> str:

@@ -1,6 +1,6 @@
 // Success of this simulator and of built cars: a curve over one parameter, a map over two of several, a search's front.
 
-import { Chart, axisStyle, band, intervals, successAxis, successColour, tipStyle } from "./charts.js";
+import { Chart, axisStyle, band, intervals, successAxis, successColour, tooltip } from "./charts.js";
 import { evidence, percent, withUnit } from "./data.js";
 import { byId, make, select } from "../../figures/web/dom.js";
 
@@ -18,12 +18,9 @@ const table = model => () => {
   };
 };
 
-export const tip = ({ e }, design) => [`<b>${escaped(e.designs.name[design])}</b>`, ...evidence(e, design).map(row => row.join(" "))].join("<br>");
-
-// A tooltip of marks that have a design.
-const designTip = (model, theme) => ({ trigger: "item", formatter: ({ data }) => (data?.design !== undefined ? tip(model, data.design) : ""), ...tipStyle(theme) });
-
-const escaped = text => text.replace(/[&<>"]/g, letter => `&#${letter.charCodeAt(0)};`);
+// A tooltip of marks that have a design. more(design): lines below what is known of its success.
+export const designTip = ({ e }, theme, more = () => []) => tooltip(theme, ({ data }) => (data?.design === undefined ? []
+  : [make("b", { text: e.designs.name[data.design] }), ...evidence(e, data.design).map(row => row.join(" ")), ...more(data.design)]));
 
 // Pointing at and pressing a mark of a chart; of: the design of an event, or null.
 export function linked(model, chart, of) {
@@ -82,7 +79,7 @@ function curveFigure(model) {
     const [least, most] = [x[order[0]], x[order[order.length - 1]]], margin = (most - least) * 0.02 || 1;
     const driven = order.filter(k => trials[k]), at = model.design;
     const lines = e.thresholds.map(limit => ({ yAxis: 100 * limit, lineStyle: { color: theme.soft, type: "dashed", width: 1 }, label: { formatter: percent(limit), position: "insideEndTop", color: theme.soft } }));
-    if (at !== null && x[at] !== null) lines.push({ xAxis: x[at], lineStyle: { color: theme.accent, width: 2, type: "solid" }, label: { formatter: e.designs.name[at], position: "end", color: theme.accent } });
+    if (at !== null && x[at] !== null) lines.push({ xAxis: x[at], lineStyle: { color: theme.accent, width: 2, type: "solid" }, label: { formatter: () => e.designs.name[at], position: "end", color: theme.accent } });
     const dim = k => (model.within[k] ? 1 : 0.2);
     return {
       height: CURVE_HEIGHT,

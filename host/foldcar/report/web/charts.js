@@ -12,6 +12,7 @@ echarts.use([BarChart, CustomChart, HeatmapChart, LineChart, ParallelChart, Scat
 const SCALE = [[0xb3, 0x40, 0x00], [0xe8, 0xa8, 0x6b], [0xe4, 0xe0, 0xd4], [0x6b, 0xb8, 0x9e], [0x00, 0x70, 0x52]];
 // Colours of the endings of runs: Okabe and Ito's, as in figures/style.py.
 export const OUTCOMES = { passed: "#009e73", tipped: "#d55e00", stuck: "#56b4e9", off_course: "#cc79a7", timeout: "#f0e442", fault: "#777", terminated: "#0072b2", rejected: "#e69f00", failed: "#999" };
+export const outcomeKey = name => make("i", { class: "key", style: `background:${OUTCOMES[name]}` });
 const all = new Set();
 
 export function colours() {
@@ -70,12 +71,17 @@ export class Chart {
 
   // always: although it is not in sight.
   draw(always = false) {
+    if (this.disposed) return;
     const theme = colours(), { height, ...option } = this.option(theme, this.place.clientWidth);
     if (height) this.place.style.height = `${height}px`;
     this.stale = !always && !isNear(this);
     if (this.stale) return;
-    if (!this.chart) {
-      this.chart = echarts.init(this.place, null, { renderer: this.renderer });
+    // On paper all charts are SVG: browsers print a canvas as it was some frames ago, without what is still to be painted.
+    const renderer = document.documentElement.classList.contains("print") ? "svg" : this.renderer;
+    if (this.drawnBy !== renderer) {
+      this.chart?.dispose();
+      this.chart = echarts.init(this.place, null, { renderer });
+      this.drawnBy = renderer;
       for (const handler of this.handlers) this.chart.on(...handler);
     }
     // A resize draws the whole chart once more.
@@ -85,7 +91,9 @@ export class Chart {
     this.drawn();
   }
 
+  // A frame or an answer may still come that draws it.
   dispose() {
+    this.disposed = true;
     all.delete(this);
     this.seen.disconnect();
     if (this.chart) this.chart.dispose();
@@ -122,7 +130,12 @@ export function successAxis(theme, name = "success", more = {}) {
   return axisStyle(theme, name, { type: "value", min: 0, max: 100, nameGap: 36, ...more, axisLabel: { color: theme.soft, fontSize: 11, formatter: "{value} %" } });
 }
 
-export const tipStyle = theme => ({ backgroundColor: theme.paper, borderColor: theme.line, textStyle: { color: theme.ink, fontSize: 12 }, confine: true, transitionDuration: 0 });
+// A chart's tooltip. lines(marks): its lines, texts or elements; none: no tooltip. Texts are never read as HTML, because names are
+// whatever the author of a store wrote. more: of ECharts.
+export const tooltip = (theme, lines, more = {}) => ({
+  ...more, formatter: marks => lines(marks).map(line => make("div", {}, line)),
+  backgroundColor: theme.paper, borderColor: theme.line, textStyle: { color: theme.ink, fontSize: 12 }, confine: true, transitionDuration: 0,
+});
 
 // Vertical intervals: data rows are [x, low, high]; lying ones are [y, low, high].
 export function intervals(name, data, colour, width = 1.5, opacity = 1, lying = false) {

@@ -72,3 +72,13 @@ export function evidence({ designs, engines }, k) {
   if (designs.trials[k]) rows.push(["trials", `${designs.trials_passed[k]} of ${designs.trials[k]}, ${designs.cars[k]} car${designs.cars[k] > 1 ? "s" : ""}${span(designs.trials_low, designs.trials_high)}`]);
   return rows;
 }
+
+const SLIDER_LABELS = {
+  friction: "friction", servo_torque: "servo torque", servo_speed: "servo speed", obstacle_height: "obstacle height", com_height_m: "centre of mass, raised",
+  track_m: "track, widened", start_position_sd_m: "start scatter, position", start_heading_sd_rad: "start scatter, heading", supply_resistance_ohm: "supply resistance",
+};
+export const sliderLabel = name => SLIDER_LABELS[name] ?? name;
+
+// A shown unit and its factor from SI.
+const SHOWN = { m: ["mm", 1000], rad: ["°", 180 / Math.PI] };
+export const shownUnit = unit => SHOWN[unit] ?? [unit, 1];

@@ -1,102 +1,9 @@
-// Runs of an experiment that the page simulates itself: carsim.wasm in workers, with bodies, scenes and realities of drives.py.
+// Runs of an experiment that the page simulates itself: with bodies, scenes and realities of drives.py.
 //
 // A run answers as in docs/carsim.md: {outcome, elapsed_time_s, …, path}. Times in seconds, lengths in metres.
 
 import { integerReader, readGround } from "../../figures/web/scene.js";
-import { byId } from "../../figures/web/dom.js";
-
-// Blobs of drives.py, decoded when they are first wanted: {head, bytes}; null if the page has none of that name.
-const decoded = new Map();
-
-export function readBlob(name) {
-  if (!decoded.has(name)) {
-    const element = byId(name);
-    decoded.set(name, element ? inflate(element.textContent.trim()).then(split) : Promise.resolve(null));
-  }
-  return decoded.get(name);
-}
-
-async function inflate(base64) {
-  const packed = Uint8Array.from(atob(base64), letter => letter.charCodeAt(0));
-  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate-raw"));
-  return new Uint8Array(await new Response(stream).arrayBuffer());
-}
-
-function split(whole) {
-  const end = whole.indexOf(10);
-  return { head: JSON.parse(new TextDecoder().decode(whole.subarray(0, end))), bytes: whole.subarray(end + 1) };
-}
-
-// The module is compiled once for all experiments.
-let compiled = null;
-const compileCarsim = () => (compiled ??= inflate(byId("carsim").textContent.trim()).then(bytes => WebAssembly.compile(bytes)));
-
-// Simulators in workers, one for each thread of the machine. Tasks of a higher priority run first.
-class Pool {
-  // `ready` resolves when the first simulator has started; `build` is then its build.
-  constructor(engine) {
-    this.tasks = [];
-    this.simulators = [];
-    this.ready = this.start(engine);
-  }
-
-  async start(engine) {
-    const module = await compileCarsim();
-    const url = URL.createObjectURL(new Blob([byId("worker").textContent], { type: "text/javascript" }));
-    const starts = Array.from({ length: Math.max(1, navigator.hardwareConcurrency || 2) }, () => this.startWorker(url, module, engine));
-    Promise.allSettled(starts).then(() => URL.revokeObjectURL(url));
-    await Promise.any(starts).catch(({ errors }) => { throw errors[0]; });
-  }
-
-  startWorker(url, module, engine) {
-    return new Promise((resolve, reject) => {
-      const worker = new Worker(url), simulator = { worker, known: new Set(), task: null };
-      worker.onerror = event => {
-        this.failure = new Error(event.message);
-        simulator.task?.reject(this.failure);
-        reject(this.failure);
-      };
-      worker.onmessage = ({ data }) => {
-        if (data.build) {
-          this.build = data.build;
-          this.simulators.push(simulator);
-          resolve();
-        } else {
-          const { task } = simulator;
-          simulator.task = null;
-          task.resolve(data.answers.map(text => JSON.parse(text)));
-        }
-        this.startTasks();
-      };
-      worker.postMessage({ module, engine });
-    });
-  }
-
-  // Answers to the run lines. definitions: by name of a body or scene, a function that returns its line, which a simulator
-  // gets before the first run that uses it.
-  answers(definitions, lines, priority, group) {
-    return new Promise((resolve, reject) => {
-      if (this.failure) { reject(this.failure); return; }
-      this.tasks.push({ definitions, lines, priority, group, resolve, reject });
-      this.tasks.sort((a, b) => b.priority - a.priority);
-      this.startTasks();
-    });
-  }
-
-  // Forgets tasks of a group that have not begun; their promises stay open.
-  drop(group) { this.tasks = this.tasks.filter(task => task.group !== group); }
-
-  startTasks() {
-    for (const simulator of this.simulators) {
-      if (simulator.task || !this.tasks.length) continue;
-      const task = (simulator.task = this.tasks.shift()), unknown = [...task.definitions].filter(([name]) => !simulator.known.has(name));
-      for (const [name] of unknown) simulator.known.add(name);
-      simulator.worker.postMessage({ lines: [...unknown.map(([, line]) => line()), ...task.lines] });
-    }
-  }
-}
-
-const pools = new Map();
+import { poolOf, readBlob } from "./simulators.js";
 
 export const URGENT = 2, SOON = 1, LATER = 0;
 
@@ -117,11 +24,10 @@ export class Drives {
     return this.environments.flatMap(environment => this.designs.filter(design => this.e.run(design, environment) >= 0 && this.has(design, environment)).map(design => [design, environment]));
   }
 
-  // Starts the simulators and reads the inputs.
+  // Starts the simulators and reads the inputs. Rejects, as all that simulates, if the browser cannot.
   async ready() {
     if (!this.begun) {
-      if (!pools.has(this.engine)) pools.set(this.engine, new Pool(this.engine));
-      this.pool = pools.get(this.engine);
+      this.pool = poolOf(this.engine);
       this.begun = Promise.all([readBlob(`${this.key}-inputs`), readBlob(`${this.key}-checks`), this.pool.ready]).then(([inputs, checks]) => {
         this.inputs = inputs.head;
         this.checks = new DataView(checks.bytes.buffer, checks.bytes.byteOffset);
@@ -151,6 +57,9 @@ export class Drives {
     });
     return this.pool.answers(definitions, lines, priority, group);
   }
+
+  // Forgets runs of a group that have not begun.
+  drop(group) { this.pool?.drop(group); }
 
   // Rows of times and pulse widths of a design's servos; designs with equal settings share them.
   async pulses(design) {

@@ -1,24 +1,20 @@
 // What is shown, and listeners to its changes: data, state (also the address's fragment) and the design pointed at.
 
+import { AddressWriter, emptyState, fitState, fragmentOf, readFragment } from "./address.js";
 import { Experiment } from "./data.js";
 import { Drives } from "./drives.js";
-
-// Of the fragment: #e=2&design=95 mm&env=17&t=1.2&outcome=tipped,stuck&b.width_mm=65..95&r.friction=0.8&at=runs
-const PLAIN = { e: "e", design: "design", env: "env", t: "t", x: "x", y: "y", mx: "mx", my: "my", at: "at" };
-export const SECTIONS = ["summary", "belief", "whatif", "parameters", "runs", "trials"];
 
 export class Model {
   constructor() {
     this.listeners = { data: [], state: [], hover: [] };
-    this.state = { e: null, design: null, env: null, t: null, outcomes: [], brushes: {}, reality: {}, at: null, x: null, y: null, mx: null, my: null };
+    this.writer = new AddressWriter(() => fragmentOf(this.state));
     this.hovered = null;
     this.read();
     window.addEventListener("hashchange", () => {
-      const before = this.state.e;
       this.read();
-      if (!this.study) return;
       this.choose();
-      this.notify(before === this.state.e ? "state" : "data");
+      this.fit();
+      this.notify("data");
       this.scroll();
     });
   }
@@ -36,6 +32,7 @@ export class Model {
     this.experiments = new Map(study.experiments.map(raw => [raw.id, raw]));
     this.decoded = null;
     this.choose();
+    this.fit();
     this.notify("data");
   }
 
@@ -45,6 +42,7 @@ export class Model {
     if (!this.decoded || this.decoded.raw !== raw) {
       this.decoded = Object.assign(new Experiment(raw), { raw });
       this.drives = raw.drives ? new Drives(this.decoded) : null;
+      this.hovered = null;
     }
     this.e = this.decoded;
     this.mask = null;
@@ -56,8 +54,9 @@ export class Model {
 
   set(change) {
     const other = "e" in change && change.e !== this.state.e;
-    if (other) Object.assign(this.state, { design: null, env: null, t: null, outcomes: [], brushes: {}, reality: {}, x: null, y: null, mx: null, my: null });
+    if (other) this.state = { ...emptyState(), at: this.state.at };
     Object.assign(this.state, change);
+    this.linkRemarks = [];
     this.mask = null;
     this.write();
     if (other) {
@@ -99,34 +98,24 @@ export class Model {
     return this.mask;
   }
 
+  // The state and, in linkRemarks, what of the address the page cannot follow.
   read() {
-    const asked = new URLSearchParams(window.location.hash.slice(1)), { state } = this;
-    for (const [name, key] of Object.entries(PLAIN)) state[key] = asked.get(name) || null;
-    for (const key of ["env", "t"]) state[key] = state[key] !== null && Number.isFinite(Number(state[key])) ? Number(state[key]) : null;
-    state.env = state.env === null ? null : Math.max(0, Math.round(state.env));
-    if (!SECTIONS.includes(state.at)) state.at = null;
-    state.outcomes = (asked.get("outcome") || "").split(",").filter(Boolean);
-    state.brushes = {};
-    state.reality = {};
-    for (const [name, text] of asked) {
-      if (name.startsWith("r.") && Number.isFinite(Number(text))) state.reality[name.slice(2)] = Number(text);
-      const intervals = text.split(";").map(part => part.split("..").map(Number)).filter(([low, high]) => low <= high);
-      if (name.startsWith("b.") && intervals.length) state.brushes[name.slice(2)] = intervals;
-    }
+    const { state, remarks } = readFragment(window.location.hash);
+    Object.assign(this, { state, linkRemarks: remarks });
   }
 
-  get address() {
-    const { state } = this, parts = new URLSearchParams();
-    for (const [name, key] of Object.entries(PLAIN)) {
-      if (state[key] !== null) parts.set(name, state[key]);
-    }
-    if (state.outcomes.length) parts.set("outcome", state.outcomes.join(","));
-    for (const [key, intervals] of Object.entries(state.brushes)) parts.set(`b.${key}`, intervals.map(([low, high]) => `${low}..${high}`).join(";"));
-    for (const [key, value] of Object.entries(state.reality)) parts.set(`r.${key}`, value);
-    return `#${parts}`;
+  fit() { this.linkRemarks.push(...fitState(this.state, this.e)); }
+
+  // The sliders' values that differ from the simulated ones, by name.
+  setReality(reality) {
+    this.state.reality = reality;
+    this.linkRemarks = [];
+    this.write();
   }
 
-  write() { window.history.replaceState(null, "", this.address === "#" ? window.location.pathname + window.location.search : this.address); }
+  get link() { return new URL(fragmentOf(this.state), window.location.href).href.replace(/#$/, ""); }
+
+  write() { this.writer.write(); }
 
   scroll() {
     const part = this.state.at && document.getElementById(this.state.at);

@@ -1,11 +1,12 @@
 // What matters of the parameters, and the designs by all their numbers: parallel coordinates with brushes, a scatter.
 
-import { linked, scale, tip } from "./belief.js";
-import { Chart, axisStyle, band, successAxis, successColour, tipStyle } from "./charts.js";
+import { designTip, linked, scale } from "./belief.js";
+import { Chart, axisStyle, band, successAxis, successColour, tooltip } from "./charts.js";
 import { BELIEF, isSuccess, number, percent, valueText, withUnit } from "./data.js";
 import { byId, make, select } from "../../figures/web/dom.js";
 
-const NARROW = 640;
+// Sides of the parallel axes, height of a line of their headings, space between two headings, size of their letters (px).
+const SIDES = 92, LINE = 14, SPACE = 8, HEADING = 12;
 const BANDS = "Bands hold the differences between values, with 95 %: how far success at a value is above or below the mean over all values. All values were run in the same environments, so the level of a whole curve is less sure than its shape.";
 // Rows of the table of designs.
 const MAX_ROWS = 500;
@@ -58,7 +59,7 @@ export class Parameters {
       label: `${y.label} by ${x.label} of every design`, table: () => designTable(model),
       option: theme => ({
         height: 340, grid: { left: 64, right: 18, top: 14, bottom: 48 },
-        tooltip: { trigger: "item", formatter: ({ data }) => (data?.design !== undefined ? `${tip(model, data.design)}<br>${x.label} ${valueText(x, x.values[data.design])}<br>${y.label} ${valueText(y, y.values[data.design])}` : ""), ...tipStyle(theme) },
+        tooltip: designTip(model, theme, design => [x, y].map(axis => `${axis.label} ${valueText(axis, axis.values[design])}`)),
         xAxis: axisOf(theme, x, false), yAxis: axisOf(theme, y, true),
         series: [{ type: "scatter", cursor: "pointer", symbolSize: 11, data: [...Array(e.count).keys()].filter(k => x.values[k] !== null && y.values[k] !== null).map(k => ({
           value: [x.values[k], y.values[k]], design: k, symbol: e.designs.trials[k] ? "diamond" : "circle",
@@ -87,7 +88,7 @@ function effectFigure(e, { parameter, grid, mean, low, high, curves, over }) {
     table: () => ({ head: [withUnit(axis), "success", "to the mean over all values (95 %)"], rows: grid.map((value, k) => [String(value), percent(mean[k]), difference(k)]) }),
     option: theme => ({
       height: 210, grid: { left: 52, right: 12, top: 12, bottom: 42 },
-      tooltip: { trigger: "axis", formatter: ([point]) => `${axis.label} ${number(point.value[0])} ${axis.unit}<br>${percent(mean[point.dataIndex])}, to the mean over all values ${difference(point.dataIndex)}`, ...tipStyle(theme) },
+      tooltip: tooltip(theme, ([point]) => [`${axis.label} ${number(point.value[0])} ${axis.unit}`, `${percent(mean[point.dataIndex])}, to the mean over all values ${difference(point.dataIndex)}`], { trigger: "axis" }),
       xAxis: axisStyle(theme, withUnit(axis), { type: "value", min: grid[0], max: grid[grid.length - 1] }),
       yAxis: successAxis(theme),
       series: [
@@ -126,22 +127,22 @@ class Parallel {
   }
 
   option(theme, width) {
-    const { e } = this.model, upright = width < NARROW;
-    this.upright = upright;
+    const { e } = this.model, headings = headingLines(this.axes, (width - SIDES) / (this.axes.length - 1) - SPACE), upright = headings === null;
+    const head = upright ? 0 : Math.max(0, ...headings.map(lines => lines.length));
     const dims = this.axes.map((axis, dim) => {
       const [least, most] = this.limits(axis);
       return {
-        dim, id: axis.key, name: upright ? withUnit(axis) : `${axis.label}${axis.unit ? `\n${axis.unit}` : ""}`, realtime: false, type: "value",
+        dim, id: axis.key, name: upright ? withUnit(axis) : headings[dim].join("\n"), realtime: false, type: "value",
         min: least, max: most, inverse: turned(axis, upright), nameLocation: turned(axis, upright) || upright ? "start" : "end",
       };
     });
     const data = [...Array(e.count).keys()].map(k => ({ value: this.valuesOf(k), lineStyle: { color: successColour(e.designs.belief[k]) } }));
     const many = e.count > 300;
     return {
-      height: upright ? 64 * this.axes.length + 40 : 330,
-      parallel: { left: upright ? 20 : 46, right: upright ? 24 : 46, top: upright ? 34 : 46, bottom: upright ? 30 : 24, layout: upright ? "vertical" : "horizontal",
+      height: upright ? 64 * this.axes.length + 40 : 302 + LINE * head,
+      parallel: { left: upright ? 20 : SIDES / 2, right: upright ? 24 : SIDES / 2, top: upright ? 34 : 18 + LINE * head, bottom: upright ? 30 : 24, layout: upright ? "vertical" : "horizontal",
         parallelAxisDefault: {
-          nameGap: upright ? 4 : 14, nameTextStyle: { color: theme.ink, fontSize: 12, lineHeight: 14, ...(upright ? { align: "left", verticalAlign: "bottom", padding: [0, 0, 12, 0] } : {}) },
+          nameGap: upright ? 4 : 14, nameTextStyle: { color: theme.ink, fontSize: HEADING, lineHeight: LINE, ...(upright ? { align: "left", verticalAlign: "bottom", padding: [0, 0, 12, 0] } : {}) },
           axisLine: { lineStyle: { color: theme.soft } }, axisTick: { lineStyle: { color: theme.soft } }, axisLabel: { color: theme.soft, fontSize: 11, hideOverlap: true },
           areaSelectStyle: { width: upright ? 26 : 18, borderColor: theme.accent, borderWidth: 1.5, color: theme.accent, opacity: 0.25 },
         } },
@@ -221,6 +222,22 @@ class Parallel {
     });
     return make("details", { class: "behind" }, make("summary", { text: "ranges as numbers" }), make("div", { class: "fields" }, ...rows));
   }
+}
+
+// The lines of each axis's heading, none wider than `width` (px); null if a word is wider.
+function headingLines(axes, width) {
+  const ruler = document.createElement("canvas").getContext("2d");
+  ruler.font = `${HEADING}px ${getComputedStyle(document.body).fontFamily}`;
+  const fits = text => ruler.measureText(text).width <= width;
+  const headings = axes.map(({ label, unit }) => {
+    const lines = [];
+    for (const word of label.split(" ")) {
+      if (lines.length && fits(`${lines.at(-1)} ${word}`)) lines.push(`${lines.pop()} ${word}`);
+      else lines.push(word);
+    }
+    return unit ? [...lines, unit] : lines;
+  });
+  return headings.flat().every(fits) ? headings : null;
 }
 
 // Better is above.

@@ -2,7 +2,8 @@
 
 import { mountScene, pathOfRows } from "../../figures/web/scene.js";
 import { byId, make } from "../../figures/web/dom.js";
-import { URGENT, readBlob } from "./drives.js";
+import { URGENT } from "./drives.js";
+import { cannotSimulate, readBlob } from "./simulators.js";
 
 const COLOUR = "#0072b2";
 const GHOST_COLOURS = ["#cc79a7", "#009e73", "#e69f00", "#56b4e9", "#d55e00"];
@@ -30,7 +31,7 @@ export class ReplayPlace {
     const watch = new IntersectionObserver(entries => {
       if (!this.model.drives || !entries.some(entry => entry.isIntersecting)) return;
       watch.disconnect();
-      idle(() => this.prepare());
+      idle(() => this.prepare().catch(error => { if (!this.chosen) this.showError(error); }));
     }, { rootMargin: "100%" });
     watch.observe(section);
   }
@@ -55,7 +56,12 @@ export class ReplayPlace {
     this.shown = key;
     Object.assign(this, { design, environment, chosen_ms: performance.now() });
     const chosen = (this.chosen = design !== null && environment !== null);
-    if (chosen) await drives.ready();
+    try {
+      if (chosen) await drives.ready();
+    } catch (error) {
+      if (this.shown === key) this.showError(error);
+      return;
+    }
     if (this.shown !== key) return;
     const available = chosen && drives.has(design, environment);
     this.place.hidden = this.overlayLabel.hidden = this.whatIfLabel.hidden = !available;
@@ -69,7 +75,15 @@ export class ReplayPlace {
     this.overlays = new Set([...this.overlays].filter(name => name.startsWith("d") && name !== `d${design}`));
     if (trials.length) this.overlays.add(`t${trials.at(-1).number}`);
     await this.load(t);
-    if (play && !PREFERS_NO_MOTION && this.shown === key) this.scene.play();
+    if (play && !PREFERS_NO_MOTION && this.shown === key && !this.place.hidden) this.scene.play();
+  }
+
+  // Where the run would be.
+  showError(error) {
+    this.place.hidden = this.overlayLabel.hidden = this.whatIfLabel.hidden = true;
+    this.scene?.pause();
+    this.verdict.textContent = "";
+    this.note.textContent = cannotSimulate(error);
   }
 
   trials() { return this.model.e.trials.filter(trial => trial.design === this.design && trial.environment === this.environment); }
@@ -84,7 +98,16 @@ export class ReplayPlace {
   }
 
   async load(t) {
-    const request = (this.request = {}), { design, environment, model: { drives, state } } = this;
+    const request = (this.request = {});
+    try {
+      await this.simulateAndShow(t, request);
+    } catch (error) {
+      if (request === this.request) this.showError(error);
+    }
+  }
+
+  async simulateAndShow(t, request) {
+    const { design, environment, model: { drives, state } } = this;
     this.loading = true;
     const overlays = [...this.overlays].slice(-GHOST_COLOURS.length), changed = Object.keys(state.reality).length > 0;
     this.whatIfLabel.hidden = !changed;
@@ -105,15 +128,12 @@ export class ReplayPlace {
     this.element.dataset.readyMs = (performance.now() - this.chosen_ms).toFixed(0);
   }
 
-  // Writes the time at which a reader stops the run into the address.
+  // The time at which a reader stops the run stands in the address.
   keepTime(t, playing) {
     Object.assign(this.element.dataset, { t: t.toFixed(3), end: this.scene?.end_s ?? "" });
     if (playing || this.loading || this.place.hidden) return;
-    clearTimeout(this.writing);
-    this.writing = setTimeout(() => {
-      this.model.state.t = t ? Number(t.toFixed(2)) : null;
-      this.model.write();
-    }, 300);
+    this.model.state.t = t ? Number(t.toFixed(2)) : null;
+    this.model.write();
   }
 
   // A run as scene.js takes it; a ghost has a colour of its own. Null if the page cannot simulate it.

@@ -1,6 +1,6 @@
 // Where runs that did not pass ended: a histogram along the way to the goal, with the obstacles under it, and a sentence.
 
-import { Chart, OUTCOMES, axisStyle, tipStyle } from "./charts.js";
+import { Chart, OUTCOMES, axisStyle, outcomeKey, tooltip } from "./charts.js";
 import { number, percent } from "./data.js";
 import { make } from "../../figures/web/dom.js";
 
@@ -90,7 +90,10 @@ export class RunEnds {
     return {
       height: TOP + BARS + below + 52,
       grid: [BARS, BARS + below + 8].map(height => ({ left: LEFT, right: RIGHT, top: TOP, height, outerBoundsMode: "none" })),
-      tooltip: { trigger: "axis", axisPointer: { type: "shadow" }, formatter: rows => `${this.span(rows[0].dataIndex)}<br>${rows.filter(({ value }) => value).map(({ marker, seriesName, value }) => `${marker} ${seriesName} ${value}`).join("<br>") || "no run"}`, ...tipStyle(theme) },
+      tooltip: tooltip(theme, ([{ dataIndex: bin }]) => {
+        const ended = seen.filter(k => bins[k][bin]).map(k => make("span", {}, outcomeKey(e.outcomes[k]), `${e.outcome_labels[k]} ${bins[k][bin]}`));
+        return [this.span(bin), ...(ended.length ? ended : ["no run"])];
+      }, { trigger: "axis", axisPointer: { type: "shadow" } }),
       xAxis: [
         { gridIndex: 0, type: "category", data: [...Array(ends.bins).keys()].map(bin => this.span(bin)), axisLabel: { show: false }, axisTick: { show: false }, axisLine: { lineStyle: { color: theme.soft } } },
         { gridIndex: 1, ...axisStyle(theme, "progress from the start (m)", { type: "value", min: low, max: high, splitLine: { show: false }, axisPointer: { show: false } }) },

@@ -1,6 +1,6 @@
 // Single runs: what separates failed from passed, how they ended, the grid of designs and environments, one run.
 
-import { Chart, OUTCOMES, axisStyle, successAxis, tableBehind, tipStyle } from "./charts.js";
+import { Chart, OUTCOMES, axisStyle, outcomeKey, successAxis, tableBehind, tooltip } from "./charts.js";
 import { number, percent, withUnit } from "./data.js";
 import { RunEnds } from "./run_ends.js";
 import { byId, make } from "../../figures/web/dom.js";
@@ -66,7 +66,7 @@ function causeFigure({ label, unit, bins }) {
     label: `Success by ${label}`, table: () => ({ head: [withUnit({ label, unit }), "runs", "passed", "success"], rows: bins.map((bin, k) => [name(bin), String(bin.runs), String(bin.passed), share[k] === null ? "–" : percent(share[k] / 100)]) }),
     option: theme => ({
       height: 170, grid: { left: 48, right: 10, top: 10, bottom: 42 },
-      tooltip: { trigger: "axis", formatter: ([bar]) => `${label} ${name(bins[bar.dataIndex])} ${unit || ""}<br>${bins[bar.dataIndex].passed} of ${bins[bar.dataIndex].runs} runs passed`, ...tipStyle(theme) },
+      tooltip: tooltip(theme, ([{ dataIndex: k }]) => [`${label} ${name(bins[k])} ${unit || ""}`, `${bins[k].passed} of ${bins[k].runs} runs passed`], { trigger: "axis" }),
       xAxis: axisStyle(theme, withUnit({ label, unit }), { type: "category", data: bins.map(bin => number((bin.from + bin.to) / 2)), axisTick: { show: false } }),
       yAxis: successAxis(theme, ""),
       series: [{ type: "bar", data: share, barCategoryGap: "8%", itemStyle: { color: theme.accent }, showBackground: true, backgroundStyle: { color: theme.ground } }],
@@ -83,7 +83,7 @@ function endings(model) {
     type: "button", class: "chip", "aria-pressed": String(state.outcomes.includes(name)),
     onclick: () => { model.set({ outcomes: state.outcomes.includes(name) ? state.outcomes.filter(kept => kept !== name) : [...state.outcomes, name] }); byId("endings").querySelector(`[data-outcome=${name}]`)?.focus(); },
     "data-outcome": name,
-  }, make("i", { class: "key", style: `background:${OUTCOMES[name]}` }), `${e.outcome_labels[k]} ${counts[k].toLocaleString("en")}`)));
+  }, outcomeKey(name), `${e.outcome_labels[k]} ${counts[k].toLocaleString("en")}`)));
 }
 
 // Runs that the filters keep.

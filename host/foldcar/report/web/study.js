@@ -1,8 +1,9 @@
 // The study page; its data stand in the element #study.
 
+import { SECTIONS, hasAddress } from "./address.js";
 import { Belief } from "./belief.js";
 import { byId, make } from "../../figures/web/dom.js";
-import { Model, SECTIONS } from "./model.js";
+import { Model } from "./model.js";
 import { Parameters } from "./parameters.js";
 import { ReplayPlace } from "./replay_place.js";
 import { Runs } from "./runs.js";
@@ -23,6 +24,12 @@ function chooser(model) {
 function scene({ provenance }) {
   const [, text] = provenance.find(([label]) => label === "environment") || ["", ""];
   return (/([^/ ]+)\.scenic/.exec(text) || ["", ""])[1].replaceAll("_", " ");
+}
+
+// What of a link the page cannot follow, until the reader chooses something else.
+function showLinkRemarks({ linkRemarks }) {
+  byId("link-remarks").replaceChildren(...linkRemarks.map(text => make("li", { text })));
+  byId("link-remarks").hidden = !linkRemarks.length;
 }
 
 // The address keeps the part of the page that is read.
@@ -57,12 +64,13 @@ function start() {
     whatif.use();
     showTrials(model);
   });
-  model.on("state", () => { belief.mark(); parameters.mark(); runs.mark(); showDesign(model); });
+  model.on("state", () => { belief.mark(); parameters.mark(); runs.mark(); showDesign(model); showLinkRemarks(model); });
   model.on("hover", () => { showDesign(model); parameters.hover(); });
+  byId("copy").hidden = !hasAddress();
   byId("copy").addEventListener("click", async () => {
-    model.write();
+    const { link } = model;
     let said = "copied";
-    try { await navigator.clipboard.writeText(window.location.href); } catch { window.prompt("The link:", window.location.href); said = "copy link"; }
+    try { await navigator.clipboard.writeText(link); } catch { window.prompt("The link:", link); said = "copy link"; }
     byId("copy").textContent = said;
     setTimeout(() => { byId("copy").textContent = "copy link"; }, 2000);
   });

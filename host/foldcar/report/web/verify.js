@@ -1,9 +1,11 @@
 // Simulates all runs of an experiment again and compares them with the stored ones, bit by bit.
 
 import { LATER } from "./drives.js";
+import { cannotSimulate } from "./simulators.js";
 import { byId, make } from "../../figures/web/dom.js";
 
 const MAX_NAMED = 5;
+const START = "simulate all runs again in this page";
 
 export class Verify {
   constructor(model) { this.model = model; }
@@ -13,26 +15,35 @@ export class Verify {
     this.stop();
     place.hidden = !e.drives || !e.runs;
     if (place.hidden) return;
-    this.button = make("button", { type: "button", text: "simulate all runs again in this page", onclick: () => (this.group ? this.stop() : this.start()) });
+    this.button = make("button", { type: "button", text: START, onclick: () => (this.group ? this.stop() : this.start()) });
     this.bar = make("progress", { max: "1", hidden: true });
     this.text = make("span", { role: "status" });
     place.replaceChildren(this.button, " ", this.bar, " ", this.text);
   }
 
-  stop() {
+  stop(text = "stopped") {
     if (!this.group) return;
-    this.model.drives.pool?.drop(this.group);
+    this.group.drives.drop(this.group);
     this.group = null;
-    this.button.textContent = "simulate all runs again in this page";
+    this.button.textContent = START;
     this.bar.hidden = true;
-    this.text.textContent = "stopped";
+    this.text.textContent = text;
   }
 
   async start() {
-    const { e, drives } = this.model, group = (this.group = {}), begun = performance.now(), differing = [];
+    const group = (this.group = { drives: this.model.drives });
     this.button.textContent = "stop";
     this.text.textContent = "";
     this.bar.hidden = false;
+    try {
+      await this.simulate(group);
+    } catch (error) {
+      if (group === this.group) this.stop(cannotSimulate(error));
+    }
+  }
+
+  async simulate(group) {
+    const { e, drives } = this.model, begun = performance.now(), differing = [];
     await drives.ready();
     const pairs = drives.pairs, byEnvironment = new Map();
     for (const [design, environment] of pairs) byEnvironment.set(environment, [...(byEnvironment.get(environment) ?? []), design]);
@@ -46,12 +57,9 @@ export class Verify {
       this.text.textContent = `${done.toLocaleString("en")} of ${pairs.length.toLocaleString("en")}`;
     }));
     if (group !== this.group) return;
-    this.group = null;
-    this.button.textContent = "simulate all runs again in this page";
-    this.bar.hidden = true;
     const same = pairs.length - differing.length, seconds = (performance.now() - begun) / 1000;
     const named = differing.slice(0, MAX_NAMED).map(([design, environment]) => `${e.designs.name[design]} in environment ${environment}`).join(", ");
     const reason = differing.length ? ` These differ: ${named}${differing.length > MAX_NAMED ? ", …" : ""}. ${drives.reasonOfDifference()}` : "";
-    this.text.textContent = `${differing.length ? "✗" : "✓"} ${same.toLocaleString("en")} of ${pairs.length.toLocaleString("en")} runs reproduced by this page, bit by bit (carsim ${drives.pool.build}, ${seconds.toFixed(0)} s).${reason}`;
+    this.stop(`${differing.length ? "✗" : "✓"} ${same.toLocaleString("en")} of ${pairs.length.toLocaleString("en")} runs reproduced by this page, bit by bit (carsim ${drives.pool.build}, ${seconds.toFixed(0)} s).${reason}`);
   }
 }

@@ -3,21 +3,15 @@
 // Parameters, their priors and limits: `drives.sliders` of page_data.py. Results: success by design beside the stored runs, how
 // probable the trials are, and success of one design over each slider.
 
-import { Chart, axisStyle, band, successAxis, tipStyle } from "./charts.js";
-import { number, withUnit } from "./data.js";
+import { Chart, axisStyle, band, successAxis, tooltip } from "./charts.js";
+import { number, shownUnit, sliderLabel, withUnit } from "./data.js";
 import { LATER, SOON } from "./drives.js";
+import { cannotSimulate } from "./simulators.js";
 import { byId, make } from "../../figures/web/dom.js";
 
 const REDRAW_MS = 250, WAIT_MS = 120;
 // Values of each slider in its small picture, and environments of these.
 const STEPS = 11, STEP_ENVIRONMENTS = 40;
-const LABELS = {
-  friction: "friction", servo_torque: "servo torque", servo_speed: "servo speed", obstacle_height: "obstacle height", com_height_m: "centre of mass, raised",
-  track_m: "track, widened", start_position_sd_m: "start scatter, position", start_heading_sd_rad: "start scatter, heading", supply_resistance_ohm: "supply resistance",
-};
-// Shown units: factors from SI.
-const SHOWN = { m: ["mm", 1000], rad: ["°", 180 / Math.PI] };
-const shownUnit = unit => SHOWN[unit] ?? [unit, 1];
 
 export class WhatIf {
   constructor(model) { Object.assign(this, { model, charts: [], group: null }); }
@@ -25,6 +19,7 @@ export class WhatIf {
   use() {
     for (const chart of this.charts) chart.dispose();
     this.stop();
+    this.stopMarginals();
     Object.assign(this, { charts: [], rates: null });
     const { e } = this.model, place = byId("whatif");
     place.hidden = !e.drives?.sliders.length || !e.judged;
@@ -39,13 +34,15 @@ export class WhatIf {
     byId("whatif-single").replaceChildren();
     this.chart = new Chart(figure, this.figure());
     this.charts.push(this.chart);
-    this.read();
+    this.show(this.model.state.reality);
+    if (this.different.length) this.plan();
+    else this.chart.draw();
   }
 
   // One slider, with bands for the 90 % intervals of its prior and of a calibration.
   row(slider) {
     const { name, low, high, nominal, prior, calibrated, meaning } = slider;
-    const [unit, scale] = shownUnit(slider.unit), label = LABELS[name] ?? name, step = (high - low) / 200;
+    const [unit, scale] = shownUnit(slider.unit), label = sliderLabel(name), step = (high - low) / 200;
     const range = make("input", { type: "range", min: low, max: high, step, value: nominal, "aria-label": `${label} (${unit})`, title: meaning });
     const output = make("output");
     const show = () => { output.textContent = `${number(scale * this.values[name])} ${unit}`; range.setAttribute("aria-valuetext", output.textContent); };
@@ -69,57 +66,67 @@ export class WhatIf {
 
   get different() { return this.sliders.filter(({ name, nominal }) => this.values[name] !== nominal); }
 
-  // Values of the address.
-  read() {
-    const { state } = this.model;
-    for (const slider of this.sliders) {
-      const value = state.reality[slider.name];
-      this.values[slider.name] = value === undefined ? slider.nominal : Math.min(slider.high, Math.max(slider.low, value));
-      const { range, show } = this.fields.get(slider.name);
-      range.value = this.values[slider.name];
+  // Values of the address, the others as simulated.
+  show(reality) {
+    for (const { name, nominal } of this.sliders) {
+      this.values[name] = reality[name] ?? nominal;
+      const { range, show } = this.fields.get(name);
+      range.value = this.values[name];
       show();
     }
-    if (this.different.length) this.changed();
-    else this.chart.draw();
   }
 
   reset() {
-    for (const slider of this.sliders) {
-      this.values[slider.name] = slider.nominal;
-      const { range, show } = this.fields.get(slider.name);
-      range.value = slider.nominal;
-      show();
-    }
+    this.show({});
     this.changed();
   }
 
   changed() {
     const { model } = this;
-    model.state.reality = Object.fromEntries(this.different.map(({ name }) => [name, Number(this.values[name].toPrecision(6))]));
-    for (const [name, value] of Object.entries(model.state.reality)) this.values[name] = value;
-    model.write();
+    model.setReality(Object.fromEntries(this.different.map(({ name }) => [name, Number(this.values[name].toPrecision(6))])));
+    Object.assign(this.values, model.state.reality);
+    this.plan();
+  }
+
+  // Simulates when the slider has rested for a moment.
+  plan() {
     this.stop();
-    clearTimeout(this.waiting);
     this.waiting = setTimeout(() => this.simulate(), WAIT_MS);
   }
 
   stop() {
-    if (this.group) this.model.drives?.pool?.drop(this.group);
+    clearTimeout(this.waiting);
+    this.group?.drives.drop(this.group);
     this.group = null;
   }
 
   async simulate() {
-    const { e, drives } = this.model;
     if (!this.different.length) {
-      this.rates = null;
-      this.status.textContent = "";
-      this.chart.draw();
+      this.clear("");
       return;
     }
-    const group = (this.group = {}), values = { ...this.values }, begun = performance.now();
+    const group = (this.group = { drives: this.model.drives });
+    this.status.textContent = "simulating …";
+    try {
+      await this.simulateAll(group);
+    } catch (error) {
+      if (group !== this.group) return;
+      this.stop();
+      // Rates of other values may not stand beside these.
+      this.clear(cannotSimulate(error));
+    }
+  }
+
+  clear(text) {
+    this.rates = null;
+    this.status.textContent = text;
+    this.chart.draw();
+  }
+
+  async simulateAll(group) {
+    const { e, drives } = this.model, values = { ...this.values }, begun = performance.now();
     const rates = { passed: new Uint32Array(e.count), runs: new Uint32Array(e.count) };
     let done = 0, drawn = 0;
-    this.status.textContent = "simulating …";
     const environments = drives.environments.filter(k => e.runsIn ? e.runsIn[k] : true);
     await Promise.all(environments.map(async environment => {
       const answers = await drives.simulate(drives.designs, environment, { values, priority: SOON, group });
@@ -156,7 +163,7 @@ export class WhatIf {
     const share = (passed, runs) => (runs ? 100 * passed / runs : null);
     const stored = k => share(e.designs.passed[k], e.designs.runs[k]), now = k => (this.rates ? share(this.rates.passed[k], this.rates.runs[k]) : null);
     const order = () => (single ? [...axis.values.keys()].filter(k => axis.values[k] !== null).sort((a, b) => axis.values[a] - axis.values[b]) : [...Array(e.count).keys()]);
-    const tip = theme => ({ trigger: "item", formatter: ({ data }) => (data?.design === undefined ? "" : `<b>${e.designs.name[data.design]}</b><br>as simulated ${number(stored(data.design))} %<br>what if ${number(now(data.design))} %`), ...tipStyle(theme) });
+    const tip = theme => tooltip(theme, ({ data }) => (data?.design === undefined ? [] : [make("b", { text: e.designs.name[data.design] }), `as simulated ${number(stored(data.design))} %`, `what if ${number(now(data.design))} %`]));
     const option = theme => (single ? {
       height: 300, grid: { left: 58, right: 18, top: 16, bottom: 48 }, tooltip: tip(theme),
       xAxis: axisStyle(theme, withUnit(axis), { type: "value", scale: true }), yAxis: successAxis(theme),
@@ -188,11 +195,26 @@ export class WhatIf {
     setTimeout(() => { this.copied.textContent = "copy as reality.json"; }, 4000);
   }
 
+  stopMarginals() {
+    this.single?.drives.drop(this.single);
+    this.single = null;
+  }
+
   // Success of the chosen design over each slider, all others as they are.
   async marginals() {
-    const { e, drives } = this.model, design = this.model.design ?? e.leader ?? drives.designs[0], place = byId("whatif-single");
-    if (this.single) drives.pool?.drop(this.single);
-    const group = (this.single = {}), environments = drives.environments.slice(0, STEP_ENVIRONMENTS), base = { ...this.values };
+    this.stopMarginals();
+    const group = (this.single = { drives: this.model.drives });
+    try {
+      await this.simulateMarginals(group);
+    } catch (error) {
+      if (group !== this.single) return;
+      this.stopMarginals();
+      byId("whatif-single").replaceChildren(make("p", { class: "note", role: "status", text: cannotSimulate(error) }));
+    }
+  }
+
+  async simulateMarginals(group) {
+    const { e, drives } = this.model, design = this.model.design ?? e.leader ?? drives.designs[0], place = byId("whatif-single"), environments = drives.environments.slice(0, STEP_ENVIRONMENTS), base = { ...this.values };
     const curves = this.sliders.map(slider => ({ ...slider, at: Array.from({ length: STEPS }, (_, k) => slider.low + (slider.high - slider.low) * k / (STEPS - 1)), passed: new Uint32Array(STEPS) }));
     const bar = make("progress", { max: "1" }), pictures = make("div", { class: "multiples" });
     place.replaceChildren(make("h3", { text: `Success of ${e.designs.name[design]} over each unknown, in ${environments.length} environments` }), bar, pictures);
@@ -215,7 +237,7 @@ export class WhatIf {
     };
     const important = curve => change(curve, curve.calibrated ?? curve.prior);
     for (const curve of curves.sort((a, b) => important(b) - important(a))) {
-      const [unit, scale] = shownUnit(curve.unit), label = LABELS[curve.name] ?? curve.name, points = interval => Math.round(100 * change(curve, interval));
+      const [unit, scale] = shownUnit(curve.unit), label = sliderLabel(curve.name), points = interval => Math.round(100 * change(curve, interval));
       const ranges = [...(curve.prior ? [`${points(curve.prior)} points over its likely range`] : [`${points(null)} points`]), ...(curve.calibrated ? [`${points(curve.calibrated)} over its calibrated range`] : [])];
       const figure = make("figure", {}, make("figcaption", {}, make("b", { text: label }), ` changes success by ${ranges.join(", ")}`));
       pictures.append(figure);

@@ -1,4 +1,4 @@
-// A worker of drives.js: one simulator. Messages in: {module, engine} first, then {lines}; out: {build} first, then {answers}.
+// A worker of simulators.js: one simulator. Messages in: {module, engine} first, then {lines}; out: {build} first, then {answers}.
 
 import { Carsim } from "../../simulation/web/carsim.js";
 
@@ -12,3 +12,5 @@ self.onmessage = ({ data }) => {
   }
   self.postMessage({ answers: data.lines.map(line => carsim.batch(line)).filter(answer => answer !== null) });
 };
+// Else the page would wait for a simulator for ever.
+self.onmessageerror = () => { throw new Error("the simulator did not reach it"); };

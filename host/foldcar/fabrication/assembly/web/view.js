@@ -1,4 +1,4 @@
-// The view page: window.foldcar is {car, run}. The address's fragment sets what is shown: #step=3.5 (0 is all pieces flat),
+// The view page; the element #car has its data: {car, run}. The address's fragment sets what is shown: #step=3.5 (0 is all pieces flat),
 // explode=0.5, lid=1, time=2.0 of a run. For tests, document.body.dataset tells what is shown: state, mode, step, named and
 // the film's bounding box.
 
@@ -146,5 +146,5 @@ class View {
   }
 }
 
-window.view = new View(window.foldcar);
+window.view = new View(JSON.parse(find("car").textContent));
 window.view.start();

@@ -1,0 +1,98 @@
+// The fragment of the page's address, which holds what is shown:
+// #e=2&design=95 mm&env=17&t=1.2&outcome=tipped,stuck&b.width_mm=65..95&r.friction=0.8&at=runs
+//
+// e: experiment; env, t: environment and time of the run; x, y, mx, my: axes of the scatter plot and the map; b: ranges of an axis
+// that are kept; r: values of the sliders; at: the section that is read.
+
+import { shownUnit, sliderLabel, number } from "./data.js";
+
+const PLAIN = ["e", "design", "env", "t", "x", "y", "mx", "my", "at"];
+export const SECTIONS = ["summary", "belief", "whatif", "parameters", "runs", "trials"];
+// Browsers refuse more frequent writes over a longer time: Safari more than 100 in 30 s, Firefox more than 200 in 10 s.
+const WRITE_INTERVAL_MS = 500;
+// A page inside the text of another page (srcdoc) has no address that could be kept or sent.
+export const hasAddress = () => /^(file|https?):$/.test(window.location.protocol);
+
+export const emptyState = () => ({ ...Object.fromEntries(PLAIN.map(name => [name, null])), outcomes: [], brushes: {}, reality: {} });
+
+export function fragmentOf(state) {
+  const parts = new URLSearchParams();
+  for (const name of PLAIN) if (state[name] !== null) parts.set(name, state[name]);
+  if (state.outcomes.length) parts.set("outcome", state.outcomes.join(","));
+  for (const [key, intervals] of Object.entries(state.brushes)) parts.set(`b.${key}`, intervals.map(([low, high]) => `${low}..${high}`).join(";"));
+  for (const [key, value] of Object.entries(state.reality)) parts.set(`r.${key}`, value);
+  return `#${parts}`;
+}
+
+// Returns {state, remarks}: what the fragment says, and a sentence for each part that cannot be read.
+export function readFragment(fragment) {
+  const asked = new URLSearchParams(fragment.slice(1)), state = emptyState(), remarks = [];
+  const isNumber = text => text.trim() !== "" && Number.isFinite(Number(text));
+  const refuse = (name, text, wanted) => { remarks.push(`The link's ${name}=${text} is not ${wanted}.`); };
+  for (const [name, text] of asked) {
+    if (name === "outcome") {
+      state.outcomes = text.split(",").filter(Boolean);
+    } else if (name.startsWith("r.")) {
+      if (isNumber(text)) state.reality[name.slice(2)] = Number(text);
+      else refuse(name, text, "a number");
+    } else if (name.startsWith("b.")) {
+      const intervals = text.split(";").map(part => part.split("..")), ordered = intervals.every(ends => ends.length === 2 && ends.every(isNumber) && Number(ends[0]) <= Number(ends[1]));
+      if (ordered) state.brushes[name.slice(2)] = intervals.map(ends => ends.map(Number));
+      else refuse(name, text, "a range such as 65..95");
+    } else if (name === "env" || name === "t") {
+      if (isNumber(text) && Number(text) >= 0) state[name] = name === "env" ? Math.round(Number(text)) : Number(text);
+      else refuse(name, text, "a number of 0 or more");
+    } else if (name === "at" && !SECTIONS.includes(text)) {
+      refuse(name, text, `one of ${SECTIONS.join(", ")}`);
+    } else if (PLAIN.includes(name)) {
+      state[name] = text || null;
+    }
+  }
+  return { state, remarks };
+}
+
+// Takes out of `state` what experiment `e` does not have and moves values into their sliders' limits. Returns a sentence for each.
+export function fitState(state, e) {
+  const remarks = [], remark = text => { remarks.push(`${text}.`); };
+  if (state.e !== null && state.e !== e.id) remark(`The link is of experiment ${state.e}, which this page does not have: this is experiment ${e.id}`);
+  if (state.design !== null && !e.place.has(state.design)) remark(`The link's design ${state.design} is not in experiment ${e.id}`);
+  if (state.env !== null && state.env >= e.environments) remark(`The link's environment ${state.env} does not exist: the last one is ${e.environments - 1}`);
+  for (const name of state.outcomes.filter(outcome => !e.outcomes.includes(outcome))) remark(`The link's outcome ${name} is not one of ${e.outcomes.join(", ")}`);
+  for (const key of Object.keys(state.brushes).filter(axis => !e.axis[axis])) remark(`The link keeps a range of ${key}, which no design has`);
+  for (const name of ["x", "y", "mx", "my"]) if (state[name] !== null && !e.axis[state[name]]) remark(`The link's axis ${name}=${state[name]} does not exist`);
+  const sliders = new Map((e.drives?.sliders ?? []).map(slider => [slider.name, slider])), reality = {};
+  for (const [name, value] of Object.entries(state.reality)) {
+    const slider = sliders.get(name);
+    if (!slider) {
+      remark(`The link has a value of ${name}, for which this page has no slider`);
+      continue;
+    }
+    const [unit, scale] = shownUnit(slider.unit), shown = si => `${number(scale * si)} ${unit}`.trim();
+    reality[name] = Math.min(slider.high, Math.max(slider.low, value));
+    if (reality[name] !== value) remark(`The link's ${sliderLabel(name)}, ${shown(value)}, is outside the slider's limits, ${shown(slider.low)} to ${shown(slider.high)}: it is set to ${shown(reality[name])}`);
+  }
+  Object.assign(state, {
+    e: state.e === null ? null : e.id, design: e.place.has(state.design) ? state.design : null, env: state.env < e.environments ? state.env : null,
+    outcomes: state.outcomes.filter(outcome => e.outcomes.includes(outcome)), brushes: Object.fromEntries(Object.entries(state.brushes).filter(([key]) => e.axis[key])), reality,
+  });
+  for (const name of ["x", "y", "mx", "my"]) if (!e.axis[state[name]]) state[name] = null;
+  return remarks;
+}
+
+// Writes the fragment into the address: at once, but at most twice a second, and what was last to be written in the end.
+export class AddressWriter {
+  constructor(fragment) { Object.assign(this, { fragment, planned: null, written_ms: -Infinity }); }
+
+  write() {
+    if (this.planned !== null || !hasAddress()) return;
+    const wait_ms = this.written_ms + WRITE_INTERVAL_MS - performance.now();
+    if (wait_ms > 0) {
+      this.planned = setTimeout(() => { this.planned = null; this.write(); }, wait_ms);
+      return;
+    }
+    this.written_ms = performance.now();
+    const fragment = this.fragment();
+    // A browser may refuse. The page does not need the address.
+    try { window.history.replaceState(null, "", fragment === "#" ? window.location.pathname + window.location.search : fragment); } catch { /* as above */ }
+  }
+}

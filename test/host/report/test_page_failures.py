@@ -1,0 +1,254 @@
+"""The study page in a browser that lacks or refuses what it needs: each place says so, and the rest of the page works."""
+
+import html
+import json
+import re
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from browser import Tab
+from swept_listing import reported
+
+WIDTHS, SAMPLES = (95, 120), 6
+READY = "document.body?.dataset.state === 'ready'"
+STATUS = "document.querySelector('#whatif-sliders [role=status]').textContent"
+VERIFIED = "document.querySelector('#verify [role=status]').textContent"
+NOTE = "document.querySelector('#replay .note').textContent"
+SINGLE = "document.querySelector('#whatif-single').textContent"
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory, carsim_binary: Path) -> Path:
+    """The page of a swept store."""
+    return reported(tmp_path_factory.mktemp("page"), WIDTHS, SAMPLES) / "report" / "index.html"
+
+
+def move_slider(tab: Tab, label: str, value: float) -> None:
+    tab.ask(f"""(() => {{
+      const slider = document.querySelector('input[aria-label^="{label}"]');
+      slider.value = {value};
+      slider.dispatchEvent(new Event('input'));
+    }})()""")
+
+
+# What a browser lacks or refuses, and a word of what the page says.
+NO_WORKERS = "window.Worker = class { constructor() { throw new DOMException('not here', 'SecurityError'); } };"
+FAILING_WORKERS = """{ const Own = Worker; window.Worker = class extends Own {
+  constructor() { super(URL.createObjectURL(new Blob(["throw new RangeError('out of memory')"]))); } }; }"""
+REFUSED_MODULE = "WebAssembly.compile = () => Promise.reject(new WebAssembly.CompileError('refused by policy'));"
+UNREADABLE_MODULE = "Worker.prototype.postMessage = function () { this.dispatchEvent(new ErrorEvent('error')); };"
+
+
+@pytest.mark.parametrize(
+    ("before", "words"),
+    [
+        ("delete window.WebAssembly;", "no WebAssembly"),
+        ("delete window.DecompressionStream;", "DecompressionStream"),
+        (NO_WORKERS, "starts no worker here (not here)"),
+        (FAILING_WORKERS, "out of memory"),
+        (REFUSED_MODULE, "refuses the simulator (refused by policy)"),
+        (UNREADABLE_MODULE, "a worker failed (this browser refuses it)"),
+    ],
+)
+def test_every_place_says_why_the_browser_cannot_simulate(page: Path, before: str, words: str) -> None:
+    with Tab(page.as_uri(), before=before) as tab:
+        tab.wait(READY)
+        move_slider(tab, "friction", 0.7)
+        tab.ask("document.getElementById('marginals').click()")
+        tab.ask("document.querySelector('#verify button').click()")
+        tab.ask("study.open(1, 2)")
+        for place in (STATUS, SINGLE, VERIFIED, NOTE):
+            text = tab.wait(f"{place}.includes('cannot') && {place}", 20)
+            assert text.startswith("The page cannot simulate: ") and words in text and "simulating …" not in text
+        # What needs no simulator works, and each place says it again.
+        tab.ask("study.open(0, 1)")
+        move_slider(tab, "friction", 0.8)
+        tab.wait(f"{NOTE}.includes('cannot') && {STATUS}.includes('cannot')", 20)
+        assert tab.ask("document.querySelector('#grid .told').textContent").startswith("95 mm, environment 1: ")
+        assert tab.ask("document.querySelector('#verify button').textContent").startswith("simulate all")
+        assert tab.ask("errors") == []
+
+
+# Three workers. The second does not start; the first is lost with its second task.
+ONE_OF_THREE = """
+Object.defineProperty(navigator, "hardwareConcurrency", { value: 3 });
+{ const Own = Worker, broken = () => URL.createObjectURL(new Blob(["throw new Error('too many')"])); let count = 0;
+  window.Worker = class extends Own {
+    constructor(url) { super(count === 1 ? broken() : url); this.number = count++; this.tasks = 0; }
+    postMessage(message) {
+      if (!message.lines || this.number !== 0 || ++this.tasks !== 2) super.postMessage(message);
+      else this.dispatchEvent(new ErrorEvent("error", { message: "lost", cancelable: true }));
+    } }; }
+"""
+# A task that kills the simulators that get it: that of the environment with number 3.
+DEADLY_TASK = """
+Object.defineProperty(navigator, "hardwareConcurrency", { value: 3 });
+{ const post = Worker.prototype.postMessage; Worker.prototype.postMessage = function (message) {
+  if (!message.lines?.some(line => line.includes(' s3"'))) post.call(this, message);
+  else this.dispatchEvent(new ErrorEvent("error", { message: "unreachable" }));
+}; }
+"""
+
+
+def test_the_other_simulators_go_on_without_one_that_fails(page: Path) -> None:
+    with Tab(page.as_uri(), before=ONE_OF_THREE) as tab:
+        tab.wait(READY)
+        tab.ask("document.querySelector('#verify button').click()")
+        verified = tab.wait(f"/^[✓✗T]/.test({VERIFIED}) && {VERIFIED}", 60)
+        simulators, errors = tab.ask("study.drives.pool.simulators.length"), tab.ask("errors")
+
+    runs = len(WIDTHS) * SAMPLES
+    assert verified.startswith(f"✓ {runs} of {runs} runs reproduced") and simulators == 1 and errors == []
+
+
+def test_a_task_that_fails_twice_is_given_up_and_others_are_simulated(page: Path) -> None:
+    with Tab(page.as_uri(), before=DEADLY_TASK) as tab:
+        tab.wait(READY)
+        tab.ask("document.querySelector('#verify button').click()")
+        verified = tab.wait(f"/^[✓✗T]/.test({VERIFIED}) && {VERIFIED}", 60)
+        tab.ask("study.open(0, 1)")
+        tab.wait("document.querySelector('.verified').textContent.startsWith('✓')")
+        assert tab.ask("errors") == []
+
+    assert verified == "The page cannot simulate: a worker failed (unreachable)."
+
+
+REFUSED_ADDRESS = "history.replaceState = () => { throw new DOMException('too many', 'SecurityError'); };"
+
+
+def drag_friction(seconds: float) -> str:
+    """Moves the slider a hundred times a second over its whole range."""
+    return f"""(async () => {{
+      const slider = document.querySelector('input[aria-label^="friction"]'), begun = performance.now();
+      for (let share = 0; share < 1;) {{
+        share = Math.min(1, (performance.now() - begun) / {1000 * seconds});
+        slider.value = Number(slider.min) + share * (slider.max - slider.min);
+        slider.dispatchEvent(new Event("input"));
+        await new Promise(go => setTimeout(go, 10));
+      }}
+      return [Number(slider.value), performance.now() - begun];
+    }})()"""
+
+
+def test_a_refused_address_stops_no_control(page: Path) -> None:
+    with Tab(page.as_uri(), before=REFUSED_ADDRESS) as tab:
+        tab.wait(READY)
+        value, _ = tab.ask(drag_friction(1.5))
+        tab.wait("document.getElementById('whatif').dataset.done")
+        assert tab.ask("study.state.reality.friction") == pytest.approx(value)
+        assert tab.ask(STATUS).startswith(f"{SAMPLES} of {SAMPLES} environments")
+        tab.ask("document.querySelector('#endings [data-outcome]').click(); study.open(1, 2)")
+        tab.wait("document.getElementById('replay').dataset.readyMs")
+        assert tab.ask("errors") == []
+
+
+COUNT_WRITES = """window.writes = [];
+{ const own = history.replaceState;
+  history.replaceState = function (...all) { writes.push(performance.now()); own.apply(this, all); }; }"""
+
+
+def test_dragging_writes_the_address_twice_a_second_and_in_the_end(page: Path) -> None:
+    with Tab(page.as_uri(), before=COUNT_WRITES) as tab:
+        tab.wait(READY)
+        tab.ask("new Promise(go => setTimeout(go, 1000))")
+        tab.ask("writes.length = 0")
+        value, lasted_ms = tab.ask(drag_friction(3))
+        tab.ask("new Promise(go => setTimeout(go, 1000))")
+        writes, address = tab.ask("writes"), tab.ask("location.hash")
+
+    assert 4 <= len(writes) <= 2 * lasted_ms / 1000 + 2
+    assert all(later - earlier >= 499 for earlier, later in pairwise(writes))
+    assert float(re.findall(r"r\.friction=([\d.]+)", address)[0]) == pytest.approx(value)
+
+
+IN_FRAME = """(async () => {
+  const inner = document.querySelector("iframe").contentWindow, page = inner.document;
+  const until = async ready => { while (!ready()) await new Promise(go => setTimeout(go, 50)); };
+  await until(() => page.body?.dataset.state === "ready");
+  const slider = page.querySelector('input[aria-label^="friction"]');
+  for (const value of [0.5, 0.6, 0.7]) { slider.value = value; slider.dispatchEvent(new inner.Event("input")); }
+  await until(() => page.getElementById("whatif").dataset.done);
+  inner.study.open(1, 2);
+  await until(() => page.querySelector(".verified").textContent);
+  page.querySelector("nav a[href='#trials']").click();
+  const text = css => page.querySelector(css).textContent;
+  const { top } = page.querySelector("#trials").getBoundingClientRect();
+  return { address: inner.location.href, verdict: text(".verified"), told: text("#grid .told"),
+    shown: top < inner.innerHeight, copy: page.getElementById("copy").hidden,
+    errors: inner.errors, outer: location.href };
+})()"""
+
+
+@pytest.mark.parametrize("sandbox", ["", 'sandbox="allow-scripts allow-same-origin allow-modals allow-popups"'])
+def test_a_frame_without_an_address_has_the_whole_page(page: Path, tmp_path: Path, sandbox: str) -> None:
+    """As Streamlit and notebooks embed a page: its text is the attribute srcdoc."""
+    frame = f'<iframe width="1200" height="800" {sandbox} srcdoc="{html.escape(page.read_text())}"></iframe>'
+    (tmp_path / "outer.html").write_text(f"<!doctype html>{frame}")
+    with Tab((tmp_path / "outer.html").as_uri()) as tab:
+        tab.wait("document.readyState === 'complete'")
+        inner: dict[str, Any] = tab.ask(IN_FRAME)
+
+    assert inner["address"] == "about:srcdoc" and inner["errors"] == [] and inner["copy"] and inner["shown"]
+    assert inner["verdict"].startswith("✓") and inner["told"].startswith("120 mm, environment 2: ")
+    assert inner["outer"].endswith("/outer.html")
+
+
+def test_what_of_a_link_cannot_be_followed_is_said_until_the_reader_goes_on(page: Path) -> None:
+    link = (
+        "e=7&design=99+mm&env=66&outcome=flown,passed&b.mass_kg=1..2&b.width_mm=wide&x=beauty&t=soon&r.mood=1&at=nowhere"
+        "&r.friction=50&r.servo_torque=0.8&r.com_height_m=-5"
+    )
+    with Tab(f"{page.as_uri()}#{link}") as tab:
+        tab.wait("document.getElementById('whatif')?.dataset.done")
+        remarks = tab.ask("[...document.querySelectorAll('#link-remarks li')].map(item => item.textContent)")
+        sliders = tab.ask("study.e.drives.sliders")
+        state, values = (
+            tab.ask("study.state"),
+            tab.ask("[...document.querySelectorAll('.slider output')].map(o => o.value)"),
+        )
+        tab.ask("study.open(1, 2)")
+        assert tab.ask("document.getElementById('link-remarks').hidden") and tab.ask("errors") == []
+
+    limits = {slider["name"]: slider for slider in sliders}
+    friction, height = limits["friction"], limits["com_height_m"]
+    low, high, lowest, highest = (
+        f"{scale * slider[end]:.3g} {unit}"
+        for slider, scale, unit in ((friction, 1, "×"), (height, 1000, "mm"))
+        for end in ("low", "high")
+    )
+    assert remarks == [
+        "The link's b.width_mm=wide is not a range such as 65..95.",
+        "The link's t=soon is not a number of 0 or more.",
+        "The link's at=nowhere is not one of summary, belief, whatif, parameters, runs, trials.",
+        "The link is of experiment 7, which this page does not have: this is experiment 1.",
+        "The link's design 99 mm is not in experiment 1.",
+        "The link's environment 66 does not exist: the last one is 5.",
+        remarks[6],
+        "The link keeps a range of mass_kg, which no design has.",
+        "The link's axis x=beauty does not exist.",
+        "The link has a value of mood, for which this page has no slider.",
+        f"The link's friction, 50 ×, is outside the slider's limits, {low} to {high}: it is set to {high}.",
+        f"The link's centre of mass, raised, -5000 mm, is outside the slider's limits, {lowest} to {highest}: "
+        f"it is set to {lowest}.",
+    ]
+    assert remarks[6].startswith("The link's outcome flown is not one of passed, ")
+    assert state["outcomes"] == ["passed"] and state["brushes"] == {} and state["design"] is state["env"] is None
+    assert state["reality"] == {"friction": friction["high"], "servo_torque": 0.8, "com_height_m": height["low"]}
+    assert values[0] == high
+
+
+def test_a_link_that_can_be_followed_needs_no_remark(page: Path) -> None:
+    link = "e=1&design=95+mm&env=2&t=0.5&outcome=passed&b.width_mm=90..100&x=time&r.friction=0.8&at=runs"
+    with Tab(f"{page.as_uri()}#{link}") as tab:
+        tab.wait(READY)
+        assert tab.ask("document.getElementById('link-remarks').hidden")
+        # Another link in the same page moves the sliders, too.
+        tab.ask("location.hash = '#r.friction=500'")
+        tab.wait("document.querySelector('#link-remarks li')?.textContent.includes('friction, 500')")
+        limit = tab.ask("study.e.drives.sliders.find(slider => slider.name === 'friction').high")
+        assert tab.ask("document.querySelector('.slider output').value") == f"{limit:.3g} ×"
+        assert json.loads(tab.ask("JSON.stringify(study.state.reality)")) == {"friction": limit}
+        assert tab.ask("errors") == []

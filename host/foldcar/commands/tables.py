@@ -295,15 +295,19 @@ STANDING_TEXTS = {
 }
 
 
-def print_trials(trials: Sequence[Trial]) -> None:
-    """Print a row for each trial, and how many trials of each standing passed."""
+def print_trials(trials: Sequence[Trial], varied_of: Mapping[str, Sequence[str]]) -> None:
+    """Print a row for each trial, and how many trials of each standing passed.
+
+    ``varied_of`` are the varied parameters of each swept experiment: by these, designs are named.
+    """
     console = shown_console(PLAIN_WIDTH)
     # A list of one column, or of none if no car has a name.
     named = ["name"] if any(trial.car_name for trial in trials) else []
     heads = ("trial", "experiment", "design", "sample", "car", *named, "outcome", "time (s)", "ending", "started (UTC)")
     table = ResultTable(*heads, "note", left=("design", "car", "name", "outcome", "ending", "note"))
-    varied = _varied(trials)
+    differing = _varied(trials)
     for trial in trials:
+        varied = {*differing, *varied_of.get(trial.experiment, ())}
         table.add_row(
             f"{trial.id}{'*' if trial.corrections else ''}",
             trial.experiment,

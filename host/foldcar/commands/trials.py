@@ -46,6 +46,8 @@ def list_trials(store: TrialStore, experiment: OneExperiment = None, as_json: Js
     from foldcar.store.reader import Store
 
     with Store.open(store) as reader:
+        infos = reader.info().experiments.values() if reader.holds_study() else ()
+        varied_of = {info.listed_id: list(info.varied) for info in infos}
         rows = list(reader.trials(experiment))
         if experiment is not None and not rows:
             known_text = ", ".join(dict.fromkeys(trial.experiment for trial in reader.trials())) or "none"
@@ -57,7 +59,7 @@ def list_trials(store: TrialStore, experiment: OneExperiment = None, as_json: Js
         trial_ids = {trial.id for trial in rows}
         media = [(item, referred_file(store, item.file).is_file()) for item in reader.media() if item.trial in trial_ids]
     if not as_json:
-        print_trials(rows)
+        print_trials(rows, varied_of)
     result = {
         "trials": [asdict(item) for item in rows],
         "corrections": [asdict(item) for item in corrections],

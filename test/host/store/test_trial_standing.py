@@ -19,7 +19,7 @@ from foldcar.store.trial_writer import write_trials
 from full_store import contents
 from test_report_command import EXPERIMENT_FACTS, width_outcome
 from test_trial_store import begin
-from written_study import write_study
+from written_study import add_trials, write_study
 
 CARS = ("built", "built", "simulated", "simulated", None)
 
@@ -183,3 +183,14 @@ def test_any_sqlite_tool_reads_the_view(mixed: Path, foldcar: Any) -> None:
     # The experiment's own program and environment, where nothing says that the trial had another.
     assert rows[0]["environment"] is not None and rows[0]["scenic_program"] is not None
     assert share == 0.5
+
+
+def test_designs_are_named_by_all_parameters_that_vary(tmp_path: Path, foldcar: Any) -> None:
+    """The trials are of one width and two radii; the family has several of both."""
+    varied = {"width_mm": (95.0, 115.0), "radius_mm": (50.0, 60.0)}
+    store = write_study(tmp_path / "s.db", varied, 2, lambda design, sample: "passed")
+    add_trials(store, [({"width_mm": 95.0, "radius_mm": radius}, 0, "passed") for radius in (50.0, 60.0)])
+
+    listed = foldcar("trials", "list", "s.db").stdout
+
+    assert "width 95 mm, radius 50 mm" in listed and "width 95 mm, radius 60 mm" in listed

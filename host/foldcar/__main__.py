@@ -28,7 +28,7 @@ def fix_hash_seed() -> None:
         os.write(2, b"foldcar: error: python -E and -I ignore PYTHONHASHSEED, without which samples differ: omit them\n")
         sys.exit(2)
     environment = {**os.environ, "PYTHONHASHSEED": "0"}
-    if os.name != "nt":
+    if hasattr(signal, "pthread_sigmask"):
         # They wait until the new Python handles them.
         signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
         os.execve(sys.executable, [sys.executable, *sys.orig_argv[1:]], environment)

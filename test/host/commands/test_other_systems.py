@@ -65,6 +65,8 @@ def poorer(folder: Path, *commands: tuple[str, ...]) -> "subprocess.CompletedPro
     assert module is not None
     python = [sys.executable, "-c", POORER, json.dumps(commands)]
     environment = {**os.environ, "FOLDCAR_CARSIM": str(module)}
+    # With this hash seed the command does not start Python again, which would bring back what is missing.
+    environment |= {"PYTHONHASHSEED": "0"}
     return subprocess.run(python, cwd=folder, capture_output=True, text=True, env=environment)
 
 

@@ -225,7 +225,7 @@ def test_what_of_a_link_cannot_be_followed_is_said_until_the_reader_goes_on(page
         "The link's at=nowhere is not one of summary, belief, whatif, parameters, runs, trials.",
         "The link is of experiment 7, which this page does not have: this is experiment 1.",
         "The link's design 99 mm is not in experiment 1.",
-        "The link's environment 66 does not exist: the last one is 5.",
+        "The link's environment 66 does not exist: experiment 1 has 6.",
         remarks[6],
         "The link keeps a range of mass_kg, which no design has.",
         "The link's axis x=beauty does not exist.",

@@ -1,8 +1,17 @@
-"""Entry point of `foldcar` and `python -m foldcar`. From here on a signal ends the command with one line."""
+"""Entry point of `foldcar` and `python -m foldcar`. From here on a signal ends the command with one line.
+
+Python orders sets of strings by a random seed that it reads only at its start, so a Scenic program that iterates over a
+set would draw other scenes in each process. The command therefore starts Python again with the seed 0, which takes some
+hundredths of a second because little is imported before.
+"""
 
 import os
 import signal
+import sys
 from types import FrameType
+
+# Windows has no SIGHUP.
+SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 
 
 def _end(number: int, frame: FrameType | None) -> None:
@@ -11,13 +20,35 @@ def _end(number: int, frame: FrameType | None) -> None:
     os._exit(130)
 
 
+def fix_hash_seed() -> None:
+    """Start this program again with PYTHONHASHSEED 0, unless it runs with that."""
+    if not sys.flags.hash_randomization:
+        return
+    if sys.flags.ignore_environment:
+        os.write(2, b"foldcar: error: python -E and -I ignore PYTHONHASHSEED, without which samples differ: omit them\n")
+        sys.exit(2)
+    environment = {**os.environ, "PYTHONHASHSEED": "0"}
+    if os.name != "nt":
+        # They wait until the new Python handles them.
+        signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
+        os.execve(sys.executable, [sys.executable, *sys.orig_argv[1:]], environment)
+    # Windows cannot replace a process: its parent would see this one end.
+    import subprocess
+
+    # Ctrl-C reaches both processes; this one waits for the other.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    sys.exit(subprocess.call([sys.executable, *sys.orig_argv[1:]], env=environment))
+
+
 def main() -> None:
     """Run the command line and exit."""
     # Handles signals until foldcar.interrupts does. Signals that the caller ignores (nohup) stay ignored.
-    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
-        number = getattr(signal, name, None)
-        if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
+    for number in SIGNALS:
+        if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, _end)
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
+    fix_hash_seed()
     from foldcar.cli import main as run
 
     run()

@@ -134,13 +134,17 @@ def check_output_file(file: Path) -> None:
 
 def check_replaceable(file: Path) -> None:
     """Raise FoldcarError if ``file`` is an SQLite database, because a store may be the only copy of trials."""
+    if is_database(file):
+        raise FoldcarError(f"{file}: is a store or another SQLite database, which is not replaced; name another file")
+
+
+def is_database(file: Path) -> bool:
+    """Return whether ``file`` is an SQLite database, such as a store; False if it cannot be read."""
     try:
         with file.open("rb") as opened:
-            start = opened.read(len(SQLITE_MAGIC))
+            return opened.read(len(SQLITE_MAGIC)) == SQLITE_MAGIC
     except OSError:
-        return
-    if start == SQLITE_MAGIC:
-        raise FoldcarError(f"{file}: is a store or another SQLite database, which is not replaced; name another file")
+        return False
 
 
 def _check_access(folder: Path, named: Path) -> None:

@@ -147,13 +147,14 @@ def is_own(path: Path, folder: Path) -> bool:
 
 @cache
 def _installed_roots() -> set[Path]:
-    """Return the folders of installed code, including Scenic's and foldcar's, and of the system."""
+    """Return the folders of installed code, including Scenic's and foldcar's, of caches, and of the system."""
     scenic = importlib.util.find_spec("scenic")
     folders = [sysconfig.get_paths()[name] for name in ("stdlib", "platstdlib", "purelib", "platlib")]
     folders += [*site.getsitepackages(), site.getusersitepackages(), str(PACKAGE), *SYSTEM]
     with suppress(RuntimeError):
         # Path.home() raises if the user has no home.
         folders += [str(Path.home() / name) for name in USERS]
+    folders += [sys.pycache_prefix] if sys.pycache_prefix is not None else []
     folders += [os.environ[name] for name in ("XDG_CACHE_HOME", "MPLCONFIGDIR") if name in os.environ]
     folders += (scenic.submodule_search_locations if scenic is not None else None) or []
     roots = [Path(folder) for folder in folders]

@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Collection, Iterable
-from typing import Any
+from typing import Any, TextIO
 
 from rich.box import SIMPLE_HEAD
 from rich.cells import cell_len
@@ -14,10 +14,13 @@ from rich.text import Text
 from foldcar.shown_text import plain_stream, shown
 
 
-def shown_console(plain_width: int | None = None, *, stderr: bool = False) -> Console:
-    """Return a console; if its output is not a terminal, it is ``plain_width`` characters wide (None: rich decides)."""
+def shown_console(plain_width: int | None = None, *, stderr: bool = False, file: TextIO | None = None) -> Console:
+    """Return a console on ``file``, else on standard error or output.
+
+    If that is not a terminal, the console is ``plain_width`` characters wide (None: rich decides).
+    """
     # Bypass the stream that escapes control characters: it would escape rich's own sequences.
-    stream = plain_stream(sys.stderr if stderr else sys.stdout)
+    stream = plain_stream(sys.stderr if stderr else sys.stdout) if file is None else file
     width = None if stream.isatty() else plain_width
     return _ShownConsole(file=stream, width=width, markup=False, emoji=False, highlight=False)
 

@@ -24,6 +24,14 @@ def shown(text: str) -> str:
     return _STEERING.sub(lambda match: match[0].encode("unicode_escape").decode(), decoded(text))
 
 
+def shown_line(text: str) -> str:
+    """Return the text as :func:`shown`, with tabs and line feeds escaped, too, so that it stays in its line.
+
+    Example: shown_line("A\\nB") is "A\\\\nB"
+    """
+    return shown(text).replace("\t", r"\t").replace("\n", r"\n")
+
+
 def decoded(text: str) -> str:
     """Return the text with undecoded bytes of file names (Python's surrogates) decoded as UTF-8, or else escaped."""
     return _UNDECODED.sub(lambda match: match[0].encode(errors="surrogateescape").decode(errors="backslashreplace"), text)
@@ -35,6 +43,11 @@ def spreadsheet_cell(cell: Any) -> Any:
     Example: spreadsheet_cell("=1+1") is "'=1+1", spreadsheet_cell("-1.5") is "-1.5"
     """
     return f"'{cell}" if isinstance(cell, str) and _FORMULA.match(cell) else cell
+
+
+def without_apostrophe(cell: str) -> str:
+    """Return the text of a cell that :func:`spreadsheet_cell` wrote."""
+    return cell[1:] if cell.startswith("'") and _FORMULA.match(cell[1:]) else cell
 
 
 def markdown_text(text: object) -> str:

@@ -119,7 +119,8 @@ class TypedInput:
             yield self._last_key
         finally:
             termios.tcflush(INPUT, termios.TCIFLUSH)
-            termios.tcsetattr(INPUT, termios.TCSADRAIN, before)
+            # Without waiting for the output, which a person may have stopped (Ctrl-S).
+            termios.tcsetattr(INPUT, termios.TCSANOW, before)
 
     def _last_key(self) -> str | None:
         """Return the last character typed, None if nothing was typed."""

@@ -17,6 +17,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 from foldcar.cli import GARBAGE_THRESHOLD
 from foldcar.errors import FoldcarError
 from foldcar.installation import keep_caches_in_checkout
+from foldcar.scenes import fixed_hash
 from foldcar.simulation.carsim import Carsim, CarsimLimits
 from foldcar.simulation.engines import MUJOCO, find_carsim
 from forked_foldcar import HANGS_S, original
@@ -27,6 +28,8 @@ from under_coverage import save_coverage_once
 save_coverage_once()
 keep_caches_in_checkout()
 gc.set_threshold(GARBAGE_THRESHOLD)
+# Starting a second process for the samples of each test would take long; its own test does it.
+fixed_hash.draws_here = True
 
 PROJECT = Path(__file__).resolve().parents[2]
 STEP_PYRAMIDS = PROJECT / "scenarios" / "step_pyramids.scenic"
@@ -118,7 +121,7 @@ def new_foldcar(tmp_path: Path) -> Callable[..., "subprocess.CompletedProcess[st
     """A function that runs `foldcar` in a temporary folder, in a new Python."""
 
     def run(*words: str | Path, **options: Any) -> "subprocess.CompletedProcess[str]":
-        command = [sys.executable, "-c", "from foldcar.cli import main; main()", *map(str, words)]
+        command = [sys.executable, "-c", "from foldcar.__main__ import main; main()", *map(str, words)]
         return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=HANGS_S, **options)
 
     return run

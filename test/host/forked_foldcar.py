@@ -112,6 +112,8 @@ class ForkedFoldcar:
             self._original = subprocess.Popen(
                 [sys.executable, __file__, str(other.fileno())], preexec_fn=like_a_shell, start_new_session=True,
                 stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, pass_fds=(other.fileno(),),
+                # With this hash seed foldcar itself runs.
+                env={**os.environ, "PYTHONHASHSEED": "0"},
             )  # fmt: skip
 
     def close(self) -> None:

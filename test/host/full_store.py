@@ -36,7 +36,7 @@ def full_store(path: Path) -> Path:
             trials.complete(trial, Ending("passed", "goal", 2.5, "", digest))
         trials.correct(1, {"note": "over the edge", "outcome": "tipped"}, "seen on the film", "Bo")
         trials.withdraw([2], True, "practice", "Bo")
-        trials.put_media(1, "film", Path(__file__))
+        trials.put_media(1, "photo", Path(__file__).parents[2] / "docs" / "car.png")
         for at, outcome in enumerate(("stuck", "passed")):
             row = {"uuid": f"row {at}", "experiment": "1", "vehicle_type": "W_B_W", "source": "table", "car": "built"}
             trials.import_trials([{**row, "design": {"width_mm": 95.0}, "sample": at, "outcome": outcome}])

@@ -96,10 +96,13 @@ class Car:
 
 
 def write_car_files(folder: Path) -> None:
-    """Write the study car's files, and a scene with a bump on the way to its goal."""
+    """Write the study car's files, and a scene with a bump on the way to its goal.
+
+    The car waits 10 s for its host: a busy machine may suspend this process for longer than the default.
+    """
     place = {"x_m": 0.35, "y_m": 0.0, "heading_rad": 0.0}
     bump = {"kind": "box", **place, "length_m": 0.05, "width_m": 1.0, "height_m": 0.01}
     scene = empty_scene(terrain=[bump], goal_x_m=GOAL_X_M)
     (folder / "body.json").write_text(json.dumps({"body": {"id": "car", **car_body()}}))
     (folder / "scene.json").write_text(json.dumps({"scene": {"id": "bump", **scene}}))
-    (folder / "params.json").write_text(json.dumps(firmware_parameters(compose("W_B_W", {}))))
+    (folder / "params.json").write_text(json.dumps(firmware_parameters(compose("W_B_W", {})) | {"CMD_TIMEOUT_MS": 10000}))

@@ -13,7 +13,8 @@ from typing import Any
 
 from foldcar.api.arguments import checked_int
 from foldcar.errors import FoldcarError
-from foldcar.scenes.source import SceneSource, open_environment
+from foldcar.scenes.fixed_hash import open_fixed_environment
+from foldcar.scenes.source import SceneSource
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.runner import Runner
 from foldcar.simulation.scenic_runner import ScenicRunner
@@ -80,7 +81,7 @@ class Environment:
 
     @cached_property
     def _source(self) -> SceneSource:
-        return open_environment(self.program, self.params, self.seed)
+        return open_fixed_environment(self.program, self.params, self.seed)
 
 
 _opened: dict[str, Environment] = {}

@@ -14,6 +14,7 @@ import sys
 import traceback
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import ModuleType
 
 from foldcar.car.components.component import ComponentError
 from foldcar.car.components.composite import Composite
@@ -21,7 +22,8 @@ from foldcar.car.components.hinge_module import HingeModule
 from foldcar.car.components.module import ElectronicsModule, Module
 from foldcar.car.design_parameters import MODULES, USER_FILES, parameters
 from foldcar.errors import FoldcarError
-from foldcar.read_files import file_digest, is_own, only_minimal_variables, recorded_files
+from foldcar.read_files import RecordedFiles, file_digest, is_own, only_minimal_variables, recorded_files
+from foldcar.source_imports import sources_only
 
 # All files that users' modules consist of.
 _module_files: set[Path] = set()
@@ -40,7 +42,7 @@ def load_components(file: Path) -> list[str]:
         raise FoldcarError(f"--components {file}: is not a Python file")
     module = importlib.util.module_from_spec(spec)
     try:
-        with only_minimal_variables(), recorded_files() as recorded:
+        with only_minimal_variables(), sources_only(path.parent), recorded_files() as recorded:
             spec.loader.exec_module(module)
     except SyntaxError as error:
         raise FoldcarError(f"{file}:{error.lineno}: {error.msg}") from error
@@ -48,6 +50,11 @@ def load_components(file: Path) -> list[str]:
         # The lines of the file in the traceback: the last one is named; without any, line 1.
         lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename) == path]
         raise FoldcarError(f"{file}:{(lines or [1])[-1] or 1}: {type(error).__name__}: {error}") from error
+    for outside in _outside_files(module, recorded, path.parent):
+        raise FoldcarError(
+            f"--components {file}: reads {outside}, which is outside its folder; put that file beside it, so that both "
+            "identify its cars together"
+        )
     classes = (kind for kind in vars(module).values() if inspect.isclass(kind) and kind.__module__ == module.__name__)
     kinds = [kind for kind in classes if issubclass(kind, Module | Composite)]
     if not kinds:
@@ -60,7 +67,7 @@ def load_components(file: Path) -> list[str]:
         parameters.cache_clear()
         _check(file, kind)
     USER_FILES[path] = [kind.letter for kind in kinds]
-    # Python may have read an imported module's compiled code only, so the sources are found by the modules' names.
+    # A module that was imported before is not opened again, so these files are found by the modules' names.
     modules = (getattr(module, "__file__", None) for module in list(sys.modules.values()))
     imported = (Path(file) for file in modules if file and Path(file).is_relative_to(path.parent))
     opened = (file for file, state in recorded.read.items() if state is not None or file.is_relative_to(path.parent))
@@ -71,7 +78,23 @@ def load_components(file: Path) -> list[str]:
 
 def _identifies_module(file: Path, folder: Path) -> bool:
     """Whether the content of a file that was read is part of a user's module in ``folder``."""
-    return file.suffix != ".pyc" and is_own(file.absolute(), folder)
+    return is_own(file.absolute(), folder)
+
+
+def _outside_files(module: ModuleType, recorded: RecordedFiles, folder: Path) -> Iterator[Path]:
+    """Yield the files outside ``folder`` that are not installed, and that the module has read or imports names from."""
+    yield from (file for file, state in recorded.read.items() if state is not None and _is_outside(file, folder))
+    for value in vars(module).values():
+        # A module that was imported before has not been read now.
+        name = value.__name__ if isinstance(value, ModuleType) else getattr(value, "__module__", None)
+        file = getattr(sys.modules.get(str(name)), "__file__", None)
+        if name != module.__name__ and file is not None and _is_outside(Path(file), folder):
+            yield Path(file)
+
+
+def _is_outside(file: Path, folder: Path) -> bool:
+    is_inside = file.is_relative_to(folder) or file.resolve().is_relative_to(folder)
+    return not is_inside and _identifies_module(file, folder)
 
 
 def _check(file: Path, kind: type[Module] | type[Composite]) -> None:
@@ -136,7 +159,8 @@ def forbid_new_files() -> Iterator[None]:
     if not USER_FILES:
         yield
         return
-    with only_minimal_variables(), recorded_files() as recorded:
+    folder = next(iter(USER_FILES)).parent
+    with only_minimal_variables(), sources_only(folder), recorded_files() as recorded:
         yield
     for file, state in recorded.read.items():
         is_new = state is not None and file not in _module_files

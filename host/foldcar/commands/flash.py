@@ -17,6 +17,7 @@ from foldcar.commands.options import (
     check_distinct,
     design_settings,
     output_file,
+    print_note,
 )
 from foldcar.errors import FoldcarError
 from foldcar.installation import pio_program, source_tree
@@ -53,7 +54,10 @@ def flash(
     from foldcar.study.experiments import read_study
 
     (listed_experiment,) = read_study(listing, experiment).experiments
-    content = car_json(listed_experiment.family.narrowed(design_settings(settings)).single())
+    chosen = design_settings(settings)
+    content = car_json(listed_experiment.family.narrowed(chosen).single())
+    for text in listed_experiment.family.outside(chosen):
+        print_note(text)
     car_text = json.dumps(content, indent=2) + "\n"
     if file is not None:
         check_distinct([listing], [file])

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from foldcar.commands.options import design_settings
+from foldcar.commands.options import design_settings, print_note
 from foldcar.errors import FoldcarError
 from foldcar.typed import did_you_mean
 
@@ -83,7 +83,10 @@ def listed_run(
     from foldcar.study.experiments import read_study
 
     (listed_experiment,) = read_study(listing, experiment).experiments
-    design = listed_experiment.family.narrowed(design_settings(settings)).single()
+    chosen = design_settings(settings)
+    design = listed_experiment.family.narrowed(chosen).single()
+    for text in listed_experiment.family.outside(chosen):
+        print_note(text)
     environment = Environment(listed_experiment)
     variation, scene = environment.variation(sample), environment.sample(sample)
     carsim = Carsim(engine=engine)

@@ -6,7 +6,16 @@ from typing import Annotated
 
 import typer
 
-from foldcar.commands.options import Components, ExperimentId, Listing, Port, Settings, design_settings, output_store
+from foldcar.commands.options import (
+    Components,
+    ExperimentId,
+    Listing,
+    Port,
+    Settings,
+    design_settings,
+    output_store,
+    print_note,
+)
 from foldcar.errors import FoldcarError
 from foldcar.study.limits import MAX_ENVIRONMENTS
 
@@ -110,8 +119,12 @@ def log(
     )
     with message_on_signal(lambda: f"stopped: the trials driven so far are in {store}"):
         session = Session(options)
+        for text in session.unlisted_values:
+            print_note(text)
         session.run(port)
-        typer.echo(f"{len(session.driven)} trials; store: {store}")
+        from foldcar.statistics.words import count
+
+        typer.echo(f"{count(len(session.driven), 'trial')} in this session; store: {store}")
         if session.driven and not yes:
             _print_session(store, session.driven)
 

@@ -74,13 +74,15 @@ class ProgressBar(TerminalBar):
 
     def update(self, progress: "study.Progress") -> None:
         """Display the sweep's counts."""
+        from foldcar.statistics.words import percent
+
         state = ""
         # None without a stopping rule.
         if self._designs is not None:
             state = f"{progress.decided} of {self._designs} designs decided"
         # While some experiments define no success, or runs were rejected, a rate could mislead: it is printed at the end.
         elif progress.done and progress.judged == progress.total and not progress.rejected:
-            state = f"{100 * progress.passed / progress.done:.0f} % passed"
+            state = f"{percent(progress.passed / progress.done)} passed"
         self.show(progress.done, progress.new, progress.seconds, state)
 
 

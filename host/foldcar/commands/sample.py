@@ -16,6 +16,7 @@ from foldcar.commands.options import (
     Seed,
     check_distinct,
     output_file,
+    print_note,
     print_result,
 )
 from foldcar.errors import FoldcarError
@@ -58,19 +59,21 @@ def sample(
     check_distinct([scenario], [output, plot])
     source = open_environment(scenario, _parse_params(param or []), seed)
     shown: list[dict[str, Any]] = []
+    # For each remark on a scene, the samples.
+    notes: dict[str, list[int]] = {}
     result: dict[str, Any] = {"scenario": scenario, "seed": seed, "count": count}
     lines: list[str] = []
     if as_json and output in (None, STANDARD_OUTPUT):
-        result["scenes"] = list(_scenes(source, count, shown))
+        result["scenes"] = list(_scenes(source, count, shown, notes))
     elif output is None and plot is not None:
-        lines = list(_summary(_scenes(source, count, shown)))
+        lines = list(_summary(_scenes(source, count, shown, notes)))
         lines.insert(0, f"{scenario.name}, seed {seed}: {count} scene{'s' if count > 1 else ''}, drawn in {plot}")
     elif output is None or output == STANDARD_OUTPUT:
-        for scene in _scenes(source, count, shown):
+        for scene in _scenes(source, count, shown, notes):
             sys.stdout.write(_line(scene))
     else:
         with atomic_file(output) as file:
-            for scene in _scenes(source, count, shown):
+            for scene in _scenes(source, count, shown, notes):
                 file.write(_line(scene).encode())
         result["file"] = output
     if plot is not None:
@@ -80,7 +83,11 @@ def sample(
 
         draw_environment(shown, plot, carsim_heights(Carsim()), f"{scenario.name}, seed {seed}")
         result["picture"] = plot
+    from foldcar.statistics.words import count as count_text
+
     print_result(as_json, result, *lines)
+    for text, samples in notes.items():
+        print_note(f"{count_text(len(samples), 'sample')} (first {samples[0]}): {text}")
 
 
 def _summary(scenes: Iterator[dict[str, Any]]) -> Iterator[str]:
@@ -105,12 +112,21 @@ def _range(values: Sequence[float]) -> str:
     return low if low == high else f"{low} to {high}"
 
 
-def _scenes(source: "SceneSource", count: int, shown: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:
-    """Yield ``count`` scenes with ids SEED/K; append the first nine, which the picture shows, to ``shown``."""
+def _scenes(
+    source: "SceneSource", count: int, shown: list[dict[str, Any]], notes: dict[str, list[int]]
+) -> Iterator[dict[str, Any]]:
+    """Yield ``count`` scenes with ids SEED/K.
+
+    The first nine, which the picture shows, are appended to ``shown``; remarks are added to ``notes`` with their samples.
+    """
+    from foldcar.scenes.scene_notes import scene_notes
+
     for k in range(count):
         scene = {"id": f"{source.seed}/{k}", **source.sample(k)}
         if len(shown) < 9:
             shown.append(scene)
+        for text in scene_notes(scene):
+            notes.setdefault(text, []).append(k)
         yield scene
 
 

@@ -184,7 +184,8 @@ def _announce_folding(planned: "Sweep") -> None:
 
 def _counts(progress: "Progress", with_success: bool) -> str:
     """Return the sweep's counts as text: ``6 new runs, 0 already stored, 1.2 s, 5 runs/s, 50.0 % passed``."""
-    counts_text = f"{progress.new} new runs, {progress.reused} already stored, {progress.seconds:.1f} s"
+    new = f"{progress.new} new run{'' if progress.new == 1 else 's'}"
+    counts_text = f"{new}, {progress.reused} already stored, {progress.seconds:.1f} s"
     rate = f", {progress.new / progress.seconds:.0f} runs/s" if progress.new else ""
     # With a stopping rule, designs have different numbers of runs, so that a rate over all runs means nothing.
     success = f", {_success(progress)}" if with_success else ""
@@ -194,9 +195,11 @@ def _counts(progress: "Progress", with_success: bool) -> str:
 
 def _success(progress: "Progress") -> str:
     """Return the success rate of the runs that count, as text, and how many runs have no definition of success."""
+    from foldcar.statistics.words import percent
+
     if not progress.judged:
         return "no rate" if progress.rejected else "success undefined"
-    rate = f"{100 * progress.passed / progress.judged:.1f} %"
+    rate = percent(progress.passed / progress.judged, 1)
     if progress.judged == progress.total:
         return f"{rate} passed"
     undefined = progress.total - progress.judged - progress.rejected

@@ -13,7 +13,7 @@ from rich.console import Console
 
 from foldcar.figures.style import OUTCOME_LABELS
 from foldcar.shown_console import ResultTable, shown_console
-from foldcar.statistics.words import design_text, points, rank_text
+from foldcar.statistics.words import count, design_text, percent_number, points, rank_text
 from foldcar.store.trial_records import BUILT, SIMULATED, UNKNOWN, WITHDRAWN, Correction, Trial
 
 if TYPE_CHECKING:
@@ -34,12 +34,12 @@ SHOWN_UNBUILDABLE = 5
 
 def _percent(fraction: float | None) -> str:
     """Return a fraction in whole per cent, without the sign; "-" for None."""
-    return "-" if fraction is None else f"{100 * fraction:.0f}"
+    return "-" if fraction is None else percent_number(fraction)
 
 
 def _percent_range(low: float, high: float) -> str:
     """Return two fractions as a range of whole per cent: ``40–89``."""
-    return f"{_percent(low)}–{_percent(high)}"
+    return f"{100 * low:.0f}–{100 * high:.0f}"
 
 
 def _rate(rate: "Rate | None") -> str:
@@ -295,15 +295,19 @@ STANDING_TEXTS = {
 }
 
 
-def print_trials(trials: Sequence[Trial]) -> None:
-    """Print a row for each trial, and how many trials of each standing passed."""
+def print_trials(trials: Sequence[Trial], varied_of: Mapping[str, Sequence[str]]) -> None:
+    """Print a row for each trial, and how many trials of each standing passed.
+
+    ``varied_of`` are the varied parameters of each swept experiment: by these, designs are named.
+    """
     console = shown_console(PLAIN_WIDTH)
     # A list of one column, or of none if no car has a name.
     named = ["name"] if any(trial.car_name for trial in trials) else []
     heads = ("trial", "experiment", "design", "sample", "car", *named, "outcome", "time (s)", "ending", "started (UTC)")
     table = ResultTable(*heads, "note", left=("design", "car", "name", "outcome", "ending", "note"))
-    varied = _varied(trials)
+    differing = _varied(trials)
     for trial in trials:
+        varied = {*differing, *varied_of.get(trial.experiment, ())}
         table.add_row(
             f"{trial.id}{'*' if trial.corrections else ''}",
             trial.experiment,
@@ -318,7 +322,7 @@ def print_trials(trials: Sequence[Trial]) -> None:
             trial.note or (trial.source or ""),
         )
     table.print_on(console)
-    console.print(f"{len(trials)} trials")
+    console.print(count(len(trials), "trial"))
     for standing, text in STANDING_TEXTS.items():
         group = [trial for trial in trials if trial.standing == standing]
         completed = [trial for trial in group if trial.completed]

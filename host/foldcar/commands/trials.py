@@ -46,6 +46,8 @@ def list_trials(store: TrialStore, experiment: OneExperiment = None, as_json: Js
     from foldcar.store.reader import Store
 
     with Store.open(store) as reader:
+        infos = reader.info().experiments.values() if reader.holds_study() else ()
+        varied_of = {info.listed_id: list(info.varied) for info in infos}
         rows = list(reader.trials(experiment))
         if experiment is not None and not rows:
             known_text = ", ".join(dict.fromkeys(trial.experiment for trial in reader.trials())) or "none"
@@ -57,7 +59,7 @@ def list_trials(store: TrialStore, experiment: OneExperiment = None, as_json: Js
         trial_ids = {trial.id for trial in rows}
         media = [(item, referred_file(store, item.file).is_file()) for item in reader.media() if item.trial in trial_ids]
     if not as_json:
-        print_trials(rows)
+        print_trials(rows, varied_of)
     result = {
         "trials": [asdict(item) for item in rows],
         "corrections": [asdict(item) for item in corrections],
@@ -163,16 +165,32 @@ for _command in (correct, withdraw, restore, measure):
 @trials.command("import")
 def import_file(
     store: TrialStore,
-    file: Annotated[Path, typer.Argument(metavar="CSV", help="CSV file of trials (see docs/trials.md).")],
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="CSV or Parquet file of trials (see docs/trials.md), or another store.")
+    ],
     experiment: Annotated[str | None, typer.Option(metavar="ID", help="Experiment of rows without one.")] = None,
 ) -> None:
-    """Import trials from a CSV file.
+    """Import trials from a CSV or Parquet file, or take them from another store.
 
     If a row is wrong, no trial is imported. Rows that were imported before are skipped. docs/trials.md lists the columns.
 
+    Another store may be of an earlier version of foldcar. Its trials come with their logs, corrections, photos, films and
+    measured values.
+
     \b
     Example: foldcar trials import study.db scenarios/published_trials.csv
+             foldcar trials import new.db old.db
     """
+    from foldcar.outputs import is_database
+
+    if is_database(file):
+        from foldcar.store.trial_import import take_trials
+
+        if experiment is not None:
+            raise FoldcarError("trials import: --experiment: has no effect on the trials of a store; leave it out")
+        taken = take_trials(store, file)
+        print_lines(_imported_text(taken.new, taken.known, store))
+        return
     from foldcar.store.trial_writer import write_trials
     from foldcar.trials.csv_import import import_notes, read_trials, swept_experiments
 
@@ -181,10 +199,16 @@ def import_file(
         imported = writer.import_trials(rows)
     for text in import_notes(store, rows):
         print_note(text)
-    repeated = len(rows) - len(imported)
+    print_lines(_imported_text(imported, len(rows) - len(imported), store))
+
+
+def _imported_text(imported: list[int], known: int, store: Path) -> str:
+    """Return a line with the numbers of the imported trials, and how many were ``known`` before."""
+    from foldcar.statistics.words import count
+
     range_text = f", {imported[0]} to {imported[-1]}" if imported else ""
-    repeated_text = f"; {repeated} were imported before" if repeated else ""
-    print_lines(f"{len(imported)} trials imported{range_text}{repeated_text}; store: {store}")
+    known_text = f"; {known} were imported before" if known else ""
+    return f"{count(len(imported), 'trial')} imported{range_text}{known_text}; store: {store}"
 
 
 def _print_damage(log: Path) -> None:

@@ -100,7 +100,7 @@ def unswept_designs(designs_and_reasons: Sequence[tuple[DesignEvidence, str | No
         for name_is, they_were in subjects:
             if reason is None:
                 sentences.append(
-                    f"{name_is} not in the sweep: {they_were} simulated now, in {designs[0].runs} environments."
+                    f"{name_is} not in the sweep: {they_were} simulated now, in {count(designs[0].runs, 'environment')}."
                 )
             else:
                 sentences.append(f"{name_is} not in the sweep, and cannot be simulated now: {reason}.")

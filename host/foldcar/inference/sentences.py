@@ -170,6 +170,8 @@ def _reaching_in_simulation(belief: Belief, evidence: Evidence, threshold: float
     if (confident == reach).all():
         return f"{text} with 95 % confidence"
     if not confident.any():
+        if len(rate) == 1:
+            return f"{text}, but not with 95 % confidence"
         return f"{text}, none with 95 % confidence"
     return f"{text}, {_names(belief, evidence, confident)} with 95 % confidence each"
 

@@ -6,6 +6,8 @@ Input: a decoded message. Output: the message with its strings decoded as UTF-8,
 import math
 from typing import Any
 
+from foldcar.shown_text import shown_line
+
 # Largest values of the fields that are used: angles (rad), positions (m), speeds (m/s, rad/s), times (ms, s), sizes.
 # A day is the longest trial that a store keeps, 2^32 ms the longest time since boot, 2^128 the limit of float32.
 DAY_S = 86_400.0
@@ -39,5 +41,5 @@ def checked_message(message: Any) -> Any | None:
         for name in message.fieldnames:
             raw = getattr(message, f"_{name}_raw", None)
             if isinstance(raw, bytes):
-                setattr(message, name, raw.split(b"\0", 1)[0].decode("utf-8", "replace"))
+                setattr(message, name, shown_line(raw.split(b"\0", 1)[0].decode("utf-8", "replace")))
     return message

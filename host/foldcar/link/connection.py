@@ -1,27 +1,36 @@
 """A connection to a car: packets in and out, the host's heartbeat, the log of both directions.
 
-Input: a port. Output: messages of the dialect. A connection belongs to one thread. :meth:`Connection.receive` also sends
-the heartbeat. After 0.5 s of the car's clock without one, the car regards the link as lost; in an accelerated simulation
-that clock runs faster than the host's.
+Input: a port. Output: messages of the dialect. A connection belongs to one thread. A second thread sends the heartbeats:
+after 0.45 s of its clock without a packet, a driving car stops. The second thread neither prints nor writes the log, so a
+blocked terminal or a slow disk does not stop the car. It pauses when the first thread has not listened for LISTENING_S,
+because then nobody could stop the car. A stopped process (Ctrl-Z) sends nothing. In an accelerated simulation the car's
+clock runs faster than the host's.
 """
 
+import contextlib
 import select
+import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from typing import Any
 
 from foldcar.link.car_messages import checked_message
 from foldcar.link.dialect import load_dialect
-from foldcar.link.stream import Stream, open_stream
+from foldcar.link.stream import LinkLostError, Stream, open_stream
 from foldcar.link.tlog import TlogWriter
 
 HOST_SYSTEM, HOST_COMPONENT = 255, 190
 CAR_SYSTEM, CAR_COMPONENT = 1, 1
 # The component that sends the simulated car's true state (FOLDCAR_TRUTH) in `carsim link`.
 SIMULATOR_COMPONENT = 25
-# Interval of heartbeats on the car's clock; the car's time-out is 0.5 s.
+# Interval of heartbeats on the car's clock; the car's time-out is CMD_TIMEOUT_MS, 0.45 s.
 HEARTBEAT_S = 0.1
 MIN_HEARTBEAT_S = 0.002
+# Heartbeats pause after this time without a call of `receive`, because the keys that stop the car are read beside it.
+LISTENING_S = 2.0
+# Longest part of the car's silence that one call of `receive` can observe: a host that stood still was not listening.
+MAX_LISTENED_S = 0.2
 # Time limit of `catch_up`.
 CATCH_UP_S = 1.0
 # Maximum length of a car's status text, in characters.
@@ -47,37 +56,46 @@ class Connection:
         self.received = 0
         self.lost = 0
         self.damaged = 0
-        self.last_received_s = time.monotonic()
+        self._listened_at_s = time.monotonic()
+        self._silence_s = 0.0
         self._mav = self.dialect.MAVLink(None, srcSystem=HOST_SYSTEM, srcComponent=HOST_COMPONENT)
         self._mav.robust_parsing = True
-        self._heartbeat_at_s = 0.0
         self.clock_rate = CarClockRate()
+        # Guards the port's output and the sequence number of packets.
+        self._sending = threading.Lock()
+        # Time (µs since 1970) and packet of heartbeats that are sent, but not yet in the log.
+        self._heartbeats: deque[tuple[int, bytes]] = deque()
         # The sequence number of the last packet of each component, to count lost packets.
         self._sequences: dict[int, int] = {}
         # Messages that arrived in one packet of input with the one for which wait_for waited.
         self._unread: list[Any] = []
+        self._closed = threading.Event()
+        self._heart = threading.Thread(target=self._send_heartbeats, daemon=True)
+        self._heart.start()
 
     def send(self, message: Any) -> None:
         """Send and log a message of the dialect. Raises LinkLostError and LogError."""
-        packet = message.pack(self._mav)
-        self._mav.seq = (self._mav.seq + 1) % 256
-        self.stream.write(packet)
+        packet = self._send_packet(message)
+        self._log_heartbeats()
         if self.log is not None:
             self.log.write(packet)
 
     def receive(self, timeout_s: float, other_input: Any = None) -> list[Any]:
         """Wait for input and return the car's messages in it; [] after ``timeout_s``, or if ``other_input`` is first.
 
-        A due heartbeat is sent before. Messages of all senders are logged; those of the car are also kept in ``latest``.
-        ``other_input`` is another file for `select`, such as the keyboard. Raises LinkLostError and LogError.
+        Messages of all senders are logged; those of the car are also kept in ``latest``. ``other_input`` is another file
+        for `select`, such as the keyboard. Raises LinkLostError and LogError.
         """
-        self._send_due_heartbeat()
+        self._log_heartbeats()
+        self._listen()
         if self._unread:
             unread, self._unread = self._unread, []
             return unread
-        wait_s = min(timeout_s, max(0.0, self._heartbeat_at_s - time.monotonic()))
         inputs = [self.stream] if other_input is None else [self.stream, other_input]
-        if self.stream not in select.select(inputs, [], [], wait_s)[0]:
+        # Returns often, so that waiting counts as listening.
+        has_input = self.stream in select.select(inputs, [], [], min(timeout_s, MAX_LISTENED_S))[0]
+        self._listen()
+        if not has_input:
             return []
         messages = []
         for message in self._mav.parse_buffer(self.stream.read()) or []:
@@ -93,7 +111,7 @@ class Connection:
                 self.damaged += 1
                 continue
             self._count_packet(message)
-            self.last_received_s = time.monotonic()
+            self._silence_s = 0.0
             self.latest[message.get_type()] = message
             if message.get_type() == "STATUSTEXT":
                 # A long text arrives in several chunks.
@@ -102,7 +120,7 @@ class Connection:
                 if message.severity <= self.dialect.MAV_SEVERITY_WARNING:
                     self.warning_text = self.status_text
             if message.get_type() == "FOLDCAR_TRIAL":
-                self.clock_rate.add(message.time_boot_ms / 1000, self.last_received_s)
+                self.clock_rate.add(message.time_boot_ms / 1000, self._listened_at_s)
             messages.append(message)
         return messages
 
@@ -127,12 +145,20 @@ class Connection:
         return None
 
     def silence_s(self) -> float:
-        """Return the time since the last message of the car (s)."""
-        return time.monotonic() - self.last_received_s
+        """Return the time (s) for which this host has listened since the last message of the car."""
+        return self._silence_s
 
     def close(self) -> None:
-        """Close the port."""
+        """End the heartbeats and close the port."""
+        self._closed.set()
+        self._heart.join()
         self.stream.close()
+
+    def _listen(self) -> None:
+        """Add the time since the last call to the car's silence."""
+        now_s = time.monotonic()
+        self._silence_s += min(now_s - self._listened_at_s, MAX_LISTENED_S)
+        self._listened_at_s = now_s
 
     def _count_packet(self, message: Any) -> None:
         """Count received and lost packets; each component of a car numbers its packets modulo 256."""
@@ -141,19 +167,38 @@ class Connection:
         self._sequences[component] = sequence
         self.received += 1
 
-    def _send_due_heartbeat(self) -> None:
-        """Send a heartbeat if one is due; a faster clock of the car needs more of them."""
-        now_s = time.monotonic()
-        if now_s < self._heartbeat_at_s:
-            return
-        self._heartbeat_at_s = now_s + max(MIN_HEARTBEAT_S, HEARTBEAT_S / self.clock_rate.value)
+    def _send_packet(self, message: Any) -> bytes:
+        """Send a message and return its packet. Raises LinkLostError."""
+        with self._sending:
+            packet = bytes(message.pack(self._mav))
+            self._mav.seq = (self._mav.seq + 1) % 256
+            self.stream.write(packet)
+        return packet
+
+    def _send_heartbeats(self) -> None:
+        """Send heartbeats until the connection is closed; a faster clock of the car needs more of them."""
         dialect = self.dialect
         # The zeros are modes, which a ground station does not have; 3 is MAVLink's version.
-        self.send(
-            dialect.MAVLink_heartbeat_message(
-                dialect.MAV_TYPE_GCS, dialect.MAV_AUTOPILOT_INVALID, 0, 0, dialect.MAV_STATE_ACTIVE, 3
-            )
+        heartbeat = dialect.MAVLink_heartbeat_message(
+            dialect.MAV_TYPE_GCS, dialect.MAV_AUTOPILOT_INVALID, 0, 0, dialect.MAV_STATE_ACTIVE, 3
         )
+        interval_s = 0.0
+        while not self._closed.wait(interval_s):
+            interval_s = max(MIN_HEARTBEAT_S, HEARTBEAT_S / self.clock_rate.value)
+            if time.monotonic() - self._listened_at_s > LISTENING_S:
+                continue
+            # The first thread notices a lost link by itself.
+            with contextlib.suppress(LinkLostError):
+                packet, log = self._send_packet(heartbeat), self.log
+                if log is not None:
+                    self._heartbeats.append((log.now_us(), packet))
+
+    def _log_heartbeats(self) -> None:
+        """Write the heartbeats that were sent meanwhile to the log, if there is one. Raises LogError."""
+        while self._heartbeats:
+            time_us, packet = self._heartbeats.popleft()
+            if self.log is not None:
+                self.log.write(packet, time_us)
 
 
 class CarClockRate:

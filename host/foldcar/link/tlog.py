@@ -37,14 +37,21 @@ class TlogWriter:
         except OSError as error:
             raise LogError(f"{file}: cannot be written: {error.strerror}") from error
         self._size = 0
+        self._last_us = 0
         # Added to the monotonic clock, because steps of the wall clock must not change the order of packets.
         self._epoch_ns = time.time_ns() - time.monotonic_ns()
 
+    def now_us(self) -> int:
+        """Return the time now (µs since 1970)."""
+        return (self._epoch_ns + time.monotonic_ns()) // 1000
+
     def write(self, packet: bytes, time_us: int | None = None) -> None:
-        """Append a packet with ``time_us`` (µs since 1970, default: now). Raises LogError if the write fails."""
-        if time_us is None:
-            time_us = (self._epoch_ns + time.monotonic_ns()) // 1000
-        record = STAMP.pack(time_us) + packet
+        """Append a packet with ``time_us`` (µs since 1970, default: now); times in a log never decrease.
+
+        Raises LogError if the write fails.
+        """
+        self._last_us = max(self._last_us, self.now_us() if time_us is None else time_us)
+        record = STAMP.pack(self._last_us) + packet
         try:
             written = os.write(self._descriptor, record)
         except OSError as error:

@@ -37,6 +37,7 @@ from foldcar.simulation.engines import ENGINES, MUJOCO_ENVIRONMENT, engine_of
 from foldcar.simulation.heights import carsim_heights
 from foldcar.simulation.results import FAILED, OUTCOMES, REJECTED
 from foldcar.simulation.runner import PATH_INTERVAL_S, side_by_side
+from foldcar.statistics.words import count
 from foldcar.store.calibrations import Calibration, calibrations
 from foldcar.store.frames import RunArrays
 from foldcar.store.info import ExperimentInfo
@@ -104,7 +105,7 @@ class PageDrives:
         if len(designs) < len(drives.bodies) or len(samples) < len(drives.scenes):
             shown["remarks"].append(
                 f"The page can simulate {len(designs)} of {len(drives.bodies)} designs in the first {len(samples)} of "
-                f"{len(drives.scenes)} environments."
+                f"{count(len(drives.scenes), 'environment')}."
             )
         without_sample = sum(row["environment"] is None for row in shown["trials"])
         if without_sample:

@@ -20,7 +20,7 @@ import numpy
 from numpy.typing import NDArray
 
 from foldcar.car.variation import SERVO_DIFFERENCES, workshop
-from foldcar.scenes.terrain_kinds import KINDS
+from foldcar.scenes.terrain_kinds import KIND_NAMES, KINDS
 from foldcar.statistics.words import label_and_unit
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
@@ -33,13 +33,6 @@ LEFT_OUT = ("seed",)
 SIDES = ("left", "right")
 # Units for readers, with the factor.
 READERS_UNITS = {"m": ("mm", 1000.0), "rad": ("°", 180 / math.pi)}
-NAMES = {
-    "box": "block",
-    "half_round": "round bump",
-    "patch": "friction patch",
-    "ramp": "ramp or kerb",
-    "rough": "rough ground",
-}
 # A column of a piece: the piece's kind and number, the property.
 PIECE = re.compile(rf"scene_((?:{'|'.join(KINDS)})_\d+)_(.+)")
 
@@ -112,7 +105,7 @@ def _piece_names(kinds: Iterable[str]) -> Iterator[str]:
 def _piece_label(name: str) -> str:
     """Return ``block 2`` of box_2."""
     kind, _, number = name.rpartition("_")
-    return f"{NAMES.get(kind, kind)} {number}"
+    return f"{KIND_NAMES.get(kind, kind)} {number}"
 
 
 def _read(store: Store, info: ExperimentInfo) -> EnvironmentValues:

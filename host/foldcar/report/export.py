@@ -15,6 +15,7 @@ import itertools
 import json
 import math
 from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -33,7 +34,7 @@ BATCH_ROWS = 10_000
 TRIAL_HEAD = ("id", "experiment", "vehicle_type")
 TRIAL_TAIL = (
     "sample", "outcome", "ending", "elapsed_time_s", "note", "operator", "started_utc", "ended_utc", "firmware_build",
-    "design_hash", "log", "log_sha256", "source", "car", "car_name", "scenic_program", "corrections", "uuid",
+    "design_hash", "log", "log_sha256", "source", "car", "car_name", "scenic_program", "uuid",
 )  # fmt: skip
 
 # The kind of a recorded value's column, by the JSON types of all its values; mixed or nested values are JSON.
@@ -104,17 +105,27 @@ def export_parquet(store: Store, file: Path, failed: bool = False) -> int:
 def export_trials(store: Store, file: Path, simulated_trials: bool) -> tuple[int, str | None]:
     """Write trials of built cars atomically, as Parquet if the file ends in .parquet, else as CSV.
 
-    ``simulated_trials`` adds trials of simulated cars. Deviations in CSV are JSON: {name: [x in m, y in m, heading in
-    rad]}; in Parquet a list of name, x_m, y_m, heading_rad. Returns the number of rows, and a sentence on trials that are
-    left out, None without any. Raises FoldcarError if the store cannot be read or the file cannot be written.
+    ``simulated_trials`` adds trials of simulated cars. Corrections are JSON: a list of objects with the fields of
+    Correction, oldest first. Deviations in CSV are JSON: {name: [x in m, y in m, heading in rad]}; in Parquet a list of
+    name, x_m, y_m, heading_rad. `foldcar trials import` reads both files. Returns the number of rows, and a sentence on
+    trials that are left out, None without any. Raises FoldcarError if the store cannot be read or the file cannot be
+    written.
     """
     trials, left_out = select_trials(store.trials(), simulated_trials)
     design = list(dict.fromkeys(name for trial in trials for name in trial.design))
-    names = ["trial", *TRIAL_HEAD[1:], *design, *TRIAL_TAIL]
+    fingerprints = store.environments_of_trials()
+    corrections: dict[int, list[dict[str, Any]]] = {trial.id: [] for trial in trials}
+    for correction in store.corrections():
+        if correction.trial in corrections:
+            fields_of_correction = asdict(correction)
+            corrections[fields_of_correction.pop("trial")].append(fields_of_correction)
+    names = ["trial", *TRIAL_HEAD[1:], *design, *TRIAL_TAIL, "environment_fingerprint", "corrections"]
     columns: list[list[Any]] = [
         *([getattr(trial, name) for trial in trials] for name in TRIAL_HEAD),
         *([trial.design.get(name) for trial in trials] for name in design),
         *([getattr(trial, name) for trial in trials] for name in TRIAL_TAIL),
+        [fingerprints.get(trial.id) for trial in trials],
+        [json.dumps(corrections[trial.id]) if corrections[trial.id] else None for trial in trials],
     ]
     deviations = [trial.deviations for trial in trials]
     with atomic_file(file) as binary:
@@ -122,7 +133,7 @@ def export_trials(store: Store, file: Path, simulated_trials: bool) -> tuple[int
             import pyarrow as pa
             import pyarrow.parquet as pq
 
-            types = dict.fromkeys(("trial", "sample", "corrections"), pa.int64())
+            types = dict.fromkeys(("trial", "sample"), pa.int64())
             types |= dict.fromkeys(("elapsed_time_s", *design), pa.float64())
             pose = ("x_m", "y_m", "heading_rad")
             moved = pa.struct([("name", pa.string()), *(_field(name, pa.float64()) for name in pose)])

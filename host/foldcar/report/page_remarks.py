@@ -71,7 +71,7 @@ def stopped_remarks(info: ExperimentInfo) -> list[str]:
     if undecided:
         abandoned = f", or fewer if the chance that all would decide fell below {100 * MIN_CHANCE:g} %"
         why = abandoned if info.until.thresholds else ""
-        rest = f"; {undecided} are undecided, simulated in all {info.environments} environments{why}"
+        rest = f"; {undecided} are undecided, simulated in {count(info.environments, 'environment')}{why}"
     if info.stored_runs < info.planned_runs:
         rest = f"; {undecided} are not yet" if undecided else ""
     reference = "the thresholds" if info.until.thresholds else "50 %"

@@ -6,6 +6,7 @@ from typing import Any
 from foldcar.inference.evidence import Evidence
 from foldcar.simulation.engines import MULTIBODY, engine_title
 from foldcar.simulation.results import OUTCOMES
+from foldcar.statistics.words import percent
 from foldcar.store.info import ExperimentInfo
 
 
@@ -29,8 +30,8 @@ def other_simulations(evidence: Evidence, experiments: Sequence[Evidence]) -> li
         own_passed, passed = (sum(side) for side in zip(*pairs, strict=True))
         text = f"{name}: {passed:,} of the same {len(pairs):,} runs passed, {own_name}: {own_passed:,}"
         if other.info.under == evidence.info.under:
-            agreement = 100 * sum(own == others for own, others in pairs) / len(pairs)
-            text += f"; {agreement:.1f} % of the runs have the same result in both"
+            agreement = percent(sum(own == others for own, others in pairs) / len(pairs), 1)
+            text += f"; {agreement} of the runs have the same result in both"
         counts = [(0, 0) if index is None else tuple(other.run_counts[index].tolist()) for index in indices]
         columns = {key: [count[k] for count in counts] for k, key in enumerate(("passed", "runs"))}
         simulations.append({"id": other.info.id, "name": name, **columns, "text": f"{text}."})

@@ -8,19 +8,16 @@ C, another thread or another program opens are not.
 
 Within the blocks only those environment variables exist that the system and Python need; others are not part of an
 environment. sys.modules and sys.path are as if the program were alone in a new Python: two programs may each have a
-`helper.py`, and a program that is compiled again gets its modules as they are now. Modules are compiled from source,
-because Python regards compiled code as current if its source had the same size and second.
+`helper.py`, and a program that is compiled again gets its modules as they are now, from their sources.
 """
 
 import importlib
-import importlib.util
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
+from importlib.machinery import SourceFileLoader
 from pathlib import Path
-from types import CodeType, ModuleType
-from typing import Any
+from types import ModuleType
 
 from foldcar.errors import FoldcarError
 from foldcar.read_files import (
@@ -34,6 +31,7 @@ from foldcar.read_files import (
     only_minimal_variables,
     recorded_files,
 )
+from foldcar.source_imports import sources_only
 
 Files = Mapping[str, str]
 
@@ -48,7 +46,7 @@ class ProgramFiles:
         self._program = program
         self._folder = program.parent.absolute()
         self._fixed = fixed is not None
-        self._digests = dict(fixed) if fixed is not None else self._neighbours()
+        self._digests: dict[str, str] = dict(fixed) if fixed is not None else self._neighbours()
         self._modules = _Modules(self._folder)
         self._written: set[Path] = set()
 
@@ -56,6 +54,10 @@ class ProgramFiles:
         """Return the files. From now on a block must not read others."""
         self._fixed = True
         return self._digests
+
+    def adopt(self, files: Files) -> None:
+        """Add files that another process has read with the program."""
+        self._digests.update(files)
 
     def unchanged(self) -> bool:
         """Whether the files are unchanged, and no new ones are beside the program."""
@@ -85,11 +87,11 @@ class ProgramFiles:
         """Record the digests of the files that the block has read.
 
         Raises FoldcarError if a file has changed, or is read for the first time after sample 0.
-        Files that the program wrote itself, installed files and compiled Python are not recorded.
+        Files that the program wrote itself and installed files are not recorded.
         """
         self._written |= opened.written
         for path, state in opened.read.items():
-            if path.suffix == ".pyc" or path in self._written or not is_own(path, self._folder):
+            if path in self._written or not is_own(path, self._folder):
                 continue
             # State None: the file is missing. If it appears later, reading it is noticed then.
             if state is None and (self._fixed or not path.is_relative_to(self._folder)):
@@ -155,13 +157,10 @@ class _Modules:
         # The empty entry means the working directory. It is left out, so that a program finds the same modules wherever
         # it is started.
         sys.path[:] = self._path or [str(self._folder), *filter(None, outer_path)]
-        # The first finder that knows a module loads it, so this one stands before Python's.
-        finder: Any = _Finder(self._folder)
-        sys.meta_path.insert(sys.meta_path.index(PathFinder) if PathFinder in sys.meta_path else 0, finder)
         try:
-            yield
+            with sources_only(self._folder):
+                yield
         finally:
-            sys.meta_path.remove(finder)
             self._path, sys.path[:] = list(sys.path), outer_path
             self._modules = _pop_own_modules(self._folder)
             sys.modules.update(other_modules)
@@ -188,24 +187,3 @@ def _is_own_module(module: object, folder: Path) -> bool:
         return spec is not None and isinstance(spec.loader, SourceFileLoader) and is_own(Path(file).absolute(), folder)
     # A namespace package: a folder without __init__.py, which has paths but no file.
     return any(is_own(Path(folder_name).absolute(), folder) for folder_name in attributes.get("__path__", ()))
-
-
-class _Finder:
-    """Python's finder, which loads modules that are not installed from source instead of compiled code."""
-
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-
-    def find_spec(self, name: str, path: Any = None, target: ModuleType | None = None) -> ModuleSpec | None:
-        spec = PathFinder.find_spec(name, path, target)
-        if spec is not None and type(spec.loader) is SourceFileLoader:
-            file = spec.loader.path
-            if is_own(Path(file).absolute(), self._folder):
-                spec.loader, spec.cached = _FromSource(name, file), None
-        return spec
-
-
-class _FromSource(SourceFileLoader):
-    def get_code(self, fullname: str) -> CodeType:
-        code: CodeType = self.source_to_code(self.get_data(self.path), self.path)
-        return code

@@ -74,6 +74,16 @@ KINDS: Mapping[str, TerrainKind] = {
 }
 
 
+# Kinds in readers' words, where these differ.
+KIND_NAMES = {
+    "box": "block",
+    "half_round": "round bump",
+    "patch": "friction patch",
+    "ramp": "ramp or kerb",
+    "rough": "rough ground",
+}
+
+
 def kind_of(piece: Mapping[str, Any]) -> TerrainKind:
     """Return the kind of a checked piece."""
     return KINDS[piece["kind"]]

@@ -1,8 +1,10 @@
 """Designs and rates in words: ``95 mm``, ``width 95 mm, radius 60 mm``, ``12 %``."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING
 
-from foldcar.statistics.gap import RankAgreement
+if TYPE_CHECKING:
+    from foldcar.statistics.gap import RankAgreement
 
 # Ends of columns' names, and how their units are written; longer ends first.
 COLUMN_UNITS = {
@@ -37,13 +39,23 @@ def label_and_unit(name: str) -> tuple[str, str]:
     return label.replace("_", " "), COLUMN_UNITS.get(stem, "")
 
 
-def percent(share: float) -> str:
-    """Return a fraction of 0 to 1 in whole per cent; ``below 0.5 %`` and ``above 99.5 %`` near the ends."""
-    if 0 < share < 0.005:
-        return "below 0.5 %"
-    if 0.995 < share < 1:
-        return "above 99.5 %"
-    return f"{100 * share:.0f} %"
+def percent(share: float, digits: int = 0) -> str:
+    """Return a fraction of 0 to 1 in per cent: ``12 %``. Only 0 is ``0 %``, and only 1 is ``100 %``.
+
+    Example: percent(1 / 200) is "below 1 %", percent(199 / 200) is "above 99 %"
+    """
+    number = percent_number(share, digits)
+    return f"{number.replace('<', 'below ').replace('>', 'above ')} %"
+
+
+def percent_number(share: float, digits: int = 0) -> str:
+    """Return a fraction of 0 to 1 in per cent for a table: ``12``, ``<1`` or ``>99`` beside the ends."""
+    number, step = f"{100 * share:.{digits}f}", 10.0**-digits
+    if share > 0 and float(number) == 0:
+        return f"<{step:.{digits}f}"
+    if share < 1 and float(number) == 100:
+        return f">{100 - step:.{digits}f}"
+    return number
 
 
 def rate_text(rate: float, low: float, high: float) -> str:
@@ -83,10 +95,12 @@ def count(number: int, noun: str) -> str:
 
 
 def duration_text(seconds: float) -> str:
-    """Return ``12 s``, ``3 min``, ``5.5 h``, ``4.2 days``."""
+    """Return ``12 s``, ``3 min``, ``5.5 h``, ``4.2 days``: two digits."""
     for unit, length_s, maximum in (("s", 1, 100), ("min", 60, 100), ("h", 3600, 48)):
-        if seconds < maximum * length_s:
-            return f"{seconds / length_s:.2g} {unit}"
+        # As it is shown, rounded to two digits: 99.6 s is 1.7 min.
+        number = float(f"{seconds / length_s:.2g}")
+        if number < maximum:
+            return f"{number:g} {unit}"
     return f"{seconds / 86400:,.1f} days"
 
 
@@ -98,7 +112,7 @@ def _sharing_unit(texts: Sequence[str]) -> list[str]:
     return list(texts)
 
 
-def rank_text(ranks: RankAgreement | None) -> str | None:
+def rank_text(ranks: "RankAgreement | None") -> str | None:
     """Return a sentence on how well simulation ranks the driven designs; None for fewer than two."""
     if ranks is None or ranks.mmrv is None:
         return None

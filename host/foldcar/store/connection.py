@@ -16,7 +16,7 @@ from typing import Any
 from foldcar.outputs import make_output_folder
 from foldcar.store.errors import StoreError, store_errors
 from foldcar.store.rows import Row, insert_sql, key_text, read_row, read_rows, text_hash
-from foldcar.store.tables import BY_NAME, LIMITS, TABLES, VERSION, VIEWS, Table, create_tables
+from foldcar.store.tables import BY_NAME, LIMITS, OLDEST_TRIALS, TABLES, VERSION, VIEWS, Table, create_tables
 from foldcar.typed import did_you_mean_file
 
 # "Fold" in ASCII: distinguishes a store from other SQLite files.
@@ -73,8 +73,12 @@ def numbers_beyond_limits(connection: sqlite3.Connection) -> Iterator[str]:
                         yield f"{key_text(table, row)} is damaged: its {name} is {row[name]:g}, not {low:g} to {high:g}"
 
 
-def connect_reading(path: Path) -> sqlite3.Connection:
-    """Return a connection that cannot change rows. Raises StoreError if ``path`` is not a store of this version."""
+def connect_reading(path: Path, oldest: int = VERSION) -> sqlite3.Connection:
+    """Return a connection that cannot change rows.
+
+    Raises StoreError if ``path`` is not a store, or is of a version before ``oldest`` or after this one. The tables of an
+    earlier version are not checked.
+    """
     check_name(path)
     if not path.exists():
         raise StoreError(f"{path}: no such store{did_you_mean_file(path)}")
@@ -85,7 +89,7 @@ def connect_reading(path: Path) -> sqlite3.Connection:
         connection = sqlite3.connect(f"{path.resolve().as_uri()}?mode=rw", BUSY_S, uri=True, isolation_level=None)
         stack.callback(connection.close)
         connection.execute("PRAGMA query_only = ON")
-        if _is_blank(path, connection):
+        if _is_blank(path, connection, oldest):
             raise StoreError(f"{path}: is not a foldcar store")
         # Without an error the connection stays open.
         stack.pop_all()
@@ -102,8 +106,11 @@ def require_store(path: Path) -> None:
     connect_reading(path).close()
 
 
-def _is_blank(path: Path, connection: sqlite3.Connection) -> bool:
-    """Return whether the database has no tables yet. Raises StoreError if its tables are not those of this version."""
+def _is_blank(path: Path, connection: sqlite3.Connection, oldest: int = VERSION) -> bool:
+    """Return whether the database has no tables yet.
+
+    Raises StoreError if its tables are not those of this version, or of an earlier one since ``oldest``.
+    """
     try:
         with store_errors(path, "is not a foldcar store: "):
             (tables,) = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
@@ -117,13 +124,16 @@ def _is_blank(path: Path, connection: sqlite3.Connection) -> bool:
         return True
     if application_id != APPLICATION_ID:
         raise StoreError(f"{path}: is not a foldcar store")
-    if version != VERSION:
+    if not oldest <= version <= VERSION:
+        takes_trials = "; `foldcar trials import NEW.db OLD.db` takes its trials along"
+        remedy = f"sweep into a new store{takes_trials if OLDEST_TRIALS <= version < VERSION else ''}"
         raise StoreError(
-            f"{path}: is a store of version {version}, and this foldcar reads version {VERSION}: "
-            "sweep into a new store, or use the foldcar that made it"
+            f"{path}: is a store of version {version}, and this foldcar reads version {VERSION}: {remedy}, or use the "
+            "foldcar that made it"
         )
-    with store_errors(path):
-        _check_schema(path, connection)
+    if version == VERSION:
+        with store_errors(path):
+            _check_schema(path, connection)
     return False
 
 
@@ -175,7 +185,7 @@ def new_store(store: Path) -> Iterator[sqlite3.Connection]:
             # No journal file is needed, because an incomplete store is deleted.
             connection.execute("PRAGMA journal_mode = MEMORY")
             _create_schema(connection)
-            with _transaction(connection):
+            with transaction(connection):
                 yield connection
         part.rename(store)
     except OSError as error:
@@ -186,7 +196,7 @@ def new_store(store: Path) -> Iterator[sqlite3.Connection]:
 
 def _create_schema(connection: sqlite3.Connection) -> None:
     """Create the tables of a store in an empty database, and mark it as a store of this version."""
-    with _transaction(connection):
+    with transaction(connection):
         create_tables(connection)
         connection.execute(f"PRAGMA application_id = {APPLICATION_ID}")
         connection.execute(f"PRAGMA user_version = {VERSION}")
@@ -294,7 +304,7 @@ def _close_writing(path: Path, connection: sqlite3.Connection, status: os.stat_r
 
 
 @contextlib.contextmanager
-def _transaction(connection: sqlite3.Connection) -> Iterator[None]:
+def transaction(connection: sqlite3.Connection) -> Iterator[None]:
     """Commit the block's changes, or roll them back after an exception."""
     connection.execute("BEGIN IMMEDIATE")
     try:
@@ -359,7 +369,7 @@ class StoreConnection:
     @contextlib.contextmanager
     def _transaction(self) -> Iterator[None]:
         """Commit the block's changes. Raises StoreError if the file was moved or deleted meanwhile."""
-        with store_errors(self.path), _transaction(self._connection):
+        with store_errors(self.path), transaction(self._connection):
             yield
         if not is_same_file(self.path, self._file):
             # SQLite continues to write to a file that was deleted or renamed.

@@ -1,12 +1,20 @@
-"""Finds the logs of a store's trials, which are in the store's folder or below and named relative to it.
+"""Finds the logs of a store's trials, which are in a folder beside the store and named relative to the store's folder.
 
-If the store is a symbolic link, the folder is that of the file to which it leads.
+If the store is a symbolic link, its folder is that of the file to which it leads. Names in a store may come from others.
+They are accepted only as foldcar writes them: a file of another name could be one that a program reads, such as
+model.scenic.
 """
 
 import hashlib
+import re
 from pathlib import Path
 
+from foldcar.shown_text import shown_line
 from foldcar.store.errors import StoreError
+from foldcar.store.trial_records import MEDIA_ENDINGS
+
+# As `foldcar log` names logs, in the folder of a store of any name. `foldcar merge` adds the beginning of a trial's UUID.
+_LOG_NAME = re.compile(r"[^/\\]+-logs/trial-[0-9]{4,}-[0-9]{8}T[0-9]{6}Z(-[0-9a-f]{8})*\.tlog")
 
 
 def store_folder(store: Path) -> Path:
@@ -21,9 +29,10 @@ def logs_folder(store: Path) -> Path:
 
 
 def log_file(store: Path, log: str) -> Path:
-    """Return the file of a trial's log. Raises StoreError if it is outside the store's folder.
+    """Return the file of a trial's log.
 
-    Symbolic links are resolved: their targets must be in the folder, too.
+    Raises StoreError if it is outside the store's folder or not named as foldcar names logs. Symbolic links are resolved:
+    their targets must be in the folder, too. Example of a name: study-logs/trial-0007-20261122T113100Z.tlog
     """
     path, folder = Path(log), store_folder(store)
     try:
@@ -31,9 +40,12 @@ def log_file(store: Path, log: str) -> Path:
         inside = inside and (folder / path).resolve().is_relative_to(folder.resolve())
     except (OSError, ValueError, RuntimeError):
         inside = False
+    # A damaged store may have any text as the name: it is escaped and shortened.
+    shown = f'{store}: log: "{ascii(log)[1:-1][:200]}"'
     if not inside:
-        # A damaged store may have any text as the name: it is escaped and shortened.
-        raise StoreError(f'{store}: log: "{ascii(log)[1:-1][:200]}" is outside the folder {folder}')
+        raise StoreError(f"{shown} is outside the folder {folder}")
+    if _LOG_NAME.fullmatch(log) is None or log != shown_line(log):
+        raise StoreError(f"{shown} is not named as `foldcar log` names logs: NAME-logs/trial-NUMBER-TIME.tlog")
     return folder / path
 
 
@@ -53,7 +65,12 @@ def reference(store: Path, file: Path) -> str:
 
 
 def referred_file(store: Path, name: str) -> Path:
-    """Return the file to which a name made by :func:`reference` refers."""
+    """Return the photo or film to which a name made by :func:`reference` refers.
+
+    Raises StoreError if the name does not end as that of a photo or film.
+    """
+    if Path(name).suffix.lower() not in {ending for endings in MEDIA_ENDINGS.values() for ending in endings}:
+        raise StoreError(f'{store}: file: "{ascii(name)[1:-1][:200]}" is neither a photo nor a film')
     return store_folder(store) / name
 
 

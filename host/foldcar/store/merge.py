@@ -54,7 +54,7 @@ def merge_stores(stores: Sequence[Path], merged: Path) -> dict[str, int]:
     copied: list[Path] = []
     try:
         with new_store(merged) as connection:
-            merge = _Merge(connection, merged)
+            merge = Merge(connection, merged)
             for path in stores:
                 with contextlib.closing(connect_reading(path)) as source, store_errors(path):
                     source.execute("BEGIN")
@@ -75,8 +75,8 @@ def merge_stores(stores: Sequence[Path], merged: Path) -> dict[str, int]:
         raise
 
 
-class _Merge:
-    """Adds stores to a new one, one after another. ``logs`` maps the logs to copy to their new files."""
+class Merge:
+    """Adds stores to the store ``merged``, one after another. ``logs`` maps the logs to copy to their new files."""
 
     def __init__(self, connection: sqlite3.Connection, merged: Path) -> None:
         self._connection = connection
@@ -87,18 +87,24 @@ class _Merge:
         # The store that is being added, and the new numbers of its rows by table and old number.
         self._source = connection
         self._numbers: dict[str, dict[int, int]] = {}
-        # The last number that each table of the new store has given.
-        self._last = dict.fromkeys(BY_NAME, 0)
+        # The last number that each table of the merged store has given.
+        self._last = {table.name: self._last_number(table) for table in TABLES}
         # For each experiment, the numbers of runs with which its sweeps ended; None for a sweep that has not ended.
         self._ended: dict[str, set[int | None]] = {}
 
-    def add(self, path: Path, source: sqlite3.Connection) -> None:
-        """Add all rows of a store. Raises StoreError if they contradict earlier stores."""
+    def _last_number(self, table: Table) -> int:
+        """Return the greatest number of a table's rows; 0 if they have no numbers."""
+        if ("id", "INTEGER") not in [(column.name, column.type) for column in table.columns]:
+            return 0
+        return int(self._connection.execute(f"SELECT coalesce(max(id), 0) FROM {table.name}").fetchone()[0])
+
+    def add(self, path: Path, source: sqlite3.Connection, tables: Sequence[Table] = TABLES) -> None:
+        """Add all rows of a store, or of some of its tables. Raises StoreError if they contradict earlier stores."""
         self._stores.append(path)
         self._source = source
-        self._numbers = {table.name: {} for table in TABLES}
+        self._numbers = {table.name: {} for table in tables}
         designs = dict(self._connection.execute(DESIGN_COUNTS).fetchall())
-        for table in TABLES:
+        for table in tables:
             order = ("position",) if table is EXPERIMENT else table.order or table.key
             # Experiments are identified by name, which stays; all other references are numbers of rows, which change.
             referring = ((column.name, column.refers or REFERENCES.get(column.name)) for column in table.columns)

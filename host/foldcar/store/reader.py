@@ -186,6 +186,11 @@ class Store:
         query = "SELECT s.sample, c.json FROM sample s JOIN scene c ON c.id = s.scene_id WHERE s.environment_id = ?"
         return dict(self._rows(query, environment_id))
 
+    def environments_of_trials(self) -> dict[int, str]:
+        """Return the fingerprint of the environment of each trial that has one, by the trial's number."""
+        query = "SELECT t.id, e.fingerprint FROM trial t JOIN environment e ON e.id = t.environment_id"
+        return dict(self._rows(query))
+
     def _environment_id(self, info: ExperimentInfo) -> int:
         """Return the id of the experiment's environment as listed, which a calibration would change; 0 if not stored."""
         if info.calibration is None:

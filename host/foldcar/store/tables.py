@@ -14,6 +14,8 @@ from foldcar.store.trial_records import BUILT, CARS, MEDIA_ENDINGS, TRIAL_OUTCOM
 # Raised by every change of a table or view that foldcar reads; stores of other versions are refused. Other tables in a
 # store, such as those of earlier releases, are left unread.
 VERSION = 4
+# The first version whose trials are still read, by `foldcar trials import`.
+OLDEST_TRIALS = 4
 
 # SQL types of columns. JSON is a JSON text, VALUE a text or a number, COUNT a number from 0.
 SQL_TYPES = {

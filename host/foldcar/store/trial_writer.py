@@ -8,7 +8,7 @@ import contextlib
 import json
 import uuid
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from datetime import datetime, timezone
 from pathlib import Path
@@ -19,7 +19,7 @@ from foldcar.store.errors import StoreError
 from foldcar.store.info import listed_id
 from foldcar.store.log_files import reference, sha256_of
 from foldcar.store.rows import Row
-from foldcar.store.tables import CORRECTION, EXPERIMENT, MEDIA, TRIAL
+from foldcar.store.tables import BY_NAME, CORRECTION, EXPERIMENT, MEDIA, SAMPLE, TRIAL
 from foldcar.store.trial_records import (
     BUILT,
     CARS,
@@ -197,6 +197,14 @@ class TrialWriter(StoreConnection):
         self._update(TRIAL, {**trial, field: after})
         return correction
 
+    def swept_scene(self, environment_fingerprint: str, sample: int) -> Any | None:
+        """Return the scene of a sample that a sweep has stored; None if there is none."""
+        of_sample = "WHERE environment_id = (SELECT id FROM environment WHERE fingerprint = ?) AND sample = ?"
+        for row in self._rows(SAMPLE, of_sample, environment_fingerprint, sample):
+            (scene,) = self._rows(BY_NAME["scene"], "WHERE id = ?", row["scene_id"])
+            return json.loads(scene["json"])
+        return None
+
     def put_media(self, trial: int, kind: str, file: Path) -> Media:
         """Attach a photo or film to a trial; the file is not copied. Raises StoreError if file or trial is missing."""
         digest = sha256_of(file)
@@ -213,16 +221,24 @@ class TrialWriter(StoreConnection):
         """Store those of the imported trials that are not stored yet; return their numbers.
 
         ``trials`` are rows of the table, including ``uuid``. If the trial's experiment was swept, its program is stored
-        with the trial, and if the trial has a sample, its environment, too. Raises StoreError if a trial is stored with
-        other contents; then nothing is stored.
+        with the trial, and if the trial has a sample, its environment, too. A trial that another store exported has
+        ``environment_fingerprint`` and ``corrections`` (rows of that table), whose results its columns contain; of a
+        stored trial the missing ones are added. Raises StoreError if a trial is stored with other contents; then nothing
+        is stored.
         """
         numbers = []
         with self._transaction():
             origins: dict[str, tuple[int | None, str | None]] = {}
-            for trial in trials:
+            for exported in trials:
+                trial = dict(exported)
+                corrections: list[Row] = trial.pop("corrections", [])
+                fingerprint = trial.pop("environment_fingerprint", None)
+                if fingerprint is not None:
+                    trial["environment_id"] = self._identify("environment", "fingerprint", fingerprint)
                 stored = self._rows(TRIAL, "WHERE uuid = ?", trial["uuid"])
                 if stored:
-                    self._require_same(trial, stored[0])
+                    self._require_same(_uncorrected(trial, corrections), stored[0])
+                    self._add_corrections(stored[0], corrections)
                     continue
                 name = trial["experiment"]
                 if name not in origins:
@@ -234,18 +250,31 @@ class TrialWriter(StoreConnection):
                     "scenic_program": program, **trial,
                 }  # fmt: skip
                 numbers.append(self._add(TRIAL, {**row, "design": json.dumps(row["design"])}))
+                for correction in corrections:
+                    self._add(CORRECTION, {**correction, "trial_id": numbers[-1]})
         return numbers
+
+    def _add_corrections(self, trial: Row, corrections: Iterable[Row]) -> None:
+        """Add those corrections of a stored trial that it lacks; of a field, the latest correction counts."""
+        stored = self._rows(CORRECTION, "WHERE trial_id = ? ORDER BY id", trial["id"])
+        for correction in corrections:
+            row = {**correction, "trial_id": trial["id"]}
+            if any(all(other[name] == row[name] for name in row) for other in stored):
+                continue
+            later = [other for other in stored if other["field"] == row["field"]]
+            if all(other["corrected_utc"] <= row["corrected_utc"] for other in later):
+                trial[row["field"]] = row["after"]
+            self._add(CORRECTION, row)
+        self._update(TRIAL, trial)
 
     def _require_same(self, trial: Mapping[str, Any], stored: Row) -> None:
         """Raise StoreError if an imported trial differs from the one that was imported from the same row before."""
-        # The stored trial as it was imported: undo its corrections, latest first.
-        imported = dict(stored)
-        for correction in self._rows(CORRECTION, "WHERE trial_id = ? ORDER BY id DESC", stored["id"]):
-            imported[correction["field"]] = correction["before"]
+        imported = _uncorrected(stored, self._rows(CORRECTION, "WHERE trial_id = ? ORDER BY id", stored["id"]))
         imported["design"] = json.loads(imported["design"])
         for name in ("experiment", "vehicle_type", "design", "sample", "outcome"):
             if trial.get(name) != imported[name]:
-                origin = f'trial {stored["id"]} was imported from the same row of "{trial["source"]}"'
+                same = f'row of "{trial["source"]}"' if trial.get("source") else "trial of another store"
+                origin = f'trial {stored["id"]} was imported from the same {same}'
                 values = f"{name} was {imported[name]}, not {trial.get(name)}"
                 raise StoreError(f"{self.path}: {origin}, but {values}: correct it, or give other rows another source")
 
@@ -268,6 +297,11 @@ def write_trials(path: Path) -> Iterator[TrialWriter]:
     # A trial cannot be repeated, so each commit is written to the disk before the program continues.
     with writing(path, synchronous="FULL") as connection:
         yield TrialWriter(path, connection)
+
+
+def _uncorrected(trial: Mapping[str, Any], corrections: Sequence[Row]) -> Row:
+    """Return a trial as it was before its ``corrections``, which are ordered oldest first."""
+    return {**trial, **{correction["field"]: correction["before"] for correction in reversed(corrections)}}
 
 
 def now_utc() -> str:

@@ -12,9 +12,11 @@ from typing import Any
 
 from foldcar.car.variation import draw
 from foldcar.scenes.fingerprint import environment_fingerprint, spread_fingerprint, variation_code
+from foldcar.scenes.fixed_hash import open_fixed_environment
 from foldcar.scenes.obstacles import Obstacle
 from foldcar.scenes.program_files import Files, ProgramFiles
-from foldcar.scenes.source import SceneSource, open_environment
+from foldcar.scenes.scene_notes import scene_notes
+from foldcar.scenes.source import SceneSource
 from foldcar.scenes.success import SuccessRule
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.runner import Runner
@@ -90,6 +92,13 @@ class Environment:
         """The rule that says when a run has passed."""
         return self._open().success
 
+    def notes(self) -> list[str]:
+        """Return remarks on sample 0, which its author probably did not mean; none if the program is not compiled.
+
+        A program that an earlier sweep has sampled is not compiled again for its remarks.
+        """
+        return [] if self._source is None else scene_notes(self.sample(0))
+
     @property
     def terrain_objects(self) -> list[tuple[str, int]]:
         """The name of each terrain object and its number of pieces, in the order of sample 0's terrain."""
@@ -134,7 +143,7 @@ class Environment:
         """Return the source of scenes; compile the program at the first call."""
         if self._source is None:
             experiment = self._experiment
-            self._source = open_environment(
+            self._source = open_fixed_environment(
                 experiment.program,
                 dict(experiment.scenic_params),
                 experiment.seed,

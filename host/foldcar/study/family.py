@@ -6,7 +6,7 @@ Members that cannot be built are skipped, and the reasons are kept. Errors name 
 
 import itertools
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -27,6 +27,8 @@ from foldcar.typed import did_you_mean
 
 # The fractional parts of its multiples are spread evenly over 0 to 1.
 GOLDEN_RATIO = (5**0.5 - 1) / 2
+# Values of a parameter that a message lists one by one.
+MAX_LISTED = 6
 
 
 @dataclass(frozen=True)
@@ -167,6 +169,15 @@ class Family:
         """The parameters with more than one value, by their column names in results (``width_mm``)."""
         return {_column(key): values for key, values in self.choices.items() if len(values) > 1}
 
+    def outside(self, settings: Mapping[str, float | str]) -> list[str]:
+        """Return a remark on each setting of :meth:`narrowed` whose value the family does not have."""
+        reason = "is not one of the family's values"
+        return [
+            f"{key}={value:.10g} {reason}, {_values_text(self.choices[key])}: a sweep has no such car"
+            for key, value in settings.items()
+            if key in self.choices and not isinstance(value, str) and value not in self.choices[key]
+        ]
+
     def narrowed(self, settings: Mapping[str, float | str]) -> "Family":
         """Return the family with some parameters and parts fixed, as ``--set`` does. Raises FoldcarError.
 
@@ -271,3 +282,11 @@ def read_family(file: Path, vehicle_id: str, vehicle: ListedVehicle) -> Family:
     if mistakes:
         raise ListingError(file, *mistakes)
     return Family(vehicle_id, composition, choices, origins, file, place, parts=parts)
+
+
+def _values_text(values: Sequence[float]) -> str:
+    """Return few values one by one, of many the range: ``95 and 115``, ``37 values from 65 to 245``."""
+    if len(values) > MAX_LISTED:
+        return f"{len(values)} values from {min(values):.10g} to {max(values):.10g}"
+    texts = [f"{value:.10g}" for value in values]
+    return " and ".join(filter(None, (", ".join(texts[:-1]), texts[-1])))

@@ -42,6 +42,24 @@ OBJECTS: dict[tuple[Any, ...], type[Strict]] = {
 }
 
 
+# pydantic's kinds of mistakes in foldcar's words: those with a limit, by the limit's name, and others.
+LIMITS = {
+    "ge": {"greater_than_equal": "below the minimum"},
+    "gt": {"greater_than": "not above"},
+    "le": {"less_than_equal": "above the maximum"},
+    "lt": {"less_than": "not below"},
+}
+WORDINGS = {
+    **dict.fromkeys(("int_type", "int_from_float", "int_parsing"), "is not a whole number"),
+    **dict.fromkeys(("float_type", "float_parsing", "finite_number"), "is not a number"),
+    "string_type": "is not a text",
+    **dict.fromkeys(("bool_type", "bool_parsing"), "is neither true nor false"),
+    "list_type": "is not a list, […]",
+    # Every minimum length is 1.
+    **dict.fromkeys(("too_short", "string_too_short"), "is empty"),
+}
+
+
 def read_listing(file: Path, programs: bool = False) -> tuple[Listing, str]:
     """Read and check a listing; return it with the file's text.
 
@@ -68,6 +86,8 @@ def read_listing(file: Path, programs: bool = False) -> tuple[Listing, str]:
 
 def load_listing(file: Path) -> tuple[Any, str]:
     """Return the JSON data in ``file`` and the file's text. Raises ListingError if it is not JSON, or not readable."""
+    if file.suffix == ".scenic" and file.is_file():
+        raise ListingError(file, "is a Scenic program; name a listing that has it as a scenic_filename (docs/listing.md)")
     try:
         text = read_text(file)
     except FoldcarError as error:
@@ -78,7 +98,7 @@ def load_listing(file: Path) -> tuple[Any, str]:
     try:
         data = json5.loads(text, allow_duplicate_keys=False)
     except ValueError as error:
-        raise ListingError(file, f"is not JSON: {unclosed(text) or _json_mistake(str(error))}") from error
+        raise ListingError(file, f"is not JSON: {unclosed(text) or _json_mistake(text, str(error))}") from error
     except RecursionError as error:
         raise ListingError(file, "is nested too deeply") from error
     try:
@@ -93,12 +113,18 @@ def load_listing(file: Path) -> tuple[Any, str]:
     return data, text
 
 
-def _json_mistake(message: str) -> str:
-    """Return the parser's message, beginning with line and column."""
+def _json_mistake(text: str, message: str) -> str:
+    """Return what the parser says of ``text``, beginning with line and column."""
     match = re.fullmatch(r"<string>:(\d+) (Unexpected .+) at column (\d+)", message)
     if match is None:
         return message.removeprefix("<string>:")
-    return f"line {match[1]}, column {match[3]}: {match[2].lower()}"
+    line, column = int(match[1]), int(match[3])
+    lines = text.split("\n")
+    before = "\n".join([*lines[: line - 1], lines[line - 1][: column - 1]]).rstrip()
+    # After a value, only a comma or an end can stand.
+    if before[-1:] in ('"', "}", "]") or before[-1:].isalnum():
+        return f"line {line}, column {column}: a comma is missing before {lines[line - 1][column - 1 :][:40]}"
+    return f"line {line}, column {column}: {match[2].lower()}"
 
 
 def validated_listing(data: Any) -> tuple[Listing, list[str]]:
@@ -126,6 +152,12 @@ def _mistake(mistake: Any) -> str:
     shown = shown if len(shown) <= 40 else f"{shown[:37]}..."
     if kind in NOT_AN_OBJECT:
         return f"{path}: {shown} is not a JSON object, {{…}}"
+    limit = mistake.get("ctx", {})
+    for name, words in LIMITS.items():
+        if name in limit and kind in words:
+            return f"{path}: {shown} is {words[kind]} {limit[name]}"
+    if kind in WORDINGS:
+        return f"{path}: {shown} {WORDINGS[kind]}"
     return f"{path}: {shown}: {message[0].lower()}{message[1:]}"
 
 

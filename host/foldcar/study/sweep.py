@@ -144,6 +144,9 @@ class Sweep:
             experiments.setdefault(plan.facts["success_rule"], []).append(plan.id)
         for rule, names in experiments.items():
             yield f"experiment{'s' if len(names) > 1 else ''} {', '.join(names)}: {rule}"
+        for experiment, environment in zip(self.study.experiments, self.environments, strict=True):
+            for text in environment.notes():
+                yield f"experiment {experiment.id}: sample 0: {text}"
         for name, text in side_view_texts.items():
             if text:
                 yield f"experiment {name}: {unlike_sides_text(text)}"

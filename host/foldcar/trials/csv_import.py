@@ -4,6 +4,8 @@ Input: a file with the columns ``outcome``, ``source`` and ``vehicle_type``, and
 ``count``, ``car`` (built or simulated; default: built), ``car_name``, ``elapsed_time_s``, ``note``, ``operator``,
 ``started_utc`` and parameters of the design (``width_mm``, …). Missing parameters are taken from the experiment if it was
 swept and does not vary them; else they are foldcar's defaults. At least one parameter must be given.
+A file that `foldcar export --trials` wrote has more columns, among them ``uuid``: such a row is the same trial as in the
+store that exported it, with its corrections and deviations.
 Columns are separated by commas, or by semicolons, with decimal points or decimal commas. Empty rows and empty columns at
 the right are ignored; there are no comments. Output: rows for :meth:`TrialWriter.import_trials`.
 """
@@ -22,10 +24,12 @@ from typing import Any
 from foldcar.car.design import Design, DesignError, compose_columns
 from foldcar.car.design_parameters import key_of, parameters
 from foldcar.errors import FoldcarError
+from foldcar.shown_text import without_apostrophe
 from foldcar.statistics.words import count, design_text
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import BUILT, CARS, LONGEST_S, MAX_ID, TRIAL_OUTCOMES, checked_name
+from foldcar.trials.exported_trials import EXPORTED, exported_facts, parquet_text
 from foldcar.typed import decimal_number, did_you_mean, read_text, whole_number
 
 REQUIRED = ("vehicle_type", "outcome", "source")
@@ -48,7 +52,7 @@ def read_trials(
 
     ``announce`` is called with the defaults that were used. Raises FoldcarError that names line and column.
     """
-    text = read_text(file)
+    text = parquet_text(file) if file.suffix.lower() == ".parquet" else read_text(file)
     first_line = text.lstrip().partition("\n")[0]
     # No column's name has a comma or a semicolon.
     separator = ";" if ";" in first_line and "," not in first_line else ","
@@ -68,7 +72,7 @@ def read_trials(
     for number, cells in lines:
         if len(cells) < len(header) or any(cells[len(header) :]):
             raise FoldcarError(f"{file}: line {number}: has {len(cells)} cells, the header {len(header)}")
-        row = {name: cell for name, cell in zip(header, cells, strict=False) if cell}
+        row = {name: without_apostrophe(cell) for name, cell in zip(header, cells, strict=False) if cell}
         if separator == ";":
             for name in decimals & row.keys():
                 mark = "," if "," in row[name] else "." if re.fullmatch(r"\d{1,3}(\.\d{3})+", row[name]) else ""
@@ -78,6 +82,9 @@ def read_trials(
                 examples = " beside ".join(marks.values())
                 raise FoldcarError(f"{file}: {examples}: use only decimal commas, without points")
         trial, copies = _trial(f"{file}: line {number}", row, experiment, swept, defaults)
+        if "uuid" in trial:
+            trials.append(trial)
+            continue
         source = trial["source"]
         rows[source] += 1
         # An imported trial is identified by its source, its row among those of the source, and its number in the row.
@@ -107,7 +114,8 @@ def _rows(file: Path, text: str, separator: str) -> Iterator[tuple[int, list[str
 def _check_header(file: Path, header: list[str]) -> None:
     """Raise FoldcarError for unknown, repeated and missing columns."""
     parameter_columns = [parameter.column for parameter in parameters().values()]
-    known_columns = [*REQUIRED, *OPTIONAL, *parameter_columns]
+    is_export = "uuid" in header
+    known_columns = [*REQUIRED, *OPTIONAL, *(EXPORTED if is_export else ()), *parameter_columns]
     if len(header) == 1 and (separator := next((candidate for candidate in "\t|" if candidate in header[0]), None)):
         separator_text = "tabs" if separator == "\t" else f'"{separator}"'
         raise FoldcarError(
@@ -132,8 +140,10 @@ def _trial(
     defaults: dict[str, float],
 ) -> tuple[dict[str, Any], int]:
     """Return the trial of a row, without its UUID, and the number of equal trials in the row."""
+    is_export = "uuid" in row
     for name in REQUIRED:
-        if name not in row:
+        # A trial that foldcar drove has no source.
+        if name not in row and not (is_export and name == "source"):
             raise FoldcarError(f"{place}: {name}: is empty")
     # Spreadsheets capitalise what is typed into a cell.
     outcome = "_".join(row["outcome"].lower().replace("-", " ").split())
@@ -146,13 +156,14 @@ def _trial(
     experiment_id = row.get("experiment", experiment)
     if experiment_id is None:
         raise FoldcarError(f"{place}: experiment: is empty; fill it or use --experiment ID")
-    design = _design(place, row, experiment_id, swept.get(experiment_id), defaults)
+    # An exported trial has just the parameters that it has, and so no defaults to announce.
+    design = _design(place, row, experiment_id, swept.get(experiment_id), {} if is_export else defaults)
     trial: dict[str, Any] = {
         "experiment": experiment_id,
         "vehicle_type": design.type,
         "design": design.columns,
         "outcome": outcome,
-        "source": row["source"],
+        "source": row.get("source"),
         "car": car,
         **{name: row[name] for name in ("note", "operator", "started_utc") if name in row},
     }
@@ -170,6 +181,9 @@ def _trial(
             )
     if "started_utc" in row:
         trial["started_utc"] = _time_utc(place, row["started_utc"])
+    if is_export:
+        exported = {name: value for name, value in design.columns.items() if name in row}
+        trial |= {**exported_facts(place, row), "design": exported}
     count = _number(place, row, "count", whole_number, minimum=1, maximum=MAX_COUNT) if "count" in row else 1
     return trial, int(count)
 

@@ -1,6 +1,13 @@
-"""Shows a drive on the terminal, at most REFRESH_HZ times a second, and reads the keys that end it."""
+"""Shows a drive on the terminal, and reads the keys that end it.
+
+A thread of its own shows the drive, because a terminal may block for any time (Ctrl-S, text marked in a Windows console,
+a hanging connection). The keys are read, and the car is stopped, without waiting for the terminal.
+"""
 
 import contextlib
+import os
+import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 
@@ -12,41 +19,52 @@ from rich.text import Text
 from foldcar.car.body import CHANNELS
 from foldcar.link.car import Car
 from foldcar.shown_console import shown_console
-from foldcar.trials.person import print_line
 
-REFRESH_HZ = 10
+REFRESH_S = 0.1
 PASSED, STOPS = "p", ("s", " ", "\n", "\r", "q", "\x1b")
 
 
 class DriveView:
-    """Shows a drive on a terminal, and stops it when a key is pressed.
+    """Shows a drive on a terminal, and reads the keys that stop it.
 
-    Nothing is shown if the output is not a terminal. The countdown begins with the first call of :meth:`update`.
-    ``other_input`` is the descriptor of a file whose input ends the wait for messages early, or None.
+    Without a terminal only the line about the cable is printed. ``other_input`` is the descriptor of a file whose input
+    ends the wait for messages early, or None.
     """
 
     def __init__(self, countdown_s: int, time_limit_s: float, other_input: int | None) -> None:
         self.other_input = other_input
         # Whether the person has said that the car has passed.
         self.passed = False
-        # Whether the person was told to pull the cable.
-        self._announced = False
         self._countdown_s, self._time_limit_s = countdown_s, time_limit_s
         self._pressed: Callable[[], str | None] = lambda: None
+        # When the countdown has begun (s, monotonic); None before.
         self._begun_s: float | None = None
-        self._shown_at_s = 0.0
-        self._live = Live(console=shown_console(), transient=True, auto_refresh=False)
+        self._ended = threading.Event()
+        self._thread: threading.Thread | None = None
 
     @contextlib.contextmanager
-    def watching(self, last_key: Callable[[], str | None]) -> Iterator[None]:
-        """Show the drive during the block; ``last_key`` returns the last key pressed or None."""
+    def watching(self, car: Car, last_key: Callable[[], str | None]) -> Iterator[None]:
+        """Show the drive during the block; ``last_key`` returns the last key pressed or None.
+
+        The end of the block does not wait for the terminal; :meth:`wait_for_terminal` does.
+        """
         self._pressed = last_key
-        if self._live.console.is_terminal:
-            self._live.start()
+        # A daemon, because a terminal that stays blocked must not keep the program from ending.
+        self._thread = threading.Thread(target=self._show, args=(car,), daemon=True)
+        self._thread.start()
         try:
             yield
         finally:
-            self._live.stop()
+            self._ended.set()
+
+    def wait_for_terminal(self) -> None:
+        """Wait until all of the drive is shown, so that the next line does not mix with it."""
+        if self._thread is not None:
+            self._thread.join()
+
+    def begin(self) -> None:
+        """Show the drive from now on; the countdown begins, if there is one."""
+        self._begun_s = time.monotonic()
 
     def wants_stop(self) -> str | None:
         """Return the ending if a key was pressed that stops the drive, else None."""
@@ -56,26 +74,37 @@ class DriveView:
             return "passed, said by key"
         return "stopped by key" if key in STOPS else None
 
-    def update(self, car: Car) -> None:
-        """Show the car's state at most REFRESH_HZ times a second."""
-        now_s = time.monotonic()
-        self._begun_s = now_s if self._begun_s is None else self._begun_s
-        self._announce(car)
-        if self._live.is_started and now_s - self._shown_at_s >= 1 / REFRESH_HZ:
-            self._shown_at_s = now_s
-            self._live.update(self._panel(car, max(0.0, self._begun_s + self._countdown_s - now_s)), refresh=True)
+    def _show(self, car: Car) -> None:
+        """Show the car's state every REFRESH_S until the drive has ended."""
+        announced = False
+        # Its own file: while a write to the terminal blocks, it holds the file's lock. A closed terminal is no error.
+        with (
+            contextlib.suppress(OSError),
+            os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding=sys.stdout.encoding) as file,
+        ):
+            console = shown_console(file=file)
+            live = Live(console=console, transient=True, auto_refresh=False, redirect_stdout=False, redirect_stderr=False)
+            with live if console.is_terminal else contextlib.nullcontext():
+                while not self._ended.wait(REFRESH_S):
+                    line = None if announced else self._announcement(car)
+                    if line is not None:
+                        console.print(line, soft_wrap=True)
+                        file.flush()
+                        announced = True
+                    if console.is_terminal and self._begun_s is not None:
+                        remaining_s = max(0.0, self._begun_s + self._countdown_s - time.monotonic())
+                        live.update(self._panel(car, remaining_s), refresh=True)
 
-    def _announce(self, car: Car) -> None:
-        """Print once that the cable can be pulled, when the car itself counts or waits for its button."""
+    def _announcement(self, car: Car) -> str | None:
+        """Return that the cable can be pulled, when the car itself counts or waits for its button; else None."""
         trial, dialect = car.connection.latest.get("FOLDCAR_TRIAL"), car.dialect
-        if self._announced or trial is None or not trial.flags & dialect.FOLDCAR_TRIAL_FLAGS_UNTETHERED:
-            return
+        if trial is None or not trial.flags & dialect.FOLDCAR_TRIAL_FLAGS_UNTETHERED:
+            return None
         if trial.state == dialect.FOLDCAR_STATE_COUNTING:
-            print_line(f"Pull the cable now: the wheels start in {trial.countdown_ms / 1000:.0f} s.")
-            self._announced = True
-        elif trial.state == dialect.FOLDCAR_STATE_ARMED and car.is_under_way(trial):
-            print_line(f"Pull the cable now, put the car in its place. Its button starts the {self._countdown_s} s.")
-            self._announced = True
+            return f"Pull the cable now: the wheels start in {trial.countdown_ms / 1000:.0f} s."
+        if trial.state == dialect.FOLDCAR_STATE_ARMED and car.is_under_way(trial):
+            return f"Pull the cable now, put the car in its place. Its button starts the {self._countdown_s} s."
+        return None
 
     def _panel(self, car: Car, remaining_s: float) -> Group:
         """Return what is shown: the car's last reported state, its pulses and battery, the quality of the link."""
@@ -87,6 +116,8 @@ class DriveView:
         elif trial is not None and trial.state == car.dialect.FOLDCAR_STATE_RUNNING:
             text = f"DRIVING  {trial.elapsed_ms / 1000:5.1f} s  {self._time_limit_s:g} s at most"
             headline = Text(text, style="bold red")
+        elif trial is not None and trial.state in (car.dialect.FOLDCAR_STATE_FINISHED, car.dialect.FOLDCAR_STATE_FAULT):
+            headline = Text("ENDED")
         table = Table.grid(padding=(0, 2))
         if pulses is not None:
             widths = {number: getattr(pulses, f"servo{number}_raw") for number in range(1, CHANNELS + 1)}

@@ -18,17 +18,21 @@ from foldcar.link.car_logs import fetch_log, list_logs
 from foldcar.link.stream import LinkLostError
 from foldcar.link.tlog import LogError, merge_records, messages_of, read_tlog, records_of
 from foldcar.trials.drive_view import DriveView
+from foldcar.trials.faults import CarFaultError, fault_line
 
-# The car stops 0.5 s after the last heartbeat; silence of this length is not a brief disturbance.
+# A car that is silent for so long is lost. If this program stands still for so long, it was stopped (Ctrl-Z).
 SILENCE_S = 2.0
 AFTERWARDS_S = 0.3
 # Ending of an untethered drive: the cable is unplugged and the car drives on.
 DRIVES_ON = "drives on untethered"
 STILL_PLUGGED_IN = "the cable was still plugged in when the wheels started"
 CTRL_C = "Ctrl-C"
+STOOD_STILL = "this program stood still"
 # After a trial the car writes its log from RAM to flash: at most 256 KiB, whose 64 sectors take about 0.1 s each.
 STORING_S = 30.0
 STEP_S = 0.05
+# A simulated car sends its true state every 0.02 s.
+TRUTH_S = 0.5
 # A simulated car's clock may run slower than the host's by at most this factor.
 MAX_DELAY = 20.0
 # A simulated car whose clock has at least this rate runs faster than real time.
@@ -60,7 +64,26 @@ def drive(
     counts down, with ``button`` from the moment at which its button is pressed. When its cable is unplugged, the result
     is DRIVES_ON and the car is not stopped.
     """
-    started = host_timed_out = False
+    end = None
+    try:
+        end = _drive_to_end(car, settings, trial, countdown_s, view, untethered, button)
+    finally:
+        if end is None or end.ending != DRIVES_ON:
+            _stand_still(car)
+    return end
+
+
+def _drive_to_end(
+    car: Car,
+    settings: Mapping[str, Any],
+    trial: int,
+    countdown_s: int,
+    view: DriveView,
+    untethered: bool,
+    button: bool,
+) -> DriveEnd:
+    """Drive one trial as :func:`drive`, but leave the car as it is at the end."""
+    started = False
 
     def elapsed_s() -> float | None:
         # Before the start, the car reports its last trial, which may have had the same number in another store.
@@ -83,37 +106,39 @@ def drive(
         values = settings["speed_m_s"], settings["yaw_rate_rad_s"], settings["time_limit_s"]
         car.start_trial(*values, trial, untethered, delay_s, button)
         started = True
+        if untethered:
+            view.begin()
         longest_s = math.inf if button else MAX_DELAY * (delay_s + settings["time_limit_s"]) + STORING_S
         return _watch(car, trial, view, time.monotonic() + longest_s, untethered and _has_cable(car))
     except LinkLostError as error:
-        host_timed_out = untethered and started
-        if host_timed_out:
+        if untethered and started:
             return DriveEnd(DRIVES_ON, None, None)
         return DriveEnd("link lost", "aborted", elapsed_s(), error)
     except LogError as error:
         car.connection.log = None
         return DriveEnd("log could not be written", "aborted", elapsed_s(), error)
     except CommandRefusedError as error:
-        advice = "; find the cause, then acknowledge the fault" if car.fault_text() else ""
-        return DriveEnd(
-            "refused by the car", "aborted", None, FoldcarError(f"{error}{advice}{_pace_hint(car, str(error))}")
-        )
+        message = f"{error}{_pace_hint(car, str(error))}"
+        return DriveEnd("refused by the car", "aborted", None, CommandRefusedError(message))
     except KeyboardInterrupt:
         return DriveEnd(CTRL_C, "aborted", elapsed_s(), FoldcarError("stopped by Ctrl-C"))
-    finally:
-        if not host_timed_out:
-            _stand_still(car)
 
 
 def _count_down(car: Car, countdown_s: int, view: DriveView) -> str | None:
     """Wait for the countdown; return how it was ended early, or None if it ran out."""
-    end_s = time.monotonic() + countdown_s
-    while (remaining_s := end_s - time.monotonic()) > 0:
-        car.connection.receive(min(STEP_S, remaining_s), view.other_input)
-        view.update(car)
+    view.begin()
+    now_s = time.monotonic()
+    end_s = now_s + countdown_s
+    while now_s < end_s:
+        turn_s = now_s
+        car.connection.receive(min(STEP_S, end_s - now_s), view.other_input)
         ending = view.wants_stop()
         if ending is not None:
             return ending
+        now_s = time.monotonic()
+        if now_s - turn_s > SILENCE_S:
+            # After Ctrl-Z nobody expects that the car starts at once.
+            return STOOD_STILL
     return None
 
 
@@ -130,7 +155,7 @@ def _watch(car: Car, trial: int, view: DriveView, end_s: float, must_be_unplugge
     while the cable is still plugged in.
     """
     dialect, connection = car.dialect, car.connection
-    last_boot_ms = 0
+    last_boot_ms, turn_s = 0, time.monotonic()
 
     def has_ended(message: Any) -> bool:
         return _is_of(message, trial) and not car.is_under_way(message)
@@ -143,13 +168,12 @@ def _watch(car: Car, trial: int, view: DriveView, end_s: float, must_be_unplugge
                     return DriveEnd("the car restarted", "aborted", None)
                 last_boot_ms = message.time_boot_ms
                 if has_ended(message):
-                    return _car_ended(car, message)
+                    return _car_ended(car, message, view)
                 if must_be_unplugged and _is_of(message, trial) and message.state == dialect.FOLDCAR_STATE_RUNNING:
                     car.stop_trial()
                     return DriveEnd(STILL_PLUGGED_IN, "aborted", message.elapsed_ms / 1000)
             elif message_type == "FOLDCAR_TRUTH" and message.trial_id == trial and message.outcome:
                 return _simulated_outcome(car, message)
-        view.update(car)
         ending = view.wants_stop()
         if ending is not None:
             car.stop_trial()
@@ -158,19 +182,41 @@ def _watch(car: Car, trial: int, view: DriveView, end_s: float, must_be_unplugge
             return DriveEnd(ending, None, _elapsed_s(car, trial))
         if connection.silence_s() > SILENCE_S:
             raise LinkLostError(f"{car.port}: the car is silent for {SILENCE_S:g} s")
-        if time.monotonic() > end_s:
+        now_s = time.monotonic()
+        if now_s - turn_s > SILENCE_S:
+            # The time in which this program stood still does not count.
+            end_s += now_s - turn_s
+        turn_s = now_s
+        if now_s > end_s:
             raise LinkLostError(f"{car.port}: the car does not end trial {trial} at its time limit")
 
 
-def _car_ended(car: Car, message: Any) -> DriveEnd:
-    """Return how the car ended the drive by itself."""
+def _car_ended(car: Car, message: Any, view: DriveView) -> DriveEnd:
+    """Return how the car ended the drive by itself.
+
+    If this program stood still, messages and keys wait. A simulated car's outcome, or a key, then came before the fault.
+    """
     elapsed_s = message.elapsed_ms / 1000
     if message.end == car.dialect.FOLDCAR_END_TIME_LIMIT:
         return DriveEnd("time limit", "timeout", elapsed_s)
-    if message.end == car.dialect.FOLDCAR_END_FAULT:
-        fault = car.fault_text() or "fault"
-        return DriveEnd(fault, "aborted", elapsed_s, FoldcarError(f"the car stopped: {fault}{_pace_hint(car, fault)}"))
-    return DriveEnd("stopped by another host", None, elapsed_s)
+    if message.end != car.dialect.FOLDCAR_END_FAULT:
+        return DriveEnd("stopped by another host", None, elapsed_s)
+    truth = _last_truth(car, message.trial_id)
+    if truth is not None and truth.outcome:
+        return _simulated_outcome(car, truth)
+    ending = view.wants_stop()
+    if ending is not None:
+        return DriveEnd(ending, None, elapsed_s)
+    fault = car.fault_text() or "fault"
+    line = fault_line(car) or fault
+    return DriveEnd(fault, "aborted", elapsed_s, CarFaultError(f"the car stopped: {line}{_pace_hint(car, fault)}"))
+
+
+def _last_truth(car: Car, trial: int) -> Any | None:
+    """Return the next FOLDCAR_TRUTH of a simulated car's trial; None of a built car."""
+    if "FOLDCAR_TRUTH" not in car.connection.latest:
+        return None
+    return car.connection.wait_for(lambda m: m.get_type() == "FOLDCAR_TRUTH" and m.trial_id == trial, TRUTH_S)
 
 
 def _pace_hint(car: Car, message: str) -> str:

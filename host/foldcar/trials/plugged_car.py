@@ -4,6 +4,7 @@ Input: ports, a car's identity and parameters, answers of the person beside it. 
 how an untethered drive ended. Raises FoldcarError with a remedy.
 """
 
+import contextlib
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,7 +13,7 @@ from typing import Any
 from foldcar.car.body import body_json, design_hash
 from foldcar.car.design import Design
 from foldcar.errors import FoldcarError
-from foldcar.link.car import Car, CarIdentity, greet
+from foldcar.link.car import ANSWER_S, Car, CarIdentity, CommandRefusedError, NoCarError, greet
 from foldcar.link.parameters import equal_float32, read_parameters, set_parameter
 from foldcar.link.stream import SERIAL_PATHS, LinkLostError, choose_port
 from foldcar.scenes.fingerprint import scene_name
@@ -20,6 +21,7 @@ from foldcar.simulation.carsim import Carsim
 from foldcar.study.experiments import TRIAL_LIMIT, Experiment
 from foldcar.study.family import Family
 from foldcar.trials.driving import DriveEnd, collect
+from foldcar.trials.faults import acknowledge_faults, fault_line
 from foldcar.trials.person import Answers, print_line, print_warning
 
 SIMULATED_TEXT = "SIMULATED CAR"
@@ -110,7 +112,9 @@ def welcome(
     if not any_build:
         check_build(identity, carsim.firmware)
     _end_earlier_trial(car)
-    _clear_fault(car, answers)
+    for line in acknowledge_faults(car, answers):
+        if answers is None:
+            print_line(f"fault     {line}")
     values, table = read_parameters(car), carsim.parameter_table()
     body = body_json(design)
     print_line(f"servos    {_servo_battery_text(car, values, body['supply_v'])}")
@@ -162,17 +166,6 @@ def _end_earlier_trial(car: Car) -> None:
         car.request("FOLDCAR_TRIAL")
 
 
-def _clear_fault(car: Car, answers: Answers | None) -> None:
-    """Acknowledge the car's fault, if any. With ``answers``, ask first; raises FoldcarError if the answer is no."""
-    fault = car.fault_text()
-    if fault is None:
-        return
-    print_line(f"fault     {fault}")
-    if answers is not None and answers.line("Acknowledge it? [Y/n] ").lower() not in ("", "y", "yes"):
-        raise FoldcarError(f"the car has a fault that is not acknowledged: {fault}")
-    car.acknowledge_fault()
-
-
 def design_of(identity: CarIdentity, experiment: Experiment, family: Family) -> Design:
     """Return the design of ``family`` with the car's hash. Raises FoldcarError if no design has it."""
     if identity.refused:
@@ -200,9 +193,21 @@ def check_build(identity: CarIdentity, simulated_build: str) -> None:
 
 
 def enter_sample(car: Car, scene: Mapping[str, Any], sample: int, experiment: Experiment) -> None:
-    """Move a simulated car to the sample with this ``scene``. Raises FoldcarError if it does not have the scene."""
-    if not car.enter_scene(scene_name(scene, sample)):
-        raise FoldcarError(
-            f"the simulated car cannot drive in sample {sample} of experiment {experiment.id}: start `foldcar link` with "
-            f"this experiment of {experiment.place.partition(': ')[0]} as it is now, and with --sample {sample}"
-        )
+    """Move a simulated car to the sample with this ``scene``.
+
+    Raises FoldcarError if the car has a fault or does not have the scene, NoCarError if it does not answer.
+    """
+    with contextlib.suppress(CommandRefusedError):
+        # Only a disarmed car moves.
+        car.disarm()
+    if car.enter_scene(scene_name(scene, sample)):
+        return
+    fault = fault_line(car)
+    if fault is not None:
+        raise FoldcarError(f"the simulated car does not move to sample {sample}, because it has a fault: {fault}")
+    if car.connection.silence_s() > ANSWER_S:
+        raise NoCarError(f"{car.port}: the simulated car does not answer: is `foldcar link` stopped?")
+    raise FoldcarError(
+        f"the simulated car cannot drive in sample {sample} of experiment {experiment.id}: start `foldcar link` with "
+        f"this experiment of {experiment.place.partition(': ')[0]} as it is now, and with --sample {sample}"
+    )

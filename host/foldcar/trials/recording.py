@@ -26,24 +26,31 @@ OUTCOME_KEYS = {
 OUTCOME_QUESTION = "Outcome: (p)assed, (t)ipped, (s)tuck, (o)ff course, t(i)me limit, (a)borted"
 
 
-def record_outcome(
-    writer: TrialWriter, number: int, end: DriveEnd, log: Path, outcome: str | None, note: str | None,
-    answers: Answers | None, mark: str = "",
-) -> Ending:  # fmt: skip
-    """Complete the row of trial ``number``, print its outcome, and return what was stored.
+def store_end(writer: TrialWriter, number: int, end: DriveEnd, log: Path) -> str | None:
+    """Complete the row of trial ``number``, before anybody is asked; return the hash of its log, None if there is none.
 
-    An aborted drive is stored as aborted. Else the outcome is ``outcome`` or, if that is None, asked for; without
-    ``answers`` it is that of the drive. ``mark`` is printed behind the outcome. Raises FoldcarError if the
-    outcome remains unknown.
+    Raises StoreError.
     """
     digest = sha256_of(log)
     ending = end.ending if end.outcome else ending_without_outcome(end.ending)
-    # Complete the trial before asking, so that it is not lost if the person interrupts the question.
     try:
         writer.complete(number, Ending(end.outcome or "aborted", ending, end.elapsed_time_s, "", digest))
     except StoreError as error:
         advice = f"trial {number} is stored without its outcome; enter it later with `foldcar trials correct`"
         raise StoreError(f"{error}; {advice}") from error
+    return digest
+
+
+def record_outcome(
+    writer: TrialWriter, number: int, end: DriveEnd, log: Path, digest: str | None, outcome: str | None,
+    note: str | None, answers: Answers | None, mark: str = "",
+) -> Ending:  # fmt: skip
+    """Store the outcome of trial ``number``, whose end is stored; print it, and return what was stored.
+
+    An aborted drive is stored as aborted. Else the outcome is ``outcome`` or, if that is None, asked for; without
+    ``answers`` it is that of the drive. ``digest`` is the log's hash, ``mark`` is printed behind the outcome. Raises
+    FoldcarError if the outcome remains unknown.
+    """
     elapsed_text = f" after {end.elapsed_time_s:.2f} s" if end.elapsed_time_s is not None else ""
     print_line(f"Ended{elapsed_text}: {end.ending}")
     outcome = "aborted" if end.error is not None else outcome

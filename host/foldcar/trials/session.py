@@ -5,6 +5,7 @@ armed, and completed step by step. If the program is killed, at most the answer 
 """
 
 import contextlib
+import json
 import shutil
 import time
 from collections.abc import Mapping
@@ -17,26 +18,29 @@ from typing import Any
 from foldcar.car.body import body_json
 from foldcar.car.design import Design
 from foldcar.errors import FoldcarError
-from foldcar.link.car import CarIdentity
+from foldcar.link.car import CarIdentity, CommandRefusedError, NoCarError
 from foldcar.link.parameters import read_parameters
 from foldcar.link.stream import LinkLostError, choose_port
-from foldcar.link.tlog import TlogWriter
+from foldcar.link.tlog import LogError, TlogWriter
 from foldcar.outputs import file_name_part, make_output_folder
 from foldcar.scenes.obstacles import Obstacle
+from foldcar.scenes.source import other_scene
 from foldcar.simulation.carsim import Carsim
 from foldcar.store.log_files import logs_folder, store_folder
 from foldcar.store.trial_records import BUILT, SIMULATED, Ending, TrialDesign
 from foldcar.store.trial_writer import CarFacts, Drive, TrialWriter, write_trials
+from foldcar.store.writer import canonical_json
 from foldcar.study.environments import Environment
 from foldcar.study.experiments import read_study
 from foldcar.trials.drive_view import DriveView
 from foldcar.trials.driving import CTRL_C, DRIVES_ON, DriveEnd, drive
+from foldcar.trials.faults import CarFaultError, acknowledge_faults
 from foldcar.trials.media import Arrivals, media_kind
 from foldcar.trials.order import Standing, moves_text, next_sample, standing
 from foldcar.trials.person import IDLE_S, Answers, print_line, print_warning
 from foldcar.trials.placement import ask_deviations, draw_placement, lettered, scene_as_placed, show_placement
 from foldcar.trials.plugged_car import SIMULATED_TEXT, PluggedCar, enter_sample, require_same_car, welcome
-from foldcar.trials.recording import OUTCOME_KEYS, OUTCOME_QUESTION, complete_interrupted, record_outcome
+from foldcar.trials.recording import OUTCOME_KEYS, OUTCOME_QUESTION, complete_interrupted, record_outcome, store_end
 
 MIN_FREE_BYTES = 20_000_000
 NEXT, REPEAT, QUIT = "", "r", "q"
@@ -100,6 +104,8 @@ class Session:
         self._options = options
         (self._experiment,) = read_study(options.listing, options.experiment).experiments
         self._family = self._experiment.family.narrowed(options.settings)
+        # Remarks on chosen values that the sweep's family does not have.
+        self.unlisted_values = self._experiment.family.outside(options.settings)
         self._carsim = Carsim()
         self._environment = Environment(self._experiment)
         self._answers = Answers(self._idle)
@@ -129,14 +135,19 @@ class Session:
             with write_trials(options.store) as writer:
                 complete_interrupted(writer)
                 while options.trials is None or len(self.driven) < options.trials + self._repeated:
-                    trial = self._trial(writer, checked_car)
+                    try:
+                        trial = self._trial(writer, checked_car)
+                    except (LinkLostError, NoCarError) as error:
+                        # Lost before the trial was begun.
+                        checked_car = self._after_error(error, checked_car)
+                        continue
                     if trial is None:
                         break
                     if trial.end.ending == CTRL_C:
                         raise KeyboardInterrupt
                     self._take_media(writer)
                     if trial.end.error is not None:
-                        checked_car = self._after_error(trial.end.error)
+                        checked_car = self._after_error(trial.end.error, checked_car)
                     # Without a number of trials and without questions it is one trial.
                     if options.trials is None and options.yes:
                         break
@@ -243,6 +254,9 @@ class Session:
         self._take_media(writer)
         self._arrivals.begin(number)
         scene, obstacles = self._scene(sample)
+        if writer.swept_scene(fingerprint, sample) not in (None, json.loads(canonical_json(scene))):
+            raise other_scene(experiment.program, sample)
+        acknowledge_faults(self._plugged.connected, self._questions)
         if identity.simulated:
             enter_sample(self._plugged.connected, scene, sample, experiment)
         moves = "" if self._standing is None else moves_text(self._standing, standing(scene, obstacles, {}))
@@ -258,6 +272,8 @@ class Session:
         settings = experiment.settings(design, body, self._carsim.parameter_table())
         # The car may be exchanged between two trials without a lost link.
         require_same_car(self._plugged.connected, identity)
+        # A fault that came while the person typed belongs to no trial.
+        acknowledge_faults(self._plugged.connected, self._questions)
         log = self._log_file(number)
         car = None if identity.simulated is None else SIMULATED if identity.simulated else BUILT
         if identity.simulated and deviations:
@@ -274,18 +290,30 @@ class Session:
         )
         self.driven.append(trial_number)
         self._standing = standing(scene, obstacles, deviations)
-        end = self._drive(settings, trial_number, log, identity)
+        view = DriveView(options.countdown_s, settings["time_limit_s"], self._answers.waitable)
+        end, faults = self._drive(settings, trial_number, log, identity, view)
         if end.ending == DRIVES_ON:
+            view.wait_for_terminal()
             longest_s = options.countdown_s + settings["time_limit_s"]
             end = self._plugged.collect(trial_number, log, longest_s, self._questions, identity)
-        stored = record_outcome(writer, trial_number, end, log, options.outcome, options.note, self._questions, mark)
+        digest = store_end(writer, trial_number, end, log)
+        view.wait_for_terminal()
+        if end.error is None:
+            for fault in faults:
+                print_line(f"After the end the car had a fault, which is acknowledged: {fault}")
+        stored = record_outcome(
+            writer, trial_number, end, log, digest, options.outcome, options.note, self._questions, mark
+        )
         return _Driven(trial_number, sample, log, stored, end)
 
-    def _drive(self, settings: dict[str, Any], number: int, log: Path, identity: CarIdentity) -> DriveEnd:
-        """Drive one trial with its log, and return how it ended."""
+    def _drive(
+        self, settings: dict[str, Any], number: int, log: Path, identity: CarIdentity, view: DriveView
+    ) -> tuple[DriveEnd, list[str]]:
+        """Drive one trial with its log; return how it ended, and the car's faults afterwards, which are acknowledged."""
         car, options, limit_s = self._plugged.connected, self._options, settings["time_limit_s"]
         begins = "From the car's button on, it counts" if options.button else "Countdown"
         print_line(f"{begins} {options.countdown_s} s, then {limit_s:g} s at most. Ctrl-C stops.")
+        faults: list[str] = []
         try:
             with contextlib.closing(TlogWriter(log)) as writer:
                 car.connection.catch_up()
@@ -295,22 +323,30 @@ class Session:
                 for message in ("AUTOPILOT_VERSION", "SYS_STATUS"):
                     car.request(message)
                 read_parameters(car)
-                view = DriveView(options.countdown_s, limit_s, self._answers.waitable)
-                with self._answers.keys() as pressed, view.watching(pressed):
+                with self._answers.keys() as pressed, view.watching(car, pressed):
                     end = drive(car, settings, number, options.countdown_s, view, options.untethered, options.button)
-                return replace(end, outcome="passed") if view.passed and end.outcome is None else end
+                    if end.ending != DRIVES_ON and not isinstance(end.error, (LinkLostError, LogError)):
+                        # The fault belongs to this trial, whose outcome stands.
+                        with contextlib.suppress(FoldcarError):
+                            faults = acknowledge_faults(car)
+                return (replace(end, outcome="passed") if view.passed and end.outcome is None else end), faults
         except FoldcarError as error:
             ending = "link lost before the start" if isinstance(error, LinkLostError) else "not begun"
-            return DriveEnd(ending, "aborted", None, error)
+            return DriveEnd(ending, "aborted", None, error), faults
         finally:
             car.connection.log = None
 
-    def _after_error(self, error: FoldcarError) -> CheckedCar:
-        """After a lost link, wait until a car is plugged in, and return it.
+    def _after_error(self, error: FoldcarError, checked_car: CheckedCar) -> CheckedCar:
+        """Print the error that aborted a trial, and return the car for the next trial.
 
-        Raises ``error`` if it is another error, if nobody can be asked, or if the person ends the session.
+        A fault ends a trial, not the session. After a refused command or a lost link a person must help; a lost car is
+        checked again. Raises ``error`` if nobody can be asked, if it is another error, or if the person ends the session.
         """
-        if self._options.yes or not self._answers.is_terminal or not isinstance(error, LinkLostError):
+        has_person = not self._options.yes and self._answers.is_terminal
+        if isinstance(error, CarFaultError) or (has_person and isinstance(error, CommandRefusedError)):
+            print_warning(error)
+            return checked_car
+        if not has_person or not isinstance(error, (LinkLostError, NoCarError)):
             raise error
         print_warning(error)
         while True:

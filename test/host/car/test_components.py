@@ -2,6 +2,7 @@
 
 import math
 import os
+import py_compile
 import re
 from collections.abc import Sequence
 from importlib import import_module
@@ -228,6 +229,56 @@ def test_what_a_user_module_reads_is_part_of_it(tmp_path: Path) -> None:
     load_components(late)
     with pytest.raises(FoldcarError, match=r"reads .*late\.txt while a car is folded, too late"):
         folded_car(compose("W_B_Late", {"Late.length": 52}))
+
+
+def compiled_as_before(helper: Path, before: str, now: str) -> None:
+    """Write ``now`` to a module whose compiled code is of ``before``, and which Python takes for unchanged."""
+    assert len(before) == len(now)
+    helper.write_text(before)
+    py_compile.compile(str(helper), doraise=True)
+    status = helper.stat()
+    helper.write_text(now)
+    os.utime(helper, ns=(status.st_atime_ns, status.st_mtime_ns))
+
+
+def test_a_user_module_and_its_helpers_are_loaded_from_their_sources(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file, helper = tmp_path / "tail.py", tmp_path / "tail_helper.py"
+    compiled_as_before(helper, "OFFSET = 5\n", "OFFSET = 7\n")
+    (cache,) = (tmp_path / "__pycache__").iterdir()
+    compiled = cache.read_bytes()
+    text = f"from tail_helper import OFFSET as O5\n{TAIL}"
+    compiled_as_before(file, text.replace('"offset", 5', '"offset", 3', 1), text.replace('"offset", 5', '"offset",O5', 1))
+    monkeypatch.syspath_prepend(tmp_path)
+
+    load_components(file)
+
+    assert compose("W_B_Tail", {}).columns["Tail_offset_mm"] == 7
+    assert cache.read_bytes() == compiled
+
+
+def test_a_file_outside_of_the_folder_of_a_user_module_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "own").mkdir()
+    (tmp_path / "other").mkdir()
+    file, helper, data = tmp_path / "own" / "tail.py", tmp_path / "other" / "far_helper.py", tmp_path / "other" / "5.txt"
+    compiled_as_before(helper, "OFFSET = 5\n", "OFFSET = 7\n")
+    data.write_text("5")
+    monkeypatch.syspath_prepend(tmp_path / "other")
+    for head, outside in (
+        ("from far_helper import OFFSET\n", helper),
+        # Loaded before, so it is not read again.
+        ("import far_helper\n", helper),
+        (f"OFFSET = open({str(data)!r}).read()\n", data),
+    ):
+        file.write_text(head + TAIL)
+
+        with pytest.raises(FoldcarError) as caught:
+            load_components(file)
+
+        assert str(caught.value).startswith(f"--components {file}: reads {outside}, which is outside its folder; put")
 
 
 def test_environment_variables_are_no_part_of_a_user_module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -79,7 +79,7 @@ def test_a_listing_and_the_command_line_choose_the_same_parts(tmp_path: Path) ->
     [
         ({"tyre": "nune"}, 'vehicles.1.parts.tyre: unknown name "nune"; known: none, rubber_band'),
         ({"tire": "none"}, 'vehicles.1.parts: unknown kind of part "tire"; known: film, horn, tyre'),
-        ({"tyre": ["none"]}, "vehicles.1.parts.tyre: ['none']: input should be a valid string"),
+        ({"tyre": ["none"]}, "vehicles.1.parts.tyre: ['none'] is not a text"),
     ],
 )
 def test_mistakes_in_a_listing_name_key_and_known_names(tmp_path: Path, parts: object, message: str) -> None:

@@ -107,6 +107,8 @@ def test_a_search_of_all_designs_finds_what_a_sweep_finds(
 # The command with few new environments, interrupted when nine runs or more are stored.
 CUT = """
 import signal
+# A shell may have started the tests in the background, where SIGINT is ignored.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 from foldcar.commands.progress_bar import SearchBar
 from foldcar.study.search import search
 search.Plan.__init__.__defaults__ = (2, 4)

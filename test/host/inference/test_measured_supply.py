@@ -30,7 +30,7 @@ def with_log(store: Path, trial: Trial, rest_mv: int, drive_mv: int) -> Trial:
     """The trial with a log of 2 s, in which the servos' supply has these voltages at rest and while driving."""
     dialect = load_dialect()
     mav = dialect.MAVLink(None, CAR_SYSTEM, CAR_COMPONENT)
-    file = store.parent / f"{rest_mv}-{drive_mv}.tlog"
+    file = store.parent / "s-logs" / f"trial-{rest_mv}-20261122T11{drive_mv}Z.tlog"
     log = TlogWriter(file)
     for k in range(-10, 21):
         boot_ms, elapsed_ms, mv = 5000 + 100 * k, max(0, 100 * k), drive_mv if k > 0 else rest_mv
@@ -39,7 +39,7 @@ def with_log(store: Path, trial: Trial, rest_mv: int, drive_mv: int) -> Trial:
         for message in (mav.foldcar_trial_encode(boot_ms, 1, elapsed_ms, 5000, 0.5, 0.0, 2, end, 0, 0, 0, 0), battery):
             log.write(message.pack(mav), 1_000_000 + 1000 * boot_ms)
     log.close()
-    return replace(trial, log=file.name, log_sha256=hashlib.sha256(file.read_bytes()).hexdigest())
+    return replace(trial, log=f"s-logs/{file.name}", log_sha256=hashlib.sha256(file.read_bytes()).hexdigest())
 
 
 def test_the_loaded_voltage_is_compared_unless_the_simulator_loads_the_supply_itself(

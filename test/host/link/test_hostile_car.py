@@ -69,11 +69,12 @@ def car_that_sends(*packets: bytes, endless: bool = False) -> Iterator[Car]:
     ours.setblocking(False)
     thread = threading.Thread(target=send)
     thread.start()
+    connection = Connection(Stream("car", ours, ours.recv, ours.send))
     try:
-        yield Car(Connection(Stream("car", ours, ours.recv, ours.send)))
+        yield Car(connection)
     finally:
         stop.set()
-        ours.close()
+        connection.close()
         its.close()
         thread.join()
 
@@ -112,13 +113,13 @@ def test_a_message_with_a_number_that_no_car_can_have_is_damaged(tmp_path: Path,
 
 def test_a_path_ends_with_the_longest_trial(store: Path) -> None:
     """A car whose clock jumps asks for no path of years."""
-    log = store.parent / "s-logs" / "jump.tlog"
+    log = store.parent / "s-logs" / "trial-0009-20261122T113100Z.tlog"
     hour_us = 3_600_000_000
     with contextlib.closing(TlogWriter(log)) as writer:
         writer.write(packet("FOLDCAR_TRIAL"))
         for time_us in (4_000, 1_004_000, 900 * hour_us):
             writer.write(packet("FOLDCAR_TRUTH", time_usec=time_us))
-    change(store, BY_NAME["trial"], "id = 1", log="s-logs/jump.tlog", log_sha256=None)
+    change(store, BY_NAME["trial"], "id = 1", log="s-logs/trial-0009-20261122T113100Z.tlog", log_sha256=None)
 
     with Store.open(store) as opened:
         rows = trial_path(opened, opened.trial(1)).rows
@@ -132,6 +133,21 @@ def test_texts_of_cars_are_utf_8() -> None:
         design = car.connection.wait_for(lambda message: message.get_type() == "FOLDCAR_DESIGN", 10.0)
 
     assert design.name == "Käfer 虫"
+
+
+def test_texts_of_cars_stay_in_their_line() -> None:
+    """A name or a status text can neither add a line to what is printed nor steer a terminal."""
+    mav = d.MAVLink(None, srcSystem=1, srcComponent=1)
+    design = d.MAVLink_foldcar_design_message(0.06, 0.1, 1, 4, name=b"w95\nX 1\t\x1b[2J", hash=b"1\r2", build=b"2\x9b")
+    status = d.MAVLink_statustext_message(4, b"refused:\nfoldcar: error: none\x07")
+    value = packet("PARAM_VALUE", param_id=b"A\nB 7")
+    with car_that_sends(bytes(design.pack(mav)), bytes(status.pack(mav)), value) as car:
+        values = read_parameters(car)
+        received = car.connection.latest["FOLDCAR_DESIGN"]
+
+    assert (received.name, received.hash) == (r"w95\nX 1\t\x1b[2J", r"1\r2")
+    assert car.connection.warning_text == r"refused:\nfoldcar: error: none\x07"
+    assert values == {r"A\nB 7": 1.0}
 
 
 @pytest.mark.parametrize(

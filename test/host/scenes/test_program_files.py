@@ -3,6 +3,7 @@
 import contextlib
 import importlib
 import os
+import py_compile
 import shutil
 import sqlite3
 import subprocess
@@ -114,6 +115,39 @@ def test_a_neighbour_that_was_edited_is_read_again_whatever_its_size_and_time(pr
         os.utime(helper, (1, 1))
         importlib.invalidate_caches()
         assert friction(program) == float(number)
+
+
+BY_PATH = """
+import importlib.util
+from pathlib import Path
+spec = importlib.util.spec_from_file_location("far", Path(localPath(".")) / "{name}")
+far = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(far)
+"""
+
+
+def test_a_module_that_is_loaded_by_its_path_is_loaded_from_its_source(program: Path) -> None:
+    far = program.with_name("far.py")
+    far.write_text("number = 0.3\n")
+    py_compile.compile(str(far), doraise=True)
+    status = far.stat()
+    far.write_text("number = 0.4\n")
+    os.utime(far, ns=(status.st_atime_ns, status.st_mtime_ns))
+    program.write_text(BY_PATH.format(name="far.py") + HEAD + "param friction = far.number\n")
+
+    assert friction(program) == 0.4
+
+
+def test_a_module_of_which_there_is_only_compiled_code_is_refused(program: Path) -> None:
+    helper = program.with_name("other.py")
+    helper.write_text("number = 0.3\n")
+    py_compile.compile(str(helper), cfile=str(helper.with_suffix(".pyc")), doraise=True)
+    helper.unlink()
+    for head in ("import other as far\n", BY_PATH.format(name="other.pyc")):
+        program.write_text(head + HEAD + "param friction = far.number\n")
+
+        with pytest.raises(FoldcarError, match=r"other\.pyc is compiled; put its source there"):
+            friction(program)
 
 
 def test_a_package_that_takes_the_place_of_a_module_is_another_environment(
@@ -256,7 +290,7 @@ def test_nothing_is_imported_from_the_working_directory(listing: Path, program: 
     command = [Path(sys.executable).with_name("foldcar"), "sweep", listing, "--store", "s.db", "--samples", "1"]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    assert "1 new runs" in done.stdout
+    assert "1 new run" in done.stdout
 
 
 def test_files_of_one_name_in_two_folders_are_told_apart(experiment: Experiment, tmp_path: Path) -> None:

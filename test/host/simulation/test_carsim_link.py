@@ -40,9 +40,7 @@ def test_a_client_gets_every_parameter_and_what_it_sets(start: Callable[..., Car
 def test_a_trial_ends_like_the_same_run_in_a_batch(
     start: Callable[..., Car], carsim_binary: Path, tmp_path: Path
 ) -> None:
-    # This process may be suspended on a busy machine for longer than a car waits for its host by default.
-    parameters = json.loads((tmp_path / "params.json").read_text()) | {"CMD_TIMEOUT_MS": 10000}
-    (tmp_path / "params.json").write_text(json.dumps(parameters))
+    parameters = json.loads((tmp_path / "params.json").read_text())
     car = start("--put-back")
     car.connect()
     settings = {"id": "r", "body": "car", "scene": "bump", "speed_m_s": 0.3, "time_limit_s": 20}
@@ -64,8 +62,12 @@ def test_a_trial_ends_like_the_same_run_in_a_batch(
         assert state.end == mavlink.FOLDCAR_END_STOPPED and state.trial_id == trial
 
 
-def test_pulses_stop_within_half_a_second_of_link_loss(start: Callable[..., Car]) -> None:
-    car = start()
+def test_pulses_stop_within_half_a_second_of_link_loss(start: Callable[..., Car], tmp_path: Path) -> None:
+    parameters = json.loads((tmp_path / "params.json").read_text())
+    del parameters["CMD_TIMEOUT_MS"]
+    (tmp_path / "params.json").write_text(json.dumps(parameters))
+    # Above 1 the simulation waits for this process, if the machine is busy.
+    car = start("--speedup", "1.001")
     car.connect()
     car.drive(0.2, 0.0, 20.0, 0, 1)
     car.wait_for("SERVO_OUTPUT_RAW", has_pulses)

@@ -13,7 +13,7 @@ from foldcar.store.check import check_store
 from foldcar.store.errors import StoreError
 from foldcar.store.log_files import log_file
 from foldcar.store.reader import Store
-from foldcar.store.tables import BY_NAME, EXPERIMENT, SAMPLE, TABLES, TRIAL, Table
+from foldcar.store.tables import BY_NAME, EXPERIMENT, MEDIA, SAMPLE, TABLES, TRIAL, Table
 from full_store import alter, change, contents, full_store
 
 
@@ -178,3 +178,31 @@ def test_logs_outside_of_the_folder_are_refused(tmp_path: Path, store: Path, fol
     answer = foldcar("merge", "s.db", "s.db", "-o", "m.db")
     assert answer.returncode == 2 and "is outside the folder" in answer.stderr and answer.stderr.count("\n") == 1
     assert sorted(file.name for file in tmp_path.iterdir()) == ["s-logs", "s.db"]
+
+
+def test_a_store_brings_no_file_that_a_program_would_read(tmp_path: Path, store: Path, foldcar: Any) -> None:
+    """A log is copied by `merge` only under a name that foldcar gives to logs."""
+    (tmp_path / "new").mkdir()
+    for log in (
+        "model.scenic", "s-logs/helper.py", "s-logs/trial-0001-20261122T113100Z.py", "trial-0001-20261122T113100Z.tlog",
+        "scenes/trial-0001-20261122T113100Z.tlog", "a/s-logs/trial-0001-20261122T113100Z.tlog",
+        "s-logs/trial-0001-20261122T113100Z.tlog\n", "s\x1b-logs/trial-0001-20261122T113100Z.tlog",
+    ):  # fmt: skip
+        (tmp_path / log).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / log).write_text("of others")
+        change(store, TRIAL, "id = 1", log=log, log_sha256=None)
+
+        answer = foldcar("merge", "s.db", "s.db", "-o", "new/m.db")
+
+        assert answer.returncode == 2 and "is not named as `foldcar log` names logs" in answer.stderr, log
+        assert answer.stderr.count("\n") == 1 and not list((tmp_path / "new").iterdir())
+        assert any("is not named as" in finding for finding in check_store(store).findings)
+
+
+def test_a_film_that_is_none_is_not_linked(tmp_path: Path, store: Path, foldcar: Any) -> None:
+    change(store, MEDIA, "trial_id = 1", file="/etc/passwd")
+
+    answer = foldcar("report", "s.db", "-o", "r", "--simulated-trials")
+
+    assert answer.returncode == 2 and 'file: "/etc/passwd" is neither a photo nor a film' in answer.stderr
+    assert answer.stderr.count("\n") == 1 and not (tmp_path / "r").exists()

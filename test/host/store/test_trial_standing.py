@@ -2,6 +2,7 @@
 
 import contextlib
 import csv
+import json
 import re
 import sqlite3
 import uuid
@@ -18,7 +19,7 @@ from foldcar.store.trial_writer import write_trials
 from full_store import contents
 from test_report_command import EXPERIMENT_FACTS, width_outcome
 from test_trial_store import begin
-from written_study import write_study
+from written_study import add_trials, write_study
 
 CARS = ("built", "built", "simulated", "simulated", None)
 
@@ -105,8 +106,11 @@ def test_a_withdrawn_trial_counts_nowhere_and_leaves_a_trail(mixed: Path, foldca
     restored = foldcar("trials", "restore", "s.db", "1", "3", "--reason", "they were right")
     assert restored.returncode == 0 and "trial 3: restored on " in restored.stdout
     foldcar("export", "s.db", "--trials", "restored.csv")
-    before, after = ((mixed.parent / f"{name}.csv").read_text() for name in ("before", "restored"))
-    assert after == before.replace("scenic,0,", "scenic,2,", 1)
+    before, after = (
+        list(csv.DictReader((mixed.parent / f"{name}.csv").read_text().splitlines())) for name in ("before", "restored")
+    )
+    changes = [[(c["before"], c["after"]) for c in json.loads(row.pop("corrections") or "[]")] for row in after]
+    assert [{**row, "corrections": ""} for row in after] == before and changes == [[(0, 1), (1, 0)], []]
     with Store.open(mixed) as store:
         trail = [(c.field, c.before, c.after, c.reason, c.operator) for c in store.corrections(1)]
     assert trail == [("withdrawn", 0, 1, "wrong tyres", "Ada"), ("withdrawn", 1, 0, "they were right", "")]
@@ -179,3 +183,14 @@ def test_any_sqlite_tool_reads_the_view(mixed: Path, foldcar: Any) -> None:
     # The experiment's own program and environment, where nothing says that the trial had another.
     assert rows[0]["environment"] is not None and rows[0]["scenic_program"] is not None
     assert share == 0.5
+
+
+def test_designs_are_named_by_all_parameters_that_vary(tmp_path: Path, foldcar: Any) -> None:
+    """The trials are of one width and two radii; the family has several of both."""
+    varied = {"width_mm": (95.0, 115.0), "radius_mm": (50.0, 60.0)}
+    store = write_study(tmp_path / "s.db", varied, 2, lambda design, sample: "passed")
+    add_trials(store, [({"width_mm": 95.0, "radius_mm": radius}, 0, "passed") for radius in (50.0, 60.0)])
+
+    listed = foldcar("trials", "list", "s.db").stdout
+
+    assert "width 95 mm, radius 50 mm" in listed and "width 95 mm, radius 60 mm" in listed

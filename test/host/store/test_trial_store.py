@@ -19,23 +19,25 @@ PUBLISHED = Path(__file__).resolve().parents[3] / "scenarios" / "published_trial
 HEADER = "vehicle_type,width_mm,outcome,count,source\n"
 WIDTHS = {"width_mm": (95.0, 115.0)}
 
+LOG = "s-logs/trial-0001-20261122T113100Z.tlog"
+
 
 def begin(writer: TrialWriter, width_mm: float = 95, sample: int = 2, car: str | None = "built") -> int:
     drive = Drive({"id": "b"}, {"time_limit_s": 120}, {"friction": 0.6}, "fingerprint", "bumps.scenic", sample)
     moved = {"A": (0.01, -0.02, 0.5)}
     facts = CarFacts("0123", "abcd", "/dev/pts/7", car)
-    return writer.begin("1", TrialDesign("W_B_W", {"width_mm": width_mm}), drive, moved, facts, "logs/t.tlog", "Ada")
+    return writer.begin("1", TrialDesign("W_B_W", {"width_mm": width_mm}), drive, moved, facts, LOG, "Ada")
 
 
 def test_a_trial_is_aborted_until_it_is_completed(tmp_path: Path) -> None:
     with write_trials(tmp_path / "s.db") as writer:
         number = begin(writer)
-        assert writer.unfinished() == [(number, "logs/t.tlog", "aborted")]
+        assert writer.unfinished() == [(number, LOG, "aborted")]
 
     with Store.open(tmp_path / "s.db") as store:
         trial = store.trial(number)
     assert (trial.outcome, trial.ending, trial.completed) == ("aborted", "running", False)
-    assert (trial.experiment, trial.sample, trial.operator, trial.log) == ("1", 2, "Ada", "logs/t.tlog")
+    assert (trial.experiment, trial.sample, trial.operator, trial.log) == ("1", 2, "Ada", LOG)
     assert trial.deviations == {"A": (0.01, -0.02, 0.5)}
 
     with write_trials(tmp_path / "s.db") as writer:

@@ -67,7 +67,7 @@ def test_appendix_a_runs_with_the_changes_of_the_table(tmp_path: Path, foldcar: 
     done = foldcar("sweep", "a.json", "--store", "s.db", "--jobs", "1")
 
     assert done.returncode == 0, done.stderr
-    assert done.stdout.startswith("1 new runs")
+    assert done.stdout.startswith("1 new run")
 
 
 @pytest.mark.parametrize(

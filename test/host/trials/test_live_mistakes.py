@@ -1,5 +1,7 @@
 """Mistakes and accidents with cars, trials and their files: each ends in one true line, and nothing is lost unsaid."""
 
+import hashlib
+import json
 import os
 import subprocess
 import time
@@ -12,8 +14,11 @@ import pytest
 from browser import study_of
 from foldcar.errors import FoldcarError
 from foldcar.link.stream import open_stream
+from foldcar.store.tables import BY_NAME
+from foldcar.store.writer import canonical_json
 from foldcar.trials.plugged_car import require_same_car
 from forked_foldcar import original
+from full_store import change, contents
 from live_car import LOG, car_at_port, greeted, trials_in
 
 Foldcar, Refused = Callable[..., "subprocess.CompletedProcess[str]"], Callable[..., str]
@@ -92,6 +97,22 @@ def test_a_second_program_at_a_tcp_port_is_told_why(refused: Refused) -> None:
         first.close()
 
     assert message == f"{car.port}: it closed the connection at once; another program may be using the car"
+
+
+def test_a_scene_that_differs_from_the_swept_one_is_not_driven(
+    tmp_path: Path, free_course: Path, port: str, foldcar: Foldcar, refused: Refused
+) -> None:
+    """As from a program that depends on more than the files that its fingerprint is of."""
+    assert foldcar("sweep", "l.json", "--store", "s.db", "--jobs", "1").returncode == 0
+    (row,) = [row for row in contents(tmp_path / "s.db")["scene"] if row["id"] == 1]
+    scene = canonical_json(json.loads(row["json"]) | {"friction": 0.31})
+    digest = hashlib.sha256(scene.encode()).hexdigest()
+    change(tmp_path / "s.db", BY_NAME["scene"], "id = 1", json=scene, hash=digest)
+
+    message = refused(*LOG, "--port", port, "--yes", "--sample", "0")
+
+    assert message.startswith("free.scenic: sample 0 is another scene now than when it was first drawn")
+    assert trials_in(tmp_path / "s.db") == []
 
 
 def test_the_report_tells_trials_of_another_environment(

@@ -58,6 +58,8 @@ def growing(file: Path) -> Iterator[None]:
     thread = threading.Thread(target=grow)
     thread.start()
     try:
+        while not file.exists() or not file.stat().st_size:
+            time.sleep(0.01)
         yield
     finally:
         stop.set()

@@ -121,7 +121,7 @@ def test_an_untethered_car_brings_its_log_home(tmp_path: Path, free_course: Path
 
 
 def test_a_car_counts_says_when_to_pull_the_cable_and_is_stopped_if_it_is_not_pulled(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     with car_at_port(goal_x_m=None) as simulated, greeted(simulated.port) as car:
         # As a board, which has a cable; a simulated car has none.
@@ -129,11 +129,13 @@ def test_a_car_counts_says_when_to_pull_the_cable_and_is_stopped_if_it_is_not_pu
         view = DriveView(2, 5.0, None)
         settings = {"speed_m_s": 0.3, "yaw_rate_rad_s": 0.0, "time_limit_s": 5.0}
 
-        end = drive(car, settings, 7, 2, view, untethered=True)
+        with view.watching(car, lambda: None):
+            end = drive(car, settings, 7, 2, view, untethered=True)
+        view.wait_for_terminal()
 
     assert (end.ending, end.outcome) == ("the cable was still plugged in when the wheels started", "aborted")
     assert end.elapsed_time_s is not None and end.elapsed_time_s < 1.0
-    assert "Pull the cable now: the wheels start in 2 s." in capsys.readouterr().out
+    assert "Pull the cable now: the wheels start in 2 s." in capfd.readouterr().out
 
 
 def test_the_button_starts_a_trial_without_a_cable_from_start_to_report(

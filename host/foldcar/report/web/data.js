@@ -48,7 +48,12 @@ const measureAxis = ({ value, ...named }) => ({ ...named, values: value });
 export const withUnit = ({ label, unit }) => (unit ? `${label} (${unit})` : label);
 
 // 0.875 as "88 %".
-export const percent = share => (share === null || share === undefined ? "–" : `${Math.round(100 * share)} %`);
+// Only 0 is 0 %, and only 1 is 100 %.
+export function percent(share) {
+  if (share === null || share === undefined) return "–";
+  const whole = Math.round(100 * share);
+  return `${whole === 0 && share > 0 ? "<1" : whole === 100 && share < 1 ? ">99" : whole} %`;
+}
 
 // As many digits as a reader wants.
 export function number(value) {

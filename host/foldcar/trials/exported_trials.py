@@ -1,0 +1,81 @@
+"""Reads what `foldcar export --trials` adds to a table of trials: identity, corrections, deviations; and Parquet files.
+
+Input: cells of a row, or a Parquet file. Output: columns of the store's table of trials, or the text of a CSV file.
+"""
+
+import csv
+import io
+import json
+import uuid
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import ConfigDict, TypeAdapter, ValidationError, with_config
+from typing_extensions import TypedDict
+
+from foldcar.errors import FoldcarError
+from foldcar.installation import require
+from foldcar.store.shapes import Number
+from foldcar.store.writer import canonical_json
+
+# Further columns of trials that another store exported. Number and log stay behind.
+EXPORTED = (
+    "trial", "uuid", "ending", "ended_utc", "firmware_build", "design_hash", "log", "log_sha256", "scenic_program",
+    "environment_fingerprint", "corrections", "deviations",
+)  # fmt: skip
+Deviations = dict[str, tuple[Number, Number, Number]]
+
+
+@with_config(ConfigDict(extra="forbid"))
+class ExportedCorrection(TypedDict):
+    """A correction of an exported trial."""
+
+    corrected_utc: str
+    field: Literal["outcome", "elapsed_time_s", "note", "operator", "car", "car_name", "withdrawn"]
+    before: str | int | float | None
+    after: str | int | float | None
+    reason: str
+    operator: str
+
+
+def exported_facts(place: str, row: Mapping[str, str]) -> dict[str, Any]:
+    """Return what only an exported row says of a trial: its identity, corrections and deviations. Raises FoldcarError."""
+    facts: dict[str, Any] = {
+        name: row[name]
+        for name in ("ending", "ended_utc", "firmware_build", "design_hash", "scenic_program", "environment_fingerprint")
+        if name in row
+    }
+    try:
+        facts["uuid"] = str(uuid.UUID(row["uuid"]))
+    except ValueError:
+        raise FoldcarError(f'{place}: uuid: "{row["uuid"]}" is not a UUID') from None
+    for name, kind in (("deviations", Deviations), ("corrections", list[ExportedCorrection])):
+        try:
+            facts[name] = TypeAdapter(kind).validate_json(row.get(name, "{}" if name == "deviations" else "[]"))
+        except ValidationError as error:
+            reason = error.errors()[0]["msg"].lower()
+            raise FoldcarError(f"{place}: {name}: {row[name][:80]} is not as foldcar exports it: {reason}") from None
+    facts["deviations"] = canonical_json({name: list(pose) for name, pose in facts["deviations"].items()})
+    return facts
+
+
+def parquet_text(file: Path) -> str:
+    """Return the trials of a Parquet file as the text of a CSV file. Raises FoldcarError."""
+    require("parquet")
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        rows = pq.read_table(file).to_pylist()
+    except (OSError, pa.ArrowException) as error:
+        raise FoldcarError(f"{file}: cannot be read: {error}") from None
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(rows[0] if rows else [])
+    for row in rows:
+        moved = row.get("deviations") or []
+        poses = {entry["name"]: [entry["x_m"], entry["y_m"], entry["heading_rad"]] for entry in moved}
+        cells = {**row, **({"deviations": json.dumps(poses)} if "deviations" in row else {})}
+        writer.writerow(["" if cell is None else cell for cell in cells.values()])
+    return text.getvalue()

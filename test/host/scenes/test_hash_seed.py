@@ -1,0 +1,99 @@
+"""Samples do not depend on Python's hash seed, by which it orders sets of strings."""
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from foldcar.scenes.source import open_environment
+
+PROGRAM = """
+model model
+names = {"alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta"}
+width = float(open(localPath("width.txt")).read())
+ego = new Robot at (0, 0), facing -90 deg
+for k, name in enumerate(names):
+    new Bump at (0.3 + 0.2 * k, 0.05 * len(name)), facing -90 deg, with width width
+goal = new Goal at (1.9, 0), facing -90 deg
+"""
+SEEDS = ("0", "1", "2", "random")
+SESSION = """
+import json, sys, foldcar
+environment = foldcar.environment(sys.argv[1], seed=3)
+print(json.dumps([json.loads(environment.scene(k).json) for k in range(2)]))
+"""
+
+
+@pytest.fixture
+def program(tmp_path: Path) -> Path:
+    (tmp_path / "width.txt").write_text("0.4")
+    file = tmp_path / "names.scenic"
+    file.write_text(PROGRAM)
+    return file
+
+
+def scenes_by(run: Callable[[dict[str, str]], str]) -> list[Any]:
+    """The scenes that a process prints under each hash seed."""
+    return [json.loads(run({**os.environ, "PYTHONHASHSEED": seed})) for seed in SEEDS]
+
+
+def test_the_command_draws_the_same_scenes_in_each_process(program: Path, new_foldcar: Any) -> None:
+    def sampled(environment: dict[str, str]) -> str:
+        answer = new_foldcar("sample", program, "-n", "2", "--seed", "3", "--json", env=environment)
+        assert answer.returncode == 0, answer.stderr
+        return str(answer.stdout)
+
+    first, *others = scenes_by(sampled)
+
+    assert len(first["scenes"]) == 2 and others == [first] * 3
+
+
+def test_a_python_session_draws_the_scenes_of_the_command(program: Path, foldcar: Any) -> None:
+    def sampled(environment: dict[str, str]) -> str:
+        words = [sys.executable, "-c", SESSION, str(program)]
+        return subprocess.run(words, capture_output=True, text=True, check=True, env=environment).stdout
+
+    sessions = scenes_by(sampled)
+    command = json.loads(foldcar("sample", program, "-n", "2", "--seed", "3", "--json").stdout)["scenes"]
+
+    assert sessions == [[{key: value for key, value in scene.items() if key != "id"} for scene in command]] * 4
+
+
+def test_a_session_knows_the_files_and_the_errors_of_its_samples(program: Path) -> None:
+    script = """
+import sys
+from pathlib import Path
+from foldcar.errors import FoldcarError
+from foldcar.scenes.fixed_hash import open_fixed_environment
+program = Path(sys.argv[1])
+source = open_fixed_environment(program, {}, 3)
+print(sorted(source.fixed_files()))
+program.with_name("width.txt").write_text("0.5")
+print(source.files.unchanged())
+program.write_text("model model\\nego = new Robot at (0, 0)\\nparam friction = Range(-2, -1)\\n")
+try:
+    open_fixed_environment(program, {}, 3).sample(0)
+except FoldcarError as error:
+    print(error)
+"""
+    environment = {**os.environ, "PYTHONHASHSEED": "7"}
+    words = [sys.executable, "-c", script, str(program)]
+    printed = subprocess.run(words, capture_output=True, text=True, check=True, env=environment).stdout.splitlines()
+
+    assert printed[:2] == ["['names.scenic', 'width.txt']", "False"]
+    with pytest.raises(Exception, match="friction") as local:
+        open_environment(program, {}, 3).sample(0)
+    assert printed[2] == str(local.value)
+
+
+def test_python_that_ignores_the_hash_seed_is_refused(program: Path) -> None:
+    words = [sys.executable, "-E", "-c", "from foldcar.__main__ import main; main()", "sample", str(program)]
+    answer = subprocess.run(words, capture_output=True, text=True, check=False)
+
+    assert (answer.returncode, answer.stdout, answer.stderr.count("\n")) == (2, "", 1)
+    assert answer.stderr.startswith("foldcar: error: python -E and -I ignore PYTHONHASHSEED")

@@ -1,0 +1,208 @@
+"""`foldcar trials import` of stores, of earlier versions too, and of exported tables: the same trials come back."""
+
+import contextlib
+import csv
+import json
+import shutil
+import sqlite3
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from foldcar.store.calibrations import measured_values
+from foldcar.store.errors import StoreError
+from foldcar.store.log_files import log_file, referred_file, sha256_of
+from foldcar.store.reader import Store
+from foldcar.store.tables import OLDEST_TRIALS, VERSION
+from foldcar.store.trial_import import take_trials
+from foldcar.store.trial_records import Ending
+from foldcar.store.trial_writer import CarFacts, Drive, TrialDesign, write_trials
+from full_store import contents
+from written_study import FIXED, SETTINGS, add_trial, add_trials, body_of, fingerprint, write_study
+
+# A store that each version of foldcar has written, with the trials of full_store.py. A new version adds its own.
+STORES = Path(__file__).parents[1] / "data" / "stores"
+
+
+@pytest.fixture
+def old_store(tmp_path: Path) -> Path:
+    """The oldest store, with its logs and its film, in a folder of its own."""
+    shutil.copytree(STORES, tmp_path / "old")
+    return tmp_path / "old" / f"version_{OLDEST_TRIALS}.db"
+
+
+def trials_of(store: Path) -> list[dict[str, Any]]:
+    """All that is stored of trials, without numbers and files of the store."""
+    with Store.open(store) as reader:
+        corrections = [asdict(correction) for correction in reader.corrections()]
+        environments = reader.environments_of_trials()
+        result = []
+        for trial in reader.trials():
+            own = [{**row, "trial": trial.uuid} for row in corrections if row["trial"] == trial.id]
+            media = [(item.kind, item.sha256) for item in reader.media(trial.id)]
+            drive = reader.trial_drive(trial.id)
+            facts = {**asdict(trial), "environment": environments.get(trial.id), "corrections": own}
+            result.append({**facts, "drive": drive, "media": media, "id": None, "log": trial.log is not None})
+    return sorted(result, key=lambda trial: str(trial["uuid"]))
+
+
+def test_there_is_a_store_of_every_version() -> None:
+    for version in range(OLDEST_TRIALS, VERSION + 1):
+        file = STORES / f"version_{version}.db"
+        with contextlib.closing(sqlite3.connect(f"{file.as_uri()}?mode=ro", uri=True)) as database:
+            assert database.execute("PRAGMA user_version").fetchone() == (version,)
+
+
+@pytest.mark.parametrize("version", range(OLDEST_TRIALS, VERSION + 1))
+def test_the_trials_of_every_version_come_with_all_that_belongs_to_them(
+    version: int, old_store: Path, foldcar: Any, tmp_path: Path
+) -> None:
+    old = old_store.with_name(f"version_{version}.db")
+
+    done = foldcar("trials", "import", "new/s.db", old)
+    again = foldcar("trials", "import", "new/s.db", old)
+
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout == "4 trials imported, 1 to 4; store: new/s.db\n"
+    assert again.stdout == "0 trials imported; 4 were imported before; store: new/s.db\n"
+    new = tmp_path / "new" / "s.db"
+    with Store.open(new) as reader:
+        trials = list(reader.trials())
+        drives = [reader.trial_drive(trial.id) for trial in trials]
+        assert measured_values(reader, "1") == {"track_m": 0.002}
+        (film,) = reader.media()
+        corrections = [(row.trial, row.field, row.before, row.after, row.reason) for row in reader.corrections()]
+    assert [trial.outcome for trial in trials] == ["tipped", "passed", "stuck", "passed"]
+    assert [trial.withdrawn for trial in trials] == [False, True, False, False]
+    assert [trial.car_name for trial in trials] == ["Ada", "Ada", None, None]
+    assert trials[0].deviations == {"A": (0.01, 0, 0)}
+    assert corrections == [
+        (1, "note", "", "over the edge", "seen on the film"),
+        (1, "outcome", "passed", "tipped", "seen on the film"),
+        (2, "withdrawn", 0, 1, "practice"),
+    ]
+    assert [drive and json.loads(drive.scene) for drive in drives] == [{"friction": 0.6}, {"friction": 0.6}, None, None]
+    for trial in trials[:2]:
+        assert trial.log is not None
+        log = log_file(new, trial.log)
+        assert log.read_bytes() == f"log of trial {trial.id}".encode() and sha256_of(log) == trial.log_sha256
+    assert referred_file(new, film.file).read_bytes() == b"film of trial 1"
+    # The old store is as it was.
+    assert old.read_bytes() == (STORES / old.name).read_bytes()
+
+
+def test_an_older_version_that_lacks_a_column_is_read(
+    old_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As a later version will meet this one: a column is new, the number is smaller, other tables differ."""
+    with contextlib.closing(sqlite3.connect(old_store)) as database:
+        database.execute("DROP VIEW trial_result")
+        database.execute("ALTER TABLE trial DROP COLUMN car_name")
+        database.execute("DROP TABLE calibration")
+        database.execute("PRAGMA user_version = 3")
+        database.commit()
+    with pytest.raises(StoreError, match="is a store of version 3, and this foldcar reads version"):
+        take_trials(tmp_path / "new.db", old_store)
+    for module in ("connection", "trial_import"):
+        monkeypatch.setattr(f"foldcar.store.{module}.OLDEST_TRIALS", 3)
+
+    with pytest.raises(StoreError, match=r"`foldcar trials import NEW\.db OLD\.db` takes its trials along"):
+        Store.open(old_store)
+    taken = take_trials(tmp_path / "new.db", old_store)
+
+    assert (taken.new, taken.known) == ([1, 2, 3, 4], 0)
+    with Store.open(tmp_path / "new.db") as reader:
+        assert [trial.car_name for trial in reader.trials()] == [None] * 4
+
+
+def test_trials_join_those_that_are_there_and_nothing_is_half_done(old_store: Path, foldcar: Any, tmp_path: Path) -> None:
+    store = write_study(tmp_path / "s.db", {"width_mm": [95.0]}, 3, lambda design, sample: "passed")
+    own = add_trial(store, {"width_mm": 95.0}, 1, "passed")
+
+    done = foldcar("trials", "import", "s.db", old_store)
+
+    assert done.stdout == "4 trials imported, 2 to 5; store: s.db\n", done.stderr
+    assert foldcar("check", "s.db").returncode == 0
+    with Store.open(store) as reader:
+        assert [trial.id for trial in reader.trials()] == [own, 2, 3, 4, 5]
+    # A later correction there comes along; a contradiction is an error that changes nothing.
+    assert foldcar("trials", "correct", old_store, "3", "--note", "later", "--reason", "r").returncode == 0
+    assert foldcar("trials", "import", "s.db", old_store).returncode == 0
+    with Store.open(store) as reader:
+        assert reader.trial(4).note == "later" and len(reader.corrections(4)) == 1
+    assert foldcar("trials", "measure", "s.db", "track_m=0.009", "--experiment", "1").returncode == 0
+    before = contents(store)
+    contradiction = foldcar("trials", "import", "s.db", old_store)
+    assert (contradiction.returncode, contents(store)) == (2, before) and "value is 0.002 in" in contradiction.stderr
+    itself = foldcar("trials", "import", "s.db", "s.db")
+    assert itself.stderr == "foldcar: error: s.db: is the store itself; name another store\n"
+
+
+@pytest.fixture
+def driven(tmp_path: Path) -> Path:
+    """A study with trials: as planned and displaced, named cars, corrected, with a text that a spreadsheet would run."""
+    store = write_study(tmp_path / "s.db", {"width_mm": [95.0, 115.0]}, 3, lambda design, sample: "passed")
+    add_trials(store, [({"width_mm": 95.0}, 0, "passed"), ({"width_mm": 115.0}, 1, "timeout")])
+    design = {"width_mm": 115.0, **FIXED}
+    scene = {"of": fingerprint("1"), "sample": 2}
+    drive = Drive(body_of(design), SETTINGS, scene, fingerprint("1"), "step_pyramids.scenic", 2)
+    with write_trials(store) as writer:
+        number = writer.begin(
+            "1", TrialDesign("W_B_W", design), drive, {"A": (0.01, -0.002, 0.1), "car": (0, 1e-3, 0)},
+            CarFacts("fw", "hash", "/dev/null", "built", "Ada"), "s-logs/trial-0003.tlog", "Bo, Cy",
+        )  # fmt: skip
+        writer.complete(number, Ending("passed", "goal", 2.123456789012345, '=1+1 "said"\nhe', None))
+        writer.correct(number, {"outcome": "tipped", "elapsed_time_s": 1.5}, "on the film; twice", "Bo")
+    return store
+
+
+@pytest.mark.parametrize("table", ["t.csv", "t.parquet"])
+def test_exported_trials_are_the_same_trials_in_another_store(
+    table: str, driven: Path, foldcar: Any, tmp_path: Path
+) -> None:
+    assert foldcar("export", "s.db", "--trials", table).returncode == 0
+
+    first = foldcar("trials", "import", "new.db", table)
+    again = foldcar("trials", "import", "new.db", table)
+
+    assert (first.returncode, first.stdout) == (0, "3 trials imported, 1 to 3; store: new.db\n"), first.stderr
+    assert again.stdout == "0 trials imported; 3 were imported before; store: new.db\n", again.stderr
+    # A table has neither logs nor scenes nor ports.
+    without = {"drive": None, "log": False, "log_sha256": None}
+    assert trials_of(tmp_path / "new.db") == [{**trial, **without} for trial in trials_of(driven)]
+    # The other way round nothing is new either, and a later correction arrives.
+    assert foldcar("trials", "correct", "new.db", "1", "--note", "seen twice", "--reason", "r").returncode == 0
+    assert foldcar("export", "new.db", "--trials", f"back_{table}").returncode == 0
+    back = foldcar("trials", "import", "s.db", f"back_{table}")
+    assert back.stdout == "0 trials imported; 3 were imported before; store: s.db\n", back.stderr
+    with Store.open(driven) as reader:
+        assert reader.trial(1).note == "seen twice" and reader.trial(1).log == "log"
+
+
+@pytest.mark.parametrize(
+    ("column", "cell", "message"),
+    [
+        ("uuid", "seven", 'uuid: "seven" is not a UUID'),
+        ("deviations", '{"A": [1, 2]}', "deviations: "),
+        ("corrections", '[{"field": "id"}]', "corrections: "),
+        ("corrections", "[", "corrections: "),
+    ],
+)
+def test_a_changed_export_is_refused_with_its_line(
+    column: str, cell: str, message: str, driven: Path, foldcar: Any, tmp_path: Path
+) -> None:
+    assert foldcar("export", "s.db", "--trials", "t.csv").returncode == 0
+    with (tmp_path / "t.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    with (tmp_path / "t.csv").open("w", newline="") as file:
+        writer = csv.DictWriter(file, list(rows[0]))
+        writer.writeheader()
+        writer.writerows([rows[0], {**rows[1], column: cell}])
+
+    done = foldcar("trials", "import", "new.db", "t.csv")
+
+    assert done.returncode == 2 and done.stderr.count("\n") == 1
+    assert done.stderr.startswith(f"foldcar: error: t.csv: line 3: {message}")
+    assert not (tmp_path / "new.db").exists()

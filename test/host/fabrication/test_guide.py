@@ -90,6 +90,7 @@ def test_the_guide_is_one_page_that_tells_all_steps_and_needs_no_other_file() ->
     assert page_findings(text) == []
     assert "a &lt;hinged&gt;" in text and "<hinged>" not in text
     assert not re.search(r'(src|href)="', text)
+    assert "default-src &#39;none&#39;; script-src &#39;none&#39;" in text
     sections = re.findall(r"<h2><b>\d+</b>(.*?)<small>.*?</h2>(.*?)</section>", text, re.DOTALL)
     for step, (title, section) in zip(guide("hinged"), sections, strict=True):
         section = re.sub("</?code>", "`", section)

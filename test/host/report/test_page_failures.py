@@ -198,7 +198,7 @@ def test_a_frame_without_an_address_has_the_whole_page(page: Path, tmp_path: Pat
 
 def test_what_of_a_link_cannot_be_followed_is_said_until_the_reader_goes_on(page: Path) -> None:
     link = (
-        "e=7&design=99+mm&env=66&outcome=flown,passed&b.mass_kg=1..2&b.width_mm=wide&x=beauty&t=soon&r.mood=1&at=nowhere"
+        "e=7&design=99+mm&env=66&outcome=flown,passed&b.constructor=1..2&b.width_mm=wide&x=beauty&t=soon&r.mood=1&at=nowhere"
         "&r.friction=50&r.servo_torque=0.8&r.com_height_m=-5"
     )
     with Tab(f"{page.as_uri()}#{link}") as tab:
@@ -225,9 +225,9 @@ def test_what_of_a_link_cannot_be_followed_is_said_until_the_reader_goes_on(page
         "The link's at=nowhere is not one of summary, belief, whatif, parameters, runs, trials.",
         "The link is of experiment 7, which this page does not have: this is experiment 1.",
         "The link's design 99 mm is not in experiment 1.",
-        "The link's environment 66 does not exist: the last one is 5.",
+        "The link's environment 66 does not exist: experiment 1 has 6.",
         remarks[6],
-        "The link keeps a range of mass_kg, which no design has.",
+        "The link keeps a range of constructor, which no design has.",
         "The link's axis x=beauty does not exist.",
         "The link has a value of mood, for which this page has no slider.",
         f"The link's friction, 50 ×, is outside the slider's limits, {low} to {high}: it is set to {high}.",

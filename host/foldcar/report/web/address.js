@@ -56,7 +56,7 @@ export function fitState(state, e) {
   const remarks = [], remark = text => { remarks.push(`${text}.`); };
   if (state.e !== null && state.e !== e.id) remark(`The link is of experiment ${state.e}, which this page does not have: this is experiment ${e.id}`);
   if (state.design !== null && !e.place.has(state.design)) remark(`The link's design ${state.design} is not in experiment ${e.id}`);
-  if (state.env !== null && state.env >= e.environments) remark(`The link's environment ${state.env} does not exist: the last one is ${e.environments - 1}`);
+  if (state.env !== null && state.env >= e.environments) remark(`The link's environment ${state.env} does not exist: experiment ${e.id} has ${e.environments}`);
   for (const name of state.outcomes.filter(outcome => !e.outcomes.includes(outcome))) remark(`The link's outcome ${name} is not one of ${e.outcomes.join(", ")}`);
   for (const key of Object.keys(state.brushes).filter(axis => !e.axis[axis])) remark(`The link keeps a range of ${key}, which no design has`);
   for (const name of ["x", "y", "mx", "my"]) if (state[name] !== null && !e.axis[state[name]]) remark(`The link's axis ${name}=${state[name]} does not exist`);

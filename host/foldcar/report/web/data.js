@@ -10,7 +10,8 @@ export class Experiment {
     this.count = raw.designs.name.length;
     this.threshold = raw.thresholds[raw.thresholds.length - 1];
     this.axes = [...raw.parameters.map((parameter, k) => parameterAxis(raw, parameter, k)), ...(raw.judged ? [successAxis(BELIEF, "built cars, success", raw.designs.belief), successAxis(SIMULATED, "success in simulation", raw.designs.rate)] : []), ...raw.designs.measures.map(measureAxis)];
-    this.axis = Object.fromEntries(this.axes.map(axis => [axis.key, axis]));
+    // Without a prototype, because a link may name any key.
+    this.axis = Object.assign(Object.create(null), Object.fromEntries(this.axes.map(axis => [axis.key, axis])));
     if (this.runs) this.indexRuns();
     this.place = new Map(raw.designs.name.map((name, design) => [name, design]));
   }

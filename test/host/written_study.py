@@ -37,6 +37,8 @@ EXPERIMENT_FACTS = {
     "variation_seed": 42,
     **RULE,
 }
+# The name of a log that is not there.
+LOG = "s-logs/trial-0001-20261122T113100Z.tlog"
 METRICS = {**dict.fromkeys(NUMBERS, 0.2), "elapsed_time_s": 12.5, "distance_to_target_m": None, "consumed_energy_j": 3.0}
 SETTINGS = {"speed_m_s": 0.3, "yaw_rate_rad_s": 0.0, "time_limit_s": 120}
 Outcome = Callable[[Mapping[str, float], int], str]
@@ -125,7 +127,7 @@ def add_trials(
                 program,
                 sample,
             )
-            number = writer.begin(experiment, TrialDesign("W_B_W", design), drive, {}, facts, "log", "Ada")
+            number = writer.begin(experiment, TrialDesign("W_B_W", design), drive, {}, facts, LOG, "Ada")
             writer.complete(number, Ending(outcome, "time limit", elapsed_time_s, "", None))
             numbers.append(number)
     return numbers

@@ -20,7 +20,7 @@ from foldcar.store.trial_import import take_trials
 from foldcar.store.trial_records import Ending
 from foldcar.store.trial_writer import CarFacts, Drive, TrialDesign, write_trials
 from full_store import contents
-from written_study import FIXED, SETTINGS, add_trial, add_trials, body_of, fingerprint, write_study
+from written_study import FIXED, LOG, SETTINGS, add_trial, add_trials, body_of, fingerprint, write_study
 
 # A store that each version of foldcar has written, with the trials of full_store.py. A new version adds its own.
 STORES = Path(__file__).parents[1] / "data" / "stores"
@@ -151,7 +151,7 @@ def driven(tmp_path: Path) -> Path:
     with write_trials(store) as writer:
         number = writer.begin(
             "1", TrialDesign("W_B_W", design), drive, {"A": (0.01, -0.002, 0.1), "car": (0, 1e-3, 0)},
-            CarFacts("fw", "hash", "/dev/null", "built", "Ada"), "s-logs/trial-0003.tlog", "Bo, Cy",
+            CarFacts("fw", "hash", "/dev/null", "built", "Ada"), LOG, "Bo, Cy",
         )  # fmt: skip
         writer.complete(number, Ending("passed", "goal", 2.123456789012345, '=1+1 "said"\nhe', None))
         writer.correct(number, {"outcome": "tipped", "elapsed_time_s": 1.5}, "on the film; twice", "Bo")
@@ -178,7 +178,7 @@ def test_exported_trials_are_the_same_trials_in_another_store(
     back = foldcar("trials", "import", "s.db", f"back_{table}")
     assert back.stdout == "0 trials imported; 3 were imported before; store: s.db\n", back.stderr
     with Store.open(driven) as reader:
-        assert reader.trial(1).note == "seen twice" and reader.trial(1).log == "log"
+        assert reader.trial(1).note == "seen twice" and reader.trial(1).log == LOG
 
 
 @pytest.mark.parametrize(

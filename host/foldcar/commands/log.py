@@ -124,9 +124,13 @@ def log(
         session.run(port)
         from foldcar.statistics.words import count
 
-        typer.echo(f"{count(len(session.driven), 'trial')} in this session; store: {store}")
+        aborted = f", {session.aborted} aborted" if session.aborted else ""
+        typer.echo(f"{count(len(session.driven), 'trial')} in this session{aborted}; store: {store}")
         if session.driven and not yes:
             _print_session(store, session.driven)
+    # A script has nobody who reads that a trial has to be repeated.
+    if yes and session.aborted:
+        raise typer.Exit(1)
 
 
 def _print_session(store: Path, numbers: Collection[int]) -> None:

@@ -122,6 +122,8 @@ class Session:
         self._repeated = 0
         self._arrivals = Arrivals(options.media_folder)
         self.driven: list[int] = []
+        # How many of them a fault, a lost link or another error has aborted.
+        self.aborted = 0
 
     def run(self, named_port: str | None) -> None:
         """Drive trials until the requested number or until the person ends the session. Raises FoldcarError.
@@ -304,6 +306,7 @@ class Session:
         stored = record_outcome(
             writer, trial_number, end, log, digest, options.outcome, options.note, self._questions, mark
         )
+        self.aborted += end.error is not None and stored.outcome == "aborted"
         return _Driven(trial_number, sample, log, stored, end)
 
     def _drive(

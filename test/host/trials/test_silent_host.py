@@ -157,6 +157,17 @@ def test_a_fault_is_told_with_its_remedy_and_the_next_trial_is_driven(tmp_path: 
     assert (second.outcome, second.ending) == ("passed", "goal")
 
 
+def test_a_script_learns_of_a_fault_by_the_exit_code(tmp_path: Path, free_course: Path) -> None:
+    words = (*LOG, "--yes", "--trials", "1", "--countdown", "0")
+    with car_at_port() as car, Typist(tmp_path, *words, "--port", car.port) as person:
+        person.watches_until(lambda: moving(tmp_path))
+        inject(car, inject="battery", volts=2.0, for_s=1.3)
+        person.sees("1 trial in this session, 1 aborted")
+        assert person.ends() == 1
+
+    assert trials_in(tmp_path / "s.db")[0].outcome == "aborted"
+
+
 def test_a_refused_start_does_not_end_the_session(tmp_path: Path, free_course: Path) -> None:
     with car_at_port() as car, Typist(tmp_path, *LOG, "--port", car.port, "--countdown", "0") as person:
         person.answers(("deviation: ", ""))

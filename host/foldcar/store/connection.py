@@ -86,7 +86,7 @@ def connect_reading(path: Path, oldest: int = VERSION) -> sqlite3.Connection:
         raise StoreError(f"{path}: is not a file")
     with store_errors(path), contextlib.ExitStack() as stack:
         # Not read-only, so that SQLite can merge changes that a killed writer left in files beside the store.
-        connection = sqlite3.connect(f"{path.resolve().as_uri()}?mode=rw", BUSY_S, uri=True, isolation_level=None)
+        connection = sqlite3.connect(f"{path.resolve().as_uri()}?mode=rw", timeout=BUSY_S, uri=True, isolation_level=None)
         stack.callback(connection.close)
         connection.execute("PRAGMA query_only = ON")
         if _is_blank(path, connection, oldest):
@@ -267,7 +267,7 @@ def is_same_file(path: Path, status: os.stat_result) -> bool:
 def _open_writing(path: Path) -> sqlite3.Connection:
     """Return a connection in write-ahead mode, or with a rollback journal if the file system has no shared memory."""
     with store_errors(path), contextlib.ExitStack() as stack:
-        connection = sqlite3.connect(path, BUSY_S, isolation_level=None)
+        connection = sqlite3.connect(path, timeout=BUSY_S, isolation_level=None)
         # A lambda, because the fallback below replaces the connection.
         stack.callback(lambda: connection.close())
         _is_blank(path, connection)
@@ -279,7 +279,7 @@ def _open_writing(path: Path) -> sqlite3.Connection:
             if "locked" in str(error):
                 raise
             connection.close()
-            connection = sqlite3.connect(path, BUSY_S, isolation_level=None)
+            connection = sqlite3.connect(path, timeout=BUSY_S, isolation_level=None)
             # Only a connection with exclusive access can leave write-ahead mode without shared memory.
             connection.execute("PRAGMA locking_mode = EXCLUSIVE")
             connection.execute("PRAGMA journal_mode = DELETE")

@@ -206,7 +206,7 @@ def _imported_text(imported: list[int], known: int, store: Path) -> str:
     """Return a line with the numbers of the imported trials, and how many were ``known`` before."""
     from foldcar.statistics.words import count
 
-    range_text = f", {imported[0]} to {imported[-1]}" if imported else ""
+    range_text = f", {imported[0]}{f' to {imported[-1]}' if len(imported) > 1 else ''}" if imported else ""
     known_text = f"; {known} were imported before" if known else ""
     return f"{count(len(imported), 'trial')} imported{range_text}{known_text}; store: {store}"
 

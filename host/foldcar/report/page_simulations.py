@@ -1,6 +1,7 @@
 """Compare an experiment with other simulations of its cars in its samples."""
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 from foldcar.inference.evidence import Evidence
@@ -47,7 +48,7 @@ def _simulation_name(info: ExperimentInfo, other: ExperimentInfo) -> str:
 
 def _samples(info: ExperimentInfo) -> tuple[Any, ...]:
     """Return a key that is equal for two experiments with the same cars and samples."""
-    shared = (info.listed_id, info.vehicle_type, info.fixed, info.scenic_program, info.scenic_params, info.seed)
+    shared = (info.listed_id, info.vehicle_type, info.fixed, Path(info.scenic_program).name, info.scenic_params, info.seed)
     return *shared, info.condition, info.variation, info.variation_seed, info.success_defined and info.success_rule
 
 

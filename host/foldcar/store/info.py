@@ -3,6 +3,7 @@
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from foldcar.simulation.engines import ENGINES, engine_title
@@ -36,6 +37,14 @@ def unlike_sides_text(difference: str) -> str:
     return (
         f"The side view simulates neither roll, yaw nor sides, which matter here: {difference}. Use --engine multibody."
     )
+
+
+def is_same_program(program: str | None, other: str) -> bool:
+    """Return whether two listings may name the same Scenic program; an unknown one may be any.
+
+    A listing may name it by its absolute or by its relative path, so only the file's name counts.
+    """
+    return program is None or Path(program).name == Path(other).name
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ from foldcar.simulation.results import NUMBERS, Recorded, Result
 from foldcar.store.connection import open_reading
 from foldcar.store.designs import DesignCounts, design_counts
 from foldcar.store.errors import StoreError, store_errors
-from foldcar.store.info import ExperimentInfo, StudyInfo
+from foldcar.store.info import ExperimentInfo, StudyInfo, is_same_program
 from foldcar.store.rows import Row, read_row, read_rows
 from foldcar.store.tables import (
     BY_NAME,
@@ -143,7 +143,7 @@ class Store:
             row["id"]: row["scenic_program"]
             for row in self.rows(TRIAL, "WHERE experiment = ?", info.listed_id)
             if row["id"] not in ids_in_samples
-            and (row["environment_id"] is not None or row["scenic_program"] not in (None, info.scenic_program))
+            and (row["environment_id"] is not None or not is_same_program(row["scenic_program"], info.scenic_program))
         }
 
     def trials_in_environment(self, info: ExperimentInfo) -> set[int]:

@@ -76,6 +76,6 @@ def parquet_text(file: Path) -> str:
     for row in rows:
         moved = row.get("deviations") or []
         poses = {entry["name"]: [entry["x_m"], entry["y_m"], entry["heading_rad"]] for entry in moved}
-        cells = {**row, **({"deviations": json.dumps(poses)} if "deviations" in row else {})}
+        cells = {**row, "deviations": json.dumps(poses)} if "deviations" in row else row
         writer.writerow(["" if cell is None else cell for cell in cells.values()])
     return text.getvalue()

@@ -149,6 +149,19 @@ def test_only_built_cars_count_each_beside_its_run(tmp_path: Path) -> None:
     assert "SIMULATED cars drove 5 of 23 trials." in simulated["remarks"]
 
 
+def test_a_program_named_by_its_absolute_path_is_the_same_program(tmp_path: Path) -> None:
+    program = str(tmp_path / "step_pyramids.scenic")
+    store = write_study(tmp_path / "s.db", WIDTHS, 100, passing(SIMULATED), scenic_program=program)
+    import_trials(store, [({"width_mm": 95.0}, None, "passed")])
+    # The listing names it by its relative path again.
+    write_study(store, WIDTHS, 100, passing(SIMULATED))
+
+    (experiment,) = compare(store)["experiments"]
+
+    assert [design["trials"] for design in experiment["designs"]] == [1]
+    assert not any("left out" in remark for remark in experiment["remarks"])
+
+
 @pytest.mark.parametrize(
     ("options", "difference"),
     [

@@ -48,7 +48,8 @@ def _simulation_name(info: ExperimentInfo, other: ExperimentInfo) -> str:
 
 def _samples(info: ExperimentInfo) -> tuple[Any, ...]:
     """Return a key that is equal for two experiments with the same cars and samples."""
-    shared = (info.listed_id, info.vehicle_type, info.fixed, Path(info.scenic_program).name, info.scenic_params, info.seed)
+    program = Path(info.scenic_program).name
+    shared = (info.listed_id, info.vehicle_type, info.fixed, program, info.scenic_params, info.seed)
     return *shared, info.condition, info.variation, info.variation_seed, info.success_defined and info.success_rule
 
 

@@ -82,8 +82,8 @@ class StoredSamples:
             for k in sorted({self._scene_count - 1, 0} if self._scene_count else (), reverse=True):
                 self._check_reproduced(k)
         for k in range(self._scene_count, sample + 1):
-            scene = environment.sample(k)
-            writer.put_sample(self._environment_id, k, scene, self._dynamic)
+            scene, objects = environment.sample_with_parameters(k)
+            writer.put_sample(self._environment_id, k, scene, self._dynamic, objects)
             self._scene_count = k + 1
         # A draw is how the built car of a sample differs from the design. Another experiment may have stored more draws
         # than scenes, or fewer.

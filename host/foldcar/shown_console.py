@@ -1,7 +1,8 @@
 """A rich console that escapes control characters in text, and tables of results to print on it."""
 
 import sys
-from collections.abc import Collection, Iterable
+import textwrap
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from typing import Any, TextIO
 
 from rich.box import SIMPLE_HEAD
@@ -39,13 +40,18 @@ class _ShownConsole(Console):
 
 # Longer tables are printed plainly, because rich is slow.
 MAX_FRAMED = 500
+# Columns that may wrap are at least this wide, so that no text becomes a column of single letters.
+MIN_WRAPPED = 16
+# Characters between two columns of a framed table.
+FRAME_GAP = 3
 
 
 class ResultTable:
     """A table with the column titles ``heads``, printed without frames if it has more than MAX_FRAMED rows.
 
     Cells are aligned right and never wrap; in the columns ``left`` they are aligned left and may wrap. Brackets in cells
-    are not markup.
+    are not markup. A table that is wider than the console gets titles of several lines, then cells of several lines in
+    the columns ``left``. If it is still too wide, each row is printed as a block with a line for each cell.
     """
 
     def __init__(self, *heads: str, left: Collection[str] = ()) -> None:
@@ -58,19 +64,58 @@ class ResultTable:
 
     def print_on(self, console: Console) -> None:
         """Print the table on a `shown_console`."""
+        heads, widths = self._layout(console.width)
         # rich is too slow for long tables.
-        if len(self._rows) > MAX_FRAMED:
+        if len(self._rows) > MAX_FRAMED and (widths or not console.is_terminal):
             console.file.write("".join(f"{line}\n" for line in self._lines()))
             return
-        table = Table(box=SIMPLE_HEAD if console.is_terminal else None, pad_edge=False)
-        for head in self._heads:
-            if head in self._left:
-                table.add_column(head)
+        if not widths:
+            console.file.write("".join(f"{block}\n" for block in self._blocks(console.width)))
+            return
+        table = Table(box=SIMPLE_HEAD if console.is_terminal else None, pad_edge=False, show_edge=False)
+        for title, head, width in zip(self._heads, heads, widths, strict=True):
+            if title in self._left:
+                table.add_column(head, min_width=width)
             else:
-                table.add_column(head, justify="right", no_wrap=True, min_width=len(head))
+                table.add_column(head, justify="right", no_wrap=True, min_width=width)
         for cells in self._rows:
             table.add_row(*cells)
-        console.print(table)
+        margin = "\n" if console.is_terminal else ""
+        console.print(margin, table, margin, sep="", end="")
+
+    def _layout(self, width: int) -> tuple[Sequence[str], list[int]]:
+        """Return the titles and the least widths of the columns for a console of this width; no widths if none fit."""
+        # As wide as the cells, or as the longest word.
+        word_widths = self._min_widths([head.replace(" ", "\n") for head in self._heads], wrapping=False)
+        stacked = ["\n".join(textwrap.wrap(*pair)) for pair in zip(self._heads, word_widths, strict=True)]
+        for wrapping in (False, True):
+            for heads in (self._heads, stacked):
+                widths = self._min_widths(heads, wrapping)
+                if sum(widths) + FRAME_GAP * (len(widths) - 1) <= width:
+                    return heads, widths
+        return self._heads, []
+
+    def _min_widths(self, heads: Sequence[str], wrapping: bool) -> list[int]:
+        """Return the least width of each column with these titles, in characters; ``wrapping`` lets left cells wrap."""
+        columns = zip(heads, *self._rows, strict=True)
+        widths = [max(cell_len(line) for cell in cells for line in cell.split("\n")) for cells in columns]
+        return [
+            min(width, MIN_WRAPPED) if wrapping and title in self._left else width
+            for title, width in zip(self._heads, widths, strict=True)
+        ]
+
+    def _blocks(self, width: int) -> Iterator[str]:
+        """Yield each row as lines of ``title  cell``, without empty cells, in at most ``width`` characters."""
+        title_width = max(map(cell_len, self._heads))
+        indent = " " * (title_width + 2)
+        for row in self._rows:
+            lines = [
+                textwrap.fill(cell, max(width, len(indent) + MIN_WRAPPED), subsequent_indent=indent,
+                              initial_indent=f"{title.ljust(title_width)}  ")
+                for title, cell in zip(self._heads, row, strict=True)
+                if cell
+            ]  # fmt: skip
+            yield "".join(f"{line}\n" for line in lines)
 
     def _lines(self) -> list[str]:
         """Return the table as lines of text with aligned columns."""

@@ -55,7 +55,8 @@ def _add_recording_experiment(writer: StoreWriter) -> None:
     recorded = {"way": {"kind": "series", "value": [[0.0, 0.0], [0.25, 0.1]]}, "side": {"kind": "final", "value": 1.5}}
     passed = {**METRICS, "outcome": "passed", "recorded": recorded}
     for sample, result in enumerate((passed, {"error": "no"})):
-        writer.put_sample(environment, sample, {"of": "2", "sample": sample})
+        objects = [("hill", {"x_m": 0.5, "height_m": 0.02 + 0.01 * sample})]
+        writer.put_sample(environment, sample, {"of": "2", "sample": sample}, objects=objects)
         writer.put_draw(spread, sample, {"sample": sample})
         writer.add_results((run, result) for run in writer.planned_runs(plan, sample))
 

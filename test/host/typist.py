@@ -1,9 +1,12 @@
 """Simulates a person at a terminal: starts a command on a pseudo-terminal, waits for its output, types."""
 
+import fcntl
 import os
 import pty
 import re
 import select
+import struct
+import termios
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -14,6 +17,8 @@ from forked_foldcar import original
 
 # Ends a test that hangs; far beyond what a busy machine makes of any step.
 WAIT_S = 300.0
+# Characters and lines of a terminal as it opens on most systems.
+WIDTH, HEIGHT = 80, 24
 COLOURS = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
 
 
@@ -22,9 +27,10 @@ class Typist:
 
     def __init__(self, folder: Path, *words: object) -> None:
         self._terminal, inner = pty.openpty()
+        fcntl.ioctl(inner, termios.TIOCSWINSZ, struct.pack("HHHH", HEIGHT, WIDTH, 0, 0))
         self.output = ""
         self._read_to = 0
-        environment = {**os.environ, "TERM": "xterm", "COLUMNS": "160"}
+        environment = {**os.environ, "TERM": "xterm", "COLUMNS": str(WIDTH)}
         self.process = original().start([*map(str, words)], folder, environment, [inner] * 3)
         os.close(inner)
 

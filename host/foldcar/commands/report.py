@@ -119,7 +119,8 @@ def _table(experiment: Mapping[str, Any]) -> "ResultTable":
     outcome_codes = [code for code, column in enumerate(designs["outcomes"]) if code and any(column)]
     trial_titles = ["trials", "cars"] if driven else []
     titles = ["runs", "passed %", "95 % interval", *trial_titles, "built cars %"]
-    table = ResultTable("design", *titles, *(experiment["outcome_labels"][code] for code in outcome_codes))
+    outcome_titles = [experiment["outcome_labels"][code] for code in outcome_codes]
+    table = ResultTable("design", *titles, *outcome_titles, left=("design",))
     # The belief is the expected success rate of built cars, 0 to 1, or None.
     best_first = sorted(range(len(designs["name"])), key=lambda i: -(designs["belief"][i] or 0))
     for i in best_first[:MAX_DESIGNS]:
@@ -129,7 +130,7 @@ def _table(experiment: Mapping[str, Any]) -> "ResultTable":
             cells.append(f"{designs['trials_passed'][i]} of {trials}" if trials else "-")
             cells.append(str(designs["cars"][i] or "-"))
         built = [designs[key][i] for key in ("belief", "belief_low", "belief_high")]
-        cells.append("-" if built[0] is None else "{:.0f} ({:.0f} - {:.0f})".format(*(100 * rate for rate in built)))
+        cells.append("-" if built[0] is None else "{:.0f} ({:.0f}–{:.0f})".format(*(100 * rate for rate in built)))
         table.add_row(designs["name"][i], *cells, *(str(designs["outcomes"][code][i]) for code in outcome_codes))
     return table
 
@@ -142,4 +143,4 @@ def _rate(experiment: Mapping[str, Any], index: int) -> tuple[str, str]:
     low, high = designs["low"][index], designs["high"][index]
     if low is None:
         return "-", "-"
-    return f"{100 * designs['rate'][index]:.1f}", f"{100 * low:.1f} - {100 * high:.1f}"
+    return f"{100 * designs['rate'][index]:.1f}", f"{100 * low:.1f}–{100 * high:.1f}"

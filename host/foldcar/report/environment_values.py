@@ -1,8 +1,9 @@
 """Read the sampled values of each environment, of its scene and of its built car, as columns.
 
 Input: an open store, which keeps every sample's scene and every draw's differences as JSON. Output: a table of
-environments. A column's name counts pieces of terrain by kind in the order of the program: ``scene_box_2_height_m`` is
-the height of the second box. Its label has the object's name in the program, if the store has it: ``kerb2 height``.
+environments. A terrain object's columns are its pose and its parameters in the program: ``scene_stair.step_height_m`` is
+labelled ``stair step height``. If the store lacks them, the columns are the sizes of single pieces, which are counted by
+kind: ``scene_box_2_height_m`` is the height of the second box, its label ``stair, block 2: height``.
 Differences of a built car are those of :mod:`foldcar.car.variation`. Those of wheels become two columns: the mean, and
 left minus right. Columns that are constant, or linear in a column before them, are left out.
 """
@@ -108,11 +109,40 @@ def _piece_label(name: str) -> str:
     return f"{KIND_NAMES.get(kind, kind)} {number}"
 
 
+def _object_parameters(store: Store, experiment: Any, samples: Iterable[int]) -> dict[int, list[Any]]:
+    """Return names and parameters of the terrain objects by sample; {} if the store lacks those of one of ``samples``."""
+    where = "WHERE environment_id = ?1 AND sample < ?2"
+    rows = store.rows(BY_NAME["sample"], where, experiment["environment_id"], experiment["environments"])
+    objects = {row["sample"]: json.loads(row["objects"]) for row in rows if row["objects"] is not None}
+    return objects if all(sample in objects for sample in samples) else {}
+
+
+def _object_columns(names: Sequence[str]) -> list[str]:
+    """Return the beginning of the names of each object's columns, ``scene_kerb_2`` of ``kerb 2``; all differ."""
+    counts = Counter[str]()
+    columns = []
+    for name in names:
+        column = name.replace(" ", "_")
+        counts[column] += 1
+        while counts[column] > 1:
+            column = f"{column}_{counts[column]}"
+            counts[column] += 1
+        columns.append(f"scene_{column}")
+    return columns
+
+
 def _read(store: Store, info: ExperimentInfo) -> EnvironmentValues:
     """Read the scenes and built cars of an experiment into a table."""
     row = store.row(EXPERIMENT, id=info.id)
     stored = read_scenes(store, info)
-    scenes = {sample: _scene(scene) for sample, scene in stored.items()}
+    objects = _object_parameters(store, row, stored)
+    labels = {
+        f"{column}.{parameter}": f"{name} {label_and_unit(parameter)[0]}"
+        for sampled in objects.values()
+        for column, (name, parameters) in zip(_object_columns([name for name, _ in sampled]), sampled, strict=True)
+        for parameter in parameters
+    }
+    scenes = {sample: _scene(scene, objects.get(sample)) for sample, scene in stored.items()}
     first = store.row(DESIGN, experiment=info.id, position=0)
     body = store.row(BY_NAME["body"], id=first["body_id"])
     wheels = json.loads(body["json"]).get("wheels", ())
@@ -127,18 +157,24 @@ def _read(store: Store, info: ExperimentInfo) -> EnvironmentValues:
         for sample, row_values in table.items():
             values[sample, [column_of_name[name] for name in row_values]] = list(row_values.values())
     informative = _informative(values)
-    columns = _columns([names[index] for index in informative], _objects_by_piece(info, stored))
+    prefixes = _prefixes_of_pieces(info, stored)
+    columns = tuple(_column(names[index], labels, prefixes) for index in informative)
     return EnvironmentValues(columns, values[:, informative])
 
 
-def _objects_by_piece(info: ExperimentInfo, scenes: Mapping[int, Mapping[str, Any]]) -> dict[str, str]:
-    """Return the name of the object that each piece, such as box_2, belongs to."""
+def _prefixes_of_pieces(info: ExperimentInfo, scenes: Mapping[int, Mapping[str, Any]]) -> dict[str, str]:
+    """Return the beginning of the labels of each piece, such as box_2: ``kerb ``, or ``stair, block 2: `` of several."""
     objects = objects_of_pieces(info.terrain_objects, scenes.values())
     if objects is None:
         return {}
     terrain = next(iter(scenes.values())).get("terrain", ())
     pieces = list(_piece_names(piece["kind"] for piece in terrain))
-    return {pieces[index]: name for name, indices in objects for index in indices}
+    prefixes = {}
+    for name, indices in objects:
+        own = _piece_names(terrain[index]["kind"] for index in indices)
+        for index, piece in zip(indices, own, strict=True):
+            prefixes[pieces[index]] = f"{name} " if len(indices) == 1 else f"{name}, {_piece_label(piece)}: "
+    return prefixes
 
 
 def _by_sample(
@@ -157,14 +193,21 @@ def _by_sample(
     return {sample: values[row_id] for sample, row_id in ids.items() if row_id in values}
 
 
-def _scene(scene: Mapping[str, Any]) -> dict[str, float]:
-    """Return the numbers of a scene: friction, start, goal, each piece of terrain, the number of pieces, the highest."""
+def _scene(scene: Mapping[str, Any], objects: Sequence[Any] | None) -> dict[str, float]:
+    """Return the numbers of a scene: friction, start, goal, terrain, the number of pieces, the highest.
+
+    Those of the terrain are the parameters of its ``objects``, or of each piece if these are unknown.
+    """
     values = _numbers("scene", {"friction": scene.get("friction")})
     for position in ("start", "goal"):
         values |= _numbers(f"scene_{position}", scene.get(position) or {})
     terrain = scene.get("terrain", ())
-    for name, piece in zip(_piece_names(piece["kind"] for piece in terrain), terrain, strict=True):
-        values |= _numbers(f"scene_{name}", piece)
+    if objects is not None:
+        for column, (_, parameters) in zip(_object_columns([name for name, _ in objects]), objects, strict=True):
+            values |= {f"{column}.{key}": float(value) for key, value in parameters.items() if key not in LEFT_OUT}
+    else:
+        for name, piece in zip(_piece_names(piece["kind"] for piece in terrain), terrain, strict=True):
+            values |= _numbers(f"scene_{name}", piece)
     heights = [piece.get("height_m", 0.0) for piece in terrain]
     return values | {"scene_pieces": len(heights), "scene_highest_m": max(heights, default=0.0)}
 
@@ -218,29 +261,24 @@ def _informative(values: NDArray[Any]) -> list[int]:
     return informative
 
 
-def _columns(names: Sequence[str], objects: Mapping[str, str]) -> tuple[Column, ...]:
-    """Return the columns of these names; ``objects`` has the object's name by that of the piece, such as box_2."""
-    labels = [_label_and_piece(name, objects) for name in names]
-    counts = Counter(label for label, _ in labels)
-    columns = []
-    for name, (label, piece) in zip(names, labels, strict=True):
-        # Several pieces of one object may have the same property.
-        text = f"{label} ({piece})" if counts[label] > 1 else label
-        unit = label_and_unit(name)[1]
-        columns.append(Column(name, text, *READERS_UNITS.get(unit, (unit, 1.0))))
-    return tuple(columns)
+def _column(name: str, labels: Mapping[str, str], prefixes: Mapping[str, str]) -> Column:
+    """Return the column of this name.
+
+    ``labels`` are those of objects' columns. ``prefixes`` begin the labels of pieces' columns, by piece.
+    """
+    unit = label_and_unit(name)[1]
+    return Column(name, labels.get(name) or _label(name, prefixes), *READERS_UNITS.get(unit, (unit, 1.0)))
 
 
-def _label_and_piece(name: str, objects: Mapping[str, str]) -> tuple[str, str]:
-    """Return the label of a column and the label of its piece of terrain, "" without one.
+def _label(name: str, prefixes: Mapping[str, str]) -> str:
+    """Return the label of a column of a piece, of another part of the scene, or of the car.
 
-    ``scene_box_2_height_m`` is a property of a piece, ``car_mean_neutral_us`` is not: its label is ``car, mean neutral``.
+    That of ``scene_box_2_height_m`` is ``stair, block 2: height``, that of ``car_mean_neutral_us`` ``car, mean neutral``.
     """
     match = PIECE.fullmatch(name)
     if match:
         piece_name, quantity = match[1], match[2]
-        piece = _piece_label(piece_name)
-        return f"{objects.get(piece_name, piece)} {label_and_unit(quantity)[0]}", piece
+        return f"{prefixes.get(piece_name, f'{_piece_label(piece_name)} ')}{label_and_unit(quantity)[0]}"
     label = label_and_unit(name.removeprefix("scene_"))[0]
     label = {"highest": "highest obstacle", "pieces": "pieces of terrain"}.get(label, label)
-    return label.replace("car mean", "car, mean").replace("car left less right", "car, left less right"), ""
+    return label.replace("car mean", "car, mean").replace("car left less right", "car, left less right")

@@ -17,6 +17,7 @@ from typing import Any
 from foldcar.errors import FoldcarError
 from foldcar.installation import python_command
 from foldcar.read_files import minimal_variables
+from foldcar.scenes.object_names import Parameters
 from foldcar.scenes.obstacles import Obstacle
 from foldcar.scenes.program_files import Files
 from foldcar.scenes.source import SceneSource, open_environment, other_scene
@@ -56,9 +57,9 @@ class _SourceElsewhere(SceneSource):
         self.files.adopt(self._ask({"files": True}))
         return self.files.fix()
 
-    def sample(self, k: int) -> dict[str, Any]:
-        scene: dict[str, Any] = self._ask({"sample": k})
-        return scene
+    def sample_with_parameters(self, k: int) -> tuple[dict[str, Any], list[Parameters]]:
+        scene, objects = self._ask({"sample": k})
+        return scene, [(name, parameters) for name, parameters in objects]
 
     def sample_with_obstacles(self, k: int) -> tuple[dict[str, Any], list[Obstacle]]:
         scene, obstacles = super().sample_with_obstacles(k)
@@ -115,7 +116,7 @@ def main() -> None:
             elif "files" in question:
                 answer["result"] = dict(source.fixed_files())
             else:
-                answer["result"] = source.sample(question["sample"])
+                answer["result"] = source.sample_with_parameters(question["sample"])
         except FoldcarError as error:
             answer = {"error": str(error)}
             # An environment that cannot be opened answers all questions alike.

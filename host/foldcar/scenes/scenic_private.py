@@ -15,6 +15,11 @@ def defaults(cls: Any) -> Mapping[str, Any]:
     return properties
 
 
+def own_properties(cls: Any) -> list[str]:
+    """Return the properties that a class itself declares, without inherited ones."""
+    return list(cls.__dict__.get("_scenic_properties", ()))
+
+
 def final_properties(cls: Any) -> frozenset[str]:
     """Return the properties of a class that follow from others and cannot be specified."""
     return frozenset(cls._finalProperties)

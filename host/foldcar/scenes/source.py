@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from foldcar.errors import FoldcarError
 from foldcar.scenes.contained import contained
-from foldcar.scenes.object_names import terrain_objects
+from foldcar.scenes.object_names import Parameters, object_parameters, terrain_names, terrain_objects
 from foldcar.scenes.obstacles import Obstacle
 from foldcar.scenes.program import ProgramError, compile_program, is_dynamic, may_end_itself, overlap_hint
 from foldcar.scenes.program_files import Files, ProgramFiles
@@ -41,6 +41,7 @@ class SceneSource:
         self.seed = seed
         self.scenario = scenario
         self._first: dict[str, Any] | None = None
+        self._terrain_names: list[str] | None = None
 
     @property
     def dynamic(self) -> bool:
@@ -80,10 +81,17 @@ class SceneSource:
         sample, fails, or takes longer than SAMPLE_LIMIT_S; if the simulator cannot represent the scene; or if sample 0
         differs from the one that fixed_files drew.
         """
-        scene = self.describe(self.scenic_scene(k), k)
+        return self.sample_with_parameters(k)[0]
+
+    def sample_with_parameters(self, k: int) -> tuple[dict[str, Any], list[Parameters]]:
+        """Return what :meth:`sample` returns, and the name and the parameters of each terrain object."""
+        scenic_scene = self.scenic_scene(k)
+        scene = self.describe(scenic_scene, k)
         if k == 0 and self._first is not None and scene != self._first:
             raise other_scene(self.program, k)
-        return scene
+        if self._terrain_names is None:
+            self._terrain_names = terrain_names(self.scenario, scenic_scene)
+        return scene, object_parameters(self._terrain_names, scenic_scene)
 
     def scenic_scene(self, k: int) -> Any:
         """Draw sample ``k`` as a Scenic Scene. Raises FoldcarError like :meth:`sample`."""

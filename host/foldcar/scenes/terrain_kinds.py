@@ -79,7 +79,7 @@ KIND_NAMES = {
     "box": "block",
     "half_round": "round bump",
     "patch": "friction patch",
-    "ramp": "ramp or kerb",
+    "ramp": "slope",
     "rough": "rough ground",
 }
 

@@ -30,6 +30,7 @@ from foldcar.store.tables import (
     MEDIA,
     RECORDED,
     RUN,
+    SAMPLE,
     STUDY,
     TABLES,
     TRIAL,
@@ -44,6 +45,8 @@ REFERENCES = {column.name: column.refers for column in RUN.columns if column.ref
 ENDED = "ended_runs"
 # The columns in which two experiments of the same name must be equal.
 SAME_COLUMNS = ("build_id", "environment_id", "spread_id", "vehicle", "environment")
+# Whether a program is dynamic is known after its first run, parameters of objects only since version 5.
+MAY_BE_UNKNOWN = {ENVIRONMENT.name: "dynamic", SAMPLE.name: "objects"}
 # The columns that distinguish the corrections of a trial: all except the numbers of correction and trial.
 CHANGE = CORRECTION.names[2:]
 
@@ -155,10 +158,11 @@ class Merge:
                 if row["key"] == "created_utc" and row["value"] < existing["value"]:
                     self._insert(STUDY, row, "OR REPLACE")
                 return
-            # A store may not know yet whether the environment's program is dynamic.
-            if table is ENVIRONMENT and None in (row["dynamic"], existing["dynamic"]):
-                existing["dynamic"] = row["dynamic"] = existing["dynamic"] if row["dynamic"] is None else row["dynamic"]
-                self._insert(ENVIRONMENT, existing, "OR REPLACE")
+            # Of two stores, one may lack what the other knows.
+            name = MAY_BE_UNKNOWN.get(table.name, "")
+            if name and None in (row[name], existing[name]):
+                existing[name] = row[name] = existing[name] if row[name] is None else row[name]
+                self._insert(table, existing, "OR REPLACE")
             row["id"] = existing.get("id")
             self._compare(table, row, existing)
             if table is RUN:

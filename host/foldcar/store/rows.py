@@ -55,7 +55,9 @@ def _check_row(path: Path, connection: Connection, table: Table, row: Row) -> No
     elif table.json_columns:
         from foldcar.store.shapes import has_shape
 
-        damaged = [column for column in table.json_columns if not has_shape(table, column, row[column])]
+        # A required value is never None: SQLite has checked that.
+        present = [column for column in table.json_columns if row[column] is not None]
+        damaged = [column for column in present if not has_shape(table, column, row[column])]
         damage = f"foldcar does not write such a value of {damaged[0]}" if damaged else None
     if damage is not None:
         raise StoreError(f"{path}: {key_text(table, row)} is damaged: {damage}")

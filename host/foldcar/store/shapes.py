@@ -10,7 +10,7 @@ from typing import Annotated, Any
 from pydantic import Field, NonNegativeInt, TypeAdapter, ValidationError, with_config
 from typing_extensions import NotRequired, TypedDict
 
-from foldcar.store.tables import CALIBRATION, DESIGN, EXPERIMENT, LIMITS, RECORDED, TRIAL, Table
+from foldcar.store.tables import CALIBRATION, DESIGN, EXPERIMENT, LIMITS, RECORDED, SAMPLE, TRIAL, Table
 
 Number = Annotated[float, Field(ge=LIMITS["REAL"][0], le=LIMITS["REAL"][1])]
 Numbers = dict[str, Number]
@@ -78,6 +78,7 @@ SHAPES: Mapping[tuple[str, str], Any] = {
     (EXPERIMENT.name, "facts"): ExperimentFacts,
     (DESIGN.name, "parameters"): Parameters,
     (RECORDED.name, "value"): Any,
+    (SAMPLE.name, "objects"): list[tuple[str, Numbers]],
     (TRIAL.name, "design"): Parameters,
     (TRIAL.name, "deviations"): dict[str, tuple[Number, Number, Number]],
     (CALIBRATION.name, "draws"): Annotated[list[Numbers], Field(min_length=1)],

@@ -13,7 +13,7 @@ from foldcar.store.trial_records import BUILT, CARS, MEDIA_ENDINGS, TRIAL_OUTCOM
 
 # Raised by every change of a table or view that foldcar reads; stores of other versions are refused. Other tables in a
 # store, such as those of earlier releases, are left unread.
-VERSION = 4
+VERSION = 5
 # The first version whose trials are still read, by `foldcar trials import`.
 OLDEST_TRIALS = 4
 
@@ -164,6 +164,7 @@ SAMPLE = Table(
         Column("environment_id", "INTEGER", "the environment", refers="environment"),
         _SAMPLE,
         Column("scene_id", "INTEGER", "its scene", refers="scene"),
+        Column("objects", "JSON", "its terrain objects: [[name, {parameter: number}], …], units in the names", null=True),
     ),
     key=("environment_id", "sample"),
 )

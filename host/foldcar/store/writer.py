@@ -7,7 +7,7 @@ variations by that of their spread.
 
 import contextlib
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from sqlite3 import Connection
@@ -179,35 +179,48 @@ class StoreWriter(StoreConnection):
         with self._transaction():
             return self._identify("spread", "fingerprint", fingerprint)
 
-    def sample_count(self, table: Table, number: int) -> int:
-        """Return how many samples are stored of the environment (table SAMPLE) or spread (DRAW) with this number."""
-        row = self._run(f"SELECT count(*) FROM {table.name} WHERE {table.key[0]} = ?", number).fetchone()
-        return int(row[0])
+    def stored_samples(self, table: Table, number: int) -> set[int]:
+        """Return the stored samples of the environment (table SAMPLE) or spread (DRAW) with this number."""
+        rows = self._run(f"SELECT sample FROM {table.name} WHERE {table.key[0]} = ?", number)
+        return {int(sample) for (sample,) in rows}
 
     def stored_scene(self, environment_id: int, sample: int) -> Any:
         """Return the scene of a stored sample."""
         row = self._row(BY_NAME["sample"], environment_id=environment_id, sample=sample)
         return json.loads(self._row(BY_NAME["scene"], id=row["scene_id"])["json"])
 
-    def put_sample(self, environment_id: int, sample: int, scene: Mapping[str, Any], dynamic: bool = False) -> None:
-        """Store the scene of a sample. Equal scenes are stored once, unless the program is ``dynamic``.
+    def put_sample(
+        self,
+        environment_id: int,
+        sample: int,
+        scene: Mapping[str, Any],
+        dynamic: bool = False,
+        objects: Sequence[tuple[str, Mapping[str, float]]] | None = None,
+    ) -> None:
+        """Store the scene of a sample, and names and parameters of its terrain ``objects``, if they are known.
 
-        A dynamic program, which runs beside the simulation, may behave differently in samples with equal scenes.
+        Equal scenes are stored once, unless the program is ``dynamic``: it runs beside the simulation, and may behave
+        differently in samples with equal scenes.
         """
         fingerprint = self._row(ENVIRONMENT, id=environment_id)["fingerprint"]
         identity = scene_identity(fingerprint, sample) if dynamic else ""
-        self._put_sampled("sample", {"environment_id": environment_id, "sample": sample}, "scene", scene, identity)
+        row = {
+            "environment_id": environment_id,
+            "sample": sample,
+            "objects": None if objects is None else json.dumps(objects, allow_nan=False),
+        }
+        self._put_sampled("sample", row, "scene", scene, identity)
 
     def put_draw(self, spread_id: int, sample: int, variation: Mapping[str, Any], identity: str = "") -> None:
         """Store the variation of a sample; equal variations with different ``identity`` are stored separately."""
         self._put_sampled("draw", {"spread_id": spread_id, "sample": sample}, "variation", variation, identity)
 
     def _put_sampled(
-        self, table: str, key: dict[str, int], content_table: str, value: Mapping[str, Any], identity: str
+        self, table: str, columns: dict[str, Any], content_table: str, value: Mapping[str, Any], identity: str
     ) -> None:
-        """Store ``value`` as a text of ``content_table``, and its id in ``table`` under ``key``, if that is new."""
+        """Store ``value`` as a text of ``content_table``, and its id with ``columns`` in ``table``, if the key is new."""
         with self._transaction():
-            row = {**key, f"{content_table}_id": self._put_text(content_table, canonical_json(value), identity)}
+            row = {**columns, f"{content_table}_id": self._put_text(content_table, canonical_json(value), identity)}
             self._insert(BY_NAME[table], [row], "OR IGNORE")
 
     def design_counts(self, plan: PlannedExperiment) -> DesignCounts:

@@ -13,6 +13,7 @@ from typing import Any
 from foldcar.car.variation import draw
 from foldcar.scenes.fingerprint import environment_fingerprint, spread_fingerprint, variation_code
 from foldcar.scenes.fixed_hash import open_fixed_environment
+from foldcar.scenes.object_names import Parameters
 from foldcar.scenes.obstacles import Obstacle
 from foldcar.scenes.program_files import Files, ProgramFiles
 from foldcar.scenes.scene_notes import scene_notes
@@ -107,6 +108,10 @@ class Environment:
     def sample(self, k: int) -> dict[str, Any]:
         """Return sample ``k`` as a scene object of docs/carsim.md, without id."""
         return self._fixed().sample(k)
+
+    def sample_with_parameters(self, k: int) -> tuple[dict[str, Any], list[Parameters]]:
+        """Return sample ``k``, and the name and the parameters of each terrain object."""
+        return self._fixed().sample_with_parameters(k)
 
     def sample_with_obstacles(self, k: int) -> tuple[dict[str, Any], list[Obstacle]]:
         """Return sample ``k``, and the obstacles of its terrain, which stand on the floor."""

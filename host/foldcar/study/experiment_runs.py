@@ -67,8 +67,12 @@ class StoredSamples:
         self._environment, self._writer, self._dynamic = environment, writer, dynamic
         self._environment_id = writer.environment(environment.fingerprint)
         self._spread_id = writer.spread(environment.spread_fingerprint)
-        self._scene_count = self._first_scene_count = writer.sample_count(SAMPLE, self._environment_id)
-        self._draw_count = writer.sample_count(DRAW, self._spread_id)
+        # Samples whose scenes an earlier sweep has stored, or an import of trials, which leaves gaps.
+        self._stored_scenes = writer.stored_samples(SAMPLE, self._environment_id)
+        self._stored_draws = writer.stored_samples(DRAW, self._spread_id)
+        # All samples before these are stored now.
+        self._next_scene = self._next_draw = 0
+        self._is_checked = not self._stored_scenes
 
     def reach(self, sample: int) -> None:
         """Store all missing samples up to ``sample``. Raises FoldcarError if the Scenic program has an error.
@@ -76,28 +80,33 @@ class StoredSamples:
         Before the first new scene, the program must reproduce the last and the first stored scene.
         """
         environment, writer = self._environment, self._writer
-        if sample >= self._scene_count == self._first_scene_count:
-            # The first new scene of this sweep. Check the last stored sample first: this shows whether samples depend on
-            # how many were drawn before.
-            for k in sorted({self._scene_count - 1, 0} if self._scene_count else (), reverse=True):
-                self._check_reproduced(k)
-        for k in range(self._scene_count, sample + 1):
-            scene = environment.sample(k)
-            writer.put_sample(self._environment_id, k, scene, self._dynamic)
-            self._scene_count = k + 1
+        for k in range(self._next_scene, sample + 1):
+            if k not in self._stored_scenes:
+                self._check_reproduced()
+                scene, objects = environment.sample_with_parameters(k)
+                writer.put_sample(self._environment_id, k, scene, self._dynamic, objects)
+            self._next_scene = k + 1
         # A draw is how the built car of a sample differs from the design. Another experiment may have stored more draws
         # than scenes, or fewer.
-        for k in range(self._draw_count, sample + 1):
-            writer.put_draw(self._spread_id, k, environment.variation(k), environment.variation_identity())
-            self._draw_count = k + 1
+        for k in range(self._next_draw, sample + 1):
+            if k not in self._stored_draws:
+                writer.put_draw(self._spread_id, k, environment.variation(k), environment.variation_identity())
+            self._next_draw = k + 1
 
-    def _check_reproduced(self, k: int) -> None:
-        """Raise FoldcarError if the program now gives another scene for sample ``k`` than the stored one."""
+    def _check_reproduced(self) -> None:
+        """Raise FoldcarError if the program now gives another last or first scene than the stored one. Checked once.
+
+        The last comes first: this shows whether samples depend on how many were drawn before.
+        """
         from foldcar.scenes.source import other_scene
 
-        stored = self._writer.stored_scene(self._environment_id, k)
-        if stored != json.loads(canonical_json(self._environment.sample(k))):
-            raise other_scene(self._environment.program, k)
+        if self._is_checked:
+            return
+        self._is_checked = True
+        for k in sorted({max(self._stored_scenes), min(self._stored_scenes)}, reverse=True):
+            stored = self._writer.stored_scene(self._environment_id, k)
+            if stored != json.loads(canonical_json(self._environment.sample(k))):
+                raise other_scene(self._environment.program, k)
 
 
 @dataclass(frozen=True)

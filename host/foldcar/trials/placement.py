@@ -4,7 +4,7 @@ Input: a scene of docs/carsim.md, its obstacles, measured deviations. Output: le
 (mm and degrees), the scene with the deviations applied. Positions are measured in the scene's frame, which is marked on
 the floor by a point at its origin and a line along x; y is to the left of x, headings are counter-clockwise. Deviations
 are those of an obstacle's middle. For a tape, the instructions give the edge nearest to the mark, and the distances of
-its ends from the mark.
+its ends from the mark. An obstacle of several pieces has a row for each piece.
 """
 
 import copy
@@ -24,8 +24,12 @@ from foldcar.simulation.carsim import Carsim
 from foldcar.trials.person import Answers, print_line
 from foldcar.typed import decimal_number
 
-# Titles of the instructions' columns; x, y and turned are those of the middle.
-HEADS = ("place", "x (mm)", "y (mm)", "turned (°)", "near edge x, y (mm)", "from the mark (mm)", "")
+# Titles of the instructions' columns; x, y and turned are those of the middle. The last column is a description.
+HEADS = ("place", "x (mm)", "y (mm)", "turned (°)", "")
+# Width of the instructions in characters, if they are not printed on a terminal.
+PLAIN_WIDTH = 80
+FRAME_TEXT = "x counts along the course from the mark on the floor, y to the left, turns counter-clockwise."
+HEIGHT_TEXT = "Heights count from the floor, also those of pieces that lie on or in other pieces."
 MAX_DEVIATION_MM = 1000.0
 
 Deviations = Mapping[str, tuple[float, float, float]]
@@ -37,21 +41,31 @@ def lettered(obstacles: Iterable[Obstacle]) -> dict[str, Obstacle]:
 
 
 def instructions(scene: Mapping[str, Any], obstacles: Mapping[str, Obstacle]) -> Iterator[tuple[str, ...]]:
-    """Yield rows with the columns HEADS: the car, the obstacles, rough ground, the goal, the floor."""
+    """Yield rows with the columns HEADS: the car, the obstacles with their pieces, rough ground, the goal, the floor."""
     start = scene["start"]
-    # Two empty columns: only obstacles are placed by distances from the mark.
-    yield CAR, *_place(start["x_m"], start["y_m"], start["heading_rad"]), "", "", "its middle"
+    yield CAR, *_place(start["x_m"], start["y_m"], start["heading_rad"]), "its middle"
     obstacle_pieces = {index for obstacle in obstacles.values() for index in obstacle.pieces}
     ground = [footprint("", scene["terrain"], k) for k in range(len(scene["terrain"])) if k not in obstacle_pieces]
     for name, obstacle in [*obstacles.items(), *(("floor", piece) for piece in ground)]:
-        place = _place(obstacle.x_m, obstacle.y_m, obstacle.heading_rad)
-        yield name, *place, *_by_tape(scene, obstacle), what_it_is(scene, obstacle)
+        yield name, *_obstacle_place(obstacle), "\n".join([_whole(scene, obstacle), *_by_tape(scene, obstacle)])
+        if len(obstacle.pieces) > 1:
+            for number, index in enumerate(obstacle.pieces, 1):
+                piece = footprint("", scene["terrain"], index)
+                yield f"{name} piece {number}", *_obstacle_place(piece), description(scene["terrain"][index])
     goal = scene["goal"]
     if goal is not None:
         is_line = goal["kind"] == "line"
         text = "a line across, to be crossed" if is_line else f"a disc of radius {1000 * goal['radius_m']:.0f} mm"
-        yield "goal", *_place(goal["x_m"], goal["y_m"], goal.get("heading_rad", 0.0)), "", "", text
-    yield "floor", *[""] * 5, f"friction {scene['friction']:g} in the simulation"
+        yield "goal", *_place(goal["x_m"], goal["y_m"], goal.get("heading_rad", 0.0)), text
+    yield "floor", *[""] * 3, f"friction {scene['friction']:g} in the simulation"
+
+
+def _whole(scene: Mapping[str, Any], obstacle: Obstacle) -> str:
+    """Return a description of the whole obstacle, whose pieces have rows of their own if it has several."""
+    if len(obstacle.pieces) == 1:
+        return description(scene["terrain"][obstacle.pieces[0]])
+    sizes = f"{1000 * obstacle.length_m:.0f} × {1000 * obstacle.width_m:.0f} mm"
+    return f"{obstacle.name} {sizes} of {len(obstacle.pieces)} pieces"
 
 
 def what_it_is(scene: Mapping[str, Any], obstacle: Obstacle) -> str:
@@ -62,19 +76,24 @@ def what_it_is(scene: Mapping[str, Any], obstacle: Obstacle) -> str:
     return text
 
 
-def _by_tape(scene: Mapping[str, Any], obstacle: Obstacle) -> tuple[str, str]:
-    """Return the coordinates of the near edge, and the distances of its ends from the mark (mm)."""
+def _by_tape(scene: Mapping[str, Any], obstacle: Obstacle) -> Iterator[str]:
+    """Yield lines with the coordinates of the near edge, and the distances of its ends from the mark (mm)."""
     ends = obstacle.near_edge_m(scene["terrain"])
-    places = [f"{_mm(x_m)}, {_mm(y_m)}" for x_m, y_m in ends]
-    return " to ".join(places), " and ".join(_mm(math.hypot(*end)) for end in ends)
+    if ends:
+        yield f"near edge: {' to '.join(f'{_mm(x_m)}, {_mm(y_m)}' for x_m, y_m in ends)}"
+        yield f"from the mark: {' and '.join(_mm(math.hypot(*end)) for end in ends)}"
 
 
 def show_placement(scene: Mapping[str, Any], obstacles: Mapping[str, Obstacle]) -> None:
-    """Print the :func:`instructions` as a table."""
-    table = ResultTable(*HEADS, left=("place", "from the mark (mm)", ""))
+    """Print the :func:`instructions` as a table, and from where lengths count."""
+    table = ResultTable(*HEADS, left=("place", ""))
     for row in instructions(scene, obstacles):
         table.add_row(*row)
-    table.print_on(shown_console(120))
+    console = shown_console(PLAIN_WIDTH)
+    table.print_on(console)
+    console.print(FRAME_TEXT)
+    if scene["terrain"]:
+        console.print(HEIGHT_TEXT)
 
 
 def draw_placement(
@@ -106,7 +125,7 @@ def ask_deviations(
                 raise FoldcarError(f'--deviation "{text}": {name} is given twice')
             deviations[name] = deviation
     elif answers is not None:
-        print_line("Measured deviations, one per line: NAME X_MM Y_MM [HEADING_DEG]; Enter to finish.")
+        print_line("Measured deviations, one a line: NAME X_MM Y_MM [HEADING_DEG]; Enter to finish.")
         while typed := answers.line("deviation: "):
             try:
                 name, deviation = parse_deviation(typed, names)
@@ -165,6 +184,10 @@ def _move(piece: dict[str, Any], middle: tuple[float, float], deviation: tuple[f
     piece["y_m"] += y_m + ahead * sin + left * (cos - 1)
     if "heading_rad" in piece:
         piece["heading_rad"] += turned_rad
+
+
+def _obstacle_place(obstacle: Obstacle) -> tuple[str, str, str]:
+    return _place(obstacle.x_m, obstacle.y_m, obstacle.heading_rad)
 
 
 def _place(x_m: float, y_m: float, heading_rad: float) -> tuple[str, str, str]:

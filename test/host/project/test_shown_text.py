@@ -70,7 +70,7 @@ def test_a_table_on_a_terminal_has_rich_sequences_and_no_others(steering: str, t
     process = original().start(["trials", "list", "s.db"], tmp_path, environment, [terminal] * 3)
     os.close(terminal)
     shown = b""
-    while b"1 trial" not in shown:
+    while b"1 trial\r\n" not in shown:
         shown += os.read(master, 4096)
 
     assert process.wait(30) == 0

@@ -2,17 +2,24 @@
 
 In a block marked `console` a line that begins with `$ ` is a command, `> ` continues it, and the lines below are its
 output, in order. On the page, … stands for any text within a line, and for any lines if it is a line of its own.
-`foldcar link` runs in the background; its port replaces the page's in all commands and outputs below.
+`foldcar link` runs in the background; its port replaces the page's in all commands and outputs below. Commands print on
+a terminal of 80 columns, as a reader's.
 """
 
+import contextlib
 import os
+import pty
 import re
 import subprocess
 import sys
+import tempfile
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+
+from typist import COLOURS, WIDTH
 
 DOCS = Path(__file__).resolve().parents[3] / "docs"
 BLOCK = re.compile(r"^```console\n(.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -41,6 +48,31 @@ def pattern_of(shown: list[str]) -> str:
     return "".join(lines)
 
 
+def shown_on(terminal: int) -> str:
+    """Read what is printed on a terminal until it is closed; returns what it shows then, without colours."""
+    printed = b""
+    end_s = time.monotonic() + HANGS_S
+    # Reading fails when the last program that prints has ended.
+    with contextlib.suppress(OSError):
+        while time.monotonic() < end_s and (data := os.read(terminal, 65536)):
+            printed += data
+    os.close(terminal)
+    lines, row = [""], 0
+    # Progress that is shown in place moves the cursor up and erases lines.
+    for part in re.split(r"(\n|\x1b\[\d*A|\x1b\[2K)", printed.decode().replace("\r", "")):
+        if part == "\n":
+            row += 1
+            lines += [""] * (row == len(lines))
+        elif part.endswith("A") and part.startswith("\x1b"):
+            row = max(0, row - int(part[2:-1] or 1))
+        elif part == "\x1b[2K":
+            lines[row] = ""
+        else:
+            lines[row] += COLOURS.sub("", part)
+    text = "\n".join(lines).rstrip("\n")
+    return f"{text}\n" if text else ""
+
+
 class Shell:
     """A folder and an environment in which a reader types commands."""
 
@@ -52,7 +84,8 @@ class Shell:
         program.chmod(0o755)
         self.folder = folder
         self.environment = {
-            **os.environ, "PATH": f"{programs}:{os.environ['PATH']}", "COLUMNS": "160", "PYTHONUNBUFFERED": "1",
+            **os.environ, "PATH": f"{programs}:{os.environ['PATH']}", "COLUMNS": str(WIDTH), "TERM": "xterm",
+            "PYTHONUNBUFFERED": "1",
         }  # fmt: skip
         self.port = PAGE_PORT
         self.car: subprocess.Popen[str] | None = None
@@ -72,11 +105,17 @@ class Shell:
             line = self.car.stdout.readline()
             self.port = line.strip()
             return line
-        done = subprocess.run(
-            ["sh", "-c", command], cwd=self.folder, env=self.environment, capture_output=True, text=True, timeout=HANGS_S
-        )
-        assert done.returncode == 0, (command, done.stdout, done.stderr)
-        return done.stdout
+        terminal, inner = pty.openpty()
+        with tempfile.TemporaryFile() as errors:
+            process = subprocess.Popen(
+                ["sh", "-c", command], cwd=self.folder, env=self.environment, stdin=subprocess.DEVNULL, stdout=inner,
+                stderr=errors,
+            )  # fmt: skip
+            os.close(inner)
+            output = shown_on(terminal)
+            errors.seek(0)
+            assert process.wait(HANGS_S) == 0, (command, output, errors.read())
+        return output
 
     def unplugs(self) -> None:
         """End the simulated car, if there is one."""

@@ -10,9 +10,11 @@ import pytest
 from scipy.stats import mannwhitneyu
 
 from foldcar.car.variation import draw, spread_named
-from foldcar.report.environment_values import environment_values, objects_of_pieces
+from foldcar.report.environment_values import environment_values, objects_of_pieces, read_scenes
 from foldcar.statistics.separation import binned, separations
 from foldcar.store.reader import Store
+from foldcar.store.tables import SAMPLE
+from full_store import change
 from swept_listing import foldcar
 
 PROGRAM = """
@@ -31,9 +33,20 @@ ENVIRONMENTS = 6
 @pytest.fixture(scope="module")
 def store(tmp_path_factory: pytest.TempPathFactory, carsim_binary: Path) -> Path:
     """A sweep of one car over two bumps and a kerb, as the workshop builds it."""
-    folder = tmp_path_factory.mktemp("values")
-    (folder / "bumps.scenic").write_text(PROGRAM)
-    params = {"timeout": 20, "environments": ENVIRONMENTS, "variation": "workshop", "variation_seed": 5}
+    built = {"variation": "workshop", "variation_seed": 5}
+    return swept(tmp_path_factory.mktemp("values"), PROGRAM, ENVIRONMENTS, built)
+
+
+@pytest.fixture(scope="module")
+def stair_store(tmp_path_factory: pytest.TempPathFactory, carsim_binary: Path) -> Path:
+    """A sweep of one car over a stair and a gate of a user's classes."""
+    return swept(tmp_path_factory.mktemp("stair"), STAIR, 12, {})
+
+
+def swept(folder: Path, program: str, environments: int, experiment: dict[str, Any]) -> Path:
+    """The store of a sweep of one car in samples of a program, with the listing l.json beside it."""
+    (folder / "bumps.scenic").write_text(program)
+    params = {"timeout": 20, "environments": environments, **experiment}
     listing = {
         "experiments": {"1": {"veh_id": 1, "env_id": 1, "params": params}},
         "vehicles": {"1": {"type": "W_B_W", "params": [{"common": {"width": 95}}]}},
@@ -57,8 +70,8 @@ def test_values_are_those_that_scenic_samples_and_the_workshop_draws(store: Path
 
     assert columns["scene_friction"] == pytest.approx([scene["friction"] for scene in sampled])
     heights = [[piece["height_m"] for piece in scene["terrain"]] for scene in sampled]
-    assert columns["scene_box_1_height_m"] == pytest.approx([height[0] for height in heights])
-    assert columns["scene_box_2_height_m"] == pytest.approx([height[1] for height in heights])
+    assert columns["scene_bump_1.height_m"] == pytest.approx([height[0] for height in heights])
+    assert columns["scene_bump_2.height_m"] == pytest.approx([height[1] for height in heights])
     assert columns["scene_highest_m"] == pytest.approx([max(height) for height in heights])
     assert columns["car_supply_v"] == pytest.approx([variation["supply_v"] for variation in drawn])
     # Channels 0 and 2 are left wheels; a neutral's error turns right servos the other way.
@@ -67,14 +80,88 @@ def test_values_are_those_that_scenic_samples_and_the_workshop_draws(store: Path
     neutrals = [variation["neutral_us"] for variation in drawn]
     assert columns["car_mean_neutral_us"] == pytest.approx([(a - b + c - d) / 4 for a, b, c, d, *_ in neutrals])
     # What is the same everywhere tells nothing.
-    assert not {"scene_goal_x_m", "scene_start_x_m", "scene_box_1_length_m", "scene_pieces"} & set(columns)
+    assert not {"scene_goal_x_m", "scene_start_x_m", "scene_bump_1.length_m", "scene_pieces"} & set(columns)
     friction = next(column for column in environments.columns if column.name == "scene_friction")
     assert (friction.label, friction.unit) == ("friction", "")
     # Objects have the program's names; the bumps of the loop have none.
     labels = {column.name: (column.label, column.unit, column.scale) for column in environments.columns}
-    assert labels["scene_box_1_height_m"] == ("bump 1 height", "mm", 1000)
-    assert labels["scene_ramp_1_height_m"] == ("kerb2 height", "mm", 1000)
-    assert labels["scene_box_5_height_m"] == ("steps[1] height", "mm", 1000)
+    assert labels["scene_bump_1.height_m"] == ("bump 1 height", "mm", 1000)
+    assert labels["scene_kerb2.height_m"] == ("kerb2 height", "mm", 1000)
+    assert labels["scene_steps[1].height_m"] == ("steps[1] height", "mm", 1000)
+
+
+STAIR = """
+model model
+class Stair(StepPyramid):
+    rise: Range(0.005, 0.02)
+    step_height: self.rise
+class Gate(Terrain):
+    gap: Range(0.1, 0.2)
+    posts: 2
+    painted: True
+    colours: "red and white"
+    far: 1e300
+    def pieces(self):
+        return [block(0.02, 0.02, self.tall), {**block(0.02, 0.02, self.tall), "y_m": self.gap}]
+ego = new Robot at (0, 0), facing -90 deg
+stair = new Stair at (0.8, 0), facing -90 deg, with steps DiscreteRange(2, 4)
+gate = new Gate at (1.4, 0.3), facing -90 deg, with tall Range(0.03, 0.05)
+new StepPyramid at (1.4, -0.6), with step_height Range(0.01, 0.02)
+rough = new RoughGround at (1.7, 0.4), with length 0.2, with width 0.2
+goal = new Goal at (1.9, 0), facing -90 deg
+"""
+
+
+def test_an_object_s_own_parameters_are_columns_and_not_the_sizes_of_its_pieces(stair_store: Path) -> None:
+    with Store.open(stair_store) as opened:
+        info = opened.info().experiments["1"]
+        environments = environment_values(opened, info)
+        scenes = [scene for _, scene in sorted(read_scenes(opened, info).items())]
+    columns = {column.name: environments.values[:, at] for at, column in enumerate(environments.columns)}
+    labels = {column.name: (column.label, column.unit) for column in environments.columns}
+
+    # Independently, from the pieces. A pyramid's lowest block is one step high; each block is one step of the stair.
+    counts = [len(scene["terrain"]) - 2 - 3 - 1 for scene in scenes]
+    assert columns["scene_stair.steps"] == pytest.approx(counts) and set(counts) == {2, 3, 4}
+    pieces = [scene["terrain"] for scene in scenes]
+    lowest = [min(piece["height_m"] for piece in terrain[:count]) for terrain, count in zip(pieces, counts, strict=True)]
+    assert columns["scene_stair.rise"] == pytest.approx(lowest, abs=2e-9)
+    gates = [terrain[count : count + 2] for terrain, count in zip(pieces, counts, strict=True)]
+    assert columns["scene_gate.gap"] == pytest.approx([right["y_m"] - left["y_m"] for left, right in gates], abs=2e-9)
+    # The height of the posts is given by `with` only.
+    assert columns["scene_gate.tall"] == pytest.approx([left["height_m"] for left, _ in gates])
+    lone = [min(piece["height_m"] for piece in terrain[-4:-1]) for terrain in pieces]
+    assert columns["scene_step_pyramid.step_height_m"] == pytest.approx(lone)
+    assert labels["scene_step_pyramid.step_height_m"] == ("step pyramid step height", "mm")
+    # The unit of a user's own parameter is not known.
+    assert labels["scene_stair.rise"] == ("stair rise", "") and labels["scene_gate.gap"] == ("gate gap", "")
+    # No piece, no seed, no switch, no text, and nothing that follows linearly from an earlier column.
+    left_out = {"stair.step_height_m", "rough.seed", "gate.painted", "gate.colours", "gate.far"}
+    assert not {f"scene_{name}" for name in left_out} & set(columns) and not [name for name in columns if "box" in name]
+
+
+def test_without_stored_parameters_a_label_says_which_piece(stair_store: Path) -> None:
+    """As in a sample of an older version. The stair has the same number of steps in all samples, so the same pieces."""
+    old = stair_store.with_name("old.db")
+    program = stair_store.parent / "fixed.scenic"
+    program.write_text(STAIR.replace("DiscreteRange(2, 4)", "3"))
+    listing = json.loads((stair_store.parent / "l.json").read_text())
+    listing["environments"]["1"]["scenic_filename"] = program.name
+    (stair_store.parent / "fixed.json").write_text(json.dumps(listing))
+    foldcar("sweep", stair_store.parent / "fixed.json", "--store", old)
+    with Store.open(old) as opened:
+        named = environment_values(opened, opened.info().experiments["1"])
+    change(old, SAMPLE, "sample = 2", objects=None)
+
+    with Store.open(old) as opened:
+        environments = environment_values(opened, opened.info().experiments["1"])
+
+    assert "scene_stair.rise" in {column.name for column in named.columns}
+    labels = {column.name: column.label for column in environments.columns}
+    # Pieces that are linear in an earlier one are left out: the other blocks of the stair and of the pyramid.
+    assert labels["scene_box_1_height_m"] == "stair, block 1: height"
+    assert labels["scene_box_5_y_m"] == "gate, block 2: y"
+    assert labels["scene_box_6_height_m"] == "step pyramid, block 1: height"
 
 
 def test_pieces_without_the_names_of_objects_are_called_by_their_kind() -> None:
@@ -82,7 +169,7 @@ def test_pieces_without_the_names_of_objects_are_called_by_their_kind() -> None:
     named = [("kerb2", 2), ("step", 1)]
 
     assert objects_of_pieces(named, [{"terrain": terrain}]) == [("kerb2", [0, 1]), ("step", [2])]
-    by_kind = [("ramp or kerb 1", [0]), ("block 1", [1]), ("block 2", [2])]
+    by_kind = [("slope 1", [0]), ("block 1", [1]), ("block 2", [2])]
     assert objects_of_pieces([], [{"terrain": terrain}]) == by_kind
     assert objects_of_pieces([("kerb2", 2)], [{"terrain": terrain}]) == by_kind
     # Environments with other pieces have no common names.

@@ -67,6 +67,12 @@ def test_names_of_a_store_are_shown_as_text_and_never_run(
         objects = json.loads(facts)["terrain_objects"]
         hostile = {**json.loads(facts), "terrain_objects": [[f"{HOSTILE}{k}", n] for k, (_, n) in enumerate(objects)]}
         connection.execute("UPDATE experiment SET facts = ?", [json.dumps(hostile)])
+        for sample, text in connection.execute("SELECT sample, objects FROM sample").fetchall():
+            renamed = [
+                [f"{HOSTILE}{k}", {f"{HOSTILE}_{key}": value for key, value in parameters.items()}]
+                for k, (_, parameters) in enumerate(json.loads(text))
+            ]
+            connection.execute("UPDATE sample SET objects = ? WHERE sample = ?", [json.dumps(renamed), sample])
         connection.execute("UPDATE trial SET note = ?1, car_name = ?1, operator = ?1", [HOSTILE])
     foldcar("report", tmp_path / "s.db", "-o", tmp_path / "report")
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from foldcar.scenes.fixed_hash import open_fixed_environment
 from foldcar.scenes.source import open_environment
 
 PROGRAM = """
@@ -97,3 +98,18 @@ def test_python_that_ignores_the_hash_seed_is_refused(program: Path) -> None:
 
     assert (answer.returncode, answer.stdout, answer.stderr.count("\n")) == (2, "", 1)
     assert answer.stderr.startswith("foldcar: error: python -E and -I ignore PYTHONHASHSEED")
+
+
+def test_another_process_gives_the_parameters_of_objects_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = tmp_path / "stair.scenic"
+    lines = ["stair = new StepPyramid at (0.8, 0), with steps 2, with step_height Range(0.01, 0.02)"]
+    ends = ["ego = new Robot at (0, 0), facing -90 deg", "goal = new Goal at (1.9, 0), facing -90 deg"]
+    file.write_text("\n".join(["model model", *lines, *ends]))
+    monkeypatch.setattr("foldcar.scenes.fixed_hash.draws_here", False)
+
+    scene, objects = open_fixed_environment(file, {}, 3).sample_with_parameters(1)
+
+    assert (scene, objects) == open_environment(file, {}, 3).sample_with_parameters(1)
+    ((name, parameters),) = objects
+    assert (name, parameters["steps"]) == ("stair", 2)
+    assert parameters["step_height_m"] == pytest.approx(min(piece["height_m"] for piece in scene["terrain"]))

@@ -10,7 +10,7 @@ import pytest
 from foldcar.scenes.obstacles import Obstacle, obstacles_of
 from foldcar.scenes.source import open_environment
 from foldcar.scenes.terrain_kinds import KINDS
-from foldcar.trials.placement import CAR, instructions, lettered, parse_deviation, scene_as_placed
+from foldcar.trials.placement import CAR, instructions, lettered, parse_deviation, scene_as_placed, show_placement
 from study_car import empty_scene
 
 BOX = {"kind": "box", "heading_rad": 0.1, "length_m": 0.2, "width_m": 0.3, "height_m": 0.02}
@@ -49,11 +49,22 @@ def test_each_object_of_several_blocks_is_one_letter(sampled: tuple[dict[str, An
     rows = {row[0]: row[1:] for row in instructions(scene, things)}
     # Scenic's heading of -60 degrees from +y is 30 degrees from +x.
     assert rows["A"][:3] == ("600", "100", "30.0")
-    assert rows["A"][5].startswith("Ramp 450 × 600 mm: ramp 200 × 600 × 40.0 mm; box 150 × 600 × 40.0 mm; ramp 100")
-    assert rows["B"][:3] == ("1200", "-200", "0.0") and rows["B"][5].startswith("Kerb 200 × 400 mm: ramp 10 × 400")
-    assert rows["C"][:2] == ("1600", "100") and rows["C"][5].startswith("StepPyramid 230 × 230 mm: ")
-    assert rows["D"][5] == "hole 15.0 mm deep, radius 80 mm"
-    assert rows["E"][5] == "Bump 60 × 300 mm: box 60 × 300 × 20.0 mm; box 60 × 200 × 30.0 mm"
+    assert rows["A"][3].startswith("Ramp 450 × 600 mm of 3 pieces\n")
+    assert rows["B"][:3] == ("1200", "-200", "0.0") and rows["B"][3].startswith("Kerb 200 × 400 mm of 2 pieces\n")
+    assert rows["C"][:2] == ("1600", "100") and rows["C"][3].startswith("StepPyramid 230 × 230 mm of 3 pieces\n")
+    assert rows["D"][3].startswith("hole 15.0 mm deep, radius 80 mm\n")
+    # The slopes of the ramp end 225 mm from its middle, along 30 degrees; the second one is turned round.
+    for number, ahead_mm, heading, text in (
+        (1, -125, "30.0", "ramp 200 × 600 × 40.0 mm"),
+        (2, 50, "30.0", "box 150 × 600 × 40.0 mm"),
+        (3, 175, "-150.0", "ramp 100 × 600 × 40.0 mm"),
+    ):
+        place = 600 + 100j + ahead_mm * numpy.exp(1j * math.pi / 6)
+        assert rows[f"A piece {number}"] == (f"{place.real:.0f}", f"{place.imag:.0f}", heading, text)
+    # Heights count from the floor: each block of a pyramid is one step higher than the wider one around it.
+    heights = [rows[f"C piece {number}"][3] for number in (1, 2, 3)]
+    assert heights == [f"box {side} × {side} × {21.5 * level:.1f} mm" for level, side in enumerate((230, 150, 70), 1)]
+    assert [rows[f"E piece {number}"][3] for number in (1, 2)] == ["box 60 × 300 × 20.0 mm", "box 60 × 200 × 30.0 mm"]
 
 
 def test_a_tape_finds_the_edge_that_is_nearest_to_the_mark() -> None:
@@ -71,8 +82,26 @@ def test_a_tape_finds_the_edge_that_is_nearest_to_the_mark() -> None:
         assert min(abs(z - complex(*other))) == pytest.approx(0, abs=1e-9)
         assert abs(complex(*other) - complex(*near)) == pytest.approx(max(length_m, width_m))
         (row,) = (row for row in instructions(empty_scene([piece]), {"A": thing}) if row[0] == "A")
-        ends = [complex(*map(float, end.split(", "))) for end in row[4].split(" to ")]
-        assert [abs(end) for end in ends] == pytest.approx([float(far) for far in row[5].split(" and ")], abs=1.3)
+        _, edge, distances = (line.rpartition(": ")[2] for line in row[4].split("\n"))
+        ends = [complex(*map(float, end.split(", "))) for end in edge.split(" to ")]
+        assert [abs(end) for end in ends] == pytest.approx([float(far) for far in distances.split(" and ")], abs=1.3)
+
+
+def test_the_instructions_fit_into_80_columns(
+    sampled: tuple[dict[str, Any], dict[str, Obstacle]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    show_placement(*sampled)
+
+    lines = capsys.readouterr().out.splitlines()
+
+    assert max(map(len, lines)) <= 80
+    # No place is broken, and no description becomes a column of single letters.
+    assert [line.split()[:6] for line in lines if line.startswith("A piece 3")] == [
+        ["A", "piece", "3", "752", "188", "-150.0"]
+    ]
+    assert next(line.strip() for line in lines if "from the mark:" in line) == "from the mark: 355 and 618"
+    text = " ".join(" ".join(lines[-2:]).split())
+    assert text == "Heights count from the floor, also those of pieces that lie on or in other pieces."
 
 
 def corners(piece: dict[str, Any]) -> numpy.ndarray:
@@ -114,7 +143,9 @@ def test_what_stands_on_one_middle_is_one_obstacle() -> None:
     rows = {row[0]: row[1:] for row in instructions(scene, things)}
     assert rows["car"][:3] == ("0", "0", "0.0")
     assert rows["A"][:3] == ("450", "50", "5.7")
-    assert rows["A"][5] == "Bump 200 × 300 mm: box 200 × 300 × 20.0 mm; box 100 × 100 × 20.0 mm"
+    assert rows["A"][3].startswith("Bump 200 × 300 mm of 2 pieces\n")
+    assert rows["A piece 2"] == ("450", "50", "5.7", "box 100 × 100 × 20.0 mm")
     # A tape from the mark to the hole's middle passes its edge 100 mm before that.
-    assert rows["B"] == ("900", "-50", "0.0", "800, -44", "801", "hole 20.0 mm deep, radius 100 mm")
+    hole_text = "hole 20.0 mm deep, radius 100 mm\nnear edge: 800, -44\nfrom the mark: 801"
+    assert rows["B"] == ("900", "-50", "0.0", hole_text)
     assert rows["goal"][0] == "1300"

@@ -11,7 +11,7 @@ from foldcar.store.check import check_store, store_digest
 from foldcar.store.errors import StoreError
 from foldcar.store.merge import merge_stores
 from foldcar.store.reader import Store
-from foldcar.store.tables import EXPERIMENT, MEASURED, RUN, TRIAL, VERSION, Table
+from foldcar.store.tables import EXPERIMENT, MEASURED, RUN, SAMPLE, TRIAL, VERSION, Table
 from foldcar.store.trial_records import Ending
 from foldcar.store.trial_writer import write_trials
 from full_store import alter, change, contents, full_store
@@ -239,3 +239,17 @@ def test_what_cannot_be_merged_is_said_in_one_line(tmp_path: Path, foldcar: Call
     digest, runs, _ = digests[0].split()
     assert int(runs) > 0 and merged.stdout.startswith(f"m.db: {runs} runs, ")
     assert len(digest) == 64 and digests[0] == digests[1]
+
+
+def test_parameters_of_objects_that_one_store_lacks_come_from_the_other(tmp_path: Path) -> None:
+    full = full_store(tmp_path / "full.db")
+    lacking = tmp_path / "lacking.db"
+    shutil.copyfile(full, lacking)
+    change(lacking, SAMPLE, "sample = 0", objects=None)
+    objects = [row["objects"] for row in contents(full)["sample"]]
+    assert len(set(objects)) == 3
+
+    for order in ((full, lacking), (lacking, full)):
+        merged = tmp_path / f"{order[0].stem}_first.db"
+        merge_stores(order, merged)
+        assert [row["objects"] for row in contents(merged)["sample"]] == objects

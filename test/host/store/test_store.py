@@ -13,7 +13,7 @@ from foldcar.simulation.results import NUMBERS, Recorded
 from foldcar.store.connection import APPLICATION_ID, check_new
 from foldcar.store.errors import StoreError
 from foldcar.store.reader import Store
-from foldcar.store.tables import TABLES, VERSION, VIEWS
+from foldcar.store.tables import OLDEST_TRIALS, TABLES, VERSION, VIEWS
 from foldcar.store.writer import PlannedDesign, PlannedExperiment, PlannedRun, StoreWriter, write_store
 from written_study import EXPERIMENT_FACTS, FACTS
 
@@ -229,18 +229,20 @@ def test_what_is_no_store_is_refused_and_left_alone(tmp_path: Path) -> None:
     listing.write_text('// A study.\n{"experiments": {}, "vehicles": {}}')
     other = foreign(tmp_path / "other.db", "CREATE TABLE t (a)")
     made = "CREATE TABLE t (a)", f"PRAGMA application_id = {APPLICATION_ID}"
-    newer, older = (
+    newer, older, previous = (
         foreign(tmp_path / f"{version}.db", *made, f"PRAGMA user_version = {version}")
-        for version in (VERSION + 1, VERSION - 1)
+        for version in (VERSION + 1, OLDEST_TRIALS - 1, OLDEST_TRIALS)
     )
     ways_out = f"and this foldcar reads version {VERSION}: sweep into a new store, or use the foldcar that made it"
+    takes_trials = ways_out.replace(", or", "; `foldcar trials import NEW.db OLD.db` takes its trials along, or")
 
     for path, message in (
         (text, "is not a foldcar store: file is not a database"),
         (other, "is not a foldcar store"),
         (listing, f"is a listing, not a store; `foldcar sweep {listing} --store text.db` simulates it into a store"),
         (newer, f"is a store of version {VERSION + 1}, {ways_out}"),
-        (older, f"is a store of version {VERSION - 1}, {ways_out}"),
+        (older, f"is a store of version {OLDEST_TRIALS - 1}, {ways_out}"),
+        (previous, f"is a store of version {OLDEST_TRIALS}, {takes_trials}"),
     ):
         before = path.read_bytes()
         with pytest.raises(FoldcarError) as caught:
@@ -255,7 +257,7 @@ def test_what_is_no_store_is_refused_and_left_alone(tmp_path: Path) -> None:
 def test_a_change_of_the_tables_changes_the_version() -> None:
     """Stores of one version have the same tables: after a change of one raise VERSION. A table may be dropped without."""
     statements = "".join([*(table.sql for table in TABLES), *VIEWS.values()])
-    assert (VERSION, hashlib.sha256(statements.encode()).hexdigest()[:16]) == (4, "3e8a49bacb9b8d82")
+    assert (VERSION, hashlib.sha256(statements.encode()).hexdigest()[:16]) == (5, "dcc97a297b26b162")
 
 
 def test_what_is_no_file_is_no_store_and_reading_creates_none(tmp_path: Path) -> None:

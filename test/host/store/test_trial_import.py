@@ -15,7 +15,8 @@ from foldcar.store.calibrations import measured_values
 from foldcar.store.errors import StoreError
 from foldcar.store.log_files import log_file, referred_file, sha256_of
 from foldcar.store.reader import Store
-from foldcar.store.tables import OLDEST_TRIALS, VERSION
+from foldcar.store.stored_drives import read_drives
+from foldcar.store.tables import ENVIRONMENT, EXPERIMENT, OLDEST_TRIALS, VERSION
 from foldcar.store.trial_import import take_trials
 from foldcar.store.trial_records import Ending
 from foldcar.store.trial_writer import CarFacts, Drive, TrialDesign, write_trials
@@ -206,3 +207,36 @@ def test_a_changed_export_is_refused_with_its_line(
     assert done.returncode == 2 and done.stderr.count("\n") == 1
     assert done.stderr.startswith(f"foldcar: error: t.csv: line 3: {message}")
     assert not (tmp_path / "new.db").exists()
+
+
+def test_a_store_that_was_begun_with_trials_is_swept(
+    foldcar: Any, tmp_path: Path, carsim_binary: Path, write_listing: Any, listing_data: Any
+) -> None:
+    """The import leaves gaps: it has the scene of the trial's sample only, which need not be the first."""
+    (tmp_path / "p.scenic").write_text(
+        "model model\nego = new Robot at (Range(0, 0.1), 0), facing -90 deg\ngoal = new Goal at (0.5, 0), facing -90 deg\n"
+    )
+    listing_data["experiments"] = {"1": {"veh_id": 1, "env_id": 1, "params": {"environments": 4, "timeout": 20}}}
+    listing_data["vehicles"] = {"1": {"type": "W_B_W", "params": [{"common": {"width": 95}}]}}
+    listing_data["environments"] = {"1": {"scenic_filename": "p.scenic"}}
+    listing = write_listing(listing_data)
+    assert foldcar("sweep", listing, "--store", "old.db").returncode == 0
+    with Store.open(tmp_path / "old.db") as reader:
+        drives = read_drives(reader, "1")
+        (parameters,), (body,), (settings,) = drives.parameters, drives.bodies, drives.settings
+        inputs = [drives.value("body", body), drives.value("settings", settings), drives.value("scene", drives.scenes[2])]
+        row = reader.row(EXPERIMENT, id="1")
+        print_of_environment = reader.row(ENVIRONMENT, id=row["environment_id"])["fingerprint"]
+    with write_trials(tmp_path / "old.db") as writer:
+        car, design = CarFacts("fw", "hash", "/dev/null", "built"), TrialDesign("W_B_W", parameters)
+        number = writer.begin("1", design, Drive(*inputs, print_of_environment, "p.scenic", 2), {}, car, LOG, "Ada")
+        writer.complete(number, Ending("passed", "goal", 1.0, "", None))
+
+    assert foldcar("trials", "import", "new.db", "old.db").returncode == 0
+    swept = foldcar("sweep", listing, "--store", "new.db")
+    compared = json.loads(foldcar("compare", "new.db", "--json").stdout)
+
+    assert swept.stdout.startswith("4 new runs, 0 already stored"), swept.stderr
+    assert foldcar("check", "new.db").returncode == 0
+    (design_row,) = compared["experiments"][0]["designs"]
+    assert (design_row["trials"], design_row["paired"]) == (1, 1)

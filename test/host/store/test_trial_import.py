@@ -119,6 +119,8 @@ def test_an_older_version_that_lacks_a_column_is_read(
 
 
 def test_trials_join_those_that_are_there_and_nothing_is_half_done(old_store: Path, foldcar: Any, tmp_path: Path) -> None:
+    # One that can still be corrected.
+    old_store = old_store.with_name(f"version_{VERSION}.db")
     store = write_study(tmp_path / "s.db", {"width_mm": [95.0]}, 3, lambda design, sample: "passed")
     own = add_trial(store, {"width_mm": 95.0}, 1, "passed")
 
@@ -214,7 +216,8 @@ def test_a_store_that_was_begun_with_trials_is_swept(
 ) -> None:
     """The import leaves gaps: it has the scene of the trial's sample only, which need not be the first."""
     (tmp_path / "p.scenic").write_text(
-        "model model\nego = new Robot at (Range(0, 0.1), 0), facing -90 deg\ngoal = new Goal at (0.5, 0), facing -90 deg\n"
+        "model model\nego = new Robot at (Range(0, 0.1), 0), facing -90 deg\n"
+        "goal = new Goal at (0.5, 0), facing -90 deg\n"
     )
     listing_data["experiments"] = {"1": {"veh_id": 1, "env_id": 1, "params": {"environments": 4, "timeout": 20}}}
     listing_data["vehicles"] = {"1": {"type": "W_B_W", "params": [{"common": {"width": 95}}]}}

@@ -16,6 +16,7 @@ from typing_extensions import TypedDict
 
 from foldcar.errors import FoldcarError
 from foldcar.installation import require
+from foldcar.shown_text import spreadsheet_cell
 from foldcar.store.shapes import Number
 from foldcar.store.writer import canonical_json
 
@@ -77,5 +78,6 @@ def parquet_text(file: Path) -> str:
         moved = row.get("deviations") or []
         poses = {entry["name"]: [entry["x_m"], entry["y_m"], entry["heading_rad"]] for entry in moved}
         cells = {**row, **({"deviations": json.dumps(poses)} if "deviations" in row else {})}
-        writer.writerow(["" if cell is None else cell for cell in cells.values()])
+        # As `foldcar export` writes cells of CSV files, because they are read alike.
+        writer.writerow(["" if cell is None else spreadsheet_cell(cell) for cell in cells.values()])
     return text.getvalue()

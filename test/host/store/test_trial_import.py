@@ -153,7 +153,7 @@ def driven(tmp_path: Path) -> Path:
             "1", TrialDesign("W_B_W", design), drive, {"A": (0.01, -0.002, 0.1), "car": (0, 1e-3, 0)},
             CarFacts("fw", "hash", "/dev/null", "built", "Ada"), LOG, "Bo, Cy",
         )  # fmt: skip
-        writer.complete(number, Ending("passed", "goal", 2.123456789012345, '=1+1 "said"\nhe', None))
+        writer.complete(number, Ending("passed", "goal", 2.123456789012345, '\'=1+1 "said"\nhe', None))
         writer.correct(number, {"outcome": "tipped", "elapsed_time_s": 1.5}, "on the film; twice", "Bo")
     return store
 

@@ -140,6 +140,22 @@ def test_trials_join_those_that_are_there_and_nothing_is_half_done(old_store: Pa
     assert itself.stderr == "foldcar: error: s.db: is the store itself; name another store\n"
 
 
+@pytest.mark.parametrize("command", [("trials", "import", "s.db"), ("merge", "s.db", "-o", "m.db")])
+def test_a_number_that_readers_refuse_does_not_reach_another_store(
+    command: tuple[str, ...], old_store: Path, foldcar: Any, tmp_path: Path
+) -> None:
+    store = write_study(tmp_path / "s.db", {"width_mm": [95.0]}, 3, lambda design, sample: "passed")
+    with contextlib.closing(sqlite3.connect(old_store)) as database, database:
+        database.execute("UPDATE trial SET elapsed_time_s = 9e20 WHERE id = 1")
+    before = contents(store)
+
+    done = foldcar(*command, old_store)
+
+    message = "trial (id=1) is damaged: its elapsed_time_s is 9e+20, not -1e+15 to 1e+15"
+    assert (done.returncode, done.stderr) == (2, f"foldcar: error: {old_store}: {message}\n")
+    assert contents(store) == before and not (tmp_path / "m.db").exists()
+
+
 @pytest.fixture
 def driven(tmp_path: Path) -> Path:
     """A study with trials: as planned and displaced, named cars, corrected, with a text that a spreadsheet would run."""

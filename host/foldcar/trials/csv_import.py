@@ -30,7 +30,7 @@ from foldcar.store.info import ExperimentInfo
 from foldcar.store.other_drives import LIMIT_OVERRUN_S
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import BUILT, CARS, LONGEST_S, MAX_ID, TRIAL_OUTCOMES, checked_name
-from foldcar.trials.exported_trials import EXPORTED, exported_facts, parquet_text
+from foldcar.trials.exported_trials import EXPORTED, exported_facts, parquet_text, require_corrected
 from foldcar.typed import decimal_number, did_you_mean, read_text, whole_number
 
 REQUIRED = ("vehicle_type", "outcome", "source")
@@ -187,6 +187,7 @@ def _trial(
     if is_export:
         exported = {name: value for name, value in design.columns.items() if name in row}
         trial |= {**exported_facts(place, row), "design": exported}
+        require_corrected(place, trial)
     count = _number(place, row, "count", whole_number, minimum=1, maximum=MAX_COUNT) if "count" in row else 1
     return trial, int(count)
 

@@ -204,6 +204,10 @@ def test_exported_trials_are_the_same_trials_in_another_store(
         ("deviations", '{"A": [1, 2]}', "deviations: "),
         ("corrections", '[{"field": "id"}]', "corrections: "),
         ("corrections", "[", "corrections: "),
+        ("corrections", '[{"corrected_utc": "2026-11-28", "field": "outcome", "before": "flew", "after": "passed", '
+         '"reason": "r", "operator": ""}]', "corrections: an outcome is not one of passed, "),
+        ("outcome", "passed", "outcome: passed is not what the trial's corrections made it, tipped: use "),
+        ("elapsed_time_s", "2.5", "elapsed_time_s: 2.5 is not what the trial's corrections made it, 1.5: use "),
     ],
 )
 def test_a_changed_export_is_refused_with_its_line(
@@ -215,7 +219,7 @@ def test_a_changed_export_is_refused_with_its_line(
     with (tmp_path / "t.csv").open("w", newline="") as file:
         writer = csv.DictWriter(file, list(rows[0]))
         writer.writeheader()
-        writer.writerows([rows[0], {**rows[1], column: cell}])
+        writer.writerows([rows[0], {**rows[2], column: cell}])
 
     done = foldcar("trials", "import", "new.db", "t.csv")
 

@@ -24,8 +24,10 @@ def fix_hash_seed() -> None:
     """Start this program again with PYTHONHASHSEED 0, unless it runs with that."""
     if not sys.flags.hash_randomization:
         return
-    if sys.flags.ignore_environment:
-        os.write(2, b"foldcar: error: python -E and -I ignore PYTHONHASHSEED, without which samples differ: omit them\n")
+    # With -R, Python has a random seed although this variable is 0.
+    if sys.flags.ignore_environment or os.environ.get("PYTHONHASHSEED") == "0":
+        message = b"python -E, -I and -R ignore PYTHONHASHSEED, without which samples differ: omit them"
+        os.write(2, b"foldcar: error: %s\n" % message)
         sys.exit(2)
     environment = {**os.environ, "PYTHONHASHSEED": "0"}
     if hasattr(signal, "pthread_sigmask"):

@@ -40,14 +40,16 @@ def decoded(text: str) -> str:
 def spreadsheet_cell(cell: Any) -> Any:
     """Return the cell for a CSV file, with an apostrophe before text that a spreadsheet would run as a formula.
 
+    Such text that has apostrophes before it gets one more, so that :func:`without_apostrophe` returns it as it was.
+
     Example: spreadsheet_cell("=1+1") is "'=1+1", spreadsheet_cell("-1.5") is "-1.5"
     """
-    return f"'{cell}" if isinstance(cell, str) and _FORMULA.match(cell) else cell
+    return f"'{cell}" if isinstance(cell, str) and _FORMULA.match(cell.lstrip("'")) else cell
 
 
 def without_apostrophe(cell: str) -> str:
     """Return the text of a cell that :func:`spreadsheet_cell` wrote."""
-    return cell[1:] if cell.startswith("'") and _FORMULA.match(cell[1:]) else cell
+    return cell[1:] if cell.startswith("'") and _FORMULA.match(cell.lstrip("'")) else cell
 
 
 def markdown_text(text: object) -> str:

@@ -46,7 +46,7 @@ def load_components(file: Path) -> list[str]:
             spec.loader.exec_module(module)
     except SyntaxError as error:
         raise FoldcarError(f"{file}:{error.lineno}: {error.msg}") from error
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         # The lines of the file in the traceback: the last one is named; without any, line 1.
         lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename) == path]
         raise FoldcarError(f"{file}:{(lines or [1])[-1] or 1}: {type(error).__name__}: {error}") from error
@@ -108,7 +108,7 @@ def _check(file: Path, kind: type[Module] | type[Composite]) -> None:
             instance.check()
         elif any(isinstance(child, Module | HingeModule) for child in instance.children.values()):
             raise ComponentError(instance.path, "has modules in it: derive it from Composite and connect them")
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         del MODULES[kind.letter]
         parameters.cache_clear()
         # The lines of the file in the traceback: the last one is named, or the first one of the class.
@@ -185,7 +185,7 @@ def component_errors(refusal: Callable[[str | None, str], FoldcarError]) -> Iter
         raise refusal(error.key, f"{message} [{place}]" if place else message) from error
     except FoldcarError:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         place = _place_of(error)
         if place is None:
             raise

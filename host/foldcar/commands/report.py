@@ -7,6 +7,7 @@ import typer
 
 from foldcar.commands.options import OutputFolder, SimulatedTrials, StudyStore, thresholds_of_success
 from foldcar.installation import usable_processors
+from foldcar.statistics.words import percent_number
 
 if TYPE_CHECKING:
     from foldcar.shown_console import ResultTable
@@ -130,7 +131,7 @@ def _table(experiment: Mapping[str, Any]) -> "ResultTable":
             cells.append(f"{designs['trials_passed'][i]} of {trials}" if trials else "-")
             cells.append(str(designs["cars"][i] or "-"))
         built = [designs[key][i] for key in ("belief", "belief_low", "belief_high")]
-        cells.append("-" if built[0] is None else "{:.0f} ({:.0f}–{:.0f})".format(*(100 * rate for rate in built)))
+        cells.append("-" if built[0] is None else "{} ({}–{})".format(*map(percent_number, built)))
         table.add_row(designs["name"][i], *cells, *(str(designs["outcomes"][code][i]) for code in outcome_codes))
     return table
 
@@ -143,4 +144,4 @@ def _rate(experiment: Mapping[str, Any], index: int) -> tuple[str, str]:
     low, high = designs["low"][index], designs["high"][index]
     if low is None:
         return "-", "-"
-    return f"{100 * designs['rate'][index]:.1f}", f"{100 * low:.1f}–{100 * high:.1f}"
+    return percent_number(designs["rate"][index], 1), f"{percent_number(low, 1)}–{percent_number(high, 1)}"

@@ -39,7 +39,7 @@ def _percent(fraction: float | None) -> str:
 
 def _percent_range(low: float, high: float) -> str:
     """Return two fractions as a range of whole per cent: ``40–89``."""
-    return f"{100 * low:.0f}–{100 * high:.0f}"
+    return f"{percent_number(low)}–{percent_number(high)}"
 
 
 def _rate(rate: "Rate | None") -> str:
@@ -280,7 +280,7 @@ def _objective(objective: "Objective", value: float | None, interval: tuple[floa
     if value is None:
         return "all rejected"
     texts = [
-        "∞" if not math.isfinite(number) else f"{number:.4g}" if objective.unit else f"{100 * number:.1f}"
+        "∞" if not math.isfinite(number) else f"{number:.4g}" if objective.unit else percent_number(number, 1)
         for number in (value, *(interval or ()))
     ]
     span = f" ({texts[1]} to {texts[2]})" if interval else ""

@@ -146,8 +146,9 @@ def pairs(designs: Sequence[DesignEvidence]) -> list[str]:
     samples_of_designs = [[trial.sample for trial in design.trials if trial.sample is not None] for design in designs]
     repeated = sum(len(samples) - len(set(samples)) for samples in samples_of_designs)
     if repeated:
+        verb = "repeats" if repeated == 1 else "repeat"
         sentences.append(
-            f"{count(repeated, 'trial')} repeat an environment of the same design. Intervals assume independent "
+            f"{count(repeated, 'trial')} {verb} an environment of the same design. Intervals assume independent "
             "environments, so they are too narrow."
         )
     return sentences

@@ -93,8 +93,8 @@ def grounds(evidence: Evidence, belief: Belief, threshold: float) -> str:
     # Designs whose interval reaches the best design's rate.
     tied = rates[:, 2] >= rates[:, 0].max()
     if tied.sum() > 1:
-        low, high = (f"{100 * end:.0f}" for end in (rates[tied, 0].min(), rates[tied, 0].max()))
-        span = f"{low} %" if low == high else f"{low} to {high} %"
+        low, high = (percent(float(end)) for end in (rates[tied, 0].min(), rates[tied, 0].max()))
+        span = low if low == high else f"{low.removesuffix(' %')} to {high}"
         driven = "" if not belief.driven or belief.trials[tied].any() else "; none of these was driven"
         # If all are tied, `_names` says "each of 5 designs"; here that must read "the best 5 designs".
         names = _names(belief, evidence, tied).replace("each of", "the best", 1)

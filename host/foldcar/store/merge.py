@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from foldcar.store.check import missing_references
-from foldcar.store.connection import check_new, connect_reading, new_store
+from foldcar.store.connection import check_new, connect_reading, new_store, numbers_beyond_limits
 from foldcar.store.designs import design_counts
 from foldcar.store.errors import StoreError, store_errors
 from foldcar.store.log_files import log_file, reference, referred_file, sha256_of
@@ -103,6 +103,9 @@ class Merge:
 
     def add(self, path: Path, source: sqlite3.Connection, tables: Sequence[Table] = TABLES) -> None:
         """Add all rows of a store, or of some of its tables. Raises StoreError if they contradict earlier stores."""
+        # Readers refuse such a store, so they would refuse the merged one.
+        for damage in numbers_beyond_limits(source):
+            raise StoreError(f"{path}: {damage}")
         self._stores.append(path)
         self._source = source
         self._numbers = {table.name: {} for table in tables}

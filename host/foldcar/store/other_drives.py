@@ -1,7 +1,7 @@
 """Finds trials that were not driven as the runs were: at another speed, with another time limit or another body.
 
 Such trials say nothing about these runs. A trial that was imported from a table says neither its settings nor its body,
-so it counts.
+so it counts, unless its time contradicts the time limit of the runs.
 """
 
 import json
@@ -16,6 +16,10 @@ from foldcar.store.trial_records import Trial
 SPEED, YAW_RATE, TIME_LIMIT = "speed_m_s", "yaw_rate_rad_s", "time_limit_s"
 # Bodies of two versions of foldcar may differ by rounding errors.
 RELATIVE_TOLERANCE = 1e-6
+# The firmware ends a trial at its first step after the time limit; the longest step takes this time (s).
+LIMIT_OVERRUN_S = 0.1
+# A person with a stopwatch may be wrong by this time (s).
+STOPWATCH_ERROR_S = 1.0
 
 
 def other_drives(store: Store, info: ExperimentInfo, trials: Sequence[Trial]) -> dict[int, str]:
@@ -56,11 +60,16 @@ def _setting_differences(trial: Trial, settings: Mapping[str, Any], expected: Ma
     limit_s = settings.get(TIME_LIMIT, runs_limit_s)
     time_s = trial.elapsed_time_s
     # A car that stopped within both limits, whether it had passed or tipped, would have done so under either.
-    ended_within_both = time_s is not None and time_s <= min(limit_s, runs_limit_s) and trial.outcome != "timeout"
+    latest_s = min(limit_s, runs_limit_s) + LIMIT_OVERRUN_S
+    ended_within_both = time_s is not None and time_s <= latest_s and trial.outcome != "timeout"
     if not _equal(limit_s, runs_limit_s) and not ended_within_both:
         yield f"time limit {limit_s:g} s, not {runs_limit_s:g} s"
-    elif trial.outcome == "passed" and time_s is not None and time_s > runs_limit_s and not settings:
-        yield f"passed after {time_s:g} s, above the time limit of {runs_limit_s:g} s"
+    elif time_s is not None and not settings:
+        # The time of an imported trial shows a limit that differs.
+        if trial.outcome == "passed" and time_s > latest_s:
+            yield f"passed after {time_s:g} s, above the time limit of {runs_limit_s:g} s"
+        elif trial.outcome == "timeout" and time_s < runs_limit_s - STOPWATCH_ERROR_S:
+            yield f"timed out after {time_s:g} s, below the time limit of {runs_limit_s:g} s"
 
 
 def _differences(value: Any, expected: Any, place: str = "") -> Iterator[str]:

@@ -19,6 +19,7 @@ from rich.text import Text
 from foldcar.car.body import CHANNELS
 from foldcar.link.car import Car
 from foldcar.shown_console import shown_console
+from foldcar.statistics.words import percent
 
 REFRESH_S = 0.1
 PASSED, STOPS = "p", ("s", " ", "\n", "\r", "q", "\x1b")
@@ -125,8 +126,7 @@ class DriveView:
         volts = None if status is None or status.voltage_battery == 0xFFFF else status.voltage_battery / 1000
         table.add_row("battery", "unreadable" if volts is None else f"{volts:.2f} V")
         packets = link.received + link.lost
-        loss_text = (
-            f"{100 * link.lost / packets if packets else 0:.1f} % of {link.received} packets lost, {link.damaged} damaged"
-        )
+        lost = percent(link.lost / packets if packets else 0, 1)
+        loss_text = f"{lost} of {link.received} packets lost, {link.damaged} damaged"
         table.add_row("link", f"{loss_text}, silent for {link.silence_s():.1f} s")
         return Group(headline, Text("p: it has passed   s, space: stop"), table)

@@ -6,6 +6,7 @@ Input: cells of a row, or a Parquet file. Output: columns of the store's table o
 import csv
 import io
 import json
+import math
 import uuid
 from collections.abc import Mapping
 from pathlib import Path
@@ -16,7 +17,9 @@ from typing_extensions import TypedDict
 
 from foldcar.errors import FoldcarError
 from foldcar.installation import require
+from foldcar.shown_text import spreadsheet_cell
 from foldcar.store.shapes import Number
+from foldcar.store.trial_records import TRIAL_OUTCOMES
 from foldcar.store.writer import canonical_json
 
 # Further columns of trials that another store exported. Number and log stay behind.
@@ -56,8 +59,37 @@ def exported_facts(place: str, row: Mapping[str, str]) -> dict[str, Any]:
         except ValidationError as error:
             reason = error.errors()[0]["msg"].lower()
             raise FoldcarError(f"{place}: {name}: {row[name][:80]} is not as foldcar exports it: {reason}") from None
+    for correction in facts["corrections"]:
+        if correction["field"] == "outcome" and not {correction["before"], correction["after"]} <= set(TRIAL_OUTCOMES):
+            raise FoldcarError(f"{place}: corrections: an outcome is not one of {', '.join(TRIAL_OUTCOMES)}")
     facts["deviations"] = canonical_json({name: list(pose) for name, pose in facts["deviations"].items()})
     return facts
+
+
+def require_corrected(place: str, trial: Mapping[str, Any]) -> None:
+    """Raise FoldcarError if a column of an exported trial is not what its latest correction made it.
+
+    A spreadsheet may have changed the cell: then the trial and its corrections would contradict each other.
+    """
+    # Of corrections of one second, the last one counts; sorting keeps their order.
+    corrections = sorted(trial["corrections"], key=lambda correction: str(correction["corrected_utc"]))
+    for name, after in {correction["field"]: correction["after"] for correction in corrections}.items():
+        # A withdrawn trial is not exported. An empty text is an empty cell.
+        value = 0 if name == "withdrawn" else trial.get(name)
+        if (value or after) and not _is_same(value, after):
+            raise FoldcarError(
+                f"{place}: {name}: {value} is not what the trial's corrections made it, {after}: use "
+                "`foldcar trials correct` after the import"
+            )
+
+
+def _is_same(value: Any, after: Any) -> bool:
+    """Return whether a cell has a correction's value; spreadsheets shorten numbers, and the import shortens spaces."""
+    if isinstance(value, str) and isinstance(after, str):
+        return value.split() == after.split()
+    if isinstance(value, int | float) and isinstance(after, int | float):
+        return math.isclose(value, after, rel_tol=1e-6)
+    return bool(value == after)
 
 
 def parquet_text(file: Path) -> str:
@@ -77,5 +109,6 @@ def parquet_text(file: Path) -> str:
         moved = row.get("deviations") or []
         poses = {entry["name"]: [entry["x_m"], entry["y_m"], entry["heading_rad"]] for entry in moved}
         cells = {**row, "deviations": json.dumps(poses)} if "deviations" in row else row
-        writer.writerow(["" if cell is None else cell for cell in cells.values()])
+        # As `foldcar export` writes cells of CSV files, because they are read alike.
+        writer.writerow(["" if cell is None else spreadsheet_cell(cell) for cell in cells.values()])
     return text.getvalue()

@@ -300,6 +300,7 @@ def test_environment_variables_are_no_part_of_a_user_module(tmp_path: Path, monk
     [
         (("class Tail(Module):", "class Tail(Module)"), ":7: expected ':'"),
         (("import put_caster", "import put_castor"), ":4: ImportError: cannot import name 'put_castor'"),
+        (("class Tail(Module):", "exit(0)\nclass Tail(Module):"), ":7: SystemExit: 0"),
         (('letter = "Tail"', 'letter = "W"'), ':7: Tail: letter "W" is already used by WheelModule'),
         (('letter = "Tail"', "letter = 3"), ':7: Tail has no string "letter"'),
         (('"offset", 5, 0', '"width", 5, 0'), ':7: Tail: its parameter "width" must be declared like'),
@@ -328,6 +329,7 @@ def test_a_file_with_an_error_is_one_line_with_file_and_line(
         (('"beam.floor")[1]', '"beam.flor")[1]'), 'Tail1: has no face "beam.flor" [{file}:13]'),
         (('self["offset"]', 'self["offsets"]'), 'Tail1: has no parameter "offsets"; it has'),
         (("width / 2)", "width / 0)"), "{file}:14: ZeroDivisionError: float division by zero"),
+        (("width / 2)", "width / exit(0))"), "{file}:14: SystemExit: 0"),
     ],
 )
 def test_a_module_that_cannot_be_built_is_named_with_file_and_line(

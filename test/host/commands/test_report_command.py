@@ -135,6 +135,25 @@ def test_several_experiments_and_several_parameters_and_unfinished_ones(tmp_path
         assert sentence in text
 
 
+def test_tables_and_sentences_round_no_rate_to_0_or_100_per_cent(tmp_path: Path, foldcar: Any) -> None:
+    """One run of 3000 differs from all others of its design."""
+    write_study(
+        tmp_path / "s.db", {"width_mm": [95.0, 115.0]}, 3000,
+        lambda design, sample: "tipped" if (sample == 7) == (design["width_mm"] == 95) else "passed",
+    )  # fmt: skip
+
+    report, select = foldcar("report", "s.db", "-o", "r"), foldcar("select", "s.db")
+
+    assert (report.returncode, select.returncode) == (0, 0), report.stderr + select.stderr
+    rows = [line.split("  ") for line in report.stdout.splitlines() if line.strip().startswith(("95 mm", "115 mm"))]
+    assert [[cell.strip() for cell in row if cell.strip()][1:4] for row in rows] == [
+        ["3000", ">99.9", "99.8 - >99.9"], ["3000", "<0.1", "<0.1 - 0.2"],
+    ]  # fmt: skip
+    assert ">99 (>99–>99)" in select.stdout and "<1 (<1–<1)" in select.stdout
+    for text in (report.stdout, select.stdout):
+        assert not re.search(r"(?<![\d.])(0|0\.0|100|100\.0)( %|\)|–| \()", text), text
+
+
 def test_mistakes_are_one_line_and_leave_nothing(study: Path, tmp_path: Path) -> None:
     text, empty = tmp_path / "text.db", tmp_path / "empty.db"
     text.write_text("no database, but long enough to be taken for one by its size alone " * 20)

@@ -176,6 +176,7 @@ def test_a_program_named_by_its_absolute_path_is_the_same_program(tmp_path: Path
         ),
         # These were driven alike: ended within both limits, a rounding error.
         ({"settings": {**SETTINGS, "time_limit_s": 20}}, None),
+        ({"settings": {**SETTINGS, "time_limit_s": 10}, "elapsed_time_s": 10.02}, None),
         ({"settings": {**SETTINGS, "time_limit_s": 300}}, None),
         ({"mass_kg": 0.2 * (1 + 1e-9)}, None),
     ],
@@ -210,6 +211,30 @@ def test_a_trial_that_timed_out_under_a_shorter_limit_says_nothing_of_a_longer_o
     # An imported trial does not say how it was driven: it counts.
     assert [(row["trials"], row["trials_passed"]) for row in experiment["designs"]] == [(2, 1)]
     assert "1 trial left out, not driven as the runs: time limit 20 s, not 120 s." in experiment["remarks"]
+
+
+def test_an_exported_trial_that_passed_as_its_time_ended_comes_back_and_one_of_another_limit_is_left_out(
+    tmp_path: Path,
+) -> None:
+    """The firmware stops at the first step after the limit, and a person may say then that the car has passed."""
+    driven = write_study(tmp_path / "driven.db", WIDTHS, 100, passing(SIMULATED))
+    design = {"width_mm": 180.0}
+    add_trials(driven, [(design, 0, "passed")], settings=SETTINGS, elapsed_time_s=120.02)
+    add_trials(driven, [(design, 1, "timeout")], settings=SETTINGS, elapsed_time_s=120.02)
+    longer = {**SETTINGS, "time_limit_s": 300}
+    add_trials(driven, [(design, 2, "passed")], settings=longer, elapsed_time_s=150.0)
+    shorter = {**SETTINGS, "time_limit_s": 20}
+    add_trials(driven, [(design, 3, "timeout")], settings=shorter, elapsed_time_s=20.02)
+    store, table = write_study(tmp_path / "s.db", WIDTHS, 100, passing(SIMULATED)), tmp_path / "t.csv"
+
+    for words in (["export", driven, "--trials", table], ["trials", "import", store, table]):
+        assert CliRunner().invoke(app, list(map(str, words))).exit_code == 0
+
+    (experiment,) = compare(store)["experiments"]
+    assert [(row["trials"], row["trials_passed"]) for row in experiment["designs"]] == [(2, 1)]
+    for difference in ("passed after 150 s, above", "timed out after 20.02 s, below"):
+        text = f"1 trial left out, not driven as the runs: {difference} the time limit of 120 s."
+        assert text in experiment["remarks"]
 
 
 def test_an_imported_trial_that_passed_after_the_time_limit_is_refused(tmp_path: Path) -> None:

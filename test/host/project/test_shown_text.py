@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from conftest import two_widths
-from foldcar.shown_text import markdown_text, shown, spreadsheet_cell
+from foldcar.shown_text import markdown_text, shown, spreadsheet_cell, without_apostrophe
 from foldcar.store.reader import Store
 from forked_foldcar import original
 from test_command_line import COMMAND
@@ -123,6 +123,11 @@ def test_shown_text_keeps_letters_and_writes_out_what_steers(text: str, written:
 @pytest.mark.parametrize("cell", ["=1+1", "@SUM(A1)", "+1+1", "-1+1", "-cmd|' /C calc'!A0", "\t=1", "\n-x", "+"])
 def test_what_a_spreadsheet_would_run_begins_with_an_apostrophe(cell: str) -> None:
     assert spreadsheet_cell(cell) == f"'{cell}"
+
+
+@pytest.mark.parametrize("cell", ["=1", "'=1", "''-x", "'", "'-1", "'a'", "-1", " =1"])
+def test_a_text_comes_back_from_its_cell_with_all_its_apostrophes(cell: str) -> None:
+    assert without_apostrophe(spreadsheet_cell(cell)) == cell
 
 
 @pytest.mark.parametrize("cell", ["-1", "+2.5e-3", "-.5", "-inf", "a=1", "", "-1.", None, -1.5, True])

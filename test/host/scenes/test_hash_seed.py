@@ -92,12 +92,13 @@ except FoldcarError as error:
     assert printed[2] == str(local.value)
 
 
-def test_python_that_ignores_the_hash_seed_is_refused(program: Path) -> None:
-    words = [sys.executable, "-E", "-c", "from foldcar.__main__ import main; main()", "sample", str(program)]
-    answer = subprocess.run(words, capture_output=True, text=True, check=False)
+@pytest.mark.parametrize("option", ["-E", "-R"])
+def test_python_that_ignores_the_hash_seed_is_refused(option: str, program: Path) -> None:
+    words = [sys.executable, option, "-c", "from foldcar.__main__ import main; main()", "sample", str(program)]
+    answer = subprocess.run(words, capture_output=True, text=True, check=False, timeout=60)
 
     assert (answer.returncode, answer.stdout, answer.stderr.count("\n")) == (2, "", 1)
-    assert answer.stderr.startswith("foldcar: error: python -E and -I ignore PYTHONHASHSEED")
+    assert answer.stderr.startswith("foldcar: error: python -E, -I and -R ignore PYTHONHASHSEED")
 
 
 def test_another_process_gives_the_parameters_of_objects_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -143,6 +143,22 @@ def test_trials_join_those_that_are_there_and_nothing_is_half_done(old_store: Pa
     assert itself.stderr == "foldcar: error: s.db: is the store itself; name another store\n"
 
 
+@pytest.mark.parametrize("command", [("trials", "import", "s.db"), ("merge", "s.db", "-o", "m.db")])
+def test_a_number_that_readers_refuse_does_not_reach_another_store(
+    command: tuple[str, ...], old_store: Path, foldcar: Any, tmp_path: Path
+) -> None:
+    store = write_study(tmp_path / "s.db", {"width_mm": [95.0]}, 3, lambda design, sample: "passed")
+    with contextlib.closing(sqlite3.connect(old_store)) as database, database:
+        database.execute("UPDATE trial SET elapsed_time_s = 9e20 WHERE id = 1")
+    before = contents(store)
+
+    done = foldcar(*command, old_store)
+
+    message = "trial (id=1) is damaged: its elapsed_time_s is 9e+20, not -1e+15 to 1e+15"
+    assert (done.returncode, done.stderr) == (2, f"foldcar: error: {old_store}: {message}\n")
+    assert contents(store) == before and not (tmp_path / "m.db").exists()
+
+
 @pytest.fixture
 def driven(tmp_path: Path) -> Path:
     """A study with trials: as planned and displaced, named cars, corrected, with a text that a spreadsheet would run."""
@@ -156,7 +172,7 @@ def driven(tmp_path: Path) -> Path:
             "1", TrialDesign("W_B_W", design), drive, {"A": (0.01, -0.002, 0.1), "car": (0, 1e-3, 0)},
             CarFacts("fw", "hash", "/dev/null", "built", "Ada"), LOG, "Bo, Cy",
         )  # fmt: skip
-        writer.complete(number, Ending("passed", "goal", 2.123456789012345, '=1+1 "said"\nhe', None))
+        writer.complete(number, Ending("passed", "goal", 2.123456789012345, '\'=1+1 "said"\nhe', None))
         writer.correct(number, {"outcome": "tipped", "elapsed_time_s": 1.5}, "on the film; twice", "Bo")
     return store
 
@@ -191,6 +207,10 @@ def test_exported_trials_are_the_same_trials_in_another_store(
         ("deviations", '{"A": [1, 2]}', "deviations: "),
         ("corrections", '[{"field": "id"}]', "corrections: "),
         ("corrections", "[", "corrections: "),
+        ("corrections", '[{"corrected_utc": "2026-11-28", "field": "outcome", "before": "flew", "after": "passed", '
+         '"reason": "r", "operator": ""}]', "corrections: an outcome is not one of passed, "),
+        ("outcome", "passed", "outcome: passed is not what the trial's corrections made it, tipped: use "),
+        ("elapsed_time_s", "2.5", "elapsed_time_s: 2.5 is not what the trial's corrections made it, 1.5: use "),
     ],
 )
 def test_a_changed_export_is_refused_with_its_line(
@@ -202,7 +222,7 @@ def test_a_changed_export_is_refused_with_its_line(
     with (tmp_path / "t.csv").open("w", newline="") as file:
         writer = csv.DictWriter(file, list(rows[0]))
         writer.writeheader()
-        writer.writerows([rows[0], {**rows[1], column: cell}])
+        writer.writerows([rows[0], {**rows[2], column: cell}])
 
     done = foldcar("trials", "import", "new.db", "t.csv")
 

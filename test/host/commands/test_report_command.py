@@ -147,7 +147,7 @@ def test_tables_and_sentences_round_no_rate_to_0_or_100_per_cent(tmp_path: Path,
     assert (report.returncode, select.returncode) == (0, 0), report.stderr + select.stderr
     rows = [line.split("  ") for line in report.stdout.splitlines() if line.strip().startswith(("95 mm", "115 mm"))]
     assert [[cell.strip() for cell in row if cell.strip()][1:4] for row in rows] == [
-        ["3000", ">99.9", "99.8 - >99.9"], ["3000", "<0.1", "<0.1 - 0.2"],
+        ["3000", ">99.9", "99.8–>99.9"], ["3000", "<0.1", "<0.1–0.2"],
     ]  # fmt: skip
     assert ">99 (>99–>99)" in select.stdout and "<1 (<1–<1)" in select.stdout
     for text in (report.stdout, select.stdout):

@@ -148,6 +148,8 @@ def test_a_number_that_readers_refuse_does_not_reach_another_store(
     command: tuple[str, ...], old_store: Path, foldcar: Any, tmp_path: Path
 ) -> None:
     store = write_study(tmp_path / "s.db", {"width_mm": [95.0]}, 3, lambda design, sample: "passed")
+    # Only stores of this version are merged.
+    old_store = old_store.with_name(f"version_{VERSION}.db")
     with contextlib.closing(sqlite3.connect(old_store)) as database, database:
         database.execute("UPDATE trial SET elapsed_time_s = 9e20 WHERE id = 1")
     before = contents(store)

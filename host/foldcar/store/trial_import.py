@@ -60,6 +60,7 @@ def take_trials(store: Path, other: Path) -> TakenTrials:
     if store.exists() and store.samefile(other):
         raise StoreError(f"{store}: is the store itself; name another store")
     copied: list[Path] = []
+    existed = store.exists()
     with contextlib.closing(connect_reading(other, OLDEST_TRIALS)) as source, _in_this_version(other, source) as trials:
         for missing in missing_references(trials):
             raise StoreError(f"{other}: {missing}")
@@ -75,7 +76,7 @@ def take_trials(store: Path, other: Path) -> TakenTrials:
                     shutil.copyfile(log, target)
                 rows = connection.execute("SELECT id, uuid FROM trial ORDER BY id").fetchall()
         except BaseException:
-            for target in copied:
+            for target in (*copied, *(() if existed else (store,))):
                 target.unlink(missing_ok=True)
             raise
     new = [trial for trial, uuid in rows if uuid not in before]

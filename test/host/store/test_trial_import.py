@@ -157,6 +157,7 @@ def test_a_number_that_readers_refuse_does_not_reach_another_store(
     done = foldcar(*command, old_store)
 
     message = "trial (id=1) is damaged: its elapsed_time_s is 9e+20, not -1e+15 to 1e+15"
+    assert foldcar("trials", "import", "new.db", old_store).returncode == 2 and not (tmp_path / "new.db").exists()
     assert (done.returncode, done.stderr) == (2, f"foldcar: error: {old_store}: {message}\n")
     assert contents(store) == before and not (tmp_path / "m.db").exists()
 

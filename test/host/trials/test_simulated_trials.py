@@ -79,8 +79,8 @@ def test_the_car_follows_to_the_sample_of_each_trial(
     assert (answer.returncode, done.returncode) == (0, 0), answer.stderr + done.stderr
     assert "SIMULATED CAR: its trials are stored as simulated" in answer.stdout
     assert "Trial 1: passed (SIMULATED CAR); log: " in answer.stdout
-    # The ramp is one obstacle.
-    assert [line.split()[0] for line in answer.stdout.splitlines() if line[:2] in ("A ", "B ")] == ["A"] * 3
+    # The ramp is one obstacle: in each of three trials a row for it and for its two pieces.
+    assert [line.split()[0] for line in answer.stdout.splitlines() if line[:2] in ("A ", "B ")] == ["A"] * 9
     trials = trials_in(course / "s.db")
     assert {trial.sample for trial in trials[:3]} < set(range(8)) and len({trial.sample for trial in trials[:3]}) == 3
     assert trials[3].sample == 3

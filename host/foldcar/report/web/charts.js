@@ -44,6 +44,14 @@ const isNear = ({ place }) => {
 const drawStale = () => { for (const chart of all) if (chart.stale && isNear(chart)) chart.draw(); };
 for (const event of ["scroll", "resize"]) window.addEventListener(event, drawStale, { passive: true });
 
+// zrender paints a large canvas over several frames, and a frame to come does not notice that the chart is gone: another
+// id of the drawing ends them.
+function disposeOf(chart) {
+  if (!chart) return;
+  chart.getZr().painter._redrawId = null;
+  chart.dispose();
+}
+
 export class Chart {
   // option(colours, width): of ECharts; table(): {head, rows} of the same numbers, for readers of tables and of screens.
   constructor(figure, { label, option, table, renderer = "svg", drawn = () => {} }) {
@@ -79,7 +87,7 @@ export class Chart {
     // On paper all charts are SVG: browsers print a canvas as it was some frames ago, without what is still to be painted.
     const renderer = document.documentElement.classList.contains("print") ? "svg" : this.renderer;
     if (this.drawnBy !== renderer) {
-      this.chart?.dispose();
+      disposeOf(this.chart);
       this.chart = echarts.init(this.place, null, { renderer });
       this.drawnBy = renderer;
       for (const handler of this.handlers) this.chart.on(...handler);
@@ -96,7 +104,7 @@ export class Chart {
     this.disposed = true;
     all.delete(this);
     this.seen.disconnect();
-    if (this.chart) this.chart.dispose();
+    disposeOf(this.chart);
   }
 }
 

@@ -192,6 +192,7 @@ def test_a_material_file_changes_a_preset_and_is_named_on_the_sheets(
         ('{"machine": "laser", "kerf_mm": "0.1"}', "kerf_mm: '0.1' is not a number"),
         ('{"machine": "laser", "kerf_mm": 3}', "kerf_mm 3: is not within 0 to 1 (the cut of a blade or beam)"),
         ('{"machine": "laser", "sheet": 4}', "sheet: 4 is not a text"),
+        ('{"machine": "laser", "kerf_mm": 0.5, "dash_cut_mm": 0.3}', "kerf_mm 0.5: is above half of dash_cut_mm 0.3"),
         ('{"machine": "laser", ', "is not JSON"),
     ],
 )
@@ -201,3 +202,12 @@ def test_mistakes_in_a_material_file_name_file_key_value_and_limit(tmp_path: Pat
 
     with pytest.raises(FoldcarError, match=re.escape(f"{file}: {message}")):
         read_material(str(file))
+
+
+def test_folds_that_are_too_wide_for_a_car_are_refused(foldcar: Command, listing: Path, tmp_path: Path) -> None:
+    (tmp_path / "wide.json").write_text('{"machine": "laser", "bend_radius_mm": 4}')
+
+    done = foldcar("pattern", listing, "--set", "width=95", "--material", "wide.json", "-o", "car")
+
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
+    assert "bend_radius_mm 4: the folds of " in done.stderr and not (tmp_path / "car").exists()

@@ -17,7 +17,7 @@ from shapely.geometry import LineString, MultiPoint, Polygon
 from foldcar.car.folded.model import Crease, Face, Piece, Pose
 from foldcar.car.folded.pose import edge, folded
 from foldcar.fabrication.patterns.drawing import Point
-from foldcar.fabrication.patterns.options import Options
+from foldcar.fabrication.patterns.options import OptionError, Options
 
 # Outlines are united on a grid of 0.1 µm, so that common corners of two faces become one point.
 GRID_MM = 1e-4
@@ -111,7 +111,12 @@ def flat_piece(piece: Piece, options: Options) -> FlatPiece:
     bends = tuple((fold.a, fold.b) for fold, bent in lines if fold is not None and bent)
     # Rounding to the grid would move a corner off another face's edge, so both edges get the fold's ends as points.
     ends = MultiPoint([end for fold, _ in lines if fold is not None for end in (fold.a, fold.b)])
-    outline = shapely.union_all([shapely.snap(face.outline, ends, GRID_MM) for face in flat], grid_size=GRID_MM)
+    try:
+        outline = shapely.union_all([shapely.snap(face.outline, ends, GRID_MM) for face in flat], grid_size=GRID_MM)
+    except shapely.errors.GEOSException:
+        # Folds that are wider than a face turn its outline inside out.
+        reason = f"the folds of {piece.name} are wider than its faces; choose a smaller one"
+        raise OptionError(f"bend_radius_mm {options.bend_radius_mm:g}: {reason}") from None
     outline = shapely.simplify(outline, STRAIGHT_MM)
     if not isinstance(outline, Polygon):
         raise ValueError(f"piece {piece.name} is not one connected area")

@@ -125,6 +125,10 @@ def options(machine: str, **changes: Any) -> Options:
             raise OptionError(f"{name} {value:g}: is not within {minimum:g} to {maximum:g} ({meaning})")
     if result.fold not in ("dash", "score"):
         raise OptionError(f"fold {result.fold}: is not one of dash, score")
+    # Each end of a dash is trimmed by half the kerf, so that the finished cut is dash_cut_mm long.
+    if result.fold == "dash" and result.kerf_mm > result.dash_cut_mm / 2:
+        reason = "so that bridges would be thinner than dash_bridge_mm"
+        raise OptionError(f"kerf_mm {result.kerf_mm:g}: is above half of dash_cut_mm {result.dash_cut_mm:g}, {reason}")
     width, height = result.sheet_size_mm
     if min(width, height) - 2 * result.margin_mm < 1:
         raise OptionError(f"margin_mm {result.margin_mm:g}: leaves nothing of a sheet of {width:g} x {height:g} mm")

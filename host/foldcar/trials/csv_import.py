@@ -231,7 +231,9 @@ def _number(
         kind_text = "whole " if kind is whole_number else ""
         raise FoldcarError(f'{place}: {name}: "{row[name]}" is not a {kind_text}number') from None
     if not minimum <= value <= maximum or value == math.inf:
-        limit = f"above the maximum {maximum}" if value > maximum else f"below the minimum {minimum} or not finite"
+        limit = f"above the maximum {maximum}" if value > maximum else f"below the minimum {minimum}"
+        # Only NaN differs from itself; a whole number may be too large for isfinite.
+        limit = "not finite" if abs(value) == math.inf or value != value else limit
         raise FoldcarError(f"{place}: {name}: {row[name]} is {limit}")
     return value
 

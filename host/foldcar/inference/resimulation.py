@@ -25,7 +25,7 @@ from foldcar.simulation.runner import RunRequest
 from foldcar.statistics.words import count
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
-from foldcar.store.stored_drives import StoredDrives, read_drives
+from foldcar.store.stored_drives import read_drives
 from foldcar.store.trial_records import Trial
 from foldcar.store.writer import canonical_json
 from foldcar.study.experiments import run_settings
@@ -113,7 +113,7 @@ class Resimulation:
         the trials that were driven in a sample of the sweep. Returns None if the cars cannot be simulated, if the
         experiment does not vary cars, or if the cars of all designs would need more than MAX_CAR_RUNS runs.
         """
-        if self._refusal(info) is not None or not self._drives(info).varied:
+        if self._refusal(info) is not None or not read_drives(self._store, info.id).varied:
             return None
         sampled_scenes = self._scenes(info)
         drives = {trial.id: self._store.trial_drive(trial.id) for trial in trials}
@@ -131,7 +131,7 @@ class Resimulation:
             body, settings = self._composed(info, trials[0]) if stored is None else (stored.body, stored.settings)
         except FoldcarError:
             return None
-        cars = [self._variation(info, sample) for sample in sorted(self._drives(info).variations)[:CARS]]
+        cars = [self._variation(info, sample) for sample in sorted(read_drives(self._store, info.id).variations)[:CARS]]
         self._car_runs += len(cars) * len(scenes)
         if self._car_runs > MAX_CAR_RUNS:
             return None
@@ -174,7 +174,7 @@ class Resimulation:
         """Return why runs of the experiment cannot be repeated here; None if they can."""
         if info.under is not None:
             return f"the runs are those of {info.under}"
-        if self._drives(info).dynamic:
+        if read_drives(self._store, info.id).dynamic:
             return f"{info.scenic_program} runs beside the simulation"
         try:
             build = self._simulator(info).build
@@ -206,12 +206,9 @@ class Resimulation:
             _RESULTS[keys[request.sample]] = outcome_of(answer), answer.get("elapsed_time_s")
         return [_RESULTS[key] for key in keys]
 
-    def _drives(self, info: ExperimentInfo) -> StoredDrives:
-        return self._store.once(("drives", info.id), lambda: read_drives(self._store, info.id))
-
     def _scenes(self, info: ExperimentInfo) -> dict[int, str]:
         """Return the stored scenes as JSON, by sample."""
-        drives = self._drives(info)
+        drives = read_drives(self._store, info.id)
         return self._store.once(
             ("scenes", info.id),
             lambda: {sample: drives.text("scene", scene) for sample, scene in drives.scenes.items()},
@@ -219,6 +216,6 @@ class Resimulation:
 
     def _variation(self, info: ExperimentInfo, sample: int | None) -> Mapping[str, Any]:
         """Return how the car of a sample differs from its design; empty if the experiment does not vary its cars."""
-        drives = self._drives(info)
+        drives = read_drives(self._store, info.id)
         varies = info.variation and sample in drives.variations
         return drives.value("variation", drives.variations[sample]) if varies and sample is not None else {}

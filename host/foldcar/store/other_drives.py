@@ -10,7 +10,7 @@ from typing import Any
 
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
-from foldcar.store.stored_drives import StoredDrives, read_drives
+from foldcar.store.stored_drives import read_drives
 from foldcar.store.trial_records import Trial
 
 SPEED, YAW_RATE, TIME_LIMIT = "speed_m_s", "yaw_rate_rad_s", "time_limit_s"
@@ -27,7 +27,7 @@ def other_drives(store: Store, info: ExperimentInfo, trials: Sequence[Trial]) ->
 
     Example: {7: "speed 0.05 m/s, not 0.3 m/s"}
     """
-    drives: StoredDrives = store.once(("drives", info.id), lambda: read_drives(store, info.id))
+    drives = read_drives(store, info.id)
     index = {frozenset(parameters.items()): k for k, parameters in enumerate(drives.parameters)}
     result = {}
     for trial in trials:

@@ -47,7 +47,11 @@ class StoredDrives:
 
 
 def read_drives(store: Store, experiment: str) -> StoredDrives:
-    """Return the inputs of the runs of ``experiment``. Raises StoreError."""
+    """Return the inputs of the runs of ``experiment``, read once from an open store. Raises StoreError."""
+    return store.once(("drives", experiment), lambda: _read(store, experiment))
+
+
+def _read(store: Store, experiment: str) -> StoredDrives:
     row = store.row(EXPERIMENT, id=experiment)
     designs = list(store.rows(DESIGN, "WHERE experiment = ? ORDER BY position", experiment))
     dynamic = store.row(BY_NAME["environment"], id=row["environment_id"])["dynamic"]

@@ -28,11 +28,11 @@ import numpy as np
 from calibration import kept, table
 from page_block import replaced
 
+from foldcar.belief.priors import PARAMETERS, FloatArray, ScorePrior, values_of
 from foldcar.inference.calibration.emulator import Emulator, cell_inputs, prior_scores, simulate_bank
 from foldcar.inference.calibration.experiment import CalibrationRun, Simulator, SweptExperiment, read_experiment
 from foldcar.inference.calibration.inference import Inference, Problem, simulated_rates
 from foldcar.inference.calibration.observations import Cell, Observations
-from foldcar.inference.calibration.parameters import PARAMETERS, FloatArray, ScorePrior, values_of
 from foldcar.inference.calibration.predictions import rates_of
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.engines import MUJOCO, MULTIBODY

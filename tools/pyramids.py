@@ -31,9 +31,9 @@ from sklearn.exceptions import ConvergenceWarning
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import RBF, ConstantKernel
 
+from foldcar.belief.priors import FloatArray
 from foldcar.car.body import body_json
 from foldcar.errors import FoldcarError
-from foldcar.inference.calibration.parameters import FloatArray
 from foldcar.outputs import atomic_file
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.engines import MUJOCO, MULTIBODY

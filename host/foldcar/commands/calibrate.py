@@ -55,12 +55,12 @@ def calibrate(
     \b
     Example: foldcar calibrate study.db --name published --leave-one-out
     """
+    from foldcar.belief.priors import built_priors, measured_priors, measured_value
     from foldcar.commands.progress_bar import TerminalBar
     from foldcar.commands.tables import print_calibration
     from foldcar.inference.calibration.experiment import Simulator, nominal_counts, read_experiment
     from foldcar.inference.calibration.inference import infer, plan
     from foldcar.inference.calibration.observations import experiment_with_trials, observe
-    from foldcar.inference.calibration.parameters import built_priors, measured_priors, measured_value
     from foldcar.inference.calibration.summary import summarise
     from foldcar.interrupts import message_on_signal
     from foldcar.simulation.carsim import Carsim

@@ -91,8 +91,8 @@ def _world(run: ListedRun, k: int, values: Mapping[str, float] | None, car: str 
     ``values`` are the parameters of a reality file, None without one. ``car`` is the name of a built car, whose
     differences from the design are the same in all samples; None stands for another car in each sample.
     """
+    from foldcar.belief.reality import drawn_reality
     from foldcar.car.variation import named_car
-    from foldcar.inference.calibration.effects import drawn_reality
     from foldcar.scenes.fingerprint import scene_name
 
     experiment, scene = run.experiment, run.environment.sample(k)

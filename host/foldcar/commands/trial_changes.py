@@ -110,8 +110,8 @@ def measure(
     \b
     Example: foldcar trials measure study.db obstacle_height=1.04 com_height_m=0.005 track_m=0.002
     """
+    from foldcar.belief.priors import NAMES, PARAMETERS, measured_value
     from foldcar.inference.calibration.observations import experiment_to_measure
-    from foldcar.inference.calibration.parameters import NAMES, PARAMETERS, measured_value
     from foldcar.store.calibrations import measured_values, write_calibrations
     from foldcar.store.reader import Store
 

@@ -10,8 +10,8 @@ from dataclasses import replace
 
 from threadpoolctl import threadpool_limits
 
+from foldcar.belief.priors import MEASURABLE
 from foldcar.inference.adviser import Adviser, Selection
-from foldcar.inference.calibration.parameters import MEASURABLE
 from foldcar.inference.evidence import Evidence, read_evidence, simulated_text
 from foldcar.simulation.results import no_rate_text
 from foldcar.statistics.words import count, listed

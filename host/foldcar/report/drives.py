@@ -17,13 +17,7 @@ from typing import Any
 import numpy
 from numpy.typing import NDArray
 
-from foldcar.car.design import compose_columns
-from foldcar.car.folded_car import folded_car
-from foldcar.errors import FoldcarError
-from foldcar.fabrication.assembly.scene_shape import SceneShapes, drawn_body
-from foldcar.figures.scene_data import ground_data
-from foldcar.inference.calibration.effects import REAL_ONLY, start_deviates
-from foldcar.inference.calibration.parameters import (
+from foldcar.belief.priors import (
     MAX_SCORE,
     NAMES,
     PARAMETERS,
@@ -31,6 +25,12 @@ from foldcar.inference.calibration.parameters import (
     built_priors,
     prior_interval,
 )
+from foldcar.belief.reality import REAL_ONLY, start_deviates
+from foldcar.car.design import compose_columns
+from foldcar.car.folded_car import folded_car
+from foldcar.errors import FoldcarError
+from foldcar.fabrication.assembly.scene_shape import SceneShapes, drawn_body
+from foldcar.figures.scene_data import ground_data
 from foldcar.report.page_data import Experiment
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.engines import ENGINES, MUJOCO_ENVIRONMENT, engine_of

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from scipy.stats import binom, halfnorm, lognorm, norm
 
+from foldcar.belief.priors import NAMES, NOMINAL, PARAMETERS, ScorePrior, built_priors, prior_interval
+from foldcar.belief.reality import drawn_reality
 from foldcar.car.variation import draw, workshop
 from foldcar.errors import FoldcarError
-from foldcar.inference.calibration.effects import drawn_reality
 from foldcar.inference.calibration.experiment import read_experiment
 from foldcar.inference.calibration.observations import observe
-from foldcar.inference.calibration.parameters import NAMES, NOMINAL, PARAMETERS, ScorePrior, built_priors, prior_interval
 from foldcar.inference.calibration.predictions import fraction_interval
 from foldcar.store.calibrations import Calibration, calibration_named
 from foldcar.store.reader import Store

@@ -4,9 +4,9 @@ import json
 from pathlib import Path
 from typing import Any
 
+from foldcar.belief.reality import drawn_reality
 from foldcar.car.variation import named_car
 from foldcar.commands.listed_run import listed_run
-from foldcar.inference.calibration.effects import drawn_reality
 from foldcar.inference.calibration.environment import read_reality
 from foldcar.store.reader import Store
 from live_car import LOG, car_at_port, trials_in, write_free_course

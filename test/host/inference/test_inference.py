@@ -11,19 +11,19 @@ import pytest
 from scipy.special import expit
 from scipy.stats import binom, norm
 
-from foldcar.inference.calibration import emulator
-from foldcar.inference.calibration import inference as inference_module
-from foldcar.inference.calibration.emulator import MAX_CELLS, OTHERS, Emulator, cell_inputs, prior_scores, simulate_bank
-from foldcar.inference.calibration.experiment import CalibrationRun, SweptDesign, SweptExperiment
-from foldcar.inference.calibration.inference import DRAWS, Inference, Problem, infer, plan
-from foldcar.inference.calibration.observations import Cell, Observations
-from foldcar.inference.calibration.parameters import (
+from foldcar.belief.priors import (
     NAMES,
     PARAMETERS,
     SHEETS_COM_HEIGHT,
     ScorePrior,
     built_priors,
 )
+from foldcar.inference.calibration import emulator
+from foldcar.inference.calibration import inference as inference_module
+from foldcar.inference.calibration.emulator import MAX_CELLS, OTHERS, Emulator, cell_inputs, prior_scores, simulate_bank
+from foldcar.inference.calibration.experiment import CalibrationRun, SweptDesign, SweptExperiment
+from foldcar.inference.calibration.inference import DRAWS, Inference, Problem, infer, plan
+from foldcar.inference.calibration.observations import Cell, Observations
 from foldcar.inference.calibration.posterior import DISCREPANCY, sample_posterior
 from foldcar.inference.calibration.predictions import rates_of
 from foldcar.inference.calibration.summary import summarise

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from foldcar.inference.calibration.parameters import NAMES, PARAMETERS, built_priors
+from foldcar.belief.priors import NAMES, PARAMETERS, built_priors
 from foldcar.inference.calibration.supply import MeasuredSupply, measured_supply
 from foldcar.link.connection import CAR_COMPONENT, CAR_SYSTEM
 from foldcar.link.dialect import load_dialect

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from foldcar.belief.priors import NOMINAL
+from foldcar.belief.reality import GROUND_FACTORS, drawn_reality
 from foldcar.commands.listed_run import listed_run, simulated_run
 from foldcar.errors import FoldcarError
-from foldcar.inference.calibration.effects import GROUND_FACTORS, drawn_reality
 from foldcar.inference.calibration.environment import read_reality
-from foldcar.inference.calibration.parameters import NOMINAL
 from foldcar.store.calibrations import new_calibration, write_calibrations
 from foldcar.store.reader import Store
 

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from browser import Tab, study_of
-from foldcar.inference.calibration.parameters import NOMINAL
+from foldcar.belief.priors import NOMINAL
 from foldcar.store.calibrations import new_calibration, write_calibrations
 from foldcar.store.reader import Store
 from study_car import listing_of

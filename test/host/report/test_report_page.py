@@ -13,9 +13,9 @@ import numpy
 import pytest
 
 from browser import Tab, study_of
+from foldcar.belief.priors import NOMINAL
 from foldcar.figures.scene_data import HEIGHT_M, ground_data
 from foldcar.inference.calibration.environment import read_reality
-from foldcar.inference.calibration.parameters import NOMINAL
 from foldcar.report import write
 from foldcar.report.drives import result_hashes
 from foldcar.simulation.carsim import Carsim

@@ -23,10 +23,10 @@ from sklearn.exceptions import ConvergenceWarning
 from sklearn.neural_network import MLPClassifier
 from threadpoolctl import threadpool_limits
 
+from foldcar.belief.priors import PARAMETERS, FloatArray, values_of
 from foldcar.errors import FoldcarError
 from foldcar.inference.calibration.experiment import CalibrationRun, Simulator, SweptExperiment
 from foldcar.inference.calibration.observations import Cell, Observations
-from foldcar.inference.calibration.parameters import PARAMETERS, FloatArray, values_of
 from foldcar.inference.calibration.posterior import IntArray
 from foldcar.statistics.built_cars import centre_factor
 

@@ -14,10 +14,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from foldcar.belief import reality as effects
+from foldcar.belief.priors import NAMES, NOMINAL, parameter_named
+from foldcar.belief.reality import REAL_ONLY, drawn_reality
 from foldcar.errors import FoldcarError
-from foldcar.inference.calibration import effects
-from foldcar.inference.calibration.effects import REAL_ONLY, drawn_reality
-from foldcar.inference.calibration.parameters import NAMES, NOMINAL, parameter_named
 from foldcar.scenes.fingerprint import variation_code
 from foldcar.simulation.engines import ENGINES, MUJOCO, MUJOCO_ENVIRONMENT
 from foldcar.store.calibrations import Calibration

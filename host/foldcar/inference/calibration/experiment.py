@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from foldcar.belief.priors import FloatArray
+from foldcar.belief.reality import drawn_reality
 from foldcar.errors import FoldcarError
-from foldcar.inference.calibration.effects import drawn_reality
-from foldcar.inference.calibration.parameters import FloatArray
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.results import outcome_of
 from foldcar.simulation.runner import RunRequest, side_by_side

@@ -11,6 +11,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from foldcar.belief.priors import PARAMETERS, FloatArray, ScorePrior, values_of
 from foldcar.inference.calibration.emulator import (
     MAX_CELLS,
     OTHERS,
@@ -23,7 +24,6 @@ from foldcar.inference.calibration.emulator import (
 )
 from foldcar.inference.calibration.experiment import CalibrationRun, Simulator
 from foldcar.inference.calibration.observations import Observations
-from foldcar.inference.calibration.parameters import PARAMETERS, FloatArray, ScorePrior, values_of
 from foldcar.inference.calibration.posterior import IntArray, Outcomes, Posterior, outcomes, sample_posterior
 from foldcar.statistics.gaussian_process import Matern, unit_range
 

@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from foldcar.belief.priors import FloatArray
 from foldcar.errors import FoldcarError
 from foldcar.inference.calibration.experiment import PASSED, SweptExperiment
-from foldcar.inference.calibration.parameters import FloatArray
 from foldcar.inference.calibration.posterior import IntArray
 from foldcar.inference.calibration.supply import measured_supply
 from foldcar.store.other_drives import other_drives

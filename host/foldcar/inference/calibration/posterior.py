@@ -17,7 +17,7 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.special import logsumexp
 
-from foldcar.inference.calibration.parameters import FloatArray, Parameter
+from foldcar.belief.priors import FloatArray, Parameter
 from foldcar.statistics.gaussian_process import Factors, binomial, laplace
 
 DISCREPANCY = Parameter(

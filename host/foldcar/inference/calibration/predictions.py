@@ -12,9 +12,9 @@ from scipy.optimize import brentq
 from scipy.special import expit, logsumexp
 from scipy.stats import binom
 
+from foldcar.belief.priors import FloatArray
 from foldcar.inference.calibration.experiment import SweptExperiment
 from foldcar.inference.calibration.inference import Inference, Problem
-from foldcar.inference.calibration.parameters import FloatArray
 from foldcar.inference.calibration.posterior import IntArray, Posterior
 from foldcar.statistics.smoothed_simulation import smoothed_simulation
 

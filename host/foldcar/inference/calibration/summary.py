@@ -11,9 +11,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import binom
 
-from foldcar.inference.calibration.experiment import SweptExperiment
-from foldcar.inference.calibration.inference import Inference
-from foldcar.inference.calibration.parameters import (
+from foldcar.belief.priors import (
     MEASURABLE,
     NAMES,
     PARAMETERS,
@@ -22,6 +20,8 @@ from foldcar.inference.calibration.parameters import (
     ScorePrior,
     prior_interval,
 )
+from foldcar.inference.calibration.experiment import SweptExperiment
+from foldcar.inference.calibration.inference import Inference
 from foldcar.inference.calibration.posterior import DISCREPANCY
 from foldcar.inference.calibration.predictions import Rates, fraction_interval, log_score, rates_of, trial_chances
 from foldcar.statistics.words import design_text, listed

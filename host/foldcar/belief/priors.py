@@ -1,7 +1,7 @@
 """The simulator's uncertain parameters with their priors, one row each.
 
 A parameter is described by its score z, which is standard normal before any trial: ``value(z)`` turns scores into the
-parameter's unit. All inference works on scores; what a value does to a run stands in effects.py.
+parameter's unit. All inference works on scores; what a value does to a run stands in reality.py.
 """
 
 from collections.abc import Iterable, Mapping

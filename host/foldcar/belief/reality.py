@@ -3,7 +3,7 @@
 Input: parameters by name, a seed, the numbers of the drive and of the car. Output: the differences that carsim applies.
 Random differences depend on seed and number alone, so that runs with other values share them.
 
-No calibration infers the parameters of REAL_ONLY: only a reality may have them.
+No trial infers the parameters of REAL_ONLY: only a reality of a file may have them.
 """
 
 import random

@@ -2,11 +2,13 @@
 
 import contextlib
 import hashlib
+import json
 import sqlite3
 from pathlib import Path
 from typing import Any
 
 from foldcar.store.calibrations import Calibration, write_calibrations
+from foldcar.store.reality_runs import reality_keys
 from foldcar.store.tables import Table
 from foldcar.store.trial_records import Ending, TrialDesign
 from foldcar.store.trial_writer import CarFacts, Drive, write_trials
@@ -23,6 +25,7 @@ def full_store(path: Path) -> Path:
         passes = lambda design, sample: "passed" if sample else "tipped"  # noqa: E731
         add_experiment(writer, "1", {"width_mm": (65.0, 95.0)}, 3, passes, {})
         _add_recording_experiment(writer)
+        _add_reality_runs(writer)
     with write_trials(path) as trials:
         for number in (1, 2):
             log = path.parent / f"{path.stem}-logs" / f"trial-000{number}-20261122T113100Z.tlog"
@@ -59,6 +62,20 @@ def _add_recording_experiment(writer: StoreWriter) -> None:
         writer.put_sample(environment, sample, {"of": "2", "sample": sample}, objects=objects)
         writer.put_draw(spread, sample, {"sample": sample})
         writer.add_results((run, result) for run in writer.planned_runs(plan, sample))
+
+
+def _add_reality_runs(writer: StoreWriter) -> None:
+    """Two runs of experiment 1 in other realities, of which the second failed."""
+    spread = writer.spread("realities of 1")
+    writer.update_facts("1", realities=2, reality_spread="realities of 1")
+    keys = reality_keys(writer, "1")
+    assert keys is not None
+    (body, settings), scene = keys.designs[1], keys.scenes[2]
+    key = {"build_id": keys.build_id, "spread_id": spread, "body_id": body, "settings_id": settings, "scene_id": scene}
+    writer.add_reality_runs(
+        {**key, "number": number, "scores": json.dumps([0.5, -1.25]), "passed": passed}
+        for number, passed in enumerate((1, None))
+    )
 
 
 def contents(path: Path) -> dict[str, list[dict[str, Any]]]:

@@ -59,6 +59,7 @@ def swept(
     experiment: str | None = None,
     until: str | None = None,
     stop_at: float = math.inf,
+    realities: int | None = 0,
 ) -> Progress:
     """Sweep, or begin to: InterruptedError once ``stop_at`` runs are new. ``until`` is the option of that name."""
     simulator = Carsim(carsim) if isinstance(carsim, Path) else carsim
@@ -69,7 +70,7 @@ def swept(
             raise InterruptedError
 
     rules = stopping_rules(until, study) if until else {}
-    return Sweep(study, store, simulator, "foldcar sweep …", until=rules).run(jobs, stop)
+    return Sweep(study, store, simulator, "foldcar sweep …", until=rules, realities=realities).run(jobs, stop)
 
 
 def rows(store: Path) -> list[Result]:

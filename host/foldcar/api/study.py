@@ -17,7 +17,7 @@ from foldcar.statistics.words import count as count_text
 from foldcar.store.connection import require_store
 from foldcar.store.frames import runs_frame, trials_frame
 from foldcar.store.reader import ExperimentInfo, Store
-from foldcar.study.limits import MAX_ENVIRONMENTS, MAX_JOBS
+from foldcar.study.limits import MAX_ENVIRONMENTS, MAX_JOBS, MAX_REALITIES
 
 if TYPE_CHECKING:
     import pandas
@@ -121,9 +121,7 @@ class Study:
         1
         """
         number = checked_int("build", build, 1, MAX_BUILT)
-        return self._read(
-            lambda store: select(store, number, threshold, precision, experiment, simulated_trials)
-        )
+        return self._read(lambda store: select(store, number, threshold, precision, experiment, simulated_trials))
 
     def compare(
         self, *, experiment: str | None = None, margin: float = MARGIN, simulated_trials: bool = False
@@ -222,12 +220,14 @@ def sweep(
     experiment: str | None = None,
     samples: int | None = None,
     jobs: int | None = None,
+    realities: int | None = None,
 ) -> Study:
     """Simulate the runs of a listing, or of one experiment, that the store lacks, and return the study.
 
     ``samples`` replaces the listing's number of environments; ``jobs`` simulators run in parallel (None: one per
-    processor). If the sweep is interrupted, the same call resumes it. Raises FoldcarError if the listing or an argument
-    is invalid.
+    processor). ``realities`` is the number of runs of each experiment in other realities, from which the success rate of
+    built cars is learned: 0 leaves them out, None simulates as many as the learning needs. If the sweep is interrupted,
+    the same call resumes it. Raises FoldcarError if the listing or an argument is invalid.
 
     >>> study = foldcar.sweep("scenarios/width_study.json", "w.db", samples=1, jobs=1)
     >>> study.experiments["1"].environments
@@ -238,6 +238,10 @@ def sweep(
 
     count = None if samples is None else checked_int("samples", samples, 1, MAX_ENVIRONMENTS)
     workers = usable_processors() if jobs is None else checked_int("jobs", jobs, 1, MAX_JOBS)
+    reality_runs = None if realities is None else checked_int("realities", realities, 0, MAX_REALITIES)
     command = f"foldcar.sweep({str(listing)!r}, {str(store)!r})"
-    planned_sweep(Path(listing), Path(store), command, experiment=experiment, environments=count).run(workers)
+    planned = planned_sweep(
+        Path(listing), Path(store), command, experiment=experiment, environments=count, realities=reality_runs
+    )
+    planned.run(workers)
     return Study(store)

@@ -29,11 +29,14 @@ def planned_sweep(
     calibration: str | None = None,
     reality: Path | None = None,
     engine: str = "multibody",
+    realities: int | None = None,
 ) -> Sweep:
     """Plan the sweep that `foldcar sweep` simulates with these options. The store will keep ``command``.
 
     Raises FoldcarError.
     """
+    if reality is not None and realities:
+        raise FoldcarError("--realities: the runs of --reality are all in that reality; use only one of these options")
     carsim = Carsim(engine=engine)
     study = read_study(listing, experiment, environments)
     _check_same_study(study, store)
@@ -45,7 +48,7 @@ def planned_sweep(
         real_parameters = as_calibration(reality, read_reality(reality, engine))
     study, environment_of = under_calibration(study, store, calibration, real_parameters)
     rules = stopping_rules(until, study) if until else {}
-    return Sweep(study, store, carsim, command, environment_of, rules)
+    return Sweep(study, store, carsim, command, environment_of, rules, realities)
 
 
 def _check_same_study(study: Study, store: Path) -> None:

@@ -4,12 +4,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, TypeVar
 
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
 from foldcar.shown_console import shown_console
 
 if TYPE_CHECKING:
     from foldcar.study import experiment_runs as study
+    from foldcar.study.reality_runs import RealityCounts
     from foldcar.study.search.search import SearchResult
 
 _Bar = TypeVar("_Bar", bound="TerminalBar")
@@ -25,8 +26,8 @@ class TerminalBar:
         rate, state = (TextColumn(f"{{task.fields[{name}]}}", markup=False) for name in ("rate", "state"))
         console = shown_console(stderr=True)
         self._bar = Progress(
-            TextColumn(label, markup=False), BarColumn(), MofNCompleteColumn(), rate, TimeRemainingColumn(), state,
-            console=console, disable=not console.is_terminal,
+            TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), rate,
+            TimeRemainingColumn(), state, console=console, disable=not console.is_terminal,
         )  # fmt: skip
         self._task = self._bar.add_task(label, total=total, rate="", state="")
         self._total = total
@@ -49,8 +50,12 @@ class TerminalBar:
 
     def show(self, completed: int, new: int, seconds: float, state: str) -> None:
         """Display ``completed`` steps, the rate of ``new`` runs in ``seconds``, and the ``state``."""
+        self._show(self._task, completed, new, seconds, state)
+
+    def _show(self, task: TaskID, completed: int, new: int, seconds: float, state: str) -> None:
+        """Display the progress of one of the bar's tasks."""
         rate = new / seconds if seconds > 0 else 0.0
-        self._bar.update(self._task, completed=completed, rate=f"{rate:.0f} runs/s", state=state)
+        self._bar.update(task, completed=completed, rate=f"{rate:.0f} runs/s", state=state)
 
     def print_line(self, line: str) -> None:
         """Print a line on stderr, above the bar."""
@@ -65,12 +70,16 @@ def working(message: str) -> Iterator[None]:
 
 
 class ProgressBar(TerminalBar):
-    """``with ProgressBar(progress) as bar``: call ``bar.update`` when the counts change."""
+    """``with ProgressBar(progress) as bar``: call ``bar.update`` when the counts change.
+
+    A second bar appears below it when runs in other realities begin.
+    """
 
     def __init__(self, progress: "study.Progress", designs: int | None = None, label: str = "sweep") -> None:
         """``designs`` is how many designs the stopping rule has to decide; None without a stopping rule."""
         super().__init__(label, progress.total)
         self._designs = designs
+        self._realities: TaskID | None = None
 
     def update(self, progress: "study.Progress") -> None:
         """Display the sweep's counts."""
@@ -84,6 +93,18 @@ class ProgressBar(TerminalBar):
         elif progress.done and progress.judged == progress.total and not progress.rejected:
             state = f"{percent(progress.passed / progress.done)} passed"
         self.show(progress.done, progress.new, progress.seconds, state)
+        self._show_realities(list(progress.realities.values()))
+
+    def _show_realities(self, counts: "list[RealityCounts]") -> None:
+        """Display the counts of runs in other realities, by experiment."""
+        total = sum(count.total for count in counts)
+        if not total:
+            return
+        if self._realities is None:
+            self._realities = self._bar.add_task("realities", total=total, rate="", state="")
+        self._bar.update(self._realities, total=total)
+        done, new, seconds = (sum(getattr(count, name) for count in counts) for name in ("done", "new", "seconds"))
+        self._show(self._realities, done, new, seconds, "")
 
 
 class SearchBar(TerminalBar):

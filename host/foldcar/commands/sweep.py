@@ -26,11 +26,13 @@ from foldcar.commands.options import (
     simulators,
 )
 from foldcar.installation import usable_processors
+from foldcar.study.limits import MAX_REALITIES
 
 if TYPE_CHECKING:
     from foldcar.statistics.stopping import StoppingRule
     from foldcar.study.experiment_runs import Progress
     from foldcar.study.experiments import Experiment
+    from foldcar.study.reality_runs import RealityCounts
     from foldcar.study.stopping import DesignState
     from foldcar.study.sweep import Sweep
 
@@ -61,15 +63,26 @@ def sweep(
         typer.Option(metavar="FILE", help="Simulate with the parameters of car and ground in this JSON file."),
     ] = None,
     engine: Engine = "multibody",
+    realities: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            min=0,
+            max=MAX_REALITIES,
+            help="Number of each experiment's runs in other realities, from which the success rate of built cars is "
+            "learned; 0 leaves them out. Default: as many as the learning needs, 2000 to 8000.",
+        ),
+    ] = None,
     components: Components = None,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Only estimate time and size, and list designs that cannot be built.")
     ] = False,
     as_json: Json = False,
 ) -> None:
-    """Simulate all designs in all environments.
+    """Simulate all designs in all environments, then random designs in other realities.
 
-    The runs are stored; runs that the store already has are not repeated. You may stop a sweep at any time; the same
+    A reality is a set of values of what the simulator does not know, such as friction. The runs are stored; runs that the
+    store already has are not repeated. You may stop a sweep at any time; the same
     command resumes it. Exit code 1 if runs have failed.
 
     \b
@@ -81,7 +94,7 @@ def sweep(
 
     planned = planned_sweep(
         listing, store, command_line(), experiment=experiment, environments=samples, until=until,
-        calibration=calibration, reality=reality, engine=engine,
+        calibration=calibration, reality=reality, engine=engine, realities=realities,
     )  # fmt: skip
     if dry_run:
         _print_estimates(planned, jobs or usable_processors(), as_json)
@@ -104,6 +117,9 @@ def _print_estimates(planned: "Sweep", jobs: int, as_json: bool) -> None:
         lines.append(
             f"experiment {estimate.experiment}: {count(estimate.designs, 'design')}, {runs_text} if all can be built"
         )
+        if estimate.realities:
+            at_most = "up to " if planned.realities is None else ""
+            lines.append(f"  and {at_most}{count(estimate.realities, 'run')} in other realities")
         if estimate.folded < estimate.designs:
             folding_text = duration_text(estimate.folding_s)
             lines.append(f"  {estimate.folded:,} of them were folded as a sample; folding all takes about {folding_text}")
@@ -136,7 +152,12 @@ def _sweep(planned: "Sweep", scheduler: str | None, jobs: int | None, as_json: b
 
     def stopped() -> str:
         total = f"at most {progress.total}" if rules else f"{progress.total}"
-        return f"stopped: {progress.done} of {total} runs are stored in {store}; the same command resumes"
+        counts = progress.realities.values()
+        planned_realities = sum(count.total for count in counts)
+        realities_text = ""
+        if planned_realities:
+            realities_text = f", and {sum(count.done for count in counts)} of {planned_realities} in other realities,"
+        return f"stopped: {progress.done} of {total} runs{realities_text} are stored in {store}; the same command resumes"
 
     to_decide = sum(map(len, planned.designs.values())) if rules else None
     with (
@@ -154,14 +175,18 @@ def _sweep(planned: "Sweep", scheduler: str | None, jobs: int | None, as_json: b
         **{name: getattr(progress, name) for name in ("judged", "rejected", "failed")},
         "passed": progress.passed if progress.judged else None,
         "seconds": round(progress.seconds, 3),
+        "realities": {name: asdict(counts) for name, counts in progress.realities.items()},
         **({"most_runs": max_runs, "designs": [asdict(state) for state in progress.states]} if rules else {}),
     }
     lines = [f"{_counts(progress, with_success=not rules)}; store: {store}"]
     for experiment in planned.study.experiments if rules else ():
         lines += stopping_lines(experiment, rules[experiment.id], progress.states)
+    for name, counts in progress.realities.items():
+        lines += reality_lines(name, counts)
     print_result(as_json, result, *lines)
     if progress.failed:
         _print_failed(store, [experiment.id for experiment in planned.study.experiments], progress.failed, progress.total)
+    if progress.failed or any(counts.too_many_failed for counts in progress.realities.values()):
         raise typer.Exit(1)
 
 
@@ -223,6 +248,22 @@ def stopping_lines(experiment: "Experiment", rule: "StoppingRule", states: "Sequ
         names = listed(design_text({name: state.design[name] for name in experiment.family.varied}) for state in shown)
         rest_text = f" and {len(undecided) - len(shown)} more" if len(undecided) > len(shown) else ""
         yield f"  undecided: {names}{rest_text}; --samples N allows more runs"
+
+
+def reality_lines(experiment: str, counts: "RealityCounts") -> Iterator[str]:
+    """Yield lines on an experiment's runs in other realities: how many there are, and whether more are needed."""
+    if not counts.total:
+        return
+    from foldcar.study.reality_runs import MAX_ERROR
+
+    failed = f", {counts.failed:,} failed" if counts.failed else ""
+    error = "an unknown error" if counts.error is None else f"an error of {100 * counts.error:.1f} points"
+    yield (
+        f"experiment {experiment}: {counts.total:,} runs in other realities, {counts.new:,} of them new{failed}; the "
+        f"success rate of built cars is learned from them with {error}"
+    )
+    if counts.error is not None and counts.error > MAX_ERROR and 2 * counts.total <= MAX_REALITIES:
+        yield f"  more runs make the error smaller: --realities {2 * counts.total}"
 
 
 def _print_failed(store: Path, experiments: Sequence[str], failed: int, total: int) -> None:

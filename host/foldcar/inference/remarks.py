@@ -9,6 +9,7 @@ from foldcar.statistics.words import count
 from foldcar.store.info import REALITY_KIND, ExperimentInfo
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import SIMULATED, Trial
+from foldcar.study.reality_runs import missing_realities
 
 # Number of designs that one remark names.
 SHOWN = 5
@@ -22,6 +23,11 @@ def runs(store: Store, info: ExperimentInfo) -> list[str]:
         planned = f"at most {info.planned_runs:,}" if info.until is not None else f"{info.planned_runs:,}"
         stored = f"{info.stored_runs:,} of {planned} planned runs are here"
         sentences.append(f"Unfinished: {stored}. If the sweep does not run any more, its command resumes it.")
+    if info.realities and not info.searched:
+        missing = missing_realities(store, info)
+        if missing:
+            stored = f"{info.realities - missing:,} of {info.realities:,} planned runs in other realities are here"
+            sentences.append(f"Unfinished: {stored}. If the sweep does not run any more, its command resumes it.")
     counts = store.design_counts(info.id) if info.stored_runs else None
     rejected = 0 if counts is None else sum(counts.runs) - sum(counts.counted)
     if counts is not None and rejected:

@@ -90,11 +90,11 @@ class CalibrationWriter(StoreConnection):
                 "draws": json.dumps(list(calibration.draws), allow_nan=False),
                 "summary": json.dumps(calibration.summary, allow_nan=False),
             }
-            if self._rows(CALIBRATION, "WHERE name = ?", calibration.name):
+            if self.rows(CALIBRATION, "WHERE name = ?", calibration.name):
                 if not replace:
                     raise _name_taken_error(self.path, calibration.name)
                 # Another sweep may have begun while the calibration was computed.
-                for experiment in self._rows(EXPERIMENT):
+                for experiment in self.rows(EXPERIMENT):
                     # What the experiment was swept under: a calibration, unless another kind is stored.
                     used = json.loads(experiment["facts"]).get("calibration") or {}
                     if (used.get("name"), used.get("kind", CALIBRATION_KIND)) == (calibration.name, CALIBRATION_KIND):

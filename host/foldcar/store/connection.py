@@ -354,11 +354,11 @@ class StoreConnection:
         where = " AND ".join(f"{name} = ?" for name in table.key)
         self._run(f"UPDATE {table.name} SET {changes} WHERE {where}", *map(row.get, (*table.names, *table.key)))
 
-    def _rows(self, table: Table, rest: str = "", *values: Any) -> list[Row]:
+    def rows(self, table: Table, rest: str = "", *values: Any) -> list[Row]:
         """Return rows of a table; ``rest`` is SQL from WHERE on."""
         return list(read_rows(self.path, self._connection, table, rest, *values))
 
-    def _row(self, table: Table, **key: Any) -> Row:
+    def row(self, table: Table, **key: Any) -> Row:
         """Return the row with that key. Raises StoreError if it is missing."""
         return read_row(self.path, self._connection, table, **key)
 

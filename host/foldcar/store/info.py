@@ -64,6 +64,8 @@ class ExperimentInfo:
     ``thresholds`` are success rates that good designs reach. ``engine`` is the engine's name and version, "" for
     multibody. ``unlike_sides`` says what that engine cannot simulate here, "" if nothing. ``terrain_objects`` are the
     name and number of pieces of each terrain object, in the order of sample 0's terrain; empty if they are not stored.
+    ``realities`` is the planned number of runs in other realities, ``reality_spread`` the fingerprint of what these are
+    drawn from; ``no_realities`` says in a sentence why there are none.
     """
 
     id: str
@@ -99,6 +101,9 @@ class ExperimentInfo:
     engine: str = ""
     unlike_sides: str = ""
     terrain_objects: Sequence[tuple[str, int]] = ()
+    realities: int = 0
+    no_realities: str = ""
+    reality_spread: str = ""
 
     @property
     def listed_id(self) -> str:

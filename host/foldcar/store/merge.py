@@ -28,6 +28,7 @@ from foldcar.store.tables import (
     ENVIRONMENT,
     EXPERIMENT,
     MEDIA,
+    REALITY_RUN,
     RECORDED,
     RUN,
     SAMPLE,
@@ -43,6 +44,8 @@ DESIGN_COUNTS = "SELECT id, (SELECT count(*) FROM design WHERE experiment = e.id
 REFERENCES = {column.name: column.refers for column in RUN.columns if column.refers}
 # The fact of an experiment that says how many runs its sweep had when it ended with undecided designs.
 ENDED = "ended_runs"
+# The facts on runs in other realities. Of two stores, the facts of the one with more of these runs planned are kept.
+REALITY_FACTS = ("realities", "no_realities", "reality_spread")
 # The columns in which two experiments of the same name must be equal.
 SAME_COLUMNS = ("build_id", "environment_id", "spread_id", "vehicle", "environment")
 # Whether a program is dynamic is known after its first run, parameters of objects only since version 5.
@@ -205,7 +208,8 @@ class Merge:
     def _add_experiment(self, row: Row) -> None:
         """Add an experiment, or compare it with the merged one of its name.
 
-        These may differ in the number of environments, of which the larger is kept, and in the end of their sweeps.
+        These may differ in the number of environments and in that of runs in other realities, of which the larger is
+        kept, and in the end of their sweeps.
         """
         facts = json.loads(row["facts"])
         self._ended.setdefault(row["id"], set()).add(facts.pop(ENDED, None))
@@ -215,6 +219,10 @@ class Merge:
         (existing,) = self._merged_rows(EXPERIMENT, "WHERE id = ?", row["id"])
         existing_facts = json.loads(existing["facts"])
         existing_facts.pop(ENDED, None)
+        reality_facts = max(
+            ({name: side.pop(name) for name in REALITY_FACTS if name in side} for side in (existing_facts, facts)),
+            key=lambda side: side.get("realities", 0),
+        )
         columns = {name: (row[name], existing[name]) for name in SAME_COLUMNS}
         for name in sorted(facts.keys() | existing_facts.keys()):
             columns[name] = facts.get(name), existing_facts.get(name)
@@ -222,7 +230,8 @@ class Merge:
             if value != before:
                 self._raise_difference(EXPERIMENT, row, name, value, before)
         environments = max(row["environments"], existing["environments"])
-        self._insert(EXPERIMENT, {**existing, "environments": environments}, "OR REPLACE")
+        kept_facts = json.dumps({**existing_facts, **reality_facts})
+        self._insert(EXPERIMENT, {**existing, "environments": environments, "facts": kept_facts}, "OR REPLACE")
 
     def _add_trial(self, path: Path, row: Row) -> None:
         """Add a trial with its log. Of two copies with the same UUID, keep the one that was completed or corrected later.
@@ -300,10 +309,11 @@ class Merge:
                 number for number, merged_number in self._numbers[TRIAL.name].items() if merged_number == row["id"]
             )
             raise StoreError(f"trial {number} of {new} ({row['uuid']}): {values}: correct one of them")
-        is_run = table in (RUN, RECORDED)
-        key = ", ".join(f"{column} {self._shown(column, row.get(column))}" for column in (RUN if is_run else table).key)
+        is_run = table in (RUN, RECORDED, REALITY_RUN)
+        shown_table = RUN if table is RECORDED else table
+        key = ", ".join(f"{column} {self._shown(column, row.get(column))}" for column in shown_table.key)
         explanation = ": the same build gave two results, so one of them is not that build" if is_run else ""
-        raise StoreError(f"{'run' if is_run else table.name} ({key}): {values}{explanation}")
+        raise StoreError(f"{shown_table.name} ({key}): {values}{explanation}")
 
     def _shown(self, column: str, value: Any) -> str:
         """Return a value for messages; a row's number is replaced by a build's name or the beginning of a hash."""

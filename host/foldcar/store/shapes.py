@@ -10,7 +10,7 @@ from typing import Annotated, Any
 from pydantic import Field, NonNegativeInt, TypeAdapter, ValidationError, with_config
 from typing_extensions import NotRequired, TypedDict
 
-from foldcar.store.tables import CALIBRATION, DESIGN, EXPERIMENT, LIMITS, RECORDED, SAMPLE, TRIAL, Table
+from foldcar.store.tables import CALIBRATION, DESIGN, EXPERIMENT, LIMITS, REALITY_RUN, RECORDED, SAMPLE, TRIAL, Table
 
 Number = Annotated[float, Field(ge=LIMITS["REAL"][0], le=LIMITS["REAL"][1])]
 Numbers = dict[str, Number]
@@ -64,6 +64,9 @@ class ExperimentFacts(TypedDict):
     engine: NotRequired[str]
     unlike_sides: NotRequired[str]
     terrain_objects: NotRequired[list[tuple[str, NonNegativeInt]]]
+    realities: NotRequired[NonNegativeInt]
+    no_realities: NotRequired[str]
+    reality_spread: NotRequired[str]
     ended_runs: NotRequired[NonNegativeInt | None]
     files: NotRequired[dict[str, str]]
 
@@ -78,6 +81,7 @@ SHAPES: Mapping[tuple[str, str], Any] = {
     (EXPERIMENT.name, "facts"): ExperimentFacts,
     (DESIGN.name, "parameters"): Parameters,
     (RECORDED.name, "value"): Any,
+    (REALITY_RUN.name, "scores"): list[Number],
     (SAMPLE.name, "objects"): list[tuple[str, Numbers]],
     (TRIAL.name, "design"): Parameters,
     (TRIAL.name, "deviations"): dict[str, tuple[Number, Number, Number]],

@@ -13,7 +13,7 @@ from foldcar.store.trial_records import BUILT, CARS, MEDIA_ENDINGS, TRIAL_OUTCOM
 
 # Raised by every change of a table or view that foldcar reads; stores of other versions are refused. Other tables in a
 # store, such as those of earlier releases, are left unread.
-VERSION = 5
+VERSION = 6
 # The first version whose trials are still read, by `foldcar trials import`.
 OLDEST_TRIALS = 4
 
@@ -37,7 +37,7 @@ class Column:
     meaning: str
     null: bool = False
     refers: str | None = None
-    choices: tuple[str, ...] = ()
+    choices: tuple[str | int, ...] = ()
 
     @property
     def sql(self) -> str:
@@ -127,6 +127,29 @@ RUN = Table(
     ),
     key=_RUN_KEY_NAMES,
     order=_RUN_ORDER,
+)
+REALITY_RUN = Table(
+    "reality_run",
+    "a run in a reality of its own, from which the success rate is learned",
+    (
+        *(
+            Column(f"{name}_id", "INTEGER", meaning, refers=name)
+            for name, meaning in (
+                ("build", "the build of carsim"),
+                ("spread", "what realities are drawn from: priors, spread of the cars, seed"),
+                ("body", "the car's body"),
+                ("settings", "speed, turn rate, time limit and the firmware's parameters"),
+                ("scene", "the scene"),
+            )
+        ),
+        Column("number", "COUNT", "number of the run, from 0, which draws its reality, design, scene, car and start"),
+        Column("scores", "JSON", "the scores of the reality's parameters, in the order of belief/priors.py"),
+        Column(
+            "passed", "INTEGER", "1 if it passed, 0 if not, empty if the simulation failed", null=True, choices=(0, 1)
+        ),
+    ),
+    key=("build_id", "spread_id", "body_id", "settings_id", "scene_id", "number"),
+    order=("build_id", "spread_id", "number", "scene_id", "body_id", "settings_id"),
 )
 RECORDED = Table(
     "recorded",
@@ -309,6 +332,7 @@ TABLES = (
     DESIGN,
     RUN,
     RECORDED,
+    REALITY_RUN,
     TRIAL,
     CORRECTION,
     MEDIA,

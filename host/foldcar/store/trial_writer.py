@@ -110,11 +110,11 @@ class TrialWriter(StoreConnection):
     def complete(self, trial: int, ending: Ending) -> None:
         """Store the end of a begun trial, with the current time."""
         with self._transaction():
-            self._update(TRIAL, {**self._row(TRIAL, id=trial), **asdict(ending), "ended_utc": now_utc()})
+            self._update(TRIAL, {**self.row(TRIAL, id=trial), **asdict(ending), "ended_utc": now_utc()})
 
     def unfinished(self) -> list[tuple[int, str, str]]:
         """Return number, log and outcome of trials whose session ended before they were completed."""
-        rows = self._rows(TRIAL, "WHERE ending = ? ORDER BY id", RUNNING)
+        rows = self.rows(TRIAL, "WHERE ending = ? ORDER BY id", RUNNING)
         return [(row["id"], str(row["log"]), str(row["outcome"])) for row in rows]
 
     def next_number(self) -> int:
@@ -126,7 +126,7 @@ class TrialWriter(StoreConnection):
         self, experiment: str, design: TrialDesign, environment_fingerprint: str, car: str = BUILT
     ) -> dict[int, int]:
         """Return how many completed trials of this design are stored, by sample; ``car`` is BUILT or SIMULATED."""
-        rows = self._rows(
+        rows = self.rows(
             TRIAL,
             "WHERE experiment = ? AND vehicle_type = ? AND design = ? AND outcome <> 'aborted' "
             "AND car = ? AND NOT withdrawn "
@@ -158,7 +158,7 @@ class TrialWriter(StoreConnection):
                     raise StoreError(f"{self.path}: trial {trial}: {field}: {after:g} is not at most {LONGEST_S:g}")
                 row = self._trial(trial)
                 # A person may set `car` only if the car itself did not report it, or if it was corrected before.
-                car_corrections = self._rows(CORRECTION, "WHERE trial_id = ? AND field = 'car'", trial)
+                car_corrections = self.rows(CORRECTION, "WHERE trial_id = ? AND field = 'car'", trial)
                 if field == "car" and row["car"] is not None and row["source"] is None and not car_corrections:
                     reason_text = f"the car itself reported that it is {row['car']}; this cannot be corrected"
                     raise StoreError(f"{self.path}: trial {trial}: car: {reason_text}")
@@ -184,7 +184,7 @@ class TrialWriter(StoreConnection):
 
     def _trial(self, number: int) -> Row:
         """Return the row of a trial. Raises StoreError if it does not exist."""
-        rows = self._rows(TRIAL, "WHERE id = ?", number) if number <= MAX_ID else []
+        rows = self.rows(TRIAL, "WHERE id = ?", number) if number <= MAX_ID else []
         if not rows:
             raise StoreError(f"{self.path}: has no trial {number}")
         return rows[0]
@@ -200,8 +200,8 @@ class TrialWriter(StoreConnection):
     def swept_scene(self, environment_fingerprint: str, sample: int) -> Any | None:
         """Return the scene of a sample that a sweep has stored; None if there is none."""
         of_sample = "WHERE environment_id = (SELECT id FROM environment WHERE fingerprint = ?) AND sample = ?"
-        for row in self._rows(SAMPLE, of_sample, environment_fingerprint, sample):
-            (scene,) = self._rows(BY_NAME["scene"], "WHERE id = ?", row["scene_id"])
+        for row in self.rows(SAMPLE, of_sample, environment_fingerprint, sample):
+            (scene,) = self.rows(BY_NAME["scene"], "WHERE id = ?", row["scene_id"])
             return json.loads(scene["json"])
         return None
 
@@ -235,7 +235,7 @@ class TrialWriter(StoreConnection):
                 fingerprint = trial.pop("environment_fingerprint", None)
                 if fingerprint is not None:
                     trial["environment_id"] = self._identify("environment", "fingerprint", fingerprint)
-                stored = self._rows(TRIAL, "WHERE uuid = ?", trial["uuid"])
+                stored = self.rows(TRIAL, "WHERE uuid = ?", trial["uuid"])
                 if stored:
                     self._require_same(_uncorrected(trial, corrections), stored[0])
                     self._add_corrections(stored[0], corrections)
@@ -256,7 +256,7 @@ class TrialWriter(StoreConnection):
 
     def _add_corrections(self, trial: Row, corrections: Iterable[Row]) -> None:
         """Add those corrections of a stored trial that it lacks; of a field, the latest correction counts."""
-        stored = self._rows(CORRECTION, "WHERE trial_id = ? ORDER BY id", trial["id"])
+        stored = self.rows(CORRECTION, "WHERE trial_id = ? ORDER BY id", trial["id"])
         for correction in corrections:
             row = {**correction, "trial_id": trial["id"]}
             if any(all(other[name] == row[name] for name in row) for other in stored):
@@ -269,12 +269,12 @@ class TrialWriter(StoreConnection):
 
     def _require_same(self, trial: Mapping[str, Any], stored: Row) -> None:
         """Raise StoreError if an imported trial differs from the one that was imported from the same row before."""
-        imported = _uncorrected(stored, self._rows(CORRECTION, "WHERE trial_id = ? ORDER BY id", stored["id"]))
+        imported = _uncorrected(stored, self.rows(CORRECTION, "WHERE trial_id = ? ORDER BY id", stored["id"]))
         imported["design"] = json.loads(imported["design"])
         for name in ("experiment", "vehicle_type", "design", "sample", "outcome"):
             if trial.get(name) != imported[name]:
                 same = f'row of "{trial["source"]}"' if trial.get("source") else "trial of another store"
-                origin = f'trial {stored["id"]} was imported from the same {same}'
+                origin = f"trial {stored['id']} was imported from the same {same}"
                 values = f"{name} was {imported[name]}, not {trial.get(name)}"
                 raise StoreError(f"{self.path}: {origin}, but {values}: correct it, or give other rows another source")
 
@@ -284,7 +284,7 @@ class TrialWriter(StoreConnection):
         Returns (None, None) if it was not swept, or was swept in several environments.
         """
         programs = {}
-        for row in self._rows(EXPERIMENT):
+        for row in self.rows(EXPERIMENT):
             facts = json.loads(row["facts"])
             if facts.get("calibration") is None and listed_id(row["id"], None, facts.get("engine", "")) == experiment:
                 programs[row["environment_id"]] = facts.get("scenic_program")

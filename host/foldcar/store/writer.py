@@ -22,6 +22,7 @@ from foldcar.store.tables import (
     DESIGN,
     ENVIRONMENT,
     EXPERIMENT,
+    REALITY_RUN,
     RECORDED,
     RESULT_JOIN,
     RUN,
@@ -79,7 +80,7 @@ class StoreWriter(StoreConnection):
         """Store a sweep's facts and the build of carsim; ``created_utc`` of the store's first sweep is kept."""
         with self._transaction():
             self._build_id = self._identify("build", "name", build)
-            created = {row["key"]: row["value"] for row in self._rows(STUDY) if row["key"] == "created_utc"}
+            created = {row["key"]: row["value"] for row in self.rows(STUDY) if row["key"] == "created_utc"}
             rows = [{"key": key, "value": value} for key, value in {**facts, **created}.items()]
             self._insert(STUDY, rows, "OR REPLACE")
 
@@ -97,7 +98,7 @@ class StoreWriter(StoreConnection):
             count = len(stored.parameters) if stored is not None and stored.fingerprint == fingerprint else None
             if count is None:
                 self._run("DELETE FROM design WHERE experiment = ?", plan.id)
-            positions = {row["id"]: row["position"] for row in self._rows(EXPERIMENT)}
+            positions = {row["id"]: row["position"] for row in self.rows(EXPERIMENT)}
             experiment = {
                 "id": plan.id,
                 "position": positions.get(plan.id, len(positions)),
@@ -140,9 +141,9 @@ class StoreWriter(StoreConnection):
 
         Returns (0, []) if it was not swept by this build in that environment and with that spread of cars.
         """
-        for row in self._rows(EXPERIMENT, "WHERE id = ?", experiment):
+        for row in self.rows(EXPERIMENT, "WHERE id = ?", experiment):
             if (row["build_id"], row["environment_id"], row["spread_id"]) == (self._build_id, environment_id, spread_id):
-                designs = self._rows(DESIGN, "WHERE experiment = ? ORDER BY position", experiment)
+                designs = self.rows(DESIGN, "WHERE experiment = ? ORDER BY position", experiment)
                 return row["environments"], [json.loads(design["parameters"]) for design in designs]
         return 0, []
 
@@ -153,16 +154,15 @@ class StoreWriter(StoreConnection):
 
     def knows_environment(self, fingerprint: str) -> bool:
         """Return whether the environment with this fingerprint is stored."""
-        return bool(self._rows(ENVIRONMENT, "WHERE fingerprint = ?", fingerprint))
+        return bool(self.rows(ENVIRONMENT, "WHERE fingerprint = ?", fingerprint))
 
     def program_files(self, experiment: str) -> Mapping[str, str] | None:
         """Return the files of the experiment's program at its last sweep; None if they are not stored."""
-        rows = self._rows(EXPERIMENT, "WHERE id = ?", experiment)
-        return json.loads(rows[0]["facts"]).get("files") if rows else None
+        return self.experiment_facts(experiment).get("files")
 
     def is_dynamic(self, environment_id: int, ask: Callable[[], bool]) -> bool:
         """Return whether the program must run beside the simulation; call ``ask`` if this is not stored yet."""
-        row = self._row(ENVIRONMENT, id=environment_id)
+        row = self.row(ENVIRONMENT, id=environment_id)
         if row["dynamic"] is None:
             row["dynamic"] = int(ask())
             with self._transaction():
@@ -171,8 +171,19 @@ class StoreWriter(StoreConnection):
 
     def environment_facts(self, environment_id: int) -> dict[str, Any]:
         """Return the facts of any experiment that was swept in this environment; {} if there is no such experiment."""
-        rows = self._rows(EXPERIMENT, "WHERE environment_id = ?", environment_id)
+        rows = self.rows(EXPERIMENT, "WHERE environment_id = ?", environment_id)
         return dict(json.loads(rows[0]["facts"])) if rows else {}
+
+    def experiment_facts(self, experiment: str) -> dict[str, Any]:
+        """Return the facts of an experiment as it was last swept; {} if it was not."""
+        rows = self.rows(EXPERIMENT, "WHERE id = ?", experiment)
+        return dict(json.loads(rows[0]["facts"])) if rows else {}
+
+    def update_facts(self, experiment: str, **facts: Any) -> None:
+        """Change some facts of a stored experiment."""
+        with self._transaction():
+            row = self.row(EXPERIMENT, id=experiment)
+            self._update(EXPERIMENT, {**row, "facts": json.dumps({**json.loads(row["facts"]), **facts})})
 
     def spread(self, fingerprint: str) -> int:
         """Return the id of the spread of cars with this fingerprint; add it if it is missing."""
@@ -186,8 +197,8 @@ class StoreWriter(StoreConnection):
 
     def stored_scene(self, environment_id: int, sample: int) -> Any:
         """Return the scene of a stored sample."""
-        row = self._row(BY_NAME["sample"], environment_id=environment_id, sample=sample)
-        return json.loads(self._row(BY_NAME["scene"], id=row["scene_id"])["json"])
+        row = self.row(BY_NAME["sample"], environment_id=environment_id, sample=sample)
+        return json.loads(self.row(BY_NAME["scene"], id=row["scene_id"])["json"])
 
     def put_sample(
         self,
@@ -202,7 +213,7 @@ class StoreWriter(StoreConnection):
         Equal scenes are stored once, unless the program is ``dynamic``: it runs beside the simulation, and may behave
         differently in samples with equal scenes.
         """
-        fingerprint = self._row(ENVIRONMENT, id=environment_id)["fingerprint"]
+        fingerprint = self.row(ENVIRONMENT, id=environment_id)["fingerprint"]
         identity = scene_identity(fingerprint, sample) if dynamic else ""
         row = {
             "environment_id": environment_id,
@@ -243,9 +254,7 @@ class StoreWriter(StoreConnection):
 
     def end_experiment(self, plan: PlannedExperiment, runs: int) -> None:
         """Store that the sweep has ended with ``runs`` runs, so that no more are planned for undecided designs."""
-        with self._transaction():
-            facts = json.dumps({**plan.facts, "ended_runs": runs})
-            self._update(EXPERIMENT, {**self._row(EXPERIMENT, id=plan.id), "facts": facts})
+        self.update_facts(plan.id, ended_runs=runs)
 
     def planned_runs(self, plan: PlannedExperiment, sample: int) -> Iterator[PlannedRun]:
         """Yield the runs of all designs in one stored sample, in the order of designs, read in pages."""
@@ -269,15 +278,15 @@ class StoreWriter(StoreConnection):
         """Return the JSON texts of rows of ``body``, ``scene``, ``settings`` or ``variation``; at most some thousands."""
         ids = set(row_ids)
         where = f"WHERE id IN ({', '.join('?' * len(ids))})"
-        texts = {row["id"]: str(row["json"]) for row in self._rows(BY_NAME[table], where, *ids)}
+        texts = {row["id"]: str(row["json"]) for row in self.rows(BY_NAME[table], where, *ids)}
         for missing in ids - texts.keys():
             # Raises StoreError, which names the missing row.
-            texts[missing] = str(self._row(BY_NAME[table], id=missing)["json"])
+            texts[missing] = str(self.row(BY_NAME[table], id=missing)["json"])
         return texts
 
     def result(self, run: PlannedRun) -> dict[str, Any]:
         """Return the stored outcome and metrics of a run that has a result."""
-        row = self._row(RUN, **self._key(run))
+        row = self.row(RUN, **self._key(run))
         return {name: row[name] for name in ("outcome", *NUMBERS)}
 
     def _key(self, run: PlannedRun) -> dict[str, int]:
@@ -299,6 +308,11 @@ class StoreWriter(StoreConnection):
         with self._transaction():
             self._insert(RUN, runs, "OR IGNORE")
             self._insert(RECORDED, recorded, "OR IGNORE")
+
+    def add_reality_runs(self, rows: Iterable[Mapping[str, Any]]) -> None:
+        """Store runs in other realities, as rows of REALITY_RUN, in one transaction."""
+        with self._transaction():
+            self._insert(REALITY_RUN, rows, "OR IGNORE")
 
 
 @contextlib.contextmanager

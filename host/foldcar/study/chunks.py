@@ -7,10 +7,11 @@ shrink, so that all simulators finish at about the same time.
 import contextlib
 import time
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
-from typing import Any, Protocol
+from functools import partial
+from typing import Any, Generic, Protocol, TypeVar
 
 from foldcar.simulation.runner import Runner, RunRequest
 from foldcar.store.writer import PlannedRun, StoreWriter
@@ -62,48 +63,57 @@ FIRST_CHUNK_RUNS = 8
 MIN_CHUNK_RUNS = 4
 MAX_CHUNK_RUNS = 512
 
-Key = tuple[int, int, int, int]
+R = TypeVar("R")
+# What a chunk of runs needs: bodies and scenes by their ids in carsim's input, and the requests.
+ChunkInputs = tuple[Mapping[str, str], Mapping[str, str], list[RunRequest]]
 
 
 @dataclass(frozen=True, slots=True)
-class FinishedRun:
+class FinishedRun(Generic[R]):
     """A run with its answer; ``count`` equal runs of the study share the answer."""
 
-    run: PlannedRun
+    run: R
     answer: Mapping[str, Any]
     count: int
 
 
 @dataclass(frozen=True)
-class _Chunk:
+class _Chunk(Generic[R]):
     """A finished chunk: its runs and their answers, in the same order; ``seconds`` is the time of simulation."""
 
     runner: Runner
-    runs: list[PlannedRun]
+    runs: list[R]
     answers: list[dict[str, Any]]
     seconds: float
 
 
-class ChunkPool:
+class ChunkPool(Generic[R]):
     """A pool of threads; each waits for one simulator at a time. Only the caller's thread reads the store.
 
     ``simulators`` is an object, or the number of simulators on this machine. Runs go to the runner of :meth:`using`.
+    ``inputs_of`` returns the simulator's input of runs, ``key_of`` what determines a run's result.
     """
 
-    def __init__(self, writer: StoreWriter, simulators: Simulators | int) -> None:
-        self._writer = writer
+    def __init__(
+        self,
+        simulators: Simulators | int,
+        inputs_of: Callable[[Sequence[R]], ChunkInputs],
+        key_of: Callable[[R], Hashable],
+    ) -> None:
+        self._inputs_of = inputs_of
+        self._key_of = key_of
         self._simulators = LocalSimulators(simulators) if isinstance(simulators, int) else simulators
         self._pool = ThreadPoolExecutor(self._simulators.max_count, thread_name_prefix="carsim")
         # The submitted chunks with their runners.
-        self._futures: dict[Future[_Chunk], Runner] = {}
+        self._futures: dict[Future[_Chunk[R]], Runner] = {}
         self._runner: Runner | None = None
         # The chunk that is being filled, and the number of runs at which it is submitted.
-        self._chunk: list[PlannedRun] = []
+        self._chunk: list[R] = []
         self._chunk_runs = FIRST_CHUNK_RUNS
         # For each result that is being computed: how many runs of the study need it.
-        self._in_flight: Counter[Key] = Counter()
+        self._in_flight: Counter[Hashable] = Counter()
 
-    def __enter__(self) -> "ChunkPool":
+    def __enter__(self) -> "ChunkPool[R]":
         return self
 
     def __exit__(self, kind: object, *_: object) -> None:
@@ -125,14 +135,14 @@ class ChunkPool:
             self._abandon()
             raise
 
-    def joins(self, run: PlannedRun) -> bool:
+    def joins(self, run: R) -> bool:
         """Return whether an equal run is in progress; if so, this run shares its result."""
-        if _key(run) not in self._in_flight:
+        if self._key_of(run) not in self._in_flight:
             return False
-        self._in_flight[_key(run)] += 1
+        self._in_flight[self._key_of(run)] += 1
         return True
 
-    def add(self, run: PlannedRun, runs_left: int) -> Iterator[list[FinishedRun]]:
+    def add(self, run: R, runs_left: int) -> Iterator[list[FinishedRun[R]]]:
         """Add a run to the chunk that is being filled; yield the chunks that finish while it waits for a free worker.
 
         The chunk is submitted when it is large enough. ``runs_left`` is the number of runs of the sweep without a result,
@@ -140,7 +150,7 @@ class ChunkPool:
         """
         not_submitted = runs_left - len(self._in_flight) + len(self._chunk)
         # So far one run of the study needs this result.
-        self._in_flight[_key(run)] = 1
+        self._in_flight[self._key_of(run)] = 1
         self._chunk.append(run)
         # Near the end of the sweep chunks shrink, so that all simulators finish at about the same time.
         fair_runs = max(MIN_CHUNK_RUNS, not_submitted // (2 * self._simulators.count))
@@ -150,7 +160,7 @@ class ChunkPool:
             while len(self._futures) >= 2 * self._simulators.count:
                 yield from self._collect()
 
-    def finish(self) -> Iterator[list[FinishedRun]]:
+    def finish(self) -> Iterator[list[FinishedRun[R]]]:
         """Run the remaining runs and yield the remaining chunks."""
         if self._chunk:
             self._submit()
@@ -158,34 +168,19 @@ class ChunkPool:
             yield from self._collect()
 
     def _submit(self) -> None:
-        """Start simulating the chunk that is being filled: look up its texts and hand it to a thread."""
+        """Start simulating the chunk that is being filled: look up its inputs and hand it to a thread."""
         runs, self._chunk = self._chunk, []
         runner = self._runner
         assert runner is not None, "runs are added inside `using`"
-        # Bodies and scenes by their ids in carsim's input.
-        bodies = {f"b{key}": text for key, text in self._writer.texts("body", (run.body_id for run in runs)).items()}
-        scenes = {f"s{key}": text for key, text in self._writer.texts("scene", (run.scene_id for run in runs)).items()}
-        settings = self._writer.texts("settings", (run.settings_id for run in runs))
-        realities = self._writer.texts("variation", (run.variation_id for run in runs))
-        requests = [
-            RunRequest(
-                body=f"b{run.body_id}",
-                scene=f"s{run.scene_id}",
-                settings=settings[run.settings_id],
-                label=f"design {run.design + 1}, sample {run.sample}",
-                sample=run.sample,
-                reality=realities[run.variation_id],
-            )
-            for run in runs
-        ]
+        bodies, scenes, requests = self._inputs_of(runs)
 
-        def work() -> _Chunk:
+        def work() -> _Chunk[R]:
             answers, seconds = self._simulators.run(runner, bodies, scenes, requests)
             return _Chunk(runner, runs, answers, seconds)
 
         self._futures[self._pool.submit(work)] = runner
 
-    def _collect(self) -> Iterator[list[FinishedRun]]:
+    def _collect(self) -> Iterator[list[FinishedRun[R]]]:
         """Wait for finished chunks, adapt the size of the next ones, and yield their runs."""
         done, _ = wait(self._futures, return_when=FIRST_COMPLETED)
         for future in done:
@@ -196,11 +191,11 @@ class ChunkPool:
                 # A single time may be an exception, so it raises the size at most fourfold.
                 self._chunk_runs = max(1, min(target_runs, 4 * self._chunk_runs, MAX_CHUNK_RUNS))
             yield [
-                FinishedRun(run, answer, self._in_flight[_key(run)])
+                FinishedRun(run, answer, self._in_flight[self._key_of(run)])
                 for run, answer in zip(chunk.runs, chunk.answers, strict=True)
             ]
             for run in chunk.runs:
-                del self._in_flight[_key(run)]
+                del self._in_flight[self._key_of(run)]
 
     def _abandon(self) -> None:
         """Stop running chunks and discard waiting ones."""
@@ -212,6 +207,32 @@ class ChunkPool:
         self._futures.clear()
 
 
-def _key(run: PlannedRun) -> Key:
+def planned_pool(writer: StoreWriter, simulators: Simulators | int) -> ChunkPool[PlannedRun]:
+    """Return a pool for the planned runs of a store."""
+    return ChunkPool(simulators, partial(_planned_inputs, writer), _planned_key)
+
+
+def _planned_inputs(writer: StoreWriter, runs: Sequence[PlannedRun]) -> ChunkInputs:
+    """Look up the texts of planned runs."""
+    # Bodies and scenes by their ids in carsim's input.
+    bodies = {f"b{key}": text for key, text in writer.texts("body", (run.body_id for run in runs)).items()}
+    scenes = {f"s{key}": text for key, text in writer.texts("scene", (run.scene_id for run in runs)).items()}
+    settings = writer.texts("settings", (run.settings_id for run in runs))
+    realities = writer.texts("variation", (run.variation_id for run in runs))
+    requests = [
+        RunRequest(
+            body=f"b{run.body_id}",
+            scene=f"s{run.scene_id}",
+            settings=settings[run.settings_id],
+            label=f"design {run.design + 1}, sample {run.sample}",
+            sample=run.sample,
+            reality=realities[run.variation_id],
+        )
+        for run in runs
+    ]
+    return bodies, scenes, requests
+
+
+def _planned_key(run: PlannedRun) -> Hashable:
     """Return what determines a run's result besides the build: ids of body, scene, settings and variation."""
     return run.body_id, run.scene_id, run.settings_id, run.variation_id

@@ -14,13 +14,14 @@ from foldcar.store.writer import canonical_json
 from foldcar.study.environments import Environment
 from foldcar.study.experiments import Experiment
 from foldcar.study.family import Family
+from foldcar.study.reality_runs import STAGES, why_no_realities
 from foldcar.study.sweep import Sweep
 
 # Time limit for folding the designs of an experiment, and the number of designs that are simulated, each in one sample.
 FOLDING_S = 20.0
 PROBES = 8
-# Bytes of an empty store and of a run.
-EMPTY_BYTES, RUN_BYTES = 100_000, 85
+# Bytes of an empty store, of a run, and of a run in another reality.
+EMPTY_BYTES, RUN_BYTES, REALITY_RUN_BYTES = 100_000, 85, 100
 
 
 @dataclass(frozen=True)
@@ -28,8 +29,8 @@ class Estimate:
     """The estimate of an experiment.
 
     ``folded`` of the ``designs`` were folded; ``refused`` names those of them that cannot be built, with reasons.
-    Estimates for the whole family: ``runs`` of buildable designs, ``folding_s``, ``seconds`` of the sweep with folding,
-    ``bytes`` of the store.
+    Estimates for the whole family: ``runs`` of buildable designs, ``realities`` the number of runs in other realities at
+    most, ``folding_s``, ``seconds`` of the sweep with folding, ``bytes`` of the store.
     """
 
     experiment: str
@@ -37,6 +38,7 @@ class Estimate:
     folded: int
     refused: tuple[str, ...]
     runs: int
+    realities: int
     folding_s: float
     seconds: float
     bytes: int
@@ -97,6 +99,8 @@ def _estimate(sweep: Sweep, experiment: Experiment, environment: Environment, jo
         run_s = max(0.0, time.perf_counter() - started_s - 2 * first_s) / (2 * len(requests) - 1)
     buildable = round(combinations * (1 - len(refused) / folded_count))
     runs = buildable * experiment.environments
+    reason = why_no_realities(experiment, environment, sweep.realities, environment.dynamic, environment.success)
+    realities = 0 if reason else sweep.realities or STAGES[-1]
     # With variation of cars each sample also stores a variation, which is about as long as a scene.
     scene_bytes = 2 * sum(map(len, scenes.values())) / len(scenes) if environment.variation(0) else len(scenes["0"])
     design_bytes = sum(map(len, bodies.values())) / len(bodies)
@@ -106,10 +110,11 @@ def _estimate(sweep: Sweep, experiment: Experiment, environment: Environment, jo
         folded_count,
         refused,
         runs,
+        realities,
         folding_s,
-        folding_s + experiment.environments * sample_s + runs * run_s / jobs,
+        folding_s + experiment.environments * sample_s + (runs + realities) * run_s / jobs,
         round(
-            EMPTY_BYTES + runs * RUN_BYTES + buildable * design_bytes
+            EMPTY_BYTES + runs * RUN_BYTES + realities * REALITY_RUN_BYTES + buildable * design_bytes
             + experiment.environments * scene_bytes
         ),
     )  # fmt: skip

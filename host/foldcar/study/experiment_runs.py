@@ -13,9 +13,10 @@ from functools import cached_property
 from foldcar.simulation.results import REJECTED
 from foldcar.statistics.stopping import StoppingRule
 from foldcar.store.tables import DRAW, SAMPLE
-from foldcar.store.writer import PlannedExperiment, StoreWriter, canonical_json
+from foldcar.store.writer import PlannedExperiment, PlannedRun, StoreWriter, canonical_json
 from foldcar.study.chunks import ChunkPool, FinishedRun
 from foldcar.study.environments import Environment
+from foldcar.study.reality_runs import RealityCounts
 from foldcar.study.stopping import DesignState, Schedule
 
 
@@ -26,7 +27,8 @@ class Progress:
     ``new`` runs were simulated, ``reused`` ones were in the store or share the result of a run in progress; ``passed``,
     ``rejected`` and ``failed`` count both. ``judged`` of the ``total`` are in environments that define success; when an
     experiment ends, its rejected runs are subtracted. With a stopping rule, ``total`` decreases as designs are
-    ``decided``, and ``states`` gets their results.
+    ``decided``, and ``states`` gets their results. ``realities`` counts runs in other realities by experiment;
+    they are in no other count. They are simulated when all other runs have ended, at ``ended_s``.
     """
 
     total: int
@@ -38,7 +40,9 @@ class Progress:
     failed: int = 0
     decided: int = 0
     states: list[DesignState] = field(default_factory=list)
+    realities: dict[str, RealityCounts] = field(default_factory=dict)
     started_s: float = field(default_factory=time.perf_counter)
+    ended_s: float | None = None
 
     @property
     def done(self) -> int:
@@ -47,8 +51,8 @@ class Progress:
 
     @property
     def seconds(self) -> float:
-        """Time since the start of the sweep (s)."""
-        return time.perf_counter() - self.started_s
+        """Time of the runs, without those in other realities, since the start of the sweep (s)."""
+        return (time.perf_counter() if self.ended_s is None else self.ended_s) - self.started_s
 
     def count(self, outcome: str | None, runs: int = 1) -> None:
         """Count ``runs`` runs of the study with that outcome."""
@@ -121,7 +125,7 @@ class ExperimentRuns:
     environment: Environment
     dynamic: bool
     writer: StoreWriter
-    pool: ChunkPool
+    pool: ChunkPool[PlannedRun]
     counts: Progress
     report: Callable[[Progress], None]
 
@@ -129,11 +133,11 @@ class ExperimentRuns:
     def _samples(self) -> StoredSamples:
         return StoredSamples(self.environment, self.writer, self.dynamic)
 
-    def all(self) -> Iterator[list[FinishedRun]]:
+    def all(self) -> Iterator[list[FinishedRun[PlannedRun]]]:
         """Simulate every design in every sample; the last chunks may still be running afterwards."""
         yield from self._simulate(None, self.counts.total)
 
-    def until(self, rule: StoppingRule) -> Iterator[list[FinishedRun]]:
+    def until(self, rule: StoppingRule) -> Iterator[list[FinishedRun[PlannedRun]]]:
         """Simulate every design, in the batches of a schedule, until the rule decides it or is unlikely to decide it."""
         plan, writer = self.plan, self.writer
         schedule = Schedule(rule, plan.environments, writer.design_counts(plan).reached)
@@ -152,7 +156,9 @@ class ExperimentRuns:
             self.report(self.counts)
         writer.end_experiment(plan, int(schedule.runs.sum()))
 
-    def _simulate(self, samples_of_design: Mapping[int, range] | None, total: int) -> Iterator[list[FinishedRun]]:
+    def _simulate(
+        self, samples_of_design: Mapping[int, range] | None, total: int
+    ) -> Iterator[list[FinishedRun[PlannedRun]]]:
         """Simulate missing runs, sample by sample; yield chunks as they finish.
 
         ``samples_of_design`` has the samples to simulate by the design's position; None stands for all samples of all

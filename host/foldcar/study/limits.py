@@ -4,6 +4,8 @@ from typing import Any
 
 # Sampled environments of an experiment; samples are numbered 0 to MAX_ENVIRONMENTS - 1.
 MAX_ENVIRONMENTS = 1_000_000
+# Runs of an experiment in other realities.
+MAX_REALITIES = 1_000_000
 # SQLite's largest integer.
 MAX_SEED = 2**63 - 1
 # Simulator processes in parallel.

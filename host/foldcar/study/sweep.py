@@ -1,30 +1,44 @@
-"""Simulates a sweep: every design of every experiment in every environment, except runs that the store has.
+"""Simulates a sweep: every design of every experiment in every environment, and runs in other realities.
+
+Runs that the store has are not simulated again.
 
 Input: a study, a store's path, a simulator. Output: rows in the store and their counts. Only the calling thread samples,
 plans and writes; other threads wait for simulator processes. Scenic runs beside the simulation of dynamic programs; all
 others run in carsim's batch.
 """
 
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from datetime import datetime, timezone
 from functools import cached_property, partial
 from pathlib import Path
+from typing import Any
 
 from foldcar.errors import FoldcarError
 from foldcar.scenes.fingerprint import scenic_version
+from foldcar.scenes.success import SuccessRule
 from foldcar.shown_text import decoded
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.engines import ENGINES, SIDE_VIEW
 from foldcar.simulation.results import outcome_of
 from foldcar.statistics.stopping import StoppingRule
 from foldcar.store.info import unlike_sides_text
-from foldcar.store.writer import PlannedExperiment, StoreWriter, write_store
-from foldcar.study.chunks import ChunkPool, FinishedRun, Simulators
+from foldcar.store.writer import PlannedExperiment, PlannedRun, StoreWriter, write_store
+from foldcar.study.chunks import FinishedRun, Simulators, planned_pool
 from foldcar.study.environments import Environment
-from foldcar.study.experiment_runs import ExperimentRuns, Progress
+from foldcar.study.experiment_runs import ExperimentRuns, Progress, StoredSamples
 from foldcar.study.experiments import Experiment, Study
 from foldcar.study.planned_designs import PlannedDesigns, planned_designs
+from foldcar.study.reality_draws import MAX_SCENES
+from foldcar.study.reality_runs import (
+    RealityCounts,
+    RealitySimulation,
+    next_number,
+    reality_facts,
+    reality_spread,
+    why_no_realities,
+)
 from foldcar.study.side_view_check import side_view_limits
 from foldcar.study.stopping import design_states
 from foldcar.version import __version__
@@ -38,7 +52,8 @@ class Sweep:
     """A planned sweep: ``carsim`` simulates the runs of ``study`` that ``store`` lacks.
 
     The store records ``command`` as its origin. ``environment_of`` creates an experiment's environment; a calibration
-    has its own. ``until`` has the stopping rules by experiment.
+    has its own. ``until`` has the stopping rules by experiment. ``realities`` is the number of each experiment's runs in
+    other realities; None lets the error decide with which the success rate is learned from them.
     """
 
     study: Study
@@ -47,6 +62,7 @@ class Sweep:
     command: str
     environment_of: Callable[[Experiment], Environment] = Environment
     until: Mapping[str, StoppingRule] = field(default_factory=dict)
+    realities: int | None = None
 
     @cached_property
     def environments(self) -> list[Environment]:
@@ -94,7 +110,7 @@ class Sweep:
             plans = [
                 plan_experiment(
                     experiment, environment, writer, self.designs[experiment.id], self.until.get(experiment.id),
-                    carsim.engine, unlike=side_view_texts.get(experiment.id, ""),
+                    carsim.engine, unlike=side_view_texts.get(experiment.id, ""), realities=self.realities,
                 )
                 for experiment, environment in planned
             ]  # fmt: skip
@@ -104,7 +120,7 @@ class Sweep:
                 len(self.designs[plan.id]) * plan.environments for plan in plans if plan.facts["success_defined"]
             )
             # One pool for all experiments, so that simulators stay busy from one experiment to the next.
-            with ChunkPool(writer, simulators) as pool:
+            with planned_pool(writer, simulators) as pool:
                 for (experiment, environment), plan in zip(planned, plans, strict=True):
                     dynamic = writer.is_dynamic(plan.environment_id, partial(getattr, environment, "dynamic"))
                     rule, earlier_rejected = self.until.get(plan.id), counts.rejected
@@ -125,6 +141,9 @@ class Sweep:
                         counts.judged -= counts.rejected - earlier_rejected
                 for finished in pool.finish():
                     self._keep(finished, writer, report)
+            counts.ended_s = time.perf_counter()
+            for (experiment, environment), plan in zip(planned, plans, strict=True):
+                self._simulate_realities(experiment, environment, plan, writer, simulators, report)
         if self.until:
             counts.judged = counts.total - counts.rejected
         return counts
@@ -159,7 +178,36 @@ class Sweep:
             if len(skipped) > SHOWN_SKIPPED:
                 yield f"  and {len(skipped) - SHOWN_SKIPPED} more, which `foldcar sweep --dry-run` lists"
 
-    def _keep(self, finished: list[FinishedRun], writer: StoreWriter, report: Callable[[Progress], None]) -> None:
+    def _simulate_realities(
+        self,
+        experiment: Experiment,
+        environment: Environment,
+        plan: PlannedExperiment,
+        writer: StoreWriter,
+        simulators: Simulators | int,
+        report: Callable[[Progress], None],
+    ) -> None:
+        """Simulate an experiment's runs in other realities: as many as planned, or as its learning needs."""
+        counts = RealityCounts(left_out=plan.facts.get("no_realities", ""))
+        self.progress.realities[plan.id] = counts
+        number: int | None = plan.facts.get("realities")
+        if number is None:
+            return
+        writer.spread(plan.facts["reality_spread"])
+        # With a stopping rule, fewer samples may be stored.
+        StoredSamples(environment, writer, dynamic=False).reach(min(plan.environments, MAX_SCENES) - 1)
+        with environment.runner(self.carsim, dynamic=False) as runner:
+            simulation = RealitySimulation(experiment, writer, simulators, runner, counts, lambda: report(self.progress))
+            while number is not None:
+                # Stored first, so that an interrupted sweep is known to be unfinished.
+                writer.update_facts(plan.id, realities=number)
+                simulation.simulate(number)
+                counts.error = simulation.error()
+                number = next_number(number, counts.error) if self.realities is None else None
+
+    def _keep(
+        self, finished: list[FinishedRun[PlannedRun]], writer: StoreWriter, report: Callable[[Progress], None]
+    ) -> None:
         """Store a finished chunk, count its outcomes and report the progress."""
         writer.add_results((run.run, run.answer) for run in finished)
         self.progress.new += len(finished)
@@ -177,12 +225,13 @@ def plan_experiment(
     engine: str = "",
     searched: Sequence[str] = (),
     unlike: str = "",
+    realities: int | None = None,
 ) -> PlannedExperiment:
     """Store an experiment and its family's designs, replacing an earlier one of that id. Raises FoldcarError.
 
     ``rule`` is its stopping rule, ``engine`` the engine's name, ``searched`` the objectives of a search. ``unlike``
     says what the side view cannot simulate. In ExperimentInfo these are ``until``, ``engine``, ``objectives`` and
-    ``unlike_sides``.
+    ``unlike_sides``. ``realities`` is as in Sweep.
     """
     first_design = next(iter(experiment.family))
     varied = experiment.family.varied
@@ -218,6 +267,7 @@ def plan_experiment(
             "calibration": environment.calibration,
             **({"listed_environment": environment.listed_fingerprint} if environment.calibration else {}),
             "thresholds": experiment.thresholds,
+            **_reality_facts(experiment, environment, writer, program_facts, searched, realities),
             **({} if rule is None else {"until": asdict(rule)}),
             **({"searched": True, "objectives": list(searched)} if searched else {}),
             **({"engine": engine} if engine else {}),
@@ -229,6 +279,27 @@ def plan_experiment(
     # A search adds designs later.
     writer.put_experiment(plan, designs, None if searched else designs.fingerprint)
     return plan
+
+
+def _reality_facts(
+    experiment: Experiment,
+    environment: Environment,
+    writer: StoreWriter,
+    program_facts: Mapping[str, Any],
+    searched: Sequence[str],
+    requested: int | None,
+) -> dict[str, Any]:
+    """Return the facts of an experiment on its runs in other realities. ``requested`` is as in Sweep.realities."""
+    stored = writer.experiment_facts(experiment.id)
+    if searched:
+        # A search simulates no other realities, and keeps those of an earlier sweep.
+        if stored.get("reality_spread") == reality_spread(experiment):
+            return {"realities": stored["realities"], "reality_spread": stored["reality_spread"]}
+        return {"no_realities": "a search chose the designs; `foldcar sweep` simulates them in other realities"}
+    dynamic = writer.is_dynamic(writer.environment(environment.fingerprint), lambda: environment.dynamic)
+    success = SuccessRule(defined=program_facts["success_defined"], text=program_facts["success_rule"])
+    reason = why_no_realities(experiment, environment, requested, dynamic, success)
+    return {"no_realities": reason} if reason else reality_facts(experiment, requested, stored)
 
 
 def study_facts(study: Study, carsim: Carsim, command: str) -> dict[str, str]:

@@ -12,6 +12,8 @@ SETTINGS = ("--set", "width=95", "--set", "height=50", "--set", "width=115")
     [
         (("sweep", "l.json", "--store", "s.db", "--samples", "2000000"), "1000000"),
         (("sweep", "l.json", "--store", "s.db", "--jobs", "257"), "256"),
+        (("sweep", "l.json", "--store", "s.db", "--realities", "1000001"), "1000000"),
+        (("sweep", "l.json", "--store", "s.db", "--realities", "-1"), "0"),
         (("sample", "p.scenic", "-n", "1000001"), "1000000"),
         (("sample", "p.scenic", "--seed", "-1"), "0"),
         (("sample", "p.scenic", "--seed", str(2**63)), "9223372036854775807"),

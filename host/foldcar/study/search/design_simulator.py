@@ -12,7 +12,7 @@ from foldcar.car.body import TableRow
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.results import has_passed
 from foldcar.store.writer import PlannedExperiment, PlannedRun, StoreWriter
-from foldcar.study.chunks import ChunkPool, FinishedRun, Simulators
+from foldcar.study.chunks import ChunkPool, FinishedRun, Simulators, planned_pool
 from foldcar.study.environments import Environment
 from foldcar.study.experiment_runs import StoredSamples
 from foldcar.study.experiments import Experiment
@@ -49,7 +49,7 @@ class DesignSimulator:
     _experiment: Experiment
     _environment: Environment
     _writer: StoreWriter
-    _pool: ChunkPool
+    _pool: ChunkPool[PlannedRun]
     _samples: StoredSamples
     _table: dict[str, TableRow]
     _simulated: Callable[[int], None]
@@ -113,7 +113,7 @@ class DesignSimulator:
         stored_values = [tuple(design.get(column, float("nan")) for column in family.columns()) for design in designs]
         return [values for values in stored_values if family.has(values)]
 
-    def _keep(self, finished: list[FinishedRun]) -> None:
+    def _keep(self, finished: list[FinishedRun[PlannedRun]]) -> None:
         """Store a finished chunk and report its number of runs."""
         self._writer.add_results((run.run, run.answer) for run in finished)
         self._simulated(len(finished))
@@ -137,7 +137,7 @@ def open_simulator(
     dynamic = writer.is_dynamic(writer.environment(environment.fingerprint), lambda: environment.dynamic)
     samples, table = StoredSamples(environment, writer, dynamic), carsim.parameter_table()
     with (
-        ChunkPool(writer, simulators) as pool,
+        planned_pool(writer, simulators) as pool,
         environment.runner(carsim, dynamic) as runner,
         pool.using(runner),
     ):

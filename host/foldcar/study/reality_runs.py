@@ -1,0 +1,272 @@
+"""Simulates the runs of an experiment in other realities, from which the success rate of built cars is learned.
+
+Input: a swept experiment. Output: rows in the store, and how well the success rate was learned from them. Each run has a
+reality, a design, a scene and a car of its own (reality_draws.py). Rows that the store has are not simulated again.
+"""
+
+import hashlib
+import json
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from foldcar.belief import reality as reality_code
+from foldcar.belief.priors import PARAMETERS, values_of
+from foldcar.belief.reality import drawn_reality
+from foldcar.scenes.fingerprint import variation_code
+from foldcar.scenes.success import SuccessRule
+from foldcar.simulation.results import FAILED, outcome_of
+from foldcar.simulation.runner import Runner, RunRequest
+from foldcar.store.info import ExperimentInfo
+from foldcar.store.reader import Store
+from foldcar.store.reality_runs import (
+    BLOCK,
+    FloatArray,
+    ReadableStore,
+    RealityKeys,
+    RealityRuns,
+    read_reality_runs,
+    reality_keys,
+    stored_keys,
+)
+from foldcar.store.tables import DESIGN
+from foldcar.store.writer import StoreWriter, canonical_json
+from foldcar.study.chunks import ChunkInputs, ChunkPool, FinishedRun, Simulators
+from foldcar.study.environments import Environment
+from foldcar.study.experiments import Experiment
+from foldcar.study.reality_draws import draw_runs
+
+# Fewer scenes do not represent an environment.
+MIN_SCENES = 20
+# The numbers of runs after which the learning's error decides whether more are simulated.
+STAGES = (2_000, 4_000, 8_000)
+# The largest error of the learned success rate that is small enough.
+MAX_ERROR = 0.05
+# Failed simulations are left out if they are at most this fraction.
+MAX_FAILED = 0.02
+# Numbers that are drawn at a time; a multiple of BLOCK.
+DRAWN_RUNS = 200 * BLOCK
+
+
+def why_no_realities(
+    experiment: Experiment, environment: Environment, requested: int | None, dynamic: bool, success: SuccessRule
+) -> str | None:
+    """Return why an experiment has no runs in other realities, in a sentence without its end; None if it has.
+
+    ``requested`` is the number that a person asked for, None to let the learning's error decide. ``dynamic`` is whether
+    the program runs beside the simulation.
+    """
+    if environment.calibration is not None:
+        return "the experiment itself is simulated in another reality"
+    if requested == 0:
+        return "the sweep left them out (--realities 0)"
+    if dynamic:
+        return "its program runs beside the simulation, which other realities cannot change"
+    if not success.defined:
+        return f"the success rate cannot be learned: {success.text}"
+    if experiment.environments < MIN_SCENES:
+        return f"they need {MIN_SCENES} or more samples of the environment, and the sweep has {experiment.environments}"
+    return None
+
+
+def reality_facts(experiment: Experiment, requested: int | None, stored: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the facts of ExperimentInfo on the runs of an experiment that has runs in other realities.
+
+    ``requested`` is as in :func:`why_no_realities`. ``stored`` are the facts of the last sweep: without a request, a
+    sweep plans at least as many runs as that.
+    """
+    spread = reality_spread(experiment)
+    planned = stored.get("realities", 0) if stored.get("reality_spread") == spread else 0
+    return {"realities": requested or max(STAGES[0], planned), "reality_spread": spread}
+
+
+def reality_spread(experiment: Experiment) -> str:
+    """Return the fingerprint of all that the realities of an experiment's runs are drawn from."""
+    code = hashlib.sha256(Path(reality_code.__file__).read_bytes()).hexdigest()
+    priors = [[row.name, row.prior, row.middle, row.sd] for row in PARAMETERS]
+    identity = ["realities", dict(experiment.variation), experiment.variation_seed, code, priors, variation_code()]
+    return hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()
+
+
+def next_number(runs: int, error: float | None) -> int | None:
+    """Return the number of runs after ``runs`` have given the learning's ``error``; None if these are enough."""
+    if error is not None and error <= MAX_ERROR:
+        return None
+    return next((stage for stage in STAGES if stage > runs), None)
+
+
+@dataclass(frozen=True, slots=True)
+class RealityRun:
+    """A run in another reality: its number, index of the design, sample, the ids of its inputs, scores."""
+
+    number: int
+    design: int
+    sample: int
+    body_id: int
+    settings_id: int
+    scene_id: int
+    scores: tuple[float, ...]
+
+    @property
+    def key(self) -> tuple[int, int, int, int]:
+        """What identifies the run among those of its build and realities."""
+        return self.number, self.body_id, self.settings_id, self.scene_id
+
+
+def missing_runs(store: ReadableStore, keys: RealityKeys, seed: int, samples: int, total: int) -> Iterator[RealityRun]:
+    """Yield those of the first ``total`` runs of an experiment that the store lacks when the first is asked for.
+
+    ``samples`` is the experiment's number of samples. Runs whose scene is not stored have the scene's id 0.
+    """
+    stored = stored_keys(store, keys)
+    for start in range(0, total, DRAWN_RUNS):
+        drawn = draw_runs(seed, range(start, min(total, start + DRAWN_RUNS)), len(keys.designs), samples)
+        columns = (drawn.number.tolist(), drawn.design.tolist(), drawn.sample.tolist(), drawn.scores.tolist())
+        for number, design, sample, scores in zip(*columns, strict=True):
+            body_id, settings_id = keys.designs[design]
+            run = RealityRun(
+                number=number,
+                design=design,
+                sample=sample,
+                body_id=body_id,
+                settings_id=settings_id,
+                scene_id=keys.scenes.get(sample, 0),
+                scores=tuple(scores),
+            )
+            if run.key not in stored:
+                yield run
+
+
+def missing_realities(store: Store, info: ExperimentInfo) -> int:
+    """Return how many of an experiment's planned runs in other realities are not stored."""
+    keys = reality_keys(store, info.id)
+    if keys is None or not keys.designs:
+        return info.realities
+    return sum(1 for _ in missing_runs(store, keys, info.variation_seed, info.environments, info.realities))
+
+
+def learning_error(runs: RealityRuns, designs: FloatArray) -> float | None:
+    """Return the error of the success rate that is learned from runs, 0 to 1; None if it is unknown.
+
+    ``designs`` (designs, parameters) are the designs' parameters that vary.
+    """
+    from foldcar.belief.learning import learn
+
+    error: float | None = learn(runs, designs).error
+    return error
+
+
+@dataclass
+class RealityCounts:
+    """Counts of an experiment's runs in other realities.
+
+    ``reused`` ones of ``total`` were in the store, ``new`` ones were simulated, of which ``failed`` ones failed.
+    ``error`` is that of the learned success rate, 0 to 1, None if it is unknown. ``left_out`` says why there are no such
+    runs. ``seconds`` is the time of simulation.
+    """
+
+    total: int = 0
+    new: int = 0
+    reused: int = 0
+    failed: int = 0
+    error: float | None = None
+    left_out: str = ""
+    seconds: float = 0.0
+
+    @property
+    def done(self) -> int:
+        """The number of stored runs."""
+        return self.new + self.reused
+
+    @property
+    def too_many_failed(self) -> bool:
+        """Whether so many simulations failed that the others may not represent the realities."""
+        return self.failed > MAX_FAILED * self.new
+
+
+@dataclass(frozen=True)
+class RealitySimulation:
+    """Simulates an experiment's runs in other realities with ``runner``.
+
+    ``report`` is called after every stored chunk, after ``counts`` have changed.
+    """
+
+    experiment: Experiment
+    writer: StoreWriter
+    simulators: Simulators | int
+    runner: Runner
+    counts: RealityCounts
+    report: Callable[[], None]
+
+    def simulate(self, total: int) -> None:
+        """Simulate those of the first ``total`` runs that the store lacks. Raises FoldcarError."""
+        experiment, counts = self.experiment, self.counts
+        keys = reality_keys(self.writer, experiment.id)
+        assert keys is not None, "the experiment was planned with runs in other realities"
+        arguments = (self.writer, keys, experiment.variation_seed, experiment.environments, total)
+        missing = sum(1 for _ in missing_runs(*arguments))
+        counts.total, counts.reused = total, total - missing - counts.new
+        self.report()
+        # As if the runs of earlier calls had just ended.
+        started_s = time.perf_counter() - counts.seconds
+        pool = ChunkPool(self.simulators, self._inputs, lambda run: run.key)
+        with pool, pool.using(self.runner):
+            for run in missing_runs(*arguments):
+                for finished in pool.add(run, counts.total - counts.done):
+                    self._keep(keys, finished, started_s)
+            for finished in pool.finish():
+                self._keep(keys, finished, started_s)
+
+    def error(self) -> float | None:
+        """Return the error of the success rate that is learned from the stored runs, 0 to 1; None if it is unknown."""
+        rows = self.writer.rows(DESIGN, "WHERE experiment = ? ORDER BY position", self.experiment.id)
+        parameters = [json.loads(row["parameters"]) for row in rows]
+        varied = list(self.experiment.family.varied)
+        designs = np.array([[design[name] for name in varied] for design in parameters], dtype=float)
+        return learning_error(read_reality_runs(self.writer, self.experiment.id), designs)
+
+    def _inputs(self, runs: Sequence[RealityRun]) -> ChunkInputs:
+        """Look up the simulator's input of runs, and draw their realities."""
+        bodies = {f"b{key}": text for key, text in self.writer.texts("body", (run.body_id for run in runs)).items()}
+        scenes = {f"s{key}": text for key, text in self.writer.texts("scene", (run.scene_id for run in runs)).items()}
+        settings = self.writer.texts("settings", (run.settings_id for run in runs))
+        requests = []
+        for run, values in zip(runs, values_of(np.array([run.scores for run in runs])), strict=True):
+            label = f"design {run.design + 1}, run {run.number} in another reality"
+            # Another car than that of the nominal run with this number.
+            car = f"reality {run.number}"
+            reality = drawn_reality(values, self.experiment.variation, self.experiment.variation_seed, run.number, car)
+            requests.append(
+                RunRequest(
+                    f"b{run.body_id}", f"s{run.scene_id}", settings[run.settings_id], label, run.sample,
+                    canonical_json(reality),
+                )
+            )  # fmt: skip
+        return bodies, scenes, requests
+
+    def _keep(self, keys: RealityKeys, finished: list[FinishedRun[RealityRun]], started_s: float) -> None:
+        """Store a finished chunk of a simulation that began at ``started_s``, count it and report."""
+        rows = []
+        for finished_run in finished:
+            run, outcome = finished_run.run, outcome_of(finished_run.answer)
+            rows.append(
+                {
+                    "build_id": keys.build_id,
+                    "spread_id": keys.spread_id,
+                    "body_id": run.body_id,
+                    "settings_id": run.settings_id,
+                    "scene_id": run.scene_id,
+                    "number": run.number,
+                    "scores": json.dumps(run.scores, separators=(",", ":")),
+                    "passed": None if outcome == FAILED else int(outcome == "passed"),
+                }
+            )
+        self.writer.add_reality_runs(rows)
+        self.counts.new += len(rows)
+        self.counts.seconds = time.perf_counter() - started_s
+        self.counts.failed += sum(row["passed"] is None for row in rows)
+        self.report()

@@ -9,7 +9,7 @@ from foldcar.api.arguments import checked_int, column_named, columns_named
 from foldcar.errors import FoldcarError
 from foldcar.inference.adviser import Selection
 from foldcar.inference.comparison import MARGIN, Comparison, compare
-from foldcar.inference.selecting import BUILD, PRECISION, select
+from foldcar.inference.selecting import select
 from foldcar.simulation.results import no_rate_text
 from foldcar.statistics.effects import Standardised, fit_effects
 from foldcar.statistics.rate import Rate
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     import pandas
 
 T = TypeVar("T")
-MAX_BUILT = 50
 
 
 class Study:
@@ -107,21 +106,18 @@ class Study:
     def select(
         self,
         *,
-        build: int = BUILD,
         threshold: float | None = None,
-        precision: float = PRECISION,
         experiment: str | None = None,
         simulated_trials: bool = False,
     ) -> list[Selection]:
-        """Recommend designs to build next, for each experiment; see :func:`foldcar.inference.selecting.select`.
+        """Say for each experiment which car to take and what to do next; see :func:`foldcar.inference.selecting.select`.
 
         Raises FoldcarError.
 
-        >>> len(study.select(build=1)[0].recommendations)
-        1
+        >>> study.select()[0].leader is None  # the study of this example has no runs in other realities
+        True
         """
-        number = checked_int("build", build, 1, MAX_BUILT)
-        return self._read(lambda store: select(store, number, threshold, precision, experiment, simulated_trials))
+        return self._read(lambda store: select(store, threshold, experiment, simulated_trials))
 
     def compare(
         self, *, experiment: str | None = None, margin: float = MARGIN, simulated_trials: bool = False

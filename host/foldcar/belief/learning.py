@@ -16,13 +16,12 @@ The regression is solved by Newton's method in numpy: importing scikit-learn tak
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
-from typing import Any
 
 import numpy
 from numpy.typing import NDArray
 
 from foldcar.errors import FoldcarError
+from foldcar.store.reality_runs import BLOCK, CHECK, RealityRuns
 
 FloatArray = NDArray[numpy.float64]
 # Bumps for each design parameter, and for all parameters together.
@@ -32,36 +31,10 @@ COEFFICIENT_VARIANCE, SCENE_VARIANCE = 0.1, 0.3
 NEWTON_STEPS, TOLERANCE = 25, 1e-6
 # Log-odds beyond these were not learned from any run: rates of 0.2 % and 99.8 %.
 MAX_LOG_ODDS = 6.0
-# Of each BLOCK of run numbers the first CHECK share a reality and a design. The error is measured on them.
-BLOCK, CHECK = 100, 10
 # Variance of logistic noise relative to a normal one, squared: (16 sqrt(3) / 15 pi)^2 (Zeger, Liang and Albert 1988,
 # doi:10.2307/2531734). A mean of logistic functions over a normal offset of variance v is nearly a logistic function
 # whose log-odds are divided by sqrt(1 + SLOPE v).
 SLOPE = 0.346
-
-
-@dataclass(frozen=True)
-class RealityRuns:
-    """Runs of one experiment in realities of their own.
-
-    ``scores`` (n, parameters) are the realities', ``design`` (n,) is the index of the design, ``sample`` (n,) the number of
-    the scene. ``passed`` (n,) is 1 if the run passed, 0 if not, NaN if its simulation failed. ``number`` (n,) is the
-    number of the run.
-    """
-
-    scores: FloatArray
-    design: NDArray[Any]
-    sample: NDArray[Any]
-    passed: FloatArray
-    number: NDArray[Any]
-
-    def __len__(self) -> int:
-        return len(self.passed)
-
-    def taken(self, chosen: NDArray[Any]) -> "RealityRuns":
-        """Return the runs that a mask or indices choose."""
-        arrays = (self.scores, self.design, self.sample, self.passed, self.number)
-        return RealityRuns(*(array[chosen] for array in arrays))
 
 
 @dataclass(frozen=True)
@@ -94,7 +67,7 @@ class Learned:
         result = (quadratics @ a)[:, None] + _with_constant(scores) @ on_designs
         variance = float(numpy.var(list(self.scene_offsets.values()))) if self.scene_offsets else 0.0
         result /= numpy.sqrt(1 + SLOPE * variance)
-        return numpy.clip(result, -MAX_LOG_ODDS, MAX_LOG_ODDS, out=result)
+        return numpy.asarray(numpy.clip(result, -MAX_LOG_ODDS, MAX_LOG_ODDS))
 
     def unit(self, designs: FloatArray) -> FloatArray:
         """Return design parameters scaled to 0 to 1 over the family."""
@@ -102,11 +75,6 @@ class Learned:
 
     def _design_features(self, designs: FloatArray) -> FloatArray:
         return _design_features(self.unit(designs), self.centres, self.length)
-
-    @cached_property
-    def rms_text(self) -> str:
-        """The error in words, such as ``7 points``."""
-        return "an unknown error" if self.error is None else f"{100 * self.error:.0f} points"
 
 
 def learn(runs: RealityRuns, designs: FloatArray) -> Learned:
@@ -219,7 +187,7 @@ def _design_features(unit: FloatArray, centres: FloatArray, length: float) -> Fl
 
 
 def _spread_out(unit: FloatArray) -> FloatArray:
-    """Return designs that are far from each other: from the middle on, always the one that is farthest from the others."""
+    """Return designs that are far from each other: from the middle on, always the one farthest from the others."""
     designs = numpy.unique(unit, axis=0)
     number = min(len(designs), BUMPS_PER_PARAMETER * unit.shape[1], MAX_BUMPS)
     chosen = [int(((designs - designs.mean(axis=0)) ** 2).sum(axis=1).argmin())]

@@ -17,12 +17,9 @@ from foldcar.commands.options import (
     thresholds_of_success,
 )
 
-MAX_BUILD = 50
-
 
 def select(
     store: StudyStore,
-    build: Annotated[int, typer.Option(metavar="N", min=1, max=MAX_BUILD, help="Number of designs to recommend.")] = 4,
     threshold: Annotated[
         float | None,
         typer.Option(
@@ -31,25 +28,20 @@ def select(
             help="Success rate that a good design reaches, 0 to 1; default: the listing's threshold, or 0.75.",
         ),
     ] = None,
-    precision: Annotated[
-        str,
-        typer.Option(metavar="POINTS", help="Plan enough trials that the rate's 95 % interval is at most ± POINTS."),
-    ] = "15pp",
     experiment: OneExperiment = None,
     csv: CsvFile = None,
     simulated_trials: SimulatedTrials = False,
     as_json: Json = False,
 ) -> None:
-    """Recommend designs to build next, with reasons.
+    """Say which car to take, and what to do next.
 
-    Before the first trial, it considers the region of designs that reach the threshold in simulation. It recommends a
-    design in the middle of this region, designs at its edges, and designs just outside. After trials, it recommends the
-    designs whose trials would be most informative, or it says that the trials suffice. Informative trials help to find
-    the best design and the designs that reach the threshold. The command also lists the trials needed, the sampled
-    environments to set up, sheets and minutes. See docs/advice.md.
+    Two lines answer. *Want a car that works?* names the car with the highest expected success, with its 95 % interval.
+    *Want to learn most?* names the next step: build a car, drive one again, or measure something; at most an afternoon of
+    work. The table has the steps that were weighed: how much each is expected to raise the success of the design that is
+    recommended afterwards. Do the step and ask again. See docs/advice.md.
 
     \b
-    Example: foldcar select study.db --build 4
+    Example: foldcar select study.db
     """
     from foldcar.api.study import Study
     from foldcar.commands.progress_bar import working
@@ -57,19 +49,16 @@ def select(
     from foldcar.inference.tables import selection_object, write_selection
 
     check_distinct([store], [csv])
-    half_width = parse_points("--precision", precision, low=1, high=45)
-    with working("weighing designs"):
-        selections = Study(store).select(
-            build=build, threshold=threshold, precision=half_width, experiment=experiment,
-            simulated_trials=simulated_trials,
-        )  # fmt: skip
+    with working("weighing realities"):
+        selections = Study(store).select(threshold=threshold, experiment=experiment, simulated_trials=simulated_trials)
     if csv is not None:
         write_selection(selections, csv)
     if as_json:
         print_result(as_json, {"store": store, "experiments": [selection_object(selection) for selection in selections]})
     else:
         print_selections(selections)
-        _print_written(csv, sum(len(selection.recommendations) for selection in selections))
+        if csv is not None:
+            typer.echo(f"{csv}: {sum(len(selection.steps) for selection in selections)} steps", err=True)
 
 
 def compare(
@@ -86,6 +75,7 @@ def compare(
 
     For each driven design it shows the success rates in simulation and in trials, and their gap with an interval. The
     verdict says whether simulation agrees, is optimistic, is pessimistic, or whether there are too few trials to tell.
+    A second table says which realities fit: what the trials have taught about what the simulator does not know.
     See docs/advice.md.
 
     \b

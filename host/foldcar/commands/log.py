@@ -141,7 +141,7 @@ def _print_session(store: Path, numbers: Collection[int]) -> None:
     from foldcar.commands.progress_bar import working
     from foldcar.inference.comparison import compare_evidence
     from foldcar.inference.evidence import read_evidence, swept_ids
-    from foldcar.inference.selecting import measure_first, select_evidence
+    from foldcar.inference.selecting import select_evidence
     from foldcar.shown_console import shown_console
     from foldcar.statistics.words import count
     from foldcar.store.reader import Store
@@ -155,7 +155,6 @@ def _print_session(store: Path, numbers: Collection[int]) -> None:
         is_swept = experiment in swept_ids(reader)
         evidence = read_evidence(reader, experiment, standing == SIMULATED) if is_swept else []
         comparison, selections = compare_evidence(evidence), select_evidence(evidence)
-        missing = [text for selection in selections if standing == BUILT for text in measure_first(reader, selection)]
     completed = [trial for trial in session_trials if trial.standing == standing and trial.completed]
     passed, uncounted = sum(trial.outcome == "passed" for trial in completed), len(session_trials) - len(completed)
     uncounted_text = f"; {count(uncounted, 'more trial')} aborted or withdrawn" if uncounted else ""
@@ -172,5 +171,5 @@ def _print_session(store: Path, numbers: Collection[int]) -> None:
     lines += [f"{row.label}: {row.verdict or 'nothing to compare'}" for row in rows]
     if not is_swept:
         lines.append(f"Experiment {experiment} was not swept in {store}: there is no simulation to compare with.")
-    lines += [*(selection.sentence for selection in selections), *missing]
+    lines += [text for selection in selections for text in (selection.works, selection.learn) if text]
     shown_console().print("\n".join(lines))

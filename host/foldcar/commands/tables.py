@@ -17,7 +17,8 @@ from foldcar.statistics.words import count, design_text, percent_number, points,
 from foldcar.store.trial_records import BUILT, SIMULATED, UNKNOWN, WITHDRAWN, Correction, Trial
 
 if TYPE_CHECKING:
-    from foldcar.inference.adviser import Recommendation, Selection
+    from foldcar.belief.answers import Unknown
+    from foldcar.inference.adviser import Selection
     from foldcar.inference.comparison import Comparison, DesignComparison, ExperimentComparison
     from foldcar.statistics.gap import Gap
     from foldcar.statistics.rate import Rate
@@ -60,11 +61,12 @@ def print_comparison(comparison: "Comparison") -> None:
             _print_rates(console, experiment)
             _print_outcomes(console, experiment.designs)
             if experiment.mean_gap is not None:
-                console.print("these: the cars that drove; further car, pooled: any car of the design, as in simulation")
                 console.print(
-                    "gap: further car minus simulation, in percentage points; in the same environments if most trials "
-                    "have a simulation; the intervals of all gaps and of their mean hold simultaneously with 95 %"
+                    "these: the cars that drove; further car: any car of the design, by simulation and all trials; gap: "
+                    "further car minus simulation, in percentage points (95 %)"
                 )
+        if experiment.unknowns:
+            _print_unknowns(console, experiment.unknowns)
         for line in (rank_text(experiment.ranks), *experiment.remarks):
             if line:
                 console.print(line)
@@ -75,13 +77,10 @@ def print_comparison(comparison: "Comparison") -> None:
 def _print_rates(console: Console, comparison: "ExperimentComparison") -> None:
     """Print a row for each design with its rates, its gap and its verdict."""
     designs = comparison.designs
-    extra_rates = [
-        name for name in ("further_car", "pooled") if any(getattr(design, name) is not None for design in designs)
-    ]
-    extra_heads = [f"{name.replace('_', ' ')} %" for name in extra_rates]
+    built = ["further car %"] if any(design.built is not None for design in designs) else []
     # A list of one column, or of none if no trial has a simulation of its own environment.
     paired = ["same outcome"] if any(design.paired for design in designs) else []
-    heads = ("design", "runs", "simulated %", "cars", "passed", "these %", *extra_heads, *paired, "gap")
+    heads = ("design", "runs", "simulated %", "cars", "passed", "these %", *built, *paired, "gap")
     table = ResultTable(*heads, "verdict", left=("design", "verdict"))
     for design in designs:
         table.add_row(
@@ -91,7 +90,7 @@ def _print_rates(console: Console, comparison: "ExperimentComparison") -> None:
             str(design.cars),
             f"{design.evidence.trials_passed} of {len(design.evidence.trials)}",
             _rate(design.driven),
-            *(_rate(getattr(design, name)) for name in extra_rates),
+            *(_rate(design.built) for _ in built),
             *(f"{design.agreeing} of {design.paired}" if design.paired else "-" for _ in paired),
             _gap(design.gap),
             design.verdict or "-",
@@ -102,6 +101,20 @@ def _print_rates(console: Console, comparison: "ExperimentComparison") -> None:
 def _gap(gap: "Gap | None") -> str:
     """Return a gap with its interval in percentage points, ``-20 (-30 to -5)``; "-" for None."""
     return "-" if gap is None else f"{points(gap.value)} ({points(gap.low)} to {points(gap.high)})"
+
+
+def _print_unknowns(console: Console, unknowns: "Sequence[Unknown]") -> None:
+    """Print what the simulator does not know, before the trials and after them: which realities fit."""
+    table = ResultTable("unknown", "before", "by the trials", "narrowed %", left=("unknown",))
+    for unknown in unknowns:
+        name, unit = unknown.parameter.name, unknown.parameter.unit
+        label = name if name.endswith(f"_{unit}") else f"{name} ({unit})"
+        measured = "" if unknown.measured is None else " measured"
+        before, after = (
+            f"{part.value:.3g} ({part.low:.2g} to {part.high:.2g})" for part in (unknown.before, unknown.after)
+        )
+        table.add_row(f"{label}{measured}", before, after, _percent(max(0.0, unknown.narrowed)))
+    table.print_on(console)
 
 
 def _print_outcomes(console: Console, designs: "Sequence[DesignComparison]") -> None:
@@ -132,45 +145,39 @@ def print_selections(selections: "Sequence[Selection]") -> None:
             console.print()
         if len(selections) > 1:
             console.print(f"Experiment {selection.info.id}", style="bold")
-        console.print(selection.sentence, style="bold")
-        if selection.recommendations:
-            _print_recommended(console, selection)
+        for line in filter(None, (selection.works, selection.learn)):
+            console.print(line, style="bold")
+        if selection.grounds:
+            console.print(selection.grounds)
+        if selection.steps:
+            _print_steps(console, selection)
         for remark in selection.remarks:
             console.print(remark)
 
 
-def _print_recommended(console: Console, selection: "Selection") -> None:
-    """Print the designs to build, the environments to set up, and what the costs assume."""
-    heads = ("design", "simulated %", "built cars %", "trials", "cars", "sheets", "minutes", "why")
-    table = ResultTable(*heads, left=("design", "why"))
-    for design in selection.recommendations:
+def _print_steps(console: Console, selection: "Selection") -> None:
+    """Print the steps that were weighed, the environments to set up, and what the costs assume."""
+    heads = ("step", "simulated %", "further car %", "minutes", "sheets", "gain", "gain an hour")
+    table = ResultTable(*heads, left=("step",))
+    for step in selection.steps:
+        hourly = 60 * step.gain / step.minutes
         table.add_row(
-            design.label,
-            _rate(design.simulated),
-            _rate(design.expected),
-            f"{design.trials} more" if design.trials_done else str(design.trials),
-            str(design.cars),
-            *_prices(design),
-            design.reason,
+            step.text,
+            _rate(step.simulated),
+            _rate(step.built),
+            str(step.minutes),
+            "-" if step.sheets is None else str(step.sheets),
+            f"{100 * step.gain:.1f}",
+            f"{100 * hourly:.1f}",
         )
     table.print_on(console)
-    half = points(selection.precision, sign=False)
-    console.print(f"Trials: mean number needed until a rate is known to ±{half} percentage points (95 %).")
+    console.print(
+        "gain: by how many points the rate of the recommended design is expected to rise by this step"
+    )
     if selection.environments:
         samples = ", ".join(map(str, selection.environments))
-        count = selection.telling
-        telling_text = f"in the first {count} of them" if count else "in none of them"
-        console.print(
-            f"Environments to set up for each design (`foldcar log --sample K`): {samples}. They represent all sampled "
-            f"environments; the outcomes of these designs differ {telling_text} in {selection.info.simulation}.",
-        )
-    if any(design.cost is not None for design in selection.recommendations):
-        console.print(selection.basis)
-
-
-def _prices(design: "Recommendation") -> tuple[str, str]:
-    """Return the sheets and the minutes of work as text; "-" if the cost is unknown."""
-    return ("-", "-") if design.cost is None else (str(design.cost.sheets), str(design.cost.minutes))
+        console.print(f"Environments to set up for the trials (`foldcar log --sample K`): {samples}.")
+    console.print(selection.basis)
 
 
 def print_calibration(calibration: "Calibration") -> None:

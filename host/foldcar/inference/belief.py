@@ -1,9 +1,10 @@
-"""The posterior of an experiment's designs: success in simulation, and success of built cars by simulation and trials.
+"""The belief about an experiment's designs: its realities, weighed by its trials and by what was measured.
 
-`select`, `compare`, the report and the API share it.
+`select`, `compare`, `log`, the report and the API read their answers from it.
 """
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,86 +12,196 @@ import numpy
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from foldcar.belief.answers import MOVED, Answers, Unknown, believe
+from foldcar.belief.learning import Learned, learn
+from foldcar.belief.priors import NAMES, built_priors, measured_priors
+from foldcar.belief.weighing import SCENE_TRUST, Trials
+from foldcar.inference.calibration.supply import measured_supply
 from foldcar.inference.design_evidence import DesignEvidence
-from foldcar.statistics.pooled_bias import MAX_POOLED, Contradictions, contradictions, pooled_bias
-from foldcar.statistics.rate import Rate
-from foldcar.statistics.smoothed_simulation import smoothed_simulation
+from foldcar.statistics.words import count, percent, points
+from foldcar.store.calibrations import measured_values
+from foldcar.store.info import ExperimentInfo
+from foldcar.store.reader import Store
+from foldcar.store.reality_runs import read_reality_runs
+from foldcar.store.stored_drives import read_drives
+from foldcar.store.trial_records import Trial
 
-# Number of draws of the rates; fewer for many designs, so that draws times designs is at most MAX_NUMBERS.
-MAX_DRAWS, MIN_DRAWS, MAX_NUMBERS = 3000, 500, 2_000_000
+# Fewer runs in other realities teach nothing.
+MIN_RUNS = 200
+# Above this error of the learned rate more runs are offered.
+MAX_ERROR = 0.05
 
 
 @dataclass(frozen=True)
 class Belief:
-    """Belief about n designs with runs.
+    """Belief about the ``designs`` of a family; ``design_indices`` (n,) are their indices in the evidence.
 
-    ``design_indices`` (n,) are their indices in the evidence, ``parameters`` (n, k) their varied parameters. ``passed``
-    (n, environments) is 1 where the run passed, 0 where it failed, NaN without a run, in the environments ``samples``.
-    ``trials`` (n,) is the number that counts. ``simulation`` (n, 3) is success in this simulator, smoothed over designs:
-    rate, low, high (95 %). ``built`` is the success rate of a new car of each design, ``draws`` (draws, n) are joint
-    draws of these rates. ``unpooled`` is the number of driven designs left out, because MAX_POOLED others have more
-    trials.
+    ``parameters`` (n, k) are their varied parameters. The ``answers`` are about these designs, in their order.
+    ``notes`` are sentences on what was measured or assumed. ``measured`` has the measured values by name.
     """
 
     designs: tuple[DesignEvidence, ...]
     design_indices: NDArray[Any]
     parameters: NDArray[Any]
-    samples: NDArray[Any]
-    passed: NDArray[Any]
-    trials: NDArray[Any]
-    simulation: NDArray[Any]
-    built: tuple[Rate, ...]
-    draws: NDArray[Any]
-    contradictions: Contradictions
-    unpooled: int
+    answers: Answers
+    notes: tuple[str, ...] = ()
+    measured: Mapping[str, float] | None = None
 
     @property
     def driven(self) -> bool:
         """Whether there are trials that count."""
-        return bool(self.trials.any())
+        return self.answers.driven
 
     @property
     def labels(self) -> list[str]:
         """The designs' names."""
         return [design.label for design in self.designs]
 
-    def chances(self, threshold: float) -> NDArray[Any]:
-        """Return the probability (n,) that a new car of each design has a rate of ``threshold`` (0 to 1) or more."""
-        return numpy.asarray((self.draws >= threshold).mean(axis=0))
+    def row_of(self, design: DesignEvidence) -> int | None:
+        """Return the index of a design in the belief; None if it is not about this design."""
+        return next((row for row, own in enumerate(self.designs) if own is design or own.label == design.label), None)
+
+    def remarks(self) -> list[str]:
+        """Return sentences on how far to trust the belief, and on what the trials have taught."""
+        return [*self._learning_remarks(), *self.notes, *taught(self.answers), *self._surprise_remarks()]
+
+    def _learning_remarks(self) -> list[str]:
+        learned = self.answers.learned
+        if learned.error is None or learned.error <= MAX_ERROR:
+            return []
+        return [
+            f"The success rate was learned from {learned.runs:,} runs in other realities with a typical error of "
+            f"{points(learned.error, sign=False)} points: `foldcar sweep --realities {2 * round(learned.runs, -3):d}` "
+            "makes it smaller."
+        ]
+
+    def _surprise_remarks(self) -> list[str]:
+        return [
+            f"{surprise.passed} of {count(surprise.counted, 'trial')} passed at {self.labels[surprise.design]}. The "
+            f"trials of all other designs lead one to expect {percent(surprise.expected.low)} to "
+            f"{percent(surprise.expected.high)}. Check this car, its trials and the designs beside it."
+            for surprise in self.answers.surprises
+        ]
 
 
-def believe(designs: Sequence[DesignEvidence], design_indices: Sequence[int], names: Sequence[str]) -> Belief | None:
-    """Infer the success rates of ``designs``, all of which have runs; return None if there are no designs.
+def taught(answers: Answers) -> list[str]:
+    """Return what the trials have taught about the simulator's unknowns, in sentences."""
+    if not answers.driven:
+        return []
+    sentences = []
+    for unknown in sorted(answers.unknowns, key=lambda unknown: -abs(unknown.shift)):
+        name, unit = unknown.parameter.name, unknown.parameter.unit
+        if unknown.measured is not None and unknown.wrong >= 0.5:
+            sentences.append(
+                f"The measurement of {name} may be wrong: the trials contradict {unknown.measured:.3g} {unit} "
+                f"with a probability of {percent(unknown.wrong)}. Measure it again."
+            )
+        elif unknown.taught and unknown.measured is None:
+            sentences.append(_taught(unknown))
+    if answers.grown:
+        sentences.append(
+            "No reality explains the trials well: the unexplained error had to grow from "
+            f"{answers.unexplained[0]:.1f} to {answers.unexplained[1]:.1f} in log-odds. Something is wrong that is not "
+            "among the unknowns."
+        )
+    return sentences
 
-    ``names`` are the parameters in which the designs differ, ``design_indices`` their indices in the evidence. Simulation
-    is smoothed over designs; trials then correct the smoothed rates.
+
+def _taught(unknown: Unknown) -> str:
+    """Return a sentence on an unknown that the trials have moved or narrowed."""
+    parameter, after, before = unknown.parameter, unknown.after, unknown.before
+    now, earlier = (f"{part.value:.3g} ({part.low:.2g} to {part.high:.2g})" for part in (after, before))
+    direction = "higher" if after.value > before.value else "lower"
+    unit = "times what is simulated" if parameter.unit == "×" else parameter.unit
+    if abs(unknown.shift) < MOVED:
+        return f"The trials narrow {parameter.name} to {now} {unit}; before them it was {earlier}."
+    return f"By the trials, {parameter.name} is probably {direction} than assumed: {now} {unit}; before them {earlier}."
+
+
+def read_belief(
+    store: Store, info: ExperimentInfo, family: Sequence[DesignEvidence], trials: Sequence[Trial], simulated: bool
+) -> Belief | None:
+    """Return the belief about the designs of a family that is swept, or driven within the swept ranges.
+
+    ``trials`` are those that count, ``simulated`` is whether simulated cars drove some of them. Returns None if there
+    are too few runs in other realities, or if success is undefined. Raises FoldcarError.
     """
-    if not designs:
+    learned = learned_rate(store, info)
+    if learned is None:
         return None
-    parameters = numpy.array([[float(design.design[name]) for name in names] for design in designs]).reshape(
-        len(designs), -1
-    )
-    # (designs, 2): numbers passed and in all.
-    runs = numpy.array([(design.runs_passed, design.runs) for design in designs], dtype=float)
-    trials = numpy.array([(design.trials_passed, len(design.trials)) for design in designs], dtype=float)
-    # The work grows with the cube of the number of driven designs, so only those with most trials are used.
-    dropped = numpy.argsort(-trials[:, 1], kind="stable")[MAX_POOLED:]
-    unpooled = int((trials[dropped, 1] > 0).sum())
-    trials[dropped] = 0
-    cars = [design.cars if counted else None for design, counted in zip(designs, trials[:, 1].tolist(), strict=True)]
-    samples = numpy.unique(numpy.concatenate([design.samples for design in designs]))
-    # (designs, samples): NaN where a design has no run in the sample.
-    passed = numpy.full((len(designs), len(samples)), numpy.nan)
-    for row, design in enumerate(designs):
-        passed[row, numpy.searchsorted(samples, design.samples)] = design.passed
+    limits = {name: (min(values), max(values)) for name, values in info.varied.items()}
+    inside = [
+        index
+        for index, design in enumerate(family)
+        if all(low <= float(design.design[name]) <= high for name, (low, high) in limits.items())
+    ]
+    designs = [family[index] for index in inside]
+    parameters = numpy.array([[float(design.design[name]) for name in info.varied] for design in designs])
+    # A car that `foldcar log` drove has reported the hash of its design, so it was built from the sheets. How other cars
+    # were built is unknown, and a simulated car may have any centre of mass.
+    from_sheets = not simulated and all(trial.source is None and trial.design_hash for trial in trials)
+    drives = read_drives(store, info.id)
+    supply = measured_supply(store.path, [] if simulated else trials, drives.value("body", drives.bodies[0]))
+    known = built_priors(info.vehicle_type, from_sheets, supply.ratio)
+    notes = [] if supply.note is None else [supply.note]
+    measured = measured_values(store, info.listed_id)
+    known |= measured_priors(measured, f"{store.path}: measured value")
     # The matrices are so small that threads would only wait for each other.
     with threadpool_limits(1):
-        simulation = smoothed_simulation(parameters, runs, passed)
-        bias = pooled_bias(parameters, runs, trials, cars, simulation)
-        draws = bias.draws(max(MIN_DRAWS, min(MAX_DRAWS, MAX_NUMBERS // len(designs))))
-        contradicting = contradictions(parameters, runs, trials, cars, simulation)
-        return Belief(
-            tuple(designs), numpy.array(design_indices), parameters, samples, passed, trials=trials[:, 1],
-            simulation=simulation.rates(), built=tuple(bias.rates()), draws=draws, contradictions=contradicting,
-            unpooled=unpooled,
+        answers = believe(
+            learned, parameters.reshape(len(designs), -1), _trials(designs, learned), known,
+            [NAMES.index(name) for name in measured],
         )  # fmt: skip
+    return Belief(tuple(designs), numpy.array(inside, int), parameters, answers, tuple(notes), measured)
+
+
+def learned_rate(store: Store, info: ExperimentInfo) -> Learned | None:
+    """Return the success rate learned from an experiment's runs in other realities; None with fewer than MIN_RUNS."""
+    if not info.success_defined or not info.stored_runs or info.under is not None:
+        return None
+
+    def read() -> Learned | None:
+        runs = read_reality_runs(store, info.id)
+        if len(runs) < MIN_RUNS:
+            return None
+        designs = numpy.array(
+            [[float(design[name]) for name in info.varied] for design in store.designs(info.id).values()]
+        )
+        with threadpool_limits(1):
+            return learn(runs, designs.reshape(len(designs), -1))
+
+    return store.once(("learned", info.id), read)
+
+
+def _trials(designs: Sequence[DesignEvidence], learned: Learned) -> Trials:
+    """Return the designs' trials, grouped by car and scene."""
+    cars: dict[tuple[int, str | None], int] = {}
+    passed: Counter[tuple[int, int | None]] = Counter()
+    counted: Counter[tuple[int, int | None]] = Counter()
+    for row, design in enumerate(designs):
+        for trial in design.trials:
+            group = cars.setdefault((row, trial.car_name), len(cars)), trial.sample
+            passed[group] += trial.passed
+            counted[group] += 1
+    groups = list(counted)
+    easier = [SCENE_TRUST * learned.scene_offsets.get(sample, 0.0) if sample is not None else 0.0 for _, sample in groups]
+    return Trials(
+        numpy.array([row for row, _ in cars], int),
+        tuple(name for _, name in cars),
+        numpy.array([car for car, _ in groups], int),
+        numpy.array([passed[group] for group in groups], float),
+        numpy.array([counted[group] for group in groups], float),
+        numpy.array(easier, float),
+    )
+
+
+def why_no_belief(info: ExperimentInfo) -> str:
+    """Return a sentence on why nothing is said of built cars."""
+    if info.no_realities:
+        return f"Nothing is said of built cars: {info.no_realities}."
+    return (
+        "Nothing is said of built cars: the store has too few runs in other realities to learn from. `foldcar sweep` "
+        "adds them."
+    )
+
+

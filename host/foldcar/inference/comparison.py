@@ -1,15 +1,18 @@
 """Compare simulation with trials of built cars, design by design: rates, gaps, ranks, and a verdict in words.
 
-A gap is the rate of trials minus that of simulation. If trials have a simulation of the same environment, the gap is of
-these pairs, so that harder environments do not count as a difference. The intervals of one experiment's gaps and of their
-mean hold together with 95 %, so each is wider than a single one would be.
+A gap is the rate of a further built car by all trials, minus the rate of the design's runs. It is read from the belief
+(:mod:`foldcar.belief`), as are the realities that fit. Without a belief only counts are compared.
 """
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-from foldcar.inference.design_evidence import Design, DesignEvidence, by_car
+import numpy
+
+from foldcar.belief.answers import Unknown, estimates
+from foldcar.inference.belief import Belief, why_no_belief
+from foldcar.inference.design_evidence import Design, DesignEvidence
 from foldcar.inference.evidence import Evidence, read_evidence, simulated_text, swept_ids, unswept_trials
 from foldcar.statistics.gap import (
     AGREES,
@@ -18,9 +21,6 @@ from foldcar.statistics.gap import (
     TOO_FEW,
     Gap,
     RankAgreement,
-    Rates,
-    mean_gap,
-    pair_correlation,
     rank_agreement,
 )
 from foldcar.statistics.rate import Rate
@@ -38,19 +38,16 @@ MARGIN = 0.15
 class DesignComparison:
     """One design with trials, compared with its runs.
 
-    ``driven`` is the rate of the cars that drove; ``further_car`` that of a new car of the design, by its own trials.
-    ``pooled`` also uses simulation and the other designs' trials; None for a design outside the family. ``simulated`` and
-    ``gap`` are None without runs. If ``gap_is_paired``, the gap compares trials with runs in the same environments.
-    ``verdict`` is one of :mod:`foldcar.statistics.gap`, None if there is nothing to compare.
+    ``driven`` is the rate of the cars that drove. ``built`` is the rate of a further car of the design by all trials and
+    simulation; None without a belief about the design. ``simulated`` and ``gap`` are None without runs. ``verdict`` is
+    one of :mod:`foldcar.statistics.gap`, None if there is nothing to compare.
     """
 
     evidence: DesignEvidence
     driven: Rate
     simulated: Rate | None = None
-    further_car: Rate | None = None
-    pooled: Rate | None = None
+    built: Rate | None = None
     gap: Gap | None = None
-    gap_is_paired: bool = False
     verdict: str | None = None
 
     @property
@@ -66,7 +63,7 @@ class DesignComparison:
     @property
     def cars(self) -> int:
         """The number of cars that drove."""
-        return 0 if self.evidence.cars is None else len(self.evidence.cars.passed)
+        return self.evidence.cars
 
     @property
     def paired(self) -> int:
@@ -88,8 +85,9 @@ class DesignComparison:
 class ExperimentComparison:
     """The comparison of one swept experiment.
 
-    ``mean_gap`` is over its designs with runs and trials, None if no design has both. ``verdict`` is one of
+    ``mean_gap`` is over its designs with gaps, None if no design has one. ``verdict`` is one of
     :mod:`foldcar.statistics.gap`, "mixed" if designs contradict each other, or None; ``sentence`` says it in words.
+    ``unknowns`` are what the trials have taught about the simulator's parameters; empty without a belief.
     """
 
     info: ExperimentInfo
@@ -99,6 +97,7 @@ class ExperimentComparison:
     ranks: RankAgreement | None = None
     mean_gap: Gap | None = None
     verdict: str | None = None
+    unknowns: tuple[Unknown, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -140,22 +139,13 @@ def compare_evidence(evidence: Sequence[Evidence], unswept: Sequence[Trial] = ()
 
 def compare_experiment(evidence: Evidence, margin: float = MARGIN) -> ExperimentComparison:
     """Compare the trials of one experiment with its runs, as :func:`compare` does."""
-    info, driven, remarks = evidence.info, evidence.driven, evidence.remarks
+    info, driven, remarks, belief = evidence.info, evidence.driven, evidence.remarks, evidence.belief
     if not info.success_defined:
         reason = "success is undefined in this environment, so that there is no rate to compare; only outcomes are shown."
         rows = tuple(DesignComparison(design, design.driven(CONFIDENCE)) for design in driven)
         return ExperimentComparison(info, rows, f"Nothing to compare: {reason}", remarks)
+    compared = tuple(_compare_design(design, belief, margin) for design in driven)
     with_runs = [design for design in driven if design.runs]
-    # Bonferroni: the intervals of all gaps and of their mean hold together with CONFIDENCE. With one design the mean is
-    # its gap.
-    intervals = len(with_runs) + 1 if len(with_runs) > 1 else 1
-    confidence = 1 - (1 - CONFIDENCE) / intervals
-    belief = evidence.belief
-    pooled = {} if belief is None else dict(zip(belief.labels, belief.built, strict=True))
-    rates = {design.label: _rates(design, confidence) for design in with_runs}
-    compared = tuple(
-        _compare_design(design, pooled.get(design.label), rates.get(design.label), margin) for design in driven
-    )
     if not with_runs:
         reason = (
             "no design has both runs and trials."
@@ -163,60 +153,60 @@ def compare_experiment(evidence: Evidence, margin: float = MARGIN) -> Experiment
             else "there are no trials of built cars yet. `foldcar select` says which cars to build."
         )
         return ExperimentComparison(info, compared, f"Nothing to compare: {reason}", remarks)
-    mean = mean_gap(list(rates.values()))
     ranks = rank_agreement(
         [design.runs_passed / design.runs for design in with_runs],
         [design.trials_passed / len(design.trials) for design in with_runs],
     )
+    gaps = [design for design in compared if design.gap is not None]
+    if belief is None or not gaps:
+        sentence = f"{_counts(compared)} {why_no_belief(info)}"
+        return ExperimentComparison(info, compared, sentence, remarks, ranks)
+    mean = _gap(belief, [design.evidence for design in gaps])
     verdict, sentence = _verdict(compared, mean, margin, info.simulation)
-    return ExperimentComparison(info, compared, sentence, remarks, ranks, mean, verdict)
-
-
-def _is_paired(design: DesignEvidence) -> bool:
-    """Return whether at least half of a design's trials have a simulation of their environment."""
-    return 2 * len(design.paired) >= len(design.trials)
-
-
-def _rates(design: DesignEvidence, confidence: float) -> Rates:
-    """Return the two rates whose difference is a design's gap: in simulation, and of a new car by its trials.
-
-    If the gap is paired, both rates are those in the environments of the trials.
-    """
-    if not _is_paired(design):
-        # A design with trials has cars.
-        assert design.cars is not None
-        return Rates(design.simulated(confidence), design.cars.rate(confidence))
-    # In paired environments trials need no correction for difficulty, which ``expected`` would cause.
-    pairs = [replace(trial, expected=None) for trial in design.paired]
-    passed, simulated = [trial.passed for trial in pairs], [bool(trial.simulated) for trial in pairs]
-    in_simulation = Rate.from_counts(
-        sum(simulated), len(pairs), f"in the environments of {count(len(pairs), 'trial')}", confidence=confidence
+    return ExperimentComparison(
+        info, compared, sentence, remarks, ranks, mean, verdict, tuple(belief.answers.unknowns)
     )
-    cars = by_car(pairs, design.spread, design.runs_passed, design.runs)
-    return Rates(in_simulation, cars.rate(confidence), pair_correlation(passed, simulated))
 
 
-def _compare_design(design: DesignEvidence, pooled: Rate | None, rates: Rates | None, margin: float) -> DesignComparison:
-    """Compare a design's trials with its runs; ``rates`` are None without runs.
-
-    ``pooled`` is the rate of a new car by simulation and all designs' trials.
-    """
+def _compare_design(design: DesignEvidence, belief: Belief | None, margin: float) -> DesignComparison:
+    """Compare a design's trials with its runs."""
     driven = design.driven(CONFIDENCE)
-    further = None if design.cars is None else design.cars.rate(CONFIDENCE)
-    if rates is None:
-        return DesignComparison(design, driven, further_car=further)
-    # The gap of this one design.
-    gap = mean_gap([rates])
-    return DesignComparison(
-        design,
-        driven,
-        simulated=design.simulated(CONFIDENCE),
-        further_car=further,
-        pooled=pooled,
-        gap=gap,
-        gap_is_paired=_is_paired(design),
-        verdict=gap.verdict(margin),
-    )
+    simulated = design.simulated(CONFIDENCE) if design.runs else None
+    row = None if belief is None else belief.row_of(design)
+    if belief is None or row is None:
+        return DesignComparison(design, driven, simulated)
+    built = built_rate(belief, row)
+    gap = _gap(belief, [design]) if design.runs else None
+    return DesignComparison(design, driven, simulated, built, gap, None if gap is None else gap.verdict(margin))
+
+
+def built_rate(belief: Belief, row: int) -> Rate:
+    """Return the rate of a further car of the design in a row of the belief."""
+    estimate = belief.answers.built[row]
+    return Rate(estimate.value, estimate.low, estimate.high, CONFIDENCE, "realities weighed by all trials")
+
+
+def _gap(belief: Belief, designs: Sequence[DesignEvidence]) -> Gap:
+    """Return the mean gap over designs of the belief with runs: further cars minus simulation."""
+    rows = [row for design in designs if (row := belief.row_of(design)) is not None]
+    passed = numpy.array([belief.designs[row].runs_passed for row in rows])
+    failed = numpy.array([belief.designs[row].runs for row in rows]) - passed
+    # Simulated rates are counted, too: draws of their posterior under Jeffreys' prior.
+    shape = len(belief.answers.rates), len(rows)
+    simulated = numpy.random.default_rng(17).beta(passed + 0.5, failed + 0.5, shape)
+    gaps = (belief.answers.rates[:, rows] - simulated).mean(axis=1)
+    (estimate,) = estimates(gaps[:, None], belief.answers.draws.weights)
+    return Gap(estimate.value, estimate.low, estimate.high, CONFIDENCE)
+
+
+def _counts(compared: Sequence[DesignComparison]) -> str:
+    """Return a sentence on how many trials and runs passed at each design."""
+    texts = [
+        f"{design.evidence.trials_passed} of {count(len(design.evidence.trials), 'trial')} at {design.label}"
+        + (f" ({design.evidence.runs_passed} of {count(design.evidence.runs, 'run')})" if design.evidence.runs else "")
+        for design in compared
+    ]
+    return f"Passed: {listed(texts)}."
 
 
 def _verdict(compared: Sequence[DesignComparison], mean: Gap, margin: float, simulation: str) -> tuple[str, str]:
@@ -231,11 +221,10 @@ def _verdict(compared: Sequence[DesignComparison], mean: Gap, margin: float, sim
         if design.verdict is not None:
             labels.setdefault(design.verdict, []).append(design.label)
     direction = "less" if mean.value < 0 else "more"
-    difference = f"trials pass {points(mean.value, sign=False)} points {direction} often than {simulation}"
+    difference = f"built cars pass {points(mean.value, sign=False)} points {direction} often than {simulation}"
     interval = f"{points(mean.low)} to {points(mean.high)}"
-    paired = [design.gap_is_paired for design in compared if design.gap is not None]
-    where = "in the same environments, " if all(paired) else ""
-    average = f"{where}on average over {count(len(paired), 'design')}, {difference} (95 %: {interval})"
+    designs = sum(design.gap is not None for design in compared)
+    average = f"on average over {count(designs, 'design')}, {difference} (95 %: {interval})"
     pairs = sum(design.paired for design in compared)
     agreeing = sum(design.agreeing for design in compared)
     if pairs:

@@ -1,4 +1,4 @@
-"""Estimate the sheets of film and the minutes of work that cars and trials take.
+"""Estimate the sheets of film and the minutes of work that cars, trials and measurements take.
 
 Both are rough on purpose: `foldcar pattern` says exactly what a car needs. The numbers and their sources are in
 ``costs.json``: the minutes to cut and build a car of each vehicle type, and how well pieces fill a sheet.
@@ -6,7 +6,6 @@ Both are rough on purpose: `foldcar pattern` says exactly what a car needs. The 
 
 import json
 import math
-from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
@@ -15,7 +14,6 @@ from foldcar.car.folded.weight import film_area_cm2
 from foldcar.car.folded_car import folded_car
 from foldcar.errors import FoldcarError
 from foldcar.inference.design_evidence import DesignEvidence
-from foldcar.statistics.selection import Effort
 
 _DATA = json.loads(Path(__file__).with_name("costs.json").read_text(encoding="utf-8"))
 FILLING: float = _DATA["filling"]["value"]
@@ -25,12 +23,8 @@ SHEET_CM2 = (12 * 2.54) ** 2
 PLACING_MIN = 3.0
 
 
-@dataclass(frozen=True)
-class Cost:
-    """The number of ``sheets`` of film, 0 if no car is to be built; ``minutes`` of work for the cars and the trials."""
-
-    sheets: int
-    minutes: int
+# Minutes to measure what can be measured, by the parameter's name.
+MEASURE_MIN: dict[str, float] = {name: row["value"] for name, row in _DATA["measure_min"].items()}
 
 
 def trial_min(drive_s: float | None) -> float:
@@ -48,15 +42,9 @@ def car_min(vehicle_type: str) -> float:
     return float(known["value"] if known else _DATA["module_min"]["value"] * len(modules.split("_")))
 
 
-def cost(design: DesignEvidence, effort: Effort) -> Cost | None:
-    """Return the cost of the cars and trials of ``effort``; None if the design cannot be folded."""
-    driving_min = effort.trials * trial_min(design.mean_time_s)
-    if not effort.cars:
-        return Cost(0, math.ceil(driving_min))
-    sheets = _sheets(design.vehicle_type, tuple(design.design.items()))
-    if sheets is None:
-        return None
-    return Cost(effort.cars * sheets, math.ceil(effort.cars * car_min(design.vehicle_type) + driving_min))
+def sheets_of(design: DesignEvidence) -> int | None:
+    """Return the number of sheets of a car; None if the design cannot be folded."""
+    return _sheets(design.vehicle_type, tuple(design.design.items()))
 
 
 @lru_cache

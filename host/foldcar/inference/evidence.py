@@ -14,14 +14,13 @@ import numpy
 from numpy.typing import NDArray
 
 from foldcar.inference import remarks
-from foldcar.inference.belief import Belief, believe
+from foldcar.inference.belief import Belief, read_belief
 from foldcar.inference.design_evidence import (
     DesignEvidence,
     PairedTrial,
     design_key,
     design_label,
     in_family,
-    simulated_spread,
 )
 from foldcar.inference.resimulation import Resimulation
 from foldcar.simulation.results import NUMBERS, OUTCOMES, REJECTED
@@ -48,8 +47,8 @@ class Evidence:
 
     ``designs`` are the swept ones of the family in its order, then those of the family with trials only, then others.
     ``runs`` are the stored ones; their ``design`` is an index into ``designs``. ``belief`` is about the designs of the
-    family with runs; None without any, or if success is undefined. ``remarks`` are sentences for readers.
-    ``simulated_trials`` is the number of trials by simulated cars that count as trials of built ones.
+    family; None without enough runs in other realities, or if success is undefined. ``remarks`` are sentences for
+    readers. ``simulated_trials`` is the number of trials by simulated cars that count as trials of built ones.
     """
 
     info: ExperimentInfo
@@ -228,14 +227,15 @@ def _evidence(
     ]
     simulated = sum(trial.standing == SIMULATED for trial in trials)
     evidence = Evidence(info, tuple(with_trials), runs, None, (), simulated)
-    indices = [index for index, design in enumerate(evidence.family) if design.runs and info.success_defined]
-    belief = believe([evidence.family[index] for index in indices], indices, list(info.varied))
+    belief = None
+    if resimulation is not None:
+        belief = read_belief(store, info, evidence.family, [t for t in trials if t.completed], bool(simulated))
     if info.success_defined:
         sentences += remarks.cars_of_designs(with_trials)
         sentences += remarks.pairs(with_trials) if resimulation is not None else []
     sentences += resimulation.remarks(info.id) if resimulation is not None else []
     if belief is not None:
-        sentences += belief.contradictions.remark(belief.labels)
+        sentences += belief.remarks()
     return replace(evidence, belief=belief, remarks=(*remarks.runs(store, info), *sentences))
 
 
@@ -328,10 +328,8 @@ def _with_trials(
         return design
     passed_by_sample = dict(zip(design.samples.tolist(), design.passed.tolist(), strict=True))
     completed = [trial for trial in trials if trial.completed]
-    cars = resimulation.cars(info, completed, ids_in_samples) if completed and resimulation is not None else None
     paired = []
     for trial in completed:
-        expected = None if cars is None else cars.fractions.get(trial.id)
         sample = trial.sample if trial.id in ids_in_samples else None
         as_planned = sample is not None and not trial.deviations
         if as_planned and sample in passed_by_sample:
@@ -342,6 +340,6 @@ def _with_trials(
         else:
             outcome = None if resimulation is None else resimulation.trial(info, trial)
             simulated, resimulated = (None, False) if outcome is None else (int(outcome == "passed"), True)
-        paired.append(PairedTrial(trial.outcome, sample, simulated, resimulated, expected, trial.car_name))
+        paired.append(PairedTrial(trial.outcome, sample, simulated, resimulated, trial.car_name))
     aborted = len(trials) - len(completed)
-    return replace(design, trials=tuple(paired), aborted=aborted, spread=simulated_spread(cars))
+    return replace(design, trials=tuple(paired), aborted=aborted)

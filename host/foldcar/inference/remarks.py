@@ -4,7 +4,6 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 
 from foldcar.inference.design_evidence import DesignEvidence
-from foldcar.statistics.built_cars import PRIOR
 from foldcar.statistics.words import count
 from foldcar.store.info import REALITY_KIND, ExperimentInfo
 from foldcar.store.reader import Store
@@ -114,7 +113,7 @@ def unswept_designs(designs_and_reasons: Sequence[tuple[DesignEvidence, str | No
 
 
 def cars_of_designs(designs: Sequence[DesignEvidence]) -> list[str]:
-    """Return remarks on the cars that drove: trials without a car's name, and how much cars of a design differ."""
+    """Return a remark on trials without a car's name."""
     sentences = []
     nameless = [design.label for design in designs if [trial.car_name for trial in design.trials].count(None) > 1]
     if nameless:
@@ -122,14 +121,6 @@ def cars_of_designs(designs: Sequence[DesignEvidence]) -> list[str]:
             f"Trials without a car's name are taken for those of one car of their design, at {_shown_names(nameless)}: "
             "`foldcar log --car` and `foldcar trials correct --car` tell cars apart."
         )
-    driven = [design.cars for design in designs if design.cars is not None]
-    # PRIOR itself, not a copy, marks designs whose cars were not simulated.
-    for simulated, source in ((False, "is assumed"), (True, "is that of simulated ones")):
-        sds = sorted(cars.spread for cars in driven if (cars.weights is not PRIOR) == simulated)
-        if sds:
-            low, high = f"{sds[0]:.1f}", f"{sds[-1]:.1f}"
-            ends = low if low == high else f"{low} to {high}"
-            sentences.append(f"How much cars of a design differ, {ends} in log-odds (standard deviation), {source}.")
     return sentences
 
 

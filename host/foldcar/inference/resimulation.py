@@ -1,4 +1,4 @@
-"""Simulate what a sweep lacks: trials as they were placed, designs with trials only, several cars of one design.
+"""Simulate what a sweep lacks: trials as they were placed, designs with trials only.
 
 Input: a store. Output: outcomes, from the simulator that made the store's runs; nothing is stored. Nothing is simulated
 if it would not be comparable with the runs: with another build of carsim, under a calibration, or if the Scenic program
@@ -7,12 +7,8 @@ runs beside the simulation.
 
 import hashlib
 from collections import Counter
-from collections.abc import Container, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from typing import Any
-
-import numpy
-from numpy.typing import NDArray
 
 from foldcar.car.body import body_json
 from foldcar.car.design import compose_columns
@@ -33,25 +29,11 @@ from foldcar.study.experiments import run_settings
 # Limits for one command, about twenty seconds each: runs of designs that were not swept (the first of these designs is
 # always simulated), and trials that are simulated as placed.
 MAX_RUNS, MAX_TRIALS = 5_000, 2_000
-# CARS cars of a driven design are simulated in MIN_SCENES to MAX_SCENES environments, first those of its trials. After
-# MAX_CAR_RUNS runs the cars of further designs are not simulated.
-CARS, MIN_SCENES, MAX_SCENES, MAX_CAR_RUNS = 20, 10, 12, 5_000
 # The outcome and the time of a run (s), None if it failed.
 RunResult = tuple[str, float | None]
 # Results by a hash of build, engine, body, settings and scene. They outlive a store, because `foldcar.Study` opens it
 # anew for each question.
 _RESULTS: dict[bytes, RunResult] = {}
-
-
-@dataclass(frozen=True)
-class SimulatedCars:
-    """Simulated cars of one design: whether each ``passed`` (cars, scenes).
-
-    ``fractions`` has the fraction of them (0 to 1) that passed in the scene of each trial, by the trial's number.
-    """
-
-    passed: NDArray[Any]
-    fractions: Mapping[int, float]
 
 
 class Resimulation:
@@ -62,7 +44,7 @@ class Resimulation:
         self._refusals: dict[str, str | None] = {}
         self._refused: Counter[str] = Counter()
         self._over_limit: Counter[str] = Counter()
-        self._runs = self._trials = self._car_runs = 0
+        self._runs = self._trials = 0
 
     def trial(self, info: ExperimentInfo, trial: Trial) -> str | None:
         """Simulate a trial in its scene as it was placed. Return the outcome, or None if that is not possible.
@@ -103,44 +85,6 @@ class Resimulation:
             return [], str(error).rstrip(".")
         cases = [(self._variation(info, sample), text) for sample, text in scenes.items()]
         return self._run(self._simulator(info), body, cases, settings), None
-
-    def cars(
-        self, info: ExperimentInfo, trials: Sequence[Trial], ids_in_samples: Container[int]
-    ) -> "SimulatedCars | None":
-        """Run CARS cars of one design, as the experiment varies them, in the environments of its ``trials``.
-
-        If these are fewer than MIN_SCENES, other environments of the sweep are added. ``ids_in_samples`` are the ids of
-        the trials that were driven in a sample of the sweep. Returns None if the cars cannot be simulated, if the
-        experiment does not vary cars, or if the cars of all designs would need more than MAX_CAR_RUNS runs.
-        """
-        if self._refusal(info) is not None or not read_drives(self._store, info.id).varied:
-            return None
-        sampled_scenes = self._scenes(info)
-        drives = {trial.id: self._store.trial_drive(trial.id) for trial in trials}
-        # The scene of each trial: as placed if it was recorded, else as sampled.
-        scene_of_trial = {number: drive.scene for number, drive in drives.items() if drive is not None}
-        for trial in trials:
-            if trial.id not in scene_of_trial and trial.id in ids_in_samples and trial.sample in sampled_scenes:
-                scene_of_trial[trial.id] = sampled_scenes[trial.sample]
-        scenes = list(dict.fromkeys(scene_of_trial.values()))[:MAX_SCENES]
-        further_scenes = [text for text in sampled_scenes.values() if text not in scenes]
-        scenes += further_scenes[: max(0, MIN_SCENES - len(scenes))]
-        try:
-            # Body and settings as stored with a trial, else composed now.
-            stored = next((drive for drive in drives.values() if drive is not None), None)
-            body, settings = self._composed(info, trials[0]) if stored is None else (stored.body, stored.settings)
-        except FoldcarError:
-            return None
-        cars = [self._variation(info, sample) for sample in sorted(read_drives(self._store, info.id).variations)[:CARS]]
-        self._car_runs += len(cars) * len(scenes)
-        if self._car_runs > MAX_CAR_RUNS:
-            return None
-        results = self._run(self._simulator(info), body, [(car, text) for car in cars for text in scenes], settings)
-        passed = numpy.array([outcome == "passed" for outcome, _ in results]).reshape(len(cars), len(scenes))
-        fractions = dict(zip(scenes, passed.mean(axis=0).tolist(), strict=True))
-        return SimulatedCars(
-            passed, {number: fractions[text] for number, text in scene_of_trial.items() if text in fractions}
-        )
 
     def _composed(self, info: ExperimentInfo, trial: Trial) -> tuple[str, str]:
         """Return body and settings of a trial's design. Raises FoldcarError if it cannot be built."""

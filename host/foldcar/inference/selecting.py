@@ -1,64 +1,35 @@
-"""Advise which designs to build next: before any trial, and again after each round of trials.
-
-Before trials the advice is the middle, the edges and the outside of the feasible region, as in the publication of the
-width study. After trials it is the designs with the greatest expected gain: which design is best, and which ones reach
-the threshold. The report, `foldcar select`, `foldcar log` and the API print the same advice.
-"""
+"""What should a person do next? `foldcar select`, `foldcar log`, the report and the API ask this for each experiment."""
 
 from collections.abc import Sequence
 from dataclasses import replace
 
 from threadpoolctl import threadpool_limits
 
-from foldcar.belief.priors import MEASURABLE
 from foldcar.inference.adviser import Adviser, Selection
+from foldcar.inference.belief import why_no_belief
 from foldcar.inference.evidence import Evidence, read_evidence, simulated_text
+from foldcar.inference.sentences import grounds
 from foldcar.simulation.results import no_rate_text
-from foldcar.statistics.words import count, listed
-from foldcar.store.calibrations import measured_values
+from foldcar.statistics.words import count
 from foldcar.store.reader import Store
 from foldcar.study.search.design_simulator import fresh_id
 
-BUILD, THRESHOLD, PRECISION = 4, 0.75, 0.15
+THRESHOLD = 0.75
 
 
 def select(
-    store: Store,
-    build: int = BUILD,
-    threshold: float | None = None,
-    precision: float = PRECISION,
-    experiment: str | None = None,
-    simulated_trials: bool = False,
+    store: Store, threshold: float | None = None, experiment: str | None = None, simulated_trials: bool = False
 ) -> list[Selection]:
-    """Recommend up to ``build`` designs for every swept experiment, or for ``experiment``; an empty list without a sweep.
+    """Advise on every swept experiment, or on ``experiment``; an empty list without a sweep.
 
     ``threshold`` (0 to 1) is the success that a good design reaches; None stands for the listing's highest, or THRESHOLD.
-    ``precision`` is the half-width (0 to 0.5) to which trials narrow a rate. With ``simulated_trials``, trials
-    of simulated cars count as if built cars had driven them. Raises FoldcarError if the store cannot be read or has no
-    such experiment.
+    With ``simulated_trials``, trials of simulated cars count as if built cars had driven them. Raises FoldcarError if the
+    store cannot be read or has no such experiment.
     """
-    evidence = read_evidence(store, experiment, simulated_trials)
-    selections = select_evidence(evidence, build, threshold, precision)
-    return [
-        replace(selection, remarks=(*measure_first(store, selection), *selection.remarks)) for selection in selections
-    ]
+    return select_evidence(read_evidence(store, experiment, simulated_trials), threshold)
 
 
-def measure_first(store: Store, selection: Selection) -> list[str]:
-    """Return a remark on what was not measured yet on built cars and obstacles, if further trials are advised."""
-    missing = [name for name in MEASURABLE if name not in measured_values(store, selection.info.listed_id)]
-    # There is no leader before trials.
-    if not missing or selection.leader is None or not selection.recommendations:
-        return []
-    return [f"Measure first, before more trials: {listed(missing)} (`foldcar trials measure`)."]
-
-
-def select_evidence(
-    evidence: Sequence[Evidence],
-    build: int = BUILD,
-    threshold: float | None = None,
-    precision: float = PRECISION,
-) -> list[Selection]:
+def select_evidence(evidence: Sequence[Evidence], threshold: float | None = None) -> list[Selection]:
     """Advise as :func:`select` does, given evidence.
 
     A search chose its designs in the same environments, so its rates are biased. If its designs were also simulated in
@@ -69,7 +40,7 @@ def select_evidence(
         name: fresh_id(name) for name, searched in by_id.items() if searched.info.searched and fresh_id(name) in by_id
     }
     selections = [
-        None if experiment.info.id in fresh_ids else _select_one(experiment, build, threshold, precision)
+        None if experiment.info.id in fresh_ids else _select_one(experiment, threshold)
         for experiment in evidence
     ]
     advice = {
@@ -82,22 +53,25 @@ def select_evidence(
             judged = f"{len(fresh.designs):,} were judged in {fresh.info.environments:,} fresh environments"
             start = f"A search tried {count(experiment.swept, 'design')}; {judged}. "
             selection = advice[fresh.info.id]
-            selection = replace(selection, info=experiment.info, headline=start + selection.headline)
+            selection = replace(selection, info=experiment.info, works=start + selection.works)
         answers.append(selection)
     return answers
 
 
-def _select_one(evidence: Evidence, build: int, threshold: float | None, precision: float) -> Selection:
+def _select_one(evidence: Evidence, threshold: float | None) -> Selection:
     """Advise on one experiment."""
     info, belief = evidence.info, evidence.belief
     limit = threshold if threshold is not None else max(info.thresholds, default=THRESHOLD)
+    simulated = simulated_text(evidence)
+    if belief is None and not (info.success_defined and evidence.run_counts[:, 1].any()):
+        return Selection(info, limit, f"{simulated}{_no_advice_text(evidence)}", remarks=evidence.remarks)
     if belief is None:
-        text = f"{simulated_text(evidence)}{_no_advice_text(evidence)}"
-        return Selection(info, limit, precision, text, remarks=evidence.remarks)
+        text = grounds(evidence, None, limit)
+        return Selection(info, limit, f"{simulated}{text}", learn=why_no_belief(info), remarks=evidence.remarks)
     # The matrices are so small that threads would only wait for each other.
     with threadpool_limits(1):
-        selection = Adviser(evidence, belief, limit, precision).selection(build)
-    return replace(selection, headline=f"{simulated_text(evidence)}{selection.headline}")
+        selection = Adviser(evidence, belief, limit).selection()
+    return replace(selection, works=f"{simulated}{selection.works}")
 
 
 def _no_advice_text(evidence: Evidence) -> str:

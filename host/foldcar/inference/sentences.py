@@ -1,104 +1,69 @@
-"""The adviser's sentences: which designs reach the threshold, the evidence for it, and reasons to build a design.
+"""The adviser's sentences.
 
-Verbs follow probability: designs *reach* the threshold with a chance of at least KNOWN, *probably* with at least
-PROBABLE.
+Verbs follow probability, here and everywhere: a design *reaches* the threshold with a chance of at least REACHES,
+*probably* with at least PROBABLY. The *best* design is the one with the highest expected rate of built cars.
 """
-
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy
 from numpy.typing import NDArray
 
+from foldcar.belief.advice import MIN_GAIN, Step
+from foldcar.belief.answers import PROBABLY, REACHES, Estimate
 from foldcar.inference.belief import Belief
-from foldcar.inference.comparison import ExperimentComparison
-from foldcar.inference.design_evidence import DesignEvidence
 from foldcar.inference.evidence import Evidence
-from foldcar.statistics import selection
-from foldcar.statistics.gap import OPTIMISTIC, PESSIMISTIC
-from foldcar.statistics.words import count, listed, percent, points, span_text
+from foldcar.statistics.rate import wilson_interval
+from foldcar.statistics.words import count, listed, percent, percent_number, span_text
 
-KNOWN, PROBABLE = 0.975, 0.8
 # Number of designs that one sentence names.
 NAMED = 3
-
-# Why to build a design before there are trials, by its place in the feasible region.
-_FIRST_REASONS = {
-    selection.MIDDLE: "the middle of the feasible region: if it fails, the whole region is in doubt",
-    selection.LOWER_EDGE: "the lower edge of the feasible region: shows whether the border is where simulation sees it",
-    selection.UPPER_EDGE: "the upper edge of the feasible region: shows whether the border is where simulation sees it",
-    selection.EDGE: "an edge of the feasible region: shows whether the border is where simulation sees it",
-    selection.BELOW: "just outside, below the region: bounds it, or shows that simulation is too strict",
-    selection.ABOVE: "just outside, above the region: bounds it, or shows that simulation is too strict",
-    selection.OUTSIDE: "just outside the region: bounds it, or shows that simulation is too strict",
-    selection.BEST: "the best in simulation, though no design reaches the threshold there",
-    selection.END: "an end of the range: in simulation the whole range is feasible, so it contains no border",
+# No design is likely to reach a threshold if the best chance is smaller.
+UNLIKELY = 0.1
+MEASUREMENTS = {
+    "obstacle_height": "the obstacles' height",
+    "com_height_m": "the height of the car's centre of mass",
+    "track_m": "the distance between left and right wheels",
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Undecided:
-    """A design whose interval contains the threshold.
+def works(belief: Belief, evidence: Evidence, threshold: float) -> str:
+    """Return the line on which car to take if a car is wanted that works."""
+    answers, labels = belief.answers, belief.labels
+    best = answers.best
+    rate = answers.built[best]
+    guess = "" if belief.driven else ", a guess from simulation: no car was driven yet"
+    text = f"{labels[best]}: {band_text(rate)} for a further car{guess}."
+    if answers.cars:
+        car = max(answers.cars, key=lambda car: car.rate.value)
+        if car.rate.value >= rate.value:
+            text = (
+                f"Take the car that you have, {car_text(belief, answers.cars.index(car))}: {band_text(car.rate)}. A "
+                f"further car of the best design, {labels[best]}: {band_text(rate)}."
+            )
+    return f"Want a car that works? {text} {reaching(belief, evidence, threshold)}"
 
-    ``at`` is whether the whole interval is within the precision of the threshold. About ``trials`` further trials decide
-    with an even chance on which side the design is.
-    """
 
-    label: str
-    design: Mapping[str, float | str]
-    at: bool
-    trials: int
-
-
-def headline(evidence: Evidence, belief: Belief, compared: ExperimentComparison, threshold: float) -> str:
-    """Return the first sentence of the advice: which designs reach the threshold, and where trials contradict simulation.
-
-    Before the first trial it is about simulation, afterwards about built cars.
-    """
-    limit, simulation = percent(threshold), evidence.info.simulation
-    chances = belief.chances(threshold)
+def reaching(belief: Belief, evidence: Evidence, threshold: float) -> str:
+    """Return which designs reach the threshold, in the words of REACHES and PROBABLY."""
+    chances, limit = belief.answers.chances(threshold), percent(threshold)
+    known, probable = chances >= REACHES, (chances >= PROBABLY) & (chances < REACHES)
+    if known.any() or probable.any():
+        parts = []
+        for chosen, adverb in ((known, ""), (probable, "probably ")):
+            if chosen.any():
+                verb = "reaches" if _is_singular(chosen) else "reach"
+                parts.append(f"{_names(belief, evidence, chosen)} {adverb}{verb} {limit}")
+        return f"{_capital('; '.join(parts))}."
     best = int(chances.argmax())
-    best_chance = f"{belief.labels[best]} has the best chance, {percent(chances[best])}"
-    if not belief.driven:
-        built = f"No car was driven yet; of built cars {best_chance}." if len(chances) > 1 else "No car was driven yet."
-        return f"In {simulation} {_reaching_in_simulation(belief, evidence, threshold)}. {built}"
-    verdicts = []
-    for verdict in (OPTIMISTIC, PESSIMISTIC):
-        names = [design.label for design in compared.designs if design.verdict == verdict]
-        verdicts += [f"{verdict} at {listed(names)}"] if names else []
-    start = f"Trials contradict {simulation}: it is {' and '.join(verdicts)}. " if verdicts else ""
-    # The belief is not trusted for undriven designs beside a design whose trials contradict those of the others.
-    trusted = ~numpy.isin(numpy.arange(len(chances)), belief.contradictions.undriven_neighbours)
-    reaching = trusted & (chances >= KNOWN)
-    probable = trusted & (chances >= PROBABLE) & (chances < KNOWN)
-    if reaching.any():
-        probably = f"; {_names(belief, evidence, probable)} probably" if probable.any() else ""
-        verb = "reaches" if _is_singular(reaching) else "reach"
-        return f"{start}{_capital(_names(belief, evidence, reaching))} {verb} {limit}{probably}."
-    if probable.any():
-        verb = "reaches" if _is_singular(probable) else "reach"
-        min_chance = f"a chance of at least {percent(chances[probable].min())}"
-        return f"{start}{_capital(_names(belief, evidence, probable))} probably {verb} {limit}, with {min_chance}."
+    if chances[best] < UNLIKELY:
+        return f"No design is likely to reach {limit}." if len(chances) > 1 else f"It is not likely to reach {limit}."
     if len(chances) == 1:
-        return f"{start}Whether the design reaches {limit} is not known: its chance is {percent(chances[0])}."
-    return f"{start}No design is known to reach {limit}; {best_chance}."
+        return f"Its chance to reach {limit} is {percent(chances[best])}."
+    return f"{belief.labels[best]} has the best chance to reach {limit}: {percent(chances[best])}."
 
 
-def grounds(evidence: Evidence, belief: Belief, threshold: float) -> str:
-    """Return the evidence for the headline: simulated rates, designs that simulation cannot rank, numbers of trials."""
-    sentences, simulation = [], evidence.info.simulation
-    if belief.driven:
-        sentences.append(f"In {simulation} {_reaching_in_simulation(belief, evidence, threshold)}.")
-    rates = belief.simulation
-    # Designs whose interval reaches the best design's rate.
-    tied = rates[:, 2] >= rates[:, 0].max()
-    if tied.sum() > 1:
-        low, high = (percent(float(end)) for end in (rates[tied, 0].min(), rates[tied, 0].max()))
-        span = low if low == high else f"{low.removesuffix(' %')} to {high}"
-        driven = "" if not belief.driven or belief.trials[tied].any() else "; none of these was driven"
-        # If all are tied, `_names` says "each of 5 designs"; here that must read "the best 5 designs".
-        names = _names(belief, evidence, tied).replace("each of", "the best", 1)
-        sentences.append(f"{_capital(simulation)} cannot rank {names} ({span}){driven}.")
+def grounds(evidence: Evidence, belief: Belief | None, threshold: float) -> str:
+    """Return the evidence: which designs reach the threshold in simulation, and how many trials passed."""
+    sentences = [f"In {evidence.info.simulation} {_reaching_in_simulation(evidence, threshold)}."]
     driven_designs = sorted(evidence.driven, key=lambda design: -design.trials_passed / len(design.trials))
     if driven_designs:
         counts = [
@@ -109,101 +74,97 @@ def grounds(evidence: Evidence, belief: Belief, threshold: float) -> str:
     return " ".join(sentences)
 
 
-def undecided_text(undecided: Sequence[Undecided], precision: float) -> str:
-    """Return a sentence on the undecided designs near the threshold, and one on the others: how many trials may decide.
-
-    Returns "" if no design is undecided.
-    """
-    sentences = []
-    for near_threshold in (True, False):
-        # ``at``: the whole interval is near the threshold.
-        group = [design for design in undecided if design.at == near_threshold]
-        group.sort(key=lambda design: design.trials)
-        if not group:
-            continue
-        unnamed = [count(len(group) - NAMED, "further design")] if len(group) > NAMED else []
-        names = listed([*(design.label for design in group[:NAMED]), *unnamed])
-        verb = "is" if len(group) == 1 else "are"
-        where = f"within {points(precision, sign=False)} points of the threshold" if near_threshold else "undecided"
-        of_first = f" of {group[0].label}" if len(group) > 1 else ""
-        sentences.append(f"{names} {verb} {where}; some {_rounded(group[0].trials)} more trials{of_first} may tell.")
-    return _capital(" ".join(sentences))
+def afternoon(gain: float) -> str:
+    """Return a sentence on what another afternoon is expected to gain (0 to 1)."""
+    if gain < MIN_GAIN:
+        return "Another afternoon is expected to gain less than one point."
+    return f"This is expected to raise the rate of the recommended design by {count(round(100 * gain), 'point')}."
 
 
-def first_reason(place: str, design: DesignEvidence, simulation: str) -> str:
-    """Return the reason to build a design before there are trials."""
-    return f"{_FIRST_REASONS[place]}; {simulation} passes {percent(design.runs_passed / design.runs)}"
+def step_text(belief: Belief, step: Step, trials: int) -> str:
+    """Return a step in words, such as ``build 100 mm and drive it 10 times``."""
+    if step.kind == "measure":
+        return f"measure {measurement(step.parameter)}"
+    assert step.design is not None
+    label = belief.labels[step.design]
+    if step.kind == "drive":
+        assert step.car is not None
+        return f"drive {car_text(belief, step.car)} {trials} more times"
+    return f"build {'a second car of ' if step.second else ''}{label} and drive it {trials} times"
 
 
-def next_reason(belief: Belief, index: int, threshold: float) -> str:
-    """Return the reason to build a design next, given the trials so far."""
-    low, high = belief.built[index].low, belief.built[index].high
-    if low < threshold <= high:
-        chance = percent(belief.chances(threshold)[index])
-        parts = [
-            f"its rate is {percent(low)} to {percent(high)}: it reaches {percent(threshold)} with a chance of {chance}"
-        ]
-    else:
-        parts = [f"its rate is {percent(low)} to {percent(high)}, which bounds its neighbours'"]
-    chance_of_best = float((belief.draws.argmax(axis=1) == index).mean())
-    # Without evidence all designs have the same chance; mention a chance that is clearly higher.
-    if chance_of_best >= 1.5 / len(belief.designs):
-        parts.append(f"it is the best with a chance of {percent(chance_of_best)}")
-    design = belief.designs[index]
-    if design.trials:
-        parts.append(f"{design.trials_passed} of {count(len(design.trials), 'trial')} passed")
-    return "; ".join(parts)
+def measurement(parameter: str) -> str:
+    """Return what is measured, in words."""
+    return MEASUREMENTS[parameter]
 
 
-def _reaching_in_simulation(belief: Belief, evidence: Evidence, threshold: float) -> str:
-    """Return which designs reach the threshold in simulation, such as "75 to 150 mm reach 75 %"."""
-    rate, low, _ = belief.simulation.T
-    limit, reach, confident = percent(threshold), rate >= threshold, low >= threshold
+def car_text(belief: Belief, car: int) -> str:
+    """Return a car that drove in words: its design, and its name if it has one."""
+    answer = belief.answers.cars[car]
+    name = "" if answer.name is None else f" ({answer.name})"
+    return f"the car of {belief.labels[answer.design]}{name}"
+
+
+def band_text(rate: Estimate) -> str:
+    """Return a rate with its interval: ``41 % (14 to 73)``."""
+    return f"{percent(rate.value)} ({percent_number(rate.low)} to {percent_number(rate.high)})"
+
+
+def _reaching_in_simulation(evidence: Evidence, threshold: float) -> str:
+    """Return which designs reach the threshold in nominal simulation, such as "75 to 150 mm reach 75 %"."""
+    simulated = numpy.array([bool(design.runs) for design in evidence.family])
+    counts = evidence.run_counts
+    passed, runs = counts[:, 0], numpy.maximum(counts[:, 1], 1)
+    limit = percent(threshold)
+    reach = simulated & (passed / runs >= threshold)
     if not reach.any():
-        if not sum(design.runs_passed for design in belief.designs):
+        if not passed.sum():
             return "no run passed"
-        best = int(rate.argmax())
-        named = "" if len(rate) == 1 else f", {belief.labels[best]},"
-        return f"no design reaches {limit}; the best{named} passes {percent(rate[best])}"
+        best = int(numpy.where(simulated, passed / runs, -1).argmax())
+        named = "" if simulated.sum() == 1 else f", {evidence.family[best].label},"
+        return f"no design reaches {limit}; the best{named} passes {percent(passed[best] / runs[best])}"
+    low = [wilson_interval(int(p), int(n))[0] if n else 0.0 for p, n in counts.tolist()]
+    confident = reach & (numpy.array(low) >= threshold)
     verb = "reaches" if _is_singular(reach) else "reach"
-    text = f"{_names(belief, evidence, reach)} {verb} {limit}"
+    text = f"{_family_names(evidence, reach)} {verb} {limit}"
     if (confident == reach).all():
         return f"{text} with 95 % confidence"
     if not confident.any():
-        if len(rate) == 1:
-            return f"{text}, but not with 95 % confidence"
-        return f"{text}, none with 95 % confidence"
-    return f"{text}, {_names(belief, evidence, confident)} with 95 % confidence each"
+        return f"{text}, {'but not' if len(reach) == 1 else 'none'} with 95 % confidence"
+    return f"{text}, {_family_names(evidence, confident)} with 95 % confidence each"
 
 
 def _names(belief: Belief, evidence: Evidence, chosen: NDArray[numpy.bool_]) -> str:
-    """Name the designs of the mask ``chosen`` (n,): ranges of neighbours if one parameter varies, else their number."""
+    """Name the designs of the belief in the mask ``chosen`` (n,)."""
+    in_family = numpy.zeros(len(evidence.family), bool)
+    in_family[belief.design_indices[chosen]] = True
+    return _family_names(evidence, in_family)
+
+
+def _family_names(evidence: Evidence, chosen: NDArray[numpy.bool_]) -> str:
+    """Name the designs of the family in the mask ``chosen`` (n,): ranges if one parameter varies, else their number."""
     number, total = int(chosen.sum()), len(chosen)
     if total == 1:
         return "the design"
     if number == total:
         return f"each of {total:,} designs"
     if len(evidence.parameters) != 1:
-        return belief.labels[int(chosen.argmax())] if number == 1 else f"{number:,} of {total:,} designs"
-    order = numpy.argsort(belief.parameters[:, 0], kind="stable")
-    values, is_chosen = belief.parameters[order, 0], chosen[order]
+        return evidence.family[int(chosen.argmax())].label if number == 1 else f"{number:,} of {total:,} designs"
+    (name,) = evidence.parameters
+    all_values = numpy.array([float(design.design[name]) for design in evidence.family])
+    order = numpy.argsort(all_values, kind="stable")
+    values, is_chosen = all_values[order], chosen[order]
     ranges = []
     # Groups of neighbours, in ascending order, that are either all chosen or all not.
     for group in numpy.split(numpy.arange(total), numpy.flatnonzero(numpy.diff(is_chosen)) + 1):
         if is_chosen[group[0]]:
-            ranges.append(span_text(evidence.parameters[0], float(values[group[0]]), float(values[group[-1]])))
+            ranges.append(span_text(name, float(values[group[0]]), float(values[group[-1]])))
     return listed(ranges)
 
 
 def _is_singular(chosen: NDArray[numpy.bool_]) -> bool:
-    """Return whether the verb after :func:`_names` is singular."""
+    """Return whether the verb after the names is singular."""
     return bool(chosen.sum() == 1 or chosen.all())
-
-
-def _rounded(number: int) -> str:
-    """Return a number rounded up to two significant digits."""
-    step = 10 ** max(0, len(str(number)) - 2)
-    return f"{-(-number // step) * step:,}"
 
 
 def _capital(text: str) -> str:

@@ -1,20 +1,20 @@
 """Comparisons and selections as objects for JSON and as CSV files; names end with units, fractions are 0 to 1."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 import pandas
 
-from foldcar.inference.adviser import Recommendation, Selection
+from foldcar.inference.adviser import PlannedStep, Selection
 from foldcar.inference.comparison import Comparison, DesignComparison, ExperimentComparison
 from foldcar.outputs import atomic_file
 from foldcar.shown_text import spreadsheet_cell
 from foldcar.statistics.gap import Gap
 from foldcar.statistics.rate import Rate
 
-RATES = ("simulated", "driven", "further_car", "pooled")
+RATES = ("simulated", "driven", "built")
 ENDS = {"": "value", "_low": "low", "_high": "high"}
 
 
@@ -38,37 +38,17 @@ def write_comparison(comparison: Comparison, file: Path) -> None:
 
 def selection_object(selection: Selection) -> dict[str, Any]:
     """Return the selection as plain data, with None for unknown values."""
-    plain = {
-        name: getattr(selection, name)
-        for name in (
-            "threshold",
-            "precision",
-            "enough",
-            "loss",
-            "gain",
-            "sentence",
-            "headline",
-            "grounds",
-            "next_step",
-            "environments",
-            "telling",
-            "remarks",
-        )
-    }
-    plain["undecided"] = [{**asdict(design), "design": dict(design.design)} for design in selection.undecided]
-    designs = [{**asdict(design), "design": dict(design.design)} for design in selection.recommendations]
+    names = ("threshold", "works", "learn", "grounds", "enough", "gain", "environments", "remarks")
+    plain = {name: getattr(selection, name) for name in names}
     leader = None if selection.leader is None else dict(selection.leader)
-    return {"experiment": selection.info.id, **plain, "leader": leader, "recommendations": designs}
+    steps = [asdict(replace(step, design=None)) | {"design": _plain(step.design)} for step in selection.steps]
+    return {"experiment": selection.info.id, **plain, "leader": leader, "steps": steps}
 
 
 def write_selection(selections: Sequence[Selection], file: Path) -> None:
-    """Write a row for each recommended design as CSV, atomically. Raises FoldcarError."""
+    """Write a row for each step as CSV, atomically. Raises FoldcarError."""
     _write(
-        [
-            _recommendation_row(selection, rank, recommendation)
-            for selection in selections
-            for rank, recommendation in enumerate(selection.recommendations, 1)
-        ],
+        [_step_row(selection, rank, step) for selection in selections for rank, step in enumerate(selection.steps, 1)],
         file,
     )
 
@@ -92,7 +72,6 @@ def _experiment_object(experiment: ExperimentComparison) -> dict[str, Any]:
                 "swept": design.evidence.swept,
                 **_counts(design),
                 **{name: _object(getattr(design, name)) for name in (*RATES, "gap")},
-                "gap_is_paired": design.gap_is_paired,
                 "verdict": design.verdict,
                 "simulated_outcomes": dict(design.evidence.outcomes),
                 "trial_outcomes": dict(design.driven_outcomes),
@@ -124,19 +103,21 @@ def _counts(design: DesignComparison) -> dict[str, int]:
 def _compared(experiment: str, design: DesignComparison) -> dict[str, Any]:
     """Return the row of a compared design: its parameters, counts, rates with intervals, numbers by outcome."""
     row: dict[str, Any] = {"experiment": experiment, "vehicle_type": design.evidence.vehicle_type, **design.design}
-    row |= {**_counts(design), "gap_is_paired": design.gap_is_paired, "verdict": design.verdict}
+    row |= {**_counts(design), "verdict": design.verdict}
     row |= _ends({name: getattr(design, name) for name in (*RATES, "gap")})
     outcomes: Mapping[str, Mapping[str, int]] = {"runs": design.evidence.outcomes, "trials": design.driven_outcomes}
     return row | {f"{source}_{name}": number for source, counts in outcomes.items() for name, number in counts.items()}
 
 
-def _recommendation_row(selection: Selection, rank: int, design: Recommendation) -> dict[str, Any]:
-    """Return the row of a recommended design: rank, parameters, reason, rates with intervals, cost, environments."""
-    row: dict[str, Any] = {"experiment": selection.info.id, "rank": rank, **design.design, "place": design.place}
-    row |= {name: getattr(design, name) for name in ("reason", "built", "trials_done", "cars", "trials")}
-    row |= _ends({"simulated": design.simulated, "expected": design.expected})
-    row |= {part: None if design.cost is None else getattr(design.cost, part) for part in ("sheets", "minutes")}
-    return row | {"environments": " ".join(str(sample) for sample in selection.environments[: design.trials])}
+def _step_row(selection: Selection, rank: int, step: PlannedStep) -> dict[str, Any]:
+    """Return the row of a step: rank, design, gain, cost, rates with intervals."""
+    row: dict[str, Any] = {"experiment": selection.info.id, "rank": rank, "step": step.text, "kind": step.kind}
+    row |= {name: getattr(step, name) for name in ("gain", "minutes", "trials", "sheets")} | dict(step.design or {})
+    return row | _ends({"simulated": step.simulated, "built": step.built})
+
+
+def _plain(design: Mapping[str, Any] | None) -> dict[str, Any] | None:
+    return None if design is None else dict(design)
 
 
 def _ends(estimates: Mapping[str, Rate | Gap | None]) -> dict[str, float | None]:

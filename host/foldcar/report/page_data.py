@@ -2,23 +2,28 @@
 
 ``{"title", "notes", "engine_notes": [text], "experiments": [experiment]}``; an experiment is
 
-- ``id``; ``headline`` (the answer), ``grounds`` (the evidence for it) and ``remarks``, all of `foldcar select`;
+- ``id``; ``headline`` (which car works), ``grounds`` (the evidence for it) and ``remarks``, all of `foldcar select`;
   ``thresholds`` (0 to 1, ascending: a design is good if it reaches the last), ``judged`` (whether success is defined),
   ``simulation`` (name of the engine in sentences), ``interval`` (name of the intervals of simulated rates),
   ``environments`` (their number), ``time_limit_s``.
 - ``next``: what to do next, ``{"text", "designs": [index], "why": [text for each]}``, also of `foldcar select`.
-  ``ranges``: sentences on gaps and ends of ranges; ``leader``: index of a design, or null.
+  ``ranges``: sentences on gaps and ends of ranges; ``leader``: index of the design with the highest expected success of
+  built cars, or null.
+- ``realities``: null without a belief, or ``{"driven": whether a car was driven, "names": parameters of the simulator,
+  "values": [a value of each for every reality], "rates": [success of each design in every reality, null outside the
+  belief], "unknowns": [{"name", "unit", "meaning", "before", "after": [low, median, high], "measured": value or null,
+  "taught": whether the trials say something}], "taught": sentences, "learned": {"runs", "error": 0 to 1 or null}}``. The
+  realities are drawn by their weights.
 - ``parameters``: those that vary, ``{"name", "label", "unit", "values": all that occur, ascending}``;
   ``fixed``: [label, text] of the others.
 - ``designs``: columns with an entry per design, null for unknown values. ``value``: indices into the parameters' values;
   ``name``: the design's name for readers; ``swept``; ``runs`` and ``passed`` (rejected runs are in neither), ``rate``,
   ``low``, ``high`` (simulation, 95 %); ``outcomes``: a column per outcome; ``trials`` and ``trials_passed`` (those that
-  count), ``cars`` (their number), ``trials_low``, ``trials_high`` (of these cars); ``smooth``, ``smooth_low``,
-  ``smooth_high``: success in this simulator, smoothed over designs; ``belief``, ``belief_low``, ``belief_high``: success
-  of a further built car, by simulation and trials; ``verdict``: "good", "bad" or "open" by the last threshold and the
-  band of built cars, before trials that of simulation; ``refuted``: "optimistic" or "pessimistic" if the design's own
-  trials contradict simulation; ``measures``: ``{"key", "label", "unit", "better": "less" | "more" | null, "value":
-  column}``.
+  count), ``cars`` (their number), ``trials_low``, ``trials_high`` (of these cars); ``belief``, ``belief_low``,
+  ``belief_high``: success of a further built car, by simulation and trials; ``verdict``: "good", "bad" or "open" by the
+  last threshold and the band of built cars, before trials that of simulation; ``refuted``: "optimistic" or "pessimistic"
+  if the design's trials contradict simulation; ``measures``: ``{"key", "label", "unit", "better": "less" | "more" |
+  null, "value": column}``.
 - ``engines``: for each other engine or calibration that simulated the same cars in the same samples ``{"id": its
   experiment, "name", "passed", "runs": columns by design, "text": a sentence that compares them}``.
 - ``runs``: columns ``design``, ``environment``, ``outcome``, ``time_s`` in the order of design and environment; null
@@ -55,7 +60,7 @@
 
 import shlex
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -63,11 +68,14 @@ import json5
 import numpy
 from threadpoolctl import threadpool_limits
 
+from foldcar.belief.answers import Estimate
+from foldcar.belief.priors import NAMES
 from foldcar.figures.style import OUTCOME_LABELS
 from foldcar.inference.adviser import Selection
+from foldcar.inference.belief import taught
 from foldcar.inference.design_evidence import design_label
 from foldcar.inference.evidence import Evidence, read_evidence, read_unswept
-from foldcar.inference.selecting import measure_first, select_evidence
+from foldcar.inference.selecting import select_evidence
 from foldcar.report.environment_values import EnvironmentValues, environment_values
 from foldcar.report.page_designs import DesignColumns, parameter_columns
 from foldcar.report.page_effects import cause_rows, effect_rows, importance_rows, read_effects
@@ -91,6 +99,8 @@ OMITTED = (
     "{:,} runs of {:,} designs are too many to list one by one: they are counted by design. "
     "`foldcar export` has them all."
 )
+# Realities that the main chart shows.
+REALITIES = 100
 # Of the publication's figure 6.
 THRESHOLDS = (0.5, 0.75)
 
@@ -148,8 +158,7 @@ def read_experiments(store: Store, thresholds: Sequence[float] = (), simulated_t
         effects, indices = read_effects(evidence)
         fresh = by_id.get(fresh_id(name)) if info.searched else None
         good = tuple(sorted(set(thresholds))) or info.thresholds or THRESHOLDS
-        advice = replace(selection, remarks=(*measure_first(store, selection), *selection.remarks))
-        experiments.append(Experiment(name, evidence, advice, shown, good, effects, indices, fresh))
+        experiments.append(Experiment(name, evidence, selection, shown, good, effects, indices, fresh))
     return experiments
 
 
@@ -201,10 +210,11 @@ def _experiment(
     areas = next((cost["value"] for cost in costs if cost["key"] == "sheet_area"), [None] * len(columns.names))
     return {
         "id": experiment.name,
-        "headline": selection.headline,
+        "headline": selection.works,
         "grounds": selection.grounds,
         "next": _next(columns.names, selection),
-        "leader": _leader(columns.names, experiment),
+        "leader": _leader(experiment),
+        "realities": _realities(experiment),
         "ranges": range_sentences(evidence, effects, indices, threshold),
         "remarks": [*(engine["text"] for engine in engines), *remarks(store, experiment)],
         "thresholds": list(experiment.thresholds),
@@ -234,22 +244,53 @@ def _experiment(
 
 
 def _next(names: Sequence[str], selection: Selection) -> dict[str, Any]:
-    """Return the next step, with the indices of the recommended designs and the reasons."""
-    index_of_name = {name: index for index, name in enumerate(names)}
-    recommended = [
-        recommendation for recommendation in selection.recommendations if recommendation.label in index_of_name
-    ]
-    designs, reasons = [index_of_name[design.label] for design in recommended], [design.reason for design in recommended]
-    return {"text": selection.next_step, "designs": designs, "why": reasons}
+    """Return the next step, with the indices of the designs of all steps that were weighed, and their texts."""
+    steps = {step.label: step.text for step in reversed(selection.steps) if step.label in names}
+    order = list(dict.fromkeys(step.label for step in selection.steps if step.label in steps))
+    designs = [names.index(label) for label in order]
+    return {"text": selection.learn, "designs": designs, "why": [steps[label] for label in order]}
 
 
-def _leader(names: Sequence[str], experiment: Experiment) -> int | None:
-    """Return the index of the design with the best chance to reach the last threshold; None if it is unknown."""
-    belief = (experiment.fresh or experiment.evidence).belief
+def _leader(experiment: Experiment) -> int | None:
+    """Return the index of the design with the highest expected rate; None without a belief."""
+    belief = experiment.evidence.belief
+    return None if belief is None else int(belief.design_indices[belief.answers.best])
+
+
+def _realities(experiment: Experiment) -> dict[str, Any] | None:
+    """Return the page's ``realities``; None without a belief."""
+    belief = experiment.evidence.belief
     if belief is None:
         return None
-    label = belief.labels[int(belief.chances(experiment.thresholds[-1]).argmax())]
-    return names.index(label) if label in names else None
+    _, values, rates = belief.answers.realities(REALITIES)
+    unknowns = [
+        {
+            "name": unknown.parameter.name,
+            "unit": unknown.parameter.unit,
+            "meaning": unknown.parameter.meaning,
+            "before": _ends(unknown.before),
+            "after": _ends(unknown.after),
+            "measured": unknown.measured,
+            "taught": unknown.taught,
+        }
+        for unknown in belief.answers.unknowns
+    ]
+    columns = numpy.full((REALITIES, len(experiment.columns.names)), numpy.nan)
+    columns[:, belief.design_indices] = rates
+    return {
+        "driven": belief.driven,
+        "names": list(NAMES),
+        "values": [[float(f"{value:.4g}") for value in row] for row in values.tolist()],
+        "rates": [[None if rate != rate else round(rate, 3) for rate in row] for row in columns.tolist()],
+        "unknowns": unknowns,
+        "taught": taught(belief.answers),
+        "learned": {"runs": belief.answers.learned.runs, "error": belief.answers.learned.error},
+    }
+
+
+def _ends(estimate: Estimate) -> list[float]:
+    """Return low, middle and high of an estimate."""
+    return [float(f"{value:.4g}") for value in (estimate.low, estimate.value, estimate.high)]
 
 
 def _provenance(study: StudyInfo | None, info: ExperimentInfo, command: Sequence[str]) -> list[list[str]]:

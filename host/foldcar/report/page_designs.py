@@ -53,23 +53,21 @@ class DesignColumns:
         ends = [rate.rate_interval(row[0], row[1], sequential) if row[1] else None for row in counts.tolist()]
         return [None if end is None else (round(end[0], 6), round(end[1], 6)) for end in ends]
 
-    @cached_property
+    @property
     def simulation(self) -> list[Band]:
-        """Success in this simulator, smoothed over designs."""
-        belief = self.evidence.belief
-        return self._bands([]) if belief is None else self._bands(belief.simulation.tolist())
+        """Success in this simulator."""
+        return [
+            None if end is None else (passed / runs, *end)
+            for end, (passed, runs) in zip(self.run_intervals, self.evidence.run_counts.tolist(), strict=True)
+        ]
 
     @cached_property
     def built(self) -> list[Band]:
-        """The success of a further built car; by its trials alone for a design without runs."""
-        belief, bands = self.evidence.belief, self._bands([])
-        if belief is not None:
-            bands = self._bands([[rate.value, rate.low, rate.high] for rate in belief.built])
-        for index, design in enumerate(self.evidence.family):
-            if bands[index] is None and design.cars is not None and self.evidence.info.success_defined:
-                alone = design.cars.rate()
-                bands[index] = round(alone.value, 6), round(alone.low, 6), round(alone.high, 6)
-        return bands
+        """The success of a further built car; None without a belief."""
+        belief = self.evidence.belief
+        if belief is None:
+            return self._bands([])
+        return self._bands([[rate.value, rate.low, rate.high] for rate in belief.answers.built])
 
     def _bands(self, rows: Sequence[Sequence[float]]) -> list[Band]:
         """Return the bands of all designs from the ``rows`` of those in the belief; None for the others."""
@@ -91,12 +89,6 @@ class DesignColumns:
             name: {value: index for index, value in enumerate(all_values)} for name, all_values in evidence.values.items()
         }
         verdicts = {design.label: design.verdict for design in compare_experiment(evidence).designs}
-        # Indices of undriven designs beside those whose trials contradict the others'.
-        doubtful = set()
-        if evidence.belief is not None:
-            doubtful = set(
-                evidence.belief.design_indices[list(evidence.belief.contradictions.undriven_neighbours)].tolist()
-            )
         return {
             # Indices into the values of each parameter.
             "value": [[values[name][float(design.design[name])] for name in values] for design in family],
@@ -110,12 +102,11 @@ class DesignColumns:
             "outcomes": evidence.outcome_counts.T.tolist(),
             "trials": evidence.trial_counts[:, 1].tolist(),
             "trials_passed": evidence.trial_counts[:, 0].tolist(),
-            "cars": [0 if design.cars is None else len(design.cars.passed) for design in family],
+            "cars": [design.cars for design in family],
             **_ends("trials_", self.trial_intervals),
-            # Success in simulation, smoothed over designs, and of a further built car, both with low and high.
-            **_bands("smooth", self.simulation),
+            # Success of a further built car, with low and high.
             **_bands("belief", self.built),
-            "verdict": ["open" if index in doubtful else verdict(band, threshold) for index, band in enumerate(judged)],
+            "verdict": [verdict(band, threshold) for band in judged],
             # How the design's own trials contradict simulation.
             "refuted": [
                 verdicts.get(name) if verdicts.get(name) in (OPTIMISTIC, PESSIMISTIC) else None for name in self.names

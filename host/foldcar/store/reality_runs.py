@@ -19,7 +19,7 @@ from foldcar.store.tables import DESIGN, EXPERIMENT, REALITY_RUN, SAMPLE, SPREAD
 FloatArray = np.ndarray[Any, np.dtype[np.float64]]
 IntArray = np.ndarray[Any, np.dtype[np.intp]]
 # Of each BLOCK of numbers, the first CHECK runs share a reality and a design, and differ in scene, car and start.
-BLOCK, CHECK = 100, 10
+BLOCK, CHECK = 100, 20
 
 
 class ReadableStore(Protocol):
@@ -45,6 +45,14 @@ class RealityRuns:
     sample: IntArray
     passed: FloatArray
     number: IntArray
+
+    def __len__(self) -> int:
+        return len(self.passed)
+
+    def taken(self, chosen: np.ndarray[Any, Any]) -> "RealityRuns":
+        """Return the runs that a mask or indices choose."""
+        arrays = (self.scores, self.design, self.sample, self.passed, self.number)
+        return RealityRuns(*(array[chosen] for array in arrays))
 
 
 @dataclass(frozen=True)

@@ -43,7 +43,7 @@ from foldcar.study.reality_draws import draw_runs
 # Fewer scenes do not represent an environment.
 MIN_SCENES = 20
 # The numbers of runs after which the learning's error decides whether more are simulated.
-STAGES = (2_000, 4_000, 8_000)
+STAGES = (4_000, 8_000)
 # The largest error of the learned success rate that is small enough.
 MAX_ERROR = 0.05
 # Failed simulations are left out if they are at most this fraction.

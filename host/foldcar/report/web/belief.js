@@ -11,9 +11,9 @@ const CURVE_HEIGHT = 400;
 const table = model => () => {
   const { e } = model, { designs } = e, pair = (low, high) => (low === null ? "–" : `${percent(low)} to ${percent(high)}`);
   return {
-    head: ["design", "built cars", "95 %", "simulation", "95 %", "smoothed", "95 %", ...e.engines.map(({ name }) => name), "trials", "of cars", "95 % of these"],
+    head: ["design", "built cars", "95 %", "simulation", "95 %", ...e.engines.map(({ name }) => name), "trials", "of cars", "95 % of these"],
     rows: designs.name.map((name, i) => [name, percent(designs.belief[i]), pair(designs.belief_low[i], designs.belief_high[i]),
-      designs.runs[i] ? `${designs.passed[i]} of ${designs.runs[i]}` : "–", pair(designs.low[i], designs.high[i]), percent(designs.smooth[i]), pair(designs.smooth_low[i], designs.smooth_high[i]),
+      designs.runs[i] ? `${designs.passed[i]} of ${designs.runs[i]}` : "–", pair(designs.low[i], designs.high[i]),
       ...e.engines.map(({ passed, runs }) => (runs[i] ? `${passed[i]} of ${runs[i]}` : "–")), designs.trials[i] ? `${designs.trials_passed[i]} of ${designs.trials[i]}` : "–", designs.cars[i] || "–", pair(designs.trials_low[i], designs.trials_high[i])]),
   };
 };
@@ -60,8 +60,8 @@ export class Belief {
 
 function note({ e }) {
   const driven = e.designs.trials.some(count => count), parts = [];
-  if (e.judged) parts.push(`Built cars: what ${driven ? "simulation and trials together say" : "simulation says, and how far it may be wrong"}, of a further built car of a design (median).`);
-  if (e.judged && e.parameters.length < 2 && e.designs.smooth.some(share => share !== null)) parts.push("Simulation: squares count runs; the grey band is their rate, smoothed over designs.");
+  if (e.judged) parts.push(`Built cars: what ${driven ? "simulation and trials together say" : "simulation says, and how far it may be wrong"}, of a further built car of a design (mean).`);
+  if (e.judged && e.parameters.length < 2) parts.push("Simulation: squares count runs.");
   if (driven) parts.push("Intervals of trials are of the cars that drove.");
   parts.push("Bands and intervals hold at 95 % for each design by itself.");
   return parts.join(" ");
@@ -72,8 +72,8 @@ function curveFigure(model) {
   const x = axis ? axis.values : e.designs.name.map((_, k) => k);
   const order = [...x.keys()].filter(k => x[k] !== null).sort((a, b) => x[a] - x[b]);
   const percents = values => values.map(value => (value === null ? null : 100 * value));
-  const { belief, belief_low, belief_high, rate, smooth_low, smooth_high, trials, trials_passed, trials_low, trials_high } = e.designs;
-  const [b, bl, bh, s, sl, sh, tl, th] = [belief, belief_low, belief_high, rate, smooth_low, smooth_high, trials_low, trials_high].map(percents);
+  const { belief, belief_low, belief_high, rate, trials, trials_passed, trials_low, trials_high } = e.designs;
+  const [b, bl, bh, s, tl, th] = [belief, belief_low, belief_high, rate, trials_low, trials_high].map(percents);
   const triple = (lows, highs) => order.filter(k => lows[k] !== null).map(k => [x[k], lows[k], highs[k]]);
   const option = theme => {
     const [least, most] = [x[order[0]], x[order[order.length - 1]]], margin = (most - least) * 0.02 || 1;
@@ -91,7 +91,6 @@ function curveFigure(model) {
       yAxis: successAxis(theme),
       series: [
         band(triple(bl, bh), theme.accent, 0.2),
-        band(triple(sl, sh), theme.soft, 0.35),
         { name: "belief", type: "line", data: order.map(k => ({ value: [x[k], b[k]], design: k, itemStyle: { opacity: dim(k) } })), symbol: "circle", symbolSize: 9, lineStyle: { width: 0 }, itemStyle: { color: theme.accent }, z: 5, cursor: "pointer",
           markLine: { silent: true, symbol: "none", data: lines } },
         { name: "simulation", type: "scatter", data: order.filter(k => s[k] !== null).map(k => ({ value: [x[k], s[k]], design: k, itemStyle: { color: theme.paper, borderColor: theme.soft, borderWidth: 1.2, opacity: dim(k) } })), symbol: "rect", symbolSize: 6, z: 4 },
@@ -110,7 +109,7 @@ function curveFigure(model) {
 }
 
 function legend(e) {
-  const keys = [["belief", "built cars, 95 % band"], ["simulation", "runs that passed"], ["smooth", "simulation, 95 % band"], ...e.engines.map(({ name }, n) => [n ? "engine dotted" : "engine", name])];
+  const keys = [["belief", "built cars, 95 % band"], ["simulation", "runs that passed"], ...e.engines.map(({ name }, n) => [n ? "engine dotted" : "engine", name])];
   if (e.designs.trials.some(count => count)) keys.push(["trials", "trials"]);
   return make("span", { class: "legend" }, ...keys.map(([kind, text]) => make("span", {}, make("i", { class: `key ${kind}` }), text)));
 }

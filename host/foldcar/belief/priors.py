@@ -20,7 +20,7 @@ FloatArray = np.ndarray[Any, np.dtype[np.float64]]
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A parameter; ``nominal`` is its value in an uncalibrated simulation.
+    """A parameter; ``nominal`` is its value in nominal simulation.
 
     ``prior``: ``log-normal`` with median ``middle`` and standard deviation ``sd`` of the logarithm, ``normal``, or
     ``half-normal`` (``middle`` 0). ``unit`` is that of value, middle and sd; × is a factor.
@@ -123,7 +123,7 @@ NAMED_CELLS = (
 )
 # What a rule and a tilted board measure.
 MEASURABLE = ("obstacle_height", "com_height_m", "track_m")
-# Largest score of a measured value: farther out, the emulator was fitted to no runs.
+# Largest score of a reality that is simulated, and so of a measured value.
 MAX_SCORE = 2.5
 NOMINAL: Mapping[str, float] = {parameter.name: parameter.nominal for parameter in PARAMETERS}
 

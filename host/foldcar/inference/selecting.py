@@ -15,7 +15,7 @@ from foldcar.inference.adviser import Adviser, Selection
 from foldcar.inference.evidence import Evidence, read_evidence, simulated_text
 from foldcar.simulation.results import no_rate_text
 from foldcar.statistics.words import count, listed
-from foldcar.store.calibrations import measured_values
+from foldcar.store.measured import measured_values
 from foldcar.store.reader import Store
 from foldcar.study.search.design_simulator import fresh_id
 

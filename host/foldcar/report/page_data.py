@@ -19,7 +19,7 @@
   band of built cars, before trials that of simulation; ``refuted``: "optimistic" or "pessimistic" if the design's own
   trials contradict simulation; ``measures``: ``{"key", "label", "unit", "better": "less" | "more" | null, "value":
   column}``.
-- ``engines``: for each other engine or calibration that simulated the same cars in the same samples ``{"id": its
+- ``engines``: for each other engine or reality that simulated the same cars in the same samples ``{"id": its
   experiment, "name", "passed", "runs": columns by design, "text": a sentence that compares them}``.
 - ``runs``: columns ``design``, ``environment``, ``outcome``, ``time_s`` in the order of design and environment; null
   beyond MAX_RUNS, where ``runs_omitted`` says so.

@@ -46,6 +46,14 @@ class RealityRuns:
     passed: FloatArray
     number: IntArray
 
+    def __len__(self) -> int:
+        return len(self.passed)
+
+    def taken(self, chosen: np.ndarray[Any, Any]) -> "RealityRuns":
+        """Return the runs that a mask or indices choose."""
+        arrays = (self.scores, self.design, self.sample, self.passed, self.number)
+        return RealityRuns(*(array[chosen] for array in arrays))
+
 
 @dataclass(frozen=True)
 class RealityKeys:

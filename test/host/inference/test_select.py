@@ -30,7 +30,7 @@ from foldcar.statistics.built_cars import SPREADS
 from foldcar.statistics.pooled_bias import NO_CONTRADICTIONS, contradictions
 from foldcar.statistics.rate import wilson_interval
 from foldcar.statistics.selection import BEST, MIDDLE, Effort
-from foldcar.store.calibrations import write_calibrations
+from foldcar.store.measured import write_measured
 from foldcar.store.reader import Store
 from swept_listing import json_output
 from written_study import add_trials, import_trials, write_study
@@ -55,11 +55,11 @@ def test_what_was_not_measured_is_named_while_more_trials_are_advised(tmp_path: 
     import_trials(store, [({"width_mm": 90.0}, None, "passed"), ({"width_mm": 120.0}, None, "stuck")] * 3)
 
     (unmeasured,) = advise(store)
-    with write_calibrations(store) as writer:
+    with write_measured(store) as writer:
         writer.measure("1", {"track_m": 0.001, "obstacle_height": 1.0})
         writer.measure("2", {"com_height_m": 0.001})
     (one_missing,) = advise(store)
-    with write_calibrations(store) as writer:
+    with write_measured(store) as writer:
         writer.measure("1", {"com_height_m": 0.0})
     (measured,) = advise(store)
 

@@ -1,4 +1,4 @@
-"""Reads the trials of an experiment for a calibration: which car drove in which scene, and whether it passed.
+"""Reads the trials of an experiment for the belief: which car drove in which scene, and whether it passed.
 
 Input: a store, a swept experiment. Output: Observations. A *cell* is a design in one scene, or a design in any scene of
 the experiment. A trial whose scene is known belongs to the cell of that scene, every other trial to its design's cell of
@@ -16,12 +16,12 @@ import numpy as np
 from foldcar.belief.priors import FloatArray
 from foldcar.errors import FoldcarError
 from foldcar.inference.calibration.experiment import PASSED, SweptExperiment
-from foldcar.inference.calibration.posterior import IntArray
 from foldcar.inference.calibration.supply import measured_supply
 from foldcar.store.other_drives import other_drives
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import BUILT, SIMULATED, UNKNOWN, WITHDRAWN, Trial
 
+IntArray = np.ndarray[Any, np.dtype[np.intp]]
 ABORTED, OTHER_ENVIRONMENT, NO_DESIGN = "aborted", "other environment", "no design"
 # Why a trial is left out, completing "3 …".
 _REASONS = {
@@ -141,8 +141,8 @@ def observe(store: Store, experiment: SweptExperiment, simulated: bool) -> Obser
             kept.append((trial, design))
     reasons = "; ".join(f"{number} {_REASONS.get(key, key)}" for key, number in left_out.items())
     if not kept:
-        hint = " (--simulated-trials calibrates by them)" if left_out[SIMULATED] else ""
-        raise FoldcarError(f"{store.path}: experiment {name}: no trial to calibrate by: {reasons}{hint}")
+        hint = " (--simulated-trials counts them)" if left_out[SIMULATED] else ""
+        raise FoldcarError(f"{store.path}: experiment {name}: no trial counts: {reasons}{hint}")
     notes = [f"Trials left out: {reasons}."] if reasons else []
     result = _observed(store, experiment, kept, ids_in_samples)
     # A car that `foldcar log` drove has reported the hash of its design. How other cars were built is unknown, and a
@@ -199,7 +199,7 @@ def _notes(observed: Observations, simulated: bool) -> list[str]:
     passed, counted = int(observed.passed.sum()), len(observed.passed)
     notes = []
     if simulated:
-        notes.append("These are trials of SIMULATED cars: the calibration says nothing about built ones.")
+        notes.append("These are trials of SIMULATED cars: they say nothing about built ones.")
     if len(counts) == 1:
         notes.append("All trials are of one design: one rate cannot tell parameters apart.")
     if passed in (0, counted):

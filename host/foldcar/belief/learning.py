@@ -1,0 +1,239 @@
+"""Learns the success rate as a function of reality and design from runs, each of which has a reality of its own.
+
+The log-odds of passing are learned by a penalised logistic regression. For a reality with scores z (K,) and a design with
+parameters x they are
+
+    quadratics(z) . a + (1, z) G g(x),
+
+where g(x) has a constant, the parameters, their products, and bumps around some designs. So every score acts differently
+on different designs, and every two scores act together. Each scene has an offset of its own, because some scenes are
+easier than others. The penalty shrinks all coefficients towards 0. Tested on realities with known rates, this simple
+model was better than gradient boosting, neural networks and random features; docs/belief.md has the figures.
+
+The regression is solved by Newton's method in numpy: importing scikit-learn takes longer than the whole answer of
+`foldcar select`. A test compares the result with scikit-learn's.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy
+from numpy.typing import NDArray
+
+from foldcar.errors import FoldcarError
+
+FloatArray = NDArray[numpy.float64]
+# Bumps for each design parameter, and for all parameters together.
+BUMPS_PER_PARAMETER, MAX_BUMPS = 12, 24
+# Variances of the coefficients, and of the scenes' offsets, before any run. Chosen by the error at held-out realities.
+COEFFICIENT_VARIANCE, SCENE_VARIANCE = 0.1, 0.3
+NEWTON_STEPS, TOLERANCE = 25, 1e-6
+# Log-odds beyond these were not learned from any run: rates of 0.2 % and 99.8 %.
+MAX_LOG_ODDS = 6.0
+# Of each BLOCK of run numbers the first CHECK share a reality and a design. The error is measured on them.
+BLOCK, CHECK = 100, 10
+# Variance of logistic noise relative to a normal one, squared: (16 sqrt(3) / 15 pi)^2 (Zeger, Liang and Albert 1988,
+# doi:10.2307/2531734). A mean of logistic functions over a normal offset of variance v is nearly a logistic function
+# whose log-odds are divided by sqrt(1 + SLOPE v).
+SLOPE = 0.346
+
+
+@dataclass(frozen=True)
+class RealityRuns:
+    """Runs of one experiment in realities of their own.
+
+    ``scores`` (n, parameters) are the realities', ``design`` (n,) is the index of the design, ``sample`` (n,) the number of
+    the scene. ``passed`` (n,) is 1 if the run passed, 0 if not, NaN if its simulation failed. ``number`` (n,) is the
+    number of the run.
+    """
+
+    scores: FloatArray
+    design: NDArray[Any]
+    sample: NDArray[Any]
+    passed: FloatArray
+    number: NDArray[Any]
+
+    def __len__(self) -> int:
+        return len(self.passed)
+
+    def taken(self, chosen: NDArray[Any]) -> "RealityRuns":
+        """Return the runs that a mask or indices choose."""
+        arrays = (self.scores, self.design, self.sample, self.passed, self.number)
+        return RealityRuns(*(array[chosen] for array in arrays))
+
+
+@dataclass(frozen=True)
+class Learned:
+    """The learned success rate.
+
+    ``low`` and ``span`` (parameters,) map design parameters to 0 to 1. ``centres`` (bumps, parameters) and ``length`` are
+    the bumps'. ``coefficients`` are those of :func:`_features`. ``scene_offsets`` are log-odds by sample, with mean 0.
+    ``error`` is the root mean square error of the rate (0 to 1) on the check groups, which were not learned from; None
+    without check groups. ``runs`` is the number of runs.
+    """
+
+    low: FloatArray
+    span: FloatArray
+    centres: FloatArray
+    length: float
+    coefficients: FloatArray
+    scene_offsets: Mapping[int, float] = field(default_factory=dict)
+    error: float | None = None
+    runs: int = 0
+
+    def log_odds(self, scores: FloatArray, designs: FloatArray) -> FloatArray:
+        """Return the log-odds (n, d) of passing in realities with ``scores`` (n, K), for ``designs`` (d, parameters).
+
+        They are those of a random scene and a random car of the design.
+        """
+        quadratics = _quadratics(scores)
+        a, products = self.coefficients[: quadratics.shape[1]], self.coefficients[quadratics.shape[1] :]
+        on_designs = products.reshape(1 + scores.shape[1], -1) @ self._design_features(designs).T
+        result = (quadratics @ a)[:, None] + _with_constant(scores) @ on_designs
+        variance = float(numpy.var(list(self.scene_offsets.values()))) if self.scene_offsets else 0.0
+        result /= numpy.sqrt(1 + SLOPE * variance)
+        return numpy.clip(result, -MAX_LOG_ODDS, MAX_LOG_ODDS, out=result)
+
+    def unit(self, designs: FloatArray) -> FloatArray:
+        """Return design parameters scaled to 0 to 1 over the family."""
+        return (numpy.asarray(designs, float) - self.low) / self.span
+
+    def _design_features(self, designs: FloatArray) -> FloatArray:
+        return _design_features(self.unit(designs), self.centres, self.length)
+
+    @cached_property
+    def rms_text(self) -> str:
+        """The error in words, such as ``7 points``."""
+        return "an unknown error" if self.error is None else f"{100 * self.error:.0f} points"
+
+
+def learn(runs: RealityRuns, designs: FloatArray) -> Learned:
+    """Learn the success rate from runs; ``designs`` (designs, parameters) are the parameters of the family's designs.
+
+    Raises FoldcarError without runs.
+    """
+    runs = runs.taken(numpy.isfinite(runs.passed))
+    if not len(runs):
+        raise FoldcarError("there are no runs in other realities to learn from")
+    low, span = designs.min(axis=0), numpy.ptp(designs, axis=0)
+    span = numpy.where(span > 0, span, 1.0)
+    unit = (designs - low) / span
+    centres = _spread_out(unit)
+    empty = Learned(low, span, centres, _spacing(centres), numpy.zeros(0))
+    checked = runs.number % BLOCK < CHECK
+    if not checked.any() or checked.all():
+        return _learned(empty, runs, designs, None)
+    learned = _learned(empty, runs.taken(~checked), designs, None)
+    return _learned(empty, runs, designs, _check_error(learned, runs.taken(checked), designs))
+
+
+def _learned(empty: Learned, runs: RealityRuns, designs: FloatArray, error: float | None) -> Learned:
+    """Learn from all ``runs``; all else is that of ``empty``."""
+    features = _features(runs.scores, empty._design_features(designs)[runs.design])
+    samples, scene = numpy.unique(runs.sample, return_inverse=True)
+    variances = numpy.full(features.shape[1] + len(samples), COEFFICIENT_VARIANCE)
+    variances[features.shape[1] :] = SCENE_VARIANCE
+    in_scene = (scene[:, None] == numpy.arange(len(samples))).astype(float)
+    coefficients = penalised_logistic(numpy.hstack([features, in_scene]), runs.passed, variances)
+    offsets = coefficients[features.shape[1] :]
+    return Learned(
+        empty.low, empty.span, empty.centres, empty.length, coefficients[: features.shape[1]],
+        dict(zip(samples.tolist(), (offsets - offsets.mean()).tolist(), strict=True)), error, len(runs),
+    )  # fmt: skip
+
+
+def penalised_logistic(features: FloatArray, passed: FloatArray, variances: FloatArray) -> FloatArray:
+    """Return the coefficients (m,) of a logistic regression of ``passed`` (n,) on ``features`` (n, m).
+
+    They maximise log-likelihood - sum(coefficient² / (2 variance)), where ``variances`` (m,) are positive. Newton's
+    method: the maximum is unique, because the function is strictly concave.
+    """
+    coefficients = numpy.zeros(features.shape[1])
+    objective = _objective(features, passed, variances, coefficients)
+    for _ in range(NEWTON_STEPS):
+        rates = 1 / (1 + numpy.exp(-(features @ coefficients)))
+        gradient = features.T @ (passed - rates) - coefficients / variances
+        curvature = features.T @ (features * (rates * (1 - rates))[:, None])
+        curvature[numpy.diag_indices(len(coefficients))] += 1 / variances
+        step = numpy.linalg.solve(curvature, gradient)
+        # A full step may overshoot; a shorter one never does, if it is short enough.
+        while (reached := _objective(features, passed, variances, coefficients + step)) < objective - TOLERANCE:
+            step = step / 2
+        coefficients, objective = coefficients + step, reached
+        if numpy.abs(step).max() < TOLERANCE:
+            break
+    return coefficients
+
+
+def _objective(features: FloatArray, passed: FloatArray, variances: FloatArray, coefficients: FloatArray) -> float:
+    """Return the penalised log-likelihood."""
+    log_odds = features @ coefficients
+    return float(passed @ log_odds - numpy.logaddexp(0, log_odds).sum() - (coefficients**2 / variances).sum() / 2)
+
+
+def _check_error(learned: Learned, checks: RealityRuns, designs: FloatArray) -> float | None:
+    """Return the root mean square error of the learned rate on check groups; None without a group of several runs.
+
+    The squared difference between the learned rate and the fraction of a group that passed has the variance of counting
+    in it, p (1 - p) / n, which is estimated without bias by k/n (1 - k/n) / (n - 1) and subtracted.
+    """
+    groups, group = numpy.unique(numpy.stack([checks.number // BLOCK, checks.design]), axis=1, return_inverse=True)
+    counted = numpy.bincount(group.ravel()).astype(float)
+    fractions = numpy.bincount(group.ravel(), checks.passed) / counted
+    several = counted > 1
+    if not several.any():
+        return None
+    first = numpy.array([numpy.flatnonzero(group.ravel() == g)[0] for g in range(groups.shape[1])])
+    rates = [
+        1 / (1 + numpy.exp(-learned.log_odds(checks.scores[[i]], designs[checks.design[[i]]])[0, 0])) for i in first
+    ]
+    squares = (numpy.array(rates) - fractions)[several] ** 2
+    counting = (fractions * (1 - fractions))[several] / (counted[several] - 1)
+    return float(numpy.sqrt(max(0.0, (squares - counting).mean())))
+
+
+def _features(scores: FloatArray, design_features: FloatArray) -> FloatArray:
+    """Return the features (n, m) of runs with ``scores`` (n, K) of designs with ``design_features`` (n, d)."""
+    products = _with_constant(scores)[:, :, None] * design_features[:, None, :]
+    return numpy.hstack([_quadratics(scores), products.reshape(len(scores), -1)])
+
+
+def _with_constant(values: FloatArray) -> FloatArray:
+    return numpy.hstack([numpy.ones((len(values), 1)), values])
+
+
+def _quadratics(values: FloatArray) -> FloatArray:
+    """Return half the products of every two columns (n, m), squares included."""
+    first, second = numpy.triu_indices(values.shape[1])
+    return values[:, first] * values[:, second] / 2
+
+
+def _design_features(unit: FloatArray, centres: FloatArray, length: float) -> FloatArray:
+    """Return g(x) of designs ``unit`` (d, parameters), whose parameters are 0 to 1: (d, features)."""
+    centred = 2 * unit - 1
+    squared_distances = ((unit[:, None] - centres) ** 2).sum(axis=2)
+    bumps = numpy.exp(-squared_distances / (2 * length**2))
+    return numpy.hstack([_with_constant(centred), _quadratics(centred), bumps])
+
+
+def _spread_out(unit: FloatArray) -> FloatArray:
+    """Return designs that are far from each other: from the middle on, always the one that is farthest from the others."""
+    designs = numpy.unique(unit, axis=0)
+    number = min(len(designs), BUMPS_PER_PARAMETER * unit.shape[1], MAX_BUMPS)
+    chosen = [int(((designs - designs.mean(axis=0)) ** 2).sum(axis=1).argmin())]
+    distances = ((designs - designs[chosen[0]]) ** 2).sum(axis=1)
+    while len(chosen) < number:
+        chosen.append(int(distances.argmax()))
+        distances = numpy.minimum(distances, ((designs - designs[chosen[-1]]) ** 2).sum(axis=1))
+    return designs[chosen]
+
+
+def _spacing(centres: FloatArray) -> float:
+    """Return the mean distance of the bumps' centres to their nearest neighbours; 1 for a single one."""
+    if len(centres) < 2:
+        return 1.0
+    distances = numpy.sqrt(((centres[:, None] - centres) ** 2).sum(axis=2))
+    distances[numpy.diag_indices(len(centres))] = numpy.inf
+    return float(distances.min(axis=1).mean())

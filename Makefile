@@ -68,7 +68,7 @@ HEADER_FLAGS := -fsyntax-only -std=gnu++17 -Wall -Wextra -Werror -pthread -DUNIT
 HEADER_COMPILERS := g++ $(shell command -v clang++)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup mujoco study pyramids calibration fidelity statistics synthetic scale test test-packages test-native headers test-host lint bench fuzz races fresh container-check clean wheel release lock system-packages platformio installed fuzz-packages check docs tidy determinism golden
+.PHONY: help setup mujoco study pyramids fidelity statistics synthetic scale test test-packages test-native headers test-host lint bench fuzz races fresh container-check clean wheel release lock system-packages platformio installed fuzz-packages check docs tidy determinism golden
 .DELETE_ON_ERROR:
 # Else make removes them as intermediate.
 .PRECIOUS: .pio/fuzz/obj/%.o
@@ -86,7 +86,6 @@ help:
 	@echo 'make races     record and store a log in two threads under ThreadSanitizer'
 	@echo 'make fidelity  set up, compare with MuJoCo and bring docs/fidelity.md up to date'
 	@echo 'make pyramids  set up, search sizes of the step pyramids that fit the publication, bring docs/scenarios.md up to date'
-	@echo 'make calibration  set up, calibrate by the published trials and by hidden realities, renew docs/fidelity.md'
 	@echo 'make statistics  measure coverage of the intervals, the stopping rule of select, the search; bring docs/statistics.md up to date'
 	@echo 'make synthetic   the whole method on a hidden reality in MuJoCo, in out/synthetic'
 	@echo 'make scale       the cost of families of up to a million runs, in out/scale'
@@ -112,11 +111,6 @@ study: setup
 pyramids: setup mujoco
 	@mkdir -p out
 	$(BIN)/python tools/pyramids.py out/pyramids docs/scenarios.md
-
-calibration: setup mujoco
-	@mkdir -p out
-	$(BIN)/python tools/calibration.py out/calibration docs/fidelity.md
-	$(BIN)/python tools/evidence.py out/evidence docs/fidelity.md
 
 fidelity: setup mujoco
 	@mkdir -p out

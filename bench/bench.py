@@ -57,7 +57,7 @@ def sweep(
 ) -> Timed:
     """Sweep the study, or another listing, into a new store."""
     more = () if environments is None else ("--samples", str(environments))
-    return run("sweep", listing, "--store", store, "--jobs", str(jobs), "--engine", engine, *more)
+    return run("sweep", listing, "--store", store, "--jobs", str(jobs), "--engine", engine, "--realities", "0", *more)
 
 
 def batch_lines(store: Path) -> str:

@@ -58,6 +58,7 @@ def row(folder: Path, runs: int, before: int, jobs: int) -> list[str]:
     """The measurements of one size."""
     store = folder / "kerb.db"
     sweep = ["sweep", str(LISTING), "--store", str(store), "--samples", str(runs // DESIGNS), "--jobs", str(jobs)]
+    sweep += ["--realities", "0"]
     made, again = measured(folder, *sweep), measured(folder, *sweep)
     report = measured(folder, "report", str(store), "-o", str(folder / f"report_{runs}"))
     new = runs - before

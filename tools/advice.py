@@ -17,6 +17,9 @@ from typing import Any
 
 import json5
 import numpy as np
+from scipy.special import expit, logit
+from threadpoolctl import threadpool_limits
+
 from foldcar.api.sweeping import planned_sweep
 from foldcar.belief.advice import steps
 from foldcar.belief.answers import Answers, believe
@@ -27,8 +30,6 @@ from foldcar.errors import FoldcarError
 from foldcar.installation import usable_processors
 from foldcar.store.reader import Store
 from foldcar.store.reality_runs import read_reality_runs
-from scipy.special import expit, logit
-from threadpoolctl import threadpool_limits
 
 ROOT = Path(__file__).resolve().parent.parent
 # The last one lies outside what the priors contain: the centre of mass is off centre, and the supply is weak.

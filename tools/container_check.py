@@ -27,7 +27,7 @@ CALLER = "12345:12345"
 COMMANDS = (
     "new yard",
     "sweep yard/study.json --store yard.db",
-    "sweep yard/study.json --store mujoco.db --engine mujoco",
+    "sweep yard/study.json --store mujoco.db --engine mujoco --realities 100",
     "report yard.db -o report",
 )
 

@@ -177,8 +177,9 @@ def sweep(
 ) -> None:
     """Simulate the runs of a listing in that engine which the store lacks."""
     planned = planned_sweep(
-        SCENARIOS / listing, store, "make fidelity", experiment=experiment, environments=environments, engine=engine
-    )
+        SCENARIOS / listing, store, "make fidelity", experiment=experiment, environments=environments, engine=engine,
+        realities=0,
+    )  # fmt: skip
     with ProgressBar(planned.progress, label=f"{listing}, {engine}") as bar:
         planned.run(usable_processors(), bar.update, bar.print_line)
 

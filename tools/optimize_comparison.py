@@ -47,7 +47,7 @@ SEARCHES = {
 def swept(study: Study, store: Path, carsim: Carsim, jobs: int) -> dict[Values, list[Row]]:
     """The rows of every design, by its values."""
     (experiment,) = study.experiments
-    Sweep(study, store, carsim, "tools/optimize_comparison.py").run(jobs, announce=print)
+    Sweep(study, store, carsim, "tools/optimize_comparison.py", realities=0).run(jobs, announce=print)
     with Store.open(store) as opened:
         runs = runs_frame(opened, experiment.id)
     rows: dict[Values, list[Row]] = {}

@@ -62,7 +62,7 @@ GARBAGE_THRESHOLD = 50_000
 # The commands in the order of `foldcar -h`, and the modules of foldcar.commands that they are in.
 COMMANDS = {
     "new": "new", "sweep": "sweep", "optimize": "optimize", "run": "run", "sample": "sample",
-    "report": "report", "select": "advice", "compare": "advice", "calibrate": "calibrate", "export": "stores",
+    "report": "report", "select": "advice", "compare": "advice", "export": "stores",
     "check": "stores", "merge": "stores", "model": "model", "pattern": "pattern", "view": "view", "link": "link",
     "log": "log", "flash": "flash", "doctor": "doctor",
     "calibrate-servos": "params", "trials": "trials", "params": "params",

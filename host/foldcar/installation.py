@@ -55,7 +55,6 @@ def python_command(module: str, *arguments: str, flags: tuple[str, ...] = ()) ->
 
 # The modules of each extra, by the names under which they are imported; pyproject.toml has the packages.
 MODULES = {
-    "calibrate": ("sklearn",),
     "cluster": ("cryptography", "dask", "distributed"),
     "fabricate": ("ezdxf", "fcl", "reportlab", "trimesh"),
     "link": ("pymavlink", "serial"),

@@ -7,7 +7,7 @@ import sqlite3
 from pathlib import Path
 from typing import Any
 
-from foldcar.store.calibrations import Calibration, write_calibrations
+from foldcar.store.measured import write_measured
 from foldcar.store.reality_runs import reality_keys
 from foldcar.store.tables import Table
 from foldcar.store.trial_records import Ending, TrialDesign
@@ -43,10 +43,8 @@ def full_store(path: Path) -> Path:
         for at, outcome in enumerate(("stuck", "passed")):
             row = {"uuid": f"row {at}", "experiment": "1", "vehicle_type": "W_B_W", "source": "table", "car": "built"}
             trials.import_trials([{**row, "design": {"width_mm": 95.0}, "sample": at, "outcome": outcome}])
-    with write_calibrations(path) as calibrations:
-        summary = {"findings": ["nothing"]}
-        calibrations.measure("1", {"track_m": 0.002})
-        calibrations.put(Calibration("mine", "1", "b1", "2026-01-02T03:04:05", ({"track_m": 0.25},), summary), False)
+    with write_measured(path) as measured:
+        measured.measure("1", {"track_m": 0.002})
     return path
 
 

@@ -1,6 +1,7 @@
 """A success rate that is given, not learned: the log-odds are a plane over scores and one design parameter."""
 
 import numpy
+
 from foldcar.belief.learning import Learned
 from foldcar.belief.priors import NAMES
 

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from foldcar.api.arguments import checked_int, column_named, columns_named
 from foldcar.errors import FoldcarError
-from foldcar.inference.adviser import Selection
-from foldcar.inference.comparison import MARGIN, Comparison, compare
-from foldcar.inference.selecting import select
+from foldcar.evidence.adviser import Selection
+from foldcar.evidence.comparison import MARGIN, Comparison, compare
+from foldcar.evidence.selecting import select
 from foldcar.simulation.results import no_rate_text
 from foldcar.statistics.effects import Standardised, fit_effects
 from foldcar.statistics.rate import Rate
@@ -110,7 +110,7 @@ class Study:
         experiment: str | None = None,
         simulated_trials: bool = False,
     ) -> list[Selection]:
-        """Say for each experiment which car to take and what to do next; see :func:`foldcar.inference.selecting.select`.
+        """Say for each experiment which car to take and what to do next; see :func:`foldcar.evidence.selecting.select`.
 
         Raises FoldcarError.
 
@@ -122,7 +122,7 @@ class Study:
     def compare(
         self, *, experiment: str | None = None, margin: float = MARGIN, simulated_trials: bool = False
     ) -> Comparison:
-        """Compare simulation with trials of built cars; see :func:`foldcar.inference.comparison.compare`.
+        """Compare simulation with trials of built cars; see :func:`foldcar.evidence.comparison.compare`.
 
         Raises FoldcarError.
 

@@ -1,9 +1,8 @@
-"""Plans a sweep: a listing's experiments with an engine, a calibration and a stopping rule."""
+"""Plans a sweep: a listing's experiments with an engine, a reality and a stopping rule."""
 
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from foldcar.errors import FoldcarError
 from foldcar.simulation.carsim import Carsim
@@ -14,9 +13,6 @@ from foldcar.study.experiments import Experiment, Study, engine_study, read_stud
 from foldcar.study.stopping import stopping_rules
 from foldcar.study.sweep import Sweep
 
-if TYPE_CHECKING:
-    from foldcar.store.calibrations import Calibration
-
 
 def planned_sweep(
     listing: Path,
@@ -26,7 +22,6 @@ def planned_sweep(
     experiment: str | None = None,
     environments: int | None = None,
     until: str | None = None,
-    calibration: str | None = None,
     reality: Path | None = None,
     engine: str = "multibody",
     realities: int | None = None,
@@ -41,12 +36,12 @@ def planned_sweep(
     study = read_study(listing, experiment, environments)
     _check_same_study(study, store)
     study = engine_study(study, carsim)
-    real_parameters = None
+    environment_of: Callable[[Experiment], Environment] = Environment
     if reality is not None:
-        from foldcar.inference.calibration.environment import as_calibration, read_reality
+        from foldcar.study.reality_environment import RealityEnvironment, read_reality, study_in_reality
 
-        real_parameters = as_calibration(reality, read_reality(reality, engine))
-    study, environment_of = under_calibration(study, store, calibration, real_parameters)
+        values = read_reality(reality, engine)
+        study, environment_of = study_in_reality(study, values), partial(RealityEnvironment, reality=values)
     rules = stopping_rules(until, study) if until else {}
     return Sweep(study, store, carsim, command, environment_of, rules, realities)
 
@@ -71,28 +66,3 @@ def _check_same_study(study: Study, store: Path) -> None:
             f"{store}: holds the study of another listing, {stored.listing_name}; sweep {study.listing_name} into "
             f"another store (--store {new_store}), which `foldcar merge` can join with {store}"
         )
-
-
-def under_calibration(
-    study: Study, store: Path, name: str | None, reality: "Calibration | None" = None
-) -> tuple[Study, Callable[[Experiment], Environment]]:
-    """Return the study, and the function that creates an experiment's environment.
-
-    With the calibration ``name`` of the store, or with a ``reality``, the returned study and environments simulate with
-    the parameters of that; without either they are nominal. Raises FoldcarError if both are given, or the calibration
-    does not exist.
-    """
-    if name is not None and reality is not None:
-        raise FoldcarError("--calibration and --reality: both set the simulator's parameters; use only one")
-    if name is None and reality is None:
-        return study, Environment
-    from foldcar.inference.calibration.environment import calibrated_environment, calibrated_study
-    from foldcar.store.calibrations import calibration_named
-
-    if reality is None:
-        assert name is not None
-        with Store.open(store) as reader:
-            calibration = calibration_named(reader, name)
-    else:
-        calibration = reality
-    return calibrated_study(study, calibration), partial(calibrated_environment, calibration=calibration)

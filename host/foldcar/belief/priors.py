@@ -20,7 +20,7 @@ FloatArray = np.ndarray[Any, np.dtype[np.float64]]
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A parameter; ``nominal`` is its value in an uncalibrated simulation.
+    """A parameter; ``nominal`` is its value in nominal simulation.
 
     ``prior``: ``log-normal`` with median ``middle`` and standard deviation ``sd`` of the logarithm, ``normal``, or
     ``half-normal`` (``middle`` 0). ``unit`` is that of value, middle and sd; × is a factor.
@@ -125,7 +125,7 @@ NAMED_CELLS = (
 # of mass, 0.5 mm of the track. Other parameters are measured to a fifth of their prior's deviation.
 MEASURABLE = {"obstacle_height": 0.1, "com_height_m": 0.125, "track_m": 0.125}
 OTHER_PRECISION = 0.2
-# Largest score of a measured value: farther out, the emulator was fitted to no runs.
+# Largest score of a reality that is simulated, and so of a measured value.
 MAX_SCORE = 2.5
 NOMINAL: Mapping[str, float] = {parameter.name: parameter.nominal for parameter in PARAMETERS}
 

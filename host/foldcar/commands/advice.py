@@ -46,7 +46,7 @@ def select(
     from foldcar.api.study import Study
     from foldcar.commands.progress_bar import working
     from foldcar.commands.tables import print_selections
-    from foldcar.inference.tables import selection_object, write_selection
+    from foldcar.evidence.tables import selection_object, write_selection
 
     check_distinct([store], [csv])
     with working("weighing realities"):
@@ -84,7 +84,7 @@ def compare(
     from foldcar.api.study import Study
     from foldcar.commands.progress_bar import working
     from foldcar.commands.tables import print_comparison
-    from foldcar.inference.tables import comparison_object, write_comparison
+    from foldcar.evidence.tables import comparison_object, write_comparison
 
     check_distinct([store], [csv])
     largest_gap = parse_points("--margin", margin)

@@ -52,17 +52,17 @@ def link(
     import sys
 
     from foldcar.car.body import car_json
-    from foldcar.inference.calibration.environment import read_reality
     from foldcar.interrupts import message_on_signal
     from foldcar.link.simulated_car import simulated_car
     from foldcar.simulation.runner import CarsimError
     from foldcar.store.trial_records import checked_name
+    from foldcar.study.reality_environment import read_reality
 
     car_name = None if car is None else checked_name(car, "--car")
     run = listed_run(listing, experiment, settings, sample, engine)
     if car_name is not None and reality is None and not run.experiment.variation:
         print_note(f"experiment {run.experiment.id} has no variation: {car_name} has the nominal body, as all cars have")
-    real_values = None if reality is None else read_reality(reality, engine)
+    real_values = None if reality is None else read_reality(reality, engine).values
     other_samples = (k for k in range(min(run.experiment.environments, MAX_SAMPLES)) if k != sample)
     worlds = [_world(run, k, real_values, car_name) for k in (sample, *other_samples)]
     # carsim ends when the process that reads its output ends: see sim2d/src/reader_watch.h.

@@ -139,9 +139,9 @@ def _print_session(store: Path, numbers: Collection[int]) -> None:
     ``numbers`` are those of its trials, all of one experiment.
     """
     from foldcar.commands.progress_bar import working
-    from foldcar.inference.comparison import compare_evidence
-    from foldcar.inference.evidence import read_evidence, swept_ids
-    from foldcar.inference.selecting import select_evidence
+    from foldcar.evidence.comparison import compare_evidence
+    from foldcar.evidence.evidence import read_evidence, swept_ids
+    from foldcar.evidence.selecting import select_evidence
     from foldcar.shown_console import shown_console
     from foldcar.statistics.words import count
     from foldcar.store.reader import Store

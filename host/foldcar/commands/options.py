@@ -209,12 +209,6 @@ Scheduler = Annotated[
         help="Simulate on the workers of a Dask scheduler, e.g. tcp://10.0.0.1:8786; local:4 starts 4 workers here.",
     ),
 ]
-UnderCalibration = Annotated[
-    str | None,
-    typer.Option(
-        "--calibration", metavar="NAME", help="Simulate with this calibration of the store (see `foldcar calibrate`)."
-    ),
-]
 Settings = Annotated[
     list[str] | None,
     typer.Option(

@@ -44,7 +44,7 @@ def merge(
 ) -> None:
     """Merge several stores into a new one.
 
-    The new store has all runs, scenes, experiments, calibrations, and trials with their logs, without duplicates. It has
+    The new store has all runs, scenes, experiments, and trials with their logs, without duplicates. It has
     the listing of the first store. Nothing is written if two stores have different results of the same run, different
     experiments with the same name, or different data of the same trial.
 

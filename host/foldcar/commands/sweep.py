@@ -18,7 +18,6 @@ from foldcar.commands.options import (
     OutputStore,
     Samples,
     Scheduler,
-    UnderCalibration,
     check_scheduler_option,
     command_line,
     print_note,
@@ -57,7 +56,6 @@ def sweep(
     jobs: Jobs = None,
     scheduler: Scheduler = None,
     experiment: OneExperiment = None,
-    calibration: UnderCalibration = None,
     reality: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Simulate with the parameters of car and ground in this JSON file."),
@@ -94,7 +92,7 @@ def sweep(
 
     planned = planned_sweep(
         listing, store, command_line(), experiment=experiment, environments=samples, until=until,
-        calibration=calibration, reality=reality, engine=engine, realities=realities,
+        reality=reality, engine=engine, realities=realities,
     )  # fmt: skip
     if dry_run:
         _print_estimates(planned, jobs or usable_processors(), as_json)

@@ -6,7 +6,7 @@ Designs are named by the parameters that vary, as in ``width 95 mm, radius 60 mm
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import typer
 from rich.console import Console
@@ -18,11 +18,10 @@ from foldcar.store.trial_records import BUILT, SIMULATED, UNKNOWN, WITHDRAWN, Co
 
 if TYPE_CHECKING:
     from foldcar.belief.answers import Unknown
-    from foldcar.inference.adviser import Selection
-    from foldcar.inference.comparison import Comparison, DesignComparison, ExperimentComparison
+    from foldcar.evidence.adviser import Selection
+    from foldcar.evidence.comparison import Comparison, DesignComparison, ExperimentComparison
     from foldcar.statistics.gap import Gap
     from foldcar.statistics.rate import Rate
-    from foldcar.store.calibrations import Calibration
     from foldcar.study.search.objectives import Objective
     from foldcar.study.search.search import Plan, SearchResult
 
@@ -178,64 +177,6 @@ def _print_steps(console: Console, selection: "Selection") -> None:
         samples = ", ".join(map(str, selection.environments))
         console.print(f"Environments to set up for the trials (`foldcar log --sample K`): {samples}.")
     console.print(selection.basis)
-
-
-def print_calibration(calibration: "Calibration") -> None:
-    """Print parameters with their priors, designs with their predictions, and findings; intervals are 90 % intervals."""
-    summary = calibration.summary
-    console = shown_console(PLAIN_WIDTH)
-    head = f"Experiment {summary['experiment']}, {summary['runs']} runs; ranges are 90 % intervals"
-    console.print(head, style="bold")
-    for line in summary["notes"]:
-        typer.echo(line)
-    table = ResultTable("parameter", "prior", "posterior", "variance reduction %", left=("parameter",))
-    for row in summary["parameters"]:
-        name = row["name"] if row["name"].endswith(f"_{row['unit']}") else f"{row['name']} ({row['unit']})"
-        table.add_row(name, _median(row["prior"]), _median(row["posterior"]), _percent(row["explained"]))
-    table.print_on(console)
-    table = ResultTable("design", "trials", "passed %", "nominal", "calibrated", "built cars", left=("design",))
-    for row in summary["designs"]:
-        simulated = f"{_percent(row['simulated']['median'])} ({_interval(row['simulated'])})"
-        built = f"{_percent(row['built']['median'])} ({_interval(row['built'])})"
-        table.add_row(*_counted(row), _percent(row["nominal"]), simulated, built)
-    table.print_on(console)
-    if summary.get("leave_one_out"):
-        table = ResultTable("left out", "trials", "passed %", "predicted", "log score", "nominal", left=("left out",))
-        for row in summary["leave_one_out"]:
-            nominal = "-" if row["nominal_log_score"] is None else f"{row['nominal_log_score']:.2f}"
-            table.add_row(*_counted(row), _interval(row["predicted"]), f"{row['log_score']:.2f}", nominal)
-        table.print_on(console)
-    likelihood = summary["log_likelihood"]
-    nominal = "" if likelihood["nominal"] is None else f", nominal {likelihood['nominal']:.1f}"
-    typer.echo(
-        f"log-likelihood {likelihood['draws']:.1f} by calibrated rates{nominal}, best possible {likelihood['best']:.1f}; "
-        f"{likelihood['expected']:.1f} with the discrepancy integrated out"
-    )
-    for finding in summary["findings"]:
-        typer.echo(finding)
-
-
-def _counted(row: Mapping[str, Any]) -> tuple[str, str, str]:
-    """Return a design's name, its numbers of passed and of all trials, and their rate in per cent."""
-    name = design_text(row["design"])
-    if not row["counted"]:
-        return name, "-", "-"
-    return name, f"{row['passed']}/{row['counted']}", _percent(row["passed"] / row["counted"])
-
-
-def _median(ends: Mapping[str, Any]) -> str:
-    """Return a parameter's median with its interval: ``0.9 (0.7..1.2)``."""
-    if math.isclose(ends["low"], ends["high"]):
-        # A measured value has no interval.
-        return f"{ends['median']:.4g}"
-    # Digits below a millimetre or a milliradian do not matter.
-    middle, low, high = (f"{round(ends[name], 3):.2g}" for name in ("median", "low", "high"))
-    return f"{middle} ({low}..{high})"
-
-
-def _interval(ends: Mapping[str, Any]) -> str:
-    """Return an interval of a rate in whole per cent."""
-    return _percent_range(ends["low"], ends["high"])
 
 
 def print_search(plan: "Plan", result: "SearchResult", store: Path, varied: Sequence[str]) -> None:

@@ -104,15 +104,14 @@ def measure(
 ) -> None:
     """Store measurements of built cars and obstacles.
 
-    `foldcar calibrate` uses these values as known. obstacle_height is the ratio of real to planned obstacle height.
+    The belief about built cars then takes them as known. obstacle_height is the ratio of real to planned obstacle height.
     com_height_m is how much higher the centre of mass is than in the design, track_m how much wider the track is.
 
     \b
     Example: foldcar trials measure study.db obstacle_height=1.04 com_height_m=0.005 track_m=0.002
     """
     from foldcar.belief.priors import NAMES, PARAMETERS, measured_value
-    from foldcar.inference.calibration.observations import experiment_to_measure
-    from foldcar.store.calibrations import measured_values, write_calibrations
+    from foldcar.store.measured import experiment_to_measure, measured_values, write_measured
     from foldcar.store.reader import Store
 
     names_to_delete = {text[:-1].strip() for text in values or () if text.endswith("=")}
@@ -128,7 +127,7 @@ def measure(
     with Store.open(store) as reader:
         experiment_id = experiment_to_measure(reader, experiment)
     if changes:
-        with write_calibrations(store) as writer:
+        with write_measured(store) as writer:
             writer.measure(experiment_id, changes)
     with Store.open(store) as reader:
         measured = measured_values(reader, experiment_id)

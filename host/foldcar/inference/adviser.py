@@ -9,12 +9,12 @@ from dataclasses import dataclass
 
 from foldcar.belief.advice import AFTERNOON_TRIALS, MIN_GAIN, Step, steps
 from foldcar.belief.priors import MEASURABLE
-from foldcar.inference.belief import Belief
-from foldcar.inference.comparison import built_rate
-from foldcar.inference.costs import FILLING, MEASURE_MIN, PLACING_MIN, car_min, sheets_of, trial_min
-from foldcar.inference.design_evidence import Design
-from foldcar.inference.evidence import Evidence
-from foldcar.inference.sentences import afternoon, grounds, measurement, step_text, works
+from foldcar.evidence.belief import Belief
+from foldcar.evidence.comparison import built_rate
+from foldcar.evidence.costs import FILLING, MEASURE_MIN, PLACING_MIN, car_min, sheets_of, trial_min
+from foldcar.evidence.design_evidence import Design
+from foldcar.evidence.evidence import Evidence
+from foldcar.evidence.sentences import afternoon, grounds, measurement, step_text, works
 from foldcar.statistics.rate import Rate
 from foldcar.store.info import ExperimentInfo
 

@@ -16,11 +16,11 @@ from foldcar.belief.answers import MOVED, Answers, Unknown, believe
 from foldcar.belief.learning import Learned, learn
 from foldcar.belief.priors import NAMES, built_priors, measured_priors
 from foldcar.belief.weighing import SCENE_TRUST, Trials
-from foldcar.inference.calibration.supply import measured_supply
-from foldcar.inference.design_evidence import DesignEvidence
+from foldcar.evidence.design_evidence import DesignEvidence
+from foldcar.evidence.supply import measured_supply
 from foldcar.statistics.words import count, percent, points
-from foldcar.store.calibrations import measured_values
 from foldcar.store.info import ExperimentInfo
+from foldcar.store.measured import measured_values
 from foldcar.store.reader import Store
 from foldcar.store.reality_runs import read_reality_runs
 from foldcar.store.stored_drives import read_drives

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy
 
 from foldcar.belief.answers import Unknown, estimates
-from foldcar.inference.belief import Belief, why_no_belief
-from foldcar.inference.design_evidence import Design, DesignEvidence
-from foldcar.inference.evidence import Evidence, read_evidence, simulated_text, swept_ids, unswept_trials
+from foldcar.evidence.belief import Belief, why_no_belief
+from foldcar.evidence.design_evidence import Design, DesignEvidence
+from foldcar.evidence.evidence import Evidence, read_evidence, simulated_text, swept_ids, unswept_trials
 from foldcar.statistics.gap import (
     AGREES,
     OPTIMISTIC,

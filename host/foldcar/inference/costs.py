@@ -13,7 +13,7 @@ from foldcar.car.design import compose_columns
 from foldcar.car.folded.weight import film_area_cm2
 from foldcar.car.folded_car import folded_car
 from foldcar.errors import FoldcarError
-from foldcar.inference.design_evidence import DesignEvidence
+from foldcar.evidence.design_evidence import DesignEvidence
 
 _DATA = json.loads(Path(__file__).with_name("costs.json").read_text(encoding="utf-8"))
 FILLING: float = _DATA["filling"]["value"]

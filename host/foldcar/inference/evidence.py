@@ -13,16 +13,16 @@ from typing import Any
 import numpy
 from numpy.typing import NDArray
 
-from foldcar.inference import remarks
-from foldcar.inference.belief import Belief, read_belief
-from foldcar.inference.design_evidence import (
+from foldcar.evidence import remarks
+from foldcar.evidence.belief import Belief, read_belief
+from foldcar.evidence.design_evidence import (
     DesignEvidence,
     PairedTrial,
     design_key,
     design_label,
     in_family,
 )
-from foldcar.inference.resimulation import Resimulation
+from foldcar.evidence.resimulation import Resimulation
 from foldcar.simulation.results import NUMBERS, OUTCOMES, REJECTED
 from foldcar.store.frames import RunArrays, run_arrays
 from foldcar.store.info import ExperimentInfo

@@ -3,9 +3,9 @@
 from collections import Counter
 from collections.abc import Iterable, Sequence
 
-from foldcar.inference.design_evidence import DesignEvidence
+from foldcar.evidence.design_evidence import DesignEvidence
 from foldcar.statistics.words import count
-from foldcar.store.info import REALITY_KIND, ExperimentInfo
+from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import SIMULATED, Trial
 from foldcar.study.reality_runs import missing_realities
@@ -41,15 +41,10 @@ def runs(store: Store, info: ExperimentInfo) -> list[str]:
 
 
 def trials(info: ExperimentInfo, kept: Sequence[Trial]) -> list[str]:
-    """Return remarks on trials that are compared with runs: whether runs were fitted to them, how many were corrected."""
+    """Return remarks on trials that are compared with runs: what was simulated, how many were corrected."""
     sentences = []
     if info.under is not None and kept:
-        sentences.append(
-            f"The runs are of {info.under}: its parameters come from a file, not from trials."
-            if info.under.startswith(REALITY_KIND)
-            else f"The runs are of the {info.under}, which was fitted to trials of experiment {info.listed_id}. So "
-            "they agree with those trials; only later trials can test them."
-        )
+        sentences.append(f"The runs are of {info.under}: its parameters come from a file, not from trials.")
     simulated = sum(trial.standing == SIMULATED for trial in kept)
     if simulated:
         sentences.append(f"SIMULATED cars drove {simulated} of {count(len(kept), 'trial')}.")

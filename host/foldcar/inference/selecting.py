@@ -5,10 +5,10 @@ from dataclasses import replace
 
 from threadpoolctl import threadpool_limits
 
-from foldcar.inference.adviser import Adviser, Selection
-from foldcar.inference.belief import why_no_belief
-from foldcar.inference.evidence import Evidence, read_evidence, simulated_text
-from foldcar.inference.sentences import grounds
+from foldcar.evidence.adviser import Adviser, Selection
+from foldcar.evidence.belief import why_no_belief
+from foldcar.evidence.evidence import Evidence, read_evidence, simulated_text
+from foldcar.evidence.sentences import grounds
 from foldcar.simulation.results import no_rate_text
 from foldcar.statistics.words import count
 from foldcar.store.reader import Store

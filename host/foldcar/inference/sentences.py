@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from foldcar.belief.advice import MIN_GAIN, Step
 from foldcar.belief.answers import PROBABLY, REACHES, Estimate
-from foldcar.inference.belief import Belief
-from foldcar.inference.evidence import Evidence
+from foldcar.evidence.belief import Belief
+from foldcar.evidence.evidence import Evidence
 from foldcar.statistics.rate import wilson_interval
 from foldcar.statistics.words import count, listed, percent, percent_number, span_text
 

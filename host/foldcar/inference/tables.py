@@ -7,8 +7,8 @@ from typing import Any
 
 import pandas
 
-from foldcar.inference.adviser import PlannedStep, Selection
-from foldcar.inference.comparison import Comparison, DesignComparison, ExperimentComparison
+from foldcar.evidence.adviser import PlannedStep, Selection
+from foldcar.evidence.comparison import Comparison, DesignComparison, ExperimentComparison
 from foldcar.outputs import atomic_file
 from foldcar.shown_text import spreadsheet_cell
 from foldcar.statistics.gap import Gap

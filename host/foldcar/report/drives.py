@@ -38,7 +38,6 @@ from foldcar.simulation.heights import carsim_heights
 from foldcar.simulation.results import FAILED, OUTCOMES, REJECTED
 from foldcar.simulation.runner import PATH_INTERVAL_S, side_by_side
 from foldcar.statistics.words import count
-from foldcar.store.calibrations import Calibration, calibrations
 from foldcar.store.frames import RunArrays
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
@@ -90,7 +89,6 @@ class PageDrives:
         blobs = {"inputs": _inputs(info, drives, designs, samples), "checks": _checks(runs)}
         blobs |= self._scene_blobs(drives, samples, carsim)
         blobs |= _car_blobs(info, drives, designs)
-        calibration = _latest_calibration(store, info.id)
         from_sheets = all(trial.source is None for trial in experiment.trials)
         shown["drives"] = {
             "key": key,
@@ -99,8 +97,7 @@ class PageDrives:
             "designs": designs,
             "environments": samples,
             "path_interval_s": PATH_INTERVAL_S,
-            "sliders": [] if info.under else sliders(info.vehicle_type, from_sheets, calibration),
-            "calibration": calibration.name if calibration else None,
+            "sliders": [] if info.under else sliders(info.vehicle_type, from_sheets),
         }
         if len(designs) < len(drives.bodies) or len(samples) < len(drives.scenes):
             shown["remarks"].append(
@@ -139,13 +136,12 @@ def why_not(info: ExperimentInfo, drives: StoredDrives) -> str | None:
     return None
 
 
-def sliders(vehicle_type: str, from_sheets: bool, calibration: Calibration | None) -> list[dict[str, Any]]:
+def sliders(vehicle_type: str, from_sheets: bool) -> list[dict[str, Any]]:
     """Return the parameters that a page can change.
 
-    Each has its range, its nominal value, and median and 90 % interval (low, median, high) of its prior and, with a
-    calibration, of its posterior. ``from_sheets``: whether all built cars were built from the sheets.
+    Each has its range, its nominal value, and median and 90 % interval (low, median, high) of its prior.
+    ``from_sheets``: whether all built cars were built from the sheets.
     """
-    calibrated = {row["name"]: row for row in calibration.summary["parameters"]} if calibration else {}
     special_priors, rows = built_priors(vehicle_type, from_sheets), []
     for parameter in SLIDERS:
         index = NAMES.index(parameter.name)
@@ -154,19 +150,12 @@ def sliders(vehicle_type: str, from_sheets: bool, calibration: Calibration | Non
         # The nominal value must be on the slider; a half-normal parameter is a standard deviation, which may be 0.
         low = 0.0 if parameter.prior == "half-normal" else min(low, parameter.nominal)
         row = _slider(parameter.name, parameter.unit, parameter.meaning, parameter.nominal, low, high)
-        posterior = calibrated[parameter.name]["posterior"] if calibration else None
-        rows.append(
-            {
-                **row,
-                "prior": _rounded(prior_interval(parameter, prior)),
-                "calibrated": posterior and _rounded(_interval(posterior)),
-            }
-        )
-    # Only a reality has this parameter, so it has neither prior nor posterior.
+        rows.append({**row, "prior": _rounded(prior_interval(parameter, prior))})
+    # Only a reality of a file has this parameter, so it has no prior.
     supply = REAL_ONLY["supply_resistance_ohm"]
     meaning = "resistance of cells, wires and switch of the servo supply, beyond the design's"
     row = _slider("supply_resistance_ohm", supply.unit, meaning, supply.nominal, 0.0, MAX_SUPPLY_OHM)
-    return [*rows, {**row, "prior": None, "calibrated": None}]
+    return [*rows, {**row, "prior": None}]
 
 
 def _slider(name: str, unit: str, meaning: str, nominal: float, low: float, high: float) -> dict[str, Any]:
@@ -174,18 +163,8 @@ def _slider(name: str, unit: str, meaning: str, nominal: float, low: float, high
     return {"name": name, "unit": unit, "meaning": meaning, "nominal": nominal, **limits}
 
 
-def _interval(ends: Mapping[str, float]) -> list[float]:
-    return [ends[name] for name in ("low", "median", "high")]
-
-
 def _rounded(values: Sequence[float]) -> list[float]:
     return [float(f"{value:.4g}") for value in values]
-
-
-def _latest_calibration(store: Store, experiment: str) -> Calibration | None:
-    """Return the newest calibration by an experiment's trials; None without calibrations."""
-    by_trials = [calibration for calibration in calibrations(store) if calibration.experiment == experiment]
-    return max(by_trials, key=lambda calibration: calibration.created_utc, default=None)
 
 
 def _shown_designs(count: int) -> list[int]:

@@ -24,7 +24,7 @@
   last threshold and the band of built cars, before trials that of simulation; ``refuted``: "optimistic" or "pessimistic"
   if the design's trials contradict simulation; ``measures``: ``{"key", "label", "unit", "better": "less" | "more" |
   null, "value": column}``.
-- ``engines``: for each other engine or calibration that simulated the same cars in the same samples ``{"id": its
+- ``engines``: for each other engine or reality that simulated the same cars in the same samples ``{"id": its
   experiment, "name", "passed", "runs": columns by design, "text": a sentence that compares them}``.
 - ``runs``: columns ``design``, ``environment``, ``outcome``, ``time_s`` in the order of design and environment; null
   beyond MAX_RUNS, where ``runs_omitted`` says so.
@@ -70,12 +70,12 @@ from threadpoolctl import threadpool_limits
 
 from foldcar.belief.answers import Estimate
 from foldcar.belief.priors import NAMES
+from foldcar.evidence.adviser import Selection
+from foldcar.evidence.belief import taught
+from foldcar.evidence.design_evidence import design_label
+from foldcar.evidence.evidence import Evidence, read_evidence, read_unswept
+from foldcar.evidence.selecting import select_evidence
 from foldcar.figures.style import OUTCOME_LABELS
-from foldcar.inference.adviser import Selection
-from foldcar.inference.belief import taught
-from foldcar.inference.design_evidence import design_label
-from foldcar.inference.evidence import Evidence, read_evidence, read_unswept
-from foldcar.inference.selecting import select_evidence
 from foldcar.report.environment_values import EnvironmentValues, environment_values
 from foldcar.report.page_designs import DesignColumns, parameter_columns
 from foldcar.report.page_effects import cause_rows, effect_rows, importance_rows, read_effects

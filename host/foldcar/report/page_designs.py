@@ -7,8 +7,8 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from foldcar.inference.comparison import compare_experiment
-from foldcar.inference.evidence import Evidence
+from foldcar.evidence.comparison import compare_experiment
+from foldcar.evidence.evidence import Evidence
 from foldcar.statistics import rate
 from foldcar.statistics.gap import OPTIMISTIC, PESSIMISTIC
 from foldcar.statistics.words import label_and_unit

@@ -7,7 +7,7 @@ import numpy
 from threadpoolctl import threadpool_limits
 
 from foldcar.errors import FoldcarError
-from foldcar.inference.evidence import Evidence
+from foldcar.evidence.evidence import Evidence
 from foldcar.report.environment_values import EnvironmentValues
 from foldcar.simulation.results import OUTCOMES
 from foldcar.statistics.effects import Effect, Effects, fit_effects

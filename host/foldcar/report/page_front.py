@@ -7,7 +7,7 @@ best. The objectives are computed by :mod:`foldcar.study.search.objectives`.
 from collections.abc import Sequence
 from typing import Any
 
-from foldcar.inference.evidence import Evidence
+from foldcar.evidence.evidence import Evidence
 from foldcar.simulation.results import NUMBERS, OUTCOMES
 from foldcar.study.search.design_simulator import Row
 from foldcar.study.search.objectives import OBJECTIVES, Objective, is_dominated

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy
 
 from foldcar.car.design_parameters import declared, key_of
-from foldcar.inference.evidence import Evidence
+from foldcar.evidence.evidence import Evidence
 from foldcar.statistics.effects import Effects
 from foldcar.statistics.words import design_text, label_and_unit, percent, value_text
 

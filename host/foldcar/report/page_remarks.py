@@ -3,11 +3,10 @@
 import shlex
 from typing import TYPE_CHECKING
 
-from foldcar.inference.design_evidence import in_family
+from foldcar.evidence.design_evidence import in_family
 from foldcar.simulation.results import OUTCOMES
 from foldcar.statistics.stopping import MIN_CHANCE
 from foldcar.statistics.words import count
-from foldcar.store.calibrations import calibrations
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
 
@@ -34,10 +33,6 @@ def remarks(store: Store, experiment: "Experiment") -> list[str]:
     outside = sum(not in_family(info, trial.vehicle_type, trial.design) for trial in experiment.trials)
     if outside:
         sentences.append(f"{count(outside, 'trial')} of cars that do not belong to this family count in no rate here.")
-    for calibration in calibrations(store):
-        if calibration.experiment == info.id:
-            findings = " ".join(calibration.summary["findings"])
-            sentences.append(f"Calibration {calibration.name} ({calibration.created_utc}, UTC): {findings}")
     return [*experiment.selection.remarks, *sentences, *_failures(store, info, counts["failed"])]
 
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from foldcar.inference.evidence import Evidence
+from foldcar.evidence.evidence import Evidence
 from foldcar.simulation.engines import MULTIBODY, engine_title
 from foldcar.simulation.results import OUTCOMES
 from foldcar.statistics.words import percent
@@ -40,7 +40,7 @@ def other_simulations(evidence: Evidence, experiments: Sequence[Evidence]) -> li
 
 
 def _simulation_name(info: ExperimentInfo, other: ExperimentInfo) -> str:
-    """Name an experiment's simulation by its difference from the other's: its engine, or its calibration."""
+    """Name an experiment's simulation by its difference from the other's: its engine, or its reality."""
     if info.engine != other.engine:
         return engine_title(info.engine) or MULTIBODY
     return info.under or "nominal"

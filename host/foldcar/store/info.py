@@ -12,13 +12,9 @@ if TYPE_CHECKING:
     from foldcar.statistics.stopping import StoppingRule
 
 
-# Kinds of parameters to simulate with: a calibration of the store, or a file.
-CALIBRATION_KIND, REALITY_KIND = "calibration", "reality"
-
-
-# Suffixes of the names of an experiment's variants: new environments, another engine, other parameters.
+# Suffixes of the names of an experiment's variants: new environments, another engine, a reality.
 _TITLES = "|".join(re.escape(engine.title) for engine in ENGINES.values() if engine.title)
-VARIANT = re.compile(rf" (fresh|\(({_TITLES}|(calibrated|{REALITY_KIND}) .*)\))$", re.DOTALL)
+VARIANT = re.compile(rf" (fresh|\(({_TITLES}|reality .*)\))$", re.DOTALL)
 
 
 def engine_id(experiment: str, engine: str) -> str:
@@ -26,9 +22,9 @@ def engine_id(experiment: str, engine: str) -> str:
     return f"{experiment} ({engine_title(engine)})" if engine else experiment
 
 
-def listed_id(experiment: str, calibration: Mapping[str, str] | None, engine: str) -> str:
-    """Return an experiment's name in the listing: its name in the store without calibration and engine."""
-    listed_name = experiment if calibration is None else calibration["experiment"]
+def listed_id(experiment: str, reality: Mapping[str, str] | None, engine: str) -> str:
+    """Return an experiment's name in the listing: its name in the store without reality and engine."""
+    listed_name = experiment if reality is None else reality["experiment"]
     return listed_name.removesuffix(engine_id("", engine))
 
 
@@ -58,8 +54,8 @@ class ExperimentInfo:
     With a stopping rule ``until``, ``decided`` ones of the ``designs`` need no more runs, and after the sweep's end no
     more runs are planned. ``success_rule`` says when a run has passed, or why that is undefined (``success_defined`` is
     False). ``skipped`` names the cars that cannot be built, with reasons.
-    ``calibration`` is None for nominal simulations, else ``name``, ``fingerprint`` and the listing's ``experiment``, and
-    for a reality its ``kind``; then ``listed_environment`` is the fingerprint of the listing's environment.
+    ``reality`` is None for nominal simulations, else ``name`` and ``fingerprint`` of a file's reality, and the listing's
+    ``experiment``; then ``listed_environment`` is the fingerprint of the listing's environment.
     ``searched``: a search chose designs and numbers of runs by its ``objectives``, and no more runs are planned.
     ``thresholds`` are success rates that good designs reach. ``engine`` is the engine's name and version, "" for
     multibody. ``unlike_sides`` says what that engine cannot simulate here, "" if nothing. ``terrain_objects`` are the
@@ -90,7 +86,7 @@ class ExperimentInfo:
     success_rule: str
     success_defined: bool
     skipped: tuple[str, ...] = ()
-    calibration: Mapping[str, str] | None = None
+    reality: Mapping[str, str] | None = None
     listed_environment: str | None = None
     thresholds: tuple[float, ...] = ()
     until: "StoppingRule | None" = None
@@ -108,13 +104,12 @@ class ExperimentInfo:
     @property
     def listed_id(self) -> str:
         """The experiment's name in the listing."""
-        return listed_id(self.id, self.calibration, self.engine)
+        return listed_id(self.id, self.reality, self.engine)
 
     @property
     def under(self) -> str | None:
-        """What it was simulated with, such as ``calibration NAME``; None for nominal simulations."""
-        facts = self.calibration
-        return None if facts is None else f"{facts.get('kind', CALIBRATION_KIND)} {facts['name']}"
+        """The reality that it was simulated in, as ``reality NAME``; None for nominal simulations."""
+        return None if self.reality is None else f"reality {self.reality['name']}"
 
     @property
     def warning(self) -> str:

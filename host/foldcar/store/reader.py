@@ -192,8 +192,8 @@ class Store:
         return dict(self._rows(query))
 
     def _environment_id(self, info: ExperimentInfo) -> int:
-        """Return the id of the experiment's environment as listed, which a calibration would change; 0 if not stored."""
-        if info.calibration is None:
+        """Return the id of the experiment's environment as listed, which a reality would change; 0 if not stored."""
+        if info.reality is None:
             return int(self._experiment(info.id)["environment_id"])
         rows = self.rows(ENVIRONMENT, "WHERE fingerprint = ?", info.listed_environment)
         # Ids begin at 1.

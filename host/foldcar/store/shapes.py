@@ -10,7 +10,7 @@ from typing import Annotated, Any
 from pydantic import Field, NonNegativeInt, TypeAdapter, ValidationError, with_config
 from typing_extensions import NotRequired, TypedDict
 
-from foldcar.store.tables import CALIBRATION, DESIGN, EXPERIMENT, LIMITS, REALITY_RUN, RECORDED, SAMPLE, TRIAL, Table
+from foldcar.store.tables import DESIGN, EXPERIMENT, LIMITS, REALITY_RUN, RECORDED, SAMPLE, TRIAL, Table
 
 Number = Annotated[float, Field(ge=LIMITS["REAL"][0], le=LIMITS["REAL"][1])]
 Numbers = dict[str, Number]
@@ -27,13 +27,13 @@ class StoppingRuleFacts(TypedDict):
     confidence: Number
 
 
-class CalibrationFacts(TypedDict):
-    """The calibration or reality that an experiment was simulated with."""
+@with_config(extra="forbid")
+class RealityFacts(TypedDict):
+    """The reality that an experiment was simulated in."""
 
     name: str
     fingerprint: str
     experiment: str
-    kind: NotRequired[str]
 
 
 @with_config(extra="forbid")
@@ -55,7 +55,7 @@ class ExperimentFacts(TypedDict):
     success_rule: str
     success_defined: bool
     skipped: NotRequired[list[str]]
-    calibration: NotRequired[CalibrationFacts | None]
+    reality: NotRequired[RealityFacts | None]
     listed_environment: NotRequired[str | None]
     thresholds: NotRequired[list[Number]]
     until: NotRequired[StoppingRuleFacts | None]
@@ -71,12 +71,6 @@ class ExperimentFacts(TypedDict):
     files: NotRequired[dict[str, str]]
 
 
-class CalibrationSummary(TypedDict):
-    """The part of a summary that reports show."""
-
-    findings: list[str]
-
-
 SHAPES: Mapping[tuple[str, str], Any] = {
     (EXPERIMENT.name, "facts"): ExperimentFacts,
     (DESIGN.name, "parameters"): Parameters,
@@ -85,8 +79,6 @@ SHAPES: Mapping[tuple[str, str], Any] = {
     (SAMPLE.name, "objects"): list[tuple[str, Numbers]],
     (TRIAL.name, "design"): Parameters,
     (TRIAL.name, "deviations"): dict[str, tuple[Number, Number, Number]],
-    (CALIBRATION.name, "draws"): Annotated[list[Numbers], Field(min_length=1)],
-    (CALIBRATION.name, "summary"): CalibrationSummary,
     ("variation", "json"): dict[str, Number | list[Number]],
 }
 

@@ -292,19 +292,6 @@ MEDIA = Table(
     ),
     key=("trial_id", "sha256"),
 )
-CALIBRATION = Table(
-    "calibration",
-    "parameters of the simulator, inferred from the trials of an experiment",
-    (
-        Column("name", "TEXT", "its name; experiments swept under it carry it"),
-        Column("experiment", "TEXT", "the experiment whose trials it goes by"),
-        Column("build_id", "INTEGER", "the build of carsim that simulated them", refers="build"),
-        Column("created_utc", "TEXT", "when it was made"),
-        Column("draws", "JSON", "a list of equally likely sets of parameters by name, units in the names"),
-        Column("summary", "JSON", "trials, priors, posterior, predictions and advice, as the command printed them"),
-    ),
-    key=("name",),
-)
 MEASURED = Table(
     "measured",
     "a parameter of the simulator that was measured on the built cars and the obstacles of an experiment's trials",
@@ -336,7 +323,6 @@ TABLES = (
     TRIAL,
     CORRECTION,
     MEDIA,
-    CALIBRATION,
     MEASURED,
 )
 BY_NAME = {table.name: table for table in TABLES}

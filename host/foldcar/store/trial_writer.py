@@ -286,7 +286,7 @@ class TrialWriter(StoreConnection):
         programs = {}
         for row in self.rows(EXPERIMENT):
             facts = json.loads(row["facts"])
-            if facts.get("calibration") is None and listed_id(row["id"], None, facts.get("engine", "")) == experiment:
+            if facts.get("reality") is None and listed_id(row["id"], None, facts.get("engine", "")) == experiment:
                 programs[row["environment_id"]] = facts.get("scenic_program")
         return next(iter(programs.items())) if len(programs) == 1 else (None, None)
 

@@ -36,7 +36,7 @@ class Environment:
         self._source: SceneSource | None = None
         # The program's files of an earlier sweep, if none has changed (see recall).
         self._recalled: Files | None = None
-        # If a calibration has changed this environment: the fingerprint of the environment in the listing, else None.
+        # If a reality has changed this environment: the fingerprint of the environment in the listing, else None.
         self.listed_fingerprint: str | None = None
         variation = experiment.variation
         self.spread_fingerprint = spread_fingerprint(variation, experiment.variation_seed) if variation else NOMINAL
@@ -74,8 +74,8 @@ class Environment:
         return self._experiment.program
 
     @property
-    def calibration(self) -> dict[str, str] | None:
-        """The calibration to simulate with, as in ExperimentInfo; None if the simulator is nominal."""
+    def reality(self) -> dict[str, str] | None:
+        """The reality to simulate in, as in ExperimentInfo; None if the simulator is nominal."""
         return None
 
     @property

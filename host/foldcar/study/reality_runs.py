@@ -60,7 +60,7 @@ def why_no_realities(
     ``requested`` is the number that a person asked for, None to let the learning's error decide. ``dynamic`` is whether
     the program runs beside the simulation.
     """
-    if environment.calibration is not None:
+    if environment.reality is not None:
         return "the experiment itself is simulated in another reality"
     if requested == 0:
         return "the sweep left them out (--realities 0)"

@@ -51,7 +51,7 @@ SHOWN_SKIPPED = 5
 class Sweep:
     """A planned sweep: ``carsim`` simulates the runs of ``study`` that ``store`` lacks.
 
-    The store records ``command`` as its origin. ``environment_of`` creates an experiment's environment; a calibration
+    The store records ``command`` as its origin. ``environment_of`` creates an experiment's environment; a reality
     has its own. ``until`` has the stopping rules by experiment. ``realities`` is the number of each experiment's runs in
     other realities; None lets the error decide with which the success rate is learned from them.
     """
@@ -264,8 +264,8 @@ def plan_experiment(
             "variation_seed": experiment.variation_seed,
             "skipped": experiment.family.skipped,
             **{name: program_facts[name] for name in ("success_rule", "success_defined", "terrain_objects")},
-            "calibration": environment.calibration,
-            **({"listed_environment": environment.listed_fingerprint} if environment.calibration else {}),
+            "reality": environment.reality,
+            **({"listed_environment": environment.listed_fingerprint} if environment.reality else {}),
             "thresholds": experiment.thresholds,
             **_reality_facts(experiment, environment, writer, program_facts, searched, realities),
             **({} if rule is None else {"until": asdict(rule)}),

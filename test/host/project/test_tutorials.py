@@ -3,7 +3,7 @@
 In a block marked `console` a line that begins with `$ ` is a command, `> ` continues it, and the lines below are its
 output, in order. On the page, … stands for any text within a line, and for any lines if it is a line of its own.
 `foldcar link` runs in the background; its port replaces the page's in all commands and outputs below. Commands print on
-a terminal of 80 columns, as a reader's.
+a terminal of 80 columns, as a reader's. Sweeps make fewer runs in other realities than a reader's do.
 """
 
 import contextlib
@@ -25,6 +25,8 @@ DOCS = Path(__file__).resolve().parents[3] / "docs"
 BLOCK = re.compile(r"^```console\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 PAGE_PORT = "/dev/pts/4"
 HANGS_S = 300
+# Runs in other realities of a sweep: as many as a reader's sweep makes take a minute.
+REALITIES = 500
 
 
 def steps_of(page: Path) -> Iterator[tuple[str, list[str]]]:
@@ -105,6 +107,8 @@ class Shell:
             line = self.car.stdout.readline()
             self.port = line.strip()
             return line
+        if command.startswith("foldcar sweep "):
+            command = f"{command} --realities {REALITIES}"
         terminal, inner = pty.openpty()
         with tempfile.TemporaryFile() as errors:
             process = subprocess.Popen(

@@ -6,9 +6,9 @@ from typing import Any
 
 import pandas
 import pytest
+from foldcar.evidence.comparison import compare
 
 from foldcar.api.study import Study
-from foldcar.inference.comparison import compare
 from foldcar.report import page_data as module
 from foldcar.report.page_data import page_data
 from foldcar.simulation.results import OUTCOMES

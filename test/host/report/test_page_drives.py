@@ -2,15 +2,12 @@
 
 import json
 import sqlite3
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from browser import Tab, study_of
-from foldcar.belief.priors import NOMINAL
-from foldcar.store.calibrations import new_calibration, write_calibrations
 from foldcar.store.reader import Store
 from study_car import listing_of
 from swept_listing import STEP_PYRAMIDS, foldcar, reported
@@ -136,27 +133,6 @@ def test_the_unknown_that_matters_most_comes_first(study: Path) -> None:
     points = [int(caption.split("changes success by ")[1].split(" ")[0]) for caption in captions]
     assert len(captions) == 9 and points == sorted(points, reverse=True) and points[0] > 0
     assert errors == []
-
-
-def test_sliders_show_the_ranges_of_the_newest_calibration(study: Path, tmp_path: Path) -> None:
-    (tmp_path / "s.db").write_bytes((study / "s.db").read_bytes())
-    with write_calibrations(tmp_path / "s.db") as writer:
-        for name, experiment, day, high in (("old", "1", 1, 1.3), ("pub", "1", 2, 1.1), ("other", "2", 3, 1.2)):
-            posterior = {"low": 0.9, "median": 1.0, "high": high}
-            summary = {"findings": [], "parameters": [{"name": name, "posterior": posterior} for name in NOMINAL]}
-            calibration = new_calibration(name, experiment, "build", [dict(NOMINAL)], summary)
-            writer.put(replace(calibration, created_utc=f"2026-01-0{day}T00:00:00Z"), replace=False)
-    foldcar("report", tmp_path / "s.db", "-o", tmp_path / "report")
-
-    (experiment,) = study_of(tmp_path / "report")["experiments"]
-    ranges = {slider["name"]: slider["calibrated"] for slider in experiment["drives"]["sliders"]}
-    assert ranges.pop("supply_resistance_ohm") is None and len(ranges) == 8
-    assert all(interval == [0.9, 1.0, 1.1] for interval in ranges.values())
-    with opened(tmp_path / "report") as tab:
-        ready(tab)
-        bars = tab.ask("document.querySelectorAll('.slider .calibrated').length")
-        note = tab.ask("document.getElementById('calibrated-note').textContent")
-    assert bars == len(ranges) and "calibration “pub”" in note
 
 
 def test_what_a_page_cannot_simulate_is_said(study: Path, tmp_path: Path) -> None:

@@ -59,7 +59,7 @@ def test_names_of_a_store_are_shown_as_text_and_never_run(
     monkeypatch.setattr(write, "_save_figures", lambda *_: None)
     cars = {"width": [80, 95, 245], "radius": [45, 60]}
     (tmp_path / "l.json").write_text(json.dumps(listing_of(KERB, cars, timeout=20, environments=30)))
-    foldcar("sweep", tmp_path / "l.json", "--store", tmp_path / "s.db")
+    foldcar("sweep", tmp_path / "l.json", "--store", tmp_path / "s.db", "--realities", "0")
     (tmp_path / "t.csv").write_text("vehicle_type,outcome,source,width_mm,radius_mm\nW_B_W,passed,notes,95,60\n")
     foldcar("trials", "import", tmp_path / "s.db", tmp_path / "t.csv", "--experiment", "1")
     with sqlite3.connect(tmp_path / "s.db") as connection:

@@ -15,13 +15,13 @@ import pytest
 from browser import Tab, study_of
 from foldcar.belief.priors import NOMINAL
 from foldcar.figures.scene_data import HEIGHT_M, ground_data
-from foldcar.inference.calibration.environment import read_reality
 from foldcar.report import write
 from foldcar.report.drives import result_hashes
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.heights import carsim_heights
 from foldcar.simulation.results import NUMBERS, OUTCOMES
 from foldcar.store.trial_writer import write_trials
+from foldcar.study.reality_environment import read_reality
 from swept_listing import foldcar, reported
 
 WIDTHS, SAMPLES = (95, 245), 3
@@ -104,7 +104,7 @@ def test_sliders_begin_at_what_was_simulated_and_stay_within_the_limits(study: P
         assert slider["low"] <= low <= median <= high <= slider["high"]
         for value in (slider["low"], slider["high"]):
             (study / "reality.json").write_text(json.dumps({name: value}))
-            assert read_reality(study / "reality.json", "multibody").get(name, 0.0) == value
+            assert read_reality(study / "reality.json", "multibody").values.get(name, 0.0) == value
 
 
 def test_smooth_ground_is_the_simulators(study: Path, carsim_binary: Path) -> None:

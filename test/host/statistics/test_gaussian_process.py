@@ -6,14 +6,17 @@ from typing import Any
 
 import numpy
 import pytest
+from foldcar.statistics.built_cars import PRIOR, RANGES, SPREADS, BuiltCars
+from foldcar.statistics.built_cars import SLOPE as CAR_SLOPE
+from foldcar.statistics.pooled_bias import ALONE, LENGTHS, SLOPE, SMOOTH, pooled_bias
+from foldcar.statistics.pooled_bias import CONSTANT as COMMON
+from foldcar.statistics.smoothed_simulation import smoothed_simulation
 from scipy import stats
 from sklearn.gaussian_process import GaussianProcessClassifier
 from sklearn.gaussian_process.kernels import ConstantKernel, Matern
 
 from foldcar.errors import FoldcarError
 from foldcar.statistics import gaussian_process
-from foldcar.statistics.built_cars import PRIOR, RANGES, SPREADS, BuiltCars
-from foldcar.statistics.built_cars import SLOPE as CAR_SLOPE
 from foldcar.statistics.gaussian_process import (
     CONSTANT,
     Candidate,
@@ -23,9 +26,6 @@ from foldcar.statistics.gaussian_process import (
     laplace,
     success_model,
 )
-from foldcar.statistics.pooled_bias import ALONE, LENGTHS, SLOPE, SMOOTH, pooled_bias
-from foldcar.statistics.pooled_bias import CONSTANT as COMMON
-from foldcar.statistics.smoothed_simulation import smoothed_simulation
 
 
 def expit(log_odds: Any) -> Any:

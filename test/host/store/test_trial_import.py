@@ -11,9 +11,9 @@ from typing import Any
 
 import pytest
 
-from foldcar.store.calibrations import measured_values
 from foldcar.store.errors import StoreError
 from foldcar.store.log_files import log_file, referred_file, sha256_of
+from foldcar.store.measured import measured_values
 from foldcar.store.reader import Store
 from foldcar.store.stored_drives import read_drives
 from foldcar.store.tables import ENVIRONMENT, EXPERIMENT, OLDEST_TRIALS, VERSION

@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from foldcar.evidence import remarks
 
 import foldcar as foldcar_api
 from foldcar.belief import priors
 from foldcar.belief.priors import MAX_SCORE, NAMES, values_of
 from foldcar.belief.reality import drawn_reality
 from foldcar.errors import FoldcarError
-from foldcar.inference import remarks
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.runner import RunRequest
 from foldcar.store.merge import merge_stores

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from foldcar.evidence.selecting import select
 
 from browser import study_of
 from foldcar.api.oracle import evaluate
 from foldcar.api.study import Study
-from foldcar.inference.selecting import select
 from foldcar.report.page_data import page_data
 from foldcar.scenes.source import open_environment
 from foldcar.simulation.carsim import Carsim

@@ -116,7 +116,7 @@ function hashOf(outcomes, answer) {
 
 const CHANNELS = 8;
 
-// The reality of a run: how car and ground differ from design and scene. As drawn_reality of calibration/effects.py.
+// The reality of a run: how car and ground differ from design and scene. As drawn_reality of belief/reality.py.
 export function realityOf(values, base, deviates) {
   if (values === null) return base;
   const reality = { ...base };

@@ -27,7 +27,6 @@ export class WhatIf {
     this.sliders = e.drives.sliders;
     this.values = Object.fromEntries(this.sliders.map(({ name, nominal }) => [name, nominal]));
     this.fields = new Map();
-    byId("calibrated-note").textContent = e.drives.calibration ? ` The blue bar is its range by the calibration “${e.drives.calibration}”.` : "";
     const figure = make("figure", {});
     byId("whatif-sliders").replaceChildren(...this.sliders.map(slider => this.row(slider)), this.buttons());
     byId("whatif-chart").replaceChildren(this.legend(), figure);
@@ -39,9 +38,9 @@ export class WhatIf {
     else this.chart.draw();
   }
 
-  // One slider, with bands for the 90 % intervals of its prior and of a calibration.
+  // One slider, with a band for the 90 % interval of its prior.
   row(slider) {
-    const { name, low, high, nominal, prior, calibrated, meaning } = slider;
+    const { name, low, high, nominal, prior, meaning } = slider;
     const [unit, scale] = shownUnit(slider.unit), label = sliderLabel(name), step = (high - low) / 200;
     const range = make("input", { type: "range", min: low, max: high, step, value: nominal, "aria-label": `${label} (${unit})`, title: meaning });
     const output = make("output");
@@ -50,9 +49,9 @@ export class WhatIf {
     this.fields.set(name, { range, show });
     show();
     const percentOf = value => 100 * (Math.min(high, Math.max(low, value)) - low) / (high - low);
-    const bandOf = (kind, interval, title) => (interval ? make("i", { class: kind, style: `left:${percentOf(interval[0])}%;width:${percentOf(interval[2]) - percentOf(interval[0])}%`, title: `${title}: ${number(scale * interval[0])} to ${number(scale * interval[2])} ${unit}` }) : "");
+    const band = prior ? make("i", { class: "prior", style: `left:${percentOf(prior[0])}%;width:${percentOf(prior[2]) - percentOf(prior[0])}%`, title: `90 % of the prior: ${number(scale * prior[0])} to ${number(scale * prior[2])} ${unit}` }) : "";
     const mark = make("i", { class: "nominal", style: `left:${percentOf(nominal)}%`, title: `as simulated: ${number(scale * nominal)} ${unit}` });
-    const marks = make("span", { class: "marks" }, bandOf("prior", prior, "90 % of the prior"), bandOf("calibrated", calibrated, "90 % by the calibration"), mark);
+    const marks = make("span", { class: "marks" }, band, mark);
     return make("label", { class: "slider" }, make("span", { text: label }), make("span", { class: "track" }, range, marks), output);
   }
 
@@ -235,17 +234,17 @@ export class WhatIf {
       const counts = [interpolated(at, passed, low), ...[...passed].filter((_, k) => at[k] > low && at[k] < high), interpolated(at, passed, high)];
       return Math.max(0, Math.max(0, ...counts) - Math.min(environments.length, ...counts)) / environments.length;
     };
-    const important = curve => change(curve, curve.calibrated ?? curve.prior);
+    const important = curve => change(curve, curve.prior);
     for (const curve of curves.sort((a, b) => important(b) - important(a))) {
       const [unit, scale] = shownUnit(curve.unit), label = sliderLabel(curve.name), points = interval => Math.round(100 * change(curve, interval));
-      const ranges = [...(curve.prior ? [`${points(curve.prior)} points over its likely range`] : [`${points(null)} points`]), ...(curve.calibrated ? [`${points(curve.calibrated)} over its calibrated range`] : [])];
-      const figure = make("figure", {}, make("figcaption", {}, make("b", { text: label }), ` changes success by ${ranges.join(", ")}`));
+      const range = curve.prior ? `${points(curve.prior)} points over its likely range` : `${points(null)} points`;
+      const figure = make("figure", {}, make("figcaption", {}, make("b", { text: label }), ` changes success by ${range}`));
       pictures.append(figure);
       const chart = new Chart(figure, {
         label: `Success by ${label}`, table: () => ({ head: [`${label} (${unit})`, "passed"], rows: curve.at.map((value, k) => [number(scale * value), `${curve.passed[k]} of ${environments.length}`]) }),
         option: theme => ({
           height: 150, grid: { left: 48, right: 10, top: 10, bottom: 40 }, xAxis: axisStyle(theme, `${label} (${unit})`, { type: "value", min: scale * curve.low, max: scale * curve.high }), yAxis: successAxis(theme, ""),
-          series: [...(curve.prior ? [band([[scale * curve.prior[0], 0, 100], [scale * curve.prior[2], 0, 100]], theme.soft, 0.12)] : []), ...(curve.calibrated ? [band([[scale * curve.calibrated[0], 0, 100], [scale * curve.calibrated[2], 0, 100]], theme.accent, 0.15)] : []), { type: "line", symbolSize: 4, lineStyle: { color: theme.bad }, itemStyle: { color: theme.bad }, data: curve.at.map((value, k) => [scale * value, 100 * curve.passed[k] / environments.length]),
+          series: [...(curve.prior ? [band([[scale * curve.prior[0], 0, 100], [scale * curve.prior[2], 0, 100]], theme.soft, 0.12)] : []), { type: "line", symbolSize: 4, lineStyle: { color: theme.bad }, itemStyle: { color: theme.bad }, data: curve.at.map((value, k) => [scale * value, 100 * curve.passed[k] / environments.length]),
             markLine: { silent: true, symbol: "none", label: { show: false }, lineStyle: { color: theme.soft, type: "dashed" }, data: [{ xAxis: scale * base[curve.name] }] } }],
         }),
       });

@@ -7,8 +7,8 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from foldcar.evidence.resimulation import Resimulation
 
-from foldcar.inference.resimulation import Resimulation
 from foldcar.simulation.carsim import Carsim, CarsimLimits
 from foldcar.simulation.runner import RunRequest
 from foldcar.store.reader import Store
@@ -81,7 +81,7 @@ def test_of_many_designs_that_the_sweep_lacks_a_bounded_number_is_simulated(
     made = []
     run = Carsim.run
     monkeypatch.setattr(Carsim, "run", lambda *words: made.append(words) or run(*words))
-    monkeypatch.setattr("foldcar.inference.resimulation.MAX_RUNS", 4)
+    monkeypatch.setattr("foldcar.evidence.resimulation.MAX_RUNS", 4)
 
     (experiment,) = compare(store)["experiments"]
 

@@ -12,9 +12,8 @@ from foldcar.belief.priors import NOMINAL
 from foldcar.belief.reality import GROUND_FACTORS, drawn_reality
 from foldcar.commands.listed_run import listed_run, simulated_run
 from foldcar.errors import FoldcarError
-from foldcar.inference.calibration.environment import read_reality
-from foldcar.store.calibrations import new_calibration, write_calibrations
 from foldcar.store.reader import Store
+from foldcar.study.reality_environment import read_reality
 
 # Differences between wheels stay those of the listing.
 NOMINAL_REALITY = {name: value for name, value in NOMINAL.items() if name != "wheel_spread"}
@@ -26,7 +25,7 @@ def test_a_reality_changes_what_it_names_and_nothing_else(tmp_path: Path) -> Non
     file.write_text('{"obstacle_height": 1.3, "servo_torque": 0.6, "track_m": 0.016}')
     run = listed_run(LISTING, "1", ["width=95"], 3)
 
-    values = read_reality(file, "multibody")
+    values = read_reality(file, "multibody").values
     reality = drawn_reality(values, {}, run.experiment.variation_seed, 3, 3)
 
     assert {name for name, value in values.items() if value != NOMINAL[name]} == {
@@ -47,10 +46,10 @@ def test_what_the_host_believes_may_be_the_truth(tmp_path: Path) -> None:
     file = tmp_path / "reality.json"
     file.write_text(json.dumps(dict(NOMINAL)))
 
-    assert read_reality(file, "multibody") == NOMINAL
+    assert read_reality(file, "multibody").values == NOMINAL
 
 
-def test_what_no_calibration_knows_reaches_the_car_in_mujoco(tmp_path: Path) -> None:
+def test_what_no_trial_teaches_reaches_the_car_in_mujoco(tmp_path: Path) -> None:
     """Camber, soft tyres, a centre of mass aside and ahead, a supply that sags: each makes another run."""
     listed = listed_run(LISTING, "1", ["width=95"], 3, "mujoco")
     facts = {"wheel_camber_rad": -0.035, "tyre_contact_time_s": 0.02, "com_x_m": 0.004, "com_y_m": 0.006,
@@ -61,7 +60,7 @@ def test_what_no_calibration_knows_reaches_the_car_in_mujoco(tmp_path: Path) -> 
 
     def elapsed_s(values: dict[str, float]) -> float:
         file.write_text(json.dumps(values))
-        real = read_reality(file, "mujoco")
+        real = read_reality(file, "mujoco").values
         assert real == {**NOMINAL_REALITY, **values}
         reality = drawn_reality(real, {}, listed.experiment.variation_seed, 3, 3)
         assert {name: reality[name] for name in values} == values
@@ -91,27 +90,22 @@ def test_a_mistake_in_a_reality_is_named(tmp_path: Path, text: str, message: str
     assert str(file) in str(caught.value) and message in str(caught.value) and "\n" not in str(caught.value)
 
 
-def test_realities_of_one_name_and_a_calibration_of_it_are_experiments_of_their_own(
+def test_realities_of_one_name_are_experiments_of_their_own(
     tmp_path: Path, write_listing: Any, listing_data: Any, foldcar: Any
 ) -> None:
     listing_data["experiments"]["1"]["params"]["environments"] = 1
     listing, store = write_listing(listing_data), tmp_path / "s.db"
-    with write_calibrations(store) as writer:
-        draw, summary = {**NOMINAL, "obstacle_height": 0.5}, {"findings": []}
-        writer.put(new_calibration("pub", "1", "build", [draw], summary), replace=False)
     for folder, height in ((tmp_path, 1.25), (tmp_path / "other", 1.2)):
         folder.mkdir(exist_ok=True)
         (folder / "pub.json").write_text(json.dumps({"obstacle_height": height}))
 
-    for words in (("--calibration", "pub"), ("--reality", "pub.json"), ("--reality", "other/pub.json")):
+    for words in (("--reality", "pub.json"), ("--reality", "other/pub.json")):
         swept = foldcar("sweep", listing, "--store", store, "--jobs", "1", *words)
         assert swept.returncode == 0 and swept.stdout.startswith("2 new runs"), swept.stderr
 
     with Store.open(store) as opened:
         infos = opened.info().experiments
-    calibrated, *real = infos
-    assert calibrated == "1 (calibrated pub)" and infos[calibrated].under == "calibration pub"
-    for name in real:
+    for name in infos:
         assert name.startswith("1 (reality pub ") and infos[name].under == name[3:-1]
         assert infos[name].listed_id == "1"
-    assert len(set(real)) == 2
+    assert len(infos) == 2

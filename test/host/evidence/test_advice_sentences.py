@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from foldcar.evidence.adviser import Selection
+from foldcar.evidence.evidence import Evidence, read_evidence
+from foldcar.evidence.selecting import select, select_evidence
 
-from foldcar.inference.adviser import Selection
-from foldcar.inference.evidence import Evidence, read_evidence
-from foldcar.inference.selecting import select, select_evidence
 from foldcar.report.page_data import page_data, read_experiments
 from foldcar.report.page_ranges import range_sentences
 from foldcar.store.reader import Store

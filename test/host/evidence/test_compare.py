@@ -8,14 +8,14 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from foldcar.evidence.comparison import _verdict
+from foldcar.evidence.design_evidence import in_family
+from foldcar.evidence.selecting import select as select_designs
+from foldcar.statistics.built_cars import BuiltCars
 from typer.testing import CliRunner
 
 from foldcar.cli import app
-from foldcar.inference.comparison import _verdict
-from foldcar.inference.design_evidence import in_family
-from foldcar.inference.selecting import select as select_designs
 from foldcar.report.page_data import page_data
-from foldcar.statistics.built_cars import BuiltCars
 from foldcar.statistics.gap import (
     AGREES,
     OPTIMISTIC,
@@ -300,7 +300,7 @@ def test_of_more_designs_than_can_be_pooled_the_rest_are_compared_alone(
     store = write_study(tmp_path / "s.db", WIDTHS, 100, passing(SIMULATED))
     add_trials(store, [({"width_mm": width}, k, "passed") for width in WIDTHS["width_mm"] for k in range(4)])
     (pooled,) = compare(store)["experiments"]
-    monkeypatch.setattr("foldcar.inference.belief.MAX_POOLED", 3)
+    monkeypatch.setattr("foldcar.evidence.belief.MAX_POOLED", 3)
     (alone,) = compare(store)["experiments"]
 
     changed = [a["pooled"] != b["pooled"] for a, b in zip(pooled["designs"], alone["designs"], strict=True)]

@@ -7,8 +7,8 @@ from typing import Any
 from foldcar.belief.reality import drawn_reality
 from foldcar.car.variation import named_car
 from foldcar.commands.listed_run import listed_run
-from foldcar.inference.calibration.environment import read_reality
 from foldcar.store.reader import Store
+from foldcar.study.reality_environment import read_reality
 from live_car import LOG, car_at_port, trials_in, write_free_course
 from study_car import listing_of
 
@@ -31,7 +31,7 @@ def test_a_named_car_is_the_same_in_every_sample_and_no_other(tmp_path: Path) ->
     assert len({json.dumps(car) for car in (ada, first.variation_in(0, "Ben"), first.variation_in(0))}) == 3
     # Under a reality the start scatters in each trial.
     (tmp_path / "reality.json").write_text('{"wheel_spread": 1.5, "start_heading_sd_rad": 0.1}')
-    values, experiment = read_reality(tmp_path / "reality.json", "multibody"), first.experiment
+    values, experiment = read_reality(tmp_path / "reality.json", "multibody").values, first.experiment
     ada_0, ada_1, ben_0 = (
         drawn_reality(values, experiment.variation, experiment.variation_seed, sample, named_car(car))
         for sample, car in ((0, "Ada"), (1, "Ada"), (0, "Ben"))
@@ -61,7 +61,7 @@ def test_a_design_is_judged_by_its_cars_and_by_what_simulation_finds_of_their_en
     tmp_path: Path, foldcar: Any
 ) -> None:
     write_listing(tmp_path, variation="workshop")
-    assert foldcar("sweep", "l.json", "--store", "s.db").returncode == 0
+    assert foldcar("sweep", "l.json", "--store", "s.db", "--realities", "0").returncode == 0
     with Store.open(tmp_path / "s.db") as store:
         runs = [run for run in store.results("1") if run.design["width_mm"] == 180]
     failed = [run.sample for run in runs if run.outcome != "passed"]

@@ -10,6 +10,15 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from foldcar.evidence import adviser, costs
+from foldcar.evidence.adviser import NEXT, Selection
+from foldcar.evidence.comparison import compare
+from foldcar.evidence.evidence import read_evidence
+from foldcar.evidence.selecting import select as select_designs
+from foldcar.evidence.selecting import select_evidence
+from foldcar.statistics.built_cars import SPREADS
+from foldcar.statistics.pooled_bias import NO_CONTRADICTIONS, contradictions
+from foldcar.statistics.selection import BEST, MIDDLE, Effort
 from typer.testing import CliRunner
 
 from foldcar.car.design import compose_columns
@@ -19,18 +28,9 @@ from foldcar.commands.tables import print_selections
 from foldcar.fabrication.assembly.operations import operations
 from foldcar.fabrication.patterns.options import options
 from foldcar.fabrication.patterns.sheets import cut_car, enlarge_sheet, pattern
-from foldcar.inference import adviser, costs
-from foldcar.inference.adviser import NEXT, Selection
-from foldcar.inference.comparison import compare
-from foldcar.inference.evidence import read_evidence
-from foldcar.inference.selecting import select as select_designs
-from foldcar.inference.selecting import select_evidence
 from foldcar.report.page_data import read_experiments
-from foldcar.statistics.built_cars import SPREADS
-from foldcar.statistics.pooled_bias import NO_CONTRADICTIONS, contradictions
 from foldcar.statistics.rate import wilson_interval
-from foldcar.statistics.selection import BEST, MIDDLE, Effort
-from foldcar.store.calibrations import write_calibrations
+from foldcar.store.measured import write_measured
 from foldcar.store.reader import Store
 from swept_listing import json_output
 from written_study import add_trials, import_trials, write_study
@@ -55,11 +55,11 @@ def test_what_was_not_measured_is_named_while_more_trials_are_advised(tmp_path: 
     import_trials(store, [({"width_mm": 90.0}, None, "passed"), ({"width_mm": 120.0}, None, "stuck")] * 3)
 
     (unmeasured,) = advise(store)
-    with write_calibrations(store) as writer:
+    with write_measured(store) as writer:
         writer.measure("1", {"track_m": 0.001, "obstacle_height": 1.0})
         writer.measure("2", {"com_height_m": 0.001})
     (one_missing,) = advise(store)
-    with write_calibrations(store) as writer:
+    with write_measured(store) as writer:
         writer.measure("1", {"com_height_m": 0.0})
     (measured,) = advise(store)
 
@@ -231,7 +231,7 @@ def test_of_very_many_driven_designs_those_with_most_trials_count(
     import_trials(store, trials)
     (whole,) = advise(store)
     for module in ("belief", "adviser"):
-        monkeypatch.setattr(f"foldcar.inference.{module}.MAX_POOLED", 2)
+        monkeypatch.setattr(f"foldcar.evidence.{module}.MAX_POOLED", 2)
     (selection,) = advise(store)
 
     sentence = "Of the driven designs the 2 with most trials count."

@@ -1,4 +1,4 @@
-"""The servos' supply in the logs of trials, and what a calibration makes of it."""
+"""The servos' supply in the logs of trials, and what the belief makes of it."""
 
 import hashlib
 import sqlite3
@@ -6,15 +6,17 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from foldcar.evidence.calibration.experiment import read_experiment
+from foldcar.evidence.supply import MeasuredSupply, measured_supply
 
 from foldcar.belief.priors import NAMES, PARAMETERS, built_priors
-from foldcar.inference.calibration.supply import MeasuredSupply, measured_supply
 from foldcar.link.connection import CAR_COMPONENT, CAR_SYSTEM
 from foldcar.link.dialect import load_dialect
 from foldcar.link.tlog import TlogWriter
+from foldcar.store.measured import observe
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import Trial
-from swept_listing import foldcar, json_output, reported
+from swept_listing import foldcar, reported
 
 NO_CELL = [65535] * 9
 
@@ -73,16 +75,16 @@ def test_torque_and_speed_follow_the_measured_voltage_and_are_known_better() -> 
         assert PARAMETERS[index].value(measured[index].mean) == pytest.approx(0.8 * middle)
 
 
-def test_a_calibration_takes_the_voltage_from_the_logs_of_its_trials(tmp_path: Path, trial: Trial) -> None:
+def test_observations_have_the_voltage_from_the_logs_of_the_trials(tmp_path: Path, trial: Trial) -> None:
     store = tmp_path / "s.db"
-    foldcar("sweep", tmp_path / "l.json", "--store", store, "--samples", "20")
+    foldcar("sweep", tmp_path / "l.json", "--store", store, "--samples", "20", "--realities", "0")
     logged = with_log(store, trial, 5000, 4680)
     with sqlite3.connect(store) as connection:
         connection.execute("UPDATE trial SET log = ?, log_sha256 = ?", [logged.log, logged.log_sha256])
 
-    answer = json_output("calibrate", store, "--name", "one", "--runs", "500")
+    with Store.open(store) as opened:
+        observed = observe(opened, read_experiment(opened, "1"), simulated=False)
 
-    (speed,) = (row for row in answer["parameters"] if row["name"] == "servo_speed")
     # The design's supply has 5.2 V.
-    assert speed["prior"]["median"] == pytest.approx(0.9, abs=1e-3)
-    assert any("4.68 V while driving in 2 trials" in note for note in answer["notes"])
+    assert observed.supply_ratio == pytest.approx(0.9, abs=1e-3)
+    assert any("4.68 V while driving in 2 trials" in note for note in observed.notes)

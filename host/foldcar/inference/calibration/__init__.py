@@ -1,1 +1,0 @@
-"""Simulator parameters inferred from trials of built cars: priors, simulations, posterior, advice, calibrated sweeps."""

@@ -1,0 +1,127 @@
+"""The environment of an experiment in a reality: all samples are simulated with the same parameters of car and ground.
+
+A reality is a file of true parameter values that the host does not know: it makes simulated trials with a known truth. It
+is a JSON object of parameters. Those that it leaves out keep the simulator's nominal values. Some parameters belong to
+such files only, so that a truth may lie outside what trials can teach. A RealityEnvironment has fingerprints of its own,
+so that stores keep its runs apart from the nominal ones.
+"""
+
+import hashlib
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from foldcar.belief import reality as effects
+from foldcar.belief.priors import NOMINAL, parameter_named
+from foldcar.belief.reality import REAL_ONLY, drawn_reality
+from foldcar.errors import FoldcarError
+from foldcar.scenes.fingerprint import variation_code
+from foldcar.simulation.engines import ENGINES, MUJOCO, MUJOCO_ENVIRONMENT
+from foldcar.study.environments import Environment
+from foldcar.study.experiments import Experiment, Study
+from foldcar.study.listing_file import load_listing
+
+# Largest score of a parameter of a reality: beyond it a prior has a mass of 1e-9, and the simulator's limits are near.
+MAX_REAL_SCORE = 6.0
+# The only parameter that a reality may lack; the listing's spreads of wheels then apply.
+WHEEL_SPREAD = "wheel_spread"
+# Number of hexadecimal digits of the values' hash in a reality's name.
+NAME_DIGITS = 8
+
+
+@dataclass(frozen=True, slots=True)
+class Reality:
+    """The parameters of a reality by name, from a file whose name is ``stem``."""
+
+    stem: str
+    values: Mapping[str, float]
+
+    @property
+    def fingerprint(self) -> str:
+        """A hash of everything that simulations in it depend on."""
+        return _hashed(dict(self.values))
+
+    @property
+    def name(self) -> str:
+        """Its name in stores, which ends with a hash, because files of the same name may have other values."""
+        return f"{self.stem} {self.fingerprint[:NAME_DIGITS]}"
+
+
+class RealityEnvironment(Environment):
+    """Built from an experiment of :func:`study_in_reality`. Raises FoldcarError if its program needs Scenic in runs."""
+
+    def __init__(self, experiment: Experiment, reality: Reality) -> None:
+        super().__init__(experiment)
+        if super().dynamic:
+            raise FoldcarError(
+                f"{experiment.place}: {experiment.program_name} runs beside the simulation ({self.needs_scenic}), whose "
+                "scenes a reality cannot change; sweep this experiment without --reality"
+            )
+        self._reality = reality
+        self._seed = experiment.variation_seed
+        self.listed_fingerprint = self.fingerprint
+        effects_code = hashlib.sha256(Path(effects.__file__).read_bytes()).hexdigest()
+        identity = (reality.fingerprint, self._seed, effects_code)
+        self.fingerprint = _hashed(self.fingerprint, *identity)
+        self.spread_fingerprint = _hashed(dict(experiment.variation), *identity, variation_code())
+
+    @property
+    def reality(self) -> dict[str, str]:
+        """Name and fingerprint of the reality, and the listed experiment, as in ExperimentInfo."""
+        listed_id = self._experiment.id.removesuffix(_suffix(self._reality))
+        return {"name": self._reality.name, "fingerprint": self._reality.fingerprint, "experiment": listed_id}
+
+    def variation(self, k: int) -> dict[str, Any]:
+        """Return how car and ground of sample ``k`` differ from design and scene."""
+        return drawn_reality(self._reality.values, self._experiment.variation, self._seed, k, k)
+
+    def variation_identity(self) -> str:
+        """Return a hash of the code that applies variations."""
+        return variation_code()
+
+
+def study_in_reality(study: Study, reality: Reality) -> Study:
+    """Return the study with the reality's name added to the names of its experiments: "width (reality lab 3f9c01ab)"."""
+    renamed = (replace(experiment, id=experiment.id + _suffix(reality)) for experiment in study.experiments)
+    return replace(study, experiments=tuple(renamed))
+
+
+def _suffix(reality: Reality) -> str:
+    """Return what is added to the name of an experiment in a reality."""
+    return f" (reality {reality.name})"
+
+
+def _hashed(*parts: Any) -> str:
+    """Return the SHA-256 hash of values that JSON can hold."""
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
+
+
+def read_reality(file: Path, engine: str) -> Reality:
+    """Read a reality from a JSON file, and check that the engine simulates it.
+
+    Parameters that ``file`` leaves out have their nominal values, except WHEEL_SPREAD, which is then missing. Raises
+    FoldcarError.
+    """
+    data, _ = load_listing(file)
+    if not isinstance(data, Mapping):
+        raise FoldcarError(f"{file}: is not a JSON object of parameters; docs/realities.md lists them")
+    values = {name: value for name, value in NOMINAL.items() if name != WHEEL_SPREAD}
+    for name, value in data.items():
+        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+            raise FoldcarError(f"{file}: {name}: {value!r} is not a number")
+        if name not in REAL_ONLY:
+            parameter_named(name, value, f"{file}: {name}", MAX_REAL_SCORE, with_nominal=True, others=REAL_ONLY)
+            values[name] = float(value)
+            continue
+        parameter = REAL_ONLY[name]
+        if not parameter.least <= value <= parameter.largest:
+            limits = f"{parameter.least:g} to {parameter.largest:g} ({parameter.unit})"
+            raise FoldcarError(f"{file}: {name}: {value:g} is outside {limits}")
+        if value != parameter.nominal:
+            if parameter.mujoco_only and ENGINES[engine].environment != MUJOCO_ENVIRONMENT:
+                raise FoldcarError(f"{file}: {name}: {engine} has no such tyres; --engine {MUJOCO} has them")
+            values[name] = float(value)
+    return Reality(file.stem, values)

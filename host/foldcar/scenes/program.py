@@ -73,12 +73,12 @@ def _compiled(
         # Scenic installs an excepthook, and warns if another library has done so before.
         warnings.filterwarnings("ignore", message="unable to install sys.excepthook")
         import scenic
-    from foldcar.scenes.ground_regions import compare_in_ground_plane
+    from foldcar.scenes.ground_regions import use_ground_regions
     from foldcar.scenes.mutation import Mutations
     from foldcar.scenes.refused_statements import refuse_misspelt_attributes, refuse_same_names
     from foldcar.scenes.scenic_hooks import hooks
 
-    compare_in_ground_plane()
+    use_ground_regions()
     mutations = Mutations(followed)
     limited = contained(COMPILE_LIMIT_S, f"{program}: compiling", program)
     try:

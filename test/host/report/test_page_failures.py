@@ -1,7 +1,6 @@
 """The study page in a browser that lacks or refuses what it needs: each place says so, and the rest of the page works."""
 
 import html
-import json
 import re
 from itertools import pairwise
 from pathlib import Path
@@ -306,61 +305,3 @@ def test_a_frame_without_an_address_has_the_whole_page(page: Path, tmp_path: Pat
     assert inner["address"] == "about:srcdoc" and inner["errors"] == [] and inner["copy"] and inner["shown"]
     assert inner["verdict"].startswith("✓") and inner["told"].startswith("120 mm, environment 2: ")
     assert inner["outer"].endswith("/outer.html")
-
-
-def test_what_of_a_link_cannot_be_followed_is_said_until_the_reader_goes_on(page: Path) -> None:
-    link = (
-        "e=7&design=99+mm&env=66&outcome=flown,passed&b.constructor=1..2&b.width_mm=wide&x=beauty&t=soon&r.mood=1&at=nowhere"
-        "&r.friction=50&r.servo_torque=0.8&r.com_height_m=-5"
-    )
-    with Tab(f"{page.as_uri()}#{link}") as tab:
-        tab.wait("document.getElementById('whatif')?.dataset.done")
-        remarks = tab.ask("[...document.querySelectorAll('#link-remarks li')].map(item => item.textContent)")
-        sliders = tab.ask("study.e.drives.sliders")
-        state, values = (
-            tab.ask("study.state"),
-            tab.ask("[...document.querySelectorAll('.slider output')].map(o => o.value)"),
-        )
-        tab.ask("study.open(1, 2)")
-        assert tab.ask("document.getElementById('link-remarks').hidden") and tab.ask("errors") == []
-
-    limits = {slider["name"]: slider for slider in sliders}
-    friction, height = limits["friction"], limits["com_height_m"]
-    low, high, lowest, highest = (
-        f"{scale * slider[end]:.3g} {unit}"
-        for slider, scale, unit in ((friction, 1, "×"), (height, 1000, "mm"))
-        for end in ("low", "high")
-    )
-    assert remarks == [
-        "The link's b.width_mm=wide is not a range such as 65..95.",
-        "The link's t=soon is not a number of 0 or more.",
-        "The link's at=nowhere is not one of summary, belief, whatif, parameters, runs, trials.",
-        "The link is of experiment 7, which this page does not have: this is experiment 1.",
-        "The link's design 99 mm is not in experiment 1.",
-        "The link's environment 66 does not exist: experiment 1 has 6.",
-        remarks[6],
-        "The link keeps a range of constructor, which no design has.",
-        "The link's axis x=beauty does not exist.",
-        "The link has a value of mood, for which this page has no slider.",
-        f"The link's friction, 50 ×, is outside the slider's limits, {low} to {high}: it is set to {high}.",
-        f"The link's centre of mass, raised, -5000 mm, is outside the slider's limits, {lowest} to {highest}: "
-        f"it is set to {lowest}.",
-    ]
-    assert remarks[6].startswith("The link's outcome flown is not one of passed, ")
-    assert state["outcomes"] == ["passed"] and state["brushes"] == {} and state["design"] is state["env"] is None
-    assert state["reality"] == {"friction": friction["high"], "servo_torque": 0.8, "com_height_m": height["low"]}
-    assert values[0] == high
-
-
-def test_a_link_that_can_be_followed_needs_no_remark(page: Path) -> None:
-    link = "e=1&design=95+mm&env=2&t=0.5&outcome=passed&b.width_mm=90..100&x=time&r.friction=0.8&at=runs"
-    with Tab(f"{page.as_uri()}#{link}") as tab:
-        tab.wait(READY)
-        assert tab.ask("document.getElementById('link-remarks').hidden")
-        # Another link in the same page moves the sliders, too.
-        tab.ask("location.hash = '#r.friction=500'")
-        tab.wait("document.querySelector('#link-remarks li')?.textContent.includes('friction, 500')")
-        limit = tab.ask("study.e.drives.sliders.find(slider => slider.name === 'friction').high")
-        assert tab.ask("document.querySelector('.slider output').value") == f"{limit:.3g} ×"
-        assert json.loads(tab.ask("JSON.stringify(study.state.reality)")) == {"friction": limit}
-        assert tab.ask("errors") == []

@@ -5,11 +5,21 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
-from foldcar.api.arguments import checked_int, column_named, columns_named
+from foldcar.api.arguments import (
+    checked_bool,
+    checked_confidence,
+    checked_experiment,
+    checked_int,
+    checked_number,
+    checked_path,
+    column_named,
+    columns_named,
+)
 from foldcar.errors import FoldcarError
 from foldcar.inference.adviser import Selection
 from foldcar.inference.comparison import MARGIN, Comparison, compare
 from foldcar.inference.selecting import BUILD, PRECISION, select
+from foldcar.shown_text import shown_value
 from foldcar.simulation.results import no_rate_text
 from foldcar.statistics.effects import Standardised, fit_effects
 from foldcar.statistics.rate import Rate
@@ -24,6 +34,8 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 MAX_BUILT = 50
+# Half-widths of intervals: narrower ones need more trials than anyone drives, wider ones hold before the first trial.
+MIN_PRECISION, MAX_PRECISION = 0.01, 0.45
 
 
 class Study:
@@ -38,7 +50,7 @@ class Study:
 
     def __init__(self, store: str | Path) -> None:
         # Absolute, because the working directory may change later.
-        self.path = Path(store).absolute()
+        self.path = checked_path("store", store, "a store").absolute()
         require_store(self.path)
 
     def __repr__(self) -> str:
@@ -87,8 +99,10 @@ class Study:
         >>> rate.low <= rate.value <= rate.high, rate.confidence
         (True, 0.95)
         """
-        if source not in ("simulation", "trials"):
-            raise FoldcarError(f'source: {source!r} is neither "simulation" nor "trials"')
+        if not isinstance(source, str) or source not in ("simulation", "trials"):
+            raise FoldcarError(f'source: {shown_value(source)} is neither "simulation" nor "trials"')
+        checked_experiment(experiment)
+        confidence = checked_confidence(confidence)
         table = self.runs if source == "simulation" else self.trials[self.trials["counts"]]
         design_rows = self._of_design(self._of_experiment(table, experiment, source), design, source)
         has_passed = self._judged(design_rows)["passed"]
@@ -121,9 +135,11 @@ class Study:
         1
         """
         number = checked_int("build", build, 1, MAX_BUILT)
-        return self._read(
-            lambda store: select(store, number, threshold, precision, experiment, simulated_trials)
-        )
+        checked_experiment(experiment)
+        checked_bool("simulated_trials", simulated_trials)
+        limit = None if threshold is None else checked_number("threshold", threshold, 0, 1)
+        half_width = checked_number("precision", precision, MIN_PRECISION, MAX_PRECISION)
+        return self._read(lambda store: select(store, number, limit, half_width, experiment, simulated_trials))
 
     def compare(
         self, *, experiment: str | None = None, margin: float = MARGIN, simulated_trials: bool = False
@@ -135,7 +151,10 @@ class Study:
         >>> print(study.compare().sentence)
         Nothing to compare: there are no trials of built cars yet. `foldcar select` says which cars to build.
         """
-        return self._read(lambda store: compare(store, experiment, margin, simulated_trials))
+        checked_experiment(experiment)
+        checked_bool("simulated_trials", simulated_trials)
+        difference = checked_number("margin", margin, 0, 1)
+        return self._read(lambda store: compare(store, experiment, difference, simulated_trials))
 
     def success_model(self, *parameters: str, experiment: str | None = None) -> Standardised:
         """Model success as a smooth function of some design parameters, with credible bands, from the simulated runs.
@@ -238,6 +257,8 @@ def sweep(
 
     count = None if samples is None else checked_int("samples", samples, 1, MAX_ENVIRONMENTS)
     workers = usable_processors() if jobs is None else checked_int("jobs", jobs, 1, MAX_JOBS)
+    checked_experiment(experiment)
+    listing_file, store_file = checked_path("listing", listing, "a listing"), checked_path("store", store, "a store")
     command = f"foldcar.sweep({str(listing)!r}, {str(store)!r})"
-    planned_sweep(Path(listing), Path(store), command, experiment=experiment, environments=count).run(workers)
+    planned_sweep(listing_file, store_file, command, experiment=experiment, environments=count).run(workers)
     return Study(store)

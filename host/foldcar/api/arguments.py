@@ -8,6 +8,8 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy
+
 from foldcar.car.design_parameters import declared, key_of
 from foldcar.errors import FoldcarError
 from foldcar.shown_text import shown_value
@@ -43,8 +45,7 @@ def checked_confidence(value: object) -> float:
 
 def checked_bool(name: str, value: object) -> bool:
     """Return ``value``. Raises FoldcarError, which names it, unless it is True or False."""
-    # numpy's booleans are no subclass of bool.
-    if isinstance(value, bool) or type(value).__name__ in ("bool_", "bool"):
+    if isinstance(value, bool | numpy.bool_):
         return bool(value)
     raise FoldcarError(f"{name}: {shown_value(value)} is neither True nor False")
 

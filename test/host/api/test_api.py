@@ -170,7 +170,7 @@ ODD: list[Any] = [None, 3.5, -1, math.nan, math.inf, 10**400, 10**5000, b"x", ["
 
 
 def odd_calls(study: foldcar.Study) -> dict[str, tuple[Any, str, tuple[Any, ...]]]:
-    """By public function and argument: a call with a value, how the message begins, and the odd values that are allowed."""
+    """By function and argument: a call with a value, how the message begins, and the odd values that are allowed."""
     car, steps = foldcar.design("W_B_W", width=95), foldcar.environment(STEP_PYRAMIDS)
     scene, run = steps.scene(0), {"experiment": "plain", "width": 95}
     no_default = (None,)
@@ -195,7 +195,9 @@ def odd_calls(study: foldcar.Study) -> dict[str, tuple[Any, str, tuple[Any, ...]
             lambda value: foldcar.evaluate(car, steps, 1, variation="workshop", variation_seed=value),
             "variation_seed: ", no_default,
         ),
-        "no variation": (lambda value: foldcar.evaluate(car, steps, 1, variation_seed=value), "variation_seed: ", (None,)),
+        "no variation": (
+            lambda value: foldcar.evaluate(car, steps, 1, variation_seed=value), "variation_seed: ", no_default,
+        ),
         "jobs": (lambda value: foldcar.evaluate(car, steps, 1, jobs=value), "jobs: ", no_default),
         "confidence": (lambda value: foldcar.evaluate(car, steps, 1, confidence=value), "confidence: ", ()),
         "Study": (foldcar.Study, "store: ", ()),

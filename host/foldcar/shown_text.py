@@ -101,3 +101,13 @@ def _escaping_stream(stream: Any) -> TextIO:
 def _lacks_letters(stream: Any) -> bool:
     """Return whether the stream's encoding is not a Unicode one, so that it cannot write all characters."""
     return isinstance(stream, io.TextIOWrapper) and not stream.encoding.lower().startswith("utf")
+
+
+def shown_value(value: object) -> str:
+    """Return any value as messages show it, not longer than a line."""
+    try:
+        text = repr(value)
+    except ValueError:
+        # Python does not print integers of more than some thousand digits.
+        return f"an integer of {int(value).bit_length()} bits"  # type: ignore[call-overload]
+    return text if len(text) <= 60 else f"{text[:57]}..."

@@ -88,11 +88,16 @@ def inject(car: SimulatedCar, **what: Any) -> None:
     car.process.stdin.flush()
 
 
-def car_clock_s(car: SimulatedCar) -> float:
-    """The simulated time (s) of a car that has not been given a command before."""
-    inject(car, inject="drop", share=0.0)
+def injected_s(car: SimulatedCar, **what: Any) -> float:
+    """Inject a fault, and return the simulated time (s) at which the car has it; for a car without other commands."""
+    inject(car, **what)
     assert car.process.stdout is not None
     return float(json.loads(car.process.stdout.readline())["t_us"]) / 1e6
+
+
+def car_clock_s(car: SimulatedCar) -> float:
+    """The simulated time (s) of a car that has been given no command but by :func:`injected_s`."""
+    return injected_s(car, inject="drop", share=0.0)
 
 
 def trials_in(store: Path) -> list[Trial]:

@@ -15,12 +15,13 @@ from foldcar.car.design_parameters import find_parameter, names_in, parameters
 from foldcar.car.folded_car import folded_car
 from foldcar.car.variation import draw, spread_named
 from foldcar.errors import FoldcarError
+from foldcar.shown_text import shown_value
 from foldcar.store.writer import canonical_json
 from foldcar.study.experiments import run_settings
 from foldcar.study.family import read_family
 from foldcar.study.limits import MAX_SEED
 from foldcar.study.listing import ExperimentParams, ListingError
-from foldcar.study.listing_file import validated_listing
+from foldcar.study.listing_file import listing_mistake, validated_listing
 
 # The names that arguments have in a listing.
 LISTING_KEYS = {"timeout_s": "timeout", "speed_m_s": "speed", "yaw_rate_rad_s": "yaw_rate"}
@@ -38,6 +39,8 @@ def design(type: str, /, **values: float) -> Design:
     >>> car.width_mm, car.radii_mm
     (95.0, (60.0, 50.0))
     """
+    if not isinstance(type, str):
+        raise FoldcarError(f'type: {shown_value(type)} is not a type string, such as "W_B_W"')
     letters = set(modules_of(type))
     # The keys of parameters by column: those of the whole car, and those of single modules, such as W2.
     keys = {parameter.column: key for key, parameter in parameters().items() if parameter.modules & letters}
@@ -63,7 +66,9 @@ def design_of(car: Design | Mapping[str, Any]) -> Design:
     if isinstance(car, Design):
         return car
     if not isinstance(car, Mapping):
-        raise FoldcarError(f"design: {car!r} is neither a Design nor a vehicle of a listing")
+        raise FoldcarError(
+            f'design: {shown_value(car)} is neither a result of foldcar.design nor a vehicle of a listing, {{"type": …}}'
+        )
     listing, mistakes = validated_listing({"vehicles": {"design": dict(car)}})
     if mistakes:
         raise ListingError("design", *mistakes)
@@ -74,8 +79,12 @@ def body_and_settings(
     design: Design, timeout_s: float, speed_m_s: float | None, yaw_rate_rad_s: float
 ) -> tuple[str, str]:
     """Return body and settings of a design's runs as JSON texts. Raises FoldcarError if an argument is out of limits."""
-    arguments = {"timeout_s": timeout_s, "speed_m_s": speed_m_s, "yaw_rate_rad_s": yaw_rate_rad_s}
-    numbers = [None if value is None else finite(name, value) for name, value in arguments.items()]
+    # In the order of LISTING_KEYS.
+    numbers = (
+        finite("timeout_s", timeout_s),
+        None if speed_m_s is None else finite("speed_m_s", speed_m_s),
+        finite("yaw_rate_rad_s", yaw_rate_rad_s),
+    )
     return _body_and_settings(design.type, tuple(design.values.items()), *numbers)
 
 
@@ -84,6 +93,10 @@ def built_cars(count: int, spread: str | Mapping[str, float], seed: int) -> list
 
     Raises FoldcarError.
     """
+    if not isinstance(spread, str | Mapping):
+        raise FoldcarError(
+            f'variation: {shown_value(spread)} is neither "workshop" nor standard deviations, {{"from": "workshop", …}}'
+        )
     standard_deviations = spread_named(spread, "variation")
     number = checked_int("variation_seed", seed, 0, MAX_SEED)
     return [canonical_json(draw(standard_deviations, number, k)) for k in range(count)]
@@ -106,11 +119,18 @@ def _body_and_settings(
     try:
         params = ExperimentParams.model_validate(listing_values)
     except ValidationError as error:
-        mistake = error.errors()[0]
-        name = next(name for name, key in LISTING_KEYS.items() if key == mistake["loc"][0])
-        raise FoldcarError(f"{name}: {mistake['input']:g}: {mistake['msg'].lower()}") from None
-    settings = run_settings(design, body, _table(), params.timeout, params.speed, params.yaw_rate, "simulation")
+        raise FoldcarError(_named_as_argument(listing_mistake(error.errors()[0]))) from None
+    try:
+        settings = run_settings(design, body, _table(), params.timeout, params.speed, params.yaw_rate, "simulation")
+    except ListingError as error:
+        raise FoldcarError(_named_as_argument(str(error).removeprefix("simulation.params."))) from None
     return canonical_json(body), canonical_json(settings)
+
+
+def _named_as_argument(mistake: str) -> str:
+    """Return a mistake of a listing, which begins with its key, with the argument's name in place of the key."""
+    key, _, text = mistake.partition(":")
+    return f"{next((name for name, listed in LISTING_KEYS.items() if listed == key), key)}:{text}"
 
 
 @cache

@@ -11,7 +11,7 @@ from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
-from foldcar.api.arguments import checked_int
+from foldcar.api.arguments import checked_int, checked_params, checked_path
 from foldcar.errors import FoldcarError
 from foldcar.scenes.fixed_hash import open_fixed_environment
 from foldcar.scenes.source import SceneSource
@@ -97,13 +97,14 @@ def environment(program: str | Path, *, seed: int = 0, params: Mapping[str, Any]
     True
     """
     number = checked_int("seed", seed, 0, MAX_SEED)
+    checked_params(params)
     # Absolute, because the working directory may change later.
-    file = Path(program).resolve()
+    file = checked_path("program", program, "a Scenic program").resolve()
     if not file.is_file():
         raise FoldcarError(f"{program}: no such Scenic program")
     try:
         key = json.dumps([str(file), params or {}, number], sort_keys=True)
-    except TypeError as error:
+    except (TypeError, ValueError) as error:
         raise FoldcarError(f"params: {error}; write numbers, strings, booleans or lists") from None
     if key not in _opened or not _opened[key].is_current:
         _opened[key] = Environment(file, dict(params or {}), number)

@@ -10,15 +10,16 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from foldcar.api.arguments import checked_int, finite
+from foldcar.api.arguments import checked_confidence, checked_int, checked_path, finite
 from foldcar.api.designs import body_and_settings, built_cars, design_of
 from foldcar.api.environment import Environment, Scene, environment, simulator
 from foldcar.car.design import Design
 from foldcar.errors import FoldcarError
 from foldcar.installation import usable_processors
+from foldcar.shown_text import shown_value
 from foldcar.simulation.results import NUMBERS, has_passed, no_rate_text, outcome_of
-from foldcar.simulation.runner import Runner, RunRequest, side_by_side
-from foldcar.statistics.rate import Rate, check_confidence
+from foldcar.simulation.runner import InputRefusedError, Runner, RunRequest, side_by_side
+from foldcar.statistics.rate import Rate
 from foldcar.store.writer import canonical_json
 from foldcar.study.limits import MAX_ENVIRONMENTS, MAX_JOBS
 
@@ -107,14 +108,17 @@ def simulate(
     elif isinstance(scene, Mapping):
         scene_text, sample, runner = _scene_json(scene), 0, simulator()
     else:
-        raise FoldcarError(f"scene: {scene!r} is neither a scene of an environment nor a scene object")
+        raise FoldcarError(f"scene: {shown_value(scene)} is neither a scene of an environment nor a scene object")
     label = f"{car.title}, sample {sample}"
 
     def run(used_runner: Runner, **extra_settings: float) -> dict[str, Any]:
         settings = canonical_json({**json.loads(settings_text), **extra_settings}) if extra_settings else settings_text
-        (result,) = used_runner.run(
-            {"car": body}, {"scene": scene_text}, [RunRequest("car", "scene", settings, label, sample)]
-        )
+        request = RunRequest("car", "scene", settings, label, sample)
+        try:
+            (result,) = used_runner.run({"car": body}, {"scene": scene_text}, [request])
+        except InputRefusedError as refusal:
+            # Settings of a run are arguments here.
+            raise FoldcarError(refusal.reason.removeprefix("run.")) from None
         return result
 
     path_settings = {} if path_interval_s is None else {"path_interval_s": finite("path_interval_s", path_interval_s)}
@@ -156,13 +160,15 @@ def evaluate(
     >>> len(evaluation.runs), 0 <= evaluation.rate.low <= evaluation.rate.value
     (5, True)
     """
-    check_confidence(confidence)
+    confidence = checked_confidence(confidence)
     car = design_of(design)
     sampled_environment = _environment(environment, seed, params)
     count = checked_int("n", n, 1, MAX_ENVIRONMENTS)
     workers = checked_int("jobs", jobs, 1, MAX_JOBS) if jobs is not None else usable_processors()
     body, settings_text = body_and_settings(car, timeout_s, speed_m_s, yaw_rate_rad_s)
     realities = [""] * count
+    if variation is None and variation_seed is not None:
+        raise FoldcarError(f"variation_seed: {shown_value(variation_seed)} has no effect without variation")
     if variation is not None:
         realities = built_cars(count, variation, sampled_environment.seed if variation_seed is None else variation_seed)
     scenes = {f"s{k}": sampled_environment.scene(k).json for k in range(count)}
@@ -186,6 +192,7 @@ def _environment(
 ) -> Environment:
     """Return the environment, or that of a program with ``seed`` and ``params``. Raises FoldcarError."""
     if not isinstance(environment_or_program, Environment):
+        checked_path("environment", environment_or_program, "a Scenic program, or a result of foldcar.environment")
         return environment(environment_or_program, seed=0 if seed is None else seed, params=params)
     if seed is not None or params is not None:
         raise FoldcarError("seed, params: the environment has its own; pass them to environment(…) instead")

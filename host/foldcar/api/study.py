@@ -5,11 +5,21 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
-from foldcar.api.arguments import checked_int, column_named, columns_named
+from foldcar.api.arguments import (
+    checked_bool,
+    checked_confidence,
+    checked_experiment,
+    checked_int,
+    checked_number,
+    checked_path,
+    column_named,
+    columns_named,
+)
 from foldcar.errors import FoldcarError
 from foldcar.evidence.adviser import Selection
 from foldcar.evidence.comparison import MARGIN, Comparison, compare
 from foldcar.evidence.selecting import select
+from foldcar.shown_text import shown_value
 from foldcar.simulation.results import no_rate_text
 from foldcar.statistics.effects import Standardised, fit_effects
 from foldcar.statistics.rate import Rate
@@ -37,7 +47,7 @@ class Study:
 
     def __init__(self, store: str | Path) -> None:
         # Absolute, because the working directory may change later.
-        self.path = Path(store).absolute()
+        self.path = checked_path("store", store, "a store").absolute()
         require_store(self.path)
 
     def __repr__(self) -> str:
@@ -86,8 +96,10 @@ class Study:
         >>> rate.low <= rate.value <= rate.high, rate.confidence
         (True, 0.95)
         """
-        if source not in ("simulation", "trials"):
-            raise FoldcarError(f'source: {source!r} is neither "simulation" nor "trials"')
+        if not isinstance(source, str) or source not in ("simulation", "trials"):
+            raise FoldcarError(f'source: {shown_value(source)} is neither "simulation" nor "trials"')
+        checked_experiment(experiment)
+        confidence = checked_confidence(confidence)
         table = self.runs if source == "simulation" else self.trials[self.trials["counts"]]
         design_rows = self._of_design(self._of_experiment(table, experiment, source), design, source)
         has_passed = self._judged(design_rows)["passed"]
@@ -117,7 +129,10 @@ class Study:
         >>> study.select()[0].leader is None  # the study of this example has no runs in other realities
         True
         """
-        return self._read(lambda store: select(store, threshold, experiment, simulated_trials))
+        checked_experiment(experiment)
+        checked_bool("simulated_trials", simulated_trials)
+        limit = None if threshold is None else checked_number("threshold", threshold, 0, 1)
+        return self._read(lambda store: select(store, limit, experiment, simulated_trials))
 
     def compare(
         self, *, experiment: str | None = None, margin: float = MARGIN, simulated_trials: bool = False
@@ -129,7 +144,10 @@ class Study:
         >>> print(study.compare().sentence)
         Nothing to compare: there are no trials of built cars yet. `foldcar select` says which cars to build.
         """
-        return self._read(lambda store: compare(store, experiment, margin, simulated_trials))
+        checked_experiment(experiment)
+        checked_bool("simulated_trials", simulated_trials)
+        difference = checked_number("margin", margin, 0, 1)
+        return self._read(lambda store: compare(store, experiment, difference, simulated_trials))
 
     def success_model(self, *parameters: str, experiment: str | None = None) -> Standardised:
         """Model success as a smooth function of some design parameters, with credible bands, from the simulated runs.
@@ -235,9 +253,11 @@ def sweep(
     count = None if samples is None else checked_int("samples", samples, 1, MAX_ENVIRONMENTS)
     workers = usable_processors() if jobs is None else checked_int("jobs", jobs, 1, MAX_JOBS)
     reality_runs = None if realities is None else checked_int("realities", realities, 0, MAX_REALITIES)
+    checked_experiment(experiment)
+    listing_file, store_file = checked_path("listing", listing, "a listing"), checked_path("store", store, "a store")
     command = f"foldcar.sweep({str(listing)!r}, {str(store)!r})"
     planned = planned_sweep(
-        Path(listing), Path(store), command, experiment=experiment, environments=count, realities=reality_runs
+        listing_file, store_file, command, experiment=experiment, environments=count, realities=reality_runs
     )
     planned.run(workers)
     return Study(store)

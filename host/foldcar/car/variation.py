@@ -49,7 +49,9 @@ def spread_named(name_or_object: Any, place: str) -> Mapping[str, float]:
     unknown names or values that are not numbers within the limits.
     """
     changes = dict(name_or_object) if isinstance(name_or_object, Mapping) else {"from": name_or_object}
-    base = changes.pop("from", None)
+    if "from" not in changes:
+        raise FoldcarError(f'{place}: lacks "from"; write {{"from": "{WORKSHOP}", …}}')
+    base = changes.pop("from")
     if base != WORKSHOP:
         raise FoldcarError(f'{place}: unknown variation {base!r}; known: "{WORKSHOP}"')
     spread = {name: quantity.sd for name, quantity in workshop().items()}
@@ -61,7 +63,8 @@ def spread_named(name_or_object: Any, place: str) -> Mapping[str, float]:
             raise FoldcarError(f"{place}.{name}: {value!r} is not a number")
         if not 0 <= value <= quantity.largest_sd:
             limits = f"0 to {quantity.largest_sd:g} ({quantity.unit}, one sd)"
-            raise FoldcarError(f"{place}.{name}: {value:g} is outside {limits}")
+            # Not as a float, because an integer may be too large for one.
+            raise FoldcarError(f"{place}.{name}: {value!s:.40} is outside {limits}")
         spread[name] = float(value)
     return spread
 

@@ -13,10 +13,12 @@ from typing import Any
 
 from scenic.core.distributions import ConstantSamplable, Samplable, needsSampling
 from scenic.core.object_types import Constructible, Object
+from scenic.core.scenarios import Scenario, Scene
 
 from foldcar.errors import FoldcarError
 from foldcar.scenes import scenic_private
 from foldcar.scenes.program import named_instances
+from foldcar.shown_text import shown_value
 
 
 def condition(
@@ -36,6 +38,14 @@ def condition(
     names, with the known ones, and if a named part depends on a random value that belongs to another part: this value
     would be frozen for both parts, or differ between them.
     """
+    for name, value, kind in (("scenario", scenario, Scenario), ("scene", scene, Scene)):
+        if not isinstance(value, kind):
+            raise FoldcarError(f"condition: {name}: {shown_value(value)} is not a {kind.__name__} of Scenic")
+    for name, value in (("objects", objects), ("params", params)):
+        # The letters of a string would be taken for names.
+        is_names = isinstance(value, Collection) and not isinstance(value, str | bytes)
+        if value is not None and not (is_names and all(isinstance(part, str) for part in value)):
+            raise FoldcarError(f'condition: {name}: {shown_value(value)} is not a list of names, such as ["ego"]')
     if objects is None and params is None:
         _freeze(scenario.dependencies, scene.sample)
         return

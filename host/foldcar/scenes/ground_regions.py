@@ -1,18 +1,26 @@
-"""Makes Scenic compare circles and sectors in the ground plane, as it compares rectangles and polygons.
+"""Changes Scenic's flat regions: all are compared in the ground plane, and shapes without an area are refused.
 
 A car's middle lies above the ground. For Scenic, `ego.position in CircularRegion(…)` holds only at the exact height of
 the circle's centre, so it would never hold while the car drives. carsim compares all regions in the ground plane.
+
+Scenic refuses a circle of radius 0 or a polygon whose sides cross in a library's words, or with none.
 """
 
-from functools import cache
+import functools
+import inspect
+import math
+from collections.abc import Iterator, Mapping
 from typing import Any
 
+# Lengths and angles that give a region its area.
+SIZES = {"CircularRegion": ("radius",), "SectorRegion": ("radius", "angle"), "RectangularRegion": ("width", "length")}
 
-@cache
-def compare_in_ground_plane() -> None:
+
+@functools.cache
+def use_ground_regions() -> None:
     """Change Scenic's regions of this process, once."""
     from scenic.core.distributions import distributionFunction
-    from scenic.core.regions import CircularRegion, SectorRegion
+    from scenic.core.regions import CircularRegion, PolygonalRegion, RectangularRegion, SectorRegion
     from scenic.core.type_support import toVector
     from scenic.core.vectors import Vector
 
@@ -25,3 +33,73 @@ def compare_in_ground_plane() -> None:
 
     for kind in (CircularRegion, SectorRegion):
         kind.containsPoint = ground_plane_version(kind.containsPoint)
+    for kind in (CircularRegion, SectorRegion, RectangularRegion, PolygonalRegion):
+        kind.__init__ = _checked(kind, kind.__init__)
+
+
+def _checked(kind: Any, init: Any) -> Any:
+    """Return a constructor that raises Scenic's InvalidScenarioError, with a reason, for shapes without an area."""
+    from scenic.core.errors import InvalidScenarioError
+    from shapely.errors import GEOSException
+
+    signature = inspect.signature(init)
+
+    @functools.wraps(init)
+    def __init__(self: Any, *args: Any, **keywords: Any) -> None:  # noqa: N807
+        try:
+            init(self, *args, **keywords)
+        except (AssertionError, AttributeError, TypeError, ValueError, GEOSException) as error:
+            # A derived class gives its own reason. Wrong names or numbers of arguments are Python's to explain.
+            if type(self) is not kind or (isinstance(error, TypeError) and kind.__name__ in str(error)):
+                raise
+            arguments = signature.bind(self, *args, **keywords).arguments
+            reason = next(_faults(kind.__name__, arguments), None)
+            if reason is None and isinstance(error, AttributeError | TypeError):
+                raise
+            raise InvalidScenarioError(f"{kind.__name__}: {reason or 'its numbers give no area of the ground'}") from None
+
+    return __init__
+
+
+def _faults(kind: str, arguments: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the reasons for which a region of Scenic's class ``kind`` has no area."""
+    for name in SIZES.get(kind, ()):
+        size = arguments[name]
+        if isinstance(size, int | float) and not 0 < size < math.inf:
+            yield f"{name} {size:g} is not above 0 and finite"
+    if kind == "SectorRegion" and isinstance(arguments["center"], tuple | list):
+        yield f"center {arguments['center']} is not a vector: write x @ y"
+    if kind == "PolygonalRegion" and arguments.get("polygon") is None:
+        yield from _faults_of_corners(list(arguments.get("points") or ()))
+    elif kind == "PolygonalRegion" and hasattr(arguments["polygon"], "geom_type"):
+        yield from _faults_of_polygon(arguments["polygon"])
+
+
+def _faults_of_corners(corners: list[Any]) -> Iterator[str]:
+    from shapely import Polygon
+
+    if len(corners) < 3:
+        yield f"{len(corners)} corners: a polygon has at least 3"
+        return
+    for number, corner in enumerate(corners, start=1):
+        try:
+            is_finite = all(math.isfinite(coordinate) for coordinate in tuple(corner)[:2])
+        except TypeError:
+            is_finite = False
+        if not is_finite:
+            yield f"corner {number} is not two finite numbers (a corner cannot be random)"
+            return
+    yield from _faults_of_polygon(Polygon([tuple(corner)[:2] for corner in corners]))
+
+
+def _faults_of_polygon(polygon: Any) -> Iterator[str]:
+    from shapely.validation import explain_validity
+
+    if not polygon.convex_hull.area:
+        yield "its corners lie on one line"
+    reason, _, place = explain_validity(polygon).rstrip("]").partition("[")
+    if reason == "Self-intersection":
+        x, y = (float(coordinate) for coordinate in place.split())
+        yield f"its sides cross at ({x:.4g}, {y:.4g})"
+    elif reason != "Valid Geometry":
+        yield f"is not a valid polygon ({reason.lower()}{f' at {place}' if place else ''})"

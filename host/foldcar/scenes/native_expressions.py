@@ -21,7 +21,9 @@ from foldcar.scenes.sampled_values import (
     SIDES,
     SampledValues,
     Terms,
+    is_code,
     is_plain,
+    polygon_terms,
     shown,
 )
 
@@ -36,6 +38,8 @@ MOTION = {
     "pitch": ("pitch_rad",),
     "roll": ("roll_rad",),
 }
+# carsim's limit (program_input.cpp).
+MAX_CORNERS = 1000
 COMPARISONS = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">="}
 # Names with a standard meaning, unless the program redefines them.
 STANDARD = (*FUNCTIONS, *REGIONS, "math", "simulation")
@@ -58,7 +62,7 @@ class Translator:
     def __init__(self, tree: Any, scenario: Any) -> None:
         from scenic.syntax import veneer
 
-        self._ego, named_values = scenario.egoObject, named_things(scenario)
+        self._ego, named_values, self._params = scenario.egoObject, named_things(scenario), scenario.params
         # The names of Scenic, Python and math to which the program gives another meaning.
         standard = {name: getattr(veneer, name, getattr(builtins, name, math)) for name in STANDARD}
         self._redefined = {name for name, value in standard.items() if named_values.get(name, value) is not value}
@@ -135,11 +139,12 @@ class Translator:
                 # Scenic samples the members of a container only where the container is used as a value.
                 return node.id in self.names and value is not self._ego and is_plain(value)
             case ast.Attribute(value=ast.Name(id="globalParameters")):
-                return True
+                return self._params.get(node.attr) is not self._ego
             case ast.Attribute(value=ast.Name(id="math") as module):
                 return self._is_standard(module) and hasattr(math, node.attr)
             case ast.Attribute():
-                return not node.attr.startswith("_") and self.is_constant(node.value)
+                is_data = not node.attr.startswith("_") and not is_code(self._named_value(node.value), node.attr)
+                return is_data and self.is_constant(node.value)
             case ast.Subscript():
                 return self.is_constant(node.value) and self.is_constant(node.slice)
             case ast.Tuple() | ast.List():
@@ -154,6 +159,15 @@ class Translator:
         if type(node).__name__ == "DegOp":
             return self.is_constant(node.operand)
         return type(node).__name__ == "VectorOp" and self.is_constant(node.left) and self.is_constant(node.right)
+
+    def _named_value(self, node: Any) -> Any:
+        """Return the value, before sampling, of a name or a parameter; None for other expressions."""
+        match node:
+            case ast.Name():
+                return self.names.get(node.id)
+            case ast.Attribute(value=ast.Name(id="globalParameters")):
+                return self._params.get(node.attr)
+        return None
 
     def _is_known_function(self, function: ast.expr) -> bool:
         if isinstance(function, ast.Attribute):
@@ -213,12 +227,33 @@ class Translator:
             raise NotNativeError("a region")
         if not self.is_constant(region):
             raise NotNativeError(shown(region))
+        value = self.names.get(region.id) if isinstance(region, ast.Name) else None
+        if type(value).__name__ == "PolygonalRegion":
+            return _polygonal(value)
         return [PerSample(lambda sample: sample.region(region))]
 
     def _is_region(self, node: Any) -> bool:
         value = self.names.get(node.id) if isinstance(node, ast.Name) else None
         function_name = node.func.id if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) else ""
         return type(value).__name__ in REGIONS or function_name in REGIONS
+
+
+def _polygonal(region: Any) -> Terms:
+    """Return the terms of the condition that the car's position is in a PolygonalRegion of the program.
+
+    Raises NotNativeError if carsim cannot express the region: it has a hole, too many corners or is random.
+    """
+    from shapely import MultiPolygon
+
+    polygons = region.polygons
+    if not isinstance(polygons, MultiPolygon):
+        raise NotNativeError("a random PolygonalRegion")
+    # The edge of a hole is inside for Scenic; carsim has no such comparison.
+    if any(polygon.interiors for polygon in polygons.geoms):
+        raise NotNativeError("a region with a hole")
+    if any(len(polygon.exterior.coords) - 1 > MAX_CORNERS for polygon in polygons.geoms):
+        raise NotNativeError(f"a polygon of more than {MAX_CORNERS} corners")
+    return polygon_terms(polygons)
 
 
 def _stands_in_world(ego: Any) -> bool:

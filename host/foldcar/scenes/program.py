@@ -9,7 +9,6 @@ import ast
 import contextlib
 import gc
 import linecache
-import math
 import re
 import sys
 import traceback
@@ -73,12 +72,12 @@ def _compiled(
         # Scenic installs an excepthook, and warns if another library has done so before.
         warnings.filterwarnings("ignore", message="unable to install sys.excepthook")
         import scenic
-    from foldcar.scenes.ground_regions import compare_in_ground_plane
+    from foldcar.scenes.ground_regions import use_ground_regions
     from foldcar.scenes.mutation import Mutations
     from foldcar.scenes.refused_statements import refuse_misspelt_attributes, refuse_same_names
     from foldcar.scenes.scenic_hooks import hooks
 
-    compare_in_ground_plane()
+    use_ground_regions()
     mutations = Mutations(followed)
     limited = contained(COMPILE_LIMIT_S, f"{program}: compiling", program)
     try:
@@ -227,8 +226,8 @@ def _check_params(program: Path, params: Mapping[str, Any], declared: Mapping[st
             raise FoldcarError(f"{program}: param {name}: unknown; the program's parameters are: {names}{suggestion}")
         if _is_number(declared[name]) and not _is_number(value):
             raise FoldcarError(f"{program}: param {name}: {value!r} is not a number")
-        if _is_number(value) and not math.isfinite(value):
-            raise FoldcarError(f"{program}: param {name}: {value} is not finite")
+        if _is_number(value) and not abs(value) <= sys.float_info.max:
+            raise FoldcarError(f"{program}: param {name}: {value!s:.40} is not finite")
 
 
 def _is_number(value: Any) -> bool:

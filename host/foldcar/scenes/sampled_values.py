@@ -52,7 +52,9 @@ class SampledValues:
         except UnusableError:
             raise
         except Exception as error:
-            raise UnusableError(f"line {node.lineno}: {type(error).__name__}: {error}") from error
+            # Scenic's errors are sentences.
+            error_class = "" if type(error).__module__.startswith("scenic.") else f"{type(error).__name__}: "
+            raise UnusableError(f"line {node.lineno}: {error_class}{error}") from error
         if value is self.ego:
             raise UnusableError(f"line {node.lineno}: {shown(node)} is the car: name it `ego` in conditions and records")
         if not isinstance(value, list | tuple | dict) and not is_plain(value):
@@ -131,22 +133,13 @@ class SampledValues:
     def region(self, node: Any) -> Terms:
         """Return the terms of the condition that the car's position is in a region of the ground.
 
-        A circle is x, y, radius and "in_disc". Each polygon is one term, the list of its corners' coordinates
-        x0, y0, x1, y1, …; several polygons are joined by "or", in postfix order.
+        A circle is x, y, radius and "in_disc"; see :func:`polygon_terms` for others.
         """
         region = self.value(node)
         if type(region).__name__ == "CircularRegion":
             numbers = (region.center.x, region.center.y, region.radius)
             return [*(finite("a region", number) for number in numbers), "in_disc"]
-        polygons = region.polygons.geoms
-        if any(polygon.interiors for polygon in polygons):
-            raise UnusableError("a region with a hole cannot be used in a condition")
-        terms: Terms = []
-        for count, polygon in enumerate(polygons):
-            corners = polygon.exterior.coords[:-1]
-            coordinates = [finite("a region", coordinate) for corner in corners for coordinate in corner[:2]]
-            terms += [coordinates] if count == 0 else [coordinates, "or"]
-        return terms
+        return polygon_terms(region.polygons)
 
     def side(self, name: str) -> Terms:
         """Return the place on the car that `front of ego`, … name: ahead, left and up of its middle (m)."""
@@ -154,16 +147,35 @@ class SampledValues:
         return [rounded(fraction * float(size) / 2) for fraction, size in zip(SIDES[name], sizes, strict=True)]
 
 
+def polygon_terms(polygons: Any) -> Terms:
+    """Return the terms of the condition that the car's position is in one of the polygons, which have no holes.
+
+    Each polygon is one term, the list of its corners' coordinates x0, y0, x1, y1, …; several polygons are joined by
+    "or", in postfix order.
+    """
+    terms: Terms = []
+    for count, polygon in enumerate(polygons.geoms):
+        corners = polygon.exterior.coords[:-1]
+        coordinates = [finite("a region", coordinate) for corner in corners for coordinate in corner[:2]]
+        terms += [coordinates] if count == 0 else [coordinates, "or"]
+    return terms
+
+
 def attribute_of(value: Any, node: ast.Attribute) -> Any:
     """Return the attribute's value. Raises UnusableError if a class defined in the program computes it."""
-    defining_classes = [cls for cls in type(value).__mro__ if node.attr in vars(cls)]
-    is_of_program = any(not cls.__module__.startswith("scenic.") for cls in defining_classes)
-    if is_of_program and is_scenic(value):
+    if is_code(value, node.attr):
         kind = type(value).__name__
         raise UnusableError(
             f"line {node.lineno}: `{node.attr}` of a {kind} is code, which a condition or record cannot use"
         )
     return getattr(value, node.attr)
+
+
+def is_code(value: Any, attribute: str) -> bool:
+    """Whether a class that the program defines computes this attribute of an object of Scenic."""
+    defining_classes = [cls for cls in type(value).__mro__ if attribute in vars(cls)]
+    is_of_program = any(not cls.__module__.startswith("scenic.") for cls in defining_classes)
+    return is_of_program and is_scenic(value)
 
 
 def is_scenic(value: Any) -> bool:

@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 from foldcar.car.body import TableRow
 from foldcar.simulation import results
 from foldcar.simulation.engines import ENGINES, MULTIBODY, engine_title, find_carsim, program_command
-from foldcar.simulation.runner import CarsimError, RunRequest, process_ending
+from foldcar.simulation.runner import CarsimError, InputRefusedError, RunRequest, process_ending
 
 T = TypeVar("T")
 
@@ -175,7 +175,7 @@ class Carsim:
                 # With a single run, an error of a body or scene concerns this run.
                 index = 0 if len(requests) == 1 else error["run"]
                 label = requests[int(index)].label if index is not None else f"line {error['line']}"
-                raise CarsimError(f"{self.binary} refuses {label}: {error['message']}")
+                raise InputRefusedError(self.binary, label, str(error["message"]))
             is_valid = answer["outcome"] in results.NATIVE_OUTCOMES and all(
                 math.isfinite(answer[metric.name])
                 for metric in results.METRICS

@@ -5,6 +5,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
 from foldcar.errors import FoldcarError
@@ -15,6 +16,14 @@ PATH_INTERVAL_S = 0.02
 
 class CarsimError(FoldcarError):
     """The simulator is missing, crashed, or refused its input."""
+
+
+class InputRefusedError(CarsimError):
+    """The simulator refused its input; ``reason`` begins with the path of the value at fault, as ``scene.friction``."""
+
+    def __init__(self, binary: Path, label: str, reason: str) -> None:
+        super().__init__(f"{binary} refuses {label}: {reason}")
+        self.reason = reason
 
 
 @dataclass(frozen=True, slots=True)

@@ -132,10 +132,10 @@ def validated_listing(data: Any) -> tuple[Listing, list[str]]:
     try:
         return Listing.model_validate(data), []
     except ValidationError as error:
-        return Listing.model_construct(), [_mistake(mistake) for mistake in error.errors()]
+        return Listing.model_construct(), [listing_mistake(mistake) for mistake in error.errors()]
 
 
-def _mistake(mistake: Any) -> str:
+def listing_mistake(mistake: Any) -> str:
     """Return one of pydantic's mistakes as a line that names key, value and limit."""
     path = ".".join(map(str, mistake["loc"])) or "the file"
     kind, message = mistake["type"], mistake["msg"].removeprefix("Value error, ")

@@ -130,7 +130,7 @@ MISTAKES = {
     "none.scenic: no such Scenic program": lambda s: foldcar.environment("none.scenic"),
     "n: 0 is not an integer": lambda s: foldcar.evaluate(foldcar.design("W_B_W"), STEP_PYRAMIDS, 0),
     "scene.friction: is missing": lambda s: foldcar.simulate(foldcar.design("W_B_W"), {}),
-    "timeout_s: -1:": lambda s: foldcar.evaluate(foldcar.design("W_B_W"), STEP_PYRAMIDS, 1, timeout_s=-1),
+    "timeout_s: -1.0 is not above 0": lambda s: foldcar.evaluate(foldcar.design("W_B_W"), STEP_PYRAMIDS, 1, timeout_s=-1),
     "width: inf is not a number": lambda s: foldcar.design("W_B_W", width=math.inf),
     "width: 1000": lambda s: foldcar.design("W_B_W", width=10**400),
     "timeout_s: nan is not a number": lambda s: foldcar.evaluate(
@@ -141,10 +141,109 @@ MISTAKES = {
         foldcar.design("W_B_W"), SCENE, path_interval_s=math.nan
     ),
     "unknown variation 'shop'": lambda s: foldcar.evaluate(foldcar.design("W_B_W"), STEP_PYRAMIDS, 1, variation="shop"),
+    'variation: lacks "from"; write {"from": "workshop", …}': lambda s: foldcar.evaluate(
+        foldcar.design("W_B_W"), STEP_PYRAMIDS, 1, variation={"mass": 0.1}
+    ),
     "choose with experiment=: plain, built": lambda s: s.rate(width=95),
     "no simulation with width_mm 70; there are 65, 95": lambda s: s.rate(experiment="plain", width=70),
     "success_model: name some of width_mm, B_length_mm": lambda s: s.success_model(experiment="plain"),
 }
+
+
+def test_the_simulators_refusal_names_the_argument_and_not_its_program() -> None:
+    car = foldcar.design("W_B_W", width=95)
+    for mistake, message in (
+        ({"scene": {}}, "scene.friction: is missing"),
+        ({"scene": SCENE, "path_interval_s": -1}, "path_interval_s: -1.0 is below the limit 0.0"),
+        ({"scene": SCENE, "timeout_s": -1}, "timeout_s: -1.0 is not above 0.0"),
+        ({"scene": SCENE, "yaw_rate_rad_s": 21}, "yaw_rate_rad_s: 21.0 is above the maximum 20.0"),
+    ):
+        with pytest.raises(foldcar.FoldcarError) as raised:
+            foldcar.simulate(car, **mistake)
+        assert str(raised.value) == message
+    with pytest.raises(foldcar.FoldcarError, match=r"^speed_m_s: 3 is above 0\.691 m/s, the full speed of W_B_W "):
+        foldcar.simulate(car, SCENE, speed_m_s=3)
+
+
+# What no argument accepts, but those of which a row says so.
+ODD: list[Any] = [None, 3.5, -1, math.nan, math.inf, 10**400, 10**5000, b"x", ["a"], {"a": 1}, object(), "", "a\0b"]
+
+
+def odd_calls(study: foldcar.Study) -> dict[str, tuple[Any, str, tuple[Any, ...]]]:
+    """By function and argument: a call with a value, how the message begins, and the odd values that are allowed."""
+    car, steps = foldcar.design("W_B_W", width=95), foldcar.environment(STEP_PYRAMIDS)
+    scene, run = steps.scene(0), {"experiment": "plain", "width": 95}
+    no_default = (None,)
+    return {
+        "design": (foldcar.design, "type: ", ("", "a\0b")),
+        "design width": (lambda value: foldcar.design("W_B_W", width=value), 'design("W_B_W"): width: ', (-1, 3.5)),
+        "environment": (foldcar.environment, "program: ", ()),
+        "seed": (lambda value: foldcar.environment(STEP_PYRAMIDS, seed=value), "seed: ", ()),
+        "params": (lambda value: foldcar.environment(STEP_PYRAMIDS, params=value), "params: ", (None, {"a": 1})),
+        "scene": (steps.scene, "scene: ", ()),
+        "simulate design": (lambda value: foldcar.simulate(value, scene), "design: ", ()),
+        "simulate scene": (lambda value: foldcar.simulate(car, value), "scene: ", ({"a": 1},)),
+        "timeout": (lambda value: foldcar.simulate(car, scene, timeout_s=value), "timeout_s: ", (3.5,)),
+        "speed": (lambda value: foldcar.simulate(car, scene, speed_m_s=value), "speed_m_s: ", no_default),
+        "yaw rate": (lambda value: foldcar.simulate(car, scene, yaw_rate_rad_s=value), "yaw_rate_rad_s: ", (-1, 3.5)),
+        "path": (lambda value: foldcar.simulate(car, scene, path_interval_s=value), "path_interval_s: ", (None, 3.5)),
+        "evaluate design": (lambda value: foldcar.evaluate(value, steps, 1), "design: ", ()),
+        "evaluate environment": (lambda value: foldcar.evaluate(car, value, 1), "environment: ", ()),
+        "n": (lambda value: foldcar.evaluate(car, steps, value), "n: ", ()),
+        "variation": (lambda value: foldcar.evaluate(car, steps, 1, variation=value), "variation: ", no_default),
+        "variation seed": (
+            lambda value: foldcar.evaluate(car, steps, 1, variation="workshop", variation_seed=value),
+            "variation_seed: ", no_default,
+        ),
+        "no variation": (
+            lambda value: foldcar.evaluate(car, steps, 1, variation_seed=value), "variation_seed: ", no_default,
+        ),
+        "jobs": (lambda value: foldcar.evaluate(car, steps, 1, jobs=value), "jobs: ", no_default),
+        "confidence": (lambda value: foldcar.evaluate(car, steps, 1, confidence=value), "confidence: ", ()),
+        "Study": (foldcar.Study, "store: ", ()),
+        "rate experiment": (lambda value: study.rate(experiment=value), "experiment: ", (None, "", "a\0b")),
+        "rate source": (lambda value: study.rate(source=value, **run), "source: ", ()),
+        "rate confidence": (lambda value: study.rate(confidence=value, **run), "confidence: ", ()),
+        "build": (lambda value: study.select(build=value), "build: ", ()),
+        "threshold": (lambda value: study.select(threshold=value), "threshold: ", no_default),
+        "precision": (lambda value: study.select(precision=value), "precision: ", ()),
+        "select trials": (lambda value: study.select(simulated_trials=value), "simulated_trials: ", ()),
+        "select experiment": (lambda value: study.select(experiment=value), "experiment: ", (None, "", "a\0b")),
+        "margin": (lambda value: study.compare(margin=value), "margin: ", ()),
+        "compare trials": (lambda value: study.compare(simulated_trials=value), "simulated_trials: ", ()),
+        "compare experiment": (lambda value: study.compare(experiment=value), "experiment: ", (None, "", "a\0b")),
+        "listing": (lambda value: foldcar.sweep(value, "w.db"), "listing: ", ()),
+        "store": (lambda value: foldcar.sweep("l.json", value), "store: ", ()),
+        "sweep experiment": (
+            lambda value: foldcar.sweep("l.json", "w.db", experiment=value), "experiment: ", (None, "", "a\0b"),
+        ),
+        "samples": (lambda value: foldcar.sweep("l.json", "w.db", samples=value), "samples: ", no_default),
+        "sweep jobs": (lambda value: foldcar.sweep("l.json", "w.db", jobs=value), "jobs: ", no_default),
+        "condition": (lambda value: foldcar.condition(value, value), "condition: scenario: ", ()),
+    }  # fmt: skip
+
+
+def test_every_argument_refuses_odd_values_in_one_line_that_names_it(study: foldcar.Study) -> None:
+    for name, (call, beginning, allowed) in odd_calls(study).items():
+        for value in ODD:
+            if any(value is other or (type(value) is type(other) and value == other) for other in allowed):
+                continue
+            with pytest.raises(foldcar.FoldcarError) as raised:
+                call(value)
+            line = str(raised.value)
+            assert line.startswith(beginning) and len(line) < 500 and "\n" not in line, (name, line)
+
+
+def test_names_of_frozen_parts_are_lists() -> None:
+    import scenic
+
+    scenario = scenic.scenarioFromString("ego = new Object with width Range(1, 2)")
+    scene, _ = scenario.generate()
+    for names in ("ego", 3, [3], b"ego"):
+        with pytest.raises(foldcar.FoldcarError, match=r"^condition: objects: .* is not a list of names"):
+            foldcar.condition(scenario, scene, objects=names)  # type: ignore[arg-type]
+    with pytest.raises(foldcar.FoldcarError, match=r"^condition: scene: None is not a Scene of Scenic"):
+        foldcar.condition(scenario, None)
 
 
 def test_a_mistake_is_one_line_that_names_it(study: foldcar.Study) -> None:

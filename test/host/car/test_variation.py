@@ -148,7 +148,7 @@ def test_without_spread_nothing_changes(carsim_binary: Path) -> None:
     ("spread", "message"),
     [
         ("garage", "here: unknown variation 'garage'; known: \"workshop\""),
-        ({}, 'here: unknown variation None; known: "workshop"'),
+        ({}, 'here: lacks "from"; write {"from": "workshop", …}'),
         ({"from": "workshop", "luck": 1}, 'here: unknown spread "luck"; known: servo_speed, servo_torque'),
         ({"from": "workshop", "supply_v": float("nan")}, "here.supply_v: nan is outside 0 to 2"),
         ({"from": "workshop", "mass": 0.6}, "here.mass: 0.6 is outside 0 to 0.5 (relative, one sd)"),

@@ -1,7 +1,6 @@
 """The study page in a browser that lacks or refuses what it needs: each place says so, and the rest of the page works."""
 
 import html
-import json
 import re
 from itertools import pairwise
 from pathlib import Path
@@ -116,6 +115,118 @@ def test_a_task_that_fails_twice_is_given_up_and_others_are_simulated(page: Path
     assert verified == "The page cannot simulate: a worker failed (unreachable)."
 
 
+# Where the page waits for a worker, a second passes in a tenth of a second, or as window.pace says.
+FAST_CLOCK = "{ const own = setInterval; window.setInterval = (act, pause) => own(act, pause / (window.pace ?? 10)); }"
+SILENT_WORKERS = FAST_CLOCK + "Worker.prototype.postMessage = () => {};"
+UNREADABLE_ANSWERS = """{ const post = Worker.prototype.postMessage; Worker.prototype.postMessage = function (message) {
+  if (message.lines) this.dispatchEvent(new MessageEvent("messageerror")); else post.call(this, message); }; }"""
+# Three workers. The second does not answer when it starts, the first not to its second task.
+SILENT_ONES = FAST_CLOCK + """
+Object.defineProperty(navigator, "hardwareConcurrency", { value: 3 });
+{ const Own = Worker; let count = 0;
+  window.Worker = class extends Own {
+    constructor(url) { super(url); this.number = count++; this.tasks = 0; }
+    postMessage(message) {
+      if (this.number !== 1 && (!message.lines || this.number !== 0 || ++this.tasks !== 2)) super.postMessage(message);
+    } }; }
+"""
+
+
+@pytest.mark.parametrize(
+    ("before", "words"),
+    [
+        (SILENT_WORKERS, "a worker did not answer within 30 s"),
+        (UNREADABLE_ANSWERS, "a worker's answer could not be read"),
+    ],
+)
+def test_a_worker_without_an_answer_is_an_error_in_each_place(page: Path, before: str, words: str) -> None:
+    with Tab(page.as_uri(), before=before) as tab:
+        tab.wait(READY)
+        move_slider(tab, "friction", 0.7)
+        tab.ask("document.getElementById('marginals').click()")
+        tab.ask("document.querySelector('#verify button').click()")
+        tab.ask("study.open(1, 2)")
+        for place in (STATUS, SINGLE, VERIFIED, NOTE):
+            assert tab.wait(f"{place}.includes('cannot') && {place}", 40) == f"The page cannot simulate: {words}."
+        assert tab.ask("errors") == []
+
+
+def test_the_other_simulators_go_on_without_one_that_falls_silent(page: Path) -> None:
+    with Tab(page.as_uri(), before=SILENT_ONES) as tab:
+        tab.wait(READY)
+        tab.ask("study.drives.ready()")
+        tab.wait("study.drives.pool.clock === null", 40)
+        assert tab.ask("study.drives.pool.simulators.length") == 2
+        # The silent task: the time limit of its runs, 120 s, and 30 s.
+        tab.ask("window.pace = 30")
+        tab.ask("document.querySelector('#verify button').click()")
+        verified = tab.wait(f"/^[✓✗T]/.test({VERIFIED}) && {VERIFIED}", 60)
+        tab.wait("study.drives.pool.clock === null", 40)
+        assert tab.ask("study.drives.pool.simulators.length") == 1
+        assert tab.ask("study.drives.pool.failure.message") == "a worker did not answer within 150 s"
+        assert tab.ask("errors") == []
+
+    runs = len(WIDTHS) * SAMPLES
+    assert verified.startswith(f"✓ {runs} of {runs} runs reproduced")
+
+
+def test_a_worker_that_says_it_is_busy_is_waited_for(page: Path) -> None:
+    busy = f"""{FAST_CLOCK}
+      Object.defineProperty(navigator, "hardwareConcurrency", {{ value: 1 }});
+      {{ const post = Worker.prototype.postMessage; Worker.prototype.postMessage = function (message) {{
+        if (!message.lines) return post.call(this, message);
+        for (let k = 1; k < 6; k++) setTimeout(() => this.onmessage({{ data: {{ busy: true }} }}), 500 * k);
+        setTimeout(() => post.call(this, message), 3000);
+      }}; }}"""
+    with Tab(page.as_uri(), before=busy) as tab:
+        tab.wait(READY)
+        tab.ask("study.drives.ready()")
+        tab.wait("study.drives.pool.clock === null", 20)
+        # The limit is passed after 1.5 s.
+        tab.ask("window.pace = 100; window.begun = performance.now(); study.open(1, 2)")
+        tab.wait(f"document.querySelector('.verified').textContent || {NOTE}.includes('cannot')", 20)
+        verdict = tab.ask("document.querySelector('.verified').textContent")
+        assert verdict.startswith("✓") and tab.ask("performance.now() - begun") > 3000 and tab.ask("errors") == []
+
+
+DRAWN = """(async () => {
+  const charts = [...document.querySelectorAll(".chart")];
+  for (const chart of charts) {
+    chart.scrollIntoView();
+    window.dispatchEvent(new Event("scroll"));
+    await new Promise(go => setTimeout(go, 50));
+  }
+  return charts.map(chart => chart.querySelector("svg, canvas")?.tagName ?? chart.textContent);
+})()"""
+
+
+@pytest.mark.parametrize(
+    ("get_context", "drawn"),
+    [
+        ("() => null", "svg"),
+        (
+            "() => { throw new Error('blocked'); }",
+            "This browser cannot draw this chart (blocked). Its numbers are in the table below.",
+        ),
+    ],
+)
+def test_a_page_without_a_canvas_has_its_tables_and_texts(page: Path, get_context: str, drawn: str) -> None:
+    with Tab(page.as_uri(), before=f"HTMLCanvasElement.prototype.getContext = {get_context};") as tab:
+        tab.wait(READY)
+        tab.ask("study.open(1, 2)")
+        tab.wait("document.querySelector('.verified').textContent.startsWith('✓')", 20)
+        replay = tab.ask("document.querySelector('#replay').innerText")
+        charts = tab.ask(DRAWN)
+        tab.ask("for (const details of document.querySelectorAll('details')) details.open = true")
+        tables = tab.wait("document.querySelectorAll('.behind table').length")
+        tab.ask("study.hover(0); study.brush('width_mm', [[90, 100]]); dispatchEvent(new Event('beforeprint'))")
+        assert tab.ask("errors") == []
+
+    assert set(charts) == {drawn} and len(charts) >= 4 and tables >= 4
+    assert "Without WebGL a browser draws no car." in replay
+    assert "Without a canvas a browser draws no roll and pitch." in replay
+
+
 REFUSED_ADDRESS = "history.replaceState = () => { throw new DOMException('too many', 'SecurityError'); };"
 
 
@@ -194,61 +305,3 @@ def test_a_frame_without_an_address_has_the_whole_page(page: Path, tmp_path: Pat
     assert inner["address"] == "about:srcdoc" and inner["errors"] == [] and inner["copy"] and inner["shown"]
     assert inner["verdict"].startswith("✓") and inner["told"].startswith("120 mm, environment 2: ")
     assert inner["outer"].endswith("/outer.html")
-
-
-def test_what_of_a_link_cannot_be_followed_is_said_until_the_reader_goes_on(page: Path) -> None:
-    link = (
-        "e=7&design=99+mm&env=66&outcome=flown,passed&b.constructor=1..2&b.width_mm=wide&x=beauty&t=soon&r.mood=1&at=nowhere"
-        "&r.friction=50&r.servo_torque=0.8&r.com_height_m=-5"
-    )
-    with Tab(f"{page.as_uri()}#{link}") as tab:
-        tab.wait("document.getElementById('whatif')?.dataset.done")
-        remarks = tab.ask("[...document.querySelectorAll('#link-remarks li')].map(item => item.textContent)")
-        sliders = tab.ask("study.e.drives.sliders")
-        state, values = (
-            tab.ask("study.state"),
-            tab.ask("[...document.querySelectorAll('.slider output')].map(o => o.value)"),
-        )
-        tab.ask("study.open(1, 2)")
-        assert tab.ask("document.getElementById('link-remarks').hidden") and tab.ask("errors") == []
-
-    limits = {slider["name"]: slider for slider in sliders}
-    friction, height = limits["friction"], limits["com_height_m"]
-    low, high, lowest, highest = (
-        f"{scale * slider[end]:.3g} {unit}"
-        for slider, scale, unit in ((friction, 1, "×"), (height, 1000, "mm"))
-        for end in ("low", "high")
-    )
-    assert remarks == [
-        "The link's b.width_mm=wide is not a range such as 65..95.",
-        "The link's t=soon is not a number of 0 or more.",
-        "The link's at=nowhere is not one of summary, belief, whatif, parameters, runs, trials.",
-        "The link is of experiment 7, which this page does not have: this is experiment 1.",
-        "The link's design 99 mm is not in experiment 1.",
-        "The link's environment 66 does not exist: experiment 1 has 6.",
-        remarks[6],
-        "The link keeps a range of constructor, which no design has.",
-        "The link's axis x=beauty does not exist.",
-        "The link has a value of mood, for which this page has no slider.",
-        f"The link's friction, 50 ×, is outside the slider's limits, {low} to {high}: it is set to {high}.",
-        f"The link's centre of mass, raised, -5000 mm, is outside the slider's limits, {lowest} to {highest}: "
-        f"it is set to {lowest}.",
-    ]
-    assert remarks[6].startswith("The link's outcome flown is not one of passed, ")
-    assert state["outcomes"] == ["passed"] and state["brushes"] == {} and state["design"] is state["env"] is None
-    assert state["reality"] == {"friction": friction["high"], "servo_torque": 0.8, "com_height_m": height["low"]}
-    assert values[0] == high
-
-
-def test_a_link_that_can_be_followed_needs_no_remark(page: Path) -> None:
-    link = "e=1&design=95+mm&env=2&t=0.5&outcome=passed&b.width_mm=90..100&x=time&r.friction=0.8&at=runs"
-    with Tab(f"{page.as_uri()}#{link}") as tab:
-        tab.wait(READY)
-        assert tab.ask("document.getElementById('link-remarks').hidden")
-        # Another link in the same page moves the sliders, too.
-        tab.ask("location.hash = '#r.friction=500'")
-        tab.wait("document.querySelector('#link-remarks li')?.textContent.includes('friction, 500')")
-        limit = tab.ask("study.e.drives.sliders.find(slider => slider.name === 'friction').high")
-        assert tab.ask("document.querySelector('.slider output').value") == f"{limit:.3g} ×"
-        assert json.loads(tab.ask("JSON.stringify(study.state.reality)")) == {"friction": limit}
-        assert tab.ask("errors") == []

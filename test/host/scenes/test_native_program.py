@@ -132,6 +132,22 @@ def test_the_publications_programs_need_no_scenic(program: str, carsim_binary: P
         ("terminate when min(ego.x, 3, key=abs) > 0.3", "line 11: Call"),
         ("r = CircularRegion((0.5, 0), 0.2)\nterminate when (distance to r) < 1", "line 12: the distance from a region"),
         ("from pathlib import Path\nplace = Path('a')\nterminate when ego.x > place.x", "line 13: `….x`"),
+        ("param who = ego\nrecord final globalParameters.who.x as x", "line 12: `….x`"),
+        (
+            "class Sign(Marker):\n    @property\n    def limit(self): return 1\nsign = new Sign at (0.1, 0.5)\n"
+            "terminate when ego.x > sign.limit",
+            "line 15: `….limit`",
+        ),
+        (
+            "area = CircularRegion((0.5, 0), 0.4).difference(CircularRegion((0.5, 0), 0.2))\n"
+            "terminate when ego.position in area",
+            "line 12: a region with a hole",
+        ),
+        (
+            "area = CircularRegion((0.5, 0), 0.4, 300).union(CircularRegion((0.9, 0), 0.4, 300))\n"
+            "terminate when ego.position in area",
+            "line 12: a polygon of more than 1000 corners",
+        ),
         ("record final ego.position as passed", "line 11: a position as `passed`"),
         ("terminate when ego.x > 1\n" * 101, "more than 100 conditions or records"),
         ("terminate when " + " and ".join(["ego.x > 1"] * 150), "an expression of more than 400 terms"),
@@ -233,6 +249,51 @@ def test_a_sector_is_compared_in_the_ground_plane(tmp_path: Path, carsim_binary:
     assert inside == [0.3 <= x <= 0.5 for _, (x, _, _) in recorded["path"]["value"]] and sum(inside) > 5
 
 
+def test_a_region_with_a_hole_is_compared_by_scenic(tmp_path: Path, carsim_binary: Path) -> None:
+    statements = (
+        "area = RectangularRegion((0.5, 0), 0, 0.4, 1).difference(CircularRegion((0.5, 0), 0.1, 200))\n"
+        "terminate when ego.x > 0.6 and ego.position in area\nrecord ego.position as path\n"
+        "record ego.position in area as inside\n"
+    )
+    source = flat(tmp_path, statements)
+    body, settings = car_texts(95.0, 8)
+    with SteppedCarsim([str(carsim_binary)]) as stepped:
+        simulator = CarSimulator(stepped, body, settings, lambda scene: json.dumps(source.describe(scene, 0)))
+        result = simulator.run(source.scenic_scene(0))
+
+    recorded = {name: [value for _, value in series["value"]] for name, series in result["recorded"].items()}
+    assert source.needs_scenic == "line 5: a region with a hole" and result["outcome"] == "terminated"
+    assert recorded["inside"] == [0.3 <= x <= 0.7 and math.hypot(x - 0.5, y) > 0.1 for x, y, _ in recorded["path"]]
+    assert sum(recorded["inside"]) > 5
+
+
+SHAPES = [
+    ("CircularRegion((0.5, 0), 0)", "CircularRegion: radius 0 is not above 0 and finite"),
+    ("CircularRegion((0.5, 0), -0.2)", "CircularRegion: radius -0.2 is not above 0 and finite"),
+    ("SectorRegion(0.5 @ 0, 0.2, 0, 0)", "SectorRegion: angle 0 is not above 0 and finite"),
+    ("SectorRegion((0.5, 0), 0.2, 0, 1)", "SectorRegion: center (0.5, 0) is not a vector: write x @ y"),
+    ("RectangularRegion((0.5, 0), 0, 0, 1)", "RectangularRegion: width 0 is not above 0 and finite"),
+    ("RectangularRegion((0.5, 0), 0, 1, float('inf'))", "RectangularRegion: length inf is not above 0 and finite"),
+    ("RectangularRegion((0.5, 0), 0, Range(0, 0), 1)", "RectangularRegion: width 0 is not above 0 and finite"),
+    ("PolygonalRegion([(0, 0), (1, 0)])", "PolygonalRegion: 2 corners: a polygon has at least 3"),
+    ("PolygonalRegion([(0, 0), (1, 0), (2, 0)])", "PolygonalRegion: its corners lie on one line"),
+    ("PolygonalRegion([(0, 0), (1, 1), (1, 0), (0, 1)])", "PolygonalRegion: its sides cross at (0.5, 0.5)"),
+    ("PolygonalRegion([(0, 0), (1, 0), 'ab'])", "PolygonalRegion: corner 3 is not two finite numbers"),
+    ("PolygonalRegion([(0, 0), (1, Range(0, 1)), (2, 3)])", "PolygonalRegion: corner 2 is not two finite numbers"),
+]
+
+
+@pytest.mark.parametrize(("region", "message"), SHAPES)
+@pytest.mark.parametrize("ending", ["", "\nmonitor M():\n    wait\nrequire monitor M()"], ids=["alone", "monitor"])
+def test_a_region_without_an_area_is_refused_in_plain_words(
+    tmp_path: Path, region: str, message: str, ending: str
+) -> None:
+    with pytest.raises(FoldcarError) as error:
+        flat(tmp_path, f"area = {region}\nterminate when ego.position in area{ending}\n").sample(0)
+    assert message in str(error.value) and "Error" not in str(error.value)
+    assert "line 4: " in str(error.value) or "Range" in region
+
+
 def test_a_value_that_is_no_finite_number_fails_its_run(tmp_path: Path, carsim_binary: Path) -> None:
     source = opened(tmp_path, "terminate when ego.x > 9\nrecord final 1 / (ego.x - ego.x) as x")
     body, settings = car_texts(95, 1)
@@ -244,7 +305,6 @@ def test_a_value_that_is_no_finite_number_fails_its_run(tmp_path: Path, carsim_b
 @pytest.mark.parametrize(
     ("statements", "message"),
     [
-        ("param who = ego\nrecord final globalParameters.who.x as x", "line 12: `….who` is the car: name it `ego` in "),
         ("import math\nrecord final math.sqrt(-1) + ego.x as x", "line 12: ValueError: math domain error"),
         ("record final 1 / 0 + ego.x as x", "line 11: ZeroDivisionError: division by zero"),
         ("terminate when (distance to (0.1, 0.2) + (0.3, 0)) < 1", "line 11: (0.1, 0.2, 0.3, 0) is not a place to "),
@@ -252,8 +312,8 @@ def test_a_value_that_is_no_finite_number_fails_its_run(tmp_path: Path, carsim_b
         ("terminate when ego.x > 1 and 4", "line 11: 4 beside `and` or `or` is neither True nor False"),
         ("param box = object()\nterminate when ego.x > globalParameters.box", "line 12: a object cannot be used in a "),
         (
-            "class Sign(Marker):\n    @property\n    def limit(self): return 1\nsign = new Sign at (0.1, 0.5)\n"
-            "terminate when ego.x > sign.limit",
+            "class Sign(Marker):\n    @property\n    def limit(self): return 1\nparam s = [new Sign at (0.1, 0.5)]\n"
+            "terminate when ego.x > globalParameters.s[0].limit",
             "line 15: `limit` of a Sign is code, which a condition or record cannot",
         ),
         ("record initial '\\ud800' as a", r"record a: the string '\ud800' is not Unicode"),

@@ -14,7 +14,7 @@ from foldcar.link.dialect import load_dialect
 from foldcar.link.simulated_car import SimulatedCar
 from foldcar.link.tlog import TlogWriter, read_tlog
 from foldcar.trials.faults import REMEDIES
-from live_car import LOG, car_at_port, car_clock_s, greeted, inject, moving, trials_in
+from live_car import LOG, car_at_port, car_clock_s, greeted, inject, injected_s, moving, trials_in
 from typist import Typist
 
 CTRL_S, CTRL_Q = "\x13", "\x11"
@@ -171,10 +171,12 @@ def test_a_script_learns_of_a_fault_by_the_exit_code(tmp_path: Path, free_course
 def test_a_refused_start_does_not_end_the_session(tmp_path: Path, free_course: Path) -> None:
     with car_at_port() as car, Typist(tmp_path, *LOG, "--port", car.port, "--countdown", "0") as person:
         person.answers(("deviation: ", ""))
-        inject(car, inject="battery", volts=2.0, for_s=3)
+        injected_s(car, inject="battery", volts=2.0)
+        wait_on_car(car, 1.0)
         person.answers(("Enter starts", ""))
         person.sees("the car refuses to arm: the battery is low")
-        time.sleep(3.5)
+        injected_s(car, inject="battery", volts=5.0)
+        wait_on_car(car, 1.0)
         drives_next(person)
 
     first, second = trials_in(tmp_path / "s.db")

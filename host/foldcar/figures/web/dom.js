@@ -13,6 +13,15 @@ export function make(tag, attributes = {}, ...children) {
   return element;
 }
 
+// What draws on a canvas; null in a browser without one, and where the reader has blocked it.
+export function context2d(canvas) {
+  try {
+    return canvas.getContext("2d");
+  } catch {
+    return null;
+  }
+}
+
 // A list of choices: [[value, text]].
 export function select(label, options, value, act) {
   const list = make("select", { onchange: () => act(list.value) });

@@ -34,7 +34,7 @@ class Mounted {
       this.view = new View(this.picture);
     } catch {
       this.view = NO_VIEW;
-      this.picture.textContent = "Without WebGL a browser draws no car; below are its roll and pitch.";
+      this.picture.textContent = "Without WebGL a browser draws no car.";
     }
     this.cameras.hidden = this.view === NO_VIEW;
     this.strips = new Strips(element, t => { this.pause(); this.time(t); });

@@ -1,6 +1,6 @@
 // Roll and pitch over time as a canvas that is scrubbed, and the pulses that the servos get.
 
-import { make } from "./dom.js";
+import { context2d, make } from "./dom.js";
 
 const ANGLES = [5, 10, 15, 30, 45, 90, 180];
 const LEFT = 40, FOOT = 20, HEIGHT = 128, PULSE_ROW = 12;
@@ -11,6 +11,7 @@ export class Strips {
     Object.assign(this, { seek, series: [], pulses: null, end_s: 1, t: 0 });
     const label = "time; roll (solid) and pitch (dashed) in degrees", style = "display:block;width:100%;cursor:col-resize;touch-action:pan-y";
     this.canvas = element.appendChild(make("canvas", { tabindex: 0, class: "strips", role: "slider", "aria-label": label, style }));
+    this.missing = element.appendChild(make("p", { class: "note", text: "Without a canvas a browser draws no roll and pitch.", hidden: true }));
     const drag = event => this.seek(this.timeAt(event));
     this.canvas.addEventListener("pointerdown", event => { this.canvas.setPointerCapture(event.pointerId); drag(event); });
     this.canvas.addEventListener("pointermove", event => { if (event.buttons) drag(event); });
@@ -49,7 +50,9 @@ export class Strips {
     const height = HEIGHT + rows * PULSE_ROW;
     this.canvas.style.height = `${height}px`;
     Object.assign(this.canvas, { width: Math.round(width * ratio), height: Math.round(height * ratio) });
-    const context = this.canvas.getContext("2d");
+    const context = context2d(this.canvas);
+    this.missing.hidden = context !== null;
+    if (!context) return;
     context.setTransform(ratio, 0, 0, ratio, 0, 0);
     this.drawAngles(context, width, ink);
     context.fillStyle = ink;

@@ -4,8 +4,9 @@
 // e: experiment; env, t: environment and time of the run; x, y, mx, my: axes of the scatter plot and the map; b: ranges of an axis
 // that are kept; r: values of the sliders; at: the section that is read.
 
-import { shownUnit, sliderLabel, number } from "./data.js";
+import { hasValues, number, shownUnit, sliderLabel } from "./data.js";
 
+const AXES = ["x", "y", "mx", "my"];
 const PLAIN = ["e", "design", "env", "t", "x", "y", "mx", "my", "at"];
 export const SECTIONS = ["summary", "belief", "whatif", "parameters", "runs", "trials"];
 // Browsers refuse more frequent writes over a longer time: Safari more than 100 in 30 s, Firefox more than 200 in 10 s.
@@ -29,7 +30,9 @@ export function readFragment(fragment) {
   const asked = new URLSearchParams(fragment.slice(1)), state = emptyState(), remarks = [];
   const isNumber = text => text.trim() !== "" && Number.isFinite(Number(text));
   const refuse = (name, text, wanted) => { remarks.push(`The link's ${name}=${text} is not ${wanted}.`); };
-  for (const [name, text] of asked) {
+  for (const name of new Set(asked.keys())) {
+    const texts = asked.getAll(name), text = texts.at(-1);
+    if (texts.length > 1) remarks.push(`The link gives ${name} ${texts.length} times: the last, ${text}, counts.`);
     if (name === "outcome") {
       state.outcomes = text.split(",").filter(Boolean);
     } else if (name.startsWith("r.")) {
@@ -39,13 +42,20 @@ export function readFragment(fragment) {
       const intervals = text.split(";").map(part => part.split("..")), ordered = intervals.every(ends => ends.length === 2 && ends.every(isNumber) && Number(ends[0]) <= Number(ends[1]));
       if (ordered) state.brushes[name.slice(2)] = intervals.map(ends => ends.map(Number));
       else refuse(name, text, "a range such as 65..95");
-    } else if (name === "env" || name === "t") {
-      if (isNumber(text) && Number(text) >= 0) state[name] = name === "env" ? Math.round(Number(text)) : Number(text);
+    } else if (name === "env") {
+      if (isNumber(text) && Number.isInteger(Number(text)) && Number(text) >= 0) state.env = Number(text);
+      else refuse(name, text, "an integer of 0 or more");
+    } else if (name === "t") {
+      if (isNumber(text) && Number(text) >= 0) state.t = Number(text);
       else refuse(name, text, "a number of 0 or more");
     } else if (name === "at" && !SECTIONS.includes(text)) {
       refuse(name, text, `one of ${SECTIONS.join(", ")}`);
     } else if (PLAIN.includes(name)) {
       state[name] = text || null;
+    } else if (SECTIONS.includes(name) && !text) {
+      state.at = name;
+    } else {
+      remarks.push(`The link's ${name}=${text} means nothing to this page.`);
     }
   }
   return { state, remarks };
@@ -59,8 +69,8 @@ export function fitState(state, e) {
   if (state.env !== null && state.env >= e.environments) remark(`The link's environment ${state.env} does not exist: experiment ${e.id} has ${e.environments}`);
   for (const name of state.outcomes.filter(outcome => !e.outcomes.includes(outcome))) remark(`The link's outcome ${name} is not one of ${e.outcomes.join(", ")}`);
   for (const key of Object.keys(state.brushes).filter(axis => !e.axis[axis])) remark(`The link keeps a range of ${key}, which no design has`);
-  for (const name of ["x", "y", "mx", "my"]) if (state[name] !== null && !e.axis[state[name]]) remark(`The link's axis ${name}=${state[name]} does not exist`);
-  const sliders = new Map((e.drives?.sliders ?? []).map(slider => [slider.name, slider])), reality = {};
+  for (const name of AXES) if (state[name] !== null && !canShow(e, name, state[name])) remark(`The link's axis ${name}=${state[name]} ${e.axis[state[name]] ? `cannot be an axis of the ${name.length > 1 ? "map" : "scatter plot"} of experiment ${e.id}` : "does not exist"}`);
+  const sliders = new Map((e.judged && e.drives?.sliders || []).map(slider => [slider.name, slider])), reality = {};
   for (const [name, value] of Object.entries(state.reality)) {
     const slider = sliders.get(name);
     if (!slider) {
@@ -75,13 +85,27 @@ export function fitState(state, e) {
     e: state.e === null ? null : e.id, design: e.place.has(state.design) ? state.design : null, env: state.env < e.environments ? state.env : null,
     outcomes: state.outcomes.filter(outcome => e.outcomes.includes(outcome)), brushes: Object.fromEntries(Object.entries(state.brushes).filter(([key]) => e.axis[key])), reality,
   });
-  for (const name of ["x", "y", "mx", "my"]) if (!e.axis[state[name]]) state[name] = null;
+  for (const name of AXES) if (state[name] !== null && !canShow(e, name, state[name])) state[name] = null;
+  const hasRun = state.design !== null && state.env !== null;
+  if (state.env !== null && state.design === null) remark(`The link's environment ${state.env} is shown for a design only, and the link has none`);
+  else if (hasRun && e.runs && e.run(e.place.get(state.design), state.env) < 0) remark(`The link's run of ${state.design} in environment ${state.env} is not in experiment ${e.id}`);
+  if (state.t !== null && !hasRun) {
+    remark(`The link's time, ${number(state.t)} s, is of no run that this page has`);
+    state.t = null;
+  }
   return remarks;
+}
+
+// Whether an axis of the scatter plot (x, y) or the map (mx, my) can be this one.
+function canShow(e, name, key) {
+  const axis = e.axis[key];
+  if (!axis) return false;
+  return name.length > 1 ? e.parameters.length > 1 && axis.parameter !== undefined : e.count > 1 && hasValues(axis);
 }
 
 // Writes the fragment into the address: at once, but at most twice a second, and what was last to be written in the end.
 export class AddressWriter {
-  constructor(fragment) { Object.assign(this, { fragment, planned: null, written_ms: -Infinity }); }
+  constructor(fragment) { Object.assign(this, { fragment, planned: null, written_ms: -Infinity, known: window.location.hash }); }
 
   write() {
     if (this.planned !== null || !hasAddress()) return;
@@ -90,9 +114,12 @@ export class AddressWriter {
       this.planned = setTimeout(() => { this.planned = null; this.write(); }, wait_ms);
       return;
     }
+    // A link that was followed in this moment is read before it is written over.
+    if (window.location.hash !== this.known) return;
     this.written_ms = performance.now();
     const fragment = this.fragment();
     // A browser may refuse. The page does not need the address.
     try { window.history.replaceState(null, "", fragment === "#" ? window.location.pathname + window.location.search : fragment); } catch { /* as above */ }
+    this.known = window.location.hash;
   }
 }

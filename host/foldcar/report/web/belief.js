@@ -130,9 +130,10 @@ function mapPlaces(e, kx, ky) {
 function mapFigure(model) {
   const { e } = model, count = e.parameters.length;
   const byShare = [...e.importance].sort((a, b) => b.share - a.share).map(({ parameter }) => parameter);
-  const [first, second] = [...new Set([...byShare, ...Array(count).keys()])];
-  const place = (key, otherwise) => { const k = e.axes.findIndex(axis => axis.key === key && axis.parameter !== undefined); return k < 0 ? otherwise : k; };
-  const [kx, ky] = [place(model.state.mx, first), place(model.state.my, second)];
+  const ranked = [...new Set([...byShare, ...Array(count).keys()])];
+  const chosen = key => e.axes.find(axis => axis.key === key)?.parameter ?? null;
+  // An axis that is not chosen is another one than the chosen.
+  const kx = chosen(model.state.mx) ?? ranked.find(k => k !== chosen(model.state.my)), ky = chosen(model.state.my) ?? ranked.find(k => k !== kx);
   const axes = [e.axes[kx], e.axes[ky]];
   const apart = axes.every(axis => new Set(axis.values).size <= MAX_CELLS);
   const levels = axes.map(axis => [...new Set(axis.values)].filter(value => value !== null).sort((a, b) => a - b));

@@ -4,7 +4,7 @@ import { BarChart, CustomChart, HeatmapChart, LineChart, ParallelChart, ScatterC
 import { GridComponent, MarkAreaComponent, MarkLineComponent, ParallelComponent, TooltipComponent } from "echarts/components";
 import * as echarts from "echarts/core";
 import { CanvasRenderer, SVGRenderer } from "echarts/renderers";
-import { make } from "../../figures/web/dom.js";
+import { context2d, make } from "../../figures/web/dom.js";
 
 echarts.use([BarChart, CustomChart, HeatmapChart, LineChart, ParallelChart, ScatterChart, GridComponent, MarkAreaComponent,
   MarkLineComponent, ParallelComponent, TooltipComponent, CanvasRenderer, SVGRenderer]);
@@ -32,7 +32,7 @@ window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", red
 window.addEventListener("beforeprint", () => {
   document.documentElement.classList.add("print");
   for (const chart of all) chart.draw(true);
-  for (const { chart } of all) chart.getZr().flush();
+  for (const { chart } of all) chart?.getZr().flush();
 });
 window.addEventListener("afterprint", () => { document.documentElement.classList.remove("print"); redraw(); });
 // A chart is drawn when it comes near the window (px): the page answers at once, however many there are.
@@ -43,6 +43,10 @@ const isNear = ({ place }) => {
 };
 const drawStale = () => { for (const chart of all) if (chart.stale && isNear(chart)) chart.draw(); };
 for (const event of ["scroll", "resize"]) window.addEventListener(event, drawStale, { passive: true });
+
+// Text browsers have no canvas, and some readers block it.
+let canvas = null;
+const hasCanvas = () => (canvas ??= context2d(make("canvas")) !== null);
 
 // zrender paints a large canvas over several frames, and a frame to come does not notice that the chart is gone: another
 // id of the drawing ends them.
@@ -55,7 +59,7 @@ function disposeOf(chart) {
 export class Chart {
   // option(colours, width): of ECharts; table(): {head, rows} of the same numbers, for readers of tables and of screens.
   constructor(figure, { label, option, table, renderer = "svg", drawn = () => {} }) {
-    Object.assign(this, { figure, option, table, drawn });
+    Object.assign(this, { figure, label, option, table, drawn });
     this.place = make("div", { class: "chart", role: "img", "aria-label": `${label}. The numbers are in the table below.` });
     const caption = figure.querySelector("figcaption");
     if (caption) caption.after(this.place);
@@ -85,7 +89,21 @@ export class Chart {
     this.stale = !always && !isNear(this);
     if (this.stale) return;
     // On paper all charts are SVG: browsers print a canvas as it was some frames ago, without what is still to be painted.
-    const renderer = document.documentElement.classList.contains("print") ? "svg" : this.renderer;
+    const renderer = document.documentElement.classList.contains("print") || !hasCanvas() ? "svg" : this.renderer;
+    try {
+      this.paint(renderer, option, theme);
+    } catch ({ message }) {
+      // The page stays readable in a browser that cannot draw. The next drawing begins anew.
+      try { disposeOf(this.chart); } catch { /* It was never complete. */ }
+      const text = `This browser cannot draw this chart (${message}). Its numbers are in the table below.`;
+      this.place.textContent = text;
+      this.place.style.height = "auto";
+      this.place.setAttribute("aria-label", `${this.label}. ${text}`);
+      Object.assign(this, { chart: null, drawnBy: null });
+    }
+  }
+
+  paint(renderer, option, theme) {
     if (this.drawnBy !== renderer) {
       disposeOf(this.chart);
       this.chart = echarts.init(this.place, null, { renderer });

@@ -45,6 +45,8 @@ const successAxis = (key, label, shares) => ({ key, label, unit: "%", values: sh
 
 const measureAxis = ({ value, ...named }) => ({ ...named, values: value });
 
+export const hasValues = ({ values }) => values.some(value => value !== null);
+
 export const withUnit = ({ label, unit }) => (unit ? `${label} (${unit})` : label);
 
 // 0.875 as "88 %".

@@ -55,7 +55,8 @@ export class Drives {
       if (!definitions.has(id)) definitions.set(id, () => JSON.stringify({ body: { ...inputs.bodies[body], id } }));
       return JSON.stringify({ run: { ...inputs.settings[setting], id: String(design), body: id, scene: sceneName, reality, ...(path ? { path_interval_s: this.path_interval_s } : {}) } });
     });
-    return this.pool.answers(definitions, lines, priority, group);
+    const limit_s = Math.max(0, ...designs.map(design => inputs.settings[inputs.designs[design][1]].time_limit_s));
+    return this.pool.answers(definitions, lines, limit_s, priority, group);
   }
 
   // Forgets runs of a group that have not begun.
@@ -68,7 +69,7 @@ export class Drives {
     if (!this.pulsesOf.has(setting)) {
       const { speed_m_s, yaw_rate_rad_s, time_limit_s, parameters } = this.inputs.settings[setting];
       const line = JSON.stringify({ pulses: { id: "pulses", speed_m_s, yaw_rate_rad_s, time_limit_s, parameters } });
-      this.pulsesOf.set(setting, this.pool.answers(new Map(), [line], URGENT).then(([{ changes }]) => changes));
+      this.pulsesOf.set(setting, this.pool.answers(new Map(), [line], time_limit_s, URGENT).then(([{ changes }]) => changes));
     }
     return this.pulsesOf.get(setting);
   }

@@ -6,7 +6,7 @@ import { Drives } from "./drives.js";
 
 export class Model {
   constructor() {
-    this.listeners = { data: [], state: [], hover: [] };
+    this.listeners = { data: [], state: [], hover: [], remarks: [] };
     this.writer = new AddressWriter(() => fragmentOf(this.state));
     this.hovered = null;
     this.read();
@@ -101,7 +101,14 @@ export class Model {
   // The state and, in linkRemarks, what of the address the page cannot follow.
   read() {
     const { state, remarks } = readFragment(window.location.hash);
+    this.writer.known = window.location.hash;
     Object.assign(this, { state, linkRemarks: remarks });
+  }
+
+  // Adds to linkRemarks what shows itself later.
+  remark(text) {
+    this.linkRemarks.push(text);
+    this.notify("remarks");
   }
 
   fit() { this.linkRemarks.push(...fitState(this.state, this.e)); }

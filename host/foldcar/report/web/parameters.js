@@ -2,8 +2,8 @@
 
 import { designTip, linked, scale } from "./belief.js";
 import { Chart, axisStyle, band, successAxis, successColour, tooltip } from "./charts.js";
-import { BELIEF, isSuccess, number, percent, valueText, withUnit } from "./data.js";
-import { byId, make, select } from "../../figures/web/dom.js";
+import { BELIEF, hasValues, isSuccess, number, percent, valueText, withUnit } from "./data.js";
+import { byId, context2d, make, select } from "../../figures/web/dom.js";
 
 // Sides of the parallel axes, height of a line of their headings, space between two headings, size of their letters (px).
 const SIDES = 92, LINE = 14, SPACE = 8, HEADING = 12;
@@ -48,9 +48,10 @@ export class Parameters {
   hover() { if (this.parallel) this.parallel.hover(); }
 
   scatter(place) {
-    const { model } = this, { e } = model, usable = e.axes.filter(axis => axis.values.some(value => value !== null));
-    const named = key => usable.find(axis => axis.key === key);
-    const [x, y] = [named(model.state.x) || usable.find(axis => axis.key === "time") || usable[0], named(model.state.y) || named(BELIEF) || usable[1]];
+    const { model } = this, { e } = model, usable = e.axes.filter(hasValues);
+    const named = key => usable.find(axis => axis.key === key), { state } = model;
+    // An axis that is not chosen is another one than the chosen.
+    const x = named(state.x) ?? [named("time"), ...usable].find(axis => axis && axis.key !== state.y), y = named(state.y) ?? [named(BELIEF), ...usable].find(axis => axis && axis !== x) ?? x;
     const options = usable.map(axis => [axis.key, axis.label]), pick = key => value => { model.set({ x: x.key, y: y.key, [key]: value }); this.use(); this.mark(); };
     const figure = make("figure", { "data-chart": "scatter" });
     place.append(make("div", { class: "controls" }, select("→", options, x.key, pick("x")), select("↑", options, y.key, pick("y")), scale()), figure);
@@ -106,7 +107,7 @@ function designTable({ e, within }) {
 }
 
 // Axes of which something is known.
-const drawable = e => e.axes.filter(axis => axis.values.some(value => value !== null) && (axis.parameter !== undefined || isSuccess(axis.key) || new Set(axis.values).size > 1));
+const drawable = e => e.axes.filter(axis => hasValues(axis) && (axis.parameter !== undefined || isSuccess(axis.key) || new Set(axis.values).size > 1));
 
 class Parallel {
   constructor(model, place) {
@@ -170,11 +171,11 @@ class Parallel {
     return k === null ? [] : [{ value: this.valuesOf(k) }];
   }
 
-  chosen() { if (!this.chart.stale) this.chart.chart.setOption({ series: [{ id: "all" }, { id: "chosen", data: this.line() }] }); }
+  chosen() { if (!this.chart.stale) this.chart.chart?.setOption({ series: [{ id: "all" }, { id: "chosen", data: this.line() }] }); }
 
   // Without setOption, which would end a brush that is being drawn.
   hover() {
-    if (this.chart.stale) return;
+    if (this.chart.stale || !this.chart.chart) return;
     const { chart } = this.chart, seriesId = "all";
     chart.dispatchAction({ type: "downplay", seriesId });
     if (this.model.hovered !== null) chart.dispatchAction({ type: "highlight", seriesId, dataIndex: this.model.hovered });
@@ -182,7 +183,7 @@ class Parallel {
 
   // The chart's brushes as the state has them.
   restore() {
-    if (this.chart.stale) return;
+    if (this.chart.stale || !this.chart.chart) return;
     this.restoring = true;
     for (const axis of this.axes) {
       const intervals = this.model.state.brushes[axis.key] || [];
@@ -226,9 +227,10 @@ class Parallel {
 
 // The lines of each axis's heading, none wider than `width` (px); null if a word is wider.
 function headingLines(axes, width) {
-  const ruler = document.createElement("canvas").getContext("2d");
-  ruler.font = `${HEADING}px ${getComputedStyle(document.body).fontFamily}`;
-  const fits = text => ruler.measureText(text).width <= width;
+  const ruler = context2d(make("canvas"));
+  if (ruler) ruler.font = `${HEADING}px ${getComputedStyle(document.body).fontFamily}`;
+  // Without a canvas: letters of an ordinary width.
+  const fits = text => (ruler ? ruler.measureText(text).width : 0.55 * HEADING * text.length) <= width;
   const headings = axes.map(({ label, unit }) => {
     const lines = [];
     for (const word of label.split(" ")) {

@@ -2,9 +2,12 @@
 
 import { mountScene, pathOfRows } from "../../figures/web/scene.js";
 import { byId, make } from "../../figures/web/dom.js";
+import { number } from "./data.js";
 import { URGENT } from "./drives.js";
 import { cannotSimulate, readBlob } from "./simulators.js";
 
+// Times in the address have two decimals.
+const ROUNDING_S = 0.006;
 const COLOUR = "#0072b2";
 const GHOST_COLOURS = ["#cc79a7", "#009e73", "#e69f00", "#56b4e9", "#d55e00"];
 const PREFERS_NO_MOTION = matchMedia("(prefers-reduced-motion: reduce)").matches;
@@ -50,7 +53,7 @@ export class ReplayPlace {
   async show(design, environment, t = 0, play = false) {
     const { e, drives } = this.model, key = `${e.id} ${design}/${environment}`;
     if (this.shown === key) {
-      if (this.scene && !this.loading) this.scene.time(t);
+      if (this.scene && !this.loading) this.showTime(t);
       return;
     }
     this.shown = key;
@@ -74,7 +77,7 @@ export class ReplayPlace {
     const trials = this.trials();
     this.overlays = new Set([...this.overlays].filter(name => name.startsWith("d") && name !== `d${design}`));
     if (trials.length) this.overlays.add(`t${trials.at(-1).number}`);
-    await this.load(t);
+    await this.load(t, true);
     if (play && !PREFERS_NO_MOTION && this.shown === key && !this.place.hidden) this.scene.play();
   }
 
@@ -97,16 +100,20 @@ export class ReplayPlace {
     this.load(this.scene.now());
   }
 
-  async load(t) {
+  async load(t, isAsked = false) {
     const request = (this.request = {});
     try {
-      await this.simulateAndShow(t, request);
+      await this.simulateAndShow(request);
+      if (request !== this.request) return;
+      if (isAsked) this.showTime(t);
+      else this.scene.time(t);
+      this.element.dataset.readyMs = (performance.now() - this.chosen_ms).toFixed(0);
     } catch (error) {
       if (request === this.request) this.showError(error);
     }
   }
 
-  async simulateAndShow(t, request) {
+  async simulateAndShow(request) {
     const { design, environment, model: { drives, state } } = this;
     this.loading = true;
     const overlays = [...this.overlays].slice(-GHOST_COLOURS.length), changed = Object.keys(state.reality).length > 0;
@@ -124,8 +131,13 @@ export class ReplayPlace {
     else this.scene = this.mounted(ground, runs);
     this.listOverlays();
     this.loading = false;
+  }
+
+  // Only a link can ask for a time after the end.
+  showTime(t) {
+    const { end_s } = this.scene;
+    if (t > end_s + ROUNDING_S) this.model.remark(`The link's time, ${number(t)} s, is after the end of the drive, ${end_s.toFixed(2)} s: the end is shown.`);
     this.scene.time(t);
-    this.element.dataset.readyMs = (performance.now() - this.chosen_ms).toFixed(0);
   }
 
   // The time at which a reader stops the run stands in the address.

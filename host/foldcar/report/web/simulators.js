@@ -45,11 +45,15 @@ async function compile() {
   return WebAssembly.compile(bytes).catch(({ message }) => { throw new Error(`this browser refuses the simulator (${message})`); });
 }
 
+// Seconds that a worker may take for its start, or for a run beside its simulated time. A run is simulated many times faster than
+// it would drive, on slow machines too: a worker that takes longer will not answer.
+const START_S = 30;
+
 // Simulators in workers, one for each thread of the machine. Tasks of a higher priority run first.
 class Pool {
   // `ready` resolves when the first simulator has started; `build` is then its build. It rejects if none starts.
   constructor(engine) {
-    Object.assign(this, { tasks: [], simulators: [], starting: 0, failure: null });
+    Object.assign(this, { tasks: [], simulators: [], starting: 0, failure: null, waited: new Set(), clock: null });
     this.ready = this.start(engine);
   }
 
@@ -64,7 +68,7 @@ class Pool {
 
   startWorker(url, module, engine) {
     return new Promise((resolve, reject) => {
-      const simulator = { worker: null, known: new Set(), task: null };
+      const simulator = { worker: null, known: new Set(), task: null, fail: null };
       try {
         simulator.worker = new Worker(url);
       } catch ({ message }) {
@@ -72,13 +76,23 @@ class Pool {
         reject(this.failure);
         return;
       }
-      simulator.worker.onerror = event => {
-        event.preventDefault();
-        this.failure = new Error(`a worker failed (${event.message || "this browser refuses it"})`);
+      simulator.fail = text => {
+        this.failure = new Error(text);
         reject(this.failure);
         this.remove(simulator);
       };
+      simulator.worker.onerror = event => {
+        event.preventDefault();
+        simulator.fail(`a worker failed (${event.message || "this browser refuses it"})`);
+      };
+      // Chromium has this event of a worker, but no property onmessageerror.
+      simulator.worker.addEventListener("messageerror", () => simulator.fail("a worker's answer could not be read"));
       simulator.worker.onmessage = ({ data }) => {
+        if (data.busy) {
+          simulator.silent_s = 0;
+          return;
+        }
+        this.waited.delete(simulator);
         if (data.build) {
           this.build = data.build;
           this.simulators.push(simulator);
@@ -90,15 +104,29 @@ class Pool {
         }
         this.startTasks();
       };
+      this.wait(simulator, START_S);
       simulator.worker.postMessage({ module, engine });
     });
   }
 
-  // Answers to the run lines. definitions: by name of a body or scene, a function that returns its line, which a simulator
-  // gets before the first run that uses it.
-  answers(definitions, lines, priority, group) {
+  // Gives up a simulator that is silent for longer than this. Seconds are ticks of this page, so that the sleep of a computer
+  // does not count.
+  wait(simulator, limit_s) {
+    Object.assign(simulator, { silent_s: 0, limit_s });
+    this.waited.add(simulator);
+    this.clock ??= setInterval(() => {
+      for (const late of [...this.waited].filter(waited => ++waited.silent_s > waited.limit_s)) late.fail(`a worker did not answer within ${late.limit_s.toFixed(0)} s`);
+      if (this.waited.size) return;
+      clearInterval(this.clock);
+      this.clock = null;
+    }, 1000);
+  }
+
+  // Answers to the run lines, each of which ends after limit_s of simulated time at the latest. definitions: by name of a body or
+  // scene, a function that returns its line, which a simulator gets before the first run that uses it.
+  answers(definitions, lines, limit_s, priority, group) {
     return new Promise((resolve, reject) => {
-      this.tasks.push({ definitions, lines, priority, group, resolve, reject, failed: false });
+      this.tasks.push({ definitions, lines, limit_s, priority, group, resolve, reject, failed: false });
       this.tasks.sort((a, b) => b.priority - a.priority);
       this.startTasks();
     });
@@ -111,6 +139,7 @@ class Pool {
   remove(simulator) {
     const { worker, task } = simulator;
     worker.terminate();
+    this.waited.delete(simulator);
     this.simulators = this.simulators.filter(other => other !== simulator);
     if (task?.failed) task.reject(this.failure);
     else if (task) this.tasks.unshift(Object.assign(task, { failed: true }));
@@ -123,6 +152,7 @@ class Pool {
       if (simulator.task || !this.tasks.length) continue;
       const task = (simulator.task = this.tasks.shift()), unknown = [...task.definitions].filter(([name]) => !simulator.known.has(name));
       for (const [name] of unknown) simulator.known.add(name);
+      this.wait(simulator, START_S + task.limit_s);
       simulator.worker.postMessage({ lines: [...unknown.map(([, line]) => line()), ...task.lines] });
     }
   }

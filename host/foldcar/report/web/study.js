@@ -65,6 +65,7 @@ function start() {
     showTrials(model);
   });
   model.on("state", () => { belief.mark(); parameters.mark(); runs.mark(); showDesign(model); showLinkRemarks(model); });
+  model.on("remarks", () => showLinkRemarks(model));
   model.on("hover", () => { showDesign(model); parameters.hover(); });
   byId("copy").hidden = !hasAddress();
   byId("copy").addEventListener("click", async () => {

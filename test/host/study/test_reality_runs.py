@@ -249,6 +249,19 @@ def test_the_error_decides_how_many_runs_there_are(
     assert again.error == pytest.approx(0.05)
 
 
+def test_fewer_runs_than_the_store_has_are_learned_from_and_kept(
+    widths: Path, tmp_path: Path, carsim_binary: Path, learned: list[Any]
+) -> None:
+    store = tmp_path / "s.db"
+    for number, stored in ((50, 50), (20, 50), (0, 50), (40, 50)):
+        swept(widths, store, carsim_binary, realities=number)
+
+        with Store.open(store) as opened:
+            assert len(read_reality_runs(opened, "1")) == number
+        assert len(rows_of(store)) == stored
+    assert [len(runs) for runs, _ in learned] == [50, 20, 40]
+
+
 def test_the_stages_double_to_8000() -> None:
     assert STAGES == (2_000, 4_000, 8_000) and MAX_ERROR == 0.05
 

@@ -1,5 +1,6 @@
 """Runs in other realities: drawn by their number alone, simulated once, resumed, and as many as the learning needs."""
 
+import io
 import json
 import math
 import signal
@@ -11,11 +12,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 import foldcar as foldcar_api
 from foldcar.belief import priors
 from foldcar.belief.priors import MAX_SCORE, NAMES, values_of
 from foldcar.belief.reality import drawn_reality
+from foldcar.commands import progress_bar
 from foldcar.errors import FoldcarError
 from foldcar.inference import remarks
 from foldcar.simulation.carsim import Carsim
@@ -28,9 +31,10 @@ from foldcar.store.tables import REALITY_RUN
 from foldcar.store.writer import canonical_json, write_store
 from foldcar.study import reality_runs
 from foldcar.study.chunks import LocalSimulators
+from foldcar.study.experiment_runs import Progress
 from foldcar.study.experiments import read_study
 from foldcar.study.reality_draws import MAX_SCENES, draw_runs
-from foldcar.study.reality_runs import MAX_ERROR, STAGES, next_number
+from foldcar.study.reality_runs import MAX_ERROR, STAGES, RealityCounts, next_number
 from foldcar.study.sweep import Sweep
 from full_store import contents
 from study_car import listing_of
@@ -468,3 +472,32 @@ def test_a_search_keeps_those_of_the_sweep(widths: Path, tmp_path: Path, carsim_
     with Store.open(store) as opened:
         assert len(read_reality_runs(opened, "1").number) == 20
         assert not any("realities" in sentence for sentence in remarks.runs(opened, opened.info().experiments["1"]))
+
+
+def test_a_second_bar_counts_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    console = Console(file=io.StringIO(), force_terminal=True, width=100)
+    monkeypatch.setattr(progress_bar, "shown_console", lambda stderr: console)
+    progress = Progress(total=40, judged=40, new=40, passed=20)
+    lines = []
+    with progress_bar.ProgressBar(progress) as bar:
+        bar.update(progress)
+        lines.append(shown_lines(bar))
+        progress.realities = {
+            "1": RealityCounts(total=100, new=30, reused=10, seconds=2.0),
+            "2": RealityCounts(total=60, new=30, seconds=1.0),
+            "3": RealityCounts(left_out="the sweep left them out (--realities 0)"),
+        }
+        bar.update(progress)
+        lines.append(shown_lines(bar))
+
+    assert [line.split()[0] for line in lines[0]] == ["sweep"]
+    sweep, realities = lines[1]
+    assert sweep.startswith("sweep ") and "40/40" in sweep and "50 % passed" in sweep
+    assert realities.startswith("realities ") and "70/160" in realities and "20 runs/s" in realities
+
+
+def shown_lines(bar: progress_bar.ProgressBar) -> list[str]:
+    """The lines of a bar, without colours."""
+    plain = Console(file=io.StringIO(), width=100)
+    plain.print(bar._bar.get_renderable())
+    return plain.file.getvalue().splitlines()  # type: ignore[attr-defined,no-any-return]

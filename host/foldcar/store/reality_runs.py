@@ -59,9 +59,11 @@ class RealityRuns:
 class RealityKeys:
     """The ids of an experiment's runs in other realities.
 
-    ``designs`` are the ids (body, settings) of the designs in their order. ``scenes`` has the scene's id by sample.
+    ``planned`` is their number. ``designs`` are the ids (body, settings) of the designs in their order. ``scenes`` has the
+    scene's id by sample.
     """
 
+    planned: int
     build_id: int
     spread_id: int
     designs: list[tuple[int, int]]
@@ -71,12 +73,13 @@ class RealityKeys:
 def reality_keys(store: ReadableStore, experiment: str) -> RealityKeys | None:
     """Return the ids of an experiment's runs in other realities; None if its last sweep planned no such runs."""
     for row in store.rows(EXPERIMENT, "WHERE id = ?", experiment):
-        spread = json.loads(row["facts"]).get("reality_spread")
-        for spread_row in store.rows(SPREAD, "WHERE fingerprint = ?", spread):
+        facts = json.loads(row["facts"])
+        for spread_row in store.rows(SPREAD, "WHERE fingerprint = ?", facts.get("reality_spread")):
             designs = store.rows(DESIGN, "WHERE experiment = ? ORDER BY position", experiment)
             of_environment = "WHERE environment_id = ? AND sample < ? ORDER BY sample"
             samples = store.rows(SAMPLE, of_environment, row["environment_id"], row["environments"])
             return RealityKeys(
+                facts.get("realities", 0),
                 row["build_id"],
                 spread_row["id"],
                 [(design["body_id"], design["settings_id"]) for design in designs],
@@ -88,6 +91,8 @@ def reality_keys(store: ReadableStore, experiment: str) -> RealityKeys | None:
 def read_reality_runs(store: ReadableStore, experiment: str) -> RealityRuns:
     """Return the stored runs of ``experiment`` in other realities, without runs if there are none. Raises StoreError.
 
+    If an earlier sweep made more runs than the last one planned, these are not read.
+
     Example: ``read_reality_runs(store, "1").passed.mean()``
     """
     keys = reality_keys(store, experiment)
@@ -98,7 +103,8 @@ def read_reality_runs(store: ReadableStore, experiment: str) -> RealityRuns:
         for position, design in enumerate(keys.designs):
             positions.setdefault(design, []).append(position)
         samples = {scene: sample for sample, scene in reversed(keys.scenes.items())}
-        for row in store.rows(REALITY_RUN, "WHERE build_id = ? AND spread_id = ?", keys.build_id, keys.spread_id):
+        planned = "WHERE build_id = ? AND spread_id = ? AND number < ?"
+        for row in store.rows(REALITY_RUN, planned, keys.build_id, keys.spread_id, keys.planned):
             equal_designs = positions.get((row["body_id"], row["settings_id"]))
             if equal_designs is not None and row["scene_id"] in samples:
                 number, passed = row["number"], row["passed"]

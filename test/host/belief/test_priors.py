@@ -1,5 +1,7 @@
 """Priors of the simulator's parameters, and what their values do to a run."""
 
+import re
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -70,3 +72,15 @@ def test_only_cars_that_were_built_from_the_sheets_have_their_prior() -> None:
     # 0 ± 3 mm instead of 10 ± 12 mm.
     assert PARAMETERS[index].value(sheets.mean) == pytest.approx(0) and sheets.sd == pytest.approx(0.25)
     assert index not in built_priors("W_B_W", False)
+
+
+def test_the_page_has_the_priors() -> None:
+    """In docs/realities.md a row has median and standard deviation; a half-normal one has its scale only."""
+    page = (Path(__file__).resolve().parents[3] / "docs" / "realities.md").read_text(encoding="utf-8")
+    cells = [line.split("|")[1:4] for line in page.splitlines() if line.startswith("|`")]
+    priors = {name.strip("`"): [float(number) for number in re.findall(r"[0-9.]+", text)] for name, _, text in cells}
+
+    assert list(priors) == list(NAMES)
+    for parameter in PARAMETERS:
+        half_normal = parameter.prior == "half-normal"
+        assert priors[parameter.name] == ([parameter.sd] if half_normal else [parameter.middle, parameter.sd])

@@ -1,5 +1,6 @@
 """Runs in other realities: drawn by their number alone, simulated once, resumed, and as many as the learning needs."""
 
+import io
 import json
 import math
 import signal
@@ -11,13 +12,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from foldcar.evidence import remarks
+from rich.console import Console
 
 import foldcar as foldcar_api
 from foldcar.belief import priors
 from foldcar.belief.priors import MAX_SCORE, NAMES, values_of
 from foldcar.belief.reality import drawn_reality
+from foldcar.commands import progress_bar
 from foldcar.errors import FoldcarError
+from foldcar.evidence import remarks
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.runner import RunRequest
 from foldcar.store.merge import merge_stores
@@ -28,9 +31,10 @@ from foldcar.store.tables import REALITY_RUN
 from foldcar.store.writer import canonical_json, write_store
 from foldcar.study import reality_runs
 from foldcar.study.chunks import LocalSimulators
+from foldcar.study.experiment_runs import Progress
 from foldcar.study.experiments import read_study
 from foldcar.study.reality_draws import MAX_SCENES, draw_runs
-from foldcar.study.reality_runs import MAX_ERROR, STAGES, next_number
+from foldcar.study.reality_runs import MAX_ERROR, STAGES, RealityCounts, next_number
 from foldcar.study.sweep import Sweep
 from full_store import contents
 from study_car import listing_of
@@ -249,6 +253,19 @@ def test_the_error_decides_how_many_runs_there_are(
     assert again.error == pytest.approx(0.05)
 
 
+def test_fewer_runs_than_the_store_has_are_learned_from_and_kept(
+    widths: Path, tmp_path: Path, carsim_binary: Path, learned: list[Any]
+) -> None:
+    store = tmp_path / "s.db"
+    for number, stored in ((50, 50), (20, 50), (0, 50), (40, 50)):
+        swept(widths, store, carsim_binary, realities=number)
+
+        with Store.open(store) as opened:
+            assert len(read_reality_runs(opened, "1")) == number
+        assert len(rows_of(store)) == stored
+    assert [len(runs) for runs, _ in learned] == [50, 20, 40]
+
+
 def test_the_stages_double_to_8000() -> None:
     assert STAGES == (2_000, 4_000, 8_000) and MAX_ERROR == 0.05
 
@@ -455,3 +472,32 @@ def test_a_search_keeps_those_of_the_sweep(widths: Path, tmp_path: Path, carsim_
     with Store.open(store) as opened:
         assert len(read_reality_runs(opened, "1").number) == 20
         assert not any("realities" in sentence for sentence in remarks.runs(opened, opened.info().experiments["1"]))
+
+
+def test_a_second_bar_counts_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    console = Console(file=io.StringIO(), force_terminal=True, width=100)
+    monkeypatch.setattr(progress_bar, "shown_console", lambda stderr: console)
+    progress = Progress(total=40, judged=40, new=40, passed=20)
+    lines = []
+    with progress_bar.ProgressBar(progress) as bar:
+        bar.update(progress)
+        lines.append(shown_lines(bar))
+        progress.realities = {
+            "1": RealityCounts(total=100, new=30, reused=10, seconds=2.0),
+            "2": RealityCounts(total=60, new=30, seconds=1.0),
+            "3": RealityCounts(left_out="the sweep left them out (--realities 0)"),
+        }
+        bar.update(progress)
+        lines.append(shown_lines(bar))
+
+    assert [line.split()[0] for line in lines[0]] == ["sweep"]
+    sweep, realities = lines[1]
+    assert sweep.startswith("sweep ") and "40/40" in sweep and "50 % passed" in sweep
+    assert realities.startswith("realities ") and "70/160" in realities and "20 runs/s" in realities
+
+
+def shown_lines(bar: progress_bar.ProgressBar) -> list[str]:
+    """The lines of a bar, without colours."""
+    plain = Console(file=io.StringIO(), width=100)
+    plain.print(bar._bar.get_renderable())
+    return plain.file.getvalue().splitlines()  # type: ignore[attr-defined,no-any-return]

@@ -1,12 +1,19 @@
 """Writes stores of studies with given outcomes, as a sweep and `foldcar log` write them, for tests of what reads them."""
 
+import json
+import math
 import uuid
 from collections.abc import Callable, Mapping, Sequence
 from itertools import product
 from pathlib import Path
 from typing import Any
 
+import numpy
+
+from foldcar.belief.priors import MAX_SCORE, NAMES
 from foldcar.simulation.results import NUMBERS
+from foldcar.store.reality_runs import BLOCK, CHECK
+from foldcar.store.tables import DESIGN, EXPERIMENT, SAMPLE
 from foldcar.store.trial_writer import CarFacts, Drive, Ending, TrialDesign, write_trials
 from foldcar.store.writer import PlannedDesign, PlannedExperiment, StoreWriter, write_store
 
@@ -147,3 +154,42 @@ def import_trials(
             | ({"car_name": f"car {at % cars}"} if cars > 1 else {})
             for at, (varied, sample, outcome) in enumerate(trials)
         )
+
+
+def write_realities(
+    store: Path,
+    log_odds: Callable[[Mapping[str, float], Mapping[str, float]], float],
+    experiment: str = "1",
+    number: int = 4000,
+) -> None:
+    """Add runs in other realities of a written experiment, whose log-odds follow from (scores by name, design)."""
+    random = numpy.random.default_rng(1)
+    with write_store(store) as writer:
+        writer.begin_study(FACTS, BUILD)
+        row = next(row for row in writer.rows(EXPERIMENT, "WHERE id = ?", experiment))
+        facts = {**json.loads(row["facts"]), "realities": number, "reality_spread": f"realities of {experiment}"}
+        with writer._transaction():
+            writer._update(EXPERIMENT, {**row, "facts": json.dumps(facts)})
+        spread = writer.spread(f"realities of {experiment}")
+        designs = list(writer.rows(DESIGN, "WHERE experiment = ? ORDER BY position", experiment))
+        scenes = list(writer.rows(SAMPLE, "WHERE environment_id = ?", row["environment_id"]))
+        rows = []
+        for block in range(number):
+            # The first runs of a block share reality and design.
+            if block % BLOCK >= CHECK or block % BLOCK == 0:
+                scores = random.standard_normal(len(NAMES)).clip(-MAX_SCORE, MAX_SCORE)
+                design = designs[random.integers(len(designs))]
+            odds = log_odds(dict(zip(NAMES, scores.tolist(), strict=True)), json.loads(design["parameters"]))
+            rows.append(
+                {
+                    "build_id": row["build_id"],
+                    "spread_id": spread,
+                    "body_id": design["body_id"],
+                    "settings_id": design["settings_id"],
+                    "scene_id": scenes[random.integers(len(scenes))]["scene_id"],
+                    "number": block,
+                    "scores": json.dumps(scores.tolist()),
+                    "passed": int(random.random() < 1 / (1 + math.exp(-odds))),
+                }
+            )
+        writer.add_reality_runs(rows)

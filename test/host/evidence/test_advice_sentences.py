@@ -3,19 +3,19 @@
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import pytest
+
 from foldcar.evidence.adviser import Selection
 from foldcar.evidence.evidence import Evidence, read_evidence
 from foldcar.evidence.selecting import select, select_evidence
-
 from foldcar.report.page_data import page_data, read_experiments
 from foldcar.report.page_ranges import range_sentences
+from foldcar.store.measured import write_measured
 from foldcar.store.reader import Store
-from written_study import add_trials, import_trials, write_study
+from written_study import add_trials, import_trials, write_realities, write_study
 
 SAMPLES = 20
 Counts = Mapping[float, int | None]
@@ -38,11 +38,15 @@ def store(tmp_path: Path) -> Callable[..., Path]:
     return made
 
 
+def advise(path: Path) -> list[Selection]:
+    with Store.open(path) as opened:
+        return select(opened)
+
+
 @pytest.fixture
 def study(store: Callable[..., Path]) -> Studied:
     def made(*words: Any, **facts: Any) -> Selection:
-        with Store.open(store(*words, **facts)) as opened:
-            (selection,) = select(opened)
+        (selection,) = advise(store(*words, **facts))
         return selection
 
     return made
@@ -51,87 +55,171 @@ def study(store: Callable[..., Path]) -> Studied:
 @pytest.mark.parametrize(
     ("counts", "message"),
     [
-        ({75.0: 0, 95.0: 0}, "no run passed. No car was driven yet"),
+        ({75.0: 0, 95.0: 0}, "no run passed."),
         ({75.0: 12, 95.0: 2}, "no design reaches 75 %; the best, 75 mm, passes 60 %."),
         ({75.0: 17, 95.0: 17}, "each of 2 designs reaches 75 %, none with 95 % confidence"),
-        (dict.fromkeys((75.0, 80.0, 85.0, 90.0, 95.0), 20) | {115.0: 4}, r"75 to 95 mm reach 75 % with 95 % confidence"),
+        (dict.fromkeys((75.0, 80.0, 85.0, 90.0, 95.0), 20) | {115.0: 4}, "75 to 95 mm reach 75 % with 95 % confidence"),
         ({75.0: 4, 95.0: 20, 115.0: 4}, "95 mm reaches 75 %"),
     ],
 )
-def test_before_trials_the_headline_tells_simulation_from_built_cars(
+def test_without_realities_the_advice_is_what_simulation_says_and_no_more(
     study: Studied, counts: Counts, message: str
 ) -> None:
-    headline = study(counts).headline
+    selection = study(counts)
 
-    assert re.match(rf"In simulation {message}", headline)
-    assert "No car was driven yet; of built cars " in headline
+    assert message in selection.works
+    assert selection.learn.startswith("Nothing is said of built cars: ")
+    assert (selection.leader, selection.steps, selection.gain) == (None, (), None)
 
 
 def test_without_a_rule_or_a_run_that_counts_nothing_is_advised(study: Studied) -> None:
-    undefined = study({75.0: 20, 95.0: 3}, success_defined=False, success_rule="no goal is set")
+    undefined = study({75.0: 5}, success_defined=False, success_rule="the program has no goal")
     rejected = study({75.0: None, 95.0: None})
 
-    assert undefined.sentence == "No advice, because no goal is set."
-    assert rejected.sentence.startswith("No advice: there is no rate: all 40 runs were rejected")
-    assert undefined.recommendations == rejected.recommendations == ()
+    assert undefined.works == "No advice, because the program has no goal."
+    assert rejected.works.startswith("No advice: ")
 
 
-def test_the_verb_follows_the_chance(study: Studied) -> None:
-    counts = dict.fromkeys((75.0, 95.0, 115.0, 135.0), 20)
-    few = study(counts, [(75.0, "tipped"), (95.0, "tipped")])
-    many = study(counts, [(width, "passed") for width in counts for _ in range(12)])
-    failing = study(counts, [(75.0, "tipped")] * 10 + [(95.0, "passed")])
-
-    assert re.match(r"No design is known to reach 75 %; \d+ mm has the best chance, \d+ %\.", few.headline)
-    assert re.match(r"Each of 4 designs (probably )?reaches 75 %", many.headline)
-    assert failing.headline.startswith("Trials contradict simulation: it is optimistic at 75 mm. ")
-    assert "Trials that passed: 1 of 1 at 95 mm and 0 of 10 at 75 mm." in failing.grounds
+def good_in_the_middle(scores: Mapping[str, float], design: Mapping[str, float]) -> float:
+    """Log-odds that are best at 95 mm and fall with the obstacles' height."""
+    return 2.5 - 3 * abs(design["width_mm"] - 95) / 20 - 1.2 * scores["obstacle_height"]
 
 
-def test_designs_that_simulation_cannot_rank_are_named(study: Studied) -> None:
-    store = study({75.0: 3, 85.0: 20, 95.0: 19, 105.0: 20, 115.0: 2})
+COUNTS = {75.0: 12, 85.0: 18, 95.0: 20, 105.0: 19, 115.0: 9, 125.0: 2}
 
-    assert re.search(r"Simulation cannot rank 85 to 105 mm \(\d+ to \d+ %\)\.", store.grounds)
+
+def test_before_trials_a_guess_is_called_a_guess(store: Callable[..., Path]) -> None:
+    path = store(COUNTS)
+    write_realities(path, good_in_the_middle)
+
+    (selection,) = advise(path)
+
+    assert re.match(r"Want a car that works\? 95 mm: \d+ % \(.* to .*\) for a further car, a guess from", selection.works)
+    assert selection.learn.startswith("Want to learn most? ")
+    assert selection.leader == {"width_mm": 95.0, "height_mm": 50.0}
+    assert not selection.enough
+
+
+def test_the_verb_follows_the_chance(store: Callable[..., Path]) -> None:
+    for passed, verb in ((20, "Each of 6 designs reaches 75 %"), (0, "No design is likely to reach 75 %")):
+        path = store(COUNTS)
+        write_realities(path, good_in_the_middle)
+        widths = list(COUNTS)
+        trials = [({"width_mm": width}, None, "passed" if k < passed else "stuck") for width in widths for k in range(20)]
+        import_trials(path, trials, cars=4)
+
+        (selection,) = advise(path)
+
+        assert re.search(verb, selection.works), selection.works
+
+
+def test_the_car_that_passes_is_the_one_to_take_and_its_trials_count_for_it_most(store: Callable[..., Path]) -> None:
+    path = store(COUNTS)
+    write_realities(path, good_in_the_middle)
+    import_trials(path, [({"width_mm": 105.0}, None, "passed")] * 12)
+
+    (selection,) = advise(path)
+
+    start = "Want a car that works? Take the car that you have, the car of 105 mm: "
+    assert selection.works.startswith(start)
+    assert int(selection.works.removeprefix(start).split()[0]) > 80
+
+
+def test_a_design_that_fails_almost_surely_is_no_step(store: Callable[..., Path]) -> None:
+    path = store({75.0: 20, 95.0: 20, 115.0: 0})
+    write_realities(path, lambda scores, design: -9.0 if design["width_mm"] == 115 else 2 + scores["friction"])
+    import_trials(path, [({"width_mm": width}, None, "passed") for width in (75.0, 95.0) for _ in range(6)], cars=2)
+
+    (selection,) = advise(path)
+
+    assert all(step.label != "115 mm" for step in selection.steps)
+
+
+def test_enough_is_said_in_the_terms_of_an_afternoon(store: Callable[..., Path]) -> None:
+    path = store({75.0: 20, 95.0: 20})
+    write_realities(path, lambda scores, design: 4.0 + 0.2 * scores["friction"])
+    import_trials(path, [({"width_mm": width}, None, "passed") for width in (75.0, 95.0) for _ in range(60)], cars=6)
+
+    (selection,) = advise(path)
+
+    assert selection.enough
+    assert "Another afternoon is expected to gain less than one point." in selection.learn
+    assert selection.steps == ()
+
+
+def test_a_step_is_an_afternoon_with_its_cost_and_samples_that_were_not_driven(store: Callable[..., Path]) -> None:
+    path = store(COUNTS)
+    write_realities(path, good_in_the_middle)
+    trials = [({"width_mm": width}, sample, "passed" if sample else "tipped") for width in COUNTS for sample in (0, 1)]
+    add_trials(path, trials)
+
+    (selection,) = advise(path)
+
+    step = next(step for step in selection.steps if step.kind != "measure")
+    assert step.trials == 10
+    assert step.minutes > 30
+    assert selection.environments == tuple(range(2, 12))
+
+
+def test_what_was_measured_is_not_proposed_again(store: Callable[..., Path]) -> None:
+    path = store(COUNTS)
+
+    def by_height(scores: Mapping[str, float], design: Mapping[str, float]) -> float:
+        return 4 * scores["obstacle_height"] * (1 if design["width_mm"] > 100 else -1)
+
+    write_realities(path, by_height)
+    (before,) = advise(path)
+    with write_measured(path) as writer:
+        writer.measure("1", {"obstacle_height": 1.0})
+    (after,) = advise(path)
+
+    assert "Measure the obstacles' height first (10 minutes). Then build " in before.learn
+    assert "obstacles" not in after.learn
+    assert (before.steps[0].kind, before.steps[0].parameter) == ("measure", "obstacle_height")
+
+
+def test_a_measurement_that_trials_contradict_is_doubted(store: Callable[..., Path]) -> None:
+    path = store(COUNTS)
+    write_realities(path, lambda scores, design: -4 * scores["obstacle_height"])
+    with write_measured(path) as writer:
+        writer.measure("1", {"obstacle_height": 0.75})
+    import_trials(path, [({"width_mm": width}, None, "stuck") for width in COUNTS for _ in range(6)], cars=2)
+
+    (selection,) = advise(path)
+
+    assert any("The measurement of obstacle_height may be wrong" in remark for remark in selection.remarks)
 
 
 def test_trials_of_one_design_move_its_neighbours_less_than_itself(store: Callable[..., Path]) -> None:
-    with Store.open(store(dict.fromkeys((75.0, 95.0, 115.0, 135.0), 20), [(75.0, "tipped")] * 12)) as opened:
-        (evidence,) = read_evidence(opened)
-    assert evidence.belief is not None
-    rates = [rate.value for rate in evidence.belief.built]
+    means = []
+    for trials in ([], [({"width_mm": 95.0}, None, "stuck")] * 10):
+        path = store(COUNTS)
+        write_realities(path, good_in_the_middle)
+        import_trials(path, trials)
+        with Store.open(path) as opened:
+            (evidence,) = read_evidence(opened)
+        assert evidence.belief is not None
+        means.append(evidence.belief.answers.expected)
 
-    assert rates[0] < rates[1] < rates[2]
-
-
-def test_designs_beside_each_other_with_equal_runs_differ_by_less_than_4_points(store: Callable[..., Path]) -> None:
-    """98 to 100 of 100 in turn: single runs do not move the belief."""
-    counts = {float(width): 19 + width % 2 for width in range(80, 110)}
-    with Store.open(store(counts, [(85.0, "passed")] * 7 + [(85.0, "tipped")] * 3)) as opened:
-        (evidence,) = read_evidence(opened)
-    assert evidence.belief is not None
-    rates = [rate.value for rate in evidence.belief.built]
-
-    assert max(abs(a - b) for a, b in pairwise(rates[8:])) < 0.04
+    itself, neighbour = (means[0] - means[1])[[2, 3]]
+    assert itself > neighbour > 0
 
 
 def test_the_page_prints_what_select_says(store: Callable[..., Path]) -> None:
-    counts = {75.0: 12, 85.0: 18, 95.0: 20, 105.0: 20, 115.0: 9, 125.0: 2}
-    path = store(counts)
+    path = store(COUNTS)
+    write_realities(path, good_in_the_middle)
     import_trials(path, [({"width_mm": 95.0}, k, "passed" if k < 7 else "stuck") for k in range(10)])
     with Store.open(path) as opened:
         (selected,) = select(opened)
         (shown,) = page_data(opened)["experiments"]
 
-    assert (shown["headline"], shown["grounds"]) == (selected.headline, selected.grounds)
-    assert shown["next"]["text"] == selected.next_step
+    assert (shown["headline"], shown["grounds"]) == (selected.works, selected.grounds)
+    assert shown["next"]["text"] == selected.learn
     names = [shown["designs"]["name"][index] for index in shown["next"]["designs"]]
-    assert names == [recommendation.label for recommendation in selected.recommendations]
-    assert shown["next"]["why"] == [recommendation.reason for recommendation in selected.recommendations]
+    assert names == list(dict.fromkeys(step.label for step in selected.steps if step.label))
     assert set(selected.remarks) <= set(shown["remarks"])
-    text = repr(selected)
-    assert selected.headline in text and all(
-        f"\n  {recommendation.label}: " in text for recommendation in selected.recommendations
-    )
+    assert len(shown["realities"]["rates"]) == 100
+    assert selected.works in repr(selected)
 
 
 def test_a_search_is_judged_by_its_best_in_fresh_environments(tmp_path: Path) -> None:
@@ -152,8 +240,8 @@ def test_a_search_is_judged_by_its_best_in_fresh_environments(tmp_path: Path) ->
     judged, alone = select_evidence([searched, fresh])
 
     start = "A search tried 3 designs; 2 were judged in 20 fresh environments. "
-    assert judged.headline == start + alone.headline
-    assert "no design reaches 75 %; the best, 80 mm, passes 60 %" in judged.headline
+    assert judged.works == start + alone.works
+    assert "no design reaches 75 %; the best, 80 mm, passes 60 %" in judged.works
 
 
 # What the page says of ranges.

@@ -355,7 +355,7 @@ def test_a_number_in_python_is_checked(widths: Path, tmp_path: Path) -> None:
         foldcar_api.sweep(widths, tmp_path / "s.db", realities=1_000_001)
 
 
-def test_changed_priors_or_seeds_draw_other_realities(
+def test_changed_priors_or_spreads_draw_other_realities(
     widths: Path, tmp_path: Path, carsim_binary: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     store = tmp_path / "s.db"

@@ -252,7 +252,7 @@ def reality_lines(experiment: str, counts: "RealityCounts") -> Iterator[str]:
     """Yield lines on an experiment's runs in other realities: how many there are, and whether more are needed."""
     if not counts.total:
         return
-    from foldcar.study.reality_runs import MAX_ERROR
+    from foldcar.study.reality_runs import offered_runs
 
     failed = f", {counts.failed:,} failed" if counts.failed else ""
     error = "an unknown error" if counts.error is None else f"an error of {100 * counts.error:.1f} points"
@@ -260,8 +260,9 @@ def reality_lines(experiment: str, counts: "RealityCounts") -> Iterator[str]:
         f"experiment {experiment}: {counts.total:,} runs in other realities, {counts.new:,} of them new{failed}; the "
         f"success rate of built cars is learned from them with {error}"
     )
-    if counts.error is not None and counts.error > MAX_ERROR and 2 * counts.total <= MAX_REALITIES:
-        yield f"  more runs make the error smaller: --realities {2 * counts.total}"
+    more = offered_runs(counts.total, counts.error)
+    if more is not None:
+        yield f"  more runs make the error smaller: --realities {more}"
 
 
 def _print_failed(store: Path, experiments: Sequence[str], failed: int, total: int) -> None:

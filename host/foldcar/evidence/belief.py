@@ -25,11 +25,10 @@ from foldcar.store.reader import Store
 from foldcar.store.reality_runs import read_reality_runs
 from foldcar.store.stored_drives import read_drives
 from foldcar.store.trial_records import Trial
+from foldcar.study.reality_runs import offered_runs
 
 # Fewer runs in other realities teach nothing.
 MIN_RUNS = 200
-# Above this error of the learned rate more runs are offered.
-MAX_ERROR = 0.05
 
 
 @dataclass(frozen=True)
@@ -67,11 +66,12 @@ class Belief:
 
     def _learning_remarks(self) -> list[str]:
         learned = self.answers.learned
-        if learned.error is None or learned.error <= MAX_ERROR:
+        more = offered_runs(learned.runs, learned.error)
+        if more is None or learned.error is None:
             return []
         return [
             f"The success rate was learned from {learned.runs:,} runs in other realities with a typical error of "
-            f"{points(learned.error, sign=False)} points: `foldcar sweep --realities {2 * round(learned.runs, -3):d}` "
+            f"{points(learned.error, sign=False)} points: `foldcar sweep --realities {more}` "
             "makes it smaller."
         ]
 

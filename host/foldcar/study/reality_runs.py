@@ -6,6 +6,7 @@ reality, a design, a scene and a car of its own (reality_draws.py). Rows that th
 
 import hashlib
 import json
+import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -39,6 +40,7 @@ from foldcar.store.writer import StoreWriter, canonical_json
 from foldcar.study.chunks import ChunkInputs, ChunkPool, FinishedRun, Simulators
 from foldcar.study.environments import Environment
 from foldcar.study.experiments import Experiment
+from foldcar.study.limits import MAX_REALITIES
 from foldcar.study.reality_draws import draw_runs
 
 # Fewer scenes do not represent an environment.
@@ -99,6 +101,17 @@ def next_number(runs: int, error: float | None) -> int | None:
     if error is not None and error <= MAX_ERROR:
         return None
     return next((stage for stage in STAGES if stage > runs), None)
+
+
+def offered_runs(runs: int, error: float | None) -> int | None:
+    """Return the number of runs to offer to a person after ``runs`` have given the learning's ``error``.
+
+    It is twice as many, rounded up to 200; None if the error is small enough, or unknown, or there can be no more.
+    """
+    if error is None or error <= MAX_ERROR:
+        return None
+    more = 2 * BLOCK * math.ceil(runs / BLOCK)
+    return more if more <= MAX_REALITIES else None
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,7 +19,7 @@ def page(tmp_path_factory: pytest.TempPathFactory, carsim_binary: Path) -> Path:
     folder = tmp_path_factory.mktemp("paper")
     listing = listing_of(STEP_PYRAMIDS.with_name("kerb.scenic"), CARS, timeout=20, environments=ENVIRONMENTS)
     (folder / "l.json").write_text(json.dumps(listing))
-    foldcar("sweep", folder / "l.json", "--store", folder / "s.db")
+    foldcar("sweep", folder / "l.json", "--store", folder / "s.db", "--realities", "0")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(write, "_save_figures", lambda *_: None)
         foldcar("report", folder / "s.db", "-o", folder / "report")

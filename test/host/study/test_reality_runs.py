@@ -6,6 +6,7 @@ import math
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -34,7 +35,7 @@ from foldcar.study.chunks import LocalSimulators
 from foldcar.study.experiment_runs import Progress
 from foldcar.study.experiments import read_study
 from foldcar.study.reality_draws import MAX_SCENES, draw_runs
-from foldcar.study.reality_runs import MAX_ERROR, STAGES, RealityCounts, next_number
+from foldcar.study.reality_runs import MAX_ERROR, STAGES, RealityCounts, next_number, offered_runs
 from foldcar.study.sweep import Sweep
 from full_store import contents
 from study_car import listing_of
@@ -204,7 +205,7 @@ def test_a_stopped_sweep_keeps_finished_chunks_and_resumes(
 def test_ctrl_c_says_how_many_runs_are_stored(widths: Path, tmp_path: Path) -> None:
     command = [sys.executable, "-c", "from foldcar.__main__ import main; main()", "sweep", widths, "--store", "s.db"]
     process = subprocess.Popen(
-        [*map(str, command), "--realities", "1000000", "--jobs", "1"],
+        [*map(str, command), "--realities", "20000", "--jobs", "1"],
         cwd=tmp_path,
         stderr=subprocess.PIPE,
         stdout=subprocess.PIPE,
@@ -212,7 +213,7 @@ def test_ctrl_c_says_how_many_runs_are_stored(widths: Path, tmp_path: Path) -> N
     )
     try:
         while process.poll() is None and not _stored_realities(tmp_path / "s.db"):
-            pass
+            time.sleep(0.1)
         process.send_signal(signal.SIGINT)
         _, errors = process.communicate(timeout=60)
     finally:
@@ -221,7 +222,7 @@ def test_ctrl_c_says_how_many_runs_are_stored(widths: Path, tmp_path: Path) -> N
     assert process.returncode == 130, errors
     stored = len(rows_of(tmp_path / "s.db"))
     last = errors.splitlines()[-1]
-    counts = f"40 of 40 runs, and {stored} of 1000000 in other realities, are stored in s.db"
+    counts = f"40 of 40 runs, and {stored} of 20000 in other realities, are stored in s.db"
     assert last == f"stopped: {counts}; the same command resumes"
 
 
@@ -266,6 +267,12 @@ def test_fewer_runs_than_the_store_has_are_learned_from_and_kept(
     assert [len(runs) for runs, _ in learned] == [50, 20, 40]
 
 
+def test_twice_as_many_runs_are_offered_if_the_error_is_large() -> None:
+    asked = [(4000, 0.06), (3998, 0.06), (500, 0.2), (25, 0.2), (4000, 0.05), (4000, None), (500_001, 0.2)]
+
+    assert [offered_runs(runs, error) for runs, error in asked] == [8000, 8000, 1000, 200, None, None, None]
+
+
 def test_help_and_page_have_the_numbers_of_the_code(foldcar: Any) -> None:
     first, last = STAGES
     page = (Path(__file__).resolve().parents[3] / "docs" / "realities.md").read_text(encoding="utf-8")
@@ -286,7 +293,7 @@ def test_the_number_may_be_given_and_the_output_offers_more(widths: Path, tmp_pa
         "experiment 1: 25 runs in other realities, 25 of them new; the success rate of built cars is learned from them "
         "with an error of 10.0 points"
     )
-    assert offer == "  more runs make the error smaller: --realities 50"
+    assert offer == "  more runs make the error smaller: --realities 200"
     counts = json_output(*words)["realities"]["1"]
     assert {**counts, "seconds": 0} == {
         "total": 25, "new": 0, "reused": 25, "failed": 0, "error": 0.1, "left_out": "", "seconds": 0,

@@ -141,7 +141,7 @@ def test_a_store_that_has_everything_is_left_and_read_with_anytime_intervals(
     store = tmp_path / "s.db"
     shutil.copy(full_store, store)
 
-    words = ["sweep", str(listing), "--store", str(store), "--until", "30pp", "--json"]
+    words = ["sweep", str(listing), "--store", str(store), "--until", "30pp", "--realities", "0", "--json"]
     object_ = json.loads(CliRunner().invoke(app, words).stdout)
 
     assert (object_["new"], object_["there"], object_["most_runs"]) == (0, 90, 90)

@@ -128,6 +128,8 @@ OTHER_PRECISION = 0.2
 # Largest score of a reality that is simulated, and so of a measured value.
 MAX_SCORE = 2.5
 NOMINAL: Mapping[str, float] = {parameter.name: parameter.nominal for parameter in PARAMETERS}
+# The scores of the nominal simulation, within those of realities that are simulated.
+NOMINAL_SCORES = np.clip([parameter.score(parameter.nominal) for parameter in PARAMETERS], -MAX_SCORE, MAX_SCORE)
 
 
 def values_of(scores: FloatArray) -> list[dict[str, float]]:

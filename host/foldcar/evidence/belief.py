@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from foldcar.belief.answers import MOVED, Answers, Unknown, believe
-from foldcar.belief.learning import Learned, learn
-from foldcar.belief.priors import NAMES, built_priors, measured_priors
+from foldcar.belief.learning import Learned, NominalRuns, learn
+from foldcar.belief.priors import NAMES, NOMINAL_SCORES, built_priors, measured_priors
 from foldcar.belief.weighing import SCENE_TRUST, Trials
+from foldcar.car.variation import workshop
 from foldcar.evidence.design_evidence import DesignEvidence
 from foldcar.evidence.supply import measured_supply
 from foldcar.statistics.words import count, percent, points
@@ -168,9 +169,19 @@ def learned_rate(store: Store, info: ExperimentInfo) -> Learned | None:
             [[float(design[name]) for name in info.varied] for design in store.designs(info.id).values()]
         )
         with threadpool_limits(1):
-            return learn(runs, designs.reshape(len(designs), -1))
+            return learn(runs, designs.reshape(len(designs), -1), _nominal_runs(store, info))
 
     return store.once(("learned", info.id), read)
+
+
+def _nominal_runs(store: Store, info: ExperimentInfo) -> NominalRuns:
+    """Return the nominal runs of an experiment's designs, with the scores of the nominal simulation."""
+    counts = store.design_counts(info.id)
+    scores = NOMINAL_SCORES.copy()
+    if any(quantity.per == "wheel" and name in info.variation for name, quantity in workshop().items()):
+        # The listing's wheels differ as those of the workshop.
+        scores[NAMES.index("wheel_spread")] = 0.0
+    return NominalRuns(scores, numpy.array(counts.passed, float), numpy.array(counts.counted, float))
 
 
 def _trials(designs: Sequence[DesignEvidence], learned: Learned) -> Trials:

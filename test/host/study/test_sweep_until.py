@@ -10,8 +10,6 @@ from typing import Any
 
 import numpy
 import pytest
-from foldcar.evidence.evidence import read_evidence
-from foldcar.evidence.selecting import select
 from scipy.integrate import quad
 from scipy.stats import binom
 from typer.testing import CliRunner
@@ -20,6 +18,8 @@ from foldcar.api.study import Study
 from foldcar.cli import app
 from foldcar.commands.sweep import stopping_lines
 from foldcar.errors import FoldcarError
+from foldcar.evidence.evidence import read_evidence
+from foldcar.evidence.selecting import select
 from foldcar.report.page_data import page_data
 from foldcar.report.page_remarks import stopped_remarks
 from foldcar.statistics.rate import anytime_interval, wilson_interval

@@ -1,10 +1,10 @@
 """Regret and coverage of the advice on realities that it does not know; docs/belief.md quotes the tables.
 
 Simulates the width study in steps of 15 mm with its runs in other realities. Then it simulates the same cars in six
-hidden realities, 120 runs a design. Cars of a design differ by 1.0 in log-odds. Policies drive cars in a hidden reality and
-recommend a design; the regret is the true rate of the best design minus that of the recommended one. For coverage, four
-designs are driven, and the bands of the others are compared with the truth. Some truths are distorted so that no reality
-produces them.
+hidden realities, 120 runs a design. Cars of a design differ by 1.0 in log-odds. Policies drive cars in a hidden reality
+and recommend a design; the regret is the true rate of the best design minus that of the recommended one. For coverage,
+four designs are driven, and the bands of the others are compared with the truth. Some truths are distorted so that no
+reality produces them.
 
 Usage: .venv/bin/python tools/advice.py FOLDER [--repetitions N] [--jobs N]. FOLDER keeps the simulations.
 """

@@ -9,7 +9,7 @@ import { LATER, SOON } from "./drives.js";
 import { cannotSimulate } from "./simulators.js";
 import { byId, make } from "../../figures/web/dom.js";
 
-const NOTE = "Each slider is a property that was not measured. The mark below it is the simulated value. Moving it simulates all designs again, in this page.";
+const NOTE = "Each slider is a property that the simulator does not know. The mark below it is the simulated value. Moving it simulates all designs again, in this page.";
 const REDRAW_MS = 250, WAIT_MS = 120;
 // Values of each slider in its small picture, and environments of these.
 const STEPS = 11, STEP_ENVIRONMENTS = 40;

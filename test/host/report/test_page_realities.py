@@ -138,6 +138,10 @@ def test_buttons_go_from_reality_to_reality_by_their_success(study: Path) -> Non
             seen.append(tab.ask("study.reality"))
         tab.ask(press.format("none"))
         assert tab.ask("study.reality") is None and tab.ask("study.state.reality") == {}
+        # A page that cannot simulate has no sliders: the curve is drawn thick all the same.
+        tab.ask("(study.e.sliders = [], study.chooseReality(3))")
+        assert tab.ask("study.reality") == 3 and tab.ask(f"{THICK}.length") == 1
+        assert "sliders" not in tab.ask("document.getElementById('reality').innerText") and tab.ask("errors") == []
 
     first, second, third, fourth = seen
     assert rates[fourth] <= rates[first] <= rates[second] and third == first

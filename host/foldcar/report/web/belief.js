@@ -88,7 +88,7 @@ function note({ e }) {
   if (realities) parts.push(`Built cars: what ${realities.driven ? "simulation and trials together say" : "simulation says, and how far it may be wrong"}, of a further built car of a design (mean).`);
   else if (e.next.text) parts.push(e.next.text);
   if (e.judged && single) parts.push("Simulation: squares count runs.");
-  if (realities && single) parts.push(`Thin curves: ${realities.rates.length} realities, drawn by how probable they are${realities.driven ? " after the trials" : ""}. Press a curve for its values. A curve has an error that no unknown explains, so the simulation of its values is near it, not on it.`);
+  if (realities && single) parts.push(`Thin curves: ${realities.rates.length} realities, drawn by how probable they are${realities.driven ? " after the trials" : ""}. Press a curve for its values. A curve has an error that no unknown explains, so the simulation of its values may differ from it.`);
   if (driven) parts.push("Intervals of trials are of the cars that drove.");
   parts.push("Bands and intervals hold at 95 % for each design by itself.");
   return parts.join(" ");

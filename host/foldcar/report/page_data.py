@@ -22,9 +22,9 @@
   ``low``, ``high`` (simulation, 95 %); ``outcomes``: a column per outcome; ``trials`` and ``trials_passed`` (those that
   count), ``cars`` (their number), ``trials_low``, ``trials_high`` (of these cars); ``belief``, ``belief_low``,
   ``belief_high``: success of a further built car, by simulation and trials; ``verdict``: "good", "bad" or "open" by the
-  last threshold and the band of built cars, before trials that of simulation; ``refuted``: "optimistic" or "pessimistic"
-  if the design's trials contradict simulation; ``measures``: ``{"key", "label", "unit", "better": "less" | "more" |
-  null, "value": column}``.
+  last threshold and the band of built cars, before trials and without a belief that of simulation; ``refuted``:
+  "optimistic" or "pessimistic" if the design's trials contradict simulation; ``measures``: ``{"key", "label", "unit",
+  "better": "less" | "more" | null, "value": column}``.
 - ``engines``: for each other engine or reality that simulated the same cars in the same samples ``{"id": its
   experiment, "name", "passed", "runs": columns by design, "text": a sentence that compares them}``.
 - ``runs``: columns ``design``, ``environment``, ``outcome``, ``time_s`` in the order of design and environment; null

@@ -161,8 +161,12 @@ def write_realities(
     log_odds: Callable[[Mapping[str, float], Mapping[str, float]], float],
     experiment: str = "1",
     number: int = 4000,
+    scene_log_odds: Callable[[int], float] = lambda sample: 0.0,
 ) -> None:
-    """Add runs in other realities of a written experiment, whose log-odds follow from (scores by name, design)."""
+    """Add runs in other realities of a written experiment, whose log-odds follow from (scores by name, design).
+
+    Those of a sample are easier by its ``scene_log_odds``.
+    """
     random = numpy.random.default_rng(1)
     with write_store(store) as writer:
         writer.begin_study(FACTS, BUILD)
@@ -179,14 +183,16 @@ def write_realities(
             if block % BLOCK >= CHECK or block % BLOCK == 0:
                 scores = random.standard_normal(len(NAMES)).clip(-MAX_SCORE, MAX_SCORE)
                 design = designs[random.integers(len(designs))]
+            scene = scenes[random.integers(len(scenes))]
             odds = log_odds(dict(zip(NAMES, scores.tolist(), strict=True)), json.loads(design["parameters"]))
+            odds += scene_log_odds(scene["sample"])
             rows.append(
                 {
                     "build_id": row["build_id"],
                     "spread_id": spread,
                     "body_id": design["body_id"],
                     "settings_id": design["settings_id"],
-                    "scene_id": scenes[random.integers(len(scenes))]["scene_id"],
+                    "scene_id": scene["scene_id"],
                     "number": block,
                     "scores": json.dumps(scores.tolist()),
                     "passed": int(random.random() < 1 / (1 + math.exp(-odds))),

@@ -68,7 +68,7 @@ def sweep(
             min=0,
             max=MAX_REALITIES,
             help="Number of each experiment's runs in other realities, from which the success rate of built cars is "
-            "learned; 0 leaves them out. Default: as many as the learning needs, 2000 to 8000.",
+            "learned; 0 leaves them out. Default: as many as the learning needs, 4000 or 8000.",
         ),
     ] = None,
     components: Components = None,

@@ -7,6 +7,7 @@ from typing import Any
 
 import pandas
 
+from foldcar.belief.answers import Unknown
 from foldcar.evidence.adviser import PlannedStep, Selection
 from foldcar.evidence.comparison import Comparison, DesignComparison, ExperimentComparison
 from foldcar.outputs import atomic_file
@@ -64,6 +65,7 @@ def _experiment_object(experiment: ExperimentComparison) -> dict[str, Any]:
         "mean_gap": _object(experiment.mean_gap),
         "ranks": None if experiment.ranks is None else asdict(experiment.ranks),
         "remarks": list(experiment.remarks),
+        "unknowns": [_unknown(unknown) for unknown in experiment.unknowns],
         "designs": [
             {
                 "vehicle_type": design.evidence.vehicle_type,
@@ -83,6 +85,17 @@ def _experiment_object(experiment: ExperimentComparison) -> dict[str, Any]:
 
 def _object(estimate: Rate | Gap | None) -> dict[str, Any] | None:
     return None if estimate is None else asdict(estimate)
+
+
+def _unknown(unknown: Unknown) -> dict[str, Any]:
+    """Return what the trials have taught about a parameter, in the parameter's unit."""
+    parameter = unknown.parameter
+    return {
+        **{name: getattr(parameter, name) for name in ("name", "unit", "meaning", "source")},
+        **{name: getattr(unknown, name) for name in ("shift", "narrowed", "measured", "wrong")},
+        "before": asdict(unknown.before),
+        "after": asdict(unknown.after),
+    }
 
 
 def _counts(design: DesignComparison) -> dict[str, int]:

@@ -94,12 +94,6 @@ def farthest_first_indices(designs: NDArray[Any], max_number: int) -> NDArray[An
     return numpy.array(chosen)
 
 
-def unit_range(parameters: NDArray[Any]) -> NDArray[Any]:
-    """Scale each parameter of designs (d, k) to 0 to 1 over its range; 0 if it does not vary."""
-    low, span = parameters.min(axis=0), numpy.ptp(parameters, axis=0)
-    return numpy.asarray((parameters - low) / numpy.where(span > 0, span, 1.0))
-
-
 # Maps log-odds (..., d) to each design's log likelihood, its slope and its curvature, which is at most 0.
 Likelihood = Callable[[NDArray[Any]], tuple[NDArray[Any], NDArray[Any], NDArray[Any]]]
 
@@ -250,17 +244,6 @@ def success_model(parameters: ArrayLike, passed: ArrayLike, counted: ArrayLike) 
             process, factors = fitted(lengths, strength)
             candidates.append(Candidate(process, strength, weight, factors))
     return SuccessModel(tuple(candidates), low, span)
-
-
-def lengths_to_try(parameters: NDArray[Any], passed: NDArray[Any], counted: NDArray[Any]) -> list[tuple[float, ...]]:
-    """Return the candidate lengths that :func:`success_model` keeps for these designs (d, k) and counts (d,)."""
-    count = parameters.shape[1]
-    if count in LENGTHS:
-        return list(product(LENGTHS[count], repeat=count))
-    model = success_model(parameters, passed, counted)
-    return list(
-        dict.fromkeys(tuple(numpy.atleast_1d(candidate.process.lengths).tolist()) for candidate in model.candidates)
-    )
 
 
 def _settings(

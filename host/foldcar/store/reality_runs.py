@@ -59,8 +59,8 @@ class RealityRuns:
 class RealityKeys:
     """The ids of an experiment's runs in other realities.
 
-    ``planned`` is their number. ``designs`` are the ids (body, settings) of the designs in their order. ``scenes`` has the
-    scene's id by sample.
+    ``planned`` is their number. ``designs`` are the ids (body, settings) of the designs in their order. ``scenes`` has
+    the scene's id by sample.
     """
 
     planned: int

@@ -25,6 +25,7 @@ from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
 from foldcar.store.reality_runs import (
     BLOCK,
+    CHECK,
     FloatArray,
     ReadableStore,
     RealityKeys,
@@ -88,7 +89,8 @@ def reality_spread(experiment: Experiment) -> str:
     """Return the fingerprint of all that the realities of an experiment's runs are drawn from."""
     code = hashlib.sha256(Path(reality_code.__file__).read_bytes()).hexdigest()
     priors = [[row.name, row.prior, row.middle, row.sd] for row in PARAMETERS]
-    identity = ["realities", dict(experiment.variation), experiment.variation_seed, code, priors, variation_code()]
+    # Runs of other blocks would be taken for check groups.
+    identity = [BLOCK, CHECK, dict(experiment.variation), experiment.variation_seed, code, priors, variation_code()]
     return hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()
 
 

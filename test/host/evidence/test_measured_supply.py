@@ -6,14 +6,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from foldcar.evidence.calibration.experiment import read_experiment
-from foldcar.evidence.supply import MeasuredSupply, measured_supply
 
 from foldcar.belief.priors import NAMES, PARAMETERS, built_priors
+from foldcar.evidence.evidence import read_evidence
+from foldcar.evidence.supply import MeasuredSupply, measured_supply
 from foldcar.link.connection import CAR_COMPONENT, CAR_SYSTEM
 from foldcar.link.dialect import load_dialect
 from foldcar.link.tlog import TlogWriter
-from foldcar.store.measured import observe
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import Trial
 from swept_listing import foldcar, reported
@@ -75,16 +74,18 @@ def test_torque_and_speed_follow_the_measured_voltage_and_are_known_better() -> 
         assert PARAMETERS[index].value(measured[index].mean) == pytest.approx(0.8 * middle)
 
 
-def test_observations_have_the_voltage_from_the_logs_of_the_trials(tmp_path: Path, trial: Trial) -> None:
+def test_the_belief_has_the_voltage_from_the_logs_of_the_trials(tmp_path: Path, trial: Trial) -> None:
     store = tmp_path / "s.db"
-    foldcar("sweep", tmp_path / "l.json", "--store", store, "--samples", "20", "--realities", "0")
+    foldcar("sweep", tmp_path / "l.json", "--store", store, "--samples", "20", "--realities", "300")
     logged = with_log(store, trial, 5000, 4680)
     with sqlite3.connect(store) as connection:
         connection.execute("UPDATE trial SET log = ?, log_sha256 = ?", [logged.log, logged.log_sha256])
 
     with Store.open(store) as opened:
-        observed = observe(opened, read_experiment(opened, "1"), simulated=False)
+        (evidence,) = read_evidence(opened)
 
     # The design's supply has 5.2 V.
-    assert observed.supply_ratio == pytest.approx(0.9, abs=1e-3)
-    assert any("4.68 V while driving in 2 trials" in note for note in observed.notes)
+    assert evidence.belief is not None
+    torque = next(unknown for unknown in evidence.belief.answers.unknowns if unknown.parameter.name == "servo_torque")
+    assert torque.before.value == pytest.approx(0.9 * 0.95, rel=0.05)
+    assert any("4.68 V while driving in 2 trials" in remark for remark in evidence.remarks)

@@ -266,8 +266,15 @@ def test_fewer_runs_than_the_store_has_are_learned_from_and_kept(
     assert [len(runs) for runs, _ in learned] == [50, 20, 40]
 
 
-def test_the_stages_double_to_8000() -> None:
-    assert STAGES == (2_000, 4_000, 8_000) and MAX_ERROR == 0.05
+def test_help_and_page_have_the_numbers_of_the_code(foldcar: Any) -> None:
+    first, last = STAGES
+    page = (Path(__file__).resolve().parents[3] / "docs" / "realities.md").read_text(encoding="utf-8")
+
+    assert f"needs, {first} or {last}." in " ".join(foldcar("sweep", "-h").stdout.replace("│", " ").split())
+    assert f"The sweep makes {first:,} of them, and {last - first:,} more" in page
+    assert f"is above {100 * MAX_ERROR:g} percentage points" in page
+    numbers = {10: "ten", 20: "twenty"}
+    assert f"Of each hundred numbers the first {numbers[CHECK]} share" in page and BLOCK == 100
 
 
 def test_the_number_may_be_given_and_the_output_offers_more(widths: Path, tmp_path: Path) -> None:
@@ -348,7 +355,7 @@ def test_a_number_in_python_is_checked(widths: Path, tmp_path: Path) -> None:
         foldcar_api.sweep(widths, tmp_path / "s.db", realities=1_000_001)
 
 
-def test_changed_priors_or_seeds_draw_other_realities(
+def test_changed_priors_or_spreads_draw_other_realities(
     widths: Path, tmp_path: Path, carsim_binary: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     store = tmp_path / "s.db"
@@ -364,8 +371,11 @@ def test_changed_priors_or_seeds_draw_other_realities(
     (changed,) = read_study(tmp_path / "widths.json").experiments
     assert reality_runs.reality_spread(changed) != before
     wide = tuple(priors.replace(row, sd=2 * row.sd) for row in priors.PARAMETERS)
-    monkeypatch.setattr(reality_runs, "PARAMETERS", wide)
-    assert reality_runs.reality_spread(experiment) != before
+    for name, value in (("PARAMETERS", wide), ("CHECK", CHECK + 1)):
+        with monkeypatch.context() as patch:
+            patch.setattr(reality_runs, name, value)
+            assert reality_runs.reality_spread(experiment) != before
+    assert reality_runs.reality_spread(experiment) == before
 
 
 def test_runs_of_designs_that_are_gone_are_not_read(widths: Path, tmp_path: Path, carsim_binary: Path) -> None:

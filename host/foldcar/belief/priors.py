@@ -171,13 +171,6 @@ class ScorePrior(NamedTuple):
     source: str
 
 
-def prior_interval(parameter: Parameter, prior: ScorePrior) -> tuple[float, float, float]:
-    """Return the ends and the median of a prior's 90 % interval, (low, median, high)."""
-    # The standard normal quantiles of 5, 50 and 95 %.
-    low, median, high = (float(parameter.value(prior.mean + prior.sd * z)) for z in (-1.6448536, 0.0, 1.6448536))
-    return low, median, high
-
-
 def measured_value(text: str, place: str) -> tuple[str, float]:
     """Parse a measured value, NAME=VALUE, to name and value. Raises FoldcarError, which starts with ``place``."""
     name, _, number = (part.strip() for part in text.partition("="))

@@ -111,9 +111,12 @@ def taught(answers: Answers) -> list[str]:
 def _taught(unknown: Unknown) -> str:
     """Return a sentence on an unknown that the trials have moved or narrowed."""
     parameter, after, before = unknown.parameter, unknown.after, unknown.before
-    now, earlier = (f"{part.value:.3g} ({part.low:.2g} to {part.high:.2g})" for part in (after, before))
+    # Lengths are a few millimetres.
+    factor, unit = {"×": (1.0, "times what is simulated"), "m": (1000.0, "mm")}.get(parameter.unit, (1.0, parameter.unit))
+    now, earlier = (
+        f"{factor * part.value:.2f} ({factor * part.low:.2g} to {factor * part.high:.2g})" for part in (after, before)
+    )
     direction = "higher" if after.value > before.value else "lower"
-    unit = "times what is simulated" if parameter.unit == "×" else parameter.unit
     if abs(unknown.shift) < MOVED:
         return f"The trials narrow {parameter.name} to {now} {unit}; before them it was {earlier}."
     return f"By the trials, {parameter.name} is probably {direction} than assumed: {now} {unit}; before them {earlier}."

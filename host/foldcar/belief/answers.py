@@ -221,7 +221,7 @@ class Answers:
         return draws.log_odds(numpy.array([design]))[:, 0], draws.car_sd, weights
 
     def realities(self, number: int) -> tuple[NDArray[Any], FloatArray, FloatArray]:
-        """Return ``number`` realities drawn by their weights: their values, rates and indices.
+        """Return ``number`` realities drawn by their weights: their indices, values and rates.
 
         The values (number, parameters) are in the parameters' units, the rates (number, d) those of the designs.
         """

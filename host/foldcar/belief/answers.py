@@ -29,7 +29,7 @@ CONFIDENCE = 0.95
 REACHES, PROBABLY = 0.975, 0.8
 # An unknown has moved if its median has moved by this many standard deviations of the prior, and is narrowed if this
 # fraction of the prior's variance is gone.
-MOVED, NARROWED = 0.3, 0.25
+MOVED, NARROWED = 0.6, 0.25
 # The unexplained error has grown if its median is this many times the prior's.
 GROWN = 1.6
 # A trial is a surprise if results at least as far out have a smaller probability, given all other designs' trials.

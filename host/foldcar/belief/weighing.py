@@ -27,9 +27,9 @@ from foldcar.belief.learning import SLOPE, FloatArray, Learned
 from foldcar.belief.priors import MAX_SCORE, NOMINAL_SCORES, PARAMETERS, ScorePrior
 
 # Number of draws; fewer for many designs, so that draws times designs is at most MAX_NUMBERS.
-MAX_DRAWS, MIN_DRAWS, MAX_NUMBERS = 10_000, 2_000, 10_000_000
-# Draws are moved if fewer than this count effectively, 1 / sum(weight²).
-MIN_EFFECTIVE = 2_000
+MAX_DRAWS, MIN_DRAWS, MAX_NUMBERS = 30_000, 2_000, 10_000_000
+# If fewer draws than this count effectively, 1 / sum(weight²), then MOVED_DRAWS of them are moved.
+MIN_EFFECTIVE, MOVED_DRAWS = 1_000, 10_000
 # Steps towards the trials' weights keep this fraction of the draws effective; then each draw is moved MOVES times.
 KEPT, MOVES, MAX_STEPS = 0.5, 8, 60
 # Size of the unexplained error in log-odds: median, and standard deviation of its logarithm, which gives a heavy tail.
@@ -261,7 +261,9 @@ def weigh(prior: Prior, trials: Trials, seed: int = 1) -> Draws:
     weighed = Draws(prior, trials.driven, normal, _weights(likelihood))
     if weighed.effective >= MIN_EFFECTIVE:
         return weighed
-    return _moved(draws, trials, likelihood, random)
+    equal = numpy.full(min(number, MOVED_DRAWS), 1 / min(number, MOVED_DRAWS))
+    few = Draws(prior, trials.driven, normal[:MOVED_DRAWS], equal)
+    return _moved(few, trials, likelihood[:MOVED_DRAWS], random)
 
 
 def _weights(log_weights: FloatArray) -> FloatArray:

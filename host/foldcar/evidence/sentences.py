@@ -17,7 +17,7 @@ from foldcar.statistics.words import count, listed, percent, percent_number, spa
 # Number of designs that one sentence names.
 NAMED = 3
 # No design is likely to reach a threshold if the best chance is smaller.
-UNLIKELY = 0.1
+UNLIKELY = 0.2
 MEASUREMENTS = {
     "obstacle_height": "the obstacles' height",
     "com_height_m": "the height of the car's centre of mass",

@@ -99,11 +99,13 @@ def advised(learned: Learned, designs: Rates, truth: Rates, random: np.random.Ge
     done, regrets = 0, {}
     for mark in MARKS:
         while done < mark:
-            answers = believe(learned, designs, Trials.of_counts(counts))
+            answers = believe(learned, designs, Trials.of_counts(counts), offsets=learned.design_offsets)
             design = next_design(answers, random)
             counts.append((design, driven(random, truth[design], min(ROUND, mark - done)), min(ROUND, mark - done)))
             done += counts[-1][2]
-        regrets[mark] = truth.max() - truth[believe(learned, designs, Trials.of_counts(counts)).best]
+        regrets[mark] = (
+            truth.max() - truth[believe(learned, designs, Trials.of_counts(counts), offsets=learned.design_offsets).best]
+        )
     return regrets
 
 
@@ -242,7 +244,7 @@ def coverage_row(
                     score = scores_of(values)[index] + precision * random.standard_normal()
                     known[index] = ScorePrior(float(score), precision, "measured")
                     measured.append(index)
-            answers = believe(learned, designs, Trials.of_counts(counts), known, measured)
+            answers = believe(learned, designs, Trials.of_counts(counts), known, measured, learned.design_offsets)
             for design in set(range(len(designs))) - set(chosen):
                 band = answers.built[design]
                 errors.append(abs(band.value - truth[design]))

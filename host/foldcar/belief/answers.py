@@ -230,7 +230,7 @@ class Answers:
         chosen = numpy.random.default_rng(3).choice(len(weights), number, p=weights)
         drawn = Draws(self.draws.prior, self.draws.driven, self.draws.normal[chosen], weights[chosen])
         designs = numpy.arange(len(drawn.prior.designs))
-        log_odds = drawn.prior.learned.log_odds(drawn.scores, drawn.prior.designs) + drawn.unexplained(designs)
+        log_odds = drawn.prior.log_odds(drawn.scores, designs) + drawn.unexplained(designs)
         values = [parameter.value(self.draws.scores[chosen, i]) for i, parameter in enumerate(PARAMETERS)]
         return chosen, numpy.column_stack(values), numpy.asarray(expit(log_odds))
 
@@ -241,12 +241,14 @@ def believe(
     trials: Trials,
     known: dict[int, ScorePrior] | None = None,
     measured: Sequence[int] = (),
+    offsets: FloatArray | float = 0.0,
 ) -> Answers:
     """Return the answers about ``designs`` (d, parameters) after ``trials``.
 
     ``known`` has narrower priors by the parameter's index, of which ``measured`` names those that were measured.
+    ``offsets`` (d,) are the designs' own differences from the learned log-odds.
     """
-    prior = Prior(learned, designs, known or {}, frozenset(measured))
+    prior = Prior(learned, designs, known or {}, frozenset(measured), offsets)
     none = Trials.of_counts([])
     before = weigh(prior, none)
     return Answers(before, weigh(prior, trials) if len(trials.car) else before, trials)

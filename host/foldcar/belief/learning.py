@@ -19,7 +19,7 @@ The regression is solved by Newton's method in numpy: importing scikit-learn tak
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy
 from numpy.typing import NDArray
@@ -36,6 +36,9 @@ COEFFICIENT_VARIANCE, SCENE_VARIANCE = 0.1, 0.3
 NEWTON_STEPS, TOLERANCE = 25, 1e-6
 # The nominal runs of a design count as so many runs.
 NOMINAL_RUNS = 20.0
+# Variance of the log-odds of single designs around the smooth function. A nominal run of a design tells as much about it
+# as NOMINAL_TRUST runs in other realities.
+DESIGN_VARIANCE, NOMINAL_TRUST = 0.3, 0.25
 # Log-odds beyond these were not learned from any run: rates of 0.2 % and 99.8 %.
 MAX_LOG_ODDS = 6.0
 WHEEL_SPREAD = "wheel_spread"
@@ -52,7 +55,8 @@ class Learned:
     ``low`` and ``span`` (parameters,) map design parameters to 0 to 1. ``centres`` (bumps, parameters) and ``length`` are
     the bumps'. ``coefficients`` are those of :func:`_features`. ``scene_offsets`` are log-odds by sample, with mean 0.
     ``error`` is the root mean square error of the rate (0 to 1) on the check groups, which were not learned from; None
-    without check groups. ``runs`` is the number of runs.
+    without check groups. ``runs`` is the number of runs. ``design_offsets`` (designs,) are by how much each design that
+    was learned from differs from the smooth function, in log-odds.
     """
 
     low: FloatArray
@@ -63,6 +67,7 @@ class Learned:
     scene_offsets: Mapping[int, float] = field(default_factory=dict)
     error: float | None = None
     runs: int = 0
+    design_offsets: FloatArray = field(default_factory=lambda: numpy.zeros(0))
 
     def log_odds(self, scores: FloatArray, designs: FloatArray) -> FloatArray:
         """Return the log-odds (n, d) of passing in realities with ``scores`` (n, K), for ``designs`` (d, parameters).
@@ -115,6 +120,28 @@ def learn(runs: RealityRuns, designs: FloatArray, nominal: NominalRuns | None = 
     return _learned(empty, runs, designs, nominal, _check_error(learned, runs.taken(checked), designs))
 
 
+def _design_offsets(
+    learned: Learned, runs: RealityRuns, designs: FloatArray, nominal: NominalRuns | None
+) -> FloatArray:
+    """Return by how much the log-odds of each design (designs,) differ from the smooth function that was learned.
+
+    A smooth function of several parameters cannot follow every single design, and the best of many designs would be those
+    whose rates it overestimates. This is one Newton step of a logistic regression on the designs, with a penalty.
+    """
+    learned_rates = numpy.empty(len(runs))
+    for design in numpy.unique(runs.design).tolist():
+        of_design = runs.design == design
+        log_odds = learned.log_odds(runs.scores[of_design], designs[[design]])[:, 0]
+        learned_rates[of_design] = 1 / (1 + numpy.exp(-log_odds))
+    gradient = numpy.bincount(runs.design, runs.passed - learned_rates, minlength=len(designs))
+    curvature = numpy.bincount(runs.design, learned_rates * (1 - learned_rates), minlength=len(designs))
+    if nominal is not None:
+        rates = 1 / (1 + numpy.exp(-learned.log_odds(nominal.scores[None], designs)[0]))
+        gradient = gradient + NOMINAL_TRUST * (nominal.passed - nominal.counted * rates)
+        curvature = curvature + NOMINAL_TRUST * nominal.counted * rates * (1 - rates)
+    return numpy.asarray(gradient / (curvature + 1 / DESIGN_VARIANCE))
+
+
 def _learned(
     empty: Learned, runs: RealityRuns, designs: FloatArray, nominal: NominalRuns | None, error: float | None
 ) -> Learned:
@@ -136,10 +163,11 @@ def _learned(
         counted = numpy.concatenate([counted, weights])
     coefficients = penalised_logistic(table, passed, counted, variances)
     offsets = coefficients[features.shape[1] :]
-    return Learned(
+    smooth = Learned(
         empty.low, empty.span, empty.centres, empty.length, coefficients[: features.shape[1]],
         dict(zip(samples.tolist(), (offsets - offsets.mean()).tolist(), strict=True)), error, len(runs),
     )  # fmt: skip
+    return replace(smooth, design_offsets=_design_offsets(smooth, runs, designs, nominal))
 
 
 def penalised_logistic(

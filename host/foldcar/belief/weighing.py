@@ -106,13 +106,19 @@ class Prior:
 
     ``learned`` is the success rate in realities. ``designs`` (d, parameters) are those that the belief is about.
     ``known`` has narrower priors of the scores by the parameter's index, ``measured`` the indices of those that were
-    measured.
+    measured. ``offsets`` (d,) are the designs' own differences from the learned log-odds.
     """
 
     learned: Learned
     designs: FloatArray
     known: Mapping[int, ScorePrior]
     measured: frozenset[int] = frozenset()
+    offsets: FloatArray | float = 0.0
+
+    def log_odds(self, scores: FloatArray, designs: NDArray[Any]) -> FloatArray:
+        """Return the log-odds (n, d) in realities with ``scores`` (n, parameters), for designs by their indices."""
+        offsets = numpy.broadcast_to(self.offsets, len(self.designs))[designs]
+        return numpy.asarray(self.learned.log_odds(scores, self.designs[designs]) + offsets)
 
     @cached_property
     def frequencies(self) -> FloatArray:
@@ -203,7 +209,7 @@ class Draws:
 
     def log_odds(self, designs: NDArray[Any]) -> FloatArray:
         """Return the log-odds (n, d) that a random car of each design (by index) passes in a random scene."""
-        result = self.prior.learned.log_odds(self.scores, self.prior.designs[designs]) + self.unexplained(designs)
+        result = self.prior.log_odds(self.scores, designs) + self.unexplained(designs)
         own = numpy.random.default_rng(7).standard_normal(result.shape)
         columns = {int(design): _SMOOTH.stop + i for i, design in enumerate(self.driven)}
         for column, design in enumerate(designs.tolist()):

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from foldcar.belief.answers import MOVED, Answers, Unknown, believe
-from foldcar.belief.learning import Learned, NominalRuns, learn
+from foldcar.belief.learning import FloatArray, Learned, NominalRuns, learn
 from foldcar.belief.priors import NAMES, NOMINAL_SCORES, built_priors, measured_priors
 from foldcar.belief.weighing import SCENE_TRUST, Trials
 from foldcar.car.variation import workshop
@@ -151,10 +151,14 @@ def read_belief(
     measured = measured_values(store, info.listed_id)
     known |= measured_priors(measured, f"{store.path}: measured value")
     # The matrices are so small that threads would only wait for each other.
+    parameters = parameters.reshape(len(designs), -1)
+    # The swept designs, from which the rate was learned, come first in the family.
+    swept = len(learned.design_offsets)
+    offsets = numpy.array([learned.design_offsets[index] if index < swept else 0.0 for index in inside])
     with threadpool_limits(1):
         answers = believe(
-            learned, parameters.reshape(len(designs), -1), _trials(designs, learned), known,
-            [NAMES.index(name) for name in measured],
+            learned, parameters, _trials(designs, learned), known, [NAMES.index(name) for name in measured],
+            offsets,
         )  # fmt: skip
     return Belief(tuple(designs), numpy.array(inside, int), parameters, answers, tuple(notes), measured)
 
@@ -178,13 +182,20 @@ def learned_rate(store: Store, info: ExperimentInfo) -> Learned | None:
 
 
 def _nominal_runs(store: Store, info: ExperimentInfo) -> NominalRuns:
-    """Return the nominal runs of an experiment's designs, with the scores of the nominal simulation."""
+    """Return the nominal runs of an experiment's designs."""
     counts = store.design_counts(info.id)
-    scores = NOMINAL_SCORES.copy()
+    return NominalRuns(
+        _nominal_scores(info), numpy.array(counts.passed, float), numpy.array(counts.counted, float)
+    )
+
+
+def _nominal_scores(info: ExperimentInfo) -> FloatArray:
+    """Return the scores of the nominal simulation of an experiment."""
+    scores = numpy.array(NOMINAL_SCORES)
     if any(quantity.per == "wheel" and name in info.variation for name, quantity in workshop().items()):
         # The listing's wheels differ as those of the workshop.
         scores[NAMES.index("wheel_spread")] = 0.0
-    return NominalRuns(scores, numpy.array(counts.passed, float), numpy.array(counts.counted, float))
+    return scores
 
 
 def _trials(designs: Sequence[DesignEvidence], learned: Learned) -> Trials:

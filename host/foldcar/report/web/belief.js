@@ -11,7 +11,7 @@ const CURVE_HEIGHT = 400;
 const table = model => () => {
   const { e } = model, { designs } = e, pair = (low, high) => (low === null ? "–" : `${percent(low)} to ${percent(high)}`);
   return {
-    head: ["design", "built cars", "95 %", "simulation", "95 %", ...e.engines.map(({ name }) => name), "trials", "of cars", "95 % of these"],
+    head: ["design", "built cars", "95 %", e.simulation, "95 %", ...e.engines.map(({ name }) => name), "trials", "of cars", "95 % of these"],
     rows: designs.name.map((name, i) => [name, percent(designs.belief[i]), pair(designs.belief_low[i], designs.belief_high[i]),
       designs.runs[i] ? `${designs.passed[i]} of ${designs.runs[i]}` : "–", pair(designs.low[i], designs.high[i]),
       ...e.engines.map(({ passed, runs }) => (runs[i] ? `${passed[i]} of ${runs[i]}` : "–")), designs.trials[i] ? `${designs.trials_passed[i]} of ${designs.trials[i]}` : "–", designs.cars[i] || "–", pair(designs.trials_low[i], designs.trials_high[i])]),
@@ -60,8 +60,8 @@ export class Belief {
 
 function note({ e }) {
   const driven = e.designs.trials.some(count => count), parts = [];
-  if (e.judged) parts.push(`Built cars: what ${driven ? "simulation and trials together say" : "simulation says, and how far it may be wrong"}, of a further built car of a design (mean).`);
-  if (e.judged && e.parameters.length < 2) parts.push("Simulation: squares count runs.");
+  if (e.judged && e.realities) parts.push(`Built cars: what ${driven ? "simulation and trials together say" : "simulation says, and how far it may be wrong"}, of a further built car of a design (mean).`);
+  if (e.judged && e.parameters.length < 2) parts.push(`${e.simulation[0].toUpperCase()}${e.simulation.slice(1)}: squares count runs.`);
   if (driven) parts.push("Intervals of trials are of the cars that drove.");
   parts.push("Bands and intervals hold at 95 % for each design by itself.");
   return parts.join(" ");

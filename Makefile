@@ -68,7 +68,7 @@ HEADER_FLAGS := -fsyntax-only -std=gnu++17 -Wall -Wextra -Werror -pthread -DUNIT
 HEADER_COMPILERS := g++ $(shell command -v clang++)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup mujoco study pyramids fidelity statistics synthetic scale test test-packages test-native headers test-host lint bench fuzz races fresh container-check clean wheel release lock system-packages platformio installed fuzz-packages check docs tidy determinism golden
+.PHONY: help setup mujoco study pyramids fidelity advice synthetic scale test test-packages test-native headers test-host lint bench fuzz races fresh container-check clean wheel release lock system-packages platformio installed fuzz-packages check docs tidy determinism golden
 .DELETE_ON_ERROR:
 # Else make removes them as intermediate.
 .PRECIOUS: .pio/fuzz/obj/%.o
@@ -86,7 +86,7 @@ help:
 	@echo 'make races     record and store a log in two threads under ThreadSanitizer'
 	@echo 'make fidelity  set up, compare with MuJoCo and bring docs/fidelity.md up to date'
 	@echo 'make pyramids  set up, search sizes of the step pyramids that fit the publication, bring docs/scenarios.md up to date'
-	@echo 'make statistics  measure coverage of the intervals, the stopping rule of select, the search; bring docs/statistics.md up to date'
+	@echo 'make advice      regret and coverage of the advice on hidden realities, in out/advice'
 	@echo 'make synthetic   the whole method on a hidden reality in MuJoCo, in out/synthetic'
 	@echo 'make scale       the cost of families of up to a million runs, in out/scale'
 	@echo 'make fresh     as root: make study and make test in a bare root of SUITE=$(SUITE) (TARGETS=study: the study only)'
@@ -116,11 +116,9 @@ fidelity: setup mujoco
 	@mkdir -p out
 	$(BIN)/python tools/fidelity.py out/fidelity.db out/across.db docs/fidelity.md
 
-# What docs/statistics.md quotes: intervals into the page; select's stopping rule and the search's samplers to read.
-statistics: setup
-	$(BIN)/python tools/interval_coverage.py docs/statistics.md
-	$(BIN)/python tools/selection.py
-	$(BIN)/python tools/optimize_comparison.py --seeds 8
+# What docs/belief.md quotes.
+advice: setup
+	$(BIN)/python tools/advice.py out/advice
 
 # The whole method on a hidden reality, as docs/fidelity.md tells it; into a new folder.
 synthetic: setup mujoco

@@ -5,8 +5,8 @@ a parameter: soft tyres that lean, a centre of mass to one side, a supply that s
 car on USB.
 
 The study is swept with nominal values and in other realities. In two rounds `select` names designs, and `log` drives
-trials of cars of these designs. After the first round, obstacles and cars are measured. Finally `select` names the leader. Then
-the truth is swept and the answer is compared with it. The exit code is 1 if the answer is wrong.
+trials of cars of these designs. After the first round, obstacles and cars are measured. Finally `select` names the
+leader. Then the truth is swept and the answer is compared with it. The exit code is 1 if the answer is wrong.
 """
 
 import argparse
@@ -78,13 +78,13 @@ def main() -> int:
     run("sweep", listing, "--store", study, *realities)
     for designs in setting.designs:
         chosen = select(study, designs)
-        show(f"to build: {chosen['sentence']}")
+        show(f"to build: {chosen['works']} {chosen['learn']}")
         for trial in planned(chosen, setting.trials // len(setting.designs)):
             drive(listing, study, trial)
         run("trials", "measure", study, *(f"{name}={value}" for name, value in MEASURED.items()))
     run("compare", study, "--simulated-trials")
     answer = select(study, setting.designs[-1])
-    show(f"answer: {answer['sentence']}")
+    show(f"answer: {answer['works']} {answer['learn']}")
 
     sweep_truth(listing, folder / "truth.db", 4 * setting.environments)
     return judge(folder, setting, answer)
@@ -107,17 +107,20 @@ def write_listing(folder: Path, setting: Setting) -> Path:
 
 
 def select(study: Path, designs: int) -> Any:
-    """What `foldcar select` says of so many designs, as it prints it with --json."""
-    words = ("select", study, "--build", str(designs), "--simulated-trials", "--json")
-    return json.loads(run(*words, quiet=True))["experiments"][0]
+    """What `foldcar select` prints with --json, with the ``widths`` of the best steps' designs, so many at most."""
+    chosen = json.loads(run("select", study, "--simulated-trials", "--json", quiet=True))["experiments"][0]
+    widths = dict.fromkeys(step["design"]["width_mm"] for step in chosen["steps"] if step["design"])
+    chosen["widths"] = list(widths)[:designs]
+    return chosen
 
 
 def planned(chosen: Any, number: int) -> list[Trial]:
     """So many trials in turns: each design's cars one after the other, each design in the order of the environments."""
-    widths = [one["design"]["width_mm"] for one in chosen["recommendations"]]
+    widths = chosen["widths"]
     samples = chosen["environments"]
     trials = []
-    for k in range(number):
+    # Without widths, another afternoon is not worth it.
+    for k in range(number if widths else 0):
         width_mm, turn = widths[k % len(widths)], k // len(widths)
         car = f"{width_mm:g}{'ab'[turn % CARS_OF_A_DESIGN]}"
         trials.append(Trial(width_mm, car, samples[turn % len(samples)]))

@@ -29,7 +29,7 @@ CONFIDENCE = 0.95
 REACHES, PROBABLY = 0.975, 0.8
 # An unknown has moved if its median has moved by this many standard deviations of the prior, and is narrowed if this
 # fraction of the prior's variance is gone.
-MOVED, NARROWED = 0.3, 0.25
+MOVED, NARROWED = 0.6, 0.25
 # The unexplained error has grown if its median is this many times the prior's.
 GROWN = 1.6
 # A trial is a surprise if results at least as far out have a smaller probability, given all other designs' trials.
@@ -221,7 +221,7 @@ class Answers:
         return draws.log_odds(numpy.array([design]))[:, 0], draws.car_sd, weights
 
     def realities(self, number: int) -> tuple[NDArray[Any], FloatArray, FloatArray]:
-        """Return ``number`` realities drawn by their weights: their values, rates and indices.
+        """Return ``number`` realities drawn by their weights: their indices, values and rates.
 
         The values (number, parameters) are in the parameters' units, the rates (number, d) those of the designs.
         """

@@ -6,9 +6,13 @@ parameters x they are
     quadratics(z) . a + (1, z) G g(x),
 
 where g(x) has a constant, the parameters, their products, and bumps around some designs. So every score acts differently
-on different designs, and every two scores act together. Each scene has an offset of its own, because some scenes are
-easier than others. The penalty shrinks all coefficients towards 0. Tested on realities with known rates, this simple
-model was better than gradient boosting, neural networks and random features; docs/belief.md has the figures.
+on different designs, and every two scores act together. The score of a spread stands for the spread itself, because the
+effect of a spread grows with it: at a score of -2.5 and at -1 there is hardly any. Each scene has an offset of its own,
+because some scenes are easier than others. The penalty shrinks all coefficients towards 0. The nominal runs are learned
+from, too, but with little weight, because they are all of one reality.
+
+Tested on realities with known rates, this simple model was better than gradient boosting, neural networks and random
+features.
 
 The regression is solved by Newton's method in numpy: importing scikit-learn takes longer than the whole answer of
 `foldcar select`. A test compares the result with scikit-learn's.
@@ -20,6 +24,7 @@ from dataclasses import dataclass, field
 import numpy
 from numpy.typing import NDArray
 
+from foldcar.belief.priors import PARAMETERS
 from foldcar.errors import FoldcarError
 from foldcar.store.reality_runs import BLOCK, CHECK, RealityRuns
 
@@ -29,8 +34,11 @@ BUMPS_PER_PARAMETER, MAX_BUMPS = 12, 24
 # Variances of the coefficients, and of the scenes' offsets, before any run. Chosen by the error at held-out realities.
 COEFFICIENT_VARIANCE, SCENE_VARIANCE = 0.1, 0.3
 NEWTON_STEPS, TOLERANCE = 25, 1e-6
+# The nominal runs of a design count as so many runs.
+NOMINAL_RUNS = 20.0
 # Log-odds beyond these were not learned from any run: rates of 0.2 % and 99.8 %.
 MAX_LOG_ODDS = 6.0
+WHEEL_SPREAD = "wheel_spread"
 # Variance of logistic noise relative to a normal one, squared: (16 sqrt(3) / 15 pi)^2 (Zeger, Liang and Albert 1988,
 # doi:10.2307/2531734). A mean of logistic functions over a normal offset of variance v is nearly a logistic function
 # whose log-odds are divided by sqrt(1 + SLOPE v).
@@ -61,6 +69,7 @@ class Learned:
 
         They are those of a random scene and a random car of the design.
         """
+        scores = _shaped(scores)
         quadratics = _quadratics(scores)
         a, products = self.coefficients[: quadratics.shape[1]], self.coefficients[quadratics.shape[1] :]
         on_designs = products.reshape(1 + scores.shape[1], -1) @ self._design_features(designs).T
@@ -77,7 +86,16 @@ class Learned:
         return _design_features(self.unit(designs), self.centres, self.length)
 
 
-def learn(runs: RealityRuns, designs: FloatArray) -> Learned:
+@dataclass(frozen=True)
+class NominalRuns:
+    """The nominal runs: their reality's ``scores`` (parameters,), and counts (designs,) of passed runs and of all."""
+
+    scores: FloatArray
+    passed: FloatArray
+    counted: FloatArray
+
+
+def learn(runs: RealityRuns, designs: FloatArray, nominal: NominalRuns | None = None) -> Learned:
     """Learn the success rate from runs; ``designs`` (designs, parameters) are the parameters of the family's designs.
 
     Raises FoldcarError without runs.
@@ -92,19 +110,31 @@ def learn(runs: RealityRuns, designs: FloatArray) -> Learned:
     empty = Learned(low, span, centres, _spacing(centres), numpy.zeros(0))
     checked = runs.number % BLOCK < CHECK
     if not checked.any() or checked.all():
-        return _learned(empty, runs, designs, None)
-    learned = _learned(empty, runs.taken(~checked), designs, None)
-    return _learned(empty, runs, designs, _check_error(learned, runs.taken(checked), designs))
+        return _learned(empty, runs, designs, nominal, None)
+    learned = _learned(empty, runs.taken(~checked), designs, nominal, None)
+    return _learned(empty, runs, designs, nominal, _check_error(learned, runs.taken(checked), designs))
 
 
-def _learned(empty: Learned, runs: RealityRuns, designs: FloatArray, error: float | None) -> Learned:
-    """Learn from all ``runs``; all else is that of ``empty``."""
-    features = _features(runs.scores, empty._design_features(designs)[runs.design])
+def _learned(
+    empty: Learned, runs: RealityRuns, designs: FloatArray, nominal: NominalRuns | None, error: float | None
+) -> Learned:
+    """Learn from all ``runs`` and from the ``nominal`` ones; all else is that of ``empty``."""
+    of_designs = empty._design_features(designs)
+    features = _features(_shaped(runs.scores), of_designs[runs.design])
     samples, scene = numpy.unique(runs.sample, return_inverse=True)
     variances = numpy.full(features.shape[1] + len(samples), COEFFICIENT_VARIANCE)
     variances[features.shape[1] :] = SCENE_VARIANCE
     in_scene = (scene[:, None] == numpy.arange(len(samples))).astype(float)
-    coefficients = penalised_logistic(numpy.hstack([features, in_scene]), runs.passed, variances)
+    table, passed, counted = numpy.hstack([features, in_scene]), runs.passed, numpy.ones(len(runs))
+    if nominal is not None:
+        # One row for each design; it is of no scene, because all scenes were simulated.
+        simulated = nominal.counted > 0
+        rows = _features(_shaped(numpy.tile(nominal.scores, (int(simulated.sum()), 1))), of_designs[simulated])
+        table = numpy.vstack([table, numpy.hstack([rows, numpy.zeros((len(rows), len(samples)))])])
+        weights = numpy.minimum(NOMINAL_RUNS, nominal.counted[simulated])
+        passed = numpy.concatenate([passed, weights * nominal.passed[simulated] / nominal.counted[simulated]])
+        counted = numpy.concatenate([counted, weights])
+    coefficients = penalised_logistic(table, passed, counted, variances)
     offsets = coefficients[features.shape[1] :]
     return Learned(
         empty.low, empty.span, empty.centres, empty.length, coefficients[: features.shape[1]],
@@ -112,22 +142,24 @@ def _learned(empty: Learned, runs: RealityRuns, designs: FloatArray, error: floa
     )  # fmt: skip
 
 
-def penalised_logistic(features: FloatArray, passed: FloatArray, variances: FloatArray) -> FloatArray:
-    """Return the coefficients (m,) of a logistic regression of ``passed`` (n,) on ``features`` (n, m).
+def penalised_logistic(
+    features: FloatArray, passed: FloatArray, counted: FloatArray, variances: FloatArray
+) -> FloatArray:
+    """Return the coefficients (m,) of a logistic regression of ``passed`` of ``counted`` (n,) on ``features`` (n, m).
 
     They maximise log-likelihood - sum(coefficient² / (2 variance)), where ``variances`` (m,) are positive. Newton's
     method: the maximum is unique, because the function is strictly concave.
     """
     coefficients = numpy.zeros(features.shape[1])
-    objective = _objective(features, passed, variances, coefficients)
+    objective = _objective(features, passed, counted, variances, coefficients)
     for _ in range(NEWTON_STEPS):
         rates = 1 / (1 + numpy.exp(-(features @ coefficients)))
-        gradient = features.T @ (passed - rates) - coefficients / variances
-        curvature = features.T @ (features * (rates * (1 - rates))[:, None])
+        gradient = features.T @ (passed - counted * rates) - coefficients / variances
+        curvature = features.T @ (features * (counted * rates * (1 - rates))[:, None])
         curvature[numpy.diag_indices(len(coefficients))] += 1 / variances
         step = numpy.linalg.solve(curvature, gradient)
         # A full step may overshoot; a shorter one never does, if it is short enough.
-        while (reached := _objective(features, passed, variances, coefficients + step)) < objective - TOLERANCE:
+        while (reached := _objective(features, passed, counted, variances, coefficients + step)) < objective - TOLERANCE:
             step = step / 2
         coefficients, objective = coefficients + step, reached
         if numpy.abs(step).max() < TOLERANCE:
@@ -135,10 +167,12 @@ def penalised_logistic(features: FloatArray, passed: FloatArray, variances: Floa
     return coefficients
 
 
-def _objective(features: FloatArray, passed: FloatArray, variances: FloatArray, coefficients: FloatArray) -> float:
+def _objective(
+    features: FloatArray, passed: FloatArray, counted: FloatArray, variances: FloatArray, coefficients: FloatArray
+) -> float:
     """Return the penalised log-likelihood."""
     log_odds = features @ coefficients
-    return float(passed @ log_odds - numpy.logaddexp(0, log_odds).sum() - (coefficients**2 / variances).sum() / 2)
+    return float(passed @ log_odds - counted @ numpy.logaddexp(0, log_odds) - (coefficients**2 / variances).sum() / 2)
 
 
 def _check_error(learned: Learned, checks: RealityRuns, designs: FloatArray) -> float | None:
@@ -166,6 +200,18 @@ def _features(scores: FloatArray, design_features: FloatArray) -> FloatArray:
     """Return the features (n, m) of runs with ``scores`` (n, K) of designs with ``design_features`` (n, d)."""
     products = _with_constant(scores)[:, :, None] * design_features[:, None, :]
     return numpy.hstack([_quadratics(scores), products.reshape(len(scores), -1)])
+
+
+def _shaped(scores: FloatArray) -> FloatArray:
+    """Return scores (n, parameters) in which those of spreads are replaced by the spreads, nearly of mean 0."""
+    result = numpy.array(scores, dtype=float)
+    for index, parameter in enumerate(PARAMETERS):
+        if parameter.prior == "half-normal":
+            # The mean of a half-normal variable of scale 1 is 0.8.
+            result[:, index] = parameter.value(result[:, index]) / parameter.sd - 0.8
+        elif parameter.name == WHEEL_SPREAD:
+            result[:, index] = parameter.value(result[:, index]) - 1.1
+    return result
 
 
 def _with_constant(values: FloatArray) -> FloatArray:

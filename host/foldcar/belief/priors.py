@@ -128,6 +128,8 @@ OTHER_PRECISION = 0.2
 # Largest score of a reality that is simulated, and so of a measured value.
 MAX_SCORE = 2.5
 NOMINAL: Mapping[str, float] = {parameter.name: parameter.nominal for parameter in PARAMETERS}
+# The scores of the nominal simulation, within those of realities that are simulated.
+NOMINAL_SCORES = np.clip([parameter.score(parameter.nominal) for parameter in PARAMETERS], -MAX_SCORE, MAX_SCORE)
 
 
 def values_of(scores: FloatArray) -> list[dict[str, float]]:
@@ -167,13 +169,6 @@ class ScorePrior(NamedTuple):
     mean: float
     sd: float
     source: str
-
-
-def prior_interval(parameter: Parameter, prior: ScorePrior) -> tuple[float, float, float]:
-    """Return the ends and the median of a prior's 90 % interval, (low, median, high)."""
-    # The standard normal quantiles of 5, 50 and 95 %.
-    low, median, high = (float(parameter.value(prior.mean + prior.sd * z)) for z in (-1.6448536, 0.0, 1.6448536))
-    return low, median, high
 
 
 def measured_value(text: str, place: str) -> tuple[str, float]:

@@ -24,36 +24,32 @@ from numpy.typing import NDArray
 from scipy.special import chdtri, expit, ndtr, ndtri
 
 from foldcar.belief.learning import SLOPE, FloatArray, Learned
-from foldcar.belief.priors import MAX_SCORE, PARAMETERS, ScorePrior
+from foldcar.belief.priors import MAX_SCORE, NOMINAL_SCORES, PARAMETERS, ScorePrior
 
 # Number of draws; fewer for many designs, so that draws times designs is at most MAX_NUMBERS.
-MAX_DRAWS, MIN_DRAWS, MAX_NUMBERS = 10_000, 2_000, 10_000_000
-# Draws are moved if fewer than this count effectively, 1 / sum(weight²).
-MIN_EFFECTIVE = 2_000
+MAX_DRAWS, MIN_DRAWS, MAX_NUMBERS = 30_000, 2_000, 10_000_000
+# If fewer draws than this count effectively, 1 / sum(weight²), then MOVED_DRAWS of them are moved.
+MIN_EFFECTIVE, MOVED_DRAWS = 1_000, 10_000
 # Steps towards the trials' weights keep this fraction of the draws effective; then each draw is moved MOVES times.
 KEPT, MOVES, MAX_STEPS = 0.5, 8, 60
 # Size of the unexplained error in log-odds: median, and standard deviation of its logarithm, which gives a heavy tail.
-UNEXPLAINED, UNEXPLAINED_LOG_SD = 0.6, 0.9
+UNEXPLAINED, UNEXPLAINED_LOG_SD = 0.6, 0.95
 # Variances of its common, smooth and own part, relative to the size; the own part has a size of its own.
-COMMON, SMOOTH, OWN = 0.5, 0.5, 0.16
+COMMON, SMOOTH, OWN = 0.5, 0.5, 0.25
 # Length over which the smooth part changes, where each design parameter is 0 to 1; for several parameters times the root
 # of their number. Number of waves whose sum is the smooth part.
 LENGTH, WAVES = 0.3, 60
 # Standard deviation of the log-odds of a design's cars: median, and standard deviation of its logarithm. Simulated cars
 # with the workshop's differences have 0.6 to 1.9 in the width study.
-CAR_SD, CAR_SD_LOG_SD = 0.9, 0.5
+CAR_SD, CAR_SD_LOG_SD = 0.8, 0.5
 # The probability that a measured value is wrong altogether. The prior then holds as if nothing had been measured.
 WRONG = 0.05
 # The probability that everything is nearly as simulated: scores are then NEAR times as far from the nominal ones.
-NOMINAL_CHANCE, NEAR = 0.15, 0.3
+NOMINAL_CHANCE, NEAR = 0.3, 0.3
 # The fraction of the difference between scenes, as simulated, that is applied to trials in known scenes.
 SCENE_TRUST = 0.5
 NODES, NODE_WEIGHTS = numpy.polynomial.hermite_e.hermegauss(9)
 NODE_WEIGHTS = NODE_WEIGHTS / NODE_WEIGHTS.sum()
-# The scores of the nominal simulation, within those that were learned.
-_NOMINAL_SCORES = numpy.array(
-    [numpy.clip(parameter.score(parameter.nominal), -MAX_SCORE, MAX_SCORE) for parameter in PARAMETERS]
-)
 
 
 @dataclass(frozen=True)
@@ -178,7 +174,7 @@ class Draws:
         """The realities' scores (n, parameters)."""
         free = self.normal[:, _SCORES]
         near = ndtr(self.normal[:, [_NEAR]]) < NOMINAL_CHANCE
-        result = numpy.where(near, _NOMINAL_SCORES + NEAR * (free - _NOMINAL_SCORES), free)
+        result = numpy.where(near, NOMINAL_SCORES + NEAR * (free - NOMINAL_SCORES), free)
         for index, known in self.prior.known.items():
             narrowed = known.mean + known.sd * free[:, index]
             result[:, index] = numpy.where(self.wrong[:, index], result[:, index], narrowed)
@@ -265,7 +261,9 @@ def weigh(prior: Prior, trials: Trials, seed: int = 1) -> Draws:
     weighed = Draws(prior, trials.driven, normal, _weights(likelihood))
     if weighed.effective >= MIN_EFFECTIVE:
         return weighed
-    return _moved(draws, trials, likelihood, random)
+    equal = numpy.full(min(number, MOVED_DRAWS), 1 / min(number, MOVED_DRAWS))
+    few = Draws(prior, trials.driven, normal[:MOVED_DRAWS], equal)
+    return _moved(few, trials, likelihood[:MOVED_DRAWS], random)
 
 
 def _weights(log_weights: FloatArray) -> FloatArray:

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from foldcar.belief.answers import MOVED, Answers, Unknown, believe
-from foldcar.belief.learning import Learned, learn
-from foldcar.belief.priors import NAMES, built_priors, measured_priors
+from foldcar.belief.learning import Learned, NominalRuns, learn
+from foldcar.belief.priors import NAMES, NOMINAL_SCORES, built_priors, measured_priors
 from foldcar.belief.weighing import SCENE_TRUST, Trials
+from foldcar.car.variation import workshop
 from foldcar.evidence.design_evidence import DesignEvidence
 from foldcar.evidence.supply import measured_supply
 from foldcar.statistics.words import count, percent, points
@@ -110,9 +111,12 @@ def taught(answers: Answers) -> list[str]:
 def _taught(unknown: Unknown) -> str:
     """Return a sentence on an unknown that the trials have moved or narrowed."""
     parameter, after, before = unknown.parameter, unknown.after, unknown.before
-    now, earlier = (f"{part.value:.3g} ({part.low:.2g} to {part.high:.2g})" for part in (after, before))
+    # Lengths are a few millimetres.
+    factor, unit = {"×": (1.0, "times what is simulated"), "m": (1000.0, "mm")}.get(parameter.unit, (1.0, parameter.unit))
+    now, earlier = (
+        f"{factor * part.value:.2f} ({factor * part.low:.2g} to {factor * part.high:.2g})" for part in (after, before)
+    )
     direction = "higher" if after.value > before.value else "lower"
-    unit = "times what is simulated" if parameter.unit == "×" else parameter.unit
     if abs(unknown.shift) < MOVED:
         return f"The trials narrow {parameter.name} to {now} {unit}; before them it was {earlier}."
     return f"By the trials, {parameter.name} is probably {direction} than assumed: {now} {unit}; before them {earlier}."
@@ -168,9 +172,19 @@ def learned_rate(store: Store, info: ExperimentInfo) -> Learned | None:
             [[float(design[name]) for name in info.varied] for design in store.designs(info.id).values()]
         )
         with threadpool_limits(1):
-            return learn(runs, designs.reshape(len(designs), -1))
+            return learn(runs, designs.reshape(len(designs), -1), _nominal_runs(store, info))
 
     return store.once(("learned", info.id), read)
+
+
+def _nominal_runs(store: Store, info: ExperimentInfo) -> NominalRuns:
+    """Return the nominal runs of an experiment's designs, with the scores of the nominal simulation."""
+    counts = store.design_counts(info.id)
+    scores = NOMINAL_SCORES.copy()
+    if any(quantity.per == "wheel" and name in info.variation for name, quantity in workshop().items()):
+        # The listing's wheels differ as those of the workshop.
+        scores[NAMES.index("wheel_spread")] = 0.0
+    return NominalRuns(scores, numpy.array(counts.passed, float), numpy.array(counts.counted, float))
 
 
 def _trials(designs: Sequence[DesignEvidence], learned: Learned) -> Trials:

@@ -17,14 +17,7 @@ from typing import Any
 import numpy
 from numpy.typing import NDArray
 
-from foldcar.belief.priors import (
-    MAX_SCORE,
-    NAMES,
-    PARAMETERS,
-    ScorePrior,
-    built_priors,
-    prior_interval,
-)
+from foldcar.belief.priors import MAX_SCORE, PARAMETERS
 from foldcar.belief.reality import REAL_ONLY, start_deviates
 from foldcar.car.design import compose_columns
 from foldcar.car.folded_car import folded_car
@@ -89,7 +82,6 @@ class PageDrives:
         blobs = {"inputs": _inputs(info, drives, designs, samples), "checks": _checks(runs)}
         blobs |= self._scene_blobs(drives, samples, carsim)
         blobs |= _car_blobs(info, drives, designs)
-        from_sheets = all(trial.source is None for trial in experiment.trials)
         shown["drives"] = {
             "key": key,
             "engine": " ".join(ENGINES[engine_of(info.engine)].options),
@@ -97,7 +89,7 @@ class PageDrives:
             "designs": designs,
             "environments": samples,
             "path_interval_s": PATH_INTERVAL_S,
-            "sliders": [] if info.under else sliders(info.vehicle_type, from_sheets),
+            "sliders": [] if info.under else sliders(),
         }
         if len(designs) < len(drives.bodies) or len(samples) < len(drives.scenes):
             shown["remarks"].append(
@@ -136,35 +128,23 @@ def why_not(info: ExperimentInfo, drives: StoredDrives) -> str | None:
     return None
 
 
-def sliders(vehicle_type: str, from_sheets: bool) -> list[dict[str, Any]]:
-    """Return the parameters that a page can change.
-
-    Each has its range, its nominal value, and median and 90 % interval (low, median, high) of its prior.
-    ``from_sheets``: whether all built cars were built from the sheets.
-    """
-    special_priors, rows = built_priors(vehicle_type, from_sheets), []
+def sliders() -> list[dict[str, Any]]:
+    """Return the parameters that a page can change, each with its range and its nominal value."""
+    rows = []
     for parameter in SLIDERS:
-        index = NAMES.index(parameter.name)
-        prior = special_priors.get(index, ScorePrior(0.0, 1.0, parameter.source))
         low, high = (float(parameter.value(score)) for score in (-MAX_SCORE, MAX_SCORE))
         # The nominal value must be on the slider; a half-normal parameter is a standard deviation, which may be 0.
         low = 0.0 if parameter.prior == "half-normal" else min(low, parameter.nominal)
-        row = _slider(parameter.name, parameter.unit, parameter.meaning, parameter.nominal, low, high)
-        rows.append({**row, "prior": _rounded(prior_interval(parameter, prior))})
-    # Only a reality of a file has this parameter, so it has no prior.
+        rows.append(_slider(parameter.name, parameter.unit, parameter.meaning, parameter.nominal, low, high))
+    # Only a reality of a file has this parameter.
     supply = REAL_ONLY["supply_resistance_ohm"]
     meaning = "resistance of cells, wires and switch of the servo supply, beyond the design's"
-    row = _slider("supply_resistance_ohm", supply.unit, meaning, supply.nominal, 0.0, MAX_SUPPLY_OHM)
-    return [*rows, {**row, "prior": None}]
+    return [*rows, _slider("supply_resistance_ohm", supply.unit, meaning, supply.nominal, 0.0, MAX_SUPPLY_OHM)]
 
 
 def _slider(name: str, unit: str, meaning: str, nominal: float, low: float, high: float) -> dict[str, Any]:
     limits = {"low": float(f"{low:.3g}"), "high": float(f"{high:.3g}")}
     return {"name": name, "unit": unit, "meaning": meaning, "nominal": nominal, **limits}
-
-
-def _rounded(values: Sequence[float]) -> list[float]:
-    return [float(f"{value:.4g}") for value in values]
 
 
 def _shown_designs(count: int) -> list[int]:

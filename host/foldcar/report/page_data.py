@@ -2,7 +2,8 @@
 
 ``{"title", "notes", "engine_notes": [text], "experiments": [experiment]}``; an experiment is
 
-- ``id``; ``headline`` (which car works), ``grounds`` (the evidence for it) and ``remarks``, all of `foldcar select`;
+- ``id``; ``headline`` (which car works), ``grounds`` (the evidence for it) and ``remarks`` (without what the trials have
+  taught), all of `foldcar select`;
   ``thresholds`` (0 to 1, ascending: a design is good if it reaches the last), ``judged`` (whether success is defined),
   ``simulation`` (name of the engine in sentences), ``interval`` (name of the intervals of simulated rates),
   ``environments`` (their number), ``time_limit_s``.
@@ -21,9 +22,9 @@
   ``low``, ``high`` (simulation, 95 %); ``outcomes``: a column per outcome; ``trials`` and ``trials_passed`` (those that
   count), ``cars`` (their number), ``trials_low``, ``trials_high`` (of these cars); ``belief``, ``belief_low``,
   ``belief_high``: success of a further built car, by simulation and trials; ``verdict``: "good", "bad" or "open" by the
-  last threshold and the band of built cars, before trials that of simulation; ``refuted``: "optimistic" or "pessimistic"
-  if the design's trials contradict simulation; ``measures``: ``{"key", "label", "unit", "better": "less" | "more" |
-  null, "value": column}``.
+  last threshold and the band of built cars, before trials and without a belief that of simulation; ``refuted``:
+  "optimistic" or "pessimistic" if the design's trials contradict simulation; ``measures``: ``{"key", "label", "unit",
+  "better": "less" | "more" | null, "value": column}``.
 - ``engines``: for each other engine or reality that simulated the same cars in the same samples ``{"id": its
   experiment, "name", "passed", "runs": columns by design, "text": a sentence that compares them}``.
 - ``runs``: columns ``design``, ``environment``, ``outcome``, ``time_s`` in the order of design and environment; null
@@ -31,8 +32,7 @@
 - ``outcomes``, ``outcome_labels``: names and labels of the numbers in ``outcome``.
 - ``drives``: null, or what the page needs to simulate runs, added by the caller: ``{"key": start of the blobs' names,
   "engine": carsim's option, "build": of the stored runs, "designs", "environments": which it can simulate,
-  "path_interval_s", "sliders": [{"name", "unit", "meaning", "nominal", "low", "high", "prior": null or [5 %, median,
-  95 %]}]}``, see drives.py.
+  "path_interval_s", "sliders": [{"name", "unit", "meaning", "nominal", "low", "high"}]}``, see drives.py.
 - ``trials``: ``{"number", "design": index or null, "car": the design's name, "car_name": that of the car itself or null,
   "standing": "built" | "simulated", "environment": index or null, "passed": null if aborted, "outcome", "time_s",
   "when", "note", "media": its photos and films, ``{"kind", "name", "address": relative, null for a missing file}``,
@@ -68,10 +68,7 @@ import json5
 import numpy
 from threadpoolctl import threadpool_limits
 
-from foldcar.belief.answers import Estimate
-from foldcar.belief.priors import NAMES
 from foldcar.evidence.adviser import Selection
-from foldcar.evidence.belief import taught
 from foldcar.evidence.design_evidence import design_label
 from foldcar.evidence.evidence import Evidence, read_evidence, read_unswept
 from foldcar.evidence.selecting import select_evidence
@@ -82,6 +79,7 @@ from foldcar.report.page_effects import cause_rows, effect_rows, importance_rows
 from foldcar.report.page_front import search_front
 from foldcar.report.page_measures import measures
 from foldcar.report.page_ranges import range_sentences
+from foldcar.report.page_realities import other_remarks, page_realities
 from foldcar.report.page_remarks import remarks
 from foldcar.report.page_run_ends import read_run_ends
 from foldcar.report.page_simulations import other_simulations
@@ -99,8 +97,6 @@ OMITTED = (
     "{:,} runs of {:,} designs are too many to list one by one: they are counted by design. "
     "`foldcar export` has them all."
 )
-# Realities that the main chart shows.
-REALITIES = 100
 # Of the publication's figure 6.
 THRESHOLDS = (0.5, 0.75)
 
@@ -217,9 +213,9 @@ def _experiment(
         "grounds": selection.grounds,
         "next": _next(columns.names, selection),
         "leader": _leader(experiment),
-        "realities": _realities(experiment),
+        "realities": page_realities(evidence),
         "ranges": range_sentences(evidence, effects, indices, threshold),
-        "remarks": [*(engine["text"] for engine in engines), *remarks(store, experiment)],
+        "remarks": other_remarks(evidence.belief, [*(engine["text"] for engine in engines), *remarks(store, experiment)]),
         "thresholds": list(experiment.thresholds),
         "judged": info.success_defined,
         "simulation": info.simulation,
@@ -258,42 +254,6 @@ def _leader(experiment: Experiment) -> int | None:
     """Return the index of the design with the highest expected rate; None without a belief."""
     belief = experiment.evidence.belief
     return None if belief is None else int(belief.design_indices[belief.answers.best])
-
-
-def _realities(experiment: Experiment) -> dict[str, Any] | None:
-    """Return the page's ``realities``; None without a belief."""
-    belief = experiment.evidence.belief
-    if belief is None:
-        return None
-    _, values, rates = belief.answers.realities(REALITIES)
-    unknowns = [
-        {
-            "name": unknown.parameter.name,
-            "unit": unknown.parameter.unit,
-            "meaning": unknown.parameter.meaning,
-            "before": _ends(unknown.before),
-            "after": _ends(unknown.after),
-            "measured": unknown.measured,
-            "taught": unknown.taught,
-        }
-        for unknown in belief.answers.unknowns
-    ]
-    columns = numpy.full((REALITIES, len(experiment.columns.names)), numpy.nan)
-    columns[:, belief.design_indices] = rates
-    return {
-        "driven": belief.driven,
-        "names": list(NAMES),
-        "values": [[float(f"{value:.4g}") for value in row] for row in values.tolist()],
-        "rates": [[None if rate != rate else round(rate, 3) for rate in row] for row in columns.tolist()],
-        "unknowns": unknowns,
-        "taught": taught(belief.answers),
-        "learned": {"runs": belief.answers.learned.runs, "error": belief.answers.learned.error},
-    }
-
-
-def _ends(estimate: Estimate) -> list[float]:
-    """Return low, middle and high of an estimate."""
-    return [float(f"{value:.4g}") for value in (estimate.low, estimate.value, estimate.high)]
 
 
 def _provenance(study: StudyInfo | None, info: ExperimentInfo, command: Sequence[str]) -> list[list[str]]:

@@ -83,8 +83,8 @@ class DesignColumns:
         """Return the page's columns, without the measures, as page_data.py describes them."""
         evidence, family = self.evidence, self.evidence.family
         driven = evidence.belief is not None and evidence.belief.driven
-        # Verdicts are about built cars as soon as one was driven, before that about simulation.
-        judged = self.built if driven or evidence.belief is None else self.simulation
+        # Verdicts are about built cars as soon as one was driven, before that and without a belief about simulation.
+        judged = self.built if driven else self.simulation
         values = {
             name: {value: index for index, value in enumerate(all_values)} for name, all_values in evidence.values.items()
         }

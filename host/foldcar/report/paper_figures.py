@@ -13,6 +13,7 @@ from typing import Any
 import matplotlib
 import numpy
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
@@ -21,6 +22,7 @@ from foldcar.figures.style import ACCENT, FAILURE, INK, OUTCOME_COLOURS, OUTCOME
 from foldcar.outputs import file_name_part
 from foldcar.report.page_designs import DesignColumns
 from foldcar.report.page_effects import combinations_text, importance_rows
+from foldcar.report.page_realities import drawn_realities
 from foldcar.simulation.results import OUTCOMES
 from foldcar.statistics.effects import Effects
 from foldcar.statistics.words import label_and_unit
@@ -114,7 +116,10 @@ class Axis:
 
 
 def draw_feasibility(designs: DesignColumns, thresholds: Sequence[float]) -> Figure:
-    """Draw success in simulation and of built cars, each with its 95 % band; tint values whose built cars are good."""
+    """Draw success in simulation and of built cars, each with its 95 % band; tint values whose built cars are good.
+
+    A thin curve is success in one drawn reality.
+    """
     axis, figure = Axis(designs), Figure(figsize=(WIDE_IN, 4.0), layout="constrained")
     axes = figure.subplots()
     # Each (4, designs with a band): place on the x axis, value, low, high.
@@ -126,16 +131,33 @@ def draw_feasibility(designs: DesignColumns, thresholds: Sequence[float]) -> Fig
     )
     for place in built[0][built[1] >= thresholds[-1]]:
         axes.axvspan(place - axis.step / 2, place + axis.step / 2, color=REGION, linewidth=0, zorder=0)
+    _draw_realities(axes, axis, designs)
     axes.fill_between(built[0], *(100 * built[2:]), color=ACCENT, alpha=0.22, linewidth=0, label="built cars, 95 % band")
-    axes.plot(built[0], 100 * built[1], "o", color=ACCENT, markersize=4.5, label="built cars, median")
+    axes.plot(built[0], 100 * built[1], "o", color=ACCENT, markersize=4.5, label="built cars, mean")
     axes.fill_between(simulation[0], *(100 * simulation[2:]), color=INK, alpha=0.25, linewidth=0)
     label = f"{designs.evidence.info.simulation}, 95 % band"
     axes.plot(simulation[0], 100 * simulation[1], "-", color=INK, linewidth=1.2, label=label)
     _draw_trials(axes, axis, designs)
     _finish_success(axes, axis, thresholds, "Feasible region")
-    tint = Patch(color=REGION, label=f"median of built cars reaches {100 * thresholds[-1]:g} %")
+    tint = Patch(color=REGION, label=f"mean of built cars reaches {100 * thresholds[-1]:g} %")
     figure.legend(handles=[*axes.get_legend_handles_labels()[0], tint], loc="outside lower center", ncols=3)
     return figure
+
+
+def _draw_realities(axes: Axes, axis: Axis, designs: DesignColumns) -> None:
+    """Draw a thin curve for each drawn reality; nothing without a belief."""
+    drawn = drawn_realities(designs.evidence)
+    if drawn is None:
+        return
+    rates = drawn[1]
+    in_belief = numpy.flatnonzero(numpy.isfinite(rates).all(axis=0)).tolist()
+    order = sorted(in_belief, key=lambda index: axis.place[index])
+    # One artist for all curves, so that the legend has one entry for them.
+    lines = LineCollection(
+        [numpy.column_stack([[axis.place[index] for index in order], 100 * row[order]]) for row in rates],
+        colors=ACCENT, linewidths=0.4, alpha=0.25, zorder=0.5, label="ways in which reality may differ",
+    )  # fmt: skip
+    axes.add_collection(lines)
 
 
 def draw_success(designs: DesignColumns, thresholds: Sequence[float]) -> Figure:

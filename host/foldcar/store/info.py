@@ -130,10 +130,9 @@ class ExperimentInfo:
     def simulation(self) -> str:
         """The name of its simulation in sentences: ``simulation`` for multibody, else the engine's name.
 
-        In random realities it is followed by what the rates are.
+        It is RANDOM_REALITIES if each sample has one of its own.
         """
-        name = engine_title(self.engine) or "simulation"
-        return f"{name} (expected over realities)" if self.is_over_realities else name
+        return RANDOM_REALITIES if self.is_over_realities else engine_title(self.engine) or "simulation"
 
 
 @dataclass(frozen=True, slots=True)

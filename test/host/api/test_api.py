@@ -100,7 +100,7 @@ def test_rates_and_models_come_from_the_store(study: foldcar.Study) -> None:
     assert len(study.runs) == 2 * 4 * SAMPLES and study.trials.empty
     assert list(study.experiments) == ["plain", "built"]
     assert study.compare().experiments[0].verdict is None
-    assert study.select(build=1, experiment="plain")[0].info.id == "plain"
+    assert study.select(experiment="plain")[0].info.id == "plain"
 
 
 def test_the_examples_in_docstrings_are_true(carsim_binary: Path, tmp_path: Path, monkeypatch: Any) -> None:
@@ -204,9 +204,7 @@ def odd_calls(study: foldcar.Study) -> dict[str, tuple[Any, str, tuple[Any, ...]
         "rate experiment": (lambda value: study.rate(experiment=value), "experiment: ", (None, "", "a\0b")),
         "rate source": (lambda value: study.rate(source=value, **run), "source: ", ()),
         "rate confidence": (lambda value: study.rate(confidence=value, **run), "confidence: ", ()),
-        "build": (lambda value: study.select(build=value), "build: ", ()),
         "threshold": (lambda value: study.select(threshold=value), "threshold: ", no_default),
-        "precision": (lambda value: study.select(precision=value), "precision: ", ()),
         "select trials": (lambda value: study.select(simulated_trials=value), "simulated_trials: ", ()),
         "select experiment": (lambda value: study.select(experiment=value), "experiment: ", (None, "", "a\0b")),
         "margin": (lambda value: study.compare(margin=value), "margin: ", ()),

@@ -40,7 +40,7 @@ def test_the_regression_is_scikit_learns() -> None:
     features = random.standard_normal((400, 6))
     passed = (random.random(400) < expit(features @ [2, -1, 0.5, 0, 0, 0])).astype(float)
 
-    ours = penalised_logistic(features, passed, numpy.full(6, 0.3))
+    ours = penalised_logistic(features, passed, numpy.ones(400), numpy.full(6, 0.3))
 
     theirs = linear_model.LogisticRegression(C=0.3, fit_intercept=False, tol=1e-10, max_iter=1000).fit(features, passed)
     assert ours == pytest.approx(theirs.coef_[0], abs=1e-4)
@@ -48,7 +48,9 @@ def test_the_regression_is_scikit_learns() -> None:
 
 def test_separable_runs_have_finite_coefficients() -> None:
     # Without a penalty the coefficient would be infinite.
-    coefficients = penalised_logistic(numpy.array([[-1.0], [1.0]]), numpy.array([0.0, 1.0]), numpy.array([1.0]))
+    features, passed = numpy.array([[-1.0], [1.0]]), numpy.array([0.0, 1.0])
+
+    coefficients = penalised_logistic(features, passed, numpy.ones(2), numpy.ones(1))
 
     # At the maximum of 2 log expit(b) - b²/2.
     assert coefficients[0] == pytest.approx(2 / (1 + numpy.exp(coefficients[0])), abs=1e-6)

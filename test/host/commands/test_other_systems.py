@@ -88,7 +88,7 @@ REST = (
     ("run", "study.json", "--experiment", "yard", *CAR),
     ("model", "study.json", "--vehicle", "mine", *CAR, "--to", "mjcf", "-o", "models"),
     ("view", "study.json", "--vehicle", "mine", *CAR, "-o", "car.html"),
-    ("select", "s.db", "--build", "1"),
+    ("select", "s.db"),
 )
 
 

@@ -31,7 +31,7 @@ from foldcar.report.paper_figures import (
 )
 from foldcar.store.reader import Store
 from foldcar.store.writer import write_store
-from written_study import add_experiment, add_trials, write_study
+from written_study import add_experiment, add_trials, write_realities, write_study
 
 WIDTHS, SAMPLES = tuple(float(width) for width in range(65, 250, 15)), 40
 FACTS = {**written_study.FACTS, "listing_text": '{"experiments": "<&>"}'}
@@ -216,6 +216,7 @@ def test_the_map_has_the_rates_of_the_designs_and_the_effects_their_means(tmp_pa
 def test_the_region_is_tinted_where_simulation_and_trials_together_say_so(tmp_path: Path) -> None:
     widths = tuple(float(width) for width in range(60, 160, 20))
     store = write_study(tmp_path / "s.db", {"width_mm": widths}, 100, lambda design, sample: "passed")
+    write_realities(store, lambda scores, design: 4 + 3 * scores["friction"])
     with Store.open(store) as opened:
         (before,) = page_data(opened)["experiments"]
     add_trials(store, [({"width_mm": 100.0}, sample, "tipped") for sample in range(20)])
@@ -223,9 +224,11 @@ def test_the_region_is_tinted_where_simulation_and_trials_together_say_so(tmp_pa
     with Store.open(store) as opened:
         (experiment,) = read_experiments(opened)
         axes = draw_feasibility(experiment.columns, (0.75,)).axes[0]
+        (at,) = (k for k, name in enumerate(experiment.columns.names) if name == "100 mm")
 
     assert before["designs"]["verdict"] == ["good"] * len(widths)
-    assert experiment.columns.built[2] is not None and experiment.columns.built[2][0] < 0.3
+    built = experiment.columns.built[at]
+    assert built is not None and built[0] < 0.3
     assert 100.0 not in [patch.get_x() + patch.get_width() / 2 for patch in axes.patches]
 
 

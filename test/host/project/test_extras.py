@@ -39,7 +39,7 @@ def test_the_core_sweeps_and_reports_and_other_commands_name_their_extra(tmp_pat
         ("new", "yard"),
         ("sweep", free_course.name, "--store", "s.db"),
         ("report", "s.db", "-o", "report"),
-        ("select", "s.db", "--build", "1"),
+        ("select", "s.db"),
     )
     others = (
         ("fabricate", ("pattern", "yard/study.json", *CAR, "-o", "car")),

@@ -16,8 +16,7 @@ from synthetic_study import REALITY, planned  # noqa: E402
 
 
 def test_each_design_has_two_cars_and_each_car_trials_in_other_environments() -> None:
-    chosen = {"recommendations": [{"design": {"width_mm": width}} for width in (65, 85, 105)],
-              "environments": [3, 1, 4, 9]}  # fmt: skip
+    chosen = {"widths": [65, 85, 105], "environments": [3, 1, 4, 9]}
 
     trials = planned(chosen, 12)
 

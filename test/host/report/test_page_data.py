@@ -4,17 +4,20 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy
 import pandas
 import pytest
-from foldcar.evidence.comparison import compare
 
 from foldcar.api.study import Study
+from foldcar.evidence.comparison import compare
 from foldcar.report import page_data as module
-from foldcar.report.page_data import page_data
+from foldcar.report.page_data import page_data, read_experiments
+from foldcar.report.paper_figures import draw_feasibility
 from foldcar.simulation.results import OUTCOMES
 from foldcar.statistics.rate import wilson_interval
 from foldcar.store.reader import Store
 from swept_listing import STEP_PYRAMIDS, foldcar
+from written_study import import_trials, write_realities, write_study
 
 SAMPLES = 3
 
@@ -114,31 +117,57 @@ def test_trials_stand_beside_their_designs_and_aborted_ones_do_not_count(store: 
     assert "150 mm" in designs["name"][4]
 
 
-def test_trials_that_refute_simulation_make_a_design_bad(store: Path, tmp_path: Path) -> None:
+def test_trials_that_refute_simulation_make_a_design_bad(tmp_path: Path) -> None:
     """Belief is what simulation and trials together say: 1 of 21 trials of seven cars outweighs runs that all passed."""
-    again = tmp_path / "s.db"
-    again.write_bytes(store.read_bytes())
-    page = read(store)
-    designs = page["designs"]
-    assert designs["belief"][0] != designs["rate"][0]  # two trials tell something already
-    best = max(range(4), key=lambda index: designs["rate"][index])
-    width, length = (page["parameters"][k]["values"][at] for k, at in enumerate(designs["value"][best]))
-    outcomes = ["passed"] + 20 * ["tipped"]
-    rows = [f"W_B_W,{outcome},later,{width:g},{length:g},car {k % 7}" for k, outcome in enumerate(outcomes)]
-    (tmp_path / "t.csv").write_text("\n".join(["vehicle_type,outcome,source,width_mm,B_length_mm,car_name", *rows, ""]))
-    foldcar("trials", "import", again, tmp_path / "t.csv", "--experiment", "1")
+    path = write_study(
+        tmp_path / "s.db", {"width_mm": [95, 245]}, 20,
+        lambda design, sample: "passed" if design["width_mm"] == 95 or sample % 2 else "tipped",
+    )  # fmt: skip
+    write_realities(path, lambda scores, design: 3 * scores["friction"] + (2 if design["width_mm"] == 95 else 0))
+    before = read(path)
+    trials = [({"width_mm": 95.0}, None, "passed" if number == 0 else "tipped") for number in range(21)]
+    import_trials(path, trials, cars=7)
 
-    after = read(again)["designs"]
+    page = read(path)
 
-    assert after["rate"][best] == designs["rate"][best]
-    assert after["belief_high"][best] < 0.5 <= designs["belief_high"][best]
-    assert after["verdict"][best] == "bad"
-    assert after["refuted"][best] == ("optimistic" if designs["low"][best] > 0.3 else None)
+    designs, after = before["designs"], page["designs"]
+    assert not before["realities"]["driven"] and page["realities"]["driven"]
+    # Before trials, the verdict is that of simulation.
+    assert designs["rate"][0] == after["rate"][0] == 1.0 and designs["verdict"][0] == "good"
+    assert after["belief_high"][0] < 0.5 <= designs["belief_high"][0]
+    assert (after["verdict"][0], after["refuted"]) == ("bad", ["optimistic", None])
     # The page and `foldcar compare` name the same.
-    with Store.open(again) as opened:
+    with Store.open(path) as opened:
         compared = {design.label: design.verdict for design in compare(opened, "1").experiments[0].designs}
     refuted = {name: how for name, how in zip(after["name"], after["refuted"], strict=True) if how}
     assert refuted == {name: how for name, how in compared.items() if how in ("optimistic", "pessimistic")}
+
+
+def test_realities_are_drawn_by_their_weights(tmp_path: Path) -> None:
+    """Success follows from friction alone: trials that failed leave realities with low friction and low success."""
+    path = write_study(tmp_path / "s.db", {"width_mm": [95, 245]}, 20, lambda design, sample: "passed")
+    write_realities(path, lambda scores, design: 4 * scores["friction"])
+    before = read(path)["realities"]
+    import_trials(path, [({"width_mm": 95.0}, None, "tipped")] * 20)
+    after = read(path)["realities"]
+
+    for realities in (before, after):
+        frictions = [values[realities["names"].index("friction")] for values in realities["values"]]
+        rates = [rates[1] for rates in realities["rates"]]
+        # An error that no unknown explains is in the rates, too.
+        assert numpy.corrcoef(numpy.log(frictions), rates)[0, 1] > 0.4
+    mean_before, mean_after = (numpy.mean(realities["rates"], axis=0) for realities in (before, after))
+    assert (mean_after < 0.4 * mean_before).all()
+    (unknown,) = (unknown for unknown in after["unknowns"] if unknown["name"] == "friction")
+    assert unknown["taught"] and unknown["after"][1] < unknown["before"][1]
+    assert before["taught"] == [] and any("friction" in sentence for sentence in after["taught"])
+    # The figure for papers draws the same curves.
+    with Store.open(path) as opened:
+        (experiment,) = read_experiments(opened)
+        (axes,) = draw_feasibility(experiment.columns, experiment.thresholds).axes
+    curves = next(lines for lines in axes.collections if lines.get_label() == "ways in which reality may differ")
+    drawn = [segment[:, 1] / 100 for segment in curves.get_segments()]
+    assert numpy.allclose(drawn, after["rates"], atol=6e-4)
 
 
 def test_effects_are_of_every_parameter(store: Path) -> None:
@@ -163,7 +192,8 @@ def test_an_experiment_that_has_trials_only_is_shown_with_them(tmp_path: Path) -
     assert page["id"] == "garden: W_B_W, trials only"
     assert page["headline"] == "1 of 2 trials of built cars passed; nothing was simulated to compare with."
     assert page["designs"]["name"] == ["95 mm", "115 mm"]
-    assert page["designs"]["belief"] == [1.0, 0.0]
-    assert page["designs"]["verdict"] == ["open", "open"]
+    # Nothing was simulated, so nothing is said of further cars.
+    assert page["realities"] is None and page["designs"]["belief"] == page["designs"]["verdict"] == [None, None]
+    assert page["designs"]["trials_passed"] == [1, 0]
     assert [trial["design"] for trial in page["trials"]] == [0, 1]
     assert page["runs"]["design"] == []

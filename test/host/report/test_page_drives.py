@@ -111,6 +111,8 @@ def test_a_slider_gives_the_rates_of_a_sweep_with_that_reality(variation: str | 
         set_slider(tab, "start scatter, heading", 0.08)
         tab.ask("document.querySelector('#whatif-chart summary').click()")
         tab.wait(f"{RATES}.length")
+        # The page writes its address at most twice a second.
+        tab.wait("location.hash.includes('r.start_heading_sd_rad')")
         rates, address, errors = tab.ask(RATES), tab.ask("location.hash"), tab.ask("errors")
     values = {part.split("=")[0][2:]: float(part.split("=")[1]) for part in address[1:].split("&") if part[:2] == "r."}
     (tmp_path / "reality.json").write_text(json.dumps(values))

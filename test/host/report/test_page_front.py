@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy
 import pytest
-from foldcar.evidence.evidence import Evidence, read_evidence
 
+from foldcar.evidence.evidence import Evidence, read_evidence
 from foldcar.report.page_front import search_front
 from foldcar.simulation.results import NUMBERS
 from foldcar.statistics.rate import wilson_interval

@@ -162,7 +162,7 @@ def test_names_and_runs_stay_apart_from_nominal_ones(store: Path, tmp_path: Path
         assert info.is_over_realities == over_realities and info.under == ("random realities" if over_realities else None)
         assert info.listed_id == ("1" if over_realities else name)
     assert len(draws[SEARCHED]) == SAMPLES and not draws[SEARCHED] & draws[FRESH] and not draws[SEARCHED] & draws["1"]
-    assert infos[SEARCHED].simulation == "simulation (expected over realities)" and infos["1"].simulation == "simulation"
+    assert infos[SEARCHED].simulation == "random realities" and infos["1"].simulation == "simulation"
 
 
 def test_rates_are_said_to_be_expected_and_not_compared_with_trials(store: Path, tmp_path: Path) -> None:
@@ -179,7 +179,7 @@ def test_rates_are_said_to_be_expected_and_not_compared_with_trials(store: Path,
 
     left_out = "2 trials left out, because these rates are those before any trial: sweep experiment 1 to compare."
     for selection in selections:
-        assert "In simulation (expected over realities) " in selection.works and "trials" not in selection.works
+        assert "Expected over realities, " in selection.works and "trials" not in selection.works
         assert selection.learn == "Trials do not change these rates: sweep experiment 1 to learn from trials."
         assert selection.remarks[0].startswith("Rates are expected over realities, before any trial: each environment")
         assert left_out in selection.remarks
@@ -190,7 +190,7 @@ def test_rates_are_said_to_be_expected_and_not_compared_with_trials(store: Path,
     shown = {experiment["id"]: experiment for experiment in page["experiments"]}
     assert set(shown) == {SEARCHED, FRESH, "1: W_B_W, trials only"}
     for name in (SEARCHED, FRESH):
-        assert shown[name]["simulation"] == "simulation (expected over realities)"
+        assert shown[name]["simulation"] == "random realities"
         assert shown[name]["trials"] == [] and not any(shown[name]["designs"]["trials"])
         assert ["simulated under", "random realities"] in shown[name]["provenance"]
     assert shown[SEARCHED]["front"]["objectives"][0]["label"] == "expected success of built cars"

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from foldcar.evidence.selecting import select
 
 from browser import study_of
 from foldcar.api.oracle import evaluate
 from foldcar.api.study import Study
+from foldcar.evidence.selecting import select
 from foldcar.report.page_data import page_data
 from foldcar.scenes.source import open_environment
 from foldcar.simulation.carsim import Carsim
@@ -66,8 +66,7 @@ def test_advice_goes_by_the_others_and_says_so(store: Path, tmp_path: Path) -> N
         (advice,) = select(opened)
     (compared,) = Study(copy).compare().experiments
 
-    rates = {recommendation.label: recommendation.simulated.value for recommendation in advice.recommendations}
-    assert set(rates) == {"100 mm", "120 mm", "140 mm"} and rates["100 mm"] == 1
+    assert advice.works == "In simulation 100 to 140 mm reach 75 %, none with 95 % confidence."
     remark = "53 of 80 runs were rejected: they violated a requirement of the program."
     assert any(sentence.startswith(remark) and "1 design has no other run" in sentence for sentence in advice.remarks)
     (design,) = compared.designs

@@ -90,7 +90,7 @@ def test_it_is_named_by_the_sweep_and_wherever_its_rates_are_shown(
     assert warning in " ".join(page.stdout.split())
     assert json.dumps(named)[1:-1] in (tmp_path / "page" / "index.html").read_text()
     assert warning in study_of(tmp_path / "page")["experiments"][0]["remarks"]
-    assert named in " ".join(foldcar("select", "s.db", "--build", "1").stdout.split())
+    assert named in " ".join(foldcar("select", "s.db").stdout.split())
     assert "which matter here" not in foldcar("sweep", listing, "--store", "s.db").stderr
 
 

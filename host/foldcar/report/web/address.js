@@ -4,7 +4,7 @@
 // e: experiment; env, t: environment and time of the run; x, y, mx, my: axes of the scatter plot and the map; b: ranges of an axis
 // that are kept; r: values of the sliders; at: the section that is read.
 
-import { hasValues, number, shownUnit, sliderLabel } from "./data.js";
+import { hasValues, number, unknownLabel, unknownText } from "./data.js";
 
 const AXES = ["x", "y", "mx", "my"];
 const PLAIN = ["e", "design", "env", "t", "x", "y", "mx", "my", "at"];
@@ -70,17 +70,8 @@ export function fitState(state, e) {
   for (const name of state.outcomes.filter(outcome => !e.outcomes.includes(outcome))) remark(`The link's outcome ${name} is not one of ${e.outcomes.join(", ")}`);
   for (const key of Object.keys(state.brushes).filter(axis => !e.axis[axis])) remark(`The link keeps a range of ${key}, which no design has`);
   for (const name of AXES) if (state[name] !== null && !canShow(e, name, state[name])) remark(`The link's axis ${name}=${state[name]} ${e.axis[state[name]] ? `cannot be an axis of the ${name.length > 1 ? "map" : "scatter plot"} of experiment ${e.id}` : "does not exist"}`);
-  const sliders = new Map((e.judged && e.drives?.sliders || []).map(slider => [slider.name, slider])), reality = {};
-  for (const [name, value] of Object.entries(state.reality)) {
-    const slider = sliders.get(name);
-    if (!slider) {
-      remark(`The link has a value of ${name}, for which this page has no slider`);
-      continue;
-    }
-    const [unit, scale] = shownUnit(slider.unit), shown = si => `${number(scale * si)} ${unit}`.trim();
-    reality[name] = Math.min(slider.high, Math.max(slider.low, value));
-    if (reality[name] !== value) remark(`The link's ${sliderLabel(name)}, ${shown(value)}, is outside the slider's limits, ${shown(slider.low)} to ${shown(slider.high)}: it is set to ${shown(reality[name])}`);
-  }
+  const { reality, remarks: moved } = fitReality(state.reality, e, "The link");
+  remarks.push(...moved);
   Object.assign(state, {
     e: state.e === null ? null : e.id, design: e.place.has(state.design) ? state.design : null, env: state.env < e.environments ? state.env : null,
     outcomes: state.outcomes.filter(outcome => e.outcomes.includes(outcome)), brushes: Object.fromEntries(Object.entries(state.brushes).filter(([key]) => e.axis[key])), reality,
@@ -95,6 +86,25 @@ export function fitState(state, e) {
   }
   return remarks;
 }
+
+// Values by name, moved into their sliders' limits, and a sentence for each that was moved or has no slider. source: The link.
+export function fitReality(values, { sliders }, source) {
+  const reality = {}, remarks = [];
+  for (const [name, value] of Object.entries(values)) {
+    const slider = sliders.find(other => other.name === name);
+    if (!slider) {
+      remarks.push(`${source} has a value of ${name}, for which this page has no slider.`);
+      continue;
+    }
+    const shown = si => unknownText(slider.unit, si);
+    reality[name] = fitted(slider, value);
+    if (reality[name] !== value) remarks.push(`${source}'s ${unknownLabel(name)}, ${shown(value)}, is outside the slider's limits, ${shown(slider.low)} to ${shown(slider.high)}: it is set to ${shown(reality[name])}.`);
+  }
+  return { reality, remarks };
+}
+
+// The value on a slider that is nearest to this one.
+export const fitted = ({ low, high }, value) => Math.min(high, Math.max(low, value));
 
 // Whether an axis of the scatter plot (x, y) or the map (mx, my) can be this one.
 function canShow(e, name, key) {

@@ -1,7 +1,8 @@
 // Success of this simulator and of built cars: a curve over one parameter, a map over two of several, a search's front.
 
-import { Chart, axisStyle, band, intervals, successAxis, successColour, tooltip } from "./charts.js";
-import { evidence, percent, withUnit } from "./data.js";
+import { Chart, axisStyle, band, fadedColour, intervals, successAxis, successColour, tooltip } from "./charts.js";
+import { evidence, percent, shownSuccess, withUnit } from "./data.js";
+import { RealityLine, realityCurves } from "./realities.js";
 import { byId, make, select } from "../../figures/web/dom.js";
 
 // Values of a parameter that have cells of their own in the map.
@@ -18,9 +19,11 @@ const table = model => () => {
   };
 };
 
-// A tooltip of marks that have a design. more(design): lines below what is known of its success.
-export const designTip = ({ e }, theme, more = () => []) => tooltip(theme, ({ data }) => (data?.design === undefined ? []
-  : [make("b", { text: e.designs.name[data.design] }), ...evidence(e, data.design).map(row => row.join(" ")), ...more(data.design)]));
+// A tooltip of marks that have a design or a reality. more(design): lines below what is known of its success.
+export const designTip = ({ e }, theme, more = () => []) => tooltip(theme, ({ data }) => {
+  if (data?.reality !== undefined) return ["one way in which reality may differ: press it for its values"];
+  return data?.design === undefined ? [] : [make("b", { text: e.designs.name[data.design] }), ...evidence(e, data.design).map(row => row.join(" ")), ...more(data.design)];
+});
 
 // Pointing at and pressing a mark of a chart; of: the design of an event, or null.
 export function linked(model, chart, of) {
@@ -36,12 +39,13 @@ export class Belief {
     for (const chart of this.charts) chart.dispose();
     const { e } = this.model, place = byId("belief-charts");
     this.charts = [];
+    this.line = null;
     place.replaceChildren();
     byId("belief-note").textContent = "";
     if (!e.count) return;
     if (e.front?.objectives.length > 1) this.add(place, "front", frontFigure(this.model));
     if (e.parameters.length > 1) this.add(place, "map", mapFigure(this.model));
-    else this.add(place, "curve", curveFigure(this.model));
+    else this.addCurve(place);
     byId("belief-note").textContent = note(this.model);
   }
 
@@ -53,15 +57,38 @@ export class Belief {
     const chart = new Chart(figure, options);
     linked(this.model, chart, of);
     this.charts.push(chart);
+    return chart;
   }
 
-  mark() { for (const chart of this.charts) chart.draw(); }
+  addCurve(place) {
+    const { model } = this;
+    this.curve = this.add(place, "curve", curveFigure(model));
+    if (!model.e.realities) return;
+    this.curve.on("click", ({ data }) => { if (data?.reality !== undefined) model.chooseReality(data.reality === model.reality ? null : data.reality); });
+    this.line = new RealityLine(model, place);
+  }
+
+  mark() {
+    for (const chart of this.charts) chart.draw();
+    this.marked = this.model.reality;
+    this.line?.mark();
+  }
+
+  // A slider moves often and the chosen curve changes rarely.
+  markReality() {
+    if (!this.line || this.marked === this.model.reality) return;
+    this.marked = this.model.reality;
+    this.curve.draw();
+    this.line.mark();
+  }
 }
 
 function note({ e }) {
-  const driven = e.designs.trials.some(count => count), parts = [];
-  if (e.judged && e.realities) parts.push(`Built cars: what ${driven ? "simulation and trials together say" : "simulation says, and how far it may be wrong"}, of a further built car of a design (mean).`);
-  if (e.judged && e.parameters.length < 2) parts.push(`${e.simulation[0].toUpperCase()}${e.simulation.slice(1)}: squares count runs.`);
+  const driven = e.designs.trials.some(count => count), { realities } = e, single = e.parameters.length < 2, parts = [];
+  if (realities) parts.push(`Built cars: what ${realities.driven ? "simulation and trials together say" : "simulation says, and how far it may be wrong"}, of a further built car of a design (mean).`);
+  else if (e.next.text) parts.push(e.next.text);
+  if (e.judged && single) parts.push(`${e.simulation[0].toUpperCase()}${e.simulation.slice(1)}: squares count runs.`);
+  if (realities && single) parts.push(`Thin curves: ${realities.rates.length} realities, drawn by how probable they are${realities.driven ? " after the trials" : ""}. Press a curve for its values. A curve has an error that no unknown explains, so the simulation of its values may differ from it.`);
   if (driven) parts.push("Intervals of trials are of the cars that drove.");
   parts.push("Bands and intervals hold at 95 % for each design by itself.");
   return parts.join(" ");
@@ -72,8 +99,8 @@ function curveFigure(model) {
   const x = axis ? axis.values : e.designs.name.map((_, k) => k);
   const order = [...x.keys()].filter(k => x[k] !== null).sort((a, b) => x[a] - x[b]);
   const percents = values => values.map(value => (value === null ? null : 100 * value));
-  const { belief, belief_low, belief_high, rate, trials, trials_passed, trials_low, trials_high } = e.designs;
-  const [b, bl, bh, s, tl, th] = [belief, belief_low, belief_high, rate, trials_low, trials_high].map(percents);
+  const { belief, belief_low, belief_high, rate, low, high, trials, trials_passed, trials_low, trials_high } = e.designs;
+  const [b, bl, bh, s, sl, sh, tl, th] = [belief, belief_low, belief_high, rate, low, high, trials_low, trials_high].map(percents);
   const triple = (lows, highs) => order.filter(k => lows[k] !== null).map(k => [x[k], lows[k], highs[k]]);
   const option = theme => {
     const [least, most] = [x[order[0]], x[order[order.length - 1]]], margin = (most - least) * 0.02 || 1;
@@ -90,8 +117,8 @@ function curveFigure(model) {
         ...(axis ? {} : { minInterval: 1 }) }),
       yAxis: successAxis(theme),
       series: [
-        band(triple(bl, bh), theme.accent, 0.2),
-        { name: "belief", type: "line", data: order.map(k => ({ value: [x[k], b[k]], design: k, itemStyle: { opacity: dim(k) } })), symbol: "circle", symbolSize: 9, lineStyle: { width: 0 }, itemStyle: { color: theme.accent }, z: 5, cursor: "pointer",
+        ...(e.realities ? [...realityCurves(model, x, order, theme), band(triple(bl, bh), theme.accent, 0.2)] : [band(triple(sl, sh), theme.soft, 0.2)]),
+        { name: "belief", type: "line", data: order.filter(k => b[k] !== null || !e.realities).map(k => ({ value: [x[k], b[k]], design: k, itemStyle: { opacity: dim(k) } })), symbol: "circle", symbolSize: 9, lineStyle: { width: 0 }, itemStyle: { color: theme.accent }, z: 5, cursor: "pointer",
           markLine: { silent: true, symbol: "none", data: lines } },
         { name: "simulation", type: "scatter", data: order.filter(k => s[k] !== null).map(k => ({ value: [x[k], s[k]], design: k, itemStyle: { color: theme.paper, borderColor: theme.soft, borderWidth: 1.2, opacity: dim(k) } })), symbol: "rect", symbolSize: 6, z: 4 },
         ...e.engines.map(({ name, passed, runs }, n) => ({ name, type: "line", symbol: "triangle", symbolSize: 7, z: 4, silent: true,
@@ -103,13 +130,14 @@ function curveFigure(model) {
     };
   };
   return {
-    label: `Success by ${axis ? axis.label : "design"}: built cars and simulation with 95 % bands, trials`, table: table(model), option,
+    label: `Success by ${axis ? axis.label : "design"}: ${e.realities ? "realities, built cars with 95 % bands, simulation" : "simulation with 95 % bands"}, trials`, table: table(model), option,
     controls: [legend(e)], of: ({ data }) => data?.design ?? null,
   };
 }
 
 function legend(e) {
-  const keys = [["belief", "built cars, 95 % band"], ["simulation", "runs that passed"], ...e.engines.map(({ name }, n) => [n ? "engine dotted" : "engine", name])];
+  const built = [["reality", "each thin curve: one way in which reality may differ"], ["belief", "built cars, 95 % band"]];
+  const keys = [...(e.realities ? built : []), ["simulation", e.realities ? "runs that passed" : "runs that passed, 95 % band"], ...e.engines.map(({ name }, n) => [n ? "engine dotted" : "engine", name])];
   if (e.designs.trials.some(count => count)) keys.push(["trials", "trials"]);
   return make("span", { class: "legend" }, ...keys.map(([kind, text]) => make("span", {}, make("i", { class: `key ${kind}` }), text)));
 }
@@ -166,12 +194,12 @@ function mapFigure(model) {
       yAxis: apart ? [labels(1), { ...axisOf(1), show: false }] : axisOf(1, { nameGap: 44 }),
       series: [{
         type: "scatter", xAxisIndex: apart ? 1 : 0, yAxisIndex: apart ? 1 : 0, symbol: apart ? "rect" : "circle", symbolSize: size, cursor: "pointer",
-        data: points.map(point => ({
-          ...point, label: { color: Math.abs(e.designs.belief[point.design] - 0.5) > 0.35 ? "#fff" : "#111" }, symbol: e.designs.trials[point.design] && !apart ? "diamond" : undefined,
-          itemStyle: { color: successColour(e.designs.belief[point.design]), opacity: model.within[point.design] ? 1 : 0.12,
+        data: points.map(point => [point, fadedColour(shownSuccess(e, point.design), theme)]).map(([point, { colour, letters }]) => ({
+          ...point, label: { color: letters }, symbol: e.designs.trials[point.design] && !apart ? "diamond" : undefined,
+          itemStyle: { color: colour, opacity: model.within[point.design] ? 1 : 0.12,
             borderColor: point.design === model.design ? theme.ink : e.designs.trials[point.design] ? theme.trial : apart ? theme.paper : theme.soft, borderWidth: point.design === model.design ? 3 : e.designs.trials[point.design] ? 2 : 0.5 },
         })),
-        label: named ? { show: true, formatter: ({ data }) => percent(e.designs.belief[data.design]).replace(" %", ""), fontSize: 11 } : { show: false },
+        label: named ? { show: true, formatter: ({ data }) => percent(shownSuccess(e, data.design).share).replace(" %", ""), fontSize: 11 } : { show: false },
         emphasis: { scale: false, itemStyle: { borderColor: theme.ink, borderWidth: 2 } },
       }],
     };
@@ -180,7 +208,7 @@ function mapFigure(model) {
   const options = e.parameters.map((parameter, k) => [e.axes[k].key, parameter.label]);
   const pick = key => value => { model.set({ mx: axes[0].key, my: axes[1].key, [key]: value }); model.notify("data"); };
   return {
-    title: "Success of built cars, by design", label: `Success over ${axes[0].label} and ${axes[1].label}`, table: table(model), option,
+    title: mapTitle(e), label: `Success over ${axes[0].label} and ${axes[1].label}`, table: table(model), option,
     controls: [select("→", options, axes[0].key, pick("mx")), select("↑", options, axes[1].key, pick("my")), scale(),
       make("span", { class: "legend" }, make("span", {}, make("i", { class: "key driven" }), "driven")),
       make("span", { class: "note", text: rest.length && apart && side > 1 ? `In a cell: every ${rest.join(", ")}.` : "" })],
@@ -188,9 +216,15 @@ function mapFigure(model) {
   };
 }
 
+function mapTitle({ realities, simulation }) {
+  if (!realities) return `Success in ${simulation}, by design`;
+  return realities.driven ? "Success of built cars, by design" : "A guess from simulation: success of built cars, by design";
+}
+
+// The colours of fadedColour.
 export function scale() {
   const stops = [0, 0.25, 0.5, 0.75, 1].map(successColour).join();
-  return make("span", { class: "scale", role: "img", "aria-label": "colours from 0 to 100 % success" }, "0 ", make("i", { style: `background:linear-gradient(90deg,${stops})` }), " 100 % success");
+  return make("span", { class: "scale", role: "img", "aria-label": "colours from 0 to 100 % success, the paler the less certain" }, "0 ", make("i", { style: `background:linear-gradient(90deg,${stops})` }), " 100 % success; pale: uncertain");
 }
 
 // Designs of a search with two objectives or more, by the first two.

@@ -9,6 +9,8 @@ import { context2d, make } from "../../figures/web/dom.js";
 echarts.use([BarChart, CustomChart, HeatmapChart, LineChart, ParallelChart, ScatterChart, GridComponent, MarkAreaComponent,
   MarkLineComponent, ParallelComponent, TooltipComponent, CanvasRenderer, SVGRenderer]);
 
+// Of the colour of a design of which nothing is known.
+const MIN_OPACITY = 0.1;
 const SCALE = [[0xb3, 0x40, 0x00], [0xe8, 0xa8, 0x6b], [0xe4, 0xe0, 0xd4], [0x6b, 0xb8, 0x9e], [0x00, 0x70, 0x52]];
 // Colours of the endings of runs: Okabe and Ito's, as in figures/style.py.
 export const OUTCOMES = { passed: "#009e73", tipped: "#d55e00", stuck: "#56b4e9", off_course: "#cc79a7", timeout: "#f0e442", fault: "#777", terminated: "#0072b2", rejected: "#e69f00", failed: "#999" };
@@ -21,10 +23,22 @@ export function colours() {
 }
 
 // Success, 0 to 1, from brown over grey to green: told apart by colour-blind readers, too.
-export function successColour(share) {
-  if (share === null) return "#9a9a9a";
+export const successColour = share => `rgb(${successParts(share).join()})`;
+
+function successParts(share) {
+  if (share === null) return [0x9a, 0x9a, 0x9a];
   const place = Math.min(0.9999, Math.max(0, share)) * (SCALE.length - 1), low = SCALE[Math.floor(place)], high = SCALE[Math.floor(place) + 1];
-  return `rgb(${low.map((part, k) => Math.round(part + (place % 1) * (high[k] - part))).join()})`;
+  return low.map((part, k) => Math.round(part + (place % 1) * (high[k] - part)));
+}
+
+// The colour of success on paper, the paler the wider its interval (0 to 1) is, and the colour of letters on it.
+export function fadedColour({ share, width }, { paper }) {
+  const hex = paper.length === 4 ? [...paper.slice(1)].map(digit => digit + digit) : paper.slice(1).match(/../g);
+  const ground = hex.map(pair => parseInt(pair, 16)), opacity = share === null ? 1 : Math.max(MIN_OPACITY, 1 - width);
+  const parts = successParts(share).map((part, k) => Math.round(ground[k] + opacity * (part - ground[k])));
+  // Relative luminance, roughly.
+  const isLight = 0.299 * parts[0] + 0.587 * parts[1] + 0.114 * parts[2] > 130;
+  return { colour: `rgb(${parts.join()})`, letters: isLight ? "#111" : "#fff" };
 }
 
 const redraw = () => { for (const chart of all) chart.draw(); };

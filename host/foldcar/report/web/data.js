@@ -9,6 +9,7 @@ export class Experiment {
     Object.assign(this, raw);
     this.count = raw.designs.name.length;
     this.threshold = raw.thresholds[raw.thresholds.length - 1];
+    this.sliders = (raw.judged && raw.drives?.sliders) || [];
     this.axes = [...raw.parameters.map((parameter, k) => parameterAxis(raw, parameter, k)), ...(raw.judged ? [successAxis(BELIEF, "built cars, success", raw.designs.belief), successAxis(SIMULATED, `success in ${raw.simulation}`, raw.designs.rate)] : []), ...raw.designs.measures.map(measureAxis)];
     // Without a prototype, because a link may name any key.
     this.axis = Object.assign(Object.create(null), Object.fromEntries(this.axes.map(axis => [axis.key, axis])));
@@ -76,12 +77,25 @@ export function evidence({ designs, engines, simulation }, k) {
   return rows;
 }
 
-const SLIDER_LABELS = {
+const UNKNOWN_LABELS = {
   friction: "friction", servo_torque: "servo torque", servo_speed: "servo speed", obstacle_height: "obstacle height", com_height_m: "centre of mass, raised",
-  track_m: "track, widened", start_position_sd_m: "start scatter, position", start_heading_sd_rad: "start scatter, heading", supply_resistance_ohm: "supply resistance",
+  track_m: "track, widened", start_position_sd_m: "start scatter, position", start_heading_sd_rad: "start scatter, heading", wheel_spread: "differences between wheels", supply_resistance_ohm: "supply resistance",
 };
-export const sliderLabel = name => SLIDER_LABELS[name] ?? name;
+export const unknownLabel = name => UNKNOWN_LABELS[name] ?? name;
+
+// What a design's colour shows: success as a built car, else in simulation, else in trials, and how wide its interval is.
+export function shownSuccess({ designs, realities }, k) {
+  if (realities) return { share: designs.belief[k], width: designs.belief_high[k] - designs.belief_low[k] };
+  if (designs.runs[k]) return { share: designs.rate[k], width: designs.high[k] - designs.low[k] };
+  return { share: designs.trials[k] ? designs.trials_passed[k] / designs.trials[k] : null, width: designs.trials_high[k] - designs.trials_low[k] };
+}
 
 // A shown unit and its factor from SI.
 const SHOWN = { m: ["mm", 1000], rad: ["°", 180 / Math.PI] };
 export const shownUnit = unit => SHOWN[unit] ?? [unit, 1];
+
+// A value of an unknown of the simulator as a text in its shown unit.
+export function unknownText(siUnit, si) {
+  const [unit, scale] = shownUnit(siUnit);
+  return `${number(scale * si)} ${unit}`.trim();
+}

@@ -1,12 +1,12 @@
-// What is shown, and listeners to its changes: data, state (also the address's fragment) and the design pointed at.
+// What is shown, and listeners to its changes: data, state (also the address's fragment), the sliders' reality, the design pointed at.
 
-import { AddressWriter, emptyState, fitState, fragmentOf, readFragment } from "./address.js";
+import { AddressWriter, emptyState, fitReality, fitState, fitted, fragmentOf, readFragment } from "./address.js";
 import { Experiment } from "./data.js";
 import { Drives } from "./drives.js";
 
 export class Model {
   constructor() {
-    this.listeners = { data: [], state: [], hover: [], remarks: [] };
+    this.listeners = { data: [], state: [], hover: [], remarks: [], reality: [] };
     this.writer = new AddressWriter(() => fragmentOf(this.state));
     this.hovered = null;
     this.read();
@@ -42,7 +42,7 @@ export class Model {
     if (!this.decoded || this.decoded.raw !== raw) {
       this.decoded = Object.assign(new Experiment(raw), { raw });
       this.drives = raw.drives ? new Drives(this.decoded) : null;
-      this.hovered = null;
+      this.hovered = this.pressed = null;
     }
     this.e = this.decoded;
     this.mask = null;
@@ -118,6 +118,32 @@ export class Model {
     this.state.reality = reality;
     this.linkRemarks = [];
     this.write();
+    this.notify("reality");
+  }
+
+  // The index of the drawn reality that is chosen: the sliders have its values. Without sliders it is the one that was pressed.
+  get reality() {
+    const { e, state } = this;
+    if (!e.realities) return null;
+    if (!e.sliders.length) return this.pressed;
+    const { names, values } = e.realities;
+    const has = row => e.sliders.every(slider => {
+      const n = names.indexOf(slider.name);
+      return (state.reality[slider.name] ?? slider.nominal) === (n < 0 ? slider.nominal : fitted(slider, row[n]));
+    });
+    const k = values.findIndex(has);
+    return k < 0 ? null : k;
+  }
+
+  // Chooses a drawn reality, null for none, and sets the sliders to its values.
+  chooseReality(k) {
+    const { names, values } = this.e.realities, { sliders } = this.e;
+    this.pressed = k;
+    const chosen = k === null ? [] : sliders.filter(({ name }) => names.includes(name)).map(slider => [slider, values[k][names.indexOf(slider.name)]]);
+    const { reality, remarks } = fitReality(Object.fromEntries(chosen.filter(([{ nominal }, value]) => value !== nominal).map(([{ name }, value]) => [name, value])), this.e, "The reality");
+    this.setReality(reality);
+    this.linkRemarks = remarks;
+    this.notify("remarks");
   }
 
   get link() { return new URL(fragmentOf(this.state), window.location.href).href.replace(/#$/, ""); }

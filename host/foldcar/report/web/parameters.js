@@ -1,8 +1,8 @@
 // What matters of the parameters, and the designs by all their numbers: parallel coordinates with brushes, a scatter.
 
 import { designTip, linked, scale } from "./belief.js";
-import { Chart, axisStyle, band, successAxis, successColour, tooltip } from "./charts.js";
-import { BELIEF, hasValues, isSuccess, number, percent, valueText, withUnit } from "./data.js";
+import { Chart, axisStyle, band, fadedColour, successAxis, successColour, tooltip } from "./charts.js";
+import { BELIEF, SIMULATED, hasValues, isSuccess, number, percent, shownSuccess, valueText, withUnit } from "./data.js";
 import { byId, context2d, make, select } from "../../figures/web/dom.js";
 
 // Sides of the parallel axes, height of a line of their headings, space between two headings, size of their letters (px).
@@ -51,7 +51,7 @@ export class Parameters {
     const { model } = this, { e } = model, usable = e.axes.filter(hasValues);
     const named = key => usable.find(axis => axis.key === key), { state } = model;
     // An axis that is not chosen is another one than the chosen.
-    const x = named(state.x) ?? [named("time"), ...usable].find(axis => axis && axis.key !== state.y), y = named(state.y) ?? [named(BELIEF), ...usable].find(axis => axis && axis !== x) ?? x;
+    const x = named(state.x) ?? [named("time"), ...usable].find(axis => axis && axis.key !== state.y), y = named(state.y) ?? [named(BELIEF), named(SIMULATED), ...usable].find(axis => axis && axis !== x) ?? x;
     const options = usable.map(axis => [axis.key, axis.label]), pick = key => value => { model.set({ x: x.key, y: y.key, [key]: value }); this.use(); this.mark(); };
     const figure = make("figure", { "data-chart": "scatter" });
     place.append(make("div", { class: "controls" }, select("→", options, x.key, pick("x")), select("↑", options, y.key, pick("y")), scale()), figure);
@@ -64,7 +64,7 @@ export class Parameters {
         xAxis: axisOf(theme, x, false), yAxis: axisOf(theme, y, true),
         series: [{ type: "scatter", cursor: "pointer", symbolSize: 11, data: [...Array(e.count).keys()].filter(k => x.values[k] !== null && y.values[k] !== null).map(k => ({
           value: [x.values[k], y.values[k]], design: k, symbol: e.designs.trials[k] ? "diamond" : "circle",
-          itemStyle: { color: successColour(e.designs.belief[k]), opacity: model.within[k] ? 1 : 0.1, borderColor: k === model.design ? theme.ink : theme.soft, borderWidth: k === model.design ? 3 : 0.7 } })) }],
+          itemStyle: { color: fadedColour(shownSuccess(e, k), theme).colour, opacity: model.within[k] ? 1 : 0.1, borderColor: k === model.design ? theme.ink : theme.soft, borderWidth: k === model.design ? 3 : 0.7 } })) }],
       }),
     });
     linked(model, this.points, ({ data }) => data?.design ?? null);
@@ -137,7 +137,7 @@ class Parallel {
         min: least, max: most, inverse: turned(axis, upright), nameLocation: turned(axis, upright) || upright ? "start" : "end",
       };
     });
-    const data = [...Array(e.count).keys()].map(k => ({ value: this.valuesOf(k), lineStyle: { color: successColour(e.designs.belief[k]) } }));
+    const data = [...Array(e.count).keys()].map(k => ({ value: this.valuesOf(k), lineStyle: { color: successColour(shownSuccess(e, k).share) } }));
     const many = e.count > 300;
     return {
       height: upright ? 64 * this.axes.length + 40 : 302 + LINE * head,

@@ -7,6 +7,7 @@ import { Model } from "./model.js";
 import { Parameters } from "./parameters.js";
 import { ReplayPlace } from "./replay_place.js";
 import { Runs } from "./runs.js";
+import { showTaught } from "./taught.js";
 import { showDesign, showSummary, showTrials } from "./summary.js";
 import { Verify } from "./verify.js";
 import { WhatIf } from "./whatif.js";
@@ -58,6 +59,7 @@ function start() {
     chooser(model);
     showSummary(model);
     belief.use();
+    showTaught(model);
     parameters.use();
     runs.use();
     verify.use();
@@ -65,6 +67,7 @@ function start() {
     showTrials(model);
   });
   model.on("state", () => { belief.mark(); parameters.mark(); runs.mark(); showDesign(model); showLinkRemarks(model); });
+  model.on("reality", () => { belief.markReality(); whatif.follow(); });
   model.on("remarks", () => showLinkRemarks(model));
   model.on("hover", () => { showDesign(model); parameters.hover(); });
   byId("copy").hidden = !hasAddress();

@@ -1,4 +1,4 @@
-// The first screen: the headline, what it rests on, what to do next, remarks, and the design that is chosen or pointed at. The last
+// The first screen: which car works, what to do to learn most, what both rest on, remarks, and the design that is chosen or pointed at. The last
 // one: trials of cars, and where all numbers come from.
 
 import { plainTable } from "./charts.js";
@@ -12,9 +12,10 @@ export function showSummary(model) {
   const { e, study } = model;
   byId("title").textContent = study.title;
   byId("notes").textContent = study.notes;
-  byId("headline").textContent = e.headline;
+  byId("headline").replaceChildren(...question(e.headline));
+  byId("learn").replaceChildren(...question(e.next.text));
   byId("grounds").textContent = e.grounds;
-  byId("advice").replaceChildren(...advice(model, e.next));
+  byId("steps").replaceChildren(...steps(model, e.next));
   byId("ranges").replaceChildren(...e.ranges.map(text => make("li", { text })));
   byId("remarks").replaceChildren(...[...study.engine_notes, ...e.remarks].map(remark));
   for (const id of ["ranges", "remarks"]) byId(id).hidden = !byId(id).children.length;
@@ -35,11 +36,20 @@ function facts({ count, environments, runs, designs, trials, fixed }) {
   return [...rows, ...fixed];
 }
 
-// What to do next, and the designs that it is about with the reason for each.
-function advice(model, { text, designs, why }) {
-  if (!text) return [];
-  const rows = designs.map((design, k) => make("li", {}, designButton(model, design), ` ${why[k]}`));
-  return [make("h2", { text: "What to do next" }), make("p", { text }), ...(rows.length ? [make("ul", { class: "named" }, ...rows)] : [])];
+// A line with the question that it answers in bold letters.
+function question(text) {
+  const [, before, asked, answer] = /^(.*?)(Want [^?]*\?)(.*)$/.exec(text) ?? [null, text, "", ""];
+  return [before, ...(asked ? [make("b", { text: asked })] : []), answer];
+}
+
+// The steps that were weighed, each with its design as a button.
+function steps(model, { designs, why }) {
+  if (designs.length < 2) return [];
+  const step = (design, text) => {
+    const name = model.e.designs.name[design], [before, ...after] = text.split(name);
+    return after.length ? [before, designButton(model, design), after.join(name)] : [designButton(model, design), ` ${text}`];
+  };
+  return [make("p", { class: "of", text: "Steps that were weighed, the best first:" }), make("ol", { class: "named" }, ...designs.map((design, k) => make("li", {}, ...step(design, why[k]))))];
 }
 
 export function designButton(model, design, text = model.e.designs.name[design]) {
@@ -67,9 +77,10 @@ export function showDesign(model) {
   );
 }
 
-export function verdict({ designs, threshold }, design) {
-  const limit = percent(threshold);
-  return { good: `reaches ${limit}`, bad: `below ${limit}`, open: `${limit}: undecided` }[designs.verdict[design]] ?? "";
+// Before a trial and without realities, verdicts are about simulation.
+export function verdict({ designs, threshold, realities, simulation }, design) {
+  const limit = percent(threshold), where = realities?.driven ? "" : ` in ${simulation}`;
+  return { good: `reaches ${limit}${where}`, bad: `below ${limit}${where}`, open: `${limit}${where}: undecided` }[designs.verdict[design]] ?? "";
 }
 
 // A photo or film of a trial. Browsers cannot show a format such as HEIC: then the link shows the name.

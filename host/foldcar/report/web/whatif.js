@@ -1,14 +1,15 @@
 // What if the world differed: sliders for the simulator's parameters; each change simulates all designs in all environments.
 //
-// Parameters, their priors and limits: `drives.sliders` of page_data.py. Results: success by design beside the stored runs, how
+// Parameters and their limits: `drives.sliders` of page_data.py; what is known of them: `realities.unknowns`. Results: success by design beside the stored runs, how
 // probable the trials are, and success of one design over each slider.
 
 import { Chart, axisStyle, band, successAxis, tooltip } from "./charts.js";
-import { number, shownUnit, sliderLabel, withUnit } from "./data.js";
+import { number, shownUnit, unknownLabel, withUnit } from "./data.js";
 import { LATER, SOON } from "./drives.js";
 import { cannotSimulate } from "./simulators.js";
 import { byId, make } from "../../figures/web/dom.js";
 
+const NOTE = "Each slider is a property that the simulator does not know. The mark below it is the simulated value. Moving it simulates all designs again, in this page.";
 const REDRAW_MS = 250, WAIT_MS = 120;
 // Values of each slider in its small picture, and environments of these.
 const STEPS = 11, STEP_ENVIRONMENTS = 40;
@@ -22,9 +23,11 @@ export class WhatIf {
     this.stopMarginals();
     Object.assign(this, { charts: [], rates: null });
     const { e } = this.model, place = byId("whatif");
-    place.hidden = !e.drives?.sliders.length || !e.judged;
+    place.hidden = !e.sliders.length;
     if (place.hidden) return;
-    this.sliders = e.drives.sliders;
+    this.sliders = e.sliders;
+    this.unknowns = new Map((e.realities?.unknowns ?? []).map(unknown => [unknown.name, unknown]));
+    byId("whatif-note").textContent = NOTE + (this.unknowns.size ? ` The grey bar below it is its likely range before any trial${e.realities.driven ? ", the coloured one that after the trials" : ""} (95 %).` : "");
     this.values = Object.fromEntries(this.sliders.map(({ name, nominal }) => [name, nominal]));
     this.fields = new Map();
     const figure = make("figure", {});
@@ -38,10 +41,10 @@ export class WhatIf {
     else this.chart.draw();
   }
 
-  // One slider, with a band for the 90 % interval of its prior.
+  // One slider, with bars for what is known of its value before and after the trials.
   row(slider) {
-    const { name, low, high, nominal, prior, meaning } = slider;
-    const [unit, scale] = shownUnit(slider.unit), label = sliderLabel(name), step = (high - low) / 200;
+    const { name, low, high, nominal, meaning } = slider;
+    const [unit, scale] = shownUnit(slider.unit), label = unknownLabel(name), step = (high - low) / 200;
     const range = make("input", { type: "range", min: low, max: high, step, value: nominal, "aria-label": `${label} (${unit})`, title: meaning });
     const output = make("output");
     const show = () => { output.textContent = `${number(scale * this.values[name])} ${unit}`; range.setAttribute("aria-valuetext", output.textContent); };
@@ -49,10 +52,17 @@ export class WhatIf {
     this.fields.set(name, { range, show });
     show();
     const percentOf = value => 100 * (Math.min(high, Math.max(low, value)) - low) / (high - low);
-    const band = prior ? make("i", { class: "prior", style: `left:${percentOf(prior[0])}%;width:${percentOf(prior[2]) - percentOf(prior[0])}%`, title: `90 % of the prior: ${number(scale * prior[0])} to ${number(scale * prior[2])} ${unit}` }) : "";
+    const bars = this.spans(name).map(([kind, [least, , most]]) => make("i", { class: kind, style: `left:${percentOf(least)}%;width:${percentOf(most) - percentOf(least)}%`, title: `${kind} the trials, 95 %: ${number(scale * least)} to ${number(scale * most)} ${unit}` }));
     const mark = make("i", { class: "nominal", style: `left:${percentOf(nominal)}%`, title: `as simulated: ${number(scale * nominal)} ${unit}` });
-    const marks = make("span", { class: "marks" }, band, mark);
+    const marks = make("span", { class: "marks" }, ...bars, mark);
     return make("label", { class: "slider" }, make("span", { text: label }), make("span", { class: "track" }, range, marks), output);
+  }
+
+  // What is known of an unknown: [kind, [low, median, high]], the most recent last.
+  spans(name) {
+    const unknown = this.unknowns.get(name);
+    if (!unknown) return [];
+    return [["before", unknown.before], ...(this.model.e.realities.driven ? [["after", unknown.after]] : [])];
   }
 
   buttons() {
@@ -81,9 +91,17 @@ export class WhatIf {
   }
 
   changed() {
-    const { model } = this;
-    model.setReality(Object.fromEntries(this.different.map(({ name }) => [name, Number(this.values[name].toPrecision(6))])));
-    Object.assign(this.values, model.state.reality);
+    const reality = Object.fromEntries(this.different.map(({ name }) => [name, Number(this.values[name].toPrecision(6))]));
+    Object.assign(this.values, reality);
+    this.model.setReality(reality);
+    this.plan();
+  }
+
+  // Another part of the page has set the reality.
+  follow() {
+    const { reality } = this.model.state;
+    if (byId("whatif").hidden || this.sliders.every(({ name, nominal }) => this.values[name] === (reality[name] ?? nominal))) return;
+    this.show(reality);
     this.plan();
   }
 
@@ -214,7 +232,7 @@ export class WhatIf {
 
   async simulateMarginals(group) {
     const { e, drives } = this.model, design = this.model.design ?? e.leader ?? drives.designs[0], place = byId("whatif-single"), environments = drives.environments.slice(0, STEP_ENVIRONMENTS), base = { ...this.values };
-    const curves = this.sliders.map(slider => ({ ...slider, at: Array.from({ length: STEPS }, (_, k) => slider.low + (slider.high - slider.low) * k / (STEPS - 1)), passed: new Uint32Array(STEPS) }));
+    const curves = this.sliders.map(slider => ({ ...slider, likely: this.spans(slider.name).at(-1)?.[1] ?? null, at: Array.from({ length: STEPS }, (_, k) => slider.low + (slider.high - slider.low) * k / (STEPS - 1)), passed: new Uint32Array(STEPS) }));
     const bar = make("progress", { max: "1" }), pictures = make("div", { class: "multiples" });
     place.replaceChildren(make("h3", { text: `Success of ${e.designs.name[design]} over each unknown, in ${environments.length} environments` }), bar, pictures);
     let done = 0;
@@ -234,17 +252,17 @@ export class WhatIf {
       const counts = [interpolated(at, passed, low), ...[...passed].filter((_, k) => at[k] > low && at[k] < high), interpolated(at, passed, high)];
       return Math.max(0, Math.max(0, ...counts) - Math.min(environments.length, ...counts)) / environments.length;
     };
-    const important = curve => change(curve, curve.prior);
+    const important = curve => change(curve, curve.likely);
     for (const curve of curves.sort((a, b) => important(b) - important(a))) {
-      const [unit, scale] = shownUnit(curve.unit), label = sliderLabel(curve.name), points = interval => Math.round(100 * change(curve, interval));
-      const range = curve.prior ? `${points(curve.prior)} points over its likely range` : `${points(null)} points`;
+      const [unit, scale] = shownUnit(curve.unit), label = unknownLabel(curve.name), points = interval => Math.round(100 * change(curve, interval));
+      const range = curve.likely ? `${points(curve.likely)} points over its likely range` : `${points(null)} points`;
       const figure = make("figure", {}, make("figcaption", {}, make("b", { text: label }), ` changes success by ${range}`));
       pictures.append(figure);
       const chart = new Chart(figure, {
         label: `Success by ${label}`, table: () => ({ head: [`${label} (${unit})`, "passed"], rows: curve.at.map((value, k) => [number(scale * value), `${curve.passed[k]} of ${environments.length}`]) }),
         option: theme => ({
           height: 150, grid: { left: 48, right: 10, top: 10, bottom: 40 }, xAxis: axisStyle(theme, `${label} (${unit})`, { type: "value", min: scale * curve.low, max: scale * curve.high }), yAxis: successAxis(theme, ""),
-          series: [...(curve.prior ? [band([[scale * curve.prior[0], 0, 100], [scale * curve.prior[2], 0, 100]], theme.soft, 0.12)] : []), { type: "line", symbolSize: 4, lineStyle: { color: theme.bad }, itemStyle: { color: theme.bad }, data: curve.at.map((value, k) => [scale * value, 100 * curve.passed[k] / environments.length]),
+          series: [...(curve.likely ? [band([[scale * curve.likely[0], 0, 100], [scale * curve.likely[2], 0, 100]], theme.soft, 0.12)] : []), { type: "line", symbolSize: 4, lineStyle: { color: theme.bad }, itemStyle: { color: theme.bad }, data: curve.at.map((value, k) => [scale * value, 100 * curve.passed[k] / environments.length]),
             markLine: { silent: true, symbol: "none", label: { show: false }, lineStyle: { color: theme.soft, type: "dashed" }, data: [{ xAxis: scale * base[curve.name] }] } }],
         }),
       });

@@ -1,0 +1,72 @@
+"""The realities that page and figures draw, and what the trials have taught about the simulator's unknowns."""
+
+from typing import Any
+
+import numpy
+
+from foldcar.belief.answers import Estimate, Unknown
+from foldcar.belief.learning import FloatArray
+from foldcar.belief.priors import NAMES
+from foldcar.evidence.belief import Belief, taught
+from foldcar.evidence.evidence import Evidence
+
+# Realities that the main chart draws.
+REALITIES = 100
+
+
+def drawn_realities(evidence: Evidence) -> tuple[FloatArray, FloatArray] | None:
+    """Return the values (REALITIES, parameters) of drawn realities, and the success of all designs in each.
+
+    The rates (REALITIES, designs of the family) are NaN for designs outside the belief. Returns None without a belief.
+    """
+    belief = evidence.belief
+    if belief is None:
+        return None
+    _, values, rates = belief.answers.realities(REALITIES)
+    columns = numpy.full((REALITIES, len(evidence.family)), numpy.nan)
+    columns[:, belief.design_indices] = rates
+    return values, columns
+
+
+def page_realities(evidence: Evidence) -> dict[str, Any] | None:
+    """Return the page's ``realities``, as page_data.py describes them; None without a belief."""
+    belief, drawn = evidence.belief, drawn_realities(evidence)
+    if belief is None or drawn is None:
+        return None
+    values, rates = drawn
+    return {
+        "driven": belief.driven,
+        "names": list(NAMES),
+        "values": [[_rounded(value) for value in row] for row in values.tolist()],
+        "rates": [[None if rate != rate else round(rate, 3) for rate in row] for row in rates.tolist()],
+        "unknowns": [_unknown(unknown) for unknown in belief.answers.unknowns],
+        "taught": taught(belief.answers),
+        "learned": {"runs": belief.answers.learned.runs, "error": belief.answers.learned.error},
+    }
+
+
+def other_remarks(belief: Belief | None, remarks: list[str]) -> list[str]:
+    """Return the remarks without the sentences of ``taught``, which the page shows in a part of their own."""
+    own = set() if belief is None else set(taught(belief.answers))
+    return [remark for remark in remarks if remark not in own]
+
+
+def _unknown(unknown: Unknown) -> dict[str, Any]:
+    return {
+        "name": unknown.parameter.name,
+        "unit": unknown.parameter.unit,
+        "meaning": unknown.parameter.meaning,
+        "before": _ends(unknown.before),
+        "after": _ends(unknown.after),
+        "measured": unknown.measured,
+        "taught": unknown.taught,
+    }
+
+
+def _ends(estimate: Estimate) -> list[float]:
+    """Return low, middle and high of an estimate."""
+    return [_rounded(value) for value in (estimate.low, estimate.value, estimate.high)]
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.4g}")

@@ -223,11 +223,16 @@ class Answers:
     def realities(self, number: int) -> tuple[NDArray[Any], FloatArray, FloatArray]:
         """Return ``number`` realities drawn by their weights: their indices, values and rates.
 
-        The values (number, parameters) are in the parameters' units, the rates (number, d) those of the designs.
+        The values (number, parameters) are in the parameters' units. The rates (number, d) of the designs are without
+        the unexplained errors of each design alone, so that neighbouring designs have similar rates.
         """
-        chosen = numpy.random.default_rng(3).choice(len(self.draws.weights), number, p=self.draws.weights)
+        weights = self.draws.weights
+        chosen = numpy.random.default_rng(3).choice(len(weights), number, p=weights)
+        drawn = Draws(self.draws.prior, self.draws.driven, self.draws.normal[chosen], weights[chosen])
+        designs = numpy.arange(len(drawn.prior.designs))
+        log_odds = drawn.prior.learned.log_odds(drawn.scores, drawn.prior.designs) + drawn.unexplained(designs)
         values = [parameter.value(self.draws.scores[chosen, i]) for i, parameter in enumerate(PARAMETERS)]
-        return chosen, numpy.column_stack(values), self.rates[chosen]
+        return chosen, numpy.column_stack(values), numpy.asarray(expit(log_odds))
 
 
 def believe(

@@ -27,7 +27,7 @@ from foldcar.study.experiments import Experiment, Study, read_study
 from foldcar.study.search.design_simulator import Row, Values, open_simulator
 from foldcar.study.search.objectives import OBJECTIVES
 from foldcar.study.search.proposals import PRUNING_RISK, Proposals
-from foldcar.study.search.search import batches, searched_study
+from foldcar.study.search.search import Plan, batches, searched_study
 from foldcar.study.sweep import Sweep, study_facts
 
 LISTING = Path(__file__).resolve().parents[1] / "examples" / "design_space.json"
@@ -190,7 +190,7 @@ def main() -> None:
         return
     study, carsim = read_study(options.listing), Carsim()
     (experiment,) = study.experiments
-    fresh = searched_study(study, options.fresh).experiments[1]
+    fresh = searched_study(study, Plan((SUCCESS,), BUDGETS[-1], fresh=options.fresh)).experiments[1]
     rows = swept(study, options.store, carsim, options.jobs)
 
     facts: dict[str, list[list[Values | None]]] = {}

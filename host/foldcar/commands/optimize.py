@@ -25,6 +25,7 @@ MAX_DESIGNS = 100_000
 class ObjectiveName(str, Enum):
     """The values of `--objective`."""
 
+    built = "built"
     success = "success"
     time = "time"
     energy = "energy"
@@ -38,8 +39,10 @@ def optimize(
         list[ObjectiveName] | None,
         typer.Option(
             metavar="NAME",
-            help="success (default), time (s; a failed run counts as the time limit), energy (J per pass) "
-            "or sheet-area (cm²). May be repeated: the best designs are then the non-dominated ones.",
+            help="built (default: expected success of built cars), success (in nominal simulation), time (s; a failed "
+            "run counts as the time limit), energy (J per pass) or sheet-area (cm²). May be repeated: the best designs "
+            "are then the non-dominated ones. With built, all runs are in random realities, so time and energy are "
+            "expected values of built cars; without it, they are those of nominal simulation.",
         ),
     ] = None,
     designs: Annotated[
@@ -53,13 +56,18 @@ def optimize(
 ) -> None:
     """Search a family of cars for the best designs.
 
+    The search looks for the design whose built cars are expected to succeed most often. Nobody knows, for example, the
+    friction of the floor, so each sample is simulated in a random reality: a set of values of what the simulator does
+    not know. All designs drive in the same realities.
+
     A search needs far fewer runs than a sweep. It tries designs in the listing's environments and then tests the best
-    ones in new environments. Trust only the rates in the new environments. The first rates are biased upwards,
+    ones in new environments and realities. Trust only the rates in the new ones. The first rates are biased upwards,
     because the search chose the designs by them. The store keeps the runs, as for a sweep. You may stop the search at
     any time; the same command resumes it.
 
     \b
     Example: foldcar optimize examples/design_space.json --store space.db --designs 60 --samples 50
+    foldcar optimize examples/design_space.json --store space.db --objective built --objective sheet-area
     """
     from foldcar.commands.progress_bar import SearchBar
     from foldcar.commands.tables import print_search
@@ -70,11 +78,11 @@ def optimize(
     from foldcar.study.search.search import Plan, SearchResult, search, searched_study
 
     check_scheduler_option(scheduler, jobs)
-    objective_names = [name.value for name in objective or [ObjectiveName.success]]
+    objective_names = [name.value for name in objective or [ObjectiveName.built]]
     if len(set(objective_names)) < len(objective_names):
         raise FoldcarError(f"--objective: {', '.join(objective_names)}: each objective may be named only once")
     plan = Plan(tuple(OBJECTIVES[name] for name in objective_names), designs)
-    study = searched_study(read_study(listing, experiment, samples), plan.fresh)
+    study = searched_study(read_study(listing, experiment, samples), plan)
     progress = SearchResult(planned=designs)
 
     def stopped() -> str:

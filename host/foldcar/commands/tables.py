@@ -198,10 +198,11 @@ def print_search(plan: "Plan", result: "SearchResult", store: Path, varied: Sequ
         typer.echo("No design was tried in all environments, so no design was tested in new ones.")
         return
     which_best = "best" if len(plan.objectives) == 1 else "non-dominated"
-    typer.echo(f"\nThe {which_best} designs, tested in {plan.fresh} new environments (95 % intervals):")
+    realities = ", each in a new reality" if plan.over_realities else ""
+    typer.echo(f"\nThe {which_best} designs, tested in {plan.fresh} new environments{realities} (95 % intervals):")
     heads = ["design"]
     for objective in plan.objectives:
-        heads.append(f"{objective.name}, new")
+        heads.append(f"{objective.heading}, new")
         # An objective without `value` depends on the design only, so it is the same in all environments.
         if objective.value is not None:
             heads.append("when chosen")
@@ -218,6 +219,10 @@ def print_search(plan: "Plan", result: "SearchResult", store: Path, varied: Sequ
     # Twice as wide as other tables, because each objective may have two columns with intervals.
     table.print_on(shown_console(2 * PLAIN_WIDTH))
     typer.echo("Values when chosen come from the environments by which the designs were chosen: they are biased upwards.")
+    if plan.over_realities:
+        typer.echo(
+            "Expected success is over realities: random values of what the simulator does not know, before any trial."
+        )
 
 
 def _objective(objective: "Objective", value: float | None, interval: tuple[float, float] | None) -> str:

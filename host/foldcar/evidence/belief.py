@@ -221,7 +221,9 @@ def _trials(designs: Sequence[DesignEvidence], learned: Learned) -> Trials:
 
 
 def why_no_belief(info: ExperimentInfo) -> str:
-    """Return a sentence on why nothing is said of built cars."""
+    """Return a sentence on why nothing is said of built cars, or not more than the rates say."""
+    if info.is_over_realities:
+        return f"Trials do not change these rates: sweep experiment {info.listed_id} to learn from trials."
     if info.no_realities:
         return f"Nothing is said of built cars: {info.no_realities}."
     return (

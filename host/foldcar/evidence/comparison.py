@@ -146,6 +146,9 @@ def compare_experiment(evidence: Evidence, margin: float = MARGIN) -> Experiment
         return ExperimentComparison(info, rows, f"Nothing to compare: {reason}", remarks)
     compared = tuple(_compare_design(design, belief, margin) for design in driven)
     with_runs = [design for design in driven if design.runs]
+    if info.is_over_realities:
+        reason = f"rates are expected over realities, before any trial. Sweep experiment {info.listed_id} to compare."
+        return ExperimentComparison(info, compared, f"Nothing to compare: {reason}", remarks)
     if not with_runs:
         reason = (
             "no design has both runs and trials."

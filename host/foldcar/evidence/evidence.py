@@ -158,9 +158,12 @@ def unswept_trials(store: Store, experiment: str | None = None, simulated_trials
 
 
 def swept_ids(store: Store) -> set[str]:
-    """Return the names of swept experiments: those in the store, and those in the listing without a calibration."""
+    """Return the names of swept experiments: those in the store, and those in the listing without engine and reality.
+
+    Runs in random realities are not compared with trials, so they do not count as a sweep of the listed experiment.
+    """
     infos = store.info().experiments if store.holds_study() else {}
-    return {*infos, *(info.listed_id for info in infos.values())}
+    return {*infos, *(info.listed_id for info in infos.values() if not info.is_over_realities)}
 
 
 def _unswept_info(trials: Sequence[Trial]) -> ExperimentInfo:
@@ -304,6 +307,8 @@ def _trials(
     ``other_programs`` has the Scenic program, by the trial's number, of trials in other environments than the runs.
     """
     kept, left_out = select_trials(trials, simulated_trials)
+    if info.is_over_realities:
+        return [], remarks.trials_beside_realities(info, len(kept))
     text = left_out_text(left_out)
     sentences = [*([] if text is None else [text]), *remarks.trials(info, kept)]
     sentences += remarks.trials_in_other_environments(

@@ -17,6 +17,11 @@ SHOWN = 5
 def runs(store: Store, info: ExperimentInfo) -> list[str]:
     """Return remarks on runs: what their engine cannot simulate, how many are missing or rejected."""
     sentences = [info.warning] if info.warning else []
+    if info.is_over_realities:
+        sentences.append(
+            "Rates are expected over realities, before any trial: each environment was simulated with random values of "
+            "what the simulator does not know. They are not the rates of nominal simulation."
+        )
     if info.stored_runs < info.planned_runs:
         # A stopping rule makes fewer runs if it decides designs early.
         planned = f"at most {info.planned_runs:,}" if info.until is not None else f"{info.planned_runs:,}"
@@ -52,6 +57,16 @@ def trials(info: ExperimentInfo, kept: Sequence[Trial]) -> list[str]:
     if corrected:
         sentences.append(f"{count(corrected, 'trial')} corrected afterwards: the latest correction counts.")
     return sentences
+
+
+def trials_beside_realities(info: ExperimentInfo, number: int) -> list[str]:
+    """Return a remark on trials of the listed experiment, which are not compared with rates over realities."""
+    if not number:
+        return []
+    return [
+        f"{count(number, 'trial')} left out, because these rates are those before any trial: sweep experiment "
+        f"{info.listed_id} to compare."
+    ]
 
 
 def trials_in_other_environments(programs: Iterable[str | None], info: ExperimentInfo) -> list[str]:

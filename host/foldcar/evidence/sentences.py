@@ -62,8 +62,10 @@ def reaching(belief: Belief, evidence: Evidence, threshold: float) -> str:
 
 
 def grounds(evidence: Evidence, belief: Belief | None, threshold: float) -> str:
-    """Return the evidence: which designs reach the threshold in simulation, and how many trials passed."""
-    sentences = [f"In {evidence.info.simulation} {_reaching_in_simulation(evidence, threshold)}."]
+    """Return the evidence: which designs reach the threshold in the runs, and how many trials passed."""
+    info = evidence.info
+    start = "Expected over realities," if info.is_over_realities else f"In {info.simulation}"
+    sentences = [f"{start} {_reaching_in_simulation(evidence, threshold)}."]
     driven_designs = sorted(evidence.driven, key=lambda design: -design.trials_passed / len(design.trials))
     if driven_designs:
         counts = [

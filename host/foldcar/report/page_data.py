@@ -147,8 +147,11 @@ def read_experiments(store: Store, thresholds: Sequence[float] = (), simulated_t
     experiments = []
     for (name, evidence), selection in zip(named, selections, strict=True):
         info = evidence.info
+        # Trials are not shown beside rates that are expected over realities.
         trials = [
-            trial for trial in store.trials(info.listed_id) if name in by_id or trial.vehicle_type == info.vehicle_type
+            trial
+            for trial in store.trials(info.listed_id)
+            if not info.is_over_realities and (name in by_id or trial.vehicle_type == info.vehicle_type)
         ]
         shown, _ = select_trials(trials, simulated_trials)
         effects, indices = read_effects(evidence)

@@ -12,9 +12,11 @@ if TYPE_CHECKING:
     from foldcar.statistics.stopping import StoppingRule
 
 
-# Suffixes of the names of an experiment's variants: new environments, another engine, a reality.
+# The name of the realities of an experiment whose samples each have a random reality of their own.
+RANDOM_REALITIES = "random realities"
+# Suffixes of the names of an experiment's variants: new environments, another engine, a reality, random realities.
 _TITLES = "|".join(re.escape(engine.title) for engine in ENGINES.values() if engine.title)
-VARIANT = re.compile(rf" (fresh|\(({_TITLES}|reality .*)\))$", re.DOTALL)
+VARIANT = re.compile(rf" (fresh|\(({_TITLES}|reality .*|realities)\))$", re.DOTALL)
 
 
 def engine_id(experiment: str, engine: str) -> str:
@@ -55,7 +57,8 @@ class ExperimentInfo:
     more runs are planned. ``success_rule`` says when a run has passed, or why that is undefined (``success_defined`` is
     False). ``skipped`` names the cars that cannot be built, with reasons.
     ``reality`` is None for nominal simulations, else ``name`` and ``fingerprint`` of a file's reality, and the listing's
-    ``experiment``; then ``listed_environment`` is the fingerprint of the listing's environment.
+    ``experiment``; then ``listed_environment`` is the fingerprint of the listing's environment. Its ``name`` is
+    RANDOM_REALITIES if each sample has a reality of its own; then trials have no environment in common with it.
     ``searched``: a search chose designs and numbers of runs by its ``objectives``, and no more runs are planned.
     ``thresholds`` are success rates that good designs reach. ``engine`` is the engine's name and version, "" for
     multibody. ``unlike_sides`` says what that engine cannot simulate here, "" if nothing. ``terrain_objects`` are the
@@ -108,8 +111,15 @@ class ExperimentInfo:
 
     @property
     def under(self) -> str | None:
-        """The reality that it was simulated in, as ``reality NAME``; None for nominal simulations."""
-        return None if self.reality is None else f"reality {self.reality['name']}"
+        """The reality that it was simulated in, as ``reality NAME`` or RANDOM_REALITIES; None for nominal simulations."""
+        if self.reality is None:
+            return None
+        return RANDOM_REALITIES if self.is_over_realities else f"reality {self.reality['name']}"
+
+    @property
+    def is_over_realities(self) -> bool:
+        """Whether each sample has a random reality of its own, so that rates are expected over realities."""
+        return self.reality is not None and self.reality["name"] == RANDOM_REALITIES
 
     @property
     def warning(self) -> str:
@@ -118,8 +128,11 @@ class ExperimentInfo:
 
     @property
     def simulation(self) -> str:
-        """The name of its simulation in sentences: ``simulation`` for multibody, else the engine's name."""
-        return engine_title(self.engine) or "simulation"
+        """The name of its simulation in sentences: ``simulation`` for multibody, else the engine's name.
+
+        It is RANDOM_REALITIES if each sample has one of its own.
+        """
+        return RANDOM_REALITIES if self.is_over_realities else engine_title(self.engine) or "simulation"
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,17 +2,19 @@
 
 Input: the experiment's seed, numbers of runs. Output: scores of the simulator's parameters, designs and scenes. A number
 always draws the same run, whatever runs are drawn with it, so that a sweep can go on where an earlier one has ended.
+A search draws a reality for each sample instead, in which it simulates all its designs (random_realities.py).
 
 Of each BLOCK of numbers, the first CHECK share reality and design, and differ in scene, car and start. The learned
 success rate is compared with their rate of success.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import ndtri
 
-from foldcar.belief.priors import MAX_SCORE, NAMES, FloatArray
+from foldcar.belief.priors import MAX_SCORE, NAMES, FloatArray, ScorePrior
 from foldcar.store.reality_runs import BLOCK, CHECK, IntArray
 
 # Runs are in the first samples of an environment. More scenes than these would make a sweep with a stopping rule, which
@@ -20,6 +22,8 @@ from foldcar.store.reality_runs import BLOCK, CHECK, IntArray
 MAX_SCENES = 200
 # The random numbers of a run: scores, design, scene.
 COLUMNS = len(NAMES) + 2
+# Selects the random numbers of samples among those of a seed.
+SAMPLE_STREAM = 1
 
 
 @dataclass(frozen=True)
@@ -41,16 +45,44 @@ def draw_runs(seed: int, numbers: range, designs: int, samples: int) -> Drawn:
     first = numbers.start - numbers.start % BLOCK
     generator = np.random.PCG64(seed)
     generator.advance(first * COLUMNS)
-    # The raw numbers of this generator are the same in every version of numpy. The upper 53 bits give a number above 0
-    # and below 1.
-    raw = generator.random_raw((numbers.stop - first) * COLUMNS).reshape(-1, COLUMNS)
-    uniform = ((raw >> np.uint64(11)).astype(float) + 0.5) * 2.0**-53
+    uniform = _uniform(generator, numbers.stop - first, COLUMNS)
     number = np.arange(first, numbers.stop)
     # The row that draws reality and design.
     source = np.where(number % BLOCK < CHECK, number - number % BLOCK, number) - first
-    # Rounded, so that a different last digit of ndtri in another version of scipy changes nothing.
-    scores = np.clip(ndtri(uniform[source, : len(NAMES)]), -MAX_SCORE, MAX_SCORE).round(4)
+    scores = _limited(ndtri(uniform[source, : len(NAMES)]))
     design = (uniform[source, len(NAMES)] * designs).astype(np.intp)
     sample = (uniform[:, len(NAMES) + 1] * min(samples, MAX_SCENES)).astype(np.intp)
     kept = slice(numbers.start - first, None)
     return Drawn(number[kept], scores[kept], design[kept], sample[kept])
+
+
+def draw_sample_scores(seed: int, sample: int, priors: Mapping[int, ScorePrior]) -> FloatArray:
+    """Return the scores (parameters,) of the reality in which a search simulates a sample.
+
+    ``priors`` replace the standard normal prior, by the parameter's index.
+
+    Example: ``draw_sample_scores(1, 0, built_priors("W_B_W", from_sheets=True))``
+    """
+    # Other numbers than those of the runs of a sweep with the same seed.
+    generator = np.random.PCG64([seed, SAMPLE_STREAM])
+    generator.advance(sample * len(NAMES))
+    scores = ndtri(_uniform(generator, 1, len(NAMES))[0])
+    for index, prior in priors.items():
+        scores[index] = prior.mean + prior.sd * scores[index]
+    return _limited(scores)
+
+
+def _uniform(generator: np.random.PCG64, rows: int, columns: int) -> FloatArray:
+    """Return the generator's next numbers (rows, columns), above 0 and below 1."""
+    # The raw numbers of this generator are the same in every version of numpy.
+    raw = generator.random_raw(rows * columns).reshape(rows, columns)
+    # The upper 53 bits.
+    uniform: FloatArray = ((raw >> np.uint64(11)).astype(float) + 0.5) * 2.0**-53
+    return uniform
+
+
+def _limited(scores: FloatArray) -> FloatArray:
+    """Return scores within the limits of the realities that are simulated."""
+    # Rounded, so that a different last digit of ndtri in another version of scipy changes nothing.
+    limited: FloatArray = np.clip(scores, -MAX_SCORE, MAX_SCORE).round(4)
+    return limited

@@ -42,7 +42,7 @@ class Reality:
     @property
     def fingerprint(self) -> str:
         """A hash of everything that simulations in it depend on."""
-        return _hashed(dict(self.values))
+        return hashed(dict(self.values))
 
     @property
     def name(self) -> str:
@@ -65,8 +65,8 @@ class RealityEnvironment(Environment):
         self.listed_fingerprint = self.fingerprint
         effects_code = hashlib.sha256(Path(effects.__file__).read_bytes()).hexdigest()
         identity = (reality.fingerprint, self._seed, effects_code)
-        self.fingerprint = _hashed(self.fingerprint, *identity)
-        self.spread_fingerprint = _hashed(dict(experiment.variation), *identity, variation_code())
+        self.fingerprint = hashed(self.fingerprint, *identity)
+        self.spread_fingerprint = hashed(dict(experiment.variation), *identity, variation_code())
 
     @property
     def reality(self) -> dict[str, str]:
@@ -94,7 +94,7 @@ def _suffix(reality: Reality) -> str:
     return f" (reality {reality.name})"
 
 
-def _hashed(*parts: Any) -> str:
+def hashed(*parts: Any) -> str:
     """Return the SHA-256 hash of values that JSON can hold."""
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 

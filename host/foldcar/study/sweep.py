@@ -223,15 +223,15 @@ def plan_experiment(
     designs: PlannedDesigns,
     rule: StoppingRule | None = None,
     engine: str = "",
-    searched: Sequence[str] = (),
+    searched: Sequence[str] | None = None,
     unlike: str = "",
     realities: int | None = None,
 ) -> PlannedExperiment:
     """Store an experiment and its family's designs, replacing an earlier one of that id. Raises FoldcarError.
 
-    ``rule`` is its stopping rule, ``engine`` the engine's name, ``searched`` the objectives of a search. ``unlike``
-    says what the side view cannot simulate. In ExperimentInfo these are ``until``, ``engine``, ``objectives`` and
-    ``unlike_sides``. ``realities`` is as in Sweep.
+    ``rule`` is its stopping rule, ``engine`` the engine's name. ``searched`` are the objectives of a search, empty in its
+    new environments, None without a search. ``unlike`` says what the side view cannot simulate. In ExperimentInfo these
+    are ``until``, ``engine``, ``objectives`` and ``unlike_sides``. ``realities`` is as in Sweep.
     """
     first_design = next(iter(experiment.family))
     varied = experiment.family.varied
@@ -286,12 +286,12 @@ def _reality_facts(
     environment: Environment,
     writer: StoreWriter,
     program_facts: Mapping[str, Any],
-    searched: Sequence[str],
+    searched: Sequence[str] | None,
     requested: int | None,
 ) -> dict[str, Any]:
     """Return the facts of an experiment on its runs in other realities. ``requested`` is as in Sweep.realities."""
     stored = writer.experiment_facts(experiment.id)
-    if searched:
+    if searched is not None:
         # A search simulates no other realities, and keeps those of an earlier sweep.
         if stored.get("reality_spread") == reality_spread(experiment):
             return {"realities": stored["realities"], "reality_spread": stored["reality_spread"]}

@@ -40,6 +40,11 @@ LISTING = {
     },
     "environments": {"1": {"scenic_filename": str(STEP_PYRAMIDS), "seed": 7, "scenic_params": {"step_height": 0.024}}},
 }
+# Scenic runs beside the simulation for `require always`.
+BESIDE = (
+    "model foldcar.scenes.vocabulary.model\nego = new Robot\nnew Goal at (0, 1)\n"
+    "require always ego.position.x < 9\n"
+)
 SPACE = {
     **LISTING,
     "vehicles": {"1": {"type": "W_B_W", "params": [{"common": {"width": {"from": 65, "to": 245, "step": 5}}}]}},
@@ -64,7 +69,7 @@ def optimized(listing: Path, store: Path, designs: int, objectives: Sequence[str
     """A search that tests the two best designs in four new environments."""
     plan = Plan(tuple(OBJECTIVES[name] for name in objectives), designs, best=2, fresh=4)
     result = SearchResult(planned=designs)
-    search(searched_study(read_study(listing), plan.fresh), plan, store, Carsim(), 1, "", result)
+    search(searched_study(read_study(listing), plan), plan, store, Carsim(), 1, "", result)
     return result
 
 
@@ -124,15 +129,16 @@ main()
 """
 
 
+@pytest.mark.parametrize("objective", ["built", "success"])
 def test_an_interrupted_search_ends_where_an_uninterrupted_one_does(
-    tmp_path: Path, write_listing: Callable[[Any], Path]
+    tmp_path: Path, write_listing: Callable[[Any], Path], objective: str
 ) -> None:
     listing = write_listing(SPACE)
-    words = ["optimize", str(listing), "--designs", "8", "--jobs", "1", "--store", "cut.db"]
+    words = ["optimize", str(listing), "--designs", "8", "--jobs", "1", "--store", "cut.db", "--objective", objective]
     cut = subprocess.run([sys.executable, "-c", CUT, *words], cwd=tmp_path, capture_output=True, text=True, check=False)
 
-    resumed = optimized(listing, tmp_path / "cut.db", 8)
-    straight = optimized(listing, tmp_path / "straight.db", 8)
+    resumed = optimized(listing, tmp_path / "cut.db", 8, [objective])
+    straight = optimized(listing, tmp_path / "straight.db", 8, [objective])
 
     assert (cut.returncode, cut.stdout) == (130, "")
     assert "designs tried, runs in cut.db; the same command resumes" in cut.stderr
@@ -141,15 +147,25 @@ def test_an_interrupted_search_ends_where_an_uninterrupted_one_does(
     assert foldcar.Study(tmp_path / "cut.db").runs.equals(foldcar.Study(tmp_path / "straight.db").runs)
 
 
+@pytest.mark.parametrize(
+    ("words", "experiment", "tested", "heading"),
+    [
+        # Without an objective, the search is for built cars.
+        ([], "1 (realities)", "200 new environments, each in a new reality (95", "expected success of built cars, new"),
+        (["--objective", "success"], "1", "200 new environments (95 %", "success, new"),
+    ],
+)
 def test_the_command_tests_three_designs_in_200_new_environments(
-    foldcar_command: Command, listing: Path, tmp_path: Path
+    foldcar_command: Command, listing: Path, tmp_path: Path, words: list[str], experiment: str, tested: str, heading: str
 ) -> None:
-    done = foldcar_command("optimize", listing, "--store", "s.db", "--designs", "4")
+    done = foldcar_command("optimize", listing, "--store", "s.db", "--designs", "4", *words)
 
     assert done.returncode == 0, done.stderr
-    assert "tested in 200 new environments" in done.stdout
+    assert f"tested in {tested}" in done.stdout and f"  {heading}  " in done.stdout
+    assert ("Expected success is over realities" in done.stdout) == (not words)
     runs = foldcar.Study(tmp_path / "s.db").runs
-    fresh = runs[runs["experiment"] == "1 fresh"].groupby(["width_mm", "radius_mm"]).size()
+    assert set(runs["experiment"]) == {experiment, f"{experiment} fresh"}
+    fresh = runs[runs["experiment"] == f"{experiment} fresh"].groupby(["width_mm", "radius_mm"]).size()
     # A design that was stopped early is not among the best.
     assert list(fresh) in ([200, 200], [200, 200, 200])
 
@@ -160,7 +176,7 @@ def test_objectives_make_failing_at_once_no_gain() -> None:
     values = {name: objective.value(rows, 30.0) for name, objective in OBJECTIVES.items() if objective.value is not None}
 
     # The failed run's energy counts as the mean of the others, 12.2 / 3.
-    assert values == {"success": 0.5, "time": 16.0, "energy": pytest.approx((12.2 + 12.2 / 3) / 2)}
+    assert values == {"built": 0.5, "success": 0.5, "time": 16.0, "energy": pytest.approx((12.2 + 12.2 / 3) / 2)}
     for objective in OBJECTIVES.values():
         if objective.value is not None and objective.interval is not None:
             low, high = objective.interval(rows, 30.0)
@@ -250,6 +266,7 @@ def test_each_design_is_proposed_once(listing: Path) -> None:
     [
         (["--objective", "sheet-area"], "--objective sheet-area: needs no simulation"),
         (["--objective", "time", "--objective", "time"], "each objective may be named only once"),
+        (["--objective", "success", "--objective", "built"], "built and success cannot be combined"),
     ],
 )
 def test_a_search_without_meaning_is_refused(
@@ -260,3 +277,32 @@ def test_a_search_without_meaning_is_refused(
     assert (done.returncode, done.stdout) == (2, "")
     assert message in done.stderr and len(done.stderr.splitlines()) == 1
     assert not (tmp_path / "s.db").exists()
+
+
+def test_a_program_beside_the_simulation_can_only_be_searched_for_the_nominal_rate(
+    foldcar_command: Command, tmp_path: Path, write_listing: Callable[[Any], Path]
+) -> None:
+    (tmp_path / "beside.scenic").write_text(BESIDE)
+    listing = write_listing({**LISTING, "environments": {"1": {"scenic_filename": "beside.scenic", "seed": 7}}})
+
+    refused = foldcar_command("optimize", listing, "--store", "s.db", "--objective", "built", "--objective", "time")
+
+    assert (refused.returncode, refused.stdout) == (2, "")
+    (line,) = refused.stderr.splitlines()
+    assert "beside.scenic runs beside the simulation (" in line and "--objective success" in line
+    assert not (tmp_path / "s.db").exists()
+
+
+def test_time_and_energy_are_nominal_without_built(listing: Path, tmp_path: Path) -> None:
+    nominal = optimized(listing, tmp_path / "s.db", 9, ("time", "success"))
+    expected = optimized(listing, tmp_path / "s.db", 9, ("time", "built"))
+
+    assert nominal.runs == expected.runs == expected.new - 4 * len(expected.best)
+    study = foldcar.Study(tmp_path / "s.db")
+    for result, experiment in ((nominal, "1"), (expected, "1 (realities)")):
+        for design in result.best:
+            runs = study.runs[study.runs["experiment"] == experiment]
+            for name in ("width_mm", "radius_mm"):
+                runs = runs[runs[name] == design.design[name]]
+            times = runs["elapsed_time_s"].where(runs["passed"].astype(bool), 30.0)
+            assert design.chosen_by == pytest.approx((times.mean(), runs["passed"].mean()))

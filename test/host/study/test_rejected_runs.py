@@ -109,7 +109,7 @@ def test_a_sweep_counts_them_apart(listing: Path, tmp_path: Path, foldcar: Any) 
 def test_a_sweep_until_decided_and_a_search_go_by_the_others(listing: Path, foldcar: Any) -> None:
     until = json.loads(foldcar("sweep", listing, "--store", "u.db", "--jobs", "1", "--until", "decided", "--json").stdout)
     plan, result = Plan((OBJECTIVES["success"],), designs=2, fresh=3), SearchResult(planned=2)
-    search(searched_study(read_study(listing), plan.fresh), plan, listing.parent / "o.db", Carsim(), 1, "", result)
+    search(searched_study(read_study(listing), plan), plan, listing.parent / "o.db", Carsim(), 1, "", result)
 
     rule = StoppingRule(None, (0.5,))
     for design in until["designs"]:

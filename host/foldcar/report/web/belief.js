@@ -12,7 +12,7 @@ const CURVE_HEIGHT = 400;
 const table = model => () => {
   const { e } = model, { designs } = e, pair = (low, high) => (low === null ? "–" : `${percent(low)} to ${percent(high)}`);
   return {
-    head: ["design", "built cars", "95 %", "simulation", "95 %", ...e.engines.map(({ name }) => name), "trials", "of cars", "95 % of these"],
+    head: ["design", "built cars", "95 %", e.simulation, "95 %", ...e.engines.map(({ name }) => name), "trials", "of cars", "95 % of these"],
     rows: designs.name.map((name, i) => [name, percent(designs.belief[i]), pair(designs.belief_low[i], designs.belief_high[i]),
       designs.runs[i] ? `${designs.passed[i]} of ${designs.runs[i]}` : "–", pair(designs.low[i], designs.high[i]),
       ...e.engines.map(({ passed, runs }) => (runs[i] ? `${passed[i]} of ${runs[i]}` : "–")), designs.trials[i] ? `${designs.trials_passed[i]} of ${designs.trials[i]}` : "–", designs.cars[i] || "–", pair(designs.trials_low[i], designs.trials_high[i])]),
@@ -87,7 +87,7 @@ function note({ e }) {
   const driven = e.designs.trials.some(count => count), { realities } = e, single = e.parameters.length < 2, parts = [];
   if (realities) parts.push(`Built cars: what ${realities.driven ? "simulation and trials together say" : "simulation says, and how far it may be wrong"}, of a further built car of a design (mean).`);
   else if (e.next.text) parts.push(e.next.text);
-  if (e.judged && single) parts.push("Simulation: squares count runs.");
+  if (e.judged && single) parts.push(`${e.simulation[0].toUpperCase()}${e.simulation.slice(1)}: squares count runs.`);
   if (realities && single) parts.push(`Thin curves: ${realities.rates.length} realities, drawn by how probable they are${realities.driven ? " after the trials" : ""}. Press a curve for its values. A curve has an error that no unknown explains, so the simulation of its values may differ from it.`);
   if (driven) parts.push("Intervals of trials are of the cars that drove.");
   parts.push("Bands and intervals hold at 95 % for each design by itself.");
@@ -216,8 +216,8 @@ function mapFigure(model) {
   };
 }
 
-function mapTitle({ realities }) {
-  if (!realities) return "Success in simulation, by design";
+function mapTitle({ realities, simulation }) {
+  if (!realities) return `Success in ${simulation}, by design`;
   return realities.driven ? "Success of built cars, by design" : "A guess from simulation: success of built cars, by design";
 }
 

@@ -10,7 +10,7 @@ export class Experiment {
     this.count = raw.designs.name.length;
     this.threshold = raw.thresholds[raw.thresholds.length - 1];
     this.sliders = (raw.judged && raw.drives?.sliders) || [];
-    this.axes = [...raw.parameters.map((parameter, k) => parameterAxis(raw, parameter, k)), ...(raw.judged ? [successAxis(BELIEF, "built cars, success", raw.designs.belief), successAxis(SIMULATED, "success in simulation", raw.designs.rate)] : []), ...raw.designs.measures.map(measureAxis)];
+    this.axes = [...raw.parameters.map((parameter, k) => parameterAxis(raw, parameter, k)), ...(raw.judged ? [successAxis(BELIEF, "built cars, success", raw.designs.belief), successAxis(SIMULATED, `success in ${raw.simulation}`, raw.designs.rate)] : []), ...raw.designs.measures.map(measureAxis)];
     // Without a prototype, because a link may name any key.
     this.axis = Object.assign(Object.create(null), Object.fromEntries(this.axes.map(axis => [axis.key, axis])));
     if (this.runs) this.indexRuns();
@@ -68,10 +68,10 @@ export const valueText = (axis, value) =>
   value === null ? "–" : `${number(value)}${axis.unit ? ` ${axis.unit}` : ""}`;
 
 // What is known of a design's success: [source, text].
-export function evidence({ designs, engines }, k) {
+export function evidence({ designs, engines, simulation }, k) {
   const span = (low, high) => (low[k] === null ? "" : ` (${percent(low[k])} to ${percent(high[k])})`), rows = [];
   if (designs.belief[k] !== null) rows.push(["built cars (belief)", percent(designs.belief[k]) + span(designs.belief_low, designs.belief_high)]);
-  if (designs.runs[k]) rows.push(["simulation", `${designs.passed[k] ?? "–"} of ${designs.runs[k]}${span(designs.low, designs.high)}`]);
+  if (designs.runs[k]) rows.push([simulation, `${designs.passed[k] ?? "–"} of ${designs.runs[k]}${span(designs.low, designs.high)}`]);
   for (const { name, passed, runs } of engines) if (runs[k]) rows.push([name, `${passed[k]} of ${runs[k]}`]);
   if (designs.trials[k]) rows.push(["trials", `${designs.trials_passed[k]} of ${designs.trials[k]}, ${designs.cars[k]} car${designs.cars[k] > 1 ? "s" : ""}${span(designs.trials_low, designs.trials_high)}`]);
   return rows;

@@ -78,8 +78,8 @@ export function showDesign(model) {
 }
 
 // Before a trial and without realities, verdicts are about simulation.
-export function verdict({ designs, threshold, realities }, design) {
-  const limit = percent(threshold), where = realities?.driven ? "" : " in simulation";
+export function verdict({ designs, threshold, realities, simulation }, design) {
+  const limit = percent(threshold), where = realities?.driven ? "" : ` in ${simulation}`;
   return { good: `reaches ${limit}${where}`, bad: `below ${limit}${where}`, open: `${limit}${where}: undecided` }[designs.verdict[design]] ?? "";
 }
 

@@ -1,6 +1,7 @@
 """The objectives that a search maximises or minimises: numbers from a design's runs or pieces, with intervals.
 
-Each is defined so that a car gains nothing by failing early.
+Each is defined so that a car gains nothing by failing early. ``built`` is computed as ``success`` is, but from runs in
+random realities (study/random_realities.py).
 """
 
 import math
@@ -16,6 +17,8 @@ from foldcar.study.search.design_simulator import Row
 Interval = tuple[float, float]
 # Number of bootstrap samples.
 RESAMPLES = 2000
+# The objective whose runs are in random realities.
+BUILT = "built"
 # A run that is at least as good as any other.
 PERFECT = Row("passed", 0.0, 0.0)
 
@@ -37,6 +40,11 @@ class Objective:
     value: Callable[[Sequence[Row], float], float] | None
     interval: Callable[[Sequence[Row], float], Interval] | None
     run_loss: Callable[[Row, float, float], float] | None
+
+    @property
+    def heading(self) -> str:
+        """The heading of its column in results."""
+        return self.meaning if self.name == BUILT else self.name
 
     def excess(self, rows: Sequence[Row], best: Sequence[Row], limit_s: float) -> tuple[list[float], float]:
         """Return each run's loss minus the best design's loss in the same environment, and the largest advantage.
@@ -96,6 +104,21 @@ def _energies(rows: Sequence[Row]) -> Any:
     return np.array([(mean if row.consumed_energy_j is None else row.consumed_energy_j, row.passed) for row in rows])
 
 
+def _success(rows: Sequence[Row], limit_s: float) -> float:
+    """Return the fraction of the runs that passed."""
+    return sum(bool(row.passed) for row in rows) / len(rows)
+
+
+def _success_interval(rows: Sequence[Row], limit_s: float) -> Interval:
+    """Return the 95 % interval of the success rate."""
+    return wilson_interval(sum(bool(row.passed) for row in rows), len(rows))
+
+
+def _success_loss(row: Row, limit_s: float, target: float) -> float:
+    """Return the loss of a run against a success rate."""
+    return math.nan if row.passed is None else target - row.passed
+
+
 def is_dominated(losses: Sequence[float], others: Iterable[Sequence[float]]) -> bool:
     """Return whether one of ``others`` is at least as good as ``losses`` in each objective, and better in one.
 
@@ -109,12 +132,8 @@ def is_dominated(losses: Sequence[float], others: Iterable[Sequence[float]]) -> 
 OBJECTIVES = {
     objective.name: objective
     for objective in (
-        Objective(
-            "success", "", True, "success in simulation",
-            lambda rows, limit_s: sum(bool(row.passed) for row in rows) / len(rows),
-            lambda rows, limit_s: wilson_interval(sum(bool(row.passed) for row in rows), len(rows)),
-            lambda row, limit_s, aim: math.nan if row.passed is None else aim - row.passed,
-        ),
+        Objective(BUILT, "", True, "expected success of built cars", _success, _success_interval, _success_loss),
+        Objective("success", "", True, "success in simulation", _success, _success_interval, _success_loss),
         Objective(
             "time", "s", False, "mean time, failures at the limit", _time, _time_interval,
             lambda row, limit_s, aim: math.nan if row.passed is None else _time([row], limit_s) - aim,

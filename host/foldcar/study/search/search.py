@@ -1,5 +1,8 @@
 """The search: tries proposed designs, and tests the best ones in new environments.
 
+With the objective ``built``, each sample is simulated in a random reality of its own, so that rates are expected over
+realities; the best designs are then tested in new realities, too.
+
 Input: an experiment of a listing. Output: runs in the store with a sweep's keys, and a SearchResult. The best of many
 designs was also lucky in the environments that chose it, so only runs in new environments give its rate without bias.
 Stored runs are not simulated again, so that an interrupted search continues.
@@ -22,8 +25,9 @@ from foldcar.study.chunks import Simulators
 from foldcar.study.environments import Environment
 from foldcar.study.experiments import Experiment, Study
 from foldcar.study.limits import MAX_SEED
+from foldcar.study.random_realities import RandomRealities, study_over_realities
 from foldcar.study.search.design_simulator import DesignSimulator, Row, Values, fresh_id, open_simulator
-from foldcar.study.search.objectives import OBJECTIVES, Objective
+from foldcar.study.search.objectives import BUILT, OBJECTIVES, Objective
 from foldcar.study.search.proposals import Proposals, Tried
 from foldcar.study.sweep import study_facts
 
@@ -49,6 +53,11 @@ class Plan:
     def prunes(self) -> bool:
         """Whether designs that are probably worse than the best are stopped early: only one objective has an order."""
         return len(self.objectives) == 1
+
+    @property
+    def over_realities(self) -> bool:
+        """Whether each sample is simulated in a random reality of its own: for all objectives or for none."""
+        return any(objective.name == BUILT for objective in self.objectives)
 
 
 @dataclass(frozen=True)
@@ -90,19 +99,19 @@ class SearchResult:
         return time.perf_counter() - self.started_s
 
 
-def searched_study(study: Study, fresh: int) -> Study:
-    """Return the study with its only experiment, and the same experiment with ``fresh`` new samples and built cars.
+def searched_study(study: Study, plan: Plan) -> Study:
+    """Return the study with its only experiment, and the same experiment with the plan's new samples and built cars.
 
     Raises FoldcarError if the study has several experiments.
     """
     if len(study.experiments) > 1:
         names = ", ".join(experiment.id for experiment in study.experiments)
         raise FoldcarError(f"{study.listing_name}: experiments: has several; choose one with --experiment: {names}")
-    (searched,) = study.experiments
+    (searched,) = (study_over_realities(study) if plan.over_realities else study).experiments
     fresh_experiment = replace(
         searched,
         id=fresh_id(searched.id),
-        environments=fresh,
+        environments=plan.fresh,
         seed=(searched.seed ^ FRESH_BIT) & MAX_SEED,
         variation_seed=(searched.variation_seed ^ FRESH_BIT) & MAX_SEED,
     )
@@ -124,7 +133,8 @@ def search(
     ``result`` is updated, and ``report`` called, after every step. Raises FoldcarError.
     """
     experiment, fresh = study.experiments
-    environment = Environment(experiment)
+    environment_of = RandomRealities if plan.over_realities else Environment
+    environment = environment_of(experiment)
     _check(experiment, environment, plan)
     names = [objective.name for objective in plan.objectives]
 
@@ -139,7 +149,7 @@ def search(
             _try_designs(experiment, plan, proposals, simulator, result, report)
             simulator.finish(list(proposals.unbuildable))
         best = proposals.best(plan.best)
-        with open_simulator(fresh, Environment(fresh), writer, carsim, simulators, simulated, ()) as simulator:
+        with open_simulator(fresh, environment_of(fresh), writer, carsim, simulators, simulated, ()) as simulator:
             for tried in best:
                 rows = _counted(simulator.rows(tried.values, range(plan.fresh)))
                 result.best.append(_judged(experiment, plan, tried, rows))
@@ -233,7 +243,12 @@ def batches(environments: int) -> list[range]:
 def _check(experiment: Experiment, environment: Environment, plan: Plan) -> None:
     """Raise FoldcarError if the plan cannot be carried out for the experiment."""
     if all(objective.value is None for objective in plan.objectives):
-        raise FoldcarError("--objective sheet-area: needs no simulation; add an objective such as success")
+        raise FoldcarError(f"--objective sheet-area: needs no simulation; add an objective such as {BUILT}")
+    if {BUILT, "success"} <= {objective.name for objective in plan.objectives}:
+        raise FoldcarError(
+            f"--objective: {BUILT} and success cannot be combined: one is over realities, one in nominal simulation; "
+            "choose one"
+        )
     if experiment.condition is not None:
         raise FoldcarError(
             f"{experiment.place}: environment {experiment.environment} has a condition, which new samples cannot have"

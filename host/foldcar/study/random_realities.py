@@ -1,0 +1,67 @@
+"""The environment of an experiment in random realities: each sample has a reality and a car of its own.
+
+All designs share the reality of a sample, so that their rates are compared in pairs. The fraction of a design's runs that
+pass estimates its expected success over realities without bias: what a built car is expected to do before any trial. The
+environment has fingerprints of its own, so that stores keep its runs apart from the nominal ones.
+"""
+
+from dataclasses import replace
+from typing import Any
+
+from foldcar.belief.priors import built_priors, values_of
+from foldcar.belief.reality import drawn_reality
+from foldcar.errors import FoldcarError
+from foldcar.scenes.fingerprint import variation_code
+from foldcar.store.info import RANDOM_REALITIES, VARIANT
+from foldcar.study.environments import Environment
+from foldcar.study.experiments import Experiment, Study
+from foldcar.study.reality_draws import draw_sample_scores
+from foldcar.study.reality_environment import hashed
+from foldcar.study.reality_runs import reality_spread
+
+
+class RandomRealities(Environment):
+    """Built from an experiment of :func:`study_over_realities`.
+
+    Raises FoldcarError if its program needs Scenic in runs.
+    """
+
+    def __init__(self, experiment: Experiment) -> None:
+        super().__init__(experiment)
+        if super().dynamic:
+            raise FoldcarError(
+                f"{experiment.place}: {experiment.program_name} runs beside the simulation ({self.needs_scenic}), whose "
+                "scenes realities cannot change; search for the nominal rate with --objective success"
+            )
+        # Before any trial, as for `select`: a car that will be built from the sheets.
+        self._priors = built_priors(experiment.family.vehicle_type, from_sheets=True)
+        self._seed = experiment.variation_seed
+        priors = {str(index): prior[:2] for index, prior in self._priors.items()}
+        identity = hashed(RANDOM_REALITIES, reality_spread(experiment), priors)
+        self.fingerprint = hashed(self.fingerprint, identity)
+        self.spread_fingerprint = identity
+
+    @property
+    def reality(self) -> dict[str, str]:
+        """That the realities are random, their fingerprint, and the listed experiment, as in ExperimentInfo."""
+        listed_id = self._experiment.id
+        # The names in listings are never those of variants.
+        while VARIANT.search(listed_id):
+            listed_id = VARIANT.sub("", listed_id)
+        return {"name": RANDOM_REALITIES, "fingerprint": self.spread_fingerprint, "experiment": listed_id}
+
+    def variation(self, k: int) -> dict[str, Any]:
+        """Return how car and ground of sample ``k`` differ from design and scene."""
+        scores = draw_sample_scores(self._seed, k, self._priors)
+        (values,) = values_of(scores.reshape(1, -1))
+        return drawn_reality(values, self._experiment.variation, self._seed, k, k)
+
+    def variation_identity(self) -> str:
+        """Return a hash of the code that applies variations."""
+        return variation_code()
+
+
+def study_over_realities(study: Study) -> Study:
+    """Return the study with the names of its experiments in random realities: "width (realities)"."""
+    renamed = (replace(experiment, id=f"{experiment.id} (realities)") for experiment in study.experiments)
+    return replace(study, experiments=tuple(renamed))

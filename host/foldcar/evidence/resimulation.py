@@ -1,7 +1,7 @@
 """Simulate what a sweep lacks: trials as they were placed, designs with trials only.
 
 Input: a store. Output: outcomes, from the simulator that made the store's runs; nothing is stored. Nothing is simulated
-if it would not be comparable with the runs: with another build of carsim, under a calibration, or if the Scenic program
+if it would not be comparable with the runs: with another build of carsim, in a reality, or if the Scenic program
 runs beside the simulation.
 """
 

@@ -7,8 +7,8 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from foldcar.evidence.resimulation import Resimulation
 
+from foldcar.evidence.resimulation import Resimulation
 from foldcar.simulation.carsim import Carsim, CarsimLimits
 from foldcar.simulation.runner import RunRequest
 from foldcar.store.reader import Store

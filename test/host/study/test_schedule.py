@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy
 import pytest
-from foldcar.evidence import remarks
 
+from foldcar.evidence import remarks
 from foldcar.simulation.carsim import Carsim
 from foldcar.statistics.rate import anytime_interval
 from foldcar.statistics.stopping import MIN_CHANCE, StoppingRule

@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 import numpy
 from numpy.typing import NDArray
-from scipy.special import expit, logit
+from scipy.special import logit
 
 from foldcar.belief.answers import Answers, log_binomials
 from foldcar.belief.learning import SLOPE, FloatArray
@@ -26,6 +26,8 @@ AFTERNOON_TRIALS = 10
 STEP_DRAWS, MAX_CANDIDATES = 4_000, 60
 # Results of a measurement that are tried.
 RESULTS = 30
+# Cars that may be driven again; of more, those with the highest rates.
+MAX_CARS = 12
 # Another afternoon is not worth it if it is expected to gain less than this rate.
 MIN_GAIN = 0.01
 # A design fails almost surely if its rate is below FAILS with a probability of 97.5 %: it is no step.
@@ -133,7 +135,9 @@ class _View:
         if not self._answers.driven:
             return
         by_node, of_car = self._answers.draws.car_log_likelihood(self._answers.trials)
-        for car, design in enumerate(self._answers.trials.design.tolist()):
+        best = sorted(range(len(self._answers.cars)), key=lambda car: -self._answers.cars[car].rate.value)[:MAX_CARS]
+        for car in best:
+            design = int(self._answers.trials.design[car])
             logs = by_node[self._chosen, car]
             weights = numpy.exp(logs - logs.max(axis=1, keepdims=True)) * NODE_WEIGHTS
             yield car, design, _counts(of_car[self._chosen, car], weights / weights.sum(axis=1, keepdims=True), trials)
@@ -150,7 +154,7 @@ class _View:
 
 def _counts(log_odds: FloatArray, weights: FloatArray, trials: int) -> FloatArray:
     """Return probabilities (draws, trials + 1) of counts, for cars with ``log_odds`` (draws, nodes) of ``weights``."""
-    rates = expit(log_odds)[:, :, None]
     passed = numpy.arange(trials + 1)
-    probabilities = numpy.exp(log_binomials(trials)) * rates**passed * (1 - rates) ** (trials - passed)
-    return numpy.asarray((probabilities * weights[:, :, None]).sum(axis=1))
+    all_failed = -trials * numpy.logaddexp(0, log_odds)
+    logs = log_binomials(trials) + all_failed[:, :, None] + passed * log_odds[:, :, None]
+    return numpy.asarray((numpy.exp(logs) * weights[:, :, None]).sum(axis=1))

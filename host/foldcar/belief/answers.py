@@ -37,6 +37,8 @@ SURPRISE = 0.025
 # Leaving out a design's trials must leave this many effective draws.
 MIN_EFFECTIVE_WITHOUT = 300
 SURPRISE_DRAWS = 4_000
+# Of more driven designs, those with most trials are compared with the others.
+MAX_COMPARED = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,7 +192,8 @@ class Answers:
     def surprises(self) -> list[Surprise]:
         """The driven designs whose trials are unlike what the trials of all other designs say."""
         result = []
-        for design in self.trials.driven.tolist() if len(self.trials.driven) > 1 else []:
+        most = sorted(self.trials.driven.tolist(), key=lambda design: -self.trials.counts_of(design)[1])[:MAX_COMPARED]
+        for design in sorted(most) if len(self.trials.driven) > 1 else []:
             log_odds, car_sd, weights = self._without(design)
             random = numpy.random.default_rng(5)
             chosen = random.choice(len(weights), SURPRISE_DRAWS, p=weights)

@@ -26,10 +26,10 @@ from scipy.special import chdtri, expit, ndtr, ndtri
 from foldcar.belief.learning import SLOPE, FloatArray, Learned
 from foldcar.belief.priors import MAX_SCORE, NOMINAL_SCORES, PARAMETERS, ScorePrior
 
-# Number of draws; fewer for many designs, so that draws times designs is at most MAX_NUMBERS.
+# Number of draws; fewer for many designs or cars, so that no array has much more than MAX_NUMBERS numbers.
 MAX_DRAWS, MIN_DRAWS, MAX_NUMBERS = 30_000, 2_000, 10_000_000
 # If fewer draws than this count effectively, 1 / sum(weight²), then MOVED_DRAWS of them are moved.
-MIN_EFFECTIVE, MOVED_DRAWS = 1_000, 10_000
+MIN_EFFECTIVE, MOVED_DRAWS = 1_000, 4_000
 # Steps towards the trials' weights keep this fraction of the draws effective; then each draw is moved MOVES times.
 KEPT, MOVES, MAX_STEPS = 0.5, 8, 60
 # Size of the unexplained error in log-odds: median, and standard deviation of its logarithm, which gives a heavy tail.
@@ -258,7 +258,8 @@ def weigh(prior: Prior, trials: Trials, seed: int = 1) -> Draws:
     Without trials all draws have the same weight.
     """
     random = numpy.random.default_rng(seed)
-    number = int(numpy.clip(MAX_NUMBERS // max(1, len(prior.designs)), MIN_DRAWS, MAX_DRAWS))
+    width = max(1, len(prior.designs), len(NODES) * len(trials.design))
+    number = int(numpy.clip(MAX_NUMBERS // width, MIN_DRAWS, MAX_DRAWS))
     normal = random.standard_normal((number, _SMOOTH.stop + len(trials.driven)))
     draws = Draws(prior, trials.driven, normal, numpy.full(number, 1 / number))
     if not len(trials.car):

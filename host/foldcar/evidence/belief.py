@@ -28,6 +28,8 @@ from foldcar.store.stored_drives import read_drives
 from foldcar.store.trial_records import Trial
 from foldcar.study.reality_runs import offered_runs
 
+# The time grows with the number of cars: of more cars, those with most trials count.
+MAX_CARS = 60
 # Fewer runs in other realities teach nothing.
 MIN_RUNS = 200
 
@@ -148,6 +150,8 @@ def read_belief(
     supply = measured_supply(store.path, [] if simulated else trials, drives.value("body", drives.bodies[0]))
     known = built_priors(info.vehicle_type, from_sheets, supply.ratio)
     notes = [] if supply.note is None else [supply.note]
+    if len({(design.label, trial.car_name) for design in designs for trial in design.trials}) > MAX_CARS:
+        notes.append(f"Of the cars that drove, the {MAX_CARS} with most trials count.")
     measured = measured_values(store, info.listed_id)
     known |= measured_priors(measured, f"{store.path}: measured value")
     # The matrices are so small that threads would only wait for each other.
@@ -208,12 +212,16 @@ def _trials(designs: Sequence[DesignEvidence], learned: Learned) -> Trials:
             group = cars.setdefault((row, trial.car_name), len(cars)), trial.sample
             passed[group] += trial.passed
             counted[group] += 1
-    groups = list(counted)
+    number = Counter({car: sum(counted[group] for group in counted if group[0] == car) for car in cars.values()})
+    most = sorted(car for car, _ in number.most_common(MAX_CARS))
+    renumbered = {car: place for place, car in enumerate(most)}
+    cars = {key: renumbered[car] for key, car in cars.items() if car in renumbered}
+    groups = [group for group in counted if group[0] in renumbered]
     easier = [SCENE_TRUST * learned.scene_offsets.get(sample, 0.0) if sample is not None else 0.0 for _, sample in groups]
     return Trials(
         numpy.array([row for row, _ in cars], int),
         tuple(name for _, name in cars),
-        numpy.array([car for car, _ in groups], int),
+        numpy.array([renumbered[car] for car, _ in groups], int),
         numpy.array([passed[group] for group in groups], float),
         numpy.array([counted[group] for group in groups], float),
         numpy.array(easier, float),

@@ -283,3 +283,21 @@ def test_a_gap_that_hides_the_border_is_to_be_swept_first(ranges: Callable[..., 
     elsewhere = {60.0: 0, 65.0: 4, 70.0: 15, 75.0: 20, 120.0: 20, 125.0: 20, 130.0: 20}
     even = {float(width): 20 if width < 95 else 0 for width in range(60, 131, 5)}
     assert not any(line.startswith(start) for counts in (elsewhere, even) for line in ranges(counts))
+
+
+def test_of_very_many_cars_those_with_most_trials_count(
+    store: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("foldcar.evidence.belief.MAX_CARS", 2)
+    path = store(COUNTS)
+    write_realities(path, good_in_the_middle)
+    trials = [(75.0, "stuck"), *[(85.0, "stuck")] * 3, *[(95.0, "passed")] * 4]
+    import_trials(path, [({"width_mm": width}, None, outcome) for width, outcome in trials])
+
+    with Store.open(path) as opened:
+        (evidence,) = read_evidence(opened)
+
+    assert evidence.belief is not None
+    assert [car.design for car in evidence.belief.answers.cars] == [1, 2]
+    assert [car.counted for car in evidence.belief.answers.cars] == [3, 4]
+    assert "Of the cars that drove, the 2 with most trials count." in evidence.remarks

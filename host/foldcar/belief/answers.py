@@ -188,6 +188,14 @@ class Answers:
         """By how much cars of a design differ (log-odds, median) before and after the trials."""
         return CAR_SD, _central(self.draws.car_sd, self.draws.weights).value
 
+    def single_cars(self, design: int) -> tuple[float, float]:
+        """Return the interval that contains the own rate of two of three further cars of a design, at the median draw."""
+        log_odds = self.draws.log_odds(numpy.array([design]))[:, 0]
+        car_sd = self.car_sd[1]
+        centre = _central(log_odds, self.draws.weights).value * numpy.sqrt(1 + SLOPE * car_sd**2)
+        # Two thirds of a normal distribution lie within 0.97 standard deviations.
+        return float(expit(centre - 0.97 * car_sd)), float(expit(centre + 0.97 * car_sd))
+
     @cached_property
     def surprises(self) -> list[Surprise]:
         """The driven designs whose trials are unlike what the trials of all other designs say."""

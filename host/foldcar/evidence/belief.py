@@ -65,7 +65,26 @@ class Belief:
 
     def remarks(self) -> list[str]:
         """Return sentences on how far to trust the belief, and on what the trials have taught."""
-        return [*self._learning_remarks(), *self.notes, *taught(self.answers), *self._surprise_remarks()]
+        return [
+            *self._learning_remarks(),
+            *self.notes,
+            *self._car_remarks(),
+            *taught(self.answers),
+            *self._surprise_remarks(),
+        ]
+
+    def _car_remarks(self) -> list[str]:
+        """Return a sentence on how much cars of one design differ, if several cars of a design drove."""
+        trials = self.answers.trials
+        if len(trials.design) == len(trials.driven):
+            return []
+        before, after = self.answers.car_sd
+        low, high = self.answers.single_cars(self.answers.best)
+        return [
+            f"Cars of one design differ by {after:.1f} in log-odds, by the trials of several cars; {before:.1f} was "
+            f"assumed. So two of three further cars of {self.labels[self.answers.best]} pass between {percent(low)} and "
+            f"{percent(high)} of their trials."
+        ]
 
     def _learning_remarks(self) -> list[str]:
         learned = self.answers.learned

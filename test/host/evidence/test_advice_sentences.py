@@ -301,3 +301,18 @@ def test_of_very_many_cars_those_with_most_trials_count(
     assert [car.design for car in evidence.belief.answers.cars] == [1, 2]
     assert [car.counted for car in evidence.belief.answers.cars] == [3, 4]
     assert "Of the cars that drove, the 2 with most trials count." in evidence.remarks
+
+
+def test_cars_that_differ_widely_are_told(store: Callable[..., Path]) -> None:
+    """Of five cars of a design, each passes always or never; log-odds of simulation are 0."""
+    path = store(COUNTS)
+    write_realities(path, lambda scores, design: 0.1 * scores["friction"])
+    outcomes = [(k, "passed" if k % 5 < 2 else "stuck") for k in range(60)]
+    import_trials(path, [({"width_mm": 95.0}, None, outcome) for _, outcome in outcomes], cars=5)
+
+    (selection,) = advise(path)
+
+    (remark,) = (remark for remark in selection.remarks if remark.startswith("Cars of one design differ by "))
+    assert float(remark.split()[6]) > 1.2
+    low, high = (int(number) for number in re.findall(r"(\d+) %", remark))
+    assert low < 30 < 70 < high

@@ -39,4 +39,5 @@ def test_the_whole_method_runs_and_is_judged_by_the_truth(tmp_path: Path) -> Non
     assert (tmp_path / "rates.png").stat().st_size > 10_000
     assert json.loads((tmp_path / "reality.json").read_text()) == REALITY
     study = foldcar.Study(tmp_path / "study.db")
-    assert len(study.trials) == 4 and "aborted" not in set(study.trials["outcome"])
+    # The second round has none if `select` says that another afternoon gains nothing.
+    assert len(study.trials) in (2, 4) and "aborted" not in set(study.trials["outcome"])

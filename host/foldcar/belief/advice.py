@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 from scipy.special import logit
 
 from foldcar.belief.answers import Answers, log_binomials
-from foldcar.belief.learning import SLOPE, FloatArray
-from foldcar.belief.priors import NAMES
-from foldcar.belief.weighing import NODE_WEIGHTS, NODES
+from foldcar.belief.priors import NAMES, FloatArray
+from foldcar.belief.weighing import NODE_WEIGHTS, NODES, centre_of_cars
 
 # An afternoon: this many trials of one car.
 AFTERNOON_TRIALS = 10
@@ -127,7 +126,7 @@ class _View:
 
     def new_car(self, design: int, trials: int) -> FloatArray:
         """Return the probabilities (draws, trials + 1) that a new car of the design passes 0, 1, … of ``trials``."""
-        centre = self._log_odds[:, [design]] * numpy.sqrt(1 + SLOPE * self._car_sd**2)
+        centre = centre_of_cars(self._log_odds[:, [design]], self._car_sd)
         return _counts(centre + self._car_sd * NODES, numpy.broadcast_to(NODE_WEIGHTS, (1, len(NODES))), trials)
 
     def known_cars(self, trials: int) -> Iterable[tuple[int, int, FloatArray]]:

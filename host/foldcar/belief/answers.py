@@ -6,20 +6,21 @@ Every answer is a weighted mean or a weighted quantile over the same draws, so a
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy
-from numpy.typing import NDArray
 from scipy.special import expit, gammaln
 
-from foldcar.belief.learning import SLOPE, FloatArray, Learned
-from foldcar.belief.priors import PARAMETERS, Parameter, ScorePrior
+from foldcar.belief.learning import Learned
+from foldcar.belief.priors import PARAMETERS, FloatArray, Parameter, ScorePrior
 from foldcar.belief.weighing import (
     CAR_SD,
     UNEXPLAINED,
     Draws,
     Prior,
     Trials,
+    centre_of_cars,
+    effective_number,
+    normalised,
     weigh,
 )
 
@@ -192,7 +193,7 @@ class Answers:
         """Return the interval that contains the own rate of two of three further cars of a design, at the median draw."""
         log_odds = self.draws.log_odds(numpy.array([design]))[:, 0]
         car_sd = self.car_sd[1]
-        centre = _central(log_odds, self.draws.weights).value * numpy.sqrt(1 + SLOPE * car_sd**2)
+        centre = centre_of_cars(numpy.asarray(_central(log_odds, self.draws.weights).value), car_sd)
         # Two thirds of a normal distribution lie within 0.97 standard deviations.
         return float(expit(centre - 0.97 * car_sd)), float(expit(centre + 0.97 * car_sd))
 
@@ -209,7 +210,7 @@ class Answers:
             totals = numpy.zeros(SURPRISE_DRAWS)
             for car in numpy.flatnonzero(self.trials.design == design):
                 # Another car of the design drives as often.
-                centre = log_odds[chosen] * numpy.sqrt(1 + SLOPE * car_sd[chosen] ** 2)
+                centre = centre_of_cars(log_odds[chosen], car_sd[chosen])
                 of_car = centre + car_sd[chosen] * random.standard_normal(SURPRISE_DRAWS)
                 totals += random.binomial(int(self.trials.counted[self.trials.car == car].sum()), expit(of_car))
             if min((totals <= passed).mean(), (totals >= passed).mean()) < SURPRISE:
@@ -222,17 +223,15 @@ class Answers:
         """Return log-odds (n,) of a design, the cars' standard deviations (n,) and weights (n,) without its trials."""
         draws, others = self.draws, self.trials.without(design)
         own = draws.log_likelihood_of_cars(self.trials)[:, self.trials.design == design].sum(axis=1)
-        logs = numpy.log(draws.weights + 1e-300) - own
-        weights = numpy.exp(logs - logs.max())
-        weights = weights / weights.sum()
-        if 1 / (weights**2).sum() < MIN_EFFECTIVE_WITHOUT:
+        weights = normalised(numpy.log(draws.weights + 1e-300) - own)
+        if effective_number(weights) < MIN_EFFECTIVE_WITHOUT:
             # The draws stand where the left-out trials are; others must be drawn.
             draws = weigh(draws.prior, others)
             weights = draws.weights
         return draws.log_odds(numpy.array([design]))[:, 0], draws.car_sd, weights
 
-    def realities(self, number: int) -> tuple[NDArray[Any], FloatArray, FloatArray]:
-        """Return ``number`` realities drawn by their weights: their indices, values and rates.
+    def realities(self, number: int) -> tuple[FloatArray, FloatArray]:
+        """Return ``number`` realities drawn by their weights: their values and rates.
 
         The values (number, parameters) are in the parameters' units. The rates (number, d) of the designs are without
         the unexplained errors of each design alone, so that neighbouring designs have similar rates.
@@ -242,8 +241,8 @@ class Answers:
         drawn = Draws(self.draws.prior, self.draws.driven, self.draws.normal[chosen], weights[chosen])
         designs = numpy.arange(len(drawn.prior.designs))
         log_odds = drawn.prior.log_odds(drawn.scores, designs) + drawn.unexplained(designs)
-        values = [parameter.value(self.draws.scores[chosen, i]) for i, parameter in enumerate(PARAMETERS)]
-        return chosen, numpy.column_stack(values), numpy.asarray(expit(log_odds))
+        values = [parameter.value(drawn.scores[:, i]) for i, parameter in enumerate(PARAMETERS)]
+        return numpy.column_stack(values), numpy.asarray(expit(log_odds))
 
 
 def believe(

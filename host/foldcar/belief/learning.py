@@ -22,13 +22,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy
-from numpy.typing import NDArray
+from scipy.special import expit
 
-from foldcar.belief.priors import PARAMETERS
+from foldcar.belief.priors import PARAMETERS, FloatArray
 from foldcar.errors import FoldcarError
 from foldcar.store.reality_runs import BLOCK, CHECK, RealityRuns
 
-FloatArray = NDArray[numpy.float64]
 # Bumps for each design parameter, and for all parameters together.
 BUMPS_PER_PARAMETER, MAX_BUMPS = 12, 24
 # Variances of the coefficients, and of the scenes' offsets, before any run. Chosen by the error at held-out realities.
@@ -115,9 +114,12 @@ def learn(runs: RealityRuns, designs: FloatArray, nominal: NominalRuns | None = 
     empty = Learned(low, span, centres, _spacing(centres), numpy.zeros(0))
     checked = runs.number % BLOCK < CHECK
     if not checked.any() or checked.all():
-        return _learned(empty, runs, designs, nominal, None)
-    learned = _learned(empty, runs.taken(~checked), designs, nominal, None)
-    return _learned(empty, runs, designs, nominal, _check_error(learned, runs.taken(checked), designs))
+        error = None
+    else:
+        without_checks = _learned(empty, runs.taken(~checked), designs, nominal)
+        error = _check_error(without_checks, runs.taken(checked), designs)
+    learned = _learned(empty, runs, designs, nominal)
+    return replace(learned, error=error, design_offsets=_design_offsets(learned, runs, designs, nominal))
 
 
 def _design_offsets(
@@ -128,24 +130,29 @@ def _design_offsets(
     A smooth function of several parameters cannot follow every single design, and the best of many designs would be those
     whose rates it overestimates. This is one Newton step of a logistic regression on the designs, with a penalty.
     """
-    learned_rates = numpy.empty(len(runs))
-    for design in numpy.unique(runs.design).tolist():
-        of_design = runs.design == design
-        log_odds = learned.log_odds(runs.scores[of_design], designs[[design]])[:, 0]
-        learned_rates[of_design] = 1 / (1 + numpy.exp(-log_odds))
+    learned_rates = _rates_of_runs(learned, runs, designs)
     gradient = numpy.bincount(runs.design, runs.passed - learned_rates, minlength=len(designs))
     curvature = numpy.bincount(runs.design, learned_rates * (1 - learned_rates), minlength=len(designs))
     if nominal is not None:
-        rates = 1 / (1 + numpy.exp(-learned.log_odds(nominal.scores[None], designs)[0]))
+        rates = expit(learned.log_odds(nominal.scores[None], designs)[0])
         gradient = gradient + NOMINAL_TRUST * (nominal.passed - nominal.counted * rates)
         curvature = curvature + NOMINAL_TRUST * nominal.counted * rates * (1 - rates)
     return numpy.asarray(gradient / (curvature + 1 / DESIGN_VARIANCE))
 
 
+def _rates_of_runs(learned: Learned, runs: RealityRuns, designs: FloatArray) -> FloatArray:
+    """Return the learned success rate (n,) of each run."""
+    rates = numpy.empty(len(runs))
+    for design in numpy.unique(runs.design).tolist():
+        of_design = runs.design == design
+        rates[of_design] = expit(learned.log_odds(runs.scores[of_design], designs[[design]])[:, 0])
+    return rates
+
+
 def _learned(
-    empty: Learned, runs: RealityRuns, designs: FloatArray, nominal: NominalRuns | None, error: float | None
+    empty: Learned, runs: RealityRuns, designs: FloatArray, nominal: NominalRuns | None
 ) -> Learned:
-    """Learn from all ``runs`` and from the ``nominal`` ones; all else is that of ``empty``."""
+    """Learn the smooth function from all ``runs`` and the ``nominal`` ones; all else is that of ``empty``."""
     of_designs = empty._design_features(designs)
     features = _features(_shaped(runs.scores), of_designs[runs.design])
     samples, scene = numpy.unique(runs.sample, return_inverse=True)
@@ -163,11 +170,10 @@ def _learned(
         counted = numpy.concatenate([counted, weights])
     coefficients = penalised_logistic(table, passed, counted, variances)
     offsets = coefficients[features.shape[1] :]
-    smooth = Learned(
-        empty.low, empty.span, empty.centres, empty.length, coefficients[: features.shape[1]],
-        dict(zip(samples.tolist(), (offsets - offsets.mean()).tolist(), strict=True)), error, len(runs),
-    )  # fmt: skip
-    return replace(smooth, design_offsets=_design_offsets(smooth, runs, designs, nominal))
+    scene_offsets = dict(zip(samples.tolist(), (offsets - offsets.mean()).tolist(), strict=True))
+    return replace(
+        empty, coefficients=coefficients[: features.shape[1]], scene_offsets=scene_offsets, runs=len(runs)
+    )
 
 
 def penalised_logistic(
@@ -181,7 +187,7 @@ def penalised_logistic(
     coefficients = numpy.zeros(features.shape[1])
     objective = _objective(features, passed, counted, variances, coefficients)
     for _ in range(NEWTON_STEPS):
-        rates = 1 / (1 + numpy.exp(-(features @ coefficients)))
+        rates = expit(features @ coefficients)
         gradient = features.T @ (passed - counted * rates) - coefficients / variances
         curvature = features.T @ (features * (counted * rates * (1 - rates))[:, None])
         curvature[numpy.diag_indices(len(coefficients))] += 1 / variances
@@ -209,17 +215,16 @@ def _check_error(learned: Learned, checks: RealityRuns, designs: FloatArray) -> 
     The squared difference between the learned rate and the fraction of a group that passed has the variance of counting
     in it, p (1 - p) / n, which is estimated without bias by k/n (1 - k/n) / (n - 1) and subtracted.
     """
-    groups, group = numpy.unique(numpy.stack([checks.number // BLOCK, checks.design]), axis=1, return_inverse=True)
+    names = numpy.stack([checks.number // BLOCK, checks.design])
+    _, first, group = numpy.unique(names, axis=1, return_index=True, return_inverse=True)
     counted = numpy.bincount(group.ravel()).astype(float)
     fractions = numpy.bincount(group.ravel(), checks.passed) / counted
     several = counted > 1
     if not several.any():
         return None
-    first = numpy.array([numpy.flatnonzero(group.ravel() == g)[0] for g in range(groups.shape[1])])
-    rates = [
-        1 / (1 + numpy.exp(-learned.log_odds(checks.scores[[i]], designs[checks.design[[i]]])[0, 0])) for i in first
-    ]
-    squares = (numpy.array(rates) - fractions)[several] ** 2
+    # All runs of a group have the same learned rate.
+    rates = _rates_of_runs(learned, checks.taken(first), designs)
+    squares = (rates - fractions)[several] ** 2
     counting = (fractions * (1 - fractions))[several] / (counted[several] - 1)
     return float(numpy.sqrt(max(0.0, (squares - counting).mean())))
 

@@ -23,8 +23,8 @@ import numpy
 from numpy.typing import NDArray
 from scipy.special import chdtri, expit, ndtr, ndtri
 
-from foldcar.belief.learning import SLOPE, FloatArray, Learned
-from foldcar.belief.priors import MAX_SCORE, NOMINAL_SCORES, PARAMETERS, ScorePrior
+from foldcar.belief.learning import SLOPE, Learned
+from foldcar.belief.priors import MAX_SCORE, NOMINAL_SCORES, PARAMETERS, FloatArray, ScorePrior
 
 # Number of draws; fewer for many designs or cars, so that no array has much more than MAX_NUMBERS numbers.
 MAX_DRAWS, MIN_DRAWS, MAX_NUMBERS = 30_000, 2_000, 10_000_000
@@ -166,7 +166,7 @@ class Draws:
     @property
     def effective(self) -> float:
         """The effective number of draws."""
-        return float(1 / (self.weights**2).sum())
+        return effective_number(self.weights)
 
     @cached_property
     def wrong(self) -> NDArray[numpy.bool_]:
@@ -220,8 +220,7 @@ class Draws:
     def car_log_likelihood(self, trials: Trials) -> tuple[FloatArray, FloatArray]:
         """Return log probabilities (n, cars, nodes) of each car's trials at nodes of its offset; and its log-odds."""
         log_odds = self.log_odds(self.driven)[:, numpy.searchsorted(self.driven, trials.design)]
-        # A car's log-odds scatter around its design's; scaled so that the mean rate of cars is the design's.
-        centre = log_odds * numpy.sqrt(1 + SLOPE * self.car_sd[:, None] ** 2)
+        centre = centre_of_cars(log_odds, self.car_sd[:, None])
         # (n, cars, nodes)
         of_car = centre[:, :, None] + self.car_sd[:, None, None] * NODES
         result = numpy.zeros(of_car.shape)
@@ -265,7 +264,7 @@ def weigh(prior: Prior, trials: Trials, seed: int = 1) -> Draws:
     if not len(trials.car):
         return draws
     likelihood = draws.log_likelihood(trials)
-    weighed = Draws(prior, trials.driven, normal, _weights(likelihood))
+    weighed = Draws(prior, trials.driven, normal, normalised(likelihood))
     if weighed.effective >= MIN_EFFECTIVE:
         return weighed
     equal = numpy.full(min(number, MOVED_DRAWS), 1 / min(number, MOVED_DRAWS))
@@ -273,7 +272,18 @@ def weigh(prior: Prior, trials: Trials, seed: int = 1) -> Draws:
     return _moved(few, trials, likelihood[:MOVED_DRAWS], random)
 
 
-def _weights(log_weights: FloatArray) -> FloatArray:
+def effective_number(weights: FloatArray) -> float:
+    """Return the effective number of draws with these weights, whose sum is 1."""
+    return float(1 / (weights**2).sum())
+
+
+def centre_of_cars(log_odds: FloatArray, car_sd: Any) -> FloatArray:
+    """Return the log-odds around which cars scatter with ``car_sd``, so that their mean rate is that of ``log_odds``."""
+    return numpy.asarray(log_odds * numpy.sqrt(1 + SLOPE * car_sd**2))
+
+
+def normalised(log_weights: FloatArray) -> FloatArray:
+    """Return weights (n,) with the sum 1 from their logarithms up to a constant."""
     weights = numpy.exp(log_weights - log_weights.max())
     return numpy.asarray(weights / weights.sum())
 
@@ -284,7 +294,7 @@ def _moved(draws: Draws, trials: Trials, likelihood: FloatArray, random: numpy.r
     for _ in range(MAX_STEPS):
         step = _largest_step(likelihood, 1 - power)
         power += step
-        chosen = random.choice(number, number, p=_weights(step * likelihood))
+        chosen = random.choice(number, number, p=normalised(step * likelihood))
         draws, likelihood = Draws(draws.prior, draws.driven, draws.normal[chosen], draws.weights), likelihood[chosen]
         for _ in range(MOVES):
             # This proposal leaves the standard normal distribution unchanged, so the likelihood alone decides.
@@ -306,7 +316,7 @@ def _largest_step(likelihood: FloatArray, limit: float) -> float:
     """Return the largest power, at most ``limit``, of the likelihood that keeps the fraction KEPT of draws effective."""
 
     def effective(power: float) -> float:
-        return float(1 / (_weights(power * likelihood) ** 2).sum())
+        return effective_number(normalised(power * likelihood))
 
     if effective(limit) >= KEPT * len(likelihood):
         return limit

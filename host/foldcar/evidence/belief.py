@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from foldcar.belief.answers import MOVED, Answers, Unknown, believe
-from foldcar.belief.learning import FloatArray, Learned, NominalRuns, learn
-from foldcar.belief.priors import NAMES, NOMINAL_SCORES, built_priors, measured_priors
+from foldcar.belief.learning import Learned, NominalRuns, learn
+from foldcar.belief.priors import NAMES, NOMINAL_SCORES, FloatArray, built_priors, measured_priors
 from foldcar.belief.weighing import SCENE_TRUST, Trials
 from foldcar.car.variation import workshop
 from foldcar.evidence.design_evidence import DesignEvidence

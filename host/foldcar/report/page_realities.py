@@ -5,8 +5,7 @@ from typing import Any
 import numpy
 
 from foldcar.belief.answers import Estimate, Unknown
-from foldcar.belief.learning import FloatArray
-from foldcar.belief.priors import NAMES
+from foldcar.belief.priors import NAMES, FloatArray
 from foldcar.evidence.belief import Belief, taught
 from foldcar.evidence.evidence import Evidence
 
@@ -22,7 +21,7 @@ def drawn_realities(evidence: Evidence) -> tuple[FloatArray, FloatArray] | None:
     belief = evidence.belief
     if belief is None:
         return None
-    _, values, rates = belief.answers.realities(REALITIES)
+    values, rates = belief.answers.realities(REALITIES)
     columns = numpy.full((REALITIES, len(evidence.family)), numpy.nan)
     columns[:, belief.design_indices] = rates
     return values, columns

@@ -99,7 +99,7 @@ def test_realities_are_drawn_by_their_weights() -> None:
     after = believe(learned, DESIGNS, Trials.of_counts([(2, 0, 30)]))
 
     column = NAMES.index("obstacle_height")
-    heights = [numpy.median(answers.realities(400)[1][:, column]) for answers in (before, after)]
+    heights = [numpy.median(answers.realities(400)[0][:, column]) for answers in (before, after)]
 
     assert heights[0] == pytest.approx(1.0, abs=0.03)
     assert heights[1] > 1.1

@@ -173,11 +173,11 @@ def read_belief(
         notes.append(f"Of the cars that drove, the {MAX_CARS} with most trials count.")
     measured = measured_values(store, info.listed_id)
     known |= measured_priors(measured, f"{store.path}: measured value")
-    # The matrices are so small that threads would only wait for each other.
     parameters = parameters.reshape(len(designs), -1)
     # The swept designs, from which the rate was learned, come first in the family.
     swept = len(learned.design_offsets)
     offsets = numpy.array([learned.design_offsets[index] if index < swept else 0.0 for index in inside])
+    # The matrices are so small that threads would only wait for each other.
     with threadpool_limits(1):
         answers = believe(
             learned, parameters, _trials(designs, learned), known, [NAMES.index(name) for name in measured],
@@ -223,24 +223,22 @@ def _nominal_scores(info: ExperimentInfo) -> FloatArray:
 
 def _trials(designs: Sequence[DesignEvidence], learned: Learned) -> Trials:
     """Return the designs' trials, grouped by car and scene."""
-    cars: dict[tuple[int, str | None], int] = {}
+    driven = [((row, trial.car_name), trial) for row, design in enumerate(designs) for trial in design.trials]
+    trials_of_car = Counter(car for car, _ in driven)
+    most = {car for car, _ in trials_of_car.most_common(MAX_CARS)}
+    cars = {car: index for index, car in enumerate(car for car in trials_of_car if car in most)}
     passed: Counter[tuple[int, int | None]] = Counter()
     counted: Counter[tuple[int, int | None]] = Counter()
-    for row, design in enumerate(designs):
-        for trial in design.trials:
-            group = cars.setdefault((row, trial.car_name), len(cars)), trial.sample
-            passed[group] += trial.passed
-            counted[group] += 1
-    number = Counter({car: sum(counted[group] for group in counted if group[0] == car) for car in cars.values()})
-    most = sorted(car for car, _ in number.most_common(MAX_CARS))
-    renumbered = {car: place for place, car in enumerate(most)}
-    cars = {key: renumbered[car] for key, car in cars.items() if car in renumbered}
-    groups = [group for group in counted if group[0] in renumbered]
+    for car, trial in driven:
+        if car in cars:
+            passed[cars[car], trial.sample] += trial.passed
+            counted[cars[car], trial.sample] += 1
+    groups = list(counted)
     easier = [SCENE_TRUST * learned.scene_offsets.get(sample, 0.0) if sample is not None else 0.0 for _, sample in groups]
     return Trials(
         numpy.array([row for row, _ in cars], int),
         tuple(name for _, name in cars),
-        numpy.array([renumbered[car] for car, _ in groups], int),
+        numpy.array([car for car, _ in groups], int),
         numpy.array([passed[group] for group in groups], float),
         numpy.array([counted[group] for group in groups], float),
         numpy.array(easier, float),

@@ -57,20 +57,20 @@ class Step:
 
 def steps(
     answers: Answers,
-    build_min: Callable[[int], float],
+    build_min: float,
     drive_min: Callable[[int], float],
     measurable: Mapping[str, tuple[float, float]],
     trials: int = AFTERNOON_TRIALS,
 ) -> list[Step]:
     """Return the possible steps, the greatest gain for an hour of work first.
 
-    ``build_min`` and ``drive_min`` give the minutes to build a car of a design (by index), and those of one trial.
+    ``build_min`` are the minutes to build a car, ``drive_min`` gives those of one trial of a design (by index).
     ``measurable`` has the minutes and the precision (standard deviation of the score) of each measurement that was not
     made yet, by the parameter's name. ``trials`` is the number of trials that a car drives.
     """
     view = _View(answers)
     result = [
-        Step("build", view.gain(view.new_car(design, trials)), build_min(design) + trials * drive_min(design),
+        Step("build", view.gain(view.new_car(design, trials)), build_min + trials * drive_min(design),
              design=design, second=design in view.driven)
         for design in view.candidates.tolist()
     ]  # fmt: skip

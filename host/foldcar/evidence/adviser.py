@@ -4,7 +4,6 @@ Input: the evidence of an experiment and the belief about its designs. Output: a
 the API print it.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 from foldcar.belief.advice import AFTERNOON_TRIALS, MIN_GAIN, Step, steps
@@ -106,7 +105,7 @@ class Adviser:
             self.threshold,
             works=works(belief, self.evidence, self.threshold),
             learn=self._learn(first, measured, gain, enough),
-            grounds=grounds(self.evidence, belief, self.threshold),
+            grounds=grounds(self.evidence, self.threshold),
             steps=() if enough else tuple(map(self._planned, ordered[:SHOWN_STEPS])),
             environments=() if enough or first is None else self._environments(first),
             enough=enough,
@@ -126,8 +125,7 @@ class Adviser:
             # Only obstacles can be measured before a car is built.
             if name not in known and (belief.driven or name == "obstacle_height")
         }
-        building: Callable[[int], float] = lambda row: car_min(info.vehicle_type)  # noqa: E731
-        return steps(belief.answers, building, self._trial_min, measurable)
+        return steps(belief.answers, car_min(info.vehicle_type), self._trial_min, measurable)
 
     def _trial_min(self, row: int) -> float:
         return trial_min(self.belief.designs[row].mean_time_s)

@@ -38,13 +38,12 @@ MIN_RUNS = 200
 class Belief:
     """Belief about the ``designs`` of a family; ``design_indices`` (n,) are their indices in the evidence.
 
-    ``parameters`` (n, k) are their varied parameters. The ``answers`` are about these designs, in their order.
+    The ``answers`` are about these designs, in their order.
     ``notes`` are sentences on what was measured or assumed. ``measured`` has the measured values by name.
     """
 
     designs: tuple[DesignEvidence, ...]
     design_indices: NDArray[Any]
-    parameters: NDArray[Any]
     answers: Answers
     notes: tuple[str, ...] = ()
     measured: Mapping[str, float] | None = None
@@ -183,7 +182,7 @@ def read_belief(
             learned, parameters, _trials(designs, learned), known, [NAMES.index(name) for name in measured],
             offsets,
         )  # fmt: skip
-    return Belief(tuple(designs), numpy.array(inside, int), parameters, answers, tuple(notes), measured)
+    return Belief(tuple(designs), numpy.array(inside, int), answers, tuple(notes), measured)
 
 
 def learned_rate(store: Store, info: ExperimentInfo) -> Learned | None:

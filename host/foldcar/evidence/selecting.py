@@ -66,7 +66,7 @@ def _select_one(evidence: Evidence, threshold: float | None) -> Selection:
     if belief is None and not (info.success_defined and evidence.run_counts[:, 1].any()):
         return Selection(info, limit, f"{simulated}{_no_advice_text(evidence)}", remarks=evidence.remarks)
     if belief is None:
-        text = grounds(evidence, None, limit)
+        text = grounds(evidence, limit)
         return Selection(info, limit, f"{simulated}{text}", learn=why_no_belief(info), remarks=evidence.remarks)
     # The matrices are so small that threads would only wait for each other.
     with threadpool_limits(1):

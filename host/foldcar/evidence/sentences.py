@@ -61,7 +61,7 @@ def reaching(belief: Belief, evidence: Evidence, threshold: float) -> str:
     return f"{belief.labels[best]} has the best chance to reach {limit}: {percent(chances[best])}."
 
 
-def grounds(evidence: Evidence, belief: Belief | None, threshold: float) -> str:
+def grounds(evidence: Evidence, threshold: float) -> str:
     """Return the evidence: which designs reach the threshold in the runs, and how many trials passed."""
     info = evidence.info
     start = "Expected over realities," if info.is_over_realities else f"In {info.simulation}"

@@ -11,7 +11,7 @@ from hand_learned import DESIGNS, hand_learned
 
 
 def weighed(answers: Answers, **measurable: tuple[float, float]) -> list[Step]:
-    return steps(answers, lambda design: 60.0, lambda design: 3.0, measurable)
+    return steps(answers, 60.0, lambda design: 3.0, measurable)
 
 
 def test_a_single_design_has_nothing_to_gain() -> None:

@@ -214,21 +214,42 @@ def planned_pool(writer: StoreWriter, simulators: Simulators | int) -> ChunkPool
 
 def _planned_inputs(writer: StoreWriter, runs: Sequence[PlannedRun]) -> ChunkInputs:
     """Look up the texts of planned runs."""
+    realities = writer.texts("variation", (run.variation_id for run in runs))
+    labels = [f"design {run.design + 1}, sample {run.sample}" for run in runs]
+    return stored_inputs(writer, runs, labels, [realities[run.variation_id] for run in runs])
+
+
+class StoredRun(Protocol):
+    """A run whose inputs are in the store."""
+
+    @property
+    def body_id(self) -> int:
+        """The number of its car's body in the store."""
+
+    @property
+    def scene_id(self) -> int:
+        """The number of its scene in the store."""
+
+    @property
+    def settings_id(self) -> int:
+        """The number of its settings in the store."""
+
+    @property
+    def sample(self) -> int:
+        """The scene's sample of the environment."""
+
+
+def stored_inputs(
+    writer: StoreWriter, runs: Sequence[StoredRun], labels: Sequence[str], realities: Sequence[str]
+) -> ChunkInputs:
+    """Look up bodies, scenes and settings of runs, which have these ``labels`` and ``realities`` (JSON)."""
     # Bodies and scenes by their ids in carsim's input.
     bodies = {f"b{key}": text for key, text in writer.texts("body", (run.body_id for run in runs)).items()}
     scenes = {f"s{key}": text for key, text in writer.texts("scene", (run.scene_id for run in runs)).items()}
     settings = writer.texts("settings", (run.settings_id for run in runs))
-    realities = writer.texts("variation", (run.variation_id for run in runs))
     requests = [
-        RunRequest(
-            body=f"b{run.body_id}",
-            scene=f"s{run.scene_id}",
-            settings=settings[run.settings_id],
-            label=f"design {run.design + 1}, sample {run.sample}",
-            sample=run.sample,
-            reality=realities[run.variation_id],
-        )
-        for run in runs
+        RunRequest(f"b{run.body_id}", f"s{run.scene_id}", settings[run.settings_id], label, run.sample, reality)
+        for run, label, reality in zip(runs, labels, realities, strict=True)
     ]
     return bodies, scenes, requests
 

@@ -5,37 +5,27 @@ pass estimates its expected success over realities without bias: what a built ca
 environment has fingerprints of its own, so that stores keep its runs apart from the nominal ones.
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 from foldcar.belief.priors import built_priors, values_of
-from foldcar.belief.reality import drawn_reality
-from foldcar.errors import FoldcarError
-from foldcar.scenes.fingerprint import variation_code
 from foldcar.store.info import RANDOM_REALITIES, VARIANT
-from foldcar.study.environments import Environment
 from foldcar.study.experiments import Experiment, Study
 from foldcar.study.reality_draws import draw_sample_scores
-from foldcar.study.reality_environment import hashed
+from foldcar.study.reality_environment import ChangedEnvironment, hashed
 from foldcar.study.reality_runs import reality_spread
 
 
-class RandomRealities(Environment):
+class RandomRealities(ChangedEnvironment):
     """Built from an experiment of :func:`study_over_realities`.
 
     Raises FoldcarError if its program needs Scenic in runs.
     """
 
     def __init__(self, experiment: Experiment) -> None:
-        super().__init__(experiment)
-        if super().dynamic:
-            raise FoldcarError(
-                f"{experiment.place}: {experiment.program_name} runs beside the simulation ({self.needs_scenic}), whose "
-                "scenes realities cannot change; search for the nominal rate with --objective success"
-            )
+        super().__init__(experiment, "realities cannot change; search for the nominal rate with --objective success")
         # Before any trial, as for `select`: a car that will be built from the sheets.
         self._priors = built_priors(experiment.family.vehicle_type, from_sheets=True)
-        self._seed = experiment.variation_seed
         priors = {str(index): prior[:2] for index, prior in self._priors.items()}
         identity = hashed(RANDOM_REALITIES, reality_spread(experiment), priors)
         self.fingerprint = hashed(self.fingerprint, identity)
@@ -50,15 +40,10 @@ class RandomRealities(Environment):
             listed_id = VARIANT.sub("", listed_id)
         return {"name": RANDOM_REALITIES, "fingerprint": self.spread_fingerprint, "experiment": listed_id}
 
-    def variation(self, k: int) -> dict[str, Any]:
-        """Return how car and ground of sample ``k`` differ from design and scene."""
-        scores = draw_sample_scores(self._seed, k, self._priors)
-        (values,) = values_of(scores.reshape(1, -1))
-        return drawn_reality(values, self._experiment.variation, self._seed, k, k)
-
-    def variation_identity(self) -> str:
-        """Return a hash of the code that applies variations."""
-        return variation_code()
+    def values(self, k: int) -> Mapping[str, float]:
+        """Return the parameters of the reality of sample ``k``."""
+        (values,) = values_of(draw_sample_scores(self._seed, k, self._priors).reshape(1, -1))
+        return values
 
 
 def study_over_realities(study: Study) -> Study:

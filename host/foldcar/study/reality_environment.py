@@ -50,21 +50,40 @@ class Reality:
         return f"{self.stem} {self.fingerprint[:NAME_DIGITS]}"
 
 
-class RealityEnvironment(Environment):
-    """Built from an experiment of :func:`study_in_reality`. Raises FoldcarError if its program needs Scenic in runs."""
+class ChangedEnvironment(Environment):
+    """An environment in which car and ground differ from design and scene by the simulator's parameters."""
 
-    def __init__(self, experiment: Experiment, reality: Reality) -> None:
+    def __init__(self, experiment: Experiment, remedy: str) -> None:
+        """Raise FoldcarError, which ends with ``remedy``, if the program needs Scenic in runs."""
         super().__init__(experiment)
         if super().dynamic:
             raise FoldcarError(
                 f"{experiment.place}: {experiment.program_name} runs beside the simulation ({self.needs_scenic}), whose "
-                "scenes a reality cannot change; sweep this experiment without --reality"
+                f"scenes {remedy}"
             )
-        self._reality = reality
         self._seed = experiment.variation_seed
+
+    def values(self, k: int) -> Mapping[str, float]:
+        """Return the simulator's parameters in sample ``k`` by name."""
+        raise NotImplementedError
+
+    def variation(self, k: int) -> dict[str, Any]:
+        """Return how car and ground of sample ``k`` differ from design and scene."""
+        return drawn_reality(self.values(k), self._experiment.variation, self._seed, k, k)
+
+    def variation_identity(self) -> str:
+        """Return a hash of the code that applies variations."""
+        return variation_code()
+
+
+class RealityEnvironment(ChangedEnvironment):
+    """Built from an experiment of :func:`study_in_reality`. Raises FoldcarError if its program needs Scenic in runs."""
+
+    def __init__(self, experiment: Experiment, reality: Reality) -> None:
+        super().__init__(experiment, "a reality cannot change; sweep this experiment without --reality")
+        self._reality = reality
         self.listed_fingerprint = self.fingerprint
-        effects_code = hashlib.sha256(Path(effects.__file__).read_bytes()).hexdigest()
-        identity = (reality.fingerprint, self._seed, effects_code)
+        identity = (reality.fingerprint, self._seed, reality_code())
         self.fingerprint = hashed(self.fingerprint, *identity)
         self.spread_fingerprint = hashed(dict(experiment.variation), *identity, variation_code())
 
@@ -74,13 +93,9 @@ class RealityEnvironment(Environment):
         listed_id = self._experiment.id.removesuffix(_suffix(self._reality))
         return {"name": self._reality.name, "fingerprint": self._reality.fingerprint, "experiment": listed_id}
 
-    def variation(self, k: int) -> dict[str, Any]:
-        """Return how car and ground of sample ``k`` differ from design and scene."""
-        return drawn_reality(self._reality.values, self._experiment.variation, self._seed, k, k)
-
-    def variation_identity(self) -> str:
-        """Return a hash of the code that applies variations."""
-        return variation_code()
+    def values(self, k: int) -> Mapping[str, float]:
+        """Return the reality's parameters, the same in all samples."""
+        return self._reality.values
 
 
 def study_in_reality(study: Study, reality: Reality) -> Study:
@@ -92,6 +107,11 @@ def study_in_reality(study: Study, reality: Reality) -> Study:
 def _suffix(reality: Reality) -> str:
     """Return what is added to the name of an experiment in a reality."""
     return f" (reality {reality.name})"
+
+
+def reality_code() -> str:
+    """Return a hash of the code that makes realities of parameters."""
+    return hashlib.sha256(Path(effects.__file__).read_bytes()).hexdigest()
 
 
 def hashed(*parts: Any) -> str:

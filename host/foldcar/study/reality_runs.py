@@ -4,24 +4,21 @@ Input: a swept experiment. Output: rows in the store, and how well the success r
 reality, a design, a scene and a car of its own (reality_draws.py). Rows that the store has are not simulated again.
 """
 
-import hashlib
 import json
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from foldcar.belief import reality as reality_code
 from foldcar.belief.priors import PARAMETERS, values_of
 from foldcar.belief.reality import drawn_reality
 from foldcar.scenes.fingerprint import variation_code
 from foldcar.scenes.success import SuccessRule
 from foldcar.simulation.results import FAILED, outcome_of
-from foldcar.simulation.runner import Runner, RunRequest
+from foldcar.simulation.runner import Runner
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
 from foldcar.store.reality_runs import (
@@ -37,11 +34,12 @@ from foldcar.store.reality_runs import (
 )
 from foldcar.store.tables import DESIGN
 from foldcar.store.writer import StoreWriter, canonical_json
-from foldcar.study.chunks import ChunkInputs, ChunkPool, FinishedRun, Simulators
+from foldcar.study.chunks import ChunkInputs, ChunkPool, FinishedRun, Simulators, stored_inputs
 from foldcar.study.environments import Environment
 from foldcar.study.experiments import Experiment
 from foldcar.study.limits import MAX_REALITIES
 from foldcar.study.reality_draws import draw_runs
+from foldcar.study.reality_environment import hashed, reality_code
 
 # Fewer scenes do not represent an environment.
 MIN_SCENES = 20
@@ -89,11 +87,10 @@ def reality_facts(experiment: Experiment, requested: int | None, stored: Mapping
 
 def reality_spread(experiment: Experiment) -> str:
     """Return the fingerprint of all that the realities of an experiment's runs are drawn from."""
-    code = hashlib.sha256(Path(reality_code.__file__).read_bytes()).hexdigest()
     priors = [[row.name, row.prior, row.middle, row.sd] for row in PARAMETERS]
+    spread, code = (dict(experiment.variation), experiment.variation_seed), (reality_code(), priors, variation_code())
     # Runs of other blocks would be taken for check groups.
-    identity = [BLOCK, CHECK, dict(experiment.variation), experiment.variation_seed, code, priors, variation_code()]
-    return hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()
+    return hashed(BLOCK, CHECK, *spread, *code)
 
 
 def next_number(runs: int, error: float | None) -> int | None:
@@ -246,22 +243,14 @@ class RealitySimulation:
 
     def _inputs(self, runs: Sequence[RealityRun]) -> ChunkInputs:
         """Look up the simulator's input of runs, and draw their realities."""
-        bodies = {f"b{key}": text for key, text in self.writer.texts("body", (run.body_id for run in runs)).items()}
-        scenes = {f"s{key}": text for key, text in self.writer.texts("scene", (run.scene_id for run in runs)).items()}
-        settings = self.writer.texts("settings", (run.settings_id for run in runs))
-        requests = []
-        for run, values in zip(runs, values_of(np.array([run.scores for run in runs])), strict=True):
-            label = f"design {run.design + 1}, run {run.number} in another reality"
-            # Another car than that of the nominal run with this number.
-            car = f"reality {run.number}"
-            reality = drawn_reality(values, self.experiment.variation, self.experiment.variation_seed, run.number, car)
-            requests.append(
-                RunRequest(
-                    f"b{run.body_id}", f"s{run.scene_id}", settings[run.settings_id], label, run.sample,
-                    canonical_json(reality),
-                )
-            )  # fmt: skip
-        return bodies, scenes, requests
+        spread, seed = self.experiment.variation, self.experiment.variation_seed
+        # Each has another car than the nominal run with this number.
+        realities = [
+            canonical_json(drawn_reality(values, spread, seed, run.number, f"reality {run.number}"))
+            for run, values in zip(runs, values_of(np.array([run.scores for run in runs])), strict=True)
+        ]
+        labels = [f"design {run.design + 1}, run {run.number} in another reality" for run in runs]
+        return stored_inputs(self.writer, runs, labels, realities)
 
     def _keep(self, keys: RealityKeys, finished: list[FinishedRun[RealityRun]], started_s: float) -> None:
         """Store a finished chunk of a simulation that began at ``started_s``, count it and report."""

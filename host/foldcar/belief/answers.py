@@ -255,7 +255,7 @@ def believe(
 ) -> Answers:
     """Return the answers about ``designs`` (d, parameters) after ``trials``.
 
-    ``known`` has narrower priors by the parameter's index, of which ``measured`` names those that were measured.
+    ``known`` has narrower priors by the parameter's index. ``measured`` are the indices of those that were measured.
     ``offsets`` (d,) are the designs' own differences from the learned log-odds.
     """
     prior = Prior(learned, designs, known or {}, frozenset(measured), offsets)

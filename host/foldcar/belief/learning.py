@@ -1,4 +1,4 @@
-"""Learns the success rate as a function of reality and design from runs, each of which has a reality of its own.
+"""Learns the success rate as a function of reality and design. Each run to learn from has a reality of its own.
 
 The log-odds of passing are learned by a penalised logistic regression. For a reality with scores z (K,) and a design with
 parameters x they are

@@ -33,6 +33,15 @@ def move_slider(tab: Tab, label: str, value: float) -> None:
     }})()""")
 
 
+def use_every_simulation(tab: Tab) -> None:
+    """Ask the page for everything that it simulates, in each of its places."""
+    tab.wait(READY)
+    move_slider(tab, "friction", 0.7)
+    tab.ask("document.getElementById('marginals').click()")
+    tab.ask("document.querySelector('#verify button').click()")
+    tab.ask("study.open(1, 2)")
+
+
 # What a browser lacks or refuses, and a word of what the page says.
 NO_WORKERS = "window.Worker = class { constructor() { throw new DOMException('not here', 'SecurityError'); } };"
 FAILING_WORKERS = """{ const Own = Worker; window.Worker = class extends Own {
@@ -54,11 +63,7 @@ UNREADABLE_MODULE = "Worker.prototype.postMessage = function () { this.dispatchE
 )
 def test_every_place_says_why_the_browser_cannot_simulate(page: Path, before: str, words: str) -> None:
     with Tab(page.as_uri(), before=before) as tab:
-        tab.wait(READY)
-        move_slider(tab, "friction", 0.7)
-        tab.ask("document.getElementById('marginals').click()")
-        tab.ask("document.querySelector('#verify button').click()")
-        tab.ask("study.open(1, 2)")
+        use_every_simulation(tab)
         for place in (STATUS, SINGLE, VERIFIED, NOTE):
             text = tab.wait(f"{place}.includes('cannot') && {place}", 20)
             assert text.startswith("The page cannot simulate: ") and words in text and "simulating …" not in text
@@ -141,11 +146,7 @@ Object.defineProperty(navigator, "hardwareConcurrency", { value: 3 });
 )
 def test_a_worker_without_an_answer_is_an_error_in_each_place(page: Path, before: str, words: str) -> None:
     with Tab(page.as_uri(), before=before) as tab:
-        tab.wait(READY)
-        move_slider(tab, "friction", 0.7)
-        tab.ask("document.getElementById('marginals').click()")
-        tab.ask("document.querySelector('#verify button').click()")
-        tab.ask("study.open(1, 2)")
+        use_every_simulation(tab)
         for place in (STATUS, SINGLE, VERIFIED, NOTE):
             assert tab.wait(f"{place}.includes('cannot') && {place}", 40) == f"The page cannot simulate: {words}."
         assert tab.ask("errors") == []

@@ -33,10 +33,10 @@ export class RealityLine {
     this.model = model;
     const { rates } = model.e.realities, mean = row => row.reduce((sum, rate) => sum + rate, 0);
     this.order = [...rates.keys()].sort((a, b) => mean(rates[a]) - mean(rates[b]));
-    this.told = make("span", { class: "note", role: "status" });
+    this.message = make("span", { class: "note", role: "status" });
     this.none = make("button", { type: "button", text: "choose none", onclick: () => model.chooseReality(null) });
     place.append(make("p", { class: "controls", id: "reality" },
-      make("button", { type: "button", text: "‹ worse reality", onclick: () => this.step(-1) }), make("button", { type: "button", text: "better reality ›", onclick: () => this.step(1) }), this.none, this.told));
+      make("button", { type: "button", text: "‹ worse reality", onclick: () => this.step(-1) }), make("button", { type: "button", text: "better reality ›", onclick: () => this.step(1) }), this.none, this.message));
   }
 
   step(by) {
@@ -47,7 +47,7 @@ export class RealityLine {
   mark() {
     const { e, reality } = this.model;
     this.none.hidden = reality === null;
-    this.told.textContent = reality === null ? "" : `The chosen reality: ${realityText(e, reality)}.${e.sliders.length ? " The sliders of “What if” have its values." : ""}`;
+    this.message.textContent = reality === null ? "" : `The chosen reality: ${realityText(e, reality)}.${e.sliders.length ? " The sliders of “What if” have its values." : ""}`;
   }
 }
 

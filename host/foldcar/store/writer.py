@@ -247,11 +247,6 @@ class StoreWriter(StoreConnection):
         ).fetchone()  # fmt: skip
         return int(row[0]), int(row[1])
 
-    def _design_keys(self, experiment: str) -> dict[int, tuple[int, int]]:
-        """Return the ids of body and settings of each design, by its position."""
-        rows = self._run("SELECT position, body_id, settings_id FROM design WHERE experiment = ?", experiment)
-        return {position: (body, settings) for position, body, settings in rows}
-
     def end_experiment(self, plan: PlannedExperiment, runs: int) -> None:
         """Store that the sweep has ended with ``runs`` runs, so that no more are planned for undecided designs."""
         self.update_facts(plan.id, ended_runs=runs)

@@ -32,7 +32,7 @@ CARSIM_WASM := .pio/wasm/carsim.wasm
 BUNDLES := host/foldcar/bundles/NOTICE.txt
 # Folders are among the prerequisites so that a removed file counts as a change.
 CARSIM_SOURCES := $(shell find firmware/lib firmware/src sim2d platformio.ini $(addprefix host/foldcar/link/,dialect.py foldcar.xml standard_messages.txt) -not -name '*.pyc' \
-  -not -name __pycache__) tools/build_id.py tools/golden_check.py tools/firmware_id.py tools/mavlink_headers.py tools/simulation_digest.py tools/carsim_build.py tools/determinism.py
+  -not -name __pycache__) tools/build_id.py tools/golden_check.py tools/firmware_id.py tools/mavlink_headers.py tools/simulation_digest.py tools/carsim_build.py tools/joined_sources.py tools/determinism.py
 
 # What `make fresh` tries, and on which release of Debian.
 SUITE := trixie
@@ -47,15 +47,7 @@ CLANG_TIDY = $(firstword $(shell command -v clang-tidy clang-tidy-19 clang-tidy-
 MIN_COVERAGE := 90
 FUZZ_FLAGS := -O1 -g -fsanitize=fuzzer-no-link,address,undefined -fno-sanitize-recover=all -ffp-contract=off
 
-# The portable firmware on the simulated board, for programs that need nothing else.
-FIRMWARE_SOURCES := $(filter-out firmware/lib/feather_hal/%,$(wildcard firmware/lib/*/*.cpp)) sim2d/lib/sim_hal/sim_hal.cpp
-FIRMWARE_FLAGS := -std=gnu++17 -I.pio/mavlink $(addprefix -I,$(wildcard firmware/lib/*)) -Isim2d/lib/sim_hal
-# The simulator with multibody and the side view, and Box2D's own sources.
-SIMULATOR_SOURCES := $(filter-out sim2d/lib/mujoco_car/%,$(wildcard sim2d/lib/*/*.cpp)) $(FIRMWARE_SOURCES)
 BOX2D = $(firstword $(wildcard .pio/libdeps/carsim/box2d .pio-core/lib/box2d))
-SIMULATOR_FLAGS = $(FIRMWARE_FLAGS) -DB2_USER_SETTINGS $(addprefix -I,$(wildcard sim2d/lib/*)) -isystem $(BOX2D)/include -isystem $(BOX2D)/src \
-  $(addprefix -isystem ,$(wildcard .pio/libdeps/carsim/nlohmann_json/include))
-FIRMWARE_HEADERS := $(wildcard firmware/lib/*/*.h sim2d/lib/sim_hal/*.h test/*.h)
 
 # Every header but the one that needs ArduinoJson, and where they find each other's; the board's find the tests' fakes.
 # What a source includes first compiles alone in every build; the board's sources are built behind each other.
@@ -70,8 +62,6 @@ HEADER_COMPILERS := g++ $(shell command -v clang++)
 .DEFAULT_GOAL := help
 .PHONY: help setup mujoco study pyramids fidelity advice synthetic scale test test-packages test-native headers test-host lint bench fuzz races fresh container-check clean wheel release lock system-packages platformio installed fuzz-packages check docs tidy determinism golden
 .DELETE_ON_ERROR:
-# Else make removes them as intermediate.
-.PRECIOUS: .pio/fuzz/obj/%.o
 
 help:
 	@echo 'make setup     install what is missing (system packages, .venv, PlatformIO) and build the simulator'
@@ -172,7 +162,7 @@ bench: setup mujoco .pio/bench/firmware_tick
 	.pio/bench/firmware_tick
 	$(BIN)/python bench/bench.py
 
-fuzz: fuzz-packages $(FUZZERS:%=.pio/fuzz/fuzz_%)
+fuzz: .pio/fuzz/built
 	@for fuzzer in $(FUZZERS); do mkdir -p .pio/fuzz/corpus/$$fuzzer .pio/fuzz/seeds/$$fuzzer; done
 	@$(BIN)/python test/fuzz/seeds.py .pio/fuzz/seeds
 	@for fuzzer in $(FUZZERS); do echo "$$fuzzer: $(FUZZ_S) s"; \
@@ -207,8 +197,7 @@ check: setup mujoco
 	@echo 'No sanitizer, no test and not clang-tidy finds a fault; $(MIN_COVERAGE) % of the C++ lines or more are run'
 
 tidy: setup fuzz-packages
-	@printf '%s\n' $(sort $(SIMULATOR_SOURCES) $(wildcard sim2d/src/*.cpp) sim2d/engines/carsim.cpp) | xargs -P 2 -n 4 \
-	  sh -c '$(CLANG_TIDY) --quiet "$$@" -- $(SIMULATOR_FLAGS) -Isim2d/src -I.pio/build_id/carsim -I.pio/firmware_id' sh
+	@$(BIN)/python tools/carsim_build.py check '$(CLANG_TIDY) --quiet'
 	@echo 'clang-tidy finds nothing'
 
 races: .pio/races/log_races
@@ -224,28 +213,16 @@ container-check:
 	@tools/install_system_packages.sh fresh
 	"$(PYTHON)" tools/container_check.py
 
-.pio/fuzz/obj/%.o: %.cpp $(FIRMWARE_HEADERS) $(wildcard sim2d/lib/*/*.h) | setup fuzz-packages
-	@mkdir -p $(@D)
-	$(CLANG) $(SIMULATOR_FLAGS) $(FUZZ_FLAGS) -c $< -o $@
+# One file stands for all: they share the simulator's objects.
+.pio/fuzz/built: $(CARSIM_SOURCES) $(wildcard test/fuzz/*) test/mavlink_host.h | setup fuzz-packages
+	$(BIN)/python tools/carsim_build.py programs $(@D) $(CLANG) '$(FUZZ_FLAGS) -fsanitize=fuzzer' $(FUZZERS:%=test/fuzz/fuzz_%.cpp)
+	@touch $@
 
-# In one go: make does not know Box2D's sources before they are there.
-.pio/fuzz/box2d.a: | setup fuzz-packages
-	@mkdir -p $(@D)/box2d
-	cd $(@D)/box2d && find ../../../$(BOX2D)/src -name '*.cpp' -print0 | xargs -0 -P 2 -n 8 $(CLANG) -std=c++17 -w \
-	  -DB2_USER_SETTINGS -I../../../sim2d/lib/box2d_settings -I../../../firmware/lib/elementary \
-	  -I../../../$(BOX2D)/include -I../../../$(BOX2D)/src $(FUZZ_FLAGS) -c && ar rcs ../box2d.a *.o
+.pio/races/log_races: $(CARSIM_SOURCES) $(wildcard test/races/* test/*.h) | setup
+	$(BIN)/python tools/carsim_build.py programs $(@D) $(CXX) '-O1 -g -fsanitize=thread' test/races/log_races.cpp
 
-$(addprefix .pio/fuzz/fuzz_,batch step design): $(SIMULATOR_SOURCES:%.cpp=.pio/fuzz/obj/%.o) .pio/fuzz/box2d.a
-.pio/fuzz/fuzz_%: test/fuzz/fuzz_%.cpp test/fuzz/lines.h $(FIRMWARE_SOURCES:%.cpp=.pio/fuzz/obj/%.o)
-	$(CLANG) $(SIMULATOR_FLAGS) $(FUZZ_FLAGS) -fsanitize=fuzzer $(sort $(filter %.cpp %.o,$^)) $(filter %.a,$^) -o $@
-
-.pio/races/log_races: test/races/log_races.cpp $(FIRMWARE_SOURCES) $(FIRMWARE_HEADERS) | setup
-	@mkdir -p $(@D)
-	$(CXX) $(FIRMWARE_FLAGS) -O1 -g -fsanitize=thread -pthread $(filter %.cpp,$^) -o $@
-
-.pio/bench/firmware_tick: bench/firmware_tick.cpp $(FIRMWARE_SOURCES) $(FIRMWARE_HEADERS) | setup
-	@mkdir -p $(@D)
-	$(CXX) $(FIRMWARE_FLAGS) -O2 $(filter %.cpp,$^) -o $@
+.pio/bench/firmware_tick: bench/firmware_tick.cpp $(CARSIM_SOURCES) $(wildcard test/*.h) | setup
+	$(BIN)/python tools/carsim_build.py programs $(@D) $(CXX) -O2 $<
 
 clean:
 	rm -rf .venv .pio .pio-core host/web/node_modules host/foldcar/bundles platformio.local.ini build dist .coverage* host/foldcar.egg-info .mypy_cache .ruff_cache .pytest_cache
@@ -312,7 +289,7 @@ $(CARSIM): $(CARSIM_SOURCES) | platformio
 # The native build writes the generated headers. Without Emscripten all but pages that drive works.
 $(CARSIM_WASM): $(CARSIM_SOURCES) | $(CARSIM)
 	@tools/install_system_packages.sh wasm || true
-	$(BIN)/python tools/carsim_build.py $(@D)
+	$(BIN)/python tools/carsim_build.py wasm $(@D)
 	@touch $@
 
 $(CARSIM_MUJOCO): $(CARSIM_SOURCES) tools/mujoco_library.py | platformio

@@ -20,12 +20,8 @@ int main() {
   Firmware firmware(board.hal(), "0123456789abcdef");
   firmware.begin({});
   MavlinkHost host;
-  board.link.incoming = host.set_parameter("TRIAL_MAX_S", 3600) + host.command(MAV_CMD_COMPONENT_ARM_DISARM, {1}) +
-                        host.command(MAV_CMD_FOLDCAR_START_TRIAL, {0.3f, 0.1f, 3600, 1, 1});
-  double mean_us = 0, slowest_us = 0;
-  for (int repetition = 0; repetition < kRepetitions; ++repetition) {
-    const auto start = std::chrono::steady_clock::now();
-    for (int tick = 0; tick < kTicks; ++tick) {
+  const auto run = [&](int ticks) {
+    for (int tick = 0; tick < ticks; ++tick) {
       if (tick % 10 == 0) board.link.incoming += host.heartbeat();
       board.clock.time_us += kTickUs;
       firmware.poll();
@@ -33,6 +29,17 @@ int main() {
       board.link.outgoing.clear();
       board.servos.writes.clear();
     }
+  };
+  // One after the other: each is answered before the next is asked for.
+  for (const std::string& request : {host.set_parameter("TRIAL_MAX_S", 3600), host.command(MAV_CMD_COMPONENT_ARM_DISARM, {1}),
+                                     host.command(MAV_CMD_FOLDCAR_START_TRIAL, {0.3f, 0.1f, 3600, 1, 1})}) {
+    board.link.incoming += request;
+    run(100);
+  }
+  double mean_us = 0, slowest_us = 0;
+  for (int repetition = 0; repetition < kRepetitions; ++repetition) {
+    const auto start = std::chrono::steady_clock::now();
+    run(kTicks);
     const std::chrono::duration<double, std::micro> elapsed = std::chrono::steady_clock::now() - start;
     mean_us += elapsed.count() / kTicks / kRepetitions;
     slowest_us = std::max(slowest_us, elapsed.count() / kTicks);

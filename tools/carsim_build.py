@@ -1,10 +1,12 @@
-"""Compiles carsim outside PlatformIO: its sources, flags and include folders, for WebAssembly and for other compilers.
+"""Compiles the simulator and the firmware outside PlatformIO: for WebAssembly, fuzzers, benchmarks and other compilers.
 
-Usage: carsim_build.py FOLDER    builds FOLDER/carsim.wasm with Emscripten (`make setup`)
+Usage: carsim_build.py wasm FOLDER                               builds FOLDER/carsim.wasm with Emscripten (`make setup`)
+       carsim_build.py programs FOLDER COMPILER FLAGS MAIN.cpp…  builds FOLDER/MAIN of each main file, with those flags
+       carsim_build.py check COMMAND                             runs COMMAND (clang-tidy, say) on each source of carsim
 
-The flags are those of platformio.ini's section [host]; carsim with PlatformIO must have been built, which fetches
-libraries and writes the generated headers. The module has no JavaScript of its own: host/foldcar/simulation/web/carsim.js
-loads it.
+The flags are those of platformio.ini's section [host] and the folders those that PlatformIO compiles (joined_sources.py);
+carsim must have been built with it, which fetches libraries and writes the generated headers. The WebAssembly module has
+no JavaScript of its own: host/foldcar/simulation/web/carsim.js loads it.
 """
 
 import configparser
@@ -21,9 +23,10 @@ ROOT = Path(__file__).resolve().parent.parent
 # Not of this program: the board's hardware, ArduinoJson, MuJoCo.
 OTHER_LIBRARIES = ("feather_hal", "design_json", "mujoco_car")
 # A port that is a terminal or a socket: not in a page.
-NATIVE_LIBRARIES = ("linked_car",)
+NATIVE_LIBRARY = "linked_car"
+CARSIM_ENGINES = ROOT / "sim2d/engines/carsim.cpp"
 # ccache, where it is installed, compiles once what is compiled again.
-EMCC = [*(["ccache"] if shutil.which("ccache") else []), "em++"]
+CCACHE = ["ccache"] if shutil.which("ccache") else []
 WASM_FLAGS = ("-O2", "-fwasm-exceptions")
 LINK_FLAGS = ("--no-entry", "-sSTANDALONE_WASM", "-sALLOW_MEMORY_GROWTH", "-sEXPORTED_FUNCTIONS=_malloc,_free")
 
@@ -39,30 +42,25 @@ def host_flags() -> list[str]:
     return [flag for flag in shlex.split(ini["host"]["build_flags"]) if not flag.startswith(("-O", "-I", "-W"))]
 
 
-def sources(without: Sequence[str] = ()) -> list[Path]:
-    """Return the sources of firmware, simulator and Box2D, but for the libraries named. Raises BuildError."""
-    skipped = (*OTHER_LIBRARIES, *without)
-    folders = [folder for base in ("firmware/lib", "sim2d/lib") for folder in sorted((ROOT / base).iterdir())]
-    files = files_in(folder for folder in folders if folder.name not in skipped)
+def library_folders() -> list[Path]:
+    """Return the folders of the libraries that carsim is made of: firmware, simulator, Box2D. Raises BuildError."""
     box2d = downloaded("box2d")
     if box2d is None:
         raise BuildError("Box2D is missing: make setup fetches it")
-    return files + sorted((box2d / "src").rglob("*.cpp"))
-
-
-def files_in(folders: Iterable[Path | str]) -> list[Path]:
-    """Return the C++ sources in these folders of the project."""
-    return [file for folder in folders for file in sorted((ROOT / folder).glob("*.cpp"))]
+    folders = [folder for base in ("firmware/lib", "sim2d/lib") for folder in sorted((ROOT / base).iterdir())]
+    folders = [folder for folder in folders if folder.name not in OTHER_LIBRARIES]
+    return [folder for folder in (*folders, *sorted((box2d / "src").iterdir())) if any(folder.glob("*.cpp"))]
 
 
 def include_options() -> list[str]:
     """Return the options that name all folders with headers."""
     folders = [*sorted((ROOT / "firmware/lib").iterdir()), *sorted((ROOT / "sim2d/lib").iterdir()), ROOT / "sim2d/src"]
     folders += [ROOT / ".pio/mavlink", ROOT / ".pio/build_id/carsim", ROOT / ".pio/firmware_id"]
-    for library in ("box2d", "nlohmann_json"):
-        folder = downloaded(library)
-        folders += [folder / "include", folder / "src"] if folder else []
-    return [f"-I{folder}" for folder in folders if folder.is_dir() and folder.name not in ("feather_hal", "mujoco_car")]
+    options = [f"-I{folder}" for folder in folders if folder.is_dir() and folder.name not in OTHER_LIBRARIES]
+    for library in (downloaded("box2d"), downloaded("nlohmann_json")):
+        if library is not None:
+            options += ["-isystem", str(library / "include"), "-isystem", str(library / "src")]
+    return options
 
 
 def downloaded(library: str) -> Path | None:
@@ -72,30 +70,36 @@ def downloaded(library: str) -> Path | None:
     return next((folder for folder in folders if folder.is_dir()), None)
 
 
-def compiled(compiler: Sequence[str], options: Sequence[str], files: Sequence[Path], folder: Path) -> list[str]:
-    """Compile the files into the folder, several at once. Returns the object files. Raises BuildError."""
+def joined_source(folder: Path) -> Path:
+    """Return a source that includes those of the folder, because most time goes into the headers that they share.
 
-    def compile_one(numbered: tuple[int, Path]) -> str:
-        number, source = numbered
-        result = str(folder / f"{number}.o")
-        run(*compiler, *options, "-c", str(source), "-o", result)
+    It is the same file for all builds, so that ccache knows it again, and written only if its content changes.
+    """
+    joined = ROOT / ".pio/joined" / f"{folder.parent.name}_{folder.name}.cpp"
+    text = "".join(f'#include "{file}"\n' for file in sorted(folder.glob("*.cpp")))
+    if not joined.is_file() or joined.read_text(encoding="utf-8") != text:
+        joined.parent.mkdir(parents=True, exist_ok=True)
+        # Whole at every moment: another build may read it.
+        new = joined.with_suffix(f".{os.getpid()}")
+        new.write_text(text, encoding="utf-8")
+        new.replace(joined)
+    return joined
+
+
+def compiled(command: Sequence[str], files: Iterable[Path], folder: Path) -> list[str]:
+    """Compile files, several at once, into the folder by a compiler's command with its options.
+
+    Returns the object files. Raises BuildError.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+
+    def compile_one(source: Path) -> str:
+        result = str(folder / f"{source.parent.name}_{source.stem}.o")
+        run(*command, "-c", str(source), "-o", result)
         return result
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        return list(pool.map(compile_one, enumerate(files)))
-
-
-def joined(files: Sequence[Path], folder: Path) -> list[Path]:
-    """Write a source for each folder of ``files`` that includes them all, because most time goes into their headers."""
-    by_folder: dict[Path, list[Path]] = {}
-    for file in files:
-        by_folder.setdefault(file.parent, []).append(file)
-    results = []
-    for number, group in enumerate(by_folder.values()):
-        result = folder / f"{number}_{group[0].parent.name}.cpp"
-        result.write_text("".join(f'#include "{file}"\n' for file in group), encoding="utf-8")
-        results.append(result)
-    return results
+        return list(pool.map(compile_one, files))
 
 
 def run(*command: str) -> None:
@@ -107,35 +111,64 @@ def run(*command: str) -> None:
     except FileNotFoundError as error:
         raise BuildError(f"{command[0]} is not installed") from error
     if result.returncode != 0:
-        raise BuildError(f"{' '.join(command[-4:])}: {result.stderr[-2000:]}")
+        raise BuildError(f"{' '.join(command[-4:])}: {result.stdout[-2000:]}{result.stderr[-2000:]}")
 
 
 def build_wasm(folder: Path) -> Path:
     """Build carsim.wasm in the folder. Raises BuildError."""
-    objects = folder / "obj"
-    objects.mkdir(parents=True, exist_ok=True)
-    files = [*sources(NATIVE_LIBRARIES), ROOT / "sim2d/src/tables.cpp", *files_in(["sim2d/engines"])]
-    files = [file for file in files if file.name != "mujoco.cpp"]
+    folders = [library for library in library_folders() if library.name != NATIVE_LIBRARY]
+    files = [*map(joined_source, folders), ROOT / "sim2d/src/tables.cpp", CARSIM_ENGINES, ROOT / "sim2d/engines/wasm.cpp"]
     options = [flag for flag in host_flags() if flag != "-pthread"] + [*WASM_FLAGS, *include_options()]
     if downloaded("nlohmann_json") is None:
         # The system's, without the C library's headers beside it.
         link = folder / "include" / "nlohmann"
-        link.parent.mkdir(exist_ok=True)
+        link.parent.mkdir(parents=True, exist_ok=True)
         if not link.exists():
             link.symlink_to("/usr/include/nlohmann")
         options.append(f"-I{link.parent}")
     made = folder / "carsim.wasm"
-    run("em++", *WASM_FLAGS, *LINK_FLAGS, *compiled(EMCC, options, joined(files, objects), objects), "-o", str(made))
+    objects = compiled([*CCACHE, "em++", *options], files, folder / "obj")
+    run("em++", *WASM_FLAGS, *LINK_FLAGS, *objects, "-o", str(made))
     return made
 
 
-def main(folder: Path) -> int:
-    """Build; a missing compiler is no error, because everything but pages works without. Returns the exit code."""
-    if shutil.which("em++") is None:
-        print("carsim.wasm is not built: Emscripten is missing. Reports cannot drive; all else works.", file=sys.stderr)
-        return 0
+def build_programs(folder: Path, compiler: str, flags: str, mains: Sequence[Path]) -> None:
+    """Build a program of each main file with the whole simulator; -fsanitize=fuzzer is for linking. Raises BuildError."""
+    words = shlex.split(flags)
+    command = [*CCACHE, compiler, *host_flags(), *include_options(), *(w for w in words if w != "-fsanitize=fuzzer")]
+    libraries = compiled(command, [*map(joined_source, library_folders()), CARSIM_ENGINES], folder / "obj")
+    for main in mains:
+        (own,) = compiled(command, [main], folder / "obj")
+        run(compiler, "-pthread", *words, own, *libraries, "-o", str(folder / main.stem))
+
+
+def check_sources(command: str) -> int:
+    """Run a command, with the compiler's options behind "--", on each source of ours; return the largest exit code."""
+    folders = [folder for folder in library_folders() if "box2d" not in folder.parts] + [ROOT / "sim2d/src"]
+    files = [file for folder in folders for file in sorted(folder.glob("*.cpp"))]
+
+    def check(file: Path) -> int:
+        options = [*host_flags(), *include_options()]
+        return subprocess.run([*shlex.split(command), str(file), "--", *options], check=False).returncode
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        return max(pool.map(check, [*files, CARSIM_ENGINES]))
+
+
+def main(words: Sequence[str]) -> int:
+    """Run the command line; returns the exit code. Without Emscripten it is 0, because everything but pages works."""
     try:
-        print(f"{build_wasm(folder)}: {(folder / 'carsim.wasm').stat().st_size} bytes")
+        if words[0] == "check":
+            return check_sources(words[1])
+        if words[0] == "programs":
+            build_programs(Path(words[1]).absolute(), words[2], words[3], [Path(word).absolute() for word in words[4:]])
+        elif shutil.which("em++") is not None:
+            made = build_wasm(Path(words[1]).absolute())
+            print(f"{made}: {made.stat().st_size} bytes")
+        else:
+            print(
+                "carsim.wasm is not built: Emscripten is missing. Reports cannot drive; all else works.", file=sys.stderr
+            )
     except BuildError as error:
         print(f"carsim_build: error: {error}", file=sys.stderr)
         return 2
@@ -143,4 +176,4 @@ def main(folder: Path) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(Path(sys.argv[1])))
+    sys.exit(main(sys.argv[1:]))

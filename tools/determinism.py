@@ -21,7 +21,17 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from carsim_build import ROOT, BuildError, compiled, files_in, host_flags, include_options, run, sources
+from carsim_build import (
+    CARSIM_ENGINES,
+    ROOT,
+    BuildError,
+    compiled,
+    host_flags,
+    include_options,
+    joined_source,
+    library_folders,
+    run,
+)
 
 CARSIM = ROOT / ".pio/build/carsim/program"
 INPUT = ROOT / "test/determinism/golden_input.jsonl"
@@ -63,8 +73,9 @@ def difference(expected: str, got: str) -> str:
 def build(compiler: str, level: str, folder: Path, numerics: bool) -> list[str]:
     """Build carsim into the folder with, say, "clang++", "O1". Returns its command. Raises BuildError."""
     program = folder / "carsim"
-    files = files_in(NUMERICS) if numerics else [*sources(), *files_in(["sim2d/src"]), ROOT / "sim2d/engines/carsim.cpp"]
-    objects = compiled([compiler], [*host_flags(), f"-{level}", *include_options()], files, folder)
+    folders = [ROOT / name for name in NUMERICS] if numerics else [*library_folders(), ROOT / "sim2d/src"]
+    files = [*map(joined_source, folders), *([] if numerics else [CARSIM_ENGINES])]
+    objects = compiled([compiler, *host_flags(), f"-{level}", *include_options()], files, folder)
     if numerics:
         objects += [str(file) for file in sorted((CARSIM.parent / "sim2d").rglob("*.o"))]
         archives = sorted(str(file) for file in CARSIM.parent.glob("lib*/lib*.a"))

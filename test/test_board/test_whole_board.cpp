@@ -11,13 +11,13 @@ using namespace foldcar;
 
 static constexpr const char* kBuild = "00112233445566ff";
 
-struct Car {
+struct WholeBoard {
   FeatherBench bench;
   Firmware firmware{bench.hal.hal(), kBuild};
   MavlinkHost host;
 
   // Reading car.json needs ArduinoJson (test_flash.cpp): a file system counts as one with a design.
-  explicit Car(bool flash_is_formatted = true) : bench(true) {
+  explicit WholeBoard(bool flash_is_formatted = true) : bench(true) {
     fake_esp32.flash.is_formatted = flash_is_formatted;
     bench.begin();
     DesignResult design;
@@ -53,7 +53,7 @@ struct Car {
 
 // Full speed is 200 µs from neutral, mirrored on the right; the four wheels of the default parameters use outputs 0 to 3.
 TEST(a_trial_asked_for_over_usb_drives_the_outputs_until_the_host_is_silent) {
-  Car car;
+  WholeBoard car;
   car.start_trial(0.0f);
   for (int i = 0; i < 4; ++i) car.run(200, car.host.heartbeat());
   const float expected_us[] = {1700.0f, 1300.0f, 1700.0f, 1300.0f, 0.0f, 0.0f, 0.0f, 0.0f};
@@ -68,7 +68,7 @@ TEST(a_trial_asked_for_over_usb_drives_the_outputs_until_the_host_is_silent) {
 }
 
 TEST(an_untethered_trial_leaves_a_log_in_flash) {
-  Car car;
+  WholeBoard car;
   car.start_trial(1.0f);
   car.run(5200);
   TEST_ASSERT_TRUE(car.firmware.application().trial_end() == TrialEnd::kTimeLimit);
@@ -80,7 +80,7 @@ TEST(an_untethered_trial_leaves_a_log_in_flash) {
 }
 
 TEST(a_flash_that_does_not_mount_is_told_and_keeps_the_car_disarmed) {
-  Car car(false);
+  WholeBoard car(false);
   car.run(1100, car.host.heartbeat());
   TEST_ASSERT_EQUAL_STRING("fault: flash memory cannot be read", car.host.texts().front().c_str());
   const auto beats = car.host.all<mavlink_heartbeat_t>(MAVLINK_MSG_ID_HEARTBEAT, mavlink_msg_heartbeat_decode);

@@ -21,12 +21,6 @@ constexpr double kFieldBase_m = 0.2;   // thickness of a height field below its 
 // MuJoCo refuses a height field without elevation.
 constexpr double kLeastRise_m = 1e-6;
 
-void set(double* to, double x, double y, double z) {
-  to[0] = x;
-  to[1] = y;
-  to[2] = z;
-}
-
 // A geom that collides with the car only.
 mjsGeom& ground_geom(mjSpec* spec, mjtGeom type, const std::string& name, const float (&colour)[4]) {
   mjsGeom& geom = *mjs_addGeom(mjs_findBody(spec, "world"), nullptr);
@@ -40,8 +34,8 @@ mjsGeom& ground_geom(mjSpec* spec, mjtGeom type, const std::string& name, const 
 
 void add_box(mjSpec* spec, const BlockSpec& block, const std::string& name) {
   mjsGeom& box = ground_geom(spec, mjGEOM_BOX, name, kPieceColour);
-  set(box.size, 0.5 * block.length_m, 0.5 * block.width_m, 0.5 * (block.height_m + kSunk_m));
-  set(box.pos, block.x_m, block.y_m, block.height_m - box.size[2]);
+  set_vector(box.size, 0.5 * block.length_m, 0.5 * block.width_m, 0.5 * (block.height_m + kSunk_m));
+  set_vector(box.pos, block.x_m, block.y_m, block.height_m - box.size[2]);
   set_heading(box.quat, block.heading_rad);
 }
 
@@ -61,7 +55,7 @@ void add_ramp(mjSpec* spec, const BlockSpec& ramp, const std::string& name) {
   mjs_setFloat(mesh.uservert, corners.data(), static_cast<int>(corners.size()));
   mjsGeom& geom = ground_geom(spec, mjGEOM_MESH, name, kPieceColour);
   mjs_setString(geom.meshname, name.c_str());
-  set(geom.pos, ramp.x_m, ramp.y_m, 0);
+  set_vector(geom.pos, ramp.x_m, ramp.y_m, 0);
   set_heading(geom.quat, ramp.heading_rad);
 }
 
@@ -69,8 +63,8 @@ void add_ramp(mjSpec* spec, const BlockSpec& ramp, const std::string& name) {
 void add_half_round(mjSpec* spec, const BlockSpec& block, const std::string& name) {
   const double radius_m = arc_radius_m(block);
   mjsGeom& geom = ground_geom(spec, mjGEOM_CYLINDER, name, kPieceColour);
-  set(geom.size, radius_m, 0.5 * block.width_m, 0);
-  set(geom.pos, block.x_m, block.y_m, block.height_m - radius_m);
+  set_vector(geom.size, radius_m, 0.5 * block.width_m, 0);
+  set_vector(geom.pos, block.x_m, block.y_m, block.height_m - radius_m);
   // A quarter turn about x lays the cylinder across; then the heading.
   const double half_rad = 0.5 * block.heading_rad, r = std::sqrt(0.5);
   set_quaternion(geom.quat, r * cosine(half_rad), r * cosine(half_rad), r * sine(half_rad),
@@ -97,7 +91,7 @@ void add_height_field(mjSpec* spec, const HeightGrid& grid) {
   mjs_setFloat(field.userdata, rise.data(), static_cast<int>(rise.size()));
   mjsGeom& geom = ground_geom(spec, mjGEOM_HFIELD, "ground", kFloorColour);
   mjs_setString(geom.hfieldname, "ground");
-  set(geom.pos, x_m, y_m, low_m);
+  set_vector(geom.pos, x_m, y_m, low_m);
   const double far_m = kFloorReach_m;
   const struct { const char* name; double x0, x1, y0, y1; } around[] = {
       {"floor_back", -far_m, grid.x_min_m, -far_m, far_m},
@@ -107,8 +101,8 @@ void add_height_field(mjSpec* spec, const HeightGrid& grid) {
   };
   for (const auto& floor : around) {
     mjsGeom& box = ground_geom(spec, mjGEOM_BOX, floor.name, kFloorColour);
-    set(box.size, 0.5 * (floor.x1 - floor.x0), 0.5 * (floor.y1 - floor.y0), 0.5 * kFloorDepth_m);
-    set(box.pos, 0.5 * (floor.x0 + floor.x1), 0.5 * (floor.y0 + floor.y1), -0.5 * kFloorDepth_m);
+    set_vector(box.size, 0.5 * (floor.x1 - floor.x0), 0.5 * (floor.y1 - floor.y0), 0.5 * kFloorDepth_m);
+    set_vector(box.pos, 0.5 * (floor.x0 + floor.x1), 0.5 * (floor.y0 + floor.y1), -0.5 * kFloorDepth_m);
   }
 }
 
@@ -117,7 +111,7 @@ void add_height_field(mjSpec* spec, const HeightGrid& grid) {
 void add_mujoco_ground(mjSpec* spec, const SceneSpec& scene, const Terrain& terrain) {
   const HeightGrid grid = terrain.ground() == nullptr ? HeightGrid{} : height_grid(*terrain.ground(), scene.course);
   if (grid.z_m.empty()) {
-    set(ground_geom(spec, mjGEOM_PLANE, "floor", kFloorColour).size, 0, 0, 1);
+    set_vector(ground_geom(spec, mjGEOM_PLANE, "floor", kFloorColour).size, 0, 0, 1);
   } else {
     add_height_field(spec, grid);
   }

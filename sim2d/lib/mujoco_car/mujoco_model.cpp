@@ -18,17 +18,11 @@ constexpr double kImpedanceRatio = 10;
 constexpr float kCarColour[] = {0.1F, 0.45F, 0.7F, 0.6F};
 constexpr float kTyreColour[] = {0.2F, 0.2F, 0.2F, 1};
 
-void set(double* to, double x, double y, double z) {
-  to[0] = x;
-  to[1] = y;
-  to[2] = z;
-}
-
 void set_inertia(mjsBody& body, double mass_kg, double x_m, double y_m, double z_m, double xx, double yy, double zz) {
   body.explicitinertial = 1;
   body.mass = mass_kg;
-  set(body.ipos, x_m, y_m, z_m);
-  set(body.inertia, xx, yy, zz);
+  set_vector(body.ipos, x_m, y_m, z_m);
+  set_vector(body.inertia, xx, yy, zz);
 }
 
 // Adds a massless geom of the car to a body. Bits and priority: it collides with the ground only, and its own friction
@@ -52,8 +46,8 @@ void add_hinge(mjsBody* rear, const std::string& name, const HingeSpec& spec) {
   mjsJoint& joint = *mjs_addJoint(rear, nullptr);
   mjs_setName(joint.element, name.c_str());
   joint.type = mjJNT_HINGE;
-  set(joint.axis, 0, 1, 0);
-  set(joint.pos, spec.x_m, 0, spec.z_m);
+  set_vector(joint.axis, 0, 1, 0);
+  set_vector(joint.pos, spec.x_m, 0, spec.z_m);
   joint.limited = mjLIMITED_TRUE;
   joint.range[0] = spec.min_rad;
   joint.range[1] = spec.max_rad;
@@ -68,14 +62,14 @@ void add_wheel(mjsBody* of, const BodySpec& body, const WheelSpec& spec, double 
   mjsBody* wheel = mjs_addBody(of, nullptr);
   mjs_setName(wheel->element, name.c_str());
   const double side = spec.side == CarSide::kLeft ? 1 : -1;
-  set(wheel->pos, spec.x_m, 0.5 * side * body.track_m, 0);
+  set_vector(wheel->pos, spec.x_m, 0.5 * side * body.track_m, 0);
   // A turn about the car's x leans tops to the right.
   const double lean_rad = -side * spec.camber_rad;
   set_quaternion(wheel->quat, cosine(0.5 * lean_rad), sine(0.5 * lean_rad), 0, 0);
   mjsJoint& axle = *mjs_addJoint(wheel, nullptr);
   mjs_setName(axle.element, (name + "_axle").c_str());
   axle.type = mjJNT_HINGE;
-  set(axle.axis, 0, 1, 0);
+  set_vector(axle.axis, 0, 1, 0);
   axle.armature = spec.servo.rotor_inertia_kg_m2;
   const double x_m = spec.eccentricity_m * cosine(spec.eccentricity_phase_rad);
   const double z_m = spec.eccentricity_m * sine(spec.eccentricity_phase_rad);
@@ -84,15 +78,15 @@ void add_wheel(mjsBody* of, const BodySpec& body, const WheelSpec& spec, double 
   const double across = 0.5 * spin + spec.mass_kg * spec.width_m * spec.width_m / 12;
   set_inertia(*wheel, spec.mass_kg, x_m, 0, z_m, across, spin, across);
   mjsGeom& tyre = car_geom(wheel, name + "_tyre", friction * spec.grip, spec.contact_time_s, kTyreColour);
-  set(tyre.pos, x_m, 0, z_m);
+  set_vector(tyre.pos, x_m, 0, z_m);
   if (shape == TyreShape::kCylinder) {
     tyre.type = mjGEOM_CYLINDER;
-    set(tyre.size, spec.radius_m, 0.5 * spec.width_m, 0);
+    set_vector(tyre.size, spec.radius_m, 0.5 * spec.width_m, 0);
     // The cylinder's axis, its z, along the car's y.
     set_quaternion(tyre.quat, -std::sqrt(0.5), std::sqrt(0.5), 0, 0);
   } else {
     tyre.type = mjGEOM_ELLIPSOID;
-    set(tyre.size, spec.radius_m, 0.5 * spec.width_m, spec.radius_m);
+    set_vector(tyre.size, spec.radius_m, 0.5 * spec.width_m, spec.radius_m);
   }
 }
 
@@ -135,8 +129,8 @@ void add_car(mjSpec* spec, const BodySpec& body, const SceneSpec& scene, TyreSha
                 segment.pitch_inertia_kg_m2, segment.yaw_inertia_kg_m2);
     mjsGeom& belly = car_geom(part, name + "_belly", scene.friction * segment.grip, kContactTime_s, kCarColour);
     belly.type = mjGEOM_BOX;
-    set(belly.size, 0.5 * segment.length_m, 0.5 * segment.width_m, 0.5 * segment.height_m);
-    set(belly.pos, segment.x_m, 0, segment.center_z_m);
+    set_vector(belly.size, 0.5 * segment.length_m, 0.5 * segment.width_m, 0.5 * segment.height_m);
+    set_vector(belly.pos, segment.x_m, 0, segment.center_z_m);
     for (const WheelSpec& wheel : body.wheels) {
       if (static_cast<std::size_t>(wheel.segment) == i) add_wheel(part, body, wheel, scene.friction, shape);
     }
@@ -159,7 +153,7 @@ std::unique_ptr<mjSpec, DeleteSpec> mujoco_spec(const BodySpec& body, const Scen
   spec->compiler.inertiafromgeom = mjINERTIAFROMGEOM_FALSE;
   spec->compiler.usethread = 0;
   spec->option.timestep = options.step_s;
-  set(spec->option.gravity, 0, 0, -kGravity_m_s2);
+  set_vector(spec->option.gravity, 0, 0, -kGravity_m_s2);
   spec->option.integrator = mjINT_IMPLICITFAST;
   spec->option.cone = mjCONE_ELLIPTIC;
   spec->option.impratio = kImpedanceRatio;

@@ -1,9 +1,15 @@
-// Writes quaternions (w, x, y, z) into MuJoCo's arrays.
+// Writes vectors and quaternions (w, x, y, z) into MuJoCo's arrays.
 #pragma once
 
 #include "elementary_functions.h"
 
 namespace foldcar {
+
+inline void set_vector(double* to, double x, double y, double z) {
+  to[0] = x;
+  to[1] = y;
+  to[2] = z;
+}
 
 inline void set_quaternion(double* to, double w, double x, double y, double z) {
   to[0] = w;

@@ -14,7 +14,7 @@ namespace {
 
 constexpr double kRadius_m = 0.06;
 
-struct Drive : DriveOf<MultibodyCar, StepOptions> {
+struct LeaningDrive : DriveOf<MultibodyCar, StepOptions> {
   using DriveOf::DriveOf;
   // The car's origin at that place, rolled by lean_rad, with the body at these rates: v of the origin (world), roll.
   void set(const Vec3& at_m, double lean_rad, const Vec3& velocity_m_s, double roll_rad_s) {
@@ -70,7 +70,7 @@ Vec3 angular_momentum(const BodySpec& body, const CarDynamics& car) {
 // Thrown with all three rates it tumbles: in the world the angular momentum keeps its size and direction, and the energy
 // stays, whatever the rates in its own axes do.
 TEST(test_in_the_air_it_tumbles_with_constant_angular_momentum_and_energy) {
-  Drive drive(study_car(0.08), scene_of({}, 0.6), kNoPulses);
+  LeaningDrive drive(study_car(0.08), scene_of({}, 0.6), kNoPulses);
   drive.set({0, 0, 2}, 0.3, {0.5, 0.2, 2.5}, 4);
   CarDynamics& car = drive.car.dynamics();
   car.velocity[4] = 3;
@@ -94,7 +94,7 @@ TEST(test_it_falls_back_from_a_lean_in_the_time_of_a_rigid_body_on_its_edge) {
     const BodySpec body = study_car(0.08);
     const AcrossPlane plane(body);
     const double from_rad = 0.62, expected_s = plane.falling_back_s(from_rad);
-    Drive drive(body, scene_of({}, 2), kNoPulses);
+    LeaningDrive drive(body, scene_of({}, 2), kNoPulses);
     drive.set({0, 0, kRadius_m * std::cos(from_rad) + plane.edge_m * std::sin(from_rad)}, side * from_rad, {}, 0);
     double taken_s = 0;
     while (side * drive.run(drive.step_s).roll_rad > 0.003 && taken_s < 1) taken_s += drive.step_s;
@@ -144,7 +144,7 @@ TEST(test_landing_on_a_leaning_sides_wheels_is_a_rigid_bodys_impact) {
       for (const double time_s : {0.017, 0.034}) {
         const double expected = roll_rate_after_landing_rad_s(body, lean_rad, before_rad_s, friction, time_s);
         for (const double side : {1.0, -1.0}) {
-          Drive drive(body, scene_of({}, friction), kNoPulses);
+          LeaningDrive drive(body, scene_of({}, friction), kNoPulses);
           const Vec3 up = rotation_by({side * lean_rad, 0, 0}).up;
           const Vec3 velocity = cross({-side * before_rad_s, 0, 0}, (plane.height_m - kRadius_m) * up);
           drive.set({0, 0, kRadius_m * std::cos(lean_rad) + a_m * std::sin(lean_rad)}, side * lean_rad, velocity,

@@ -1,6 +1,7 @@
-"""Saves a figure atomically in the format of its file's suffix."""
+"""Saves a figure atomically in the formats of its files' suffixes."""
 
 import io
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,9 @@ from foldcar.outputs import atomic_file
 # Metadata to leave out, because they would make two drawings of the same data differ.
 UNDATED: dict[str, dict[str, Any]] = {".png": {}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
 
+# Around what is drawn.
+PADDING_IN = 0.08
+
 
 def check_format(file: Path) -> None:
     """Raise FoldcarError unless the file's suffix is that of a supported format."""
@@ -20,22 +24,29 @@ def check_format(file: Path) -> None:
         raise FoldcarError(f"{file}: a picture's name ends in one of {', '.join(UNDATED)}")
 
 
-def save_figure(figure: Any, file: Path, dpi: int | None = None, colours: int | None = None) -> None:
-    """Save a matplotlib figure to ``file`` (.png, .svg or .pdf). Raises FoldcarError.
+def save_figure(figure: Any, files: Sequence[Path], dpi: int | None = None, colours: int | None = None) -> None:
+    """Save a matplotlib figure to each of ``files`` (.png, .svg or .pdf). Raises FoldcarError.
 
     ``dpi``: pixels per inch, by default the style's. ``colours`` limits a PNG's colours, which makes the file smaller.
     """
-    check_format(file)
-    suffix = file.suffix.lower()
-    options: dict[str, Any] = {} if dpi is None else {"dpi": dpi}
-    options |= {"format": suffix[1:], "metadata": UNDATED[suffix], "bbox_inches": "tight", "pad_inches": 0.08}
-    with drawing_style(), atomic_file(file) as binary:
-        if colours is None or suffix != ".png":
-            figure.savefig(binary, **options)
-        else:
-            drawn = io.BytesIO()
-            figure.savefig(drawn, **options)
-            _with_fewer_colours(drawn, colours).save(binary, format="PNG", optimize=True)
+    for file in files:
+        check_format(file)
+    with drawing_style():
+        # Once for all files, because it takes as long as drawing.
+        figure.draw_without_rendering()
+        edges_in = figure.get_tightbbox().padded(PADDING_IN)
+        figure.set_layout_engine("none")
+        for file in files:
+            suffix = file.suffix.lower()
+            options: dict[str, Any] = {} if dpi is None else {"dpi": dpi}
+            options |= {"format": suffix[1:], "metadata": UNDATED[suffix], "bbox_inches": edges_in}
+            with atomic_file(file) as binary:
+                if colours is None or suffix != ".png":
+                    figure.savefig(binary, **options)
+                else:
+                    drawn = io.BytesIO()
+                    figure.savefig(drawn, **options)
+                    _with_fewer_colours(drawn, colours).save(binary, format="PNG", optimize=True)
 
 
 def _with_fewer_colours(drawn: io.BytesIO, colours: int) -> Image.Image:

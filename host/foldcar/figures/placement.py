@@ -69,7 +69,7 @@ def draw_placement(
         if scene["terrain"]:
             figure.colorbar(scale, ax=axes, label="height (mm)", shrink=0.7, aspect=25)
         figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=4)
-        save_figure(figure, file)
+        save_figure(figure, [file])
 
 
 def _draw_car(axes: Any, start: Mapping[str, float], length_m: float, width_m: float) -> None:

@@ -58,7 +58,7 @@ def draw_run(
         if scene["terrain"]:
             figure.colorbar(scale, ax=above, label="height (mm)", shrink=0.8, aspect=20, location="left")
         _fit_height(figure, side, above)
-        save_figure(figure, file)
+        save_figure(figure, [file])
 
 
 def poses_to_draw(distances_m: Sequence[float], spacing_m: float) -> list[int]:

@@ -78,7 +78,7 @@ def draw_environment(scenes: Sequence[Mapping[str, Any]], file: Path, heights: H
         places, names = views[0].get_legend_handles_labels()
         tracks, track_names = profiles[0].get_legend_handles_labels()
         figure.legend(places + tracks, names + track_names, loc="outside lower center", ncols=4)
-        save_figure(figure, file, DPI, COLOURS)
+        save_figure(figure, [file], DPI, COLOURS)
 
 
 def _draw_profile(axes: Axes, scene: Mapping[str, Any], heights: Heights) -> None:

@@ -98,5 +98,4 @@ def _save_figures(planned: Iterable[Drawing], folder: Path) -> None:
     with drawing_style(), threadpool_limits(1):
         for drawing in planned:
             figure = drawing.draw()
-            for suffix in UNDATED:
-                save_figure(figure, folder / f"{drawing.name}{suffix}")
+            save_figure(figure, [folder / f"{drawing.name}{suffix}" for suffix in UNDATED])

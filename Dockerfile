@@ -10,7 +10,7 @@ RUN make -C /foldcar wheel
 FROM debian:bookworm-slim
 COPY --from=build /foldcar/dist /foldcar/dist
 COPY --from=build /foldcar/tools/install_system_packages.sh /foldcar/tools/install_wheel.sh /foldcar/tools/
-COPY --from=build /foldcar/host/requirements.txt /foldcar/host/
+COPY --from=build /foldcar/host/requirements.txt /foldcar/host/requirements-dev.txt /foldcar/host/
 RUN /foldcar/tools/install_wheel.sh /foldcar/dist/*linux*.whl /opt/foldcar '[all]' \
   && rm -rf /foldcar /root/.cache /var/lib/apt/lists/*
 RUN useradd --create-home foldcar && mkdir /work && chown foldcar /work

@@ -20,8 +20,9 @@ export npm_config_cache := $(XDG_CACHE_HOME)/npm
 export PATH := /usr/lib/ccache:$(PATH)
 export CCACHE_DIR ?= $(CURDIR)/.pio/ccache
 
-# What is installed: every package with its version and hashes.
+# What is installed: every package with its version and hashes. EXTRAS_LOCK has what LOCK has not.
 LOCK := host/requirements.txt
+EXTRAS_LOCK := host/requirements-dev.txt
 RELEASE_LOCK := host/requirements-release.txt
 
 CARSIM := .pio/build/carsim/program
@@ -60,11 +61,12 @@ HEADER_FLAGS := -fsyntax-only -std=gnu++17 -Wall -Wextra -Werror -pthread -DUNIT
 HEADER_COMPILERS := g++ $(shell command -v clang++)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup mujoco study pyramids fidelity advice synthetic scale test test-packages test-native headers test-host lint bench fuzz races fresh container-check clean wheel release lock system-packages platformio installed fuzz-packages check docs tidy determinism golden
+.PHONY: help setup extras mujoco study pyramids fidelity advice synthetic scale test test-packages test-native headers test-host lint bench fuzz races fresh container-check clean wheel release lock system-packages platformio installed fuzz-packages check docs tidy determinism golden
 .DELETE_ON_ERROR:
 
 help:
 	@echo 'make setup     install what is missing (system packages, .venv, PlatformIO) and build the simulator'
+	@echo 'make extras    install what else foldcar uses (Dask, Parquet) and what the tests need'
 	@echo 'make mujoco    set up and build carsim with MuJoCo, for --engine mujoco'
 	@echo 'make study     set up, run the width study and write its report to out/$(STUDY)'
 	@echo 'make test      set up and run every test'
@@ -90,9 +92,12 @@ help:
 
 setup: $(CARSIM) $(CARSIM_WASM) $(BUNDLES)
 
+extras: .venv/extras
+
 mujoco: $(CARSIM_MUJOCO)
 
-study: setup
+study:
+	@$(MAKE) --no-print-directory -j 2 setup
 	@mkdir -p out
 	$(BIN)/foldcar sweep scenarios/$(STUDY).json --store out/$(STUDY).db
 	$(BIN)/foldcar report out/$(STUDY).db -o out/$(STUDY)
@@ -133,7 +138,7 @@ test: test-packages
 test-packages:
 	@tools/install_system_packages.sh tests
 
-lint: .venv/installed .pio/types/numpy
+lint: .venv/extras .pio/types/numpy
 	$(BIN)/ruff check host tools test $(wildcard bench)
 	$(BIN)/mypy host/foldcar tools/*.py $(wildcard bench/*.py)
 
@@ -232,15 +237,21 @@ system-packages:
 	@tools/install_system_packages.sh
 
 # uv needs a fraction of pip's time; pip stays for where packages come from a place that only its own settings name.
+install = $(BIN)/uv pip install --quiet --python $(BIN)/python $(if $(PIP_INDEX_URL),--index-url $(PIP_INDEX_URL)) --no-deps --require-hashes -r $(1) || \
+  $(BIN)/pip install --quiet --no-deps --require-hashes -r $(1)
+
 .venv/installed: pyproject.toml $(LOCK) | system-packages
 	@"$(PYTHON)" -c 'import sys; sys.exit(sys.version_info < (3, 10))' || { \
 	  echo 'make: PYTHON=$(PYTHON) is missing or older than Python 3.10; name a newer one' >&2; exit 2; }
 	"$(PYTHON)" -m venv .venv
 	sed -n '/^uv==/,/[^\\]$$/p' $(LOCK) >.venv/uv.txt
 	$(BIN)/pip install --quiet --no-deps --require-hashes -r .venv/uv.txt
-	$(BIN)/uv pip install --quiet --python $(BIN)/python $(if $(PIP_INDEX_URL),--index-url $(PIP_INDEX_URL)) --no-deps --require-hashes -r $(LOCK) || \
-	  $(BIN)/pip install --quiet --no-deps --require-hashes -r $(LOCK)
+	$(call install,$(LOCK))
 	$(BIN)/pip install --quiet --no-deps --no-build-isolation --editable .
+	@touch $@
+
+.venv/extras: $(EXTRAS_LOCK) | .venv/installed
+	$(call install,$(EXTRAS_LOCK))
 	@touch $@
 
 $(BUNDLES): tools/web_bundles.py host/web/package-lock.json host/web/package.json $(shell find host/foldcar -path '*/web*' -not -name '*.html') \
@@ -252,15 +263,18 @@ docs: .pio/release/installed
 	NO_MKDOCS_2_WARNING=1 .pio/release/bin/mkdocs build --strict --quiet --config-file tools/mkdocs.yml
 	@echo "The site is $(CURDIR)/out/site/index.html; with search: $(BIN)/python -m http.server --directory out/site"
 
-# One lock for every supported Python; what it names stays as it is where it still fits (LOCK_FLAGS=--upgrade renews it).
+# For every supported Python; what it names stays as it is where it still fits (LOCK_FLAGS=--upgrade renews it).
+compile = $(BIN)/uv pip compile --universal --python-version 3.10 --generate-hashes --no-emit-index-url --no-annotate \
+  --custom-compile-command 'make lock' --quiet $(LOCK_FLAGS)
 lock: .venv/installed
-	$(BIN)/uv pip compile --universal --python-version 3.10 --generate-hashes --no-emit-index-url \
-	  --no-annotate --custom-compile-command 'make lock' --quiet $(LOCK_FLAGS) --extra dev pyproject.toml -o $(LOCK)
-	$(BIN)/uv pip compile --universal --python-version 3.10 --generate-hashes --no-emit-index-url --no-annotate \
-	  --custom-compile-command 'make lock' --quiet $(LOCK_FLAGS) --group pyproject.toml:release -o $(RELEASE_LOCK)
+	$(compile) --extra make pyproject.toml -o $(LOCK)
+	$(compile) --extra dev --constraint $(LOCK) pyproject.toml -o $(EXTRAS_LOCK)
+	awk 'NR == FNR { locked[$$0]; next } /^[a-z]/ { is_new = !($$0 in locked) } /^#/ || is_new' $(LOCK) $(EXTRAS_LOCK) >.pio/lock.txt
+	mv .pio/lock.txt $(EXTRAS_LOCK)
+	$(compile) --group pyproject.toml:release -o $(RELEASE_LOCK)
 
 # A wheel with carsim: the archive of the sources, then the wheel from nothing but that archive.
-wheel: .venv/installed .pio/release/installed
+wheel: .venv/extras .pio/release/installed
 	@tools/build_wheel.sh dist
 
 # Both, checked: their form, what the programs load, and as a user has them, with no compiler and no checkout.
@@ -292,6 +306,6 @@ $(CARSIM_WASM): $(CARSIM_SOURCES) | $(CARSIM)
 	$(BIN)/python tools/carsim_build.py wasm $(@D)
 	@touch $@
 
-$(CARSIM_MUJOCO): $(CARSIM_SOURCES) tools/mujoco_library.py | platformio
+$(CARSIM_MUJOCO): $(CARSIM_SOURCES) tools/mujoco_library.py | platformio .venv/extras
 	$(BIN)/pio run -e carsim_mujoco
 	@touch $@

@@ -9,6 +9,6 @@ project=$(cd "$(dirname "$0")/.." && pwd)
 # A lock with hashes would refuse the wheel, which has none there.
 constraints=$(mktemp)
 trap 'rm -f "$constraints"' EXIT
-sed -n 's/^\([a-z0-9].*[^ \\]\) *\\$/\1/p' "$project/host/requirements.txt" >"$constraints"
+sed -n 's/^\([a-z0-9].*[^ \\]\) *\\$/\1/p' "$project/host/requirements.txt" "$project/host/requirements-dev.txt" >"$constraints"
 "$2/bin/pip" install --quiet --disable-pip-version-check --constraint "$constraints" "$1${3:-}"
 "$2/bin/foldcar" --version

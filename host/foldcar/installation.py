@@ -3,6 +3,7 @@
 import os
 import shutil
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 PACKAGE = Path(__file__).resolve().parent
@@ -77,4 +78,9 @@ def missing_extra(error: ModuleNotFoundError) -> str | None:
     """Return a line that says what to install; None if no extra of foldcar contains the module."""
     missing = (error.name or "").partition(".")[0]
     extra = next((name for name, modules in MODULES.items() if missing in modules), None)
-    return extra and f"this needs the package {missing}; install the extra: pip install 'foldcar[{extra}]'"
+    return extra and f"this needs the package {missing}; install it: {extras_command([extra])}"
+
+
+def extras_command(extras: Sequence[str]) -> str:
+    """Return the command that installs these extras."""
+    return f"pip install 'foldcar[{','.join(extras)}]'" if source_tree() is None else "make extras"

@@ -18,7 +18,7 @@ import typer
 
 from foldcar.commands.options import Json, print_result
 from foldcar.errors import FoldcarError
-from foldcar.installation import MODULES, PACKAGE, pio_program, source_tree
+from foldcar.installation import MODULES, PACKAGE, extras_command, pio_program, source_tree
 from foldcar.version import __version__
 
 if TYPE_CHECKING:
@@ -114,7 +114,7 @@ def _packages() -> Finding:
             absent_extras.append(extra)
     if absent_extras:
         text = f"as declared, without the extras {', '.join(absent_extras)}: some commands need them"
-        return Finding("packages", "absent", text, f"pip install 'foldcar[{','.join(absent_extras)}]'")
+        return Finding("packages", "absent", text, extras_command(absent_extras))
     return Finding("packages", "ok", "as declared, and all extras")
 
 

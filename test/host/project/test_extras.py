@@ -7,9 +7,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
 from packaging.requirements import Requirement
 
 import foldcar
+from foldcar import installation
 from foldcar.installation import MODULES
 
 # Scenic brings these, so they are there without the extra.
@@ -42,14 +44,14 @@ def test_the_core_sweeps_and_reports_and_other_commands_name_their_extra(tmp_pat
         ("select", "s.db"),
     )
     others = (
-        ("fabricate", ("pattern", "yard/study.json", *CAR, "-o", "car")),
-        ("fabricate", ("view", "yard/study.json", *CAR, "-o", "view.html")),
-        ("link", ("params", "get", "--port", "tcp:127.0.0.1:9")),
-        ("optimize", ("optimize", str(SPACE), "--store", "other.db")),
-        ("parquet", ("export", "s.db", "--parquet", "runs.parquet")),
-        ("cluster", ("sweep", "yard/study.json", "--store", "other.db", "--scheduler", "local:1")),
+        ("pattern", "yard/study.json", *CAR, "-o", "car"),
+        ("view", "yard/study.json", *CAR, "-o", "view.html"),
+        ("params", "get", "--port", "tcp:127.0.0.1:9"),
+        ("optimize", str(SPACE), "--store", "other.db"),
+        ("export", "s.db", "--parquet", "runs.parquet"),
+        ("sweep", "yard/study.json", "--store", "other.db", "--scheduler", "local:1"),
     )
-    commands = json.dumps([*core, *(words for _, words in others)])
+    commands = json.dumps([*core, *others])
 
     # In one process, as it takes longer to import what these need than to do it.
     done = subprocess.run([sys.executable, "-c", BARE, commands], cwd=tmp_path, capture_output=True, text=True)
@@ -59,11 +61,19 @@ def test_the_core_sweeps_and_reports_and_other_commands_name_their_extra(tmp_pat
     assert (done.returncode, last) == (0, "2\n"), done.stderr
     codes = [end[0] for end in ends[1:]] + [last[0]]
     assert codes == ["0"] * len(core) + ["2"] * len(others), done.stderr
-    for (extra, words), end in zip(others, ends[len(core) :], strict=True):
+    for words, end in zip(others, ends[len(core) :], strict=True):
         (error,) = end.splitlines()[1:]
         assert error.startswith("foldcar: error: this needs the package "), (words, error)
-        assert error.endswith(f"install the extra: pip install 'foldcar[{extra}]'"), (words, error)
+        assert error.endswith("; install it: make extras"), (words, error)
     assert {file.name for file in tmp_path.iterdir()} == {"l.json", "free.scenic", "yard", "s.db", "report"}
+
+
+def test_an_installed_foldcar_names_the_extra_for_pip(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(installation, "source_tree", lambda: None)
+
+    line = installation.missing_extra(ModuleNotFoundError(name="pyarrow"))
+
+    assert line == "this needs the package pyarrow; install it: pip install 'foldcar[parquet]'"
 
 
 def test_what_foldcar_imports_it_declares_and_an_extra_brings_the_modules_that_it_is_told_for() -> None:

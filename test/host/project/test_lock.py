@@ -14,7 +14,9 @@ else:
     import tomli as tomllib
 
 PROJECT = Path(__file__).resolve().parents[3]
-LOCK = (PROJECT / "host" / "requirements.txt").read_text(encoding="utf-8")
+# What a first study needs, and all the rest.
+LOCKS = [(PROJECT / "host" / name).read_text(encoding="utf-8") for name in ("requirements.txt", "requirements-dev.txt")]
+LOCK = "\n".join(LOCKS)
 PYTHONS = ["3.10", "3.11", "3.12", "3.13", "3.14"]
 
 

@@ -14,6 +14,7 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -21,6 +22,8 @@ from typing import Any
 INPUT = 0
 # Whether `select` waits for terminals and serial ports.
 CAN_SELECT_FILES = sys.platform != "win32"
+# How often Windows' console is asked for a key.
+CONSOLE_PERIOD_S = 0.01
 
 
 def end_group(process: "subprocess.Popen[Any]", number: int) -> None:
@@ -77,7 +80,9 @@ class TypedInput:
     def __init__(self) -> None:
         self.is_terminal = os.isatty(INPUT)
         self._lines: queue.SimpleQueue[bytes] = queue.SimpleQueue()
-        if not CAN_SELECT_FILES:
+        # Windows' console says whether a key was pressed; for a pipe or file nothing does.
+        self._console: Any = importlib.import_module("msvcrt") if self.is_terminal and not CAN_SELECT_FILES else None
+        if not self.is_terminal and not CAN_SELECT_FILES:
             threading.Thread(target=self._copy, daemon=True).start()
 
     def _copy(self) -> None:
@@ -92,28 +97,42 @@ class TypedInput:
 
     def read(self, wait_s: float) -> bytes | None:
         """Return what was typed, b"" at the end of input; None if nothing was typed within ``wait_s``."""
-        if not CAN_SELECT_FILES:
+        if CAN_SELECT_FILES:
+            is_typed = bool(select.select([INPUT], [], [], wait_s)[0])
+        elif self._console is not None:
+            is_typed = self._pressed_within(wait_s)
+        else:
             with contextlib.suppress(queue.Empty):
                 return self._lines.get(timeout=wait_s)
             return None
-        return os.read(INPUT, 4096) if select.select([INPUT], [], [], wait_s)[0] else None
+        # In Windows' console this waits until the line, whose first key was pressed, is complete.
+        return os.read(INPUT, 4096) if is_typed else None
+
+    def _pressed_within(self, wait_s: float) -> bool:
+        """Whether a key is pressed within that time in Windows' console, for which nothing waits."""
+        end_s = time.monotonic() + wait_s
+        while not self._console.kbhit():
+            if time.monotonic() >= end_s:
+                return False
+            time.sleep(CONSOLE_PERIOD_S)
+        return True
 
     @contextlib.contextmanager
     def keys(self) -> Iterator[Callable[[], str | None]]:
-        """Yield a function that returns the last key pressed, or None, without waiting.
-
-        On Windows a key counts when Enter follows.
-        """
+        """Yield a function that returns the last key pressed, or None, without waiting. A key counts without Enter."""
         if not self.is_terminal:
             yield lambda: None
             return
-        if not CAN_SELECT_FILES:
-            yield self._last_key
+        if self._console is not None:
+            # Keys pressed before do not count; those left over must not reach the next question.
+            self._last_console_key()
+            yield self._last_console_key
+            self._last_console_key()
             return
         termios, tty = importlib.import_module("termios"), importlib.import_module("tty")
         before = termios.tcgetattr(INPUT)
         try:
-            # Each key counts without Enter. Keys pressed before do not count; those left over must not reach the shell.
+            # Keys pressed before do not count; those left over must not reach the shell.
             tty.setcbreak(INPUT)
             termios.tcflush(INPUT, termios.TCIFLUSH)
             yield self._last_key
@@ -125,3 +144,17 @@ class TypedInput:
     def _last_key(self) -> str | None:
         """Return the last character typed, None if nothing was typed."""
         return (self.read(0) or b"").strip()[-1:].decode(errors="replace") or None
+
+    def _last_console_key(self) -> str | None:
+        """Return the last character typed in Windows' console, None if none was. Raises KeyboardInterrupt for Ctrl-C."""
+        last = None
+        while self._console.kbhit():
+            key = self._console.getwch()
+            if key == "\x03":
+                raise KeyboardInterrupt
+            if key in "\x00\xe0":
+                # The first of two characters that stand for a key such as an arrow.
+                self._console.getwch()
+            else:
+                last = key.strip() or last
+        return last

@@ -61,7 +61,7 @@ HEADER_FLAGS := -fsyntax-only -std=gnu++17 -Wall -Wextra -Werror -pthread -DUNIT
 HEADER_COMPILERS := g++ $(shell command -v clang++)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup extras mujoco study pyramids fidelity advice synthetic scale test test-packages test-native headers test-host lint bench fuzz races fresh container-check clean wheel release lock system-packages platformio installed fuzz-packages check docs tidy determinism golden
+.PHONY: help setup extras mujoco study pyramids fidelity advice synthetic scale test test-packages test-native headers test-host lint bench commands fuzz races fresh container-check clean wheel release lock system-packages platformio installed fuzz-packages check docs tidy determinism golden
 .DELETE_ON_ERROR:
 
 help:
@@ -71,6 +71,7 @@ help:
 	@echo 'make study     set up, run the width study and write its report to out/$(STUDY)'
 	@echo 'make test      set up and run every test'
 	@echo 'make bench     set up and measure the speed'
+	@echo 'make commands  measure the processor time of each command, bring docs/performance.md up to date'
 	@echo 'make fuzz      fuzz every parser of the C++ programs under sanitizers, each for FUZZ_S=$(FUZZ_S) seconds'
 	@echo 'make check     the C++ suites under sanitizers, coverage of C++ and Python, headers alone, clang-tidy'
 	@echo 'make determinism  build the simulator with g++ and clang++ at -O0 to -O3, and compare their numbers and carsim.wasm bit by bit'
@@ -166,6 +167,10 @@ test-host: setup mujoco
 bench: setup mujoco .pio/bench/firmware_tick
 	.pio/bench/firmware_tick
 	$(BIN)/python bench/bench.py
+
+# What docs/performance.md says of each command.
+commands: setup
+	$(BIN)/python bench/commands.py $(CURDIR)/$(BIN)/foldcar docs/performance.md
 
 fuzz: .pio/fuzz/built
 	@for fuzzer in $(FUZZERS); do mkdir -p .pio/fuzz/corpus/$$fuzzer .pio/fuzz/seeds/$$fuzzer; done

@@ -22,7 +22,8 @@ for k, name in enumerate(names):
     new Bump at (0.3 + 0.2 * k, 0.05 * len(name)), facing -90 deg, with width width
 goal = new Goal at (1.9, 0), facing -90 deg
 """
-SEEDS = ("0", "1", "2", "random")
+# Both order the names of the program differently, and neither as the seed 0 does.
+SEEDS = ("1", "2")
 SESSION = """
 import json, sys, foldcar
 environment = foldcar.environment(sys.argv[1], seed=3)
@@ -51,7 +52,7 @@ def test_the_command_draws_the_same_scenes_in_each_process(program: Path, new_fo
 
     first, *others = scenes_by(sampled)
 
-    assert len(first["scenes"]) == 2 and others == [first] * 3
+    assert len(first["scenes"]) == 2 and others == [first]
 
 
 def test_a_python_session_draws_the_scenes_of_the_command(program: Path, foldcar: Any) -> None:
@@ -62,7 +63,7 @@ def test_a_python_session_draws_the_scenes_of_the_command(program: Path, foldcar
     sessions = scenes_by(sampled)
     command = json.loads(foldcar("sample", program, "-n", "2", "--seed", "3", "--json").stdout)["scenes"]
 
-    assert sessions == [[{key: value for key, value in scene.items() if key != "id"} for scene in command]] * 4
+    assert sessions == [[{key: value for key, value in scene.items() if key != "id"} for scene in command]] * 2
 
 
 def test_a_session_knows_the_files_and_the_errors_of_its_samples(program: Path) -> None:

@@ -14,6 +14,7 @@ import subprocess
 import tempfile
 import time
 from base64 import b64decode
+from functools import cache
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -60,18 +61,11 @@ def browser() -> str:
     pytest.fail("there is no Chromium: tools/install_system_packages.sh tests")
 
 
-class Tab:
-    """A page in a browser that runs in real time and is asked by the DevTools protocol, over pipes: no port, no library.
+class Browser:
+    """A running browser, which is asked by the DevTools protocol, over pipes: no port, no library."""
 
-    ``with Tab(url) as tab``: ``tab.ask("document.title")``. The script ``before`` runs before those of the page and
-    of its frames. It may take away what some browsers lack.
-    """
-
-    def __init__(self, address: str, width: int = 1280, height: int = 900, before: str = "") -> None:
-        self._address, self._size, self._before = address, (width, height), before
-        self._number, self._session, self._left = 0, "", b""
-
-    def __enter__(self) -> "Tab":
+    def __init__(self) -> None:
+        self._number, self._left = 0, b""
         self._profile = tempfile.TemporaryDirectory(prefix="foldcar-browser-", ignore_cleanup_errors=True)
         (its_in, self._to), (self._from, its_out) = os.pipe(), os.pipe()
         words = [browser(), *FLAGS, "--remote-debugging-pipe", f"--user-data-dir={self._profile.name}", "about:blank"]
@@ -83,28 +77,20 @@ class Tab:
         )  # fmt: skip
         for end in (its_in, its_out):
             os.close(end)
-        target = self.send("Target.createTarget", url="about:blank")["targetId"]
-        self._session = self.send("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
-        width, height = self._size
-        metrics = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
-        self.send("Emulation.setDeviceMetricsOverride", **metrics)
-        self.send("Page.enable")
-        self.send("Page.addScriptToEvaluateOnNewDocument", source=f"{ERRORS}\n{self._before}")
-        self.send("Page.navigate", url=self._address)
-        return self
 
-    def __exit__(self, *_: object) -> None:
+    def close(self) -> None:
+        """End the browser with all its processes and remove its profile."""
         os.killpg(self._process.pid, signal.SIGKILL)
         self._process.wait()
         for end in (self._to, self._from):
             os.close(end)
         self._profile.cleanup()
 
-    def send(self, method: str, **parameters: Any) -> dict[str, Any]:
-        """The result of a method of the protocol."""
+    def send(self, method: str, session: str = "", **parameters: Any) -> dict[str, Any]:
+        """The result of a method of the protocol, for a page's session or for the browser."""
         self._number += 1
         command = {"id": self._number, "method": method, "params": parameters}
-        os.write(self._to, json.dumps(command | ({"sessionId": self._session} if self._session else {})).encode() + b"\0")
+        os.write(self._to, json.dumps(command | ({"sessionId": session} if session else {})).encode() + b"\0")
         while True:
             while b"\0" not in self._left:
                 assert select.select([self._from], [], [], HANGS_S)[0], f"{method}: the browser does not answer"
@@ -117,6 +103,49 @@ class Tab:
                 assert "error" not in answer, answer
                 result: dict[str, Any] = answer["result"]
                 return result
+
+
+# Starting it takes longer than most pages; `conftest.py` closes it after the last test.
+running_browser = cache(Browser)
+
+
+def close_browser() -> None:
+    """Close the browser of this process, if there is one."""
+    if running_browser.cache_info().currsize:
+        running_browser().close()
+        running_browser.cache_clear()
+
+
+class Tab:
+    """A page in a running browser, in real time; it shares nothing with other tabs.
+
+    ``with Tab(url) as tab``: ``tab.ask("document.title")``. The script ``before`` runs before those of the page and
+    of its frames. It may take away what some browsers lack.
+    """
+
+    def __init__(self, address: str, width: int = 1280, height: int = 900, before: str = "") -> None:
+        self._address, self._size, self._before = address, (width, height), before
+        self._browser = running_browser()
+
+    def __enter__(self) -> "Tab":
+        self._context = self._browser.send("Target.createBrowserContext")["browserContextId"]
+        target = self._browser.send("Target.createTarget", url="about:blank", browserContextId=self._context)
+        attached = self._browser.send("Target.attachToTarget", targetId=target["targetId"], flatten=True)
+        self._session = attached["sessionId"]
+        width, height = self._size
+        metrics = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
+        self.send("Emulation.setDeviceMetricsOverride", **metrics)
+        self.send("Page.enable")
+        self.send("Page.addScriptToEvaluateOnNewDocument", source=f"{ERRORS}\n{self._before}")
+        self.send("Page.navigate", url=self._address)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._browser.send("Target.disposeBrowserContext", browserContextId=self._context)
+
+    def send(self, method: str, **parameters: Any) -> dict[str, Any]:
+        """The result of a method of the protocol."""
+        return self._browser.send(method, self._session, **parameters)
 
     def ask(self, script: str) -> Any:
         """The value of a JavaScript expression on the page."""

@@ -14,6 +14,7 @@ import pytest
 # One thread of linear algebra, as in the command, before numpy is imported; processes of the tests inherit it.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+from browser import close_browser
 from foldcar.cli import GARBAGE_THRESHOLD
 from foldcar.errors import FoldcarError
 from foldcar.installation import keep_caches_in_checkout
@@ -38,6 +39,11 @@ STEP_PYRAMIDS = PROJECT / "scenarios" / "step_pyramids.scenic"
 def pytest_collection_finish() -> None:
     """Leave what all tests have imported out of the collections of garbage."""
     gc.freeze()
+
+
+def pytest_unconfigure() -> None:
+    """End the browser in which tests have opened pages."""
+    close_browser()
 
 
 @pytest.fixture(scope="session")

@@ -24,10 +24,10 @@ from foldcar.evidence.design_evidence import (
 )
 from foldcar.evidence.resimulation import Resimulation
 from foldcar.simulation.results import NUMBERS, OUTCOMES, REJECTED
-from foldcar.store.frames import RunArrays, run_arrays
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.other_drives import other_drives
 from foldcar.store.reader import Store
+from foldcar.store.run_arrays import RunArrays, run_arrays
 from foldcar.store.trial_records import SIMULATED, Trial, left_out_text, select_trials
 
 NO_RUNS = RunArrays(

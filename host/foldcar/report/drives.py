@@ -31,9 +31,9 @@ from foldcar.simulation.heights import carsim_heights
 from foldcar.simulation.results import FAILED, OUTCOMES, REJECTED
 from foldcar.simulation.runner import PATH_INTERVAL_S, side_by_side
 from foldcar.statistics.words import count
-from foldcar.store.frames import RunArrays
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
+from foldcar.store.run_arrays import RunArrays
 from foldcar.store.stored_drives import StoredDrives, read_drives
 from foldcar.store.trial_paths import trial_path
 from foldcar.store.trial_records import Trial

@@ -17,9 +17,9 @@ from foldcar.car.folded.weight import film_area_cm2
 from foldcar.car.folded_car import folded_car
 from foldcar.errors import FoldcarError
 from foldcar.simulation.results import NUMBERS, OUTCOMES
-from foldcar.store.frames import RunArrays
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
+from foldcar.store.run_arrays import RunArrays
 from foldcar.store.tables import BY_NAME, DESIGN
 
 # With more designs there is no sheet area, because folding a car takes some 10 ms.

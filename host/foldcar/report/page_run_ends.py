@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from foldcar.report.environment_values import objects_of_pieces, read_scenes
 from foldcar.scenes.terrain_kinds import kind_of, reach_m
 from foldcar.simulation.results import NUMBERS, OUTCOMES
-from foldcar.store.frames import RunArrays
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
+from foldcar.store.run_arrays import RunArrays
 from foldcar.store.tables import BY_NAME, DESIGN
 
 # Widths of bins (m): the narrowest that makes at most MAX_BINS is taken.

@@ -7,7 +7,7 @@ import pytest
 
 from foldcar.report.page_run_ends import CarExtents, read_course, run_ends
 from foldcar.simulation.results import NUMBERS, OUTCOMES
-from foldcar.store.frames import RunArrays
+from foldcar.store.run_arrays import RunArrays
 
 OBJECTS = [("kerb1", 1), ("aside", 1), ("kerb2", 1)]
 CAR = CarExtents(*(numpy.array([size]) for size in (0.1, 0.15, 0.06)))

@@ -5,6 +5,7 @@ In a Python session, a program is compiled once (almost a second), and each samp
 
 import atexit
 import json
+import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property
@@ -13,6 +14,7 @@ from typing import Any
 
 from foldcar.api.arguments import checked_int, checked_params, checked_path
 from foldcar.errors import FoldcarError
+from foldcar.notebook_html import image_html, lines_html
 from foldcar.scenes.fixed_hash import open_fixed_environment
 from foldcar.scenes.source import SceneSource
 from foldcar.simulation.carsim import Carsim
@@ -22,13 +24,28 @@ from foldcar.store.writer import canonical_json
 from foldcar.study.limits import MAX_ENVIRONMENTS, MAX_SEED
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Scene:
     """Sample number ``sample`` of ``environment``; ``json`` is the scene object of docs/carsim.md as a string."""
 
     environment: "Environment"
     sample: int
     json: str
+
+    def __repr__(self) -> str:
+        return f"{self.environment!r}.scene({self.sample})"
+
+    def _repr_html_(self) -> str:
+        """Show the scene from above, and the ground under the wheels."""
+        from foldcar.figures.scenes import draw_environment
+        from foldcar.simulation.heights import carsim_heights
+
+        environment = self.environment
+        scene = {**json.loads(self.json), "id": f"{environment.seed}/{self.sample}"}
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / "scene.png"
+            draw_environment([scene], file, carsim_heights(simulator()), environment.program.name)
+            return lines_html([repr(self), environment.success]) + image_html(file.read_bytes())
 
 
 class Environment:
@@ -53,6 +70,10 @@ class Environment:
         if number not in self._scenes:
             self._scenes[number] = Scene(self, number, canonical_json(self._source.sample(number)))
         return self._scenes[number]
+
+    def compile(self) -> None:
+        """Compile the program; :func:`environment` does. Raises FoldcarError for an error or an unknown parameter."""
+        self._source  # noqa: B018
 
     @property
     def success(self) -> str:
@@ -90,7 +111,7 @@ _opened: dict[str, Environment] = {}
 def environment(program: str | Path, *, seed: int = 0, params: Mapping[str, Any] | None = None) -> Environment:
     """Return the environment of a Scenic program; the same object for equal program, parameters and seed.
 
-    Raises FoldcarError if the file does not exist, or an argument is invalid.
+    Raises FoldcarError if the file does not exist, the program has an error, or an argument is invalid.
 
     >>> steps = foldcar.environment("scenarios/step_pyramids.scenic", seed=42, params={"friction": 0.5})
     >>> steps.success_defined
@@ -107,7 +128,9 @@ def environment(program: str | Path, *, seed: int = 0, params: Mapping[str, Any]
     except (TypeError, ValueError) as error:
         raise FoldcarError(f"params: {error}; write numbers, strings, booleans or lists") from None
     if key not in _opened or not _opened[key].is_current:
-        _opened[key] = Environment(file, dict(params or {}), number)
+        opened = Environment(file, dict(params or {}), number)
+        opened.compile()
+        _opened[key] = opened
     return _opened[key]
 
 

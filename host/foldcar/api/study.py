@@ -1,7 +1,10 @@
 """A study in Python: a store's content as tables, and its designs' success rates with intervals."""
 
-from collections.abc import Callable, Mapping
-from functools import cached_property
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
@@ -15,10 +18,12 @@ from foldcar.api.arguments import (
     column_named,
     columns_named,
 )
+from foldcar.api.pictures import SIZE_IN, drawing_of, drawn, picture_html
 from foldcar.errors import FoldcarError
 from foldcar.evidence.adviser import Selection
 from foldcar.evidence.comparison import MARGIN, Comparison, compare
 from foldcar.evidence.selecting import select
+from foldcar.notebook_html import lines_html, table_html
 from foldcar.shown_text import shown_value
 from foldcar.simulation.results import no_rate_text
 from foldcar.statistics.effects import Standardised, fit_effects
@@ -31,8 +36,20 @@ from foldcar.study.limits import MAX_ENVIRONMENTS, MAX_JOBS, MAX_REALITIES
 
 if TYPE_CHECKING:
     import pandas
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 T = TypeVar("T")
+
+
+class Selections(list[Selection]):
+    """The advice for each experiment, which a notebook shows as words, table and picture."""
+
+    def __repr__(self) -> str:
+        return "\n".join(map(repr, self))
+
+    def _repr_html_(self) -> str:
+        return "".join(selection._repr_html_() for selection in self)
 
 
 class Study:
@@ -51,7 +68,36 @@ class Study:
         require_store(self.path)
 
     def __repr__(self) -> str:
-        return f"Study({str(self.path)!r})"
+        lines = [
+            f"  experiment {name}: {vehicle}, {environment}, {designs}, {runs}, {trials}"
+            for name, vehicle, environment, designs, runs, trials in self._contents()
+        ]
+        return "\n".join([f"Study({str(self.path)!r})", *lines])
+
+    def _repr_html_(self) -> str:
+        rows = list(self._contents())
+        table = table_html(("experiment", "vehicle", "environment", "designs", "runs", "trials"), rows) if rows else ""
+        return lines_html([f"Study {self.path.name}"]) + table + self._picture(rows[0][0] if rows else None)
+
+    def _contents(self) -> Iterator[tuple[str, str, str, str, str, str]]:
+        """Yield id, vehicle, environment, and numbers of designs, runs and trials of each experiment."""
+        with Store.open(self.path) as store:
+            infos = store.info().experiments if store.holds_study() else {}
+            trials = Counter(trial.experiment for trial in store.trials())
+        for name in dict.fromkeys([*infos, *trials]):
+            info, driven = infos.get(name), count_text(trials[name], "trial")
+            if info is None:
+                yield name, "", "", "no design", "no run", driven
+            else:
+                runs = count_text(info.stored_runs, "run")
+                yield (
+                    name,
+                    info.vehicle_type,
+                    Path(info.scenic_program).name,
+                    count_text(info.designs, "design"),
+                    runs,
+                    driven,
+                )
 
     def reload(self) -> None:
         """Forget the tables, so that the next access also reads new runs and trials.
@@ -121,7 +167,7 @@ class Study:
         threshold: float | None = None,
         experiment: str | None = None,
         simulated_trials: bool = False,
-    ) -> list[Selection]:
+    ) -> "Selections":
         """Say for each experiment which car to take and what to do next; see :func:`foldcar.evidence.selecting.select`.
 
         Raises FoldcarError.
@@ -132,7 +178,8 @@ class Study:
         checked_experiment(experiment)
         checked_bool("simulated_trials", simulated_trials)
         limit = None if threshold is None else checked_number("threshold", threshold, 0, 1)
-        return self._read(lambda store: select(store, limit, experiment, simulated_trials))
+        advice = self._read(lambda store: select(store, limit, experiment, simulated_trials))
+        return Selections(replace(one, picture=partial(self._picture, one.info.id)) for one in advice)
 
     def compare(
         self, *, experiment: str | None = None, margin: float = MARGIN, simulated_trials: bool = False
@@ -147,7 +194,51 @@ class Study:
         checked_experiment(experiment)
         checked_bool("simulated_trials", simulated_trials)
         difference = checked_number("margin", margin, 0, 1)
-        return self._read(lambda store: compare(store, experiment, difference, simulated_trials))
+        comparison = self._read(lambda store: compare(store, experiment, difference, simulated_trials))
+        compared = [one.info.id for one in comparison.experiments if one.designs]
+        return replace(comparison, picture=partial(self._picture, compared[0])) if compared else comparison
+
+    def plot_success(self, *, experiment: str | None = None, figure: "Figure | None" = None) -> "Axes":
+        """Draw how likely the cars are to work, as the report does, and return the matplotlib axes.
+
+        If one parameter varies, these are the rates of simulation and of built cars with 95 % bands and the trials; if
+        several vary, a map of the two that matter most. ``figure`` is an empty matplotlib figure or subfigure to draw
+        into; without one, pyplot makes a figure. Raises FoldcarError if there is nothing to draw.
+
+        >>> study.plot_success().get_ylabel()
+        'passed (%)'
+        """
+        return self._drawn(("feasibility", "map"), experiment, figure, "plot_success").axes[0]
+
+    def plot_outcomes(self, *, experiment: str | None = None, figure: "Figure | None" = None) -> "Axes":
+        """Draw how the runs of each design ended, and return the matplotlib axes; see :meth:`plot_success`.
+
+        Raises FoldcarError if not exactly one parameter varies.
+
+        >>> study.plot_outcomes().get_ylabel()
+        'share of runs (%)'
+        """
+        return self._drawn(("outcomes",), experiment, figure, "plot_outcomes").axes[0]
+
+    def plot_effects(self, *, experiment: str | None = None, figure: "Figure | None" = None) -> "list[Axes]":
+        """Draw success over each of several parameters, and return their matplotlib axes; see :meth:`plot_success`.
+
+        Raises FoldcarError if fewer than two parameters vary.
+        """
+        return list(self._drawn(("effects",), experiment, figure, "plot_effects").axes)
+
+    def _drawn(self, kinds: Sequence[str], experiment: str | None, figure: "Figure | None", caller: str) -> "Figure":
+        checked_experiment(experiment)
+        return drawn(self._read(lambda store: drawing_of(store, kinds, experiment, caller)), figure)
+
+    def _picture(self, experiment: str | None) -> str:
+        """Return a picture of an experiment's success as HTML, "" if there is none."""
+        from matplotlib.figure import Figure
+
+        with suppress(FoldcarError):
+            figure = Figure(figsize=SIZE_IN, layout="constrained")
+            return picture_html(self._drawn(("feasibility", "map", "outcomes"), experiment, figure, "picture"))
+        return ""
 
     def success_model(self, *parameters: str, experiment: str | None = None) -> Standardised:
         """Model success as a smooth function of some design parameters, with credible bands, from the simulated runs.

@@ -4,7 +4,8 @@ Input: the evidence of an experiment and the belief about its designs. Output: a
 the API print it.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 
 from foldcar.belief.advice import AFTERNOON_TRIALS, MIN_GAIN, Step, steps
 from foldcar.belief.priors import MEASURABLE
@@ -14,7 +15,9 @@ from foldcar.evidence.costs import FILLING, MEASURE_MIN, PLACING_MIN, car_min, s
 from foldcar.evidence.design_evidence import Design
 from foldcar.evidence.evidence import Evidence
 from foldcar.evidence.sentences import afternoon, grounds, measurement, step_text, works
+from foldcar.notebook_html import lines_html, table_html
 from foldcar.statistics.rate import Rate
+from foldcar.statistics.words import duration_text
 from foldcar.store.info import ExperimentInfo
 
 # Steps that are shown.
@@ -54,7 +57,8 @@ class Selection:
     evidence: simulation and trials. ``steps`` are the possible steps, the best first; ``environments`` are the samples to
     set up for its trials. ``enough`` is whether another afternoon is not worth it. ``leader`` is the design with the
     highest expected rate of built cars, ``gain`` what an afternoon is expected to gain (0 to 1); both are None without a
-    belief. ``basis`` states the assumptions of minutes and sheets.
+    belief. ``basis`` states the assumptions of minutes and sheets. ``picture`` draws what a notebook shows below the
+    words, as HTML.
     """
 
     info: ExperimentInfo
@@ -69,6 +73,7 @@ class Selection:
     gain: float | None = None
     remarks: tuple[str, ...] = ()
     basis: str = ""
+    picture: Callable[[], str] | None = field(default=None, compare=False)
 
     @property
     def sentence(self) -> str:
@@ -78,6 +83,12 @@ class Selection:
     def __repr__(self) -> str:
         lines = [self.works, self.learn, self.grounds, *(f"  {step.text}" for step in self.steps)]
         return "\n".join([f"Experiment {self.info.id}:", *filter(None, lines)])
+
+    def _repr_html_(self) -> str:
+        head = ("step", "gain, points", "time")
+        rows = [(step.text, f"{100 * step.gain:.1f}", duration_text(60 * step.minutes)) for step in self.steps]
+        lines = lines_html([f"Experiment {self.info.id}", self.works, self.learn, self.grounds])
+        return lines + (table_html(head, rows) if rows else "") + (self.picture() if self.picture else "")
 
 
 @dataclass(frozen=True)

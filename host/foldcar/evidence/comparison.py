@@ -5,8 +5,8 @@ A gap is the rate of a further built car by all trials, minus the rate of the de
 """
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy
 
@@ -14,6 +14,7 @@ from foldcar.belief.answers import Unknown, estimates
 from foldcar.evidence.belief import Belief, why_no_belief
 from foldcar.evidence.design_evidence import Design, DesignEvidence
 from foldcar.evidence.evidence import Evidence, read_evidence, simulated_text, swept_ids, unswept_trials
+from foldcar.notebook_html import lines_html, table_html
 from foldcar.statistics.gap import (
     AGREES,
     OPTIMISTIC,
@@ -24,7 +25,7 @@ from foldcar.statistics.gap import (
     rank_agreement,
 )
 from foldcar.statistics.rate import Rate
-from foldcar.statistics.words import count, listed, points
+from foldcar.statistics.words import count, listed, points, rate_text
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import Trial
@@ -100,14 +101,41 @@ class ExperimentComparison:
     unknowns: tuple[Unknown, ...] = ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Comparison:
-    """A store's comparison; ``sentence`` is its answer, ``unswept`` are sentences on trials of experiments not swept."""
+    """A store's comparison; print it to read it.
+
+    ``sentence`` is its answer, ``unswept`` are sentences on trials of experiments that were not swept. ``picture`` draws
+    what a notebook shows below the words, as HTML.
+    """
 
     experiments: tuple[ExperimentComparison, ...]
     unswept: tuple[str, ...]
     margin: float
     sentence: str
+    picture: Callable[[], str] | None = field(default=None, compare=False)
+
+    def __repr__(self) -> str:
+        lines = [
+            f"  experiment {experiment}, {design}: {simulated} in simulation, {driven} in trials; {verdict}"
+            for experiment, design, simulated, driven, verdict in self._rows()
+        ]
+        return "\n".join([self.sentence, *lines, *self.unswept])
+
+    def _repr_html_(self) -> str:
+        rows = list(self._rows())
+        table = table_html(("experiment", "design", "simulation", "trials", "verdict"), rows) if rows else ""
+        return lines_html([self.sentence, *self.unswept]) + table + (self.picture() if self.picture else "")
+
+    def _rows(self) -> Iterator[tuple[str, str, str, str, str]]:
+        """Yield experiment, name, rate in simulation, rate of trials and verdict of each design with trials."""
+        for experiment in self.experiments:
+            for design in experiment.designs:
+                simulated, driven = (
+                    "no rate" if rate is None else rate_text(rate.value, rate.low, rate.high)
+                    for rate in (design.simulated, design.driven)
+                )
+                yield experiment.info.id, design.label, simulated, driven, design.verdict or "nothing to compare"
 
 
 def compare(
@@ -166,9 +194,7 @@ def compare_experiment(evidence: Evidence, margin: float = MARGIN) -> Experiment
         return ExperimentComparison(info, compared, sentence, remarks, ranks)
     mean = _gap(belief, [design.evidence for design in gaps])
     verdict, sentence = _verdict(compared, mean, margin, info.simulation)
-    return ExperimentComparison(
-        info, compared, sentence, remarks, ranks, mean, verdict, tuple(belief.answers.unknowns)
-    )
+    return ExperimentComparison(info, compared, sentence, remarks, ranks, mean, verdict, tuple(belief.answers.unknowns))
 
 
 def _compare_design(design: DesignEvidence, belief: Belief | None, margin: float) -> DesignComparison:

@@ -39,11 +39,16 @@ COLUMNS, MAX_NUMBERS = 3, 150
 
 @dataclass(frozen=True)
 class Drawing:
-    """A figure: the name of its files without suffix, its caption, and the function that draws it."""
+    """A figure: what it shows, the name of its files without suffix, its caption, and the function that draws it.
 
+    ``kind`` is *feasibility*, *success*, *outcomes*, *effects* or *map*. ``draw`` takes the keyword ``figure``, an empty
+    figure to draw into; without one it makes a figure.
+    """
+
+    kind: str
     name: str
     caption: str
-    draw: Callable[[], Figure]
+    draw: Callable[..., Figure]
 
 
 def drawings(
@@ -56,22 +61,27 @@ def drawings(
         (name,) = designs.evidence.values
         label = label_and_unit(name)[0]
         if judged:
-            caption_start = f"Success by {label}: what simulation and trials say, with 95 % bands"
-            yield Drawing(f"{start}_feasibility_by_{name}", caption_start, partial(draw_feasibility, designs, thresholds))
+            caption = f"Success by {label}: what simulation and trials say, with 95 % bands"
+            draw = partial(draw_feasibility, designs, thresholds)
+            yield Drawing("feasibility", f"{start}_feasibility_by_{name}", caption, draw)
         if judged and run:
-            caption_start = f"Mean success by {label} over all environments, with {designs.interval_name} 95 % intervals"
-            yield Drawing(f"{start}_success_by_{name}", caption_start, partial(draw_success, designs, thresholds))
+            caption = f"Mean success by {label} over all environments, with {designs.interval_name} 95 % intervals"
+            yield Drawing("success", f"{start}_success_by_{name}", caption, partial(draw_success, designs, thresholds))
         if run:
-            yield Drawing(f"{start}_outcomes_by_{name}", f"Outcomes by {label}", partial(draw_outcomes, designs))
+            caption = f"Outcomes by {label}"
+            yield Drawing("outcomes", f"{start}_outcomes_by_{name}", caption, partial(draw_outcomes, designs))
     if len(indices) > 1 and effects is not None:
         caption_start = "Success over each parameter, with 95 % bands of the differences between its values"
         combinations = combinations_text(effects.effect(0), len(indices))
         caption = f"{caption_start}: {combinations}, for the first. Thin: single combinations."
-        yield Drawing(f"{start}_effects", caption, partial(draw_effects, designs, effects, indices, thresholds))
+        yield Drawing(
+            "effects", f"{start}_effects", caption, partial(draw_effects, designs, effects, indices, thresholds)
+        )
         two = [row["parameter"] for row in importance_rows(effects, indices)][:2]
         first, second = (list(designs.evidence.values)[index] for index in two)
         caption_start = f"Success over {label_and_unit(first)[0]} and {label_and_unit(second)[0]} by the smooth model"
         yield Drawing(
+            "map",
             f"{start}_map_by_{first}_and_{second}",
             f"{caption_start}, a mean over the same combinations of the others",
             partial(draw_map, designs, effects, indices, two, thresholds),
@@ -115,12 +125,12 @@ class Axis:
         axes.grid(axis="x", visible=False)
 
 
-def draw_feasibility(designs: DesignColumns, thresholds: Sequence[float]) -> Figure:
+def draw_feasibility(designs: DesignColumns, thresholds: Sequence[float], figure: Figure | None = None) -> Figure:
     """Draw success in simulation and of built cars, each with its 95 % band; tint values whose built cars are good.
 
     A thin curve is success in one drawn reality.
     """
-    axis, figure = Axis(designs), Figure(figsize=(WIDE_IN, 4.0), layout="constrained")
+    axis, figure = Axis(designs), figure or Figure(figsize=(WIDE_IN, 4.0), layout="constrained")
     axes = figure.subplots()
     # Each (4, designs with a band): place on the x axis, value, low, high.
     simulation, built = (
@@ -160,9 +170,9 @@ def _draw_realities(axes: Axes, axis: Axis, designs: DesignColumns) -> None:
     axes.add_collection(lines)
 
 
-def draw_success(designs: DesignColumns, thresholds: Sequence[float]) -> Figure:
+def draw_success(designs: DesignColumns, thresholds: Sequence[float], figure: Figure | None = None) -> Figure:
     """Draw bars for simulated runs in the colours of their classes, and diamonds for trials."""
-    axis, figure = Axis(designs), Figure(figsize=(WIDE_IN, HEIGHT_IN), layout="constrained")
+    axis, figure = Axis(designs), figure or Figure(figsize=(WIDE_IN, HEIGHT_IN), layout="constrained")
     axes = figure.subplots()
     # A white outline keeps the dark error bars visible on navy.
     outline = [withStroke(linewidth=2.2, foreground="white")]
@@ -226,9 +236,9 @@ def _mark_thresholds(axes: Axes, thresholds: Sequence[float]) -> None:
     axes.set_ylim(0, 103)
 
 
-def draw_outcomes(designs: DesignColumns) -> Figure:
+def draw_outcomes(designs: DesignColumns, figure: Figure | None = None) -> Figure:
     """Draw the fraction of each outcome as stacked bars, one bar per value."""
-    axis, figure = Axis(designs), Figure(figsize=(WIDE_IN, HEIGHT_IN), layout="constrained")
+    axis, figure = Axis(designs), figure or Figure(figsize=(WIDE_IN, HEIGHT_IN), layout="constrained")
     axes = figure.subplots()
     with_runs = [index for index in axis.place if designs.evidence.outcome_counts[index].sum()]
     x, bottom = [axis.place[index] for index in with_runs], numpy.zeros(len(with_runs))
@@ -250,12 +260,18 @@ def draw_outcomes(designs: DesignColumns) -> Figure:
     return figure
 
 
-def draw_effects(designs: DesignColumns, effects: Effects, indices: Sequence[int], thresholds: Sequence[float]) -> Figure:
+def draw_effects(
+    designs: DesignColumns,
+    effects: Effects,
+    indices: Sequence[int],
+    thresholds: Sequence[float],
+    figure: Figure | None = None,
+) -> Figure:
     """Draw success over each parameter with its band, and curves of single combinations of the others."""
     names = [list(designs.evidence.values)[parameter] for parameter in indices]
     # Rounded up.
     rows = -(-len(names) // COLUMNS)
-    figure = Figure(figsize=(WIDE_IN, 2.7 * rows + 0.4), layout="constrained")
+    figure = figure or Figure(figsize=(WIDE_IN, 2.7 * rows + 0.4), layout="constrained")
     grid = figure.subplots(rows, COLUMNS, squeeze=False, sharey=True)
     for index, (name, axes) in enumerate(zip(names, grid.flat, strict=False)):
         effect = effects.effect(index)
@@ -281,6 +297,7 @@ def draw_map(
     indices: Sequence[int],
     two: Sequence[int],
     thresholds: Sequence[float],
+    figure: Figure | None = None,
 ) -> Figure:
     """Draw success over the parameters with the indices ``two``, with lines where the model crosses the thresholds."""
     x_at, y_at = (list(indices).index(index) for index in two)
@@ -290,7 +307,7 @@ def draw_map(
     rates, _, _ = effects.standardised((x_at, y_at), pairs)
     cells = numpy.full((len(ys), len(xs)), numpy.nan)
     cells[numpy.searchsorted(ys, pairs[:, 1]), numpy.searchsorted(xs, pairs[:, 0])] = 100 * rates
-    figure = Figure(figsize=(WIDE_IN, 4.4), layout="constrained")
+    figure = figure or Figure(figsize=(WIDE_IN, 4.4), layout="constrained")
     axes = figure.subplots()
     axes.set_facecolor(NOT_RUN)
     look: dict[str, Any] = {"cmap": "cividis", "vmin": 0, "vmax": 100, "edgecolors": "white", "linewidth": 0.4}

@@ -52,7 +52,7 @@ def test_the_overview_names_every_room() -> None:
 def test_imports_go_one_way() -> None:
     # What stands at the top of the package is either for everybody, or imports everything.
     everybodys = ["version", "errors", "typed", "shown_text", "shown_console", "interrupts", "outputs", "installation"]
-    everybodys += ["read_files", "source_imports", "system"]
+    everybodys += ["read_files", "source_imports", "system", "notebook_html"]
     order = [*everybodys, *documented_rooms(), "cli", "__main__", "__init__"]
 
     imports = edges()

@@ -1,0 +1,61 @@
+"""A study's figures for notebooks: matplotlib axes and pictures in HTML."""
+
+import io
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from foldcar.errors import FoldcarError
+from foldcar.notebook_html import image_html
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from foldcar.report.paper_figures import Drawing
+    from foldcar.store.reader import Store
+
+# Of a picture in a notebook: inches, pixels per inch, number of colours.
+SIZE_IN, DPI, COLOURS = (7.2, 4.0), 110, 64
+
+
+def drawing_of(store: "Store", kinds: Sequence[str], experiment: str | None, caller: str) -> "Drawing":
+    """Return the first drawing of one of these kinds of an experiment; None stands for the only one.
+
+    Raises FoldcarError if the store has no such experiment, or several, or the experiment no such drawing.
+    """
+    from foldcar.report.page_data import read_experiments
+    from foldcar.report.paper_figures import drawings
+
+    read = {found.name: found for found in read_experiments(store)}
+    if experiment is None and len(read) != 1:
+        raise FoldcarError(f"{caller}: choose one of the experiments with experiment=: {', '.join(read)}")
+    name = next(iter(read)) if experiment is None else experiment
+    if name not in read:
+        raise FoldcarError(f'{caller}: there is no experiment "{name}"; there are {", ".join(read)}')
+    found = read[name]
+    known = list(drawings(found.columns, found.effects, found.parameter_indices, found.thresholds))
+    for drawing in known:
+        if drawing.kind in kinds:
+            return drawing
+    others = ", ".join(drawing.kind for drawing in known) or "nothing"
+    raise FoldcarError(f"{caller}: experiment {name} has nothing to draw here; its report shows {others}")
+
+
+def drawn(drawing: "Drawing", figure: Any = None) -> "Figure":
+    """Draw into ``figure``, an empty figure; without one, into a new figure of pyplot, which a notebook shows."""
+    from foldcar.figures.style import drawing_style
+
+    with drawing_style():
+        if figure is None:
+            from matplotlib import pyplot
+
+            figure = pyplot.figure(figsize=SIZE_IN, layout="constrained")
+        return drawing.draw(figure=figure)
+
+
+def picture_html(figure: "Figure") -> str:
+    """Return an <img> of the figure."""
+    from foldcar.figures.output import with_fewer_colours
+
+    binary = io.BytesIO()
+    figure.savefig(binary, format="png", dpi=DPI, facecolor="white")
+    return image_html(with_fewer_colours(binary.getvalue(), COLOURS))

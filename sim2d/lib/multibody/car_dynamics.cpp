@@ -1,5 +1,7 @@
 #include "car_dynamics.h"
 
+#include <iterator>
+
 #include "elementary_functions.h"
 
 namespace foldcar {
@@ -7,32 +9,6 @@ namespace {
 
 // Change of a hinge's angle over which the mass matrix is differentiated.
 constexpr double kDifference_rad = 1e-5;
-// In place of a wheel's number: a part that turns with its segment.
-constexpr int kNoWheel = -1;
-
-// Replaces a symmetric positive definite n × n matrix by its inverse: Gauss-Jordan elimination, without pivoting.
-void invert(std::vector<double>& a, std::size_t n) {
-  for (std::size_t k = 0; k < n; ++k) {
-    const double pivot = 1 / a[k * n + k];
-    a[k * n + k] = 1;
-    for (std::size_t j = 0; j < n; ++j) a[k * n + j] *= pivot;
-    for (std::size_t i = 0; i < n; ++i) {
-      if (i == k) continue;
-      const double factor = a[i * n + k];
-      a[i * n + k] = 0;
-      for (std::size_t j = 0; j < n; ++j) a[i * n + j] -= factor * a[k * n + j];
-    }
-  }
-}
-
-// product = matrix · vector, of n × n and n numbers.
-void multiply(const std::vector<double>& matrix, const double* vector, std::size_t n, double* product) {
-  for (std::size_t i = 0; i < n; ++i) {
-    double sum = 0;
-    for (std::size_t j = 0; j < n; ++j) sum += matrix[i * n + j] * vector[j];
-    product[i] = sum;
-  }
-}
 
 }  // namespace
 
@@ -48,10 +24,13 @@ CarDynamics::CarDynamics(const BodySpec& body, double step_s)
       frames_(body.segments.size()),
       hinge_at_(hinges_),
       axle_(wheels_),
+      mass_(size_),
+      inverse_(size_),
+      implicit_inverse_(size_),
       damping_(wheels_),
-      force_(size_),
-      acceleration_(size_),
-      momentum_(size_) {
+      force_(row_length(size_)),
+      acceleration_(row_length(size_)),
+      momentum_(row_length(size_)) {
   place_segments();
   fill_mass(mass_);
   update_inverses();
@@ -86,40 +65,24 @@ void CarDynamics::place_segments() {
   }
 }
 
-// Fills `row` so that row · u is the point's velocity along `direction`. Order of u: the first segment's velocity (3)
-// and angular velocity (3), the hinges' rates, the wheels' rates. Hinges and axles turn about the left axis, so that a
-// rate of 1 rad/s about `axis` moves the point at left × (point - axis); a hinge moves the segments behind it in the
-// chain.
-void CarDynamics::jacobian(const Vec3& point_m, const Vec3& direction, std::size_t segment, int wheel,
-                           double* row) const {
-  const Vec3 moment = cross(point_m, direction);
-  const double root[6] = {direction.x, direction.y, direction.z, moment.x, moment.y, moment.z};
-  for (std::size_t i = 0; i < size_; ++i) row[i] = i < 6 ? root[i] : 0;
-  const auto about = [&](const Vec3& axis) {
-    return (point_m.z - axis.z) * direction.x - (point_m.x - axis.x) * direction.z;
-  };
-  for (std::size_t i = 0; i < segment; ++i) row[6 + i] = about(hinge_at_[i]);
-  if (wheel >= 0) row[6 + hinges_ + static_cast<std::size_t>(wheel)] = about(axle_[static_cast<std::size_t>(wheel)]);
-}
-
 // Adds a rigid part (a segment or, if wheel >= 0, that wheel) to the mass matrix: M = Σ factor rowᵀ row, with row · u
 // the velocity of its centre of mass along an axis and factor its mass, or the angular velocity about a principal axis
 // and its moment there. inertia_kg_m2: the moments about the segment's forward, left and up axes.
 void CarDynamics::add_part(double mass_kg, const Vec3& at_m, const Vec3& inertia_kg_m2, std::size_t segment, int wheel,
-                           std::vector<double>& mass) const {
-  std::vector<double> row(size_);
+                           SquareMatrix& mass) const {
+  double row[kMaxRowLength];
   const auto add = [&](double factor) {
-    for (std::size_t i = 0; i < size_; ++i) {
-      for (std::size_t j = 0; j < size_; ++j) mass[i * size_ + j] += factor * row[i] * row[j];
+    for (std::size_t j = 0; j < size_; ++j) {
+      for (std::size_t i = 0; i < size_; ++i) mass.at(i, j) += factor * row[i] * row[j];
     }
   };
   for (const Vec3& axis : {Vec3{1, 0, 0}, Vec3{0, 1, 0}, Vec3{0, 0, 1}}) {
-    jacobian(at_m, axis, segment, -1, row.data());
+    jacobian(at_m, axis, segment, kNoWheel, row);
     add(mass_kg);
   }
   const Frame& frame = frames_[segment];
   const auto turning = [&](const Vec3& axis, double moment) {
-    row.assign(size_, 0);
+    std::fill(std::begin(row), std::end(row), 0.0);
     row[3] = axis.x;
     row[4] = axis.y;
     row[5] = axis.z;
@@ -137,8 +100,8 @@ void CarDynamics::add_part(double mass_kg, const Vec3& at_m, const Vec3& inertia
 // Computes the mass matrix for the hinges' present angles. A wheel is a uniform disc. The servo's rotor turns with the
 // wheel through the gears. Its inertia, as felt at the wheel's shaft, resists only the wheel's rate relative to the
 // segment; the segment feels no reaction.
-void CarDynamics::fill_mass(std::vector<double>& mass) const {
-  mass.assign(size_ * size_, 0);
+void CarDynamics::fill_mass(SquareMatrix& mass) const {
+  mass.clear();
   for (std::size_t j = 0; j < frames_.size(); ++j) {
     const SegmentSpec& part = body_.segments[j];
     add_part(part.mass_kg, place(j, {part.com_x_m, part.com_y_m, part.com_z_m}),
@@ -151,7 +114,7 @@ void CarDynamics::fill_mass(std::vector<double>& mass) const {
     add_part(wheel.mass_kg, axle_[i], {across, spin, across}, static_cast<std::size_t>(wheel.segment),
              static_cast<int>(i), mass);
     const std::size_t k = 6 + hinges_ + i;
-    mass[k * size_ + k] += wheel.servo.rotor_inertia_kg_m2;
+    mass.at(k, k) += wheel.servo.rotor_inertia_kg_m2;
   }
 }
 
@@ -159,14 +122,16 @@ void CarDynamics::fill_mass(std::vector<double>& mass) const {
 // stiffness of hinges and wheels: the second one makes a step of implicit Euler.
 void CarDynamics::update_inverses() {
   inverse_ = implicit_inverse_ = mass_;
-  invert(inverse_, size_);
+  inverse_.invert();
   for (std::size_t i = 0; i < hinges_; ++i) {
     const HingeSpec& hinge = body_.hinges[i];
-    implicit_inverse_[(6 + i) * (size_ + 1)] +=
-        step_s_ * (hinge.damping_n_m_s_rad + step_s_ * hinge.stiffness_n_m_rad);
+    implicit_inverse_.at(6 + i, 6 + i) += step_s_ * (hinge.damping_n_m_s_rad + step_s_ * hinge.stiffness_n_m_rad);
   }
-  for (std::size_t i = 0; i < wheels_; ++i) implicit_inverse_[(6 + hinges_ + i) * (size_ + 1)] += step_s_ * damping_[i];
-  invert(implicit_inverse_, size_);
+  for (std::size_t i = 0; i < wheels_; ++i) {
+    const std::size_t k = 6 + hinges_ + i;
+    implicit_inverse_.at(k, k) += step_s_ * damping_[i];
+  }
+  implicit_inverse_.invert();
 }
 
 // Adds one step's acceleration by gravity, flexures and wheel torques to the velocity, by implicit Euler: the matrix
@@ -180,7 +145,7 @@ void CarDynamics::accelerate(const std::vector<double>& torque_n_m, const std::v
   // Gravity accelerates the car's translation: its generalised force is the columns of M of translation times gravity.
   const Vec3 gravity = turn.to_body({0, 0, -kGravity_m_s2});
   for (std::size_t i = 0; i < size_; ++i) {
-    force_[i] = mass_[i * size_] * gravity.x + mass_[i * size_ + 1] * gravity.y + mass_[i * size_ + 2] * gravity.z;
+    force_[i] = mass_.at(i, 0) * gravity.x + mass_.at(i, 1) * gravity.y + mass_.at(i, 2) * gravity.z;
   }
   for (std::size_t i = 0; i < hinges_; ++i) {
     const HingeSpec& hinge = body_.hinges[i];
@@ -188,12 +153,8 @@ void CarDynamics::accelerate(const std::vector<double>& torque_n_m, const std::v
     force_[6 + i] -= hinge.stiffness_n_m_rad * (hinge_rad[i] + step_s_ * rate) + hinge.damping_n_m_s_rad * rate;
   }
   for (std::size_t i = 0; i < wheels_; ++i) force_[6 + hinges_ + i] += torque_n_m[i];
-  respond(force_.data(), acceleration_.data());
+  implicit_inverse_.multiply(force_.data(), acceleration_.data());
   for (std::size_t i = 0; i < size_; ++i) velocity[i] += step_s_ * acceleration_[i];
-}
-
-void CarDynamics::respond(const double* row, double* response) const {
-  multiply(implicit_inverse_, row, size_, response);
 }
 
 // Moves the car by one step of the velocities u (first segment's velocity and angular velocity in its own axes,
@@ -203,7 +164,7 @@ void CarDynamics::respond(const double* row, double* response) const {
 // 2. A hinge's momentum changes by ∂(kinetic energy)/∂(its angle) per second (Lagrange), here by finite differences.
 // 3. The hinges take their new angles, and the velocity is M⁻¹ of these with the new momentum.
 void CarDynamics::move(const std::vector<double>& u) {
-  multiply(mass_, velocity.data(), size_, momentum_.data());
+  mass_.multiply(velocity.data(), momentum_.data());
   const Vec3 shift = step_s_ * Vec3{u[0], u[1], u[2]};
   const Rotation rotation = rotation_by(step_s_ * Vec3{u[3], u[4], u[5]});
   position_m = position_m + turn.to_world(shift);
@@ -220,7 +181,7 @@ void CarDynamics::move(const std::vector<double>& u) {
       hinge_rad[i] = angle_rad;
       place_segments();
       fill_mass(mass_);
-      multiply(mass_, velocity.data(), size_, force_.data());
+      mass_.multiply(velocity.data(), force_.data());
       double sum = 0;
       for (std::size_t j = 0; j < size_; ++j) sum += 0.5 * velocity[j] * force_[j];
       return sum;
@@ -237,14 +198,15 @@ void CarDynamics::move(const std::vector<double>& u) {
     fill_mass(mass_);
     update_inverses();
   }
-  multiply(inverse_, momentum_.data(), size_, velocity.data());
+  inverse_.multiply(momentum_.data(), acceleration_.data());
+  velocity.assign(acceleration_.begin(), acceleration_.begin() + static_cast<std::ptrdiff_t>(size_));
 }
 
 // Kinetic energy ½ uᵀ M u, potential energy of segments and wheels above z = 0, and the flexures' elastic energy.
 double CarDynamics::mechanical_energy_j() const {
   double energy_j = 0;
   for (std::size_t i = 0; i < size_; ++i) {
-    for (std::size_t j = 0; j < size_; ++j) energy_j += 0.5 * velocity[i] * mass_[i * size_ + j] * velocity[j];
+    for (std::size_t j = 0; j < size_; ++j) energy_j += 0.5 * velocity[i] * mass_.at(i, j) * velocity[j];
   }
   const auto height_m = [&](const Vec3& at_m) { return position_m.z + turn.to_world(at_m).z; };
   for (std::size_t j = 0; j < frames_.size(); ++j) {

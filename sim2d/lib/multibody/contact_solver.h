@@ -5,8 +5,8 @@
 // hinge two, its limits. An impulse λ along a row changes u by M⁻¹ Jᵀ λ, and so v of its own row by λ / m with
 //
 //   m = 1 / (J M⁻¹ Jᵀ)                  the row's effective mass (`mass`; its inverse `inverse_mass`),
-//   Y = M⁻¹ Jᵀ                          the row's response (`response_`),
-//   u = u* + Σ Y λ                      over all rows, from the free motion's u* (`velocity_`).
+//   Y = M⁻¹ Jᵀ                          the row's response (`response`),
+//   u = u* + Σ Y λ                      over all rows, from the free motion's u* (`velocity`).
 //
 // Normal. A contact with gap g (negative: a penetration) may close at most g in a step h, so that v ≥ -g/h, and only
 // pushes:
@@ -23,7 +23,7 @@
 // For one row, with all others held, v grows by Δλ / m. To satisfy the condition Δλ must be
 //
 //   (v + Δλ/m) + (c/m) (λ + Δλ) = b
-//   Δλ = [ (b - v) m - c λ ] / (1 + c)         m (b - v): `impulse_change`; 1 / (1 + c): kYield,
+//   Δλ = [ (b - v) m - c λ ] / (1 + c)         `impulse_change`; 1 / (1 + c): kYield,
 //
 // and λ ← max(0, λ + Δλ). This is Box2D's soft step: its massScale is 1 / (1 + c) and its impulseScale c / (1 + c).
 // There they follow from a damped spring, here from c, and the spring's push is the bias b.
@@ -44,6 +44,7 @@
 #pragma once
 
 #include <cstddef>
+#include <memory>
 #include <vector>
 
 #include "car_dynamics.h"
@@ -69,36 +70,15 @@ struct Contact {
 // Computes the impulses of contacts and of hinges at their limits (rows without friction), by projected Gauss-Seidel.
 class ContactSolver {
  public:
-  // iterations: the largest number of passes over all rows in each of the two solutions of a step.
-  ContactSolver(const BodySpec& body, double step_s, int iterations);
+  virtual ~ContactSolver() = default;
 
   // Changes car.velocity and the contacts' impulses. Returns the velocities to move the car's pose with: they also
   // close penetrations, and as they are not kept, closing gives the car no energy.
-  const std::vector<double>& solve(CarDynamics& car, std::vector<Contact>& contacts);
-
- private:
-  // A row of the Jacobian; a contact has three in sequence: normal, along, across. biased_m_s and unbiased_m_s: the
-  // velocity b that the row is solved for (above), with and without the closing of penetrations.
-  struct Row {
-    double inverse_mass, mass, impulse, biased_m_s, unbiased_m_s;
-  };
-  void add_row(const CarDynamics& car, double impulse, double gap_m);
-  // During an impact sets the velocities b of the contact's normal row, which must be the last row added.
-  void set_impact(Contact& contact);
-  double impulse_change(const Row& row, std::size_t index, double wanted_m_s) const;
-  void apply(std::size_t index, double impulse);
-  // One pass over all rows; the largest change of a row's velocity (m/s) by its own impulse.
-  double iterate(const std::vector<Contact>& contacts, bool backward, bool use_bias);
-
-  const BodySpec& body_;
-  const double step_s_;
-  const int iterations_;
-  const int impact_steps_;
-  const double impact_share_;
-  std::size_t padded_ = 0;  // of a row
-  std::vector<Row> rows_;
-  std::vector<double> jacobian_, response_, velocity_, biased_velocity_;
-  std::vector<double> limit_impulse_;  // of the hinges in the last step
+  virtual const std::vector<double>& solve(CarDynamics& car, std::vector<Contact>& contacts) = 0;
 };
+
+// The solver for the body's number of velocities: the compiler knows the length of its rows. body must outlive it.
+// iterations: the largest number of passes over all rows in each of the two solutions of a step.
+std::unique_ptr<ContactSolver> make_contact_solver(const BodySpec& body, double step_s, int iterations);
 
 }  // namespace foldcar

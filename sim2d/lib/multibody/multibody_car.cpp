@@ -32,7 +32,7 @@ MultibodyCar::MultibodyCar(const BodySpec& body, double friction, const Terrain&
       stopwatch_(stopwatch),
       car_(body, step_s_),
       search_(body, constants_, terrain),
-      solver_(body, step_s_, options.iterations),
+      solver_(make_contact_solver(body, step_s_, options.iterations)),
       torque_n_m_(body.wheels.size()),
       damping_(body.wheels.size()),
       start_rad_s_(body.wheels.size()),
@@ -131,7 +131,7 @@ void MultibodyCar::step(const PulsesUs& pulses_us) {
   {
     const ScopedTimer timer(timed ? &stopwatch_->physics_s : nullptr, kTimedStepInterval);
     drive_wheels(pulses_us);
-    const std::vector<double>& moving = solver_.solve(car_, contacts_);
+    const std::vector<double>& moving = solver_->solve(car_, contacts_);
     count_energy(pulses_us);
     car_.move(moving);
   }

@@ -7,6 +7,7 @@
 #pragma once
 
 #include <cstddef>
+#include <memory>
 #include <optional>
 #include <vector>
 
@@ -74,7 +75,7 @@ class MultibodyCar : public SimCar {
   std::optional<TrackTerrain> ground_;  // if the terrain has smooth ground
   CarDynamics car_;
   ContactSearch search_;
-  ContactSolver solver_;
+  const std::unique_ptr<ContactSolver> solver_;
   std::vector<Contact> contacts_, last_contacts_;
   std::vector<double> torque_n_m_, damping_, start_rad_s_;  // of each wheel in this step
   ServoSupply supply_;

@@ -39,6 +39,13 @@ bool cut_face(const Solid::Face& face, const Vec3& centre, const Vec3& axis, Cut
 // At a corner of the polygon, where an edge of the solid crosses the plane, the normal is at right angles to that
 // edge. Leaves `disc` as it is if they are further than margin_m apart or the plane misses the solid.
 void meet_in_plane(const Tyre& tyre, const Solid& solid, double margin_m, CrossDisc& disc) {
+  // The plane most often misses the solid: then all corners are on one side of it.
+  const auto is_behind = [&](const Vec3& corner) { return dot(tyre.axis, corner - disc.centre) < 0; };
+  const bool first_is_behind = is_behind(solid.corners[0]);
+  if (std::all_of(solid.corners.begin() + 1, solid.corners.end(),
+                  [&](const Vec3& corner) { return is_behind(corner) == first_is_behind; })) {
+    return;
+  }
   double inside_m = -std::numeric_limits<double>::infinity(), nearest_m2 = std::numeric_limits<double>::infinity();
   Vec3 away, normal, edge;  // edge: 0 on a face
   for (const Solid::Face& face : solid.faces) {

@@ -39,13 +39,13 @@ struct Pressed {
     car.velocity = {velocity_m_s.x, velocity_m_s.y, velocity_m_s.z, 0, 0, yaw_rad_s};
     car.velocity.resize(car.size());
     car.accelerate(std::vector<double>(4), std::vector<double>(4));
-    ContactSolver(body, kStep_s, 200).solve(car, contacts);
+    make_contact_solver(body, kStep_s, 200)->solve(car, contacts);
   }
   Vec3 slip_m_s(const Contact& contact) const {
-    std::vector<double> row(car.size());
+    double row[kMaxRowLength];
     const auto along = [&](const Vec3& direction) {
-      car.jacobian(contact.point_m, direction, contact.segment, contact.wheel, row.data());
-      return std::inner_product(row.begin(), row.end(), car.velocity.begin(), 0.0);
+      car.jacobian(contact.point_m, direction, contact.segment, contact.wheel, row);
+      return std::inner_product(car.velocity.begin(), car.velocity.end(), row, 0.0);
     };
     return {along({1, 0, 0}), along({0, 1, 0}), along({0, 0, 1})};
   }

@@ -184,8 +184,8 @@ def print_search(plan: "Plan", result: "SearchResult", store: Path, varied: Sequ
     pruned_text = f", {result.pruned} stopped early" if result.pruned else ""
     exhausted_text = "; these are all designs that can be tried" if result.exhausted else ""
     typer.echo(
-        f"{result.designs} designs tried in {result.runs} runs{pruned_text}{exhausted_text}; "
-        f"{result.new} new runs, {result.seconds:.1f} s; store: {store}"
+        f"{count(result.designs, 'design')} tried in {count(result.runs, 'run')}{pruned_text}{exhausted_text}; "
+        f"{count(result.new, 'new run')}, {result.seconds:.1f} s; store: {store}"
     )
     reasons = list(result.unbuildable.items())
     if reasons:
@@ -199,7 +199,8 @@ def print_search(plan: "Plan", result: "SearchResult", store: Path, varied: Sequ
         return
     which_best = "best" if len(plan.objectives) == 1 else "non-dominated"
     realities = ", each in a new reality" if plan.over_realities else ""
-    typer.echo(f"\nThe {which_best} designs, tested in {plan.fresh} new environments{realities} (95 % intervals):")
+    fresh = count(plan.fresh, "new environment")
+    typer.echo(f"\nThe {which_best} designs, tested in {fresh}{realities} (95 % intervals):")
     heads = ["design"]
     for objective in plan.objectives:
         heads.append(f"{objective.heading}, new")

@@ -19,7 +19,7 @@ from foldcar.belief.weighing import SCENE_TRUST, Trials
 from foldcar.car.variation import workshop
 from foldcar.evidence.design_evidence import DesignEvidence
 from foldcar.evidence.supply import measured_supply
-from foldcar.statistics.words import count, percent, points
+from foldcar.statistics.words import count, percent, points_text
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.measured import measured_values
 from foldcar.store.reader import Store
@@ -92,7 +92,7 @@ class Belief:
             return []
         return [
             f"The success rate was learned from {learned.runs:,} runs in other realities with a typical error of "
-            f"{points(learned.error, sign=False)} points: `foldcar sweep --realities {more}` "
+            f"{points_text(learned.error)}: `foldcar sweep --realities {more}` "
             "makes it smaller."
         ]
 

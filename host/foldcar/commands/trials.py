@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from foldcar.commands.options import (
+    Components,
     Json,
     OneExperiment,
     OutputFolder,
@@ -169,6 +170,7 @@ def import_file(
         Path, typer.Argument(metavar="FILE", help="CSV or Parquet file of trials (see docs/trials.md), or another store.")
     ],
     experiment: Annotated[str | None, typer.Option(metavar="ID", help="Experiment of rows without one.")] = None,
+    components: Components = None,
 ) -> None:
     """Import trials from a CSV or Parquet file, or take them from another store.
 

@@ -82,8 +82,8 @@ def trials_in_other_environments(programs: Iterable[str | None], info: Experimen
             )
         elif program == info.scenic_program:
             sentences.append(
-                f"{left_out} in other samples of {program} than the runs: its text, parameters or seed, or foldcar, have "
-                "changed. Sweep the environment as it was then to compare them."
+                f"{left_out} in other samples of {program} than the runs: its text, files beside it, its parameters or "
+                "seed, or foldcar have changed. Sweep the environment as it was then to compare them."
             )
         else:
             sentences.append(f"{left_out} in {program or 'an unknown program'}, not in {info.scenic_program}.")

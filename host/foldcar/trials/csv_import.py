@@ -125,7 +125,8 @@ def _check_header(file: Path, header: list[str]) -> None:
     for name in header:
         if name not in known_columns and key_of(name) is None:
             suggestion = did_you_mean(name.lower(), known_columns)
-            raise FoldcarError(f'{file}: unknown column "{name}"; known: {", ".join(known_columns)}{suggestion}')
+            own = "; parameters of your own modules need --components FILE" if is_export else suggestion
+            raise FoldcarError(f'{file}: unknown column "{name}"; known: {", ".join(known_columns)}{own}')
         if header.count(name) > 1:
             raise FoldcarError(f'{file}: column "{name}" occurs twice')
     for name in REQUIRED:

@@ -281,6 +281,8 @@ class Session:
         if identity.simulated and deviations:
             print_line("the simulated car drives in the planned scene: the deviations are stored, but not simulated")
         placed_scene = scene_as_placed(scene, obstacles, deviations)
+        if deviations and not self._environment.dynamic:
+            writer.put_planned_scene(fingerprint, sample, *self._environment.sample_with_parameters(sample))
         trial_number = writer.begin(
             experiment.id,
             trial_design,

@@ -13,6 +13,7 @@ from rich.console import Console
 
 from foldcar.figures.style import OUTCOME_LABELS
 from foldcar.shown_console import ResultTable, shown_console
+from foldcar.shown_text import shown_line
 from foldcar.statistics.words import count, design_text, percent_number, points, rank_text
 from foldcar.store.trial_records import BUILT, SIMULATED, UNKNOWN, WITHDRAWN, Correction, Trial
 
@@ -299,7 +300,7 @@ def correction_text(correction: Correction) -> str:
     change = f"{correction.field} {_quoted(correction.before)} -> {_quoted(correction.after)}"
     if correction.field == "withdrawn":
         change = "withdrawn" if correction.after else "restored"
-    return f"* trial {correction.trial}: {change} on {correction.corrected_utc[:10]}{by}: {correction.reason}"
+    return shown_line(f"* trial {correction.trial}: {change} on {correction.corrected_utc[:10]}{by}: {correction.reason}")
 
 
 def seconds_text(value: float | None) -> str:

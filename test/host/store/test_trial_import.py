@@ -203,6 +203,29 @@ def test_exported_trials_are_the_same_trials_in_another_store(
         assert reader.trial(1).note == "seen twice" and reader.trial(1).log == LOG
 
 
+@pytest.mark.parametrize("command", [("trials", "import", "new.db", "s.db"), ("merge", "new.db", "s.db", "-o", "m.db")])
+def test_after_its_table_a_store_brings_what_the_table_lacks(
+    command: tuple[str, ...], driven: Path, foldcar: Any, tmp_path: Path
+) -> None:
+    assert foldcar("export", "s.db", "--trials", "t.csv").returncode == 0
+    assert foldcar("trials", "import", "new.db", "t.csv").returncode == 0
+
+    done = foldcar(*command)
+
+    assert done.returncode == 0, done.stderr
+    assert trials_of(tmp_path / ("m.db" if "merge" in command else "new.db")) == trials_of(driven)
+
+
+def test_a_contradiction_names_both_stores(driven: Path, foldcar: Any, tmp_path: Path) -> None:
+    assert foldcar("trials", "import", "new.db", "s.db").returncode == 0
+    for store in ("s.db", "new.db"):
+        assert foldcar("trials", "correct", store, "1", "--note", store, "--reason", "r").returncode == 0
+
+    done = foldcar("trials", "import", "new.db", "s.db")
+
+    assert done.returncode == 2 and "note is s.db in s.db, new.db in new.db: correct one of them" in done.stderr
+
+
 def test_exported_trials_are_compared_with_runs_of_the_same_drive_only(
     driven: Path, foldcar: Any, tmp_path: Path
 ) -> None:

@@ -209,7 +209,7 @@ def _imported_text(imported: list[int], known: int, store: Path) -> str:
     from foldcar.statistics.words import count
 
     range_text = f", {imported[0]}{f' to {imported[-1]}' if len(imported) > 1 else ''}" if imported else ""
-    known_text = f"; {known} were imported before" if known else ""
+    known_text = f"; {known} {'was' if known == 1 else 'were'} imported before" if known else ""
     return f"{count(len(imported), 'trial')} imported{range_text}{known_text}; store: {store}"
 
 

@@ -200,8 +200,8 @@ def print_search(plan: "Plan", result: "SearchResult", store: Path, varied: Sequ
         return
     which_best = "best" if len(plan.objectives) == 1 else "non-dominated"
     realities = ", each in a new reality" if plan.over_realities else ""
-    fresh = count(plan.fresh, "new environment")
-    typer.echo(f"\nThe {which_best} designs, tested in {fresh}{realities} (95 % intervals):")
+    new_environments = count(plan.fresh, "new environment")
+    typer.echo(f"\nThe {which_best} designs, tested in {new_environments}{realities} (95 % intervals):")
     heads = ["design"]
     for objective in plan.objectives:
         heads.append(f"{objective.heading}, new")

@@ -64,7 +64,11 @@ def exported_facts(place: str, row: Mapping[str, str]) -> dict[str, Any]:
     except ValueError:
         raise FoldcarError(f'{place}: uuid: "{row["uuid"]}" is not a UUID') from None
     defaults = {"deviations": "{}", "corrections": "[]", "settings": "null"}
-    shapes = {"deviations": Deviations, "corrections": list[ExportedCorrection], "settings": ExportedSettings | None}
+    shapes: dict[str, Any] = {
+        "deviations": Deviations,
+        "corrections": list[ExportedCorrection],
+        "settings": ExportedSettings | None,
+    }
     for name, shape in shapes.items():
         try:
             adapter: TypeAdapter[Any] = TypeAdapter(shape)

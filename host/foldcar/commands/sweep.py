@@ -255,13 +255,18 @@ def reality_lines(experiment: str, counts: "RealityCounts") -> Iterator[str]:
     """Yield lines on an experiment's runs in other realities: how many there are, and whether more are needed."""
     if not counts.total:
         return
-    from foldcar.study.reality_runs import offered_runs
+    from foldcar.statistics.words import count
+    from foldcar.study.reality_runs import MIN_LEARNED, STAGES, offered_runs
 
     failed = f", {counts.failed:,} failed" if counts.failed else ""
+    runs = f"{count(counts.total, 'run')} in other realities, {counts.new:,} of them new{failed}"
+    if counts.total < MIN_LEARNED:
+        yield f"experiment {experiment}: {runs}; too few to learn the success rate of built cars"
+        yield f"  at least {MIN_LEARNED} are needed: --realities {STAGES[0]}"
+        return
     error = "an unknown error" if counts.error is None else f"an error of {100 * counts.error:.1f} points"
     yield (
-        f"experiment {experiment}: {counts.total:,} runs in other realities, {counts.new:,} of them new{failed}; the "
-        f"success rate of built cars is learned from them with {error}"
+        f"experiment {experiment}: {runs}; the success rate of built cars is learned from them with {error}"
     )
     more = offered_runs(counts.total, counts.error)
     if more is not None:

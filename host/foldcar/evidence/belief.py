@@ -26,12 +26,10 @@ from foldcar.store.reader import Store
 from foldcar.store.reality_runs import read_reality_runs
 from foldcar.store.stored_drives import read_drives
 from foldcar.store.trial_records import Trial
-from foldcar.study.reality_runs import offered_runs
+from foldcar.study.reality_runs import MIN_LEARNED, offered_runs
 
 # The time grows with the number of cars: of more cars, those with most trials count.
 MAX_CARS = 60
-# Fewer runs in other realities teach nothing.
-MIN_RUNS = 200
 
 
 @dataclass(frozen=True)
@@ -186,13 +184,13 @@ def read_belief(
 
 
 def learned_rate(store: Store, info: ExperimentInfo) -> Learned | None:
-    """Return the success rate learned from an experiment's runs in other realities; None with fewer than MIN_RUNS."""
+    """Return the success rate learned from an experiment's runs in other realities; None with fewer than MIN_LEARNED."""
     if not info.success_defined or not info.stored_runs or info.under is not None:
         return None
 
     def read() -> Learned | None:
         runs = read_reality_runs(store, info.id)
-        if len(runs) < MIN_RUNS:
+        if len(runs) < MIN_LEARNED:
             return None
         designs = numpy.array(
             [[float(design[name]) for name in info.varied] for design in store.designs(info.id).values()]

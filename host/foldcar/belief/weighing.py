@@ -135,7 +135,7 @@ class Prior:
         steps = root ** -numpy.arange(1.0, parameters + 2)
         points = (0.5 + numpy.arange(1, WAVES // 2 + 1)[:, None] * steps) % 1
         # The spectrum of the Matern covariance of smoothness 5/2 is Student's t distribution with 5 degrees of freedom.
-        scale = numpy.sqrt(5 / chdtri(5, points[:, 0])) / (LENGTH * numpy.sqrt(parameters))
+        scale = numpy.sqrt(5 / chdtri(5, points[:, 0])) / (LENGTH * numpy.sqrt(max(parameters, 1)))
         return numpy.asarray(ndtri(points[:, 1:]).T * scale)
 
     def smooth_columns(self, designs: FloatArray) -> FloatArray:

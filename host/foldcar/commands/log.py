@@ -53,7 +53,7 @@ def log(
         ),
     ] = None,
     outcome: Annotated[
-        str | None, typer.Option(metavar="OUTCOME", help="Outcome of all trials; default: ask after each.")
+        str | None, typer.Option(metavar="OUTCOME", help="Outcome of all completed trials; default: ask after each.")
     ] = None,
     note: Annotated[str | None, typer.Option(metavar="TEXT", help="Note on all trials; default: ask.")] = None,
     car: Annotated[

@@ -15,6 +15,7 @@ import typer
 from foldcar.errors import FoldcarError
 from foldcar.installation import usable_processors
 from foldcar.outputs import check_output_file, check_output_folder, check_replaceable
+from foldcar.statistics.words import count
 from foldcar.study.limits import MAX_ENVIRONMENTS, MAX_JOBS, MAX_SEED, checked_threshold
 from foldcar.typed import decimal_number, did_you_mean
 
@@ -50,8 +51,8 @@ def print_note(text: str) -> None:
 
 
 def counts_text(counts: Mapping[str, int]) -> str:
-    """Return text such as ``12 runs, 3 trials``."""
-    return ", ".join(f"{count} {name}" for name, count in counts.items())
+    """Return text such as ``12 runs, 1 trial``, for numbers by noun."""
+    return ", ".join(count(number, noun) for noun, number in counts.items())
 
 
 def command_line() -> str:

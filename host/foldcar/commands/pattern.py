@@ -14,6 +14,7 @@ import typer
 from foldcar.commands.options import Components, Listing, Material, OutputFolder, Settings, Sheet, print_lines
 from foldcar.installation import require
 from foldcar.shown_text import decoded
+from foldcar.statistics.words import count
 
 if TYPE_CHECKING:
     from foldcar.car.design import Design
@@ -86,7 +87,7 @@ def pattern(
             )
             vehicles = len({car.vehicle for car in cars_to_make})
             of_vehicles = f" of {vehicles} vehicles" if vehicles > 1 else ""
-            lines += [*skipped, f"{len(cars)} cars{of_vehicles} in {output}: {_amounts(cars)}"]
+            lines += [*skipped, f"{count(len(cars), 'car')}{of_vehicles} in {output}: {_amounts(cars)}"]
     # The folder is complete now.
     print_lines(*lines)
 
@@ -189,4 +190,4 @@ def _amounts(cars: Sequence[Mapping[str, Any]]) -> str:
     sheets, cut_mm, mass_kg, usd = (
         sum(car[key] for car in cars) for key in ("sheets", "cut_length_mm", "mass_kg", "cost_usd")
     )
-    return f"{sheets} sheets, cut {cut_mm / 1000:.1f} m, {mass_kg * 1000:.0f} g, {usd:.0f} USD"
+    return f"{count(sheets, 'sheet')}, cut {cut_mm / 1000:.1f} m, {mass_kg * 1000:.0f} g, {usd:.0f} USD"

@@ -16,6 +16,7 @@ from foldcar.commands.options import (
     print_lines,
 )
 from foldcar.errors import FoldcarError
+from foldcar.statistics.words import count
 
 
 def check(store: Annotated[Path, typer.Argument(metavar="STORE", help="Store to check.")]) -> None:
@@ -32,7 +33,7 @@ def check(store: Annotated[Path, typer.Argument(metavar="STORE", help="Store to 
     checked = check_store(store)
     findings = [" ".join(finding.split()) for finding in checked.findings]
     state = f"{len(findings)} damaged" if findings else "sound"
-    lines = [*findings, f"{state}; {checked.rows} rows, {checked.logs} logs read; version {VERSION}"]
+    lines = [*findings, f"{state}; {count(checked.rows, 'row')}, {count(checked.logs, 'log')} read; version {VERSION}"]
     print_lines(*(f"{store}: {line}" for line in lines))
     if findings:
         raise typer.Exit(1)
@@ -57,8 +58,7 @@ def merge(
         raise FoldcarError("merge: name two stores or more")
     check_distinct(stores, [output])
     row_counts = merge_stores(stores, output)
-    counts = {f"{table}s": row_counts[table] for table in ("run", "experiment", "trial")}
-    print_lines(f"{output}: {counts_text(counts)}")
+    print_lines(f"{output}: {counts_text({table: row_counts[table] for table in ('run', 'experiment', 'trial')})}")
 
 
 def export(
@@ -108,13 +108,14 @@ def export(
         if csv == STANDARD_OUTPUT:
             write_csv(reader, data_output(), failed)
         elif csv is not None:
-            messages.append(f"{csv}: {export_csv(reader, csv, failed)} runs")
+            messages.append(f"{csv}: {count(export_csv(reader, csv, failed), 'run')}")
         if parquet is not None:
-            messages.append(f"{parquet}: {export_parquet(reader, parquet, failed)} runs")
+            messages.append(f"{parquet}: {count(export_parquet(reader, parquet, failed), 'run')}")
         if trials is not None:
-            count, left_out = export_trials(reader, trials, simulated_trials)
-            messages += [f"{trials}: {count} trials", *([f"{trials}: {left_out}"] if left_out else [])]
+            number, left_out = export_trials(reader, trials, simulated_trials)
+            messages += [f"{trials}: {count(number, 'trial')}", *([f"{trials}: {left_out}"] if left_out else [])]
         if digest:
-            print_lines("{}  {} runs".format(*store_digest(reader)))
+            digest_text, runs = store_digest(reader)
+            print_lines(f"{digest_text}  {count(runs, 'run')}")
     for message in messages:
         typer.echo(message, err=True)

@@ -207,13 +207,15 @@ def _announce_folding(planned: "Sweep") -> None:
 
 def _counts(progress: "Progress", with_success: bool) -> str:
     """Return the sweep's counts as text: ``6 new runs, 0 already stored, 1.2 s, 5 runs/s, 50.0 % passed``."""
-    new = f"{progress.new} new run{'' if progress.new == 1 else 's'}"
-    counts_text = f"{new}, {progress.reused} already stored, {progress.seconds:.1f} s"
+    from foldcar.statistics.words import count
+
+    new = count(progress.new, "new run")
+    counts_text = f"{new}, {progress.reused:,} already stored, {progress.seconds:.1f} s"
     rate = f", {progress.new / progress.seconds:.0f} runs/s" if progress.new else ""
     # With a stopping rule, designs have different numbers of runs, so that a rate over all runs means nothing.
     success = f", {_success(progress)}" if with_success else ""
     unusual = {"rejected": progress.rejected, "failed": progress.failed}
-    return f"{counts_text}{rate}{success}{''.join(f', {count} {name}' for name, count in unusual.items() if count)}"
+    return f"{counts_text}{rate}{success}{''.join(f', {number:,} {name}' for name, number in unusual.items() if number)}"
 
 
 def _success(progress: "Progress") -> str:
@@ -231,15 +233,16 @@ def _success(progress: "Progress") -> str:
 
 def stopping_lines(experiment: "Experiment", rule: "StoppingRule", states: "Sequence[DesignState]") -> Iterator[str]:
     """Yield lines on a sweep with a stopping rule: how many designs are decided, the rule, and the undecided designs."""
-    from foldcar.statistics.words import design_text, listed
+    from foldcar.statistics.words import count, design_text, listed
 
     own_states = [state for state in states if state.experiment == experiment.id]
     undecided = [state for state in own_states if not state.decided]
     rest = f", {len(undecided)} undecided" if undecided else ""
     runs, max_runs = sum(state.runs for state in own_states), len(own_states) * experiment.environments
     rejected = sum(state.rejected for state in own_states)
-    head = f"experiment {experiment.id}: {len(own_states) - len(undecided)} of {len(own_states)} designs decided{rest}"
-    yield f"{head}; {runs} of at most {max_runs} runs{f', {rejected} rejected' if rejected else ''}"
+    decided = f"{len(own_states) - len(undecided)} of {count(len(own_states), 'design')} decided{rest}"
+    head = f"experiment {experiment.id}: {decided}"
+    yield f"{head}; {runs:,} of at most {count(max_runs, 'run')}{f', {rejected} rejected' if rejected else ''}"
     yield f"  decided: {rule.text}; this holds for each design separately, whenever its runs stop"
     if undecided:
         shown = undecided[:SHOWN_UNDECIDED]
@@ -252,13 +255,18 @@ def reality_lines(experiment: str, counts: "RealityCounts") -> Iterator[str]:
     """Yield lines on an experiment's runs in other realities: how many there are, and whether more are needed."""
     if not counts.total:
         return
-    from foldcar.study.reality_runs import offered_runs
+    from foldcar.statistics.words import count
+    from foldcar.study.reality_runs import MIN_LEARNED, STAGES, offered_runs
 
     failed = f", {counts.failed:,} failed" if counts.failed else ""
+    runs = f"{count(counts.total, 'run')} in other realities, {counts.new:,} of them new{failed}"
+    if counts.total < MIN_LEARNED:
+        yield f"experiment {experiment}: {runs}; too few to learn the success rate of built cars"
+        yield f"  at least {MIN_LEARNED} are needed: --realities {STAGES[0]}"
+        return
     error = "an unknown error" if counts.error is None else f"an error of {100 * counts.error:.1f} points"
     yield (
-        f"experiment {experiment}: {counts.total:,} runs in other realities, {counts.new:,} of them new{failed}; the "
-        f"success rate of built cars is learned from them with {error}"
+        f"experiment {experiment}: {runs}; the success rate of built cars is learned from them with {error}"
     )
     more = offered_runs(counts.total, counts.error)
     if more is not None:
@@ -267,12 +275,14 @@ def reality_lines(experiment: str, counts: "RealityCounts") -> Iterator[str]:
 
 def _print_failed(store: Path, experiments: Sequence[str], failed: int, total: int) -> None:
     """Print the most frequent messages of failed runs on stderr, and the command that lists all of them."""
+    from foldcar.statistics.words import count
     from foldcar.store.reader import Store
 
     with Store.open(store) as opened:
         messages = opened.failures(experiments)
-    lines = [f"{failed} of {total} runs failed and count as not passed:"]
-    lines += [f"  {count} x {message}" for message, count in messages[:SHOWN_MESSAGES]]
+    verb = "counts" if failed == 1 else "count"
+    lines = [f"{failed} of {count(total, 'run')} failed and {verb} as not passed:"]
+    lines += [f"  {number} x {message}" for message, number in messages[:SHOWN_MESSAGES]]
     if len(messages) > SHOWN_MESSAGES:
         lines.append(f"  and {len(messages) - SHOWN_MESSAGES} other messages")
     lines.append(f"list them: {shlex.join(['foldcar', 'export', str(store), '--failed', '--csv', '-'])}")

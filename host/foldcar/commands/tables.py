@@ -13,6 +13,7 @@ from rich.console import Console
 
 from foldcar.figures.style import OUTCOME_LABELS
 from foldcar.shown_console import ResultTable, shown_console
+from foldcar.shown_text import shown_line
 from foldcar.statistics.words import count, design_text, percent_number, points, rank_text
 from foldcar.store.trial_records import BUILT, SIMULATED, UNKNOWN, WITHDRAWN, Correction, Trial
 
@@ -184,8 +185,8 @@ def print_search(plan: "Plan", result: "SearchResult", store: Path, varied: Sequ
     pruned_text = f", {result.pruned} stopped early" if result.pruned else ""
     exhausted_text = "; these are all designs that can be tried" if result.exhausted else ""
     typer.echo(
-        f"{result.designs} designs tried in {result.runs} runs{pruned_text}{exhausted_text}; "
-        f"{result.new} new runs, {result.seconds:.1f} s; store: {store}"
+        f"{count(result.designs, 'design')} tried in {count(result.runs, 'run')}{pruned_text}{exhausted_text}; "
+        f"{count(result.new, 'new run')}, {result.seconds:.1f} s; store: {store}"
     )
     reasons = list(result.unbuildable.items())
     if reasons:
@@ -199,7 +200,8 @@ def print_search(plan: "Plan", result: "SearchResult", store: Path, varied: Sequ
         return
     which_best = "best" if len(plan.objectives) == 1 else "non-dominated"
     realities = ", each in a new reality" if plan.over_realities else ""
-    typer.echo(f"\nThe {which_best} designs, tested in {plan.fresh} new environments{realities} (95 % intervals):")
+    new_environments = count(plan.fresh, "new environment")
+    typer.echo(f"\nThe {which_best} designs, tested in {new_environments}{realities} (95 % intervals):")
     heads = ["design"]
     for objective in plan.objectives:
         heads.append(f"{objective.heading}, new")
@@ -298,7 +300,7 @@ def correction_text(correction: Correction) -> str:
     change = f"{correction.field} {_quoted(correction.before)} -> {_quoted(correction.after)}"
     if correction.field == "withdrawn":
         change = "withdrawn" if correction.after else "restored"
-    return f"* trial {correction.trial}: {change} on {correction.corrected_utc[:10]}{by}: {correction.reason}"
+    return shown_line(f"* trial {correction.trial}: {change} on {correction.corrected_utc[:10]}{by}: {correction.reason}")
 
 
 def seconds_text(value: float | None) -> str:

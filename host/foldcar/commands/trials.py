@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from foldcar.commands.options import (
+    Components,
     Json,
     OneExperiment,
     OutputFolder,
@@ -169,6 +170,7 @@ def import_file(
         Path, typer.Argument(metavar="FILE", help="CSV or Parquet file of trials (see docs/trials.md), or another store.")
     ],
     experiment: Annotated[str | None, typer.Option(metavar="ID", help="Experiment of rows without one.")] = None,
+    components: Components = None,
 ) -> None:
     """Import trials from a CSV or Parquet file, or take them from another store.
 
@@ -207,7 +209,7 @@ def _imported_text(imported: list[int], known: int, store: Path) -> str:
     from foldcar.statistics.words import count
 
     range_text = f", {imported[0]}{f' to {imported[-1]}' if len(imported) > 1 else ''}" if imported else ""
-    known_text = f"; {known} were imported before" if known else ""
+    known_text = f"; {known} {'was' if known == 1 else 'were'} imported before" if known else ""
     return f"{count(len(imported), 'trial')} imported{range_text}{known_text}; store: {store}"
 
 

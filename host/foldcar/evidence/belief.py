@@ -19,19 +19,17 @@ from foldcar.belief.weighing import SCENE_TRUST, Trials
 from foldcar.car.variation import workshop
 from foldcar.evidence.design_evidence import DesignEvidence
 from foldcar.evidence.supply import measured_supply
-from foldcar.statistics.words import count, percent, points
+from foldcar.statistics.words import count, percent, points_text
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.measured import measured_values
 from foldcar.store.reader import Store
 from foldcar.store.reality_runs import read_reality_runs
 from foldcar.store.stored_drives import read_drives
 from foldcar.store.trial_records import Trial
-from foldcar.study.reality_runs import offered_runs
+from foldcar.study.reality_runs import MIN_LEARNED, offered_runs
 
 # The time grows with the number of cars: of more cars, those with most trials count.
 MAX_CARS = 60
-# Fewer runs in other realities teach nothing.
-MIN_RUNS = 200
 
 
 @dataclass(frozen=True)
@@ -92,7 +90,7 @@ class Belief:
             return []
         return [
             f"The success rate was learned from {learned.runs:,} runs in other realities with a typical error of "
-            f"{points(learned.error, sign=False)} points: `foldcar sweep --realities {more}` "
+            f"{points_text(learned.error)}: `foldcar sweep --realities {more}` "
             "makes it smaller."
         ]
 
@@ -186,13 +184,13 @@ def read_belief(
 
 
 def learned_rate(store: Store, info: ExperimentInfo) -> Learned | None:
-    """Return the success rate learned from an experiment's runs in other realities; None with fewer than MIN_RUNS."""
+    """Return the success rate learned from an experiment's runs in other realities; None with fewer than MIN_LEARNED."""
     if not info.success_defined or not info.stored_runs or info.under is not None:
         return None
 
     def read() -> Learned | None:
         runs = read_reality_runs(store, info.id)
-        if len(runs) < MIN_RUNS:
+        if len(runs) < MIN_LEARNED:
             return None
         designs = numpy.array(
             [[float(design[name]) for name in info.varied] for design in store.designs(info.id).values()]

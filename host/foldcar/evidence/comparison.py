@@ -25,7 +25,7 @@ from foldcar.statistics.gap import (
     rank_agreement,
 )
 from foldcar.statistics.rate import Rate
-from foldcar.statistics.words import count, listed, points, rate_text
+from foldcar.statistics.words import count, listed, points, points_text, rate_text
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import Trial
@@ -250,14 +250,14 @@ def _verdict(compared: Sequence[DesignComparison], mean: Gap, margin: float, sim
         if design.verdict is not None:
             labels.setdefault(design.verdict, []).append(design.label)
     direction = "less" if mean.value < 0 else "more"
-    difference = f"built cars pass {points(mean.value, sign=False)} points {direction} often than {simulation}"
+    difference = f"built cars pass {points_text(mean.value)} {direction} often than {simulation}"
     interval = f"{points(mean.low)} to {points(mean.high)}"
     designs = sum(design.gap is not None for design in compared)
     average = f"on average over {count(designs, 'design')}, {difference} (95 %: {interval})"
     pairs = sum(design.paired for design in compared)
     agreeing = sum(design.agreeing for design in compared)
     if pairs:
-        average += f"; {agreeing} of {pairs} trials ended as simulated in the same environment"
+        average += f"; {agreeing} of {count(pairs, 'trial')} ended as simulated in the same environment"
     unsure = f"; {TOO_FEW} to say at {listed(labels[TOO_FEW])}" if TOO_FEW in labels else ""
     contradictions = [verdict for verdict in (OPTIMISTIC, PESSIMISTIC) if verdict in labels]
     if contradictions:
@@ -266,7 +266,7 @@ def _verdict(compared: Sequence[DesignComparison], mean: Gap, margin: float, sim
     verdict = mean.verdict(margin)
     if verdict in (OPTIMISTIC, PESSIMISTIC):
         return verdict, f"{start} is {verdict} {average}; no single design shows it."
-    within = f"within {points(margin, sign=False)} points"
+    within = f"within {points_text(margin)}"
     if AGREES in labels:
         agrees = AGREES if verdict == AGREES and TOO_FEW not in labels else TOO_FEW
         return agrees, f"{start} and trials agree {within} at {listed(labels[AGREES])}{unsure}; {average}."

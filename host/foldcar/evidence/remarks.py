@@ -38,9 +38,10 @@ def runs(store: Store, info: ExperimentInfo) -> list[str]:
         all_rejected = sum(runs > 0 and not counted for runs, counted in zip(counts.runs, counts.counted, strict=True))
         have = "has" if all_rejected == 1 else "have"
         no_rate = f" {count(all_rejected, 'design')} {have} no other run, and so no rate." if all_rejected else ""
+        they_violated = "was rejected: it violated" if rejected == 1 else "were rejected: they violated"
         sentences.append(
-            f"{rejected} of {sum(counts.runs)} runs were rejected: they violated a requirement of the program. Scenic "
-            f"discards such runs; they count neither as passed nor as not passed.{no_rate}"
+            f"{rejected:,} of {count(sum(counts.runs), 'run')} {they_violated} a requirement of the program. Scenic "
+            f"discards such runs, which count neither as passed nor as not passed.{no_rate}"
         )
     return sentences
 
@@ -81,8 +82,8 @@ def trials_in_other_environments(programs: Iterable[str | None], info: Experimen
             )
         elif program == info.scenic_program:
             sentences.append(
-                f"{left_out} in other samples of {program} than the runs: its text, parameters or seed, or foldcar, have "
-                "changed. Sweep the environment as it was then to compare them."
+                f"{left_out} in other samples of {program} than the runs: its text, files beside it, its parameters or "
+                "seed, or foldcar have changed. Sweep the environment as it was then to compare them."
             )
         else:
             sentences.append(f"{left_out} in {program or 'an unknown program'}, not in {info.scenic_program}.")
@@ -146,9 +147,11 @@ def pairs(designs: Sequence[DesignEvidence]) -> list[str]:
         sentences.append(f"{count(resimulated, 'trial')} {reason}: simulated again as placed.")
     unpaired = sum(trial.simulated is None for trial in all_trials)
     if unpaired:
+        of_trials = f"{unpaired} of {count(len(all_trials), 'trial')}"
         sentences.append(
-            f"{unpaired} of {len(all_trials)} trials cannot be paired with a run: their environment is unknown, was not "
-            "simulated, or its run was rejected. They count by their rate alone."
+            f"{of_trials} cannot be paired with a run: the environment is unknown or was not simulated, its run was "
+            f"rejected, or it is not known how the obstacles stood. {'It counts' if unpaired == 1 else 'They count'} by "
+            "the rate alone."
         )
     samples_of_designs = [[trial.sample for trial in design.trials if trial.sample is not None] for design in designs]
     repeated = sum(len(samples) - len(set(samples)) for samples in samples_of_designs)

@@ -50,7 +50,8 @@ def select_evidence(evidence: Sequence[Evidence], threshold: float | None = None
     for experiment, selection in zip(evidence, selections, strict=True):
         if selection is None:
             fresh = by_id[fresh_ids[experiment.info.id]]
-            judged = f"{len(fresh.designs):,} were judged in {fresh.info.environments:,} fresh environments"
+            were = "was" if len(fresh.designs) == 1 else "were"
+            judged = f"{len(fresh.designs):,} {were} judged in {count(fresh.info.environments, 'fresh environment')}"
             start = f"A search tried {count(experiment.swept, 'design')}; {judged}. "
             selection = advice[fresh.info.id]
             selection = replace(selection, info=experiment.info, works=start + selection.works)

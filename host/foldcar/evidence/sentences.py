@@ -11,8 +11,8 @@ from foldcar.belief.advice import MIN_GAIN, Step
 from foldcar.belief.answers import PROBABLY, REACHES, Estimate
 from foldcar.evidence.belief import Belief
 from foldcar.evidence.evidence import Evidence
-from foldcar.statistics.rate import wilson_interval
-from foldcar.statistics.words import count, listed, percent, percent_number, span_text
+from foldcar.statistics.rate import rate_interval
+from foldcar.statistics.words import count, listed, percent, percent_below, percent_number, span_text, threshold_text
 
 # Number of designs that one sentence names.
 NAMED = 3
@@ -44,7 +44,7 @@ def works(belief: Belief, evidence: Evidence, threshold: float) -> str:
 
 def reaching(belief: Belief, evidence: Evidence, threshold: float) -> str:
     """Return which designs reach the threshold, in the words of REACHES and PROBABLY."""
-    chances, limit = belief.answers.chances(threshold), percent(threshold)
+    chances, limit = belief.answers.chances(threshold), threshold_text(threshold)
     known, probable = chances >= REACHES, (chances >= PROBABLY) & (chances < REACHES)
     if known.any() or probable.any():
         parts = []
@@ -117,15 +117,21 @@ def _reaching_in_simulation(evidence: Evidence, threshold: float) -> str:
     simulated = numpy.array([bool(design.runs) for design in evidence.family])
     counts = evidence.run_counts
     passed, runs = counts[:, 0], numpy.maximum(counts[:, 1], 1)
-    limit = percent(threshold)
+    limit = threshold_text(threshold)
     reach = simulated & (passed / runs >= threshold)
     if not reach.any():
         if not passed.sum():
             return "no run passed"
         best = int(numpy.where(simulated, passed / runs, -1).argmax())
+        best_rate = percent_below(passed[best] / runs[best], threshold)
+        if len(evidence.family) == 1:
+            return f"the design does not reach {limit}; it passes {best_rate}"
         named = "" if simulated.sum() == 1 else f", {evidence.family[best].label},"
-        return f"no design reaches {limit}; the best{named} passes {percent(passed[best] / runs[best])}"
-    low = [wilson_interval(int(p), int(n))[0] if n else 0.0 for p, n in counts.tolist()]
+        return f"no design reaches {limit}; the best{named} passes {best_rate}"
+    low = [
+        rate_interval(int(p), int(n), design.sequential)[0] if n else 0.0
+        for design, (p, n) in zip(evidence.family, counts.tolist(), strict=True)
+    ]
     confident = reach & (numpy.array(low) >= threshold)
     verb = "reaches" if _is_singular(reach) else "reach"
     text = f"{_family_names(evidence, reach)} {verb} {limit}"

@@ -93,14 +93,14 @@ class PageDrives:
         }
         if len(designs) < len(drives.bodies) or len(samples) < len(drives.scenes):
             shown["remarks"].append(
-                f"The page can simulate {len(designs)} of {len(drives.bodies)} designs in the first {len(samples)} of "
-                f"{count(len(drives.scenes), 'environment')}."
+                f"The page can simulate {len(designs)} of {count(len(drives.bodies), 'design')} in the first "
+                f"{len(samples)} of {count(len(drives.scenes), 'environment')}."
             )
         without_sample = sum(row["environment"] is None for row in shown["trials"])
         if without_sample:
             shown["remarks"].append(
-                f"{without_sample} of {len(experiment.trials)} trials do not say in which sampled environment they were "
-                "driven, so they cannot be shown on individual runs."
+                f"{without_sample} of {count(len(experiment.trials), 'trial')} {'does' if without_sample == 1 else 'do'} "
+                "not say in which sampled environment they were driven, so they cannot be shown on individual runs."
             )
         for row, trial in zip(shown["trials"], experiment.trials, strict=True):
             row["replay"] = _trial(store, blobs, trial)

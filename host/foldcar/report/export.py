@@ -105,26 +105,27 @@ def export_parquet(store: Store, file: Path, failed: bool = False) -> int:
 def export_trials(store: Store, file: Path, simulated_trials: bool) -> tuple[int, str | None]:
     """Write trials of built cars atomically, as Parquet if the file ends in .parquet, else as CSV.
 
-    ``simulated_trials`` adds trials of simulated cars. Corrections are JSON: a list of objects with the fields of
-    Correction, oldest first. Deviations in CSV are JSON: {name: [x in m, y in m, heading in rad]}; in Parquet a list of
-    name, x_m, y_m, heading_rad. `foldcar trials import` reads both files. Returns the number of rows, and a sentence on
-    trials that are left out, None without any. Raises FoldcarError if the store cannot be read or the file cannot be
-    written.
+    ``simulated_trials`` adds trials of simulated cars. Settings are JSON (docs/carsim.md, run). Corrections are JSON: a
+    list of objects with the fields of Correction, oldest first. Deviations in CSV are JSON: {name: [x in m, y in m,
+    heading in rad]}; in Parquet a list of name, x_m, y_m, heading_rad. `foldcar trials import` reads both files. Returns
+    the number of rows, and a sentence on trials that are left out, None without any. Raises FoldcarError if the store
+    cannot be read or the file cannot be written.
     """
     trials, left_out = select_trials(store.trials(), simulated_trials)
     design = list(dict.fromkeys(name for trial in trials for name in trial.design))
-    fingerprints = store.environments_of_trials()
+    fingerprints, settings = store.environments_of_trials(), store.settings_of_trials()
     corrections: dict[int, list[dict[str, Any]]] = {trial.id: [] for trial in trials}
     for correction in store.corrections():
         if correction.trial in corrections:
             fields_of_correction = asdict(correction)
             corrections[fields_of_correction.pop("trial")].append(fields_of_correction)
-    names = ["trial", *TRIAL_HEAD[1:], *design, *TRIAL_TAIL, "environment_fingerprint", "corrections"]
+    names = ["trial", *TRIAL_HEAD[1:], *design, *TRIAL_TAIL, "environment_fingerprint", "settings", "corrections"]
     columns: list[list[Any]] = [
         *([getattr(trial, name) for trial in trials] for name in TRIAL_HEAD),
         *([trial.design.get(name) for trial in trials] for name in design),
         *([getattr(trial, name) for trial in trials] for name in TRIAL_TAIL),
         [fingerprints.get(trial.id) for trial in trials],
+        [settings.get(trial.id) for trial in trials],
         [json.dumps(corrections[trial.id]) if corrections[trial.id] else None for trial in trials],
     ]
     deviations = [trial.deviations for trial in trials]

@@ -7,7 +7,7 @@ import numpy
 from foldcar.car.design_parameters import declared, key_of
 from foldcar.evidence.evidence import Evidence
 from foldcar.statistics.effects import Effects
-from foldcar.statistics.words import design_text, label_and_unit, percent, value_text
+from foldcar.statistics.words import design_text, label_and_unit, percent, threshold_text, value_text
 
 # A rise of the rate at an end of the range counts from here (0 to 1).
 MIN_RISE = 0.02
@@ -47,7 +47,7 @@ def _gap(effects: Effects, names: Sequence[str], threshold: float, simulation: s
     name, low, high, middle = gaps[index - len(x)]
     between = f"{label_and_unit(name)[0]} {value_text(name, low)} and {value_text(name, high)}"
     car = design_text(dict(zip(names, middle.tolist(), strict=True)))
-    chance = f"a {percent(reach[index])} chance to reach {percent(threshold)} in {simulation}"
+    chance = f"a {percent(reach[index])} chance to reach {threshold_text(threshold)} in {simulation}"
     return [f"Nothing was simulated between {between}; sweep there first: {car} has {chance}."]
 
 

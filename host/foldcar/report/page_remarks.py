@@ -24,7 +24,8 @@ def remarks(store: Store, experiment: "Experiment") -> list[str]:
     sentences = stopped_remarks(info)
     if counts["terminated"] and info.success_defined:
         sentences.append(
-            f"The program itself ended {counts['terminated']:,} of {info.stored_runs:,} runs; they count as not passed."
+            f"The program itself ended {counts['terminated']:,} of {count(info.stored_runs, 'run')}; "
+            f"{'it counts' if counts['terminated'] == 1 else 'they count'} as not passed."
         )
     if info.skipped:
         rest_text = f"; and {len(info.skipped) - SHOWN} more" if len(info.skipped) > SHOWN else ""
@@ -44,8 +45,9 @@ def _failures(store: Store, info: ExperimentInfo, failed: int) -> list[str]:
     shown = "; ".join(f"{number} x {message}" for message, number in messages[:SHOWN])
     rest_text = f"; and {len(messages) - SHOWN} other messages" if len(messages) > SHOWN else ""
     command = shlex.join(["foldcar", "export", str(store.path), "--failed", "--csv", "-"])
-    counted = ", and count as not passed" if info.success_defined else ""
-    return [f"{failed:,} of {info.stored_runs:,} runs failed{counted}: {shown}{rest_text}. List them: {command}"]
+    verb = "counts" if failed == 1 else "count"
+    counted = f", and {verb} as not passed" if info.success_defined else ""
+    return [f"{failed:,} of {count(info.stored_runs, 'run')} failed{counted}: {shown}{rest_text}. List them: {command}"]
 
 
 def stopped_remarks(info: ExperimentInfo) -> list[str]:
@@ -62,18 +64,20 @@ def stopped_remarks(info: ExperimentInfo) -> list[str]:
     if info.until is None:
         return []
     undecided = info.designs - info.decided
-    rest = ""
+    are, rest = "is" if undecided == 1 else "are", ""
     if undecided:
         abandoned = f", or fewer if the chance that all would decide fell below {100 * MIN_CHANCE:g} %"
         why = abandoned if info.until.thresholds else ""
-        rest = f"; {undecided} are undecided, simulated in {count(info.environments, 'environment')}{why}"
+        rest = f"; {undecided} {are} undecided, simulated in {count(info.environments, 'environment')}{why}"
     if info.stored_runs < info.planned_runs:
-        rest = f"; {undecided} are not yet" if undecided else ""
+        rest = f"; {undecided} {are} not yet" if undecided else ""
     reference = "the thresholds" if info.until.thresholds else "50 %"
     most = info.designs * info.environments
+    verb, were = "is" if 1 in (info.decided, info.designs) else "are", "was" if info.stored_runs == 1 else "were"
     return [
-        f"The sweep stopped simulating a design when {info.until.text}: {info.decided} of {info.designs} designs are "
-        f"decided{rest}. {info.stored_runs} of at most {most} runs were made.",
+        f"The sweep stopped simulating a design when {info.until.text}: {info.decided:,} of "
+        f"{count(info.designs, 'design')} {verb} decided{rest}. {info.stored_runs:,} of at most {count(most, 'run')} "
+        f"{were} made.",
         "Intervals are anytime-valid (Beta-binomial mixture): each holds at whatever number of runs its design stopped. "
         "They hold for single designs, not jointly. Rates of designs that stopped early lie on average "
         f"somewhat too far from {reference}. Rates over several designs give each design the same weight.",

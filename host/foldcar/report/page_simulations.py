@@ -7,7 +7,7 @@ from typing import Any
 from foldcar.evidence.evidence import Evidence
 from foldcar.simulation.engines import MULTIBODY, engine_title
 from foldcar.simulation.results import OUTCOMES
-from foldcar.statistics.words import percent
+from foldcar.statistics.words import count, percent
 from foldcar.store.info import ExperimentInfo
 
 
@@ -29,12 +29,12 @@ def other_simulations(evidence: Evidence, experiments: Sequence[Evidence]) -> li
         # Each is named by its difference from the other.
         name, own_name = _simulation_name(other.info, evidence.info), _simulation_name(evidence.info, other.info)
         own_passed, passed = (sum(side) for side in zip(*pairs, strict=True))
-        text = f"{name}: {passed:,} of the same {len(pairs):,} runs passed, {own_name}: {own_passed:,}"
+        text = f"{name}: {passed:,} of the same {count(len(pairs), 'run')} passed, {own_name}: {own_passed:,}"
         if other.info.under == evidence.info.under:
             agreement = percent(sum(own == others for own, others in pairs) / len(pairs), 1)
             text += f"; {agreement} of the runs have the same result in both"
         counts = [(0, 0) if index is None else tuple(other.run_counts[index].tolist()) for index in indices]
-        columns = {key: [count[k] for count in counts] for k, key in enumerate(("passed", "runs"))}
+        columns = {key: [pair[k] for pair in counts] for k, key in enumerate(("passed", "runs"))}
         simulations.append({"id": other.info.id, "name": name, **columns, "text": f"{text}."})
     return simulations
 

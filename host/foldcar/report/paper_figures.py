@@ -74,10 +74,10 @@ def drawings(
         caption_start = "Success over each parameter, with 95 % bands of the differences between its values"
         combinations = combinations_text(effects.effect(0), len(indices))
         caption = f"{caption_start}: {combinations}, for the first. Thin: single combinations."
-        yield Drawing(
-            "effects", f"{start}_effects", caption, partial(draw_effects, designs, effects, indices, thresholds)
-        )
-        two = [row["parameter"] for row in importance_rows(effects, indices)][:2]
+        draw = partial(draw_effects, designs, effects, indices, thresholds)
+        yield Drawing("effects", f"{start}_effects", caption, draw)
+        # Without differences between designs no parameter is more important than another.
+        two = [row["parameter"] for row in importance_rows(effects, indices)][:2] or list(indices)[:2]
         first, second = (list(designs.evidence.values)[index] for index in two)
         caption_start = f"Success over {label_and_unit(first)[0]} and {label_and_unit(second)[0]} by the smooth model"
         yield Drawing(

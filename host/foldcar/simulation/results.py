@@ -66,7 +66,8 @@ def has_passed(outcome: str) -> bool | None:
 
 def no_rate_text(runs: int) -> str:
     """Return a sentence on why ``runs`` runs, which were all rejected, give no rate."""
-    return f"there is no rate: all {runs:,} runs were rejected: they violated a requirement of the program"
+    start = "the only run was rejected: it" if runs == 1 else f"all {runs:,} runs were rejected: they"
+    return f"there is no rate: {start} violated a requirement of the program"
 
 
 @dataclass(frozen=True, slots=True)

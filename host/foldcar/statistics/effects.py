@@ -65,11 +65,15 @@ class Importance:
 
 @dataclass(frozen=True)
 class Effects:
-    """A fit by :func:`fit_effects`: ``parameters`` (d, k) of the designs with runs, and draws of the model's factors."""
+    """A fit by :func:`fit_effects`: ``parameters`` (d, k) of the designs with runs, and draws of the model's factors.
+
+    ``designs_differ`` is whether the designs passed at different rates.
+    """
 
     model: SuccessModel
     parameters: NDArray[Any]
     factors: tuple[NDArray[Any], ...]
+    designs_differ: bool = True
 
     def rates(self, parameters: NDArray[Any]) -> NDArray[Any]:
         """Draw the rates (draws, m) of designs with parameters (m, k), within the range of the designs that were run."""
@@ -93,6 +97,8 @@ class Effects:
         levels = mean_curves.mean(axis=1)
         # The band shows the uncertainty of the curve's shape: the draws are shifted to a common level.
         low, high = levels.mean() + numpy.quantile(mean_curves - levels[:, None], (0.025, 0.975), axis=0)
+        # A shifted draw may leave the range of rates.
+        low, high = low.clip(0, 1), high.clip(0, 1)
         level_low, level_high = numpy.quantile(levels, (0.025, 0.975)).tolist()
         # Single combinations, evenly spaced by index.
         shown = numpy.unique(numpy.linspace(0, len(combinations) - 1, MAX_CURVES).round().astype(int))
@@ -149,7 +155,12 @@ class Effects:
         return self.parameters[chosen].copy(), all_run
 
     def importance(self) -> list[Importance]:
-        """Return the importance of each parameter; an empty list if all designs have the same rate."""
+        """Return the importance of each parameter; an empty list if all designs have the same rate.
+
+        The draws then differ by chance only, and fractions of their variance mean nothing.
+        """
+        if not self.designs_differ:
+            return []
         total_variance = self._design_draws.var(axis=1)
         if numpy.median(total_variance) < 1e-6:
             return []
@@ -240,4 +251,5 @@ def fit_effects(parameters: ArrayLike, design: ArrayLike, environment: ArrayLike
         # The covariance of S (gradients + noise), which is the sandwich; root root.T is S, noise has the covariance 1.
         step = scale * random.standard_normal((number, clusters)) @ gradients.T + noise
         factors.append(candidate.factors.mode + step @ candidate.factors.root @ candidate.factors.root.T)
-    return Effects(model, designs[counted > 0], tuple(factors))
+    rates = numpy.bincount(design_index, has_passed, minlength=len(designs))[counted > 0] / counted[counted > 0]
+    return Effects(model, designs[counted > 0], tuple(factors), bool(numpy.ptp(rates) > 0))

@@ -76,7 +76,8 @@ class StoppingRule:
         """The condition for a design to be decided, as a clause: ``its 95 % interval is …``."""
         interval = f"its {100 * self.confidence:g} % interval"
         if self.half_width is not None:
-            return f"{interval} is at most {100 * self.half_width:g} percentage points to each side"
+            points = "point" if self.half_width == 0.01 else "points"
+            return f"{interval} is at most {100 * self.half_width:g} percentage {points} to each side"
         places = " and of ".join(f"{100 * threshold:g} %" for threshold in self.thresholds)
         return f"{interval} lies on one side of {places}"
 

@@ -58,6 +58,23 @@ def percent_number(share: float, digits: int = 0) -> str:
     return number
 
 
+def threshold_text(threshold: float) -> str:
+    """Return a threshold of 0 to 1 in per cent, not rounded.
+
+    Example: threshold_text(0.745) is "74.5 %"
+    """
+    return f"{100 * threshold:g} %"
+
+
+def percent_below(share: float, threshold: float) -> str:
+    """Return a fraction below the threshold in per cent, with the digits that show that it is below.
+
+    Example: percent_below(149 / 199, 0.75) is "74.9 %", percent_below(0.6, 0.75) is "60 %"
+    """
+    digits = next((digits for digits in range(6) if round(100 * share, digits) < 100 * threshold), 6)
+    return percent(share, digits)
+
+
 def rate_text(rate: float, low: float, high: float) -> str:
     """Return a rate of 0 to 1 with its interval: ``70 % (40 % to 89 %)``."""
     return f"{percent(rate)} ({percent(low)} to {percent(high)})"
@@ -66,6 +83,11 @@ def rate_text(rate: float, low: float, high: float) -> str:
 def points(difference: float, sign: bool = True) -> str:
     """Return a difference of rates in whole percentage points, with a sign: ``-30``."""
     return f"{100 * difference:+.0f}" if sign and round(100 * difference) else f"{abs(100 * difference):.0f}"
+
+
+def points_text(difference: float) -> str:
+    """Return the size of a difference of rates: ``30 points``, ``1 point``."""
+    return count(round(abs(100 * difference)), "point")
 
 
 def span_text(name: str, first: float, last: float) -> str:

@@ -81,6 +81,13 @@ def merge_stores(stores: Sequence[Path], merged: Path) -> dict[str, int]:
         raise
 
 
+# What a trial lacks that was imported from a table: what the table does not carry, and environment and program if the
+# experiment was swept later. A store with the same trial may have it.
+UNKNOWN_IF_IMPORTED = (
+    "environment_id", "scenic_program", "body_id", "settings_id", "scene_id", "port", "log", "log_sha256",
+)  # fmt: skip
+
+
 class Merge:
     """Adds stores to the store ``merged``, one after another. ``logs`` maps the logs to copy to their new files."""
 
@@ -246,9 +253,12 @@ class Merge:
             return
         self._numbers[TRIAL.name][row["id"]] = existing["id"]
         row = {**row, "id": existing["id"]}
-        # Environment and program are unknown if the trial was imported before the sweep.
-        for name in ("environment_id", "scenic_program"):
+        for name in UNKNOWN_IF_IMPORTED:
             row[name] = existing[name] = existing[name] if row[name] is None else row[name]
+        # A table may write a number in another way, and shortens spaces.
+        for name, meaning in (("design", json.loads), ("deviations", json.loads), ("note", str.split)):
+            if meaning(row[name]) == meaning(existing[name]):
+                row[name] = existing[name]
         of_trial = "WHERE trial_id = (SELECT id FROM trial WHERE uuid = ?)"
         source_corrections = read_rows(path, self._source, CORRECTION, of_trial, row["uuid"])
         new = [tuple(map(correction.get, CHANGE)) for correction in source_corrections]
@@ -295,7 +305,7 @@ class Merge:
 
     def _raise_difference(self, table: Table, row: Row, name: str, value: Any, before: Any) -> None:
         """Raise a StoreError: in ``row``, ``name`` is ``value`` in the added store, ``before`` in earlier stores."""
-        new, old = self._stores[-1], ", ".join(map(str, self._stores[:-1]))
+        new, old = self._stores[-1], ", ".join(map(str, self._stores[:-1])) or self._merged
         values = f"{name} is {self._shown(name, value)} in {new}, {self._shown(name, before)} in {old}"
         if table in (EXPERIMENT, DESIGN):
             experiment = row["id"] if table is EXPERIMENT else row["experiment"]

@@ -1,7 +1,7 @@
 """Finds trials that were not driven as the runs were: at another speed, with another time limit or another body.
 
-Such trials say nothing about these runs. A trial that was imported from a table says neither its settings nor its body,
-so it counts, unless its time contradicts the time limit of the runs.
+Such trials say nothing about these runs. A trial that was imported from a table does not say its body, and it says its
+settings only if foldcar exported the table. It counts unless these differ, or its time contradicts the runs' time limit.
 """
 
 import json
@@ -29,12 +29,12 @@ def other_drives(store: Store, info: ExperimentInfo, trials: Sequence[Trial]) ->
     """
     drives = read_drives(store, info.id)
     index = {frozenset(parameters.items()): k for k, parameters in enumerate(drives.parameters)}
-    result = {}
+    result, settings_of_trials = {}, store.settings_of_trials()
     for trial in trials:
         is_swept_type = trial.vehicle_type == info.vehicle_type
         design = index.get(frozenset(trial.design.items())) if is_swept_type else None
         drive = store.trial_drive(trial.id)
-        settings = {} if drive is None else json.loads(drive.settings)
+        settings = json.loads(settings_of_trials.get(trial.id, "{}"))
         if design is None:
             # The design was not swept: what the experiment says of all designs.
             expected = {SPEED: info.speed_m_s, YAW_RATE: info.yaw_rate_rad_s, TIME_LIMIT: info.timeout_s}

@@ -191,6 +191,10 @@ class Store:
         query = "SELECT t.id, e.fingerprint FROM trial t JOIN environment e ON e.id = t.environment_id"
         return dict(self._rows(query))
 
+    def settings_of_trials(self) -> dict[int, str]:
+        """Return the settings (JSON) that each trial was driven with, by the trial's number; unknown ones are missing."""
+        return dict(self._rows("SELECT t.id, s.json FROM trial t JOIN settings s ON s.id = t.settings_id"))
+
     def _environment_id(self, info: ExperimentInfo) -> int:
         """Return the id of the experiment's environment as listed, which a reality would change; 0 if not stored."""
         if info.reality is None:

@@ -6,11 +6,14 @@ from pathlib import Path
 from sqlite3 import Connection
 from typing import Any
 
+from foldcar.shown_text import shown_line
 from foldcar.store.errors import StoreError, store_errors
 from foldcar.store.tables import Table
 
 Row = dict[str, Any]
 
+# Columns with names, by table.
+PRINTED = {"experiment": ("id", "vehicle", "environment")}
 # Tables of texts whose hash can be verified; of a variation, a part of the hashed text is not stored.
 HASHED = ("body", "settings", "scene")
 SAMPLES_OF_SCENE = "SELECT fingerprint, sample FROM sample JOIN environment ON id = environment_id WHERE scene_id = ?"
@@ -18,7 +21,7 @@ SAMPLES_OF_SCENE = "SELECT fingerprint, sample FROM sample JOIN environment ON i
 
 def key_text(table: Table, row: Mapping[str, Any]) -> str:
     """Return a row's name in messages: ``run (build_id=1, body_id=7, …)``."""
-    return f"{table.name} ({', '.join(f'{name}={row.get(name)}' for name in table.key)})"
+    return shown_line(f"{table.name} ({', '.join(f'{name}={row.get(name)}' for name in table.key)})")
 
 
 def insert_sql(table: Table, otherwise: str = "") -> str:
@@ -58,6 +61,8 @@ def _check_row(path: Path, connection: Connection, table: Table, row: Row) -> No
         # A required value is never None: SQLite has checked that.
         present = [column for column in table.json_columns if row[column] is not None]
         damaged = [column for column in present if not has_shape(table, column, row[column])]
+        # Names are printed in sentences, whose lines they must not break.
+        damaged += [name for name in PRINTED.get(table.name, ()) if shown_line(row[name]) != row[name]]
         damage = f"foldcar does not write such a value of {damaged[0]}" if damaged else None
     if damage is not None:
         raise StoreError(f"{path}: {key_text(table, row)} is damaged: {damage}")

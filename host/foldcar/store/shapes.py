@@ -12,6 +12,8 @@ from typing_extensions import NotRequired, TypedDict
 
 from foldcar.store.tables import DESIGN, EXPERIMENT, LIMITS, REALITY_RUN, RECORDED, SAMPLE, TRIAL, Table
 
+# Printed in sentences, whose lines it must not break.
+Line = Annotated[str, Field(pattern=r"^[^\n]*$")]
 Number = Annotated[float, Field(ge=LIMITS["REAL"][0], le=LIMITS["REAL"][1])]
 Numbers = dict[str, Number]
 # Numbers are parameters, strings are names of parts.
@@ -31,28 +33,28 @@ class StoppingRuleFacts(TypedDict):
 class RealityFacts(TypedDict):
     """The reality that an experiment was simulated in."""
 
-    name: str
+    name: Line
     fingerprint: str
-    experiment: str
+    experiment: Line
 
 
 @with_config(extra="forbid")
 class ExperimentFacts(TypedDict):
     """The fields of an ExperimentInfo that have no column, and facts that only sweeps use."""
 
-    vehicle_type: str
+    vehicle_type: Line
     varied: dict[str, list[Number | str]]
     fixed: Parameters
     timeout_s: Number
     speed_m_s: Number | None
     yaw_rate_rad_s: Number
-    scenic_program: str
+    scenic_program: Line
     scenic_params: dict[str, Any]
     seed: int
     condition: dict[str, Any] | None
     variation: Numbers
     variation_seed: int
-    success_rule: str
+    success_rule: Line
     success_defined: bool
     skipped: NotRequired[list[str]]
     reality: NotRequired[RealityFacts | None]
@@ -62,10 +64,10 @@ class ExperimentFacts(TypedDict):
     searched: NotRequired[bool]
     objectives: NotRequired[list[str]]
     engine: NotRequired[str]
-    unlike_sides: NotRequired[str]
+    unlike_sides: NotRequired[Line]
     terrain_objects: NotRequired[list[tuple[str, NonNegativeInt]]]
     realities: NotRequired[NonNegativeInt]
-    no_realities: NotRequired[str]
+    no_realities: NotRequired[Line]
     reality_spread: NotRequired[str]
     ended_runs: NotRequired[NonNegativeInt | None]
     files: NotRequired[dict[str, str]]

@@ -205,6 +205,23 @@ class TrialWriter(StoreConnection):
             return json.loads(scene["json"])
         return None
 
+    def put_planned_scene(
+        self, environment_fingerprint: str, sample: int, scene: Mapping[str, Any], objects: Sequence[Any]
+    ) -> None:
+        """Store the planned scene of a sample, with names and parameters of its ``objects``, if it is not stored yet.
+
+        A trial whose obstacles stand elsewhere is recognised by it after the program's files or foldcar have changed.
+        The program must not be one that runs beside the simulation.
+        """
+        with self._transaction():
+            row = {
+                "environment_id": self._identify("environment", "fingerprint", environment_fingerprint),
+                "sample": sample,
+                "scene_id": self._put_text("scene", canonical_json(scene)),
+                "objects": json.dumps(objects, allow_nan=False),
+            }
+            self._insert(SAMPLE, [row], "OR IGNORE")
+
     def put_media(self, trial: int, kind: str, file: Path) -> Media:
         """Attach a photo or film to a trial; the file is not copied. Raises StoreError if file or trial is missing."""
         digest = sha256_of(file)
@@ -222,9 +239,9 @@ class TrialWriter(StoreConnection):
 
         ``trials`` are rows of the table, including ``uuid``. If the trial's experiment was swept, its program is stored
         with the trial, and if the trial has a sample, its environment, too. A trial that another store exported has
-        ``environment_fingerprint`` and ``corrections`` (rows of that table), whose results its columns contain; of a
-        stored trial the missing ones are added. Raises StoreError if a trial is stored with other contents; then nothing
-        is stored.
+        ``environment_fingerprint``, ``settings`` (JSON) and ``corrections`` (rows of that table), whose results its
+        columns contain; of a stored trial the missing corrections are added. Raises StoreError if a trial is stored with
+        other contents; then nothing is stored.
         """
         numbers = []
         with self._transaction():
@@ -235,6 +252,9 @@ class TrialWriter(StoreConnection):
                 fingerprint = trial.pop("environment_fingerprint", None)
                 if fingerprint is not None:
                     trial["environment_id"] = self._identify("environment", "fingerprint", fingerprint)
+                settings = trial.pop("settings", None)
+                if settings is not None:
+                    trial["settings_id"] = self._put_text("settings", settings)
                 stored = self.rows(TRIAL, "WHERE uuid = ?", trial["uuid"])
                 if stored:
                     self._require_same(_uncorrected(trial, corrections), stored[0])

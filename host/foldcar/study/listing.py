@@ -9,9 +9,10 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from foldcar.errors import FoldcarError
+from foldcar.shown_text import shown_line
 from foldcar.study.limits import MAX_ENVIRONMENTS, MAX_SEED, checked_threshold
 
 MAX_FAMILY_VALUES = 100_000
@@ -91,6 +92,14 @@ def _part_name(raw: Any) -> Any:
     return f"{raw:g}" if isinstance(raw, int | float) and not isinstance(raw, bool) else raw
 
 
+def _printable(name: str) -> str:
+    """Return a name that is printed in sentences. Raises ValueError if it would break their lines."""
+    if shown_line(name) != name:
+        raise ValueError("a name has no line breaks and no other control characters")
+    return name
+
+
+Name = Annotated[str, AfterValidator(_printable)]
 Values = Annotated[tuple[float | bool, ...], BeforeValidator(_values)]
 Identifier = Annotated[str, BeforeValidator(lambda raw: str(raw) if type(raw) is int else raw)]
 
@@ -164,7 +173,7 @@ class ListedCondition(Strict):
 class ListedEnvironment(Strict):
     """A Scenic program (path relative to the listing) with its seed and parameters, lengths in m."""
 
-    scenic_filename: str
+    scenic_filename: Name
     wbt_filename: str | None = None
     seed: int = Field(0, ge=0, le=MAX_SEED)
     scenic_params: dict[str, Any] = {}
@@ -179,6 +188,6 @@ class Listing(Strict):
 
     title: str = Field("", max_length=200)
     notes: str = Field("", max_length=5000)
-    experiments: dict[str, ListedExperiment] = Field({}, min_length=1)
-    vehicles: dict[str, ListedVehicle] = Field(min_length=1)
-    environments: dict[str, ListedEnvironment] = {}
+    experiments: dict[Name, ListedExperiment] = Field({}, min_length=1)
+    vehicles: dict[Name, ListedVehicle] = Field(min_length=1)
+    environments: dict[Name, ListedEnvironment] = {}

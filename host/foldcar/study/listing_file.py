@@ -14,6 +14,7 @@ from pydantic import ValidationError
 
 from foldcar.errors import FoldcarError
 from foldcar.outputs import SQLITE_MAGIC
+from foldcar.shown_text import shown_line
 from foldcar.study.brackets import unclosed
 from foldcar.study.family import read_family
 from foldcar.study.limits import check_numbers
@@ -137,7 +138,7 @@ def validated_listing(data: Any) -> tuple[Listing, list[str]]:
 
 def listing_mistake(mistake: Any) -> str:
     """Return one of pydantic's mistakes as a line that names key, value and limit."""
-    path = ".".join(map(str, mistake["loc"])) or "the file"
+    path = shown_line(".".join(map(str, mistake["loc"]))) or "the file"
     kind, message = mistake["type"], mistake["msg"].removeprefix("Value error, ")
     if kind == "extra_forbidden":
         # A location is, for example, (experiments, 1, params, speed): every second element is a section, of which OBJECTS

@@ -19,6 +19,7 @@ from foldcar.belief.priors import NOMINAL, parameter_named
 from foldcar.belief.reality import REAL_ONLY, drawn_reality
 from foldcar.errors import FoldcarError
 from foldcar.scenes.fingerprint import variation_code
+from foldcar.shown_text import shown_line
 from foldcar.simulation.engines import ENGINES, MUJOCO, MUJOCO_ENVIRONMENT
 from foldcar.study.environments import Environment
 from foldcar.study.experiments import Experiment, Study
@@ -144,4 +145,4 @@ def read_reality(file: Path, engine: str) -> Reality:
             if parameter.mujoco_only and ENGINES[engine].environment != MUJOCO_ENVIRONMENT:
                 raise FoldcarError(f"{file}: {name}: {engine} has no such tyres; --engine {MUJOCO} has them")
             values[name] = float(value)
-    return Reality(file.stem, values)
+    return Reality(shown_line(file.stem), values)

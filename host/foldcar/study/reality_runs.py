@@ -45,6 +45,8 @@ from foldcar.study.reality_environment import hashed, reality_code
 MIN_SCENES = 20
 # The numbers of runs after which the learning's error decides whether more are simulated.
 STAGES = (4_000, 8_000)
+# Fewer runs teach nothing of built cars.
+MIN_LEARNED = 200
 # The largest error of the learned success rate that is small enough.
 MAX_ERROR = 0.05
 # Failed simulations are left out if they are at most this fraction.

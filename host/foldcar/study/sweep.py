@@ -23,6 +23,7 @@ from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.engines import ENGINES, SIDE_VIEW
 from foldcar.simulation.results import outcome_of
 from foldcar.statistics.stopping import StoppingRule
+from foldcar.statistics.words import count
 from foldcar.store.info import unlike_sides_text
 from foldcar.store.writer import PlannedExperiment, PlannedRun, StoreWriter, write_store
 from foldcar.study.chunks import FinishedRun, Simulators, planned_pool
@@ -172,8 +173,10 @@ class Sweep:
         for experiment in self.study.experiments:
             skipped = experiment.family.skipped
             if skipped:
-                count = len(experiment.family) + len(skipped)
-                yield f"experiment {experiment.id}: {len(skipped)} of {count} cars cannot be built and are skipped:"
+                number = len(experiment.family) + len(skipped)
+                are = "is" if len(skipped) == 1 else "are"
+                start = f"experiment {experiment.id}: {len(skipped)} of {count(number, 'car')}"
+                yield f"{start} cannot be built and {are} skipped:"
                 yield from (f"  {car}" for car in skipped[:SHOWN_SKIPPED])
             if len(skipped) > SHOWN_SKIPPED:
                 yield f"  and {len(skipped) - SHOWN_SKIPPED} more, which `foldcar sweep --dry-run` lists"

@@ -24,7 +24,7 @@ from typing import Any
 from foldcar.car.design import Design, DesignError, compose_columns
 from foldcar.car.design_parameters import key_of, parameters
 from foldcar.errors import FoldcarError
-from foldcar.shown_text import without_apostrophe
+from foldcar.shown_text import shown_line, without_apostrophe
 from foldcar.statistics.words import count, design_text
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.other_drives import LIMIT_OVERRUN_S
@@ -125,7 +125,8 @@ def _check_header(file: Path, header: list[str]) -> None:
     for name in header:
         if name not in known_columns and key_of(name) is None:
             suggestion = did_you_mean(name.lower(), known_columns)
-            raise FoldcarError(f'{file}: unknown column "{name}"; known: {", ".join(known_columns)}{suggestion}')
+            own = "; parameters of your own modules need --components FILE" if is_export else suggestion
+            raise FoldcarError(f'{file}: unknown column "{name}"; known: {", ".join(known_columns)}{own}')
         if header.count(name) > 1:
             raise FoldcarError(f'{file}: column "{name}" occurs twice')
     for name in REQUIRED:
@@ -157,6 +158,9 @@ def _trial(
     experiment_id = row.get("experiment", experiment)
     if experiment_id is None:
         raise FoldcarError(f"{place}: experiment: is empty; fill it or use --experiment ID")
+    if shown_line(experiment_id) != experiment_id:
+        shown_id = shown_line(experiment_id)
+        raise FoldcarError(f'{place}: experiment: "{shown_id}" has line breaks or other control characters')
     # An exported trial has just the parameters that it has, and so no defaults to announce.
     design = _design(place, row, experiment_id, swept.get(experiment_id), {} if is_export else defaults)
     trial: dict[str, Any] = {

@@ -118,6 +118,10 @@ def _drive_to_end(
         car.connection.log = None
         return DriveEnd("log could not be written", "aborted", elapsed_s(), error)
     except CommandRefusedError as error:
+        fault = car.fault_text()
+        if fault is not None:
+            # The car had a fault in the countdown, for example because its board restarted.
+            return DriveEnd(fault, "aborted", None, CarFaultError(f"the car did not start: {fault_line(car)}"))
         message = f"{error}{_pace_hint(car, str(error))}"
         return DriveEnd("refused by the car", "aborted", None, CommandRefusedError(message))
     except KeyboardInterrupt:
@@ -165,7 +169,9 @@ def _watch(car: Car, trial: int, view: DriveView, end_s: float, must_be_unplugge
             message_type = message.get_type()
             if message_type == "FOLDCAR_TRIAL":
                 if message.time_boot_ms < last_boot_ms:
-                    return DriveEnd("the car restarted", "aborted", None)
+                    line = fault_line(car)
+                    error = CarFaultError(f"the car restarted{'' if line is None else f': {line}'}")
+                    return DriveEnd("the car restarted", "aborted", None, error)
                 last_boot_ms = message.time_boot_ms
                 if has_ended(message):
                     return _car_ended(car, message, view)

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import ConfigDict, TypeAdapter, ValidationError, with_config
-from typing_extensions import TypedDict
+from typing_extensions import NotRequired, TypedDict
 
 from foldcar.errors import FoldcarError
 from foldcar.installation import require
@@ -25,9 +25,19 @@ from foldcar.store.writer import canonical_json
 # Further columns of trials that another store exported. Number and log stay behind.
 EXPORTED = (
     "trial", "uuid", "ending", "ended_utc", "firmware_build", "design_hash", "log", "log_sha256", "scenic_program",
-    "environment_fingerprint", "corrections", "deviations",
+    "environment_fingerprint", "settings", "corrections", "deviations",
 )  # fmt: skip
 Deviations = dict[str, tuple[Number, Number, Number]]
+
+
+@with_config(ConfigDict(extra="forbid"))
+class ExportedSettings(TypedDict):
+    """What a trial was driven with, as a run of docs/carsim.md."""
+
+    speed_m_s: Number
+    yaw_rate_rad_s: Number
+    time_limit_s: Number
+    parameters: NotRequired[dict[str, Number]]
 
 
 @with_config(ConfigDict(extra="forbid"))
@@ -53,15 +63,26 @@ def exported_facts(place: str, row: Mapping[str, str]) -> dict[str, Any]:
         facts["uuid"] = str(uuid.UUID(row["uuid"]))
     except ValueError:
         raise FoldcarError(f'{place}: uuid: "{row["uuid"]}" is not a UUID') from None
-    for name, kind in (("deviations", Deviations), ("corrections", list[ExportedCorrection])):
+    defaults = {"deviations": "{}", "corrections": "[]", "settings": "null"}
+    shapes: dict[str, Any] = {
+        "deviations": Deviations,
+        "corrections": list[ExportedCorrection],
+        "settings": ExportedSettings | None,
+    }
+    for name, shape in shapes.items():
         try:
-            facts[name] = TypeAdapter(kind).validate_json(row.get(name, "{}" if name == "deviations" else "[]"))
+            adapter: TypeAdapter[Any] = TypeAdapter(shape)
+            facts[name] = adapter.validate_json(row.get(name, defaults[name]))
         except ValidationError as error:
             reason = error.errors()[0]["msg"].lower()
             raise FoldcarError(f"{place}: {name}: {row[name][:80]} is not as foldcar exports it: {reason}") from None
     for correction in facts["corrections"]:
         if correction["field"] == "outcome" and not {correction["before"], correction["after"]} <= set(TRIAL_OUTCOMES):
             raise FoldcarError(f"{place}: corrections: an outcome is not one of {', '.join(TRIAL_OUTCOMES)}")
+    settings = facts.pop("settings")
+    if settings is not None:
+        # The cell's own numbers: a whole one stays whole, so that the text equals that of the store.
+        facts["settings"] = canonical_json(json.loads(row["settings"]))
     facts["deviations"] = canonical_json({name: list(pose) for name, pose in facts["deviations"].items()})
     return facts
 

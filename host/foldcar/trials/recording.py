@@ -47,13 +47,14 @@ def record_outcome(
 ) -> Ending:  # fmt: skip
     """Store the outcome of trial ``number``, whose end is stored; print it, and return what was stored.
 
-    An aborted drive is stored as aborted. Else the outcome is ``outcome`` or, if that is None, asked for; without
-    ``answers`` it is that of the drive. ``digest`` is the log's hash, ``mark`` is printed behind the outcome. Raises
-    FoldcarError if the outcome remains unknown.
+    A drive with an error is stored as aborted. Else the outcome is ``outcome`` or, if that is None, asked for; without
+    ``answers`` it is that of the drive. ``outcome`` is for completed drives: an aborted one stays aborted. ``digest`` is
+    the log's hash, ``mark`` is printed behind the outcome. Raises FoldcarError if the outcome remains unknown.
     """
     elapsed_text = f" after {end.elapsed_time_s:.2f} s" if end.elapsed_time_s is not None else ""
     print_line(f"Ended{elapsed_text}: {end.ending}")
-    outcome = "aborted" if end.error is not None else outcome
+    if end.error is not None or (end.outcome == "aborted" and outcome is not None):
+        outcome = "aborted"
     if outcome is None and answers is not None:
         default_text = f" [{end.outcome}]" if end.outcome else ""
         outcome = answers.choice(f"{OUTCOME_QUESTION}{default_text}: ", OUTCOME_KEYS, end.outcome)

@@ -122,7 +122,7 @@ class Session:
         self._repeated = 0
         self._arrivals = Arrivals(options.media_folder)
         self.driven: list[int] = []
-        # How many of them a fault, a lost link or another error has aborted.
+        # How many of them were aborted: by a fault, a lost link, another error, or before the start.
         self.aborted = 0
 
     def run(self, named_port: str | None) -> None:
@@ -281,6 +281,8 @@ class Session:
         if identity.simulated and deviations:
             print_line("the simulated car drives in the planned scene: the deviations are stored, but not simulated")
         placed_scene = scene_as_placed(scene, obstacles, deviations)
+        if deviations and not self._environment.dynamic:
+            writer.put_planned_scene(fingerprint, sample, *self._environment.sample_with_parameters(sample))
         trial_number = writer.begin(
             experiment.id,
             trial_design,
@@ -306,7 +308,7 @@ class Session:
         stored = record_outcome(
             writer, trial_number, end, log, digest, options.outcome, options.note, self._questions, mark
         )
-        self.aborted += end.error is not None and stored.outcome == "aborted"
+        self.aborted += end.outcome == stored.outcome == "aborted"
         return _Driven(trial_number, sample, log, stored, end)
 
     def _drive(

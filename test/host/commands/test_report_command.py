@@ -212,6 +212,16 @@ def test_the_map_has_the_rates_of_the_designs_and_the_effects_their_means(tmp_pa
     assert mean.get_ydata() == pytest.approx(100 * shares.mean(axis=1), abs=8)
 
 
+def test_designs_that_all_pass_have_their_figures(tmp_path: Path) -> None:
+    varied = {"width_mm": (80.0, 100.0), "radius_mm": (40.0, 50.0)}
+    with Store.open(write_study(tmp_path / "s.db", varied, 20, lambda design, sample: "passed")) as store:
+        (experiment,) = read_experiments(store)
+
+    assert experiment.effects is not None
+    args = experiment.columns, experiment.effects, experiment.parameter_indices, experiment.thresholds
+    assert [drawing.name for drawing in drawings(*args)][-1] == "experiment_1_map_by_width_mm_and_radius_mm"
+
+
 def test_the_region_is_tinted_where_simulation_and_trials_together_say_so(tmp_path: Path) -> None:
     widths = tuple(float(width) for width in range(60, 160, 20))
     store = write_study(tmp_path / "s.db", {"width_mm": widths}, 100, lambda design, sample: "passed")

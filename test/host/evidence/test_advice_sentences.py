@@ -56,6 +56,7 @@ def study(store: Callable[..., Path]) -> Studied:
     ("counts", "message"),
     [
         ({75.0: 0, 95.0: 0}, "no run passed."),
+        ({75.0: 12}, "the design does not reach 75 %; it passes 60 %."),
         ({75.0: 12, 95.0: 2}, "no design reaches 75 %; the best, 75 mm, passes 60 %."),
         ({75.0: 17, 95.0: 17}, "each of 2 designs reaches 75 %, none with 95 % confidence"),
         (dict.fromkeys((75.0, 80.0, 85.0, 90.0, 95.0), 20) | {115.0: 4}, "75 to 95 mm reach 75 % with 95 % confidence"),
@@ -70,6 +71,38 @@ def test_without_realities_the_advice_is_what_simulation_says_and_no_more(
     assert message in selection.works
     assert selection.learn.startswith("Nothing is said of built cars: ")
     assert (selection.leader, selection.steps, selection.gain) == (None, (), None)
+
+
+@pytest.mark.parametrize(
+    ("threshold", "message"),
+    [
+        (0.945, "In simulation the design reaches 94.5 %, but not with 95 % confidence."),
+        (0.954, "In simulation the design does not reach 95.4 %; it passes 95 %."),
+        (0.9502, "In simulation the design does not reach 95.02 %; it passes 95 %."),
+        (0.004, "In simulation the design reaches 0.4 % with 95 % confidence."),
+    ],
+)
+def test_a_threshold_is_named_as_it_is(study: Studied, threshold: float, message: str) -> None:
+    assert message in study({75.0: 19}, thresholds=[threshold]).works
+
+
+def test_runs_that_a_rule_may_have_ended_need_their_own_interval_for_confidence(study: Studied) -> None:
+    """18 of 20: Wilson's interval begins at 0.699, the anytime-valid one at 0.591."""
+    rule = {"thresholds": [], "half_width": 0.01, "confidence": 0.95}
+
+    assert "the design reaches 69 % with 95 % confidence" in study({75.0: 18}, thresholds=[0.69]).works
+    stopped = study({75.0: 18}, thresholds=[0.69], until=rule)
+    assert "the design reaches 69 %, but not with 95 % confidence" in stopped.works
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_study_of_one_design_has_a_belief(tmp_path: Path) -> None:
+    path = write_study(tmp_path / "s.db", {}, SAMPLES, lambda design, sample: "passed" if sample < 15 else "tipped")
+    write_realities(path, lambda scores, design: 0.75, number=1000)
+
+    (selection,) = advise(path)
+
+    assert selection.works.startswith("Want a car that works? the design: ")
 
 
 def test_without_a_rule_or_a_run_that_counts_nothing_is_advised(study: Studied) -> None:

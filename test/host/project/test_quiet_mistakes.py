@@ -1,7 +1,10 @@
 """Mistakes that once passed without a word: outputs over inputs, names that are no text, trials of other samples."""
 
+import contextlib
 import json
 import os
+import shutil
+import sqlite3
 import subprocess
 import sys
 from pathlib import Path
@@ -37,6 +40,33 @@ def foldcar(folder: Path, *words: str, fails: str | None = None) -> str:
         (line,) = [line for line in done.stderr.splitlines() if line.startswith("foldcar: error:")]
         assert fails in line and "Traceback" not in done.stderr, done.stderr
     return done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("section", ["experiments", "vehicles", "environments"])
+def test_a_name_of_a_listing_cannot_forge_a_line(folder: Path, section: str) -> None:
+    (key,) = LISTING[section]
+    name = "a\nfoldcar: error: b"
+    (folder / "forged.json").write_text(json.dumps({**LISTING, section: {name: LISTING[section][key]}}))
+
+    printed = foldcar(folder, "sweep", "forged.json", "--store", "forged.db", fails=f"{section}.a\\nfoldcar: error: b")
+
+    assert "a name has no line breaks and no other control characters" in printed and printed.count("\n") <= 2
+    assert not (folder / "forged.db").exists()
+
+
+@pytest.mark.parametrize(
+    ("sql", "what"),
+    [
+        ("UPDATE experiment SET vehicle = 'a' || char(10) || 'b'", "such a value of vehicle"),
+        ("UPDATE experiment SET facts = json_set(facts, '$.success_rule', 'a' || char(10))", "such a value of facts"),
+    ],
+)
+def test_a_name_of_a_store_cannot_forge_a_line(folder: Path, sql: str, what: str) -> None:
+    shutil.copy(folder / "a.db", folder / "b.db")
+    with contextlib.closing(sqlite3.connect(folder / "b.db")) as database, database:
+        database.execute(sql)
+
+    foldcar(folder, "select", "b.db", fails=f"b.db: experiment (id=1) is damaged: foldcar does not write {what}")
 
 
 @pytest.mark.parametrize(

@@ -75,6 +75,18 @@ def test_a_parameter_without_effect_is_flat_over_unequal_combinations() -> None:
         effects.standardised([2], [[150]])
 
 
+def test_designs_that_all_pass_give_no_parameter_an_importance_and_no_rate_above_1() -> None:
+    x = family()
+    design, environment = (at.ravel() for at in numpy.indices((len(x), 20)))
+    with threadpool_limits(1):
+        effects = fit_effects(x, design, environment, numpy.ones(len(design)))
+
+    assert effects.importance() == []
+    for parameter in range(3):
+        effect = effects.effect(parameter)
+        assert 0 <= effect.low.min() <= effect.high.max() <= 1
+
+
 def test_importance_is_sobols_total_index() -> None:
     x = family()
     rate = norm.cdf(score(x)).reshape(5, 4, 3)

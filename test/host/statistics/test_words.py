@@ -2,7 +2,7 @@
 
 import pytest
 
-from foldcar.statistics.words import duration_text, percent, percent_number
+from foldcar.statistics.words import duration_text, percent, percent_below, percent_number, points_text, threshold_text
 
 
 @pytest.mark.parametrize(
@@ -15,6 +15,29 @@ from foldcar.statistics.words import duration_text, percent, percent_number
 )  # fmt: skip
 def test_only_nothing_is_0_per_cent_and_only_all_is_100(share: float, digits: int, sentence: str, cell: str) -> None:
     assert (percent(share, digits), percent_number(share, digits)) == (sentence, cell)
+
+
+def test_a_threshold_is_not_rounded() -> None:
+    assert [threshold_text(threshold) for threshold in (0.75, 0.745, 0.999, 0.004, 0.07)] == [
+        "75 %", "74.5 %", "99.9 %", "0.4 %", "7 %",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("share", "threshold", "text"),
+    [
+        (0.6, 0.75, "60 %"), (149 / 199, 0.75, "74.9 %"), (249 / 250, 0.999, "99.6 %"), (0.74999, 0.75, "74.999 %"),
+        (1 / 250, 0.75, "below 1 %"),
+    ],
+)  # fmt: skip
+def test_a_rate_below_a_threshold_is_shown_below_it(share: float, threshold: float, text: str) -> None:
+    assert percent_below(share, threshold) == text
+
+
+def test_one_point_is_singular() -> None:
+    assert [points_text(difference) for difference in (0.004, 0.012, -0.01, 0.3)] == [
+        "0 points", "1 point", "1 point", "30 points",
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize(

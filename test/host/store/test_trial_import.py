@@ -203,6 +203,71 @@ def test_exported_trials_are_the_same_trials_in_another_store(
         assert reader.trial(1).note == "seen twice" and reader.trial(1).log == LOG
 
 
+@pytest.mark.parametrize("command", [("trials", "import", "new.db", "s.db"), ("merge", "new.db", "s.db", "-o", "m.db")])
+def test_after_its_table_a_store_brings_what_the_table_lacks(
+    command: tuple[str, ...], driven: Path, foldcar: Any, tmp_path: Path
+) -> None:
+    assert foldcar("export", "s.db", "--trials", "t.csv").returncode == 0
+    assert foldcar("trials", "import", "new.db", "t.csv").returncode == 0
+
+    done = foldcar(*command)
+
+    assert done.returncode == 0, done.stderr
+    assert trials_of(tmp_path / ("m.db" if "merge" in command else "new.db")) == trials_of(driven)
+
+
+def test_a_contradiction_names_both_stores(driven: Path, foldcar: Any, tmp_path: Path) -> None:
+    assert foldcar("trials", "import", "new.db", "s.db").returncode == 0
+    for store in ("s.db", "new.db"):
+        assert foldcar("trials", "correct", store, "1", "--note", store, "--reason", "r").returncode == 0
+
+    done = foldcar("trials", "import", "new.db", "s.db")
+
+    assert done.returncode == 2 and "note is s.db in s.db, new.db in new.db: correct one of them" in done.stderr
+
+
+def test_exported_trials_are_compared_with_runs_of_the_same_drive_only(
+    driven: Path, foldcar: Any, tmp_path: Path
+) -> None:
+    widths = {"width_mm": [95.0, 115.0]}
+    for name in ("same.db", "other.db"):
+        write_study(tmp_path / name, widths, 3, lambda design, sample: "passed")
+    assert foldcar("export", "s.db", "--trials", "same.csv").returncode == 0
+    text = (tmp_path / "same.csv").read_text()
+    (tmp_path / "other.csv").write_text(text.replace('""speed_m_s"":0.3', '""speed_m_s"":0.05'))
+
+    for name in ("same", "other"):
+        assert foldcar("trials", "import", f"{name}.db", f"{name}.csv").returncode == 0
+    remarks = {
+        name: json.loads(foldcar("compare", f"{name}.db", "--json").stdout)["experiments"][0]["remarks"]
+        for name in ("same", "other")
+    }
+
+    left_out = "3 trials left out, not driven as the runs: speed 0.05 m/s, not 0.3 m/s."
+    assert left_out in remarks["other"] and not any("left out" in remark for remark in remarks["same"])
+
+
+def test_trials_of_cars_with_own_modules_are_imported(foldcar: Any, tmp_path: Path) -> None:
+    (tmp_path / "tail.py").write_text(
+        "from foldcar.car.components.component import Parameter\nfrom foldcar.car.components.module import Module\n\n\n"
+        "class Tail(Module):\n    letter = 'Tail'\n    title = 'a tail'\n"
+        "    parameters = (*Module.parameters, Parameter('offset', 5, 0, 50, 'from the middle', 'the middle'))\n"
+    )
+    (tmp_path / "t.csv").write_text(
+        "vehicle_type,outcome,source,experiment,width_mm,Tail_offset_mm\nW_B_W_Tail,passed,notes,1,95,10\n"
+    )
+
+    assert foldcar("trials", "import", "s.db", "t.csv", "--components", "tail.py").returncode == 0
+    assert foldcar("export", "s.db", "--trials", "e.csv").returncode == 0
+    without = foldcar("trials", "import", "new.db", "e.csv")
+    done = foldcar("trials", "import", "new.db", "e.csv", "--components", "tail.py")
+
+    assert without.returncode == 2 and "parameters of your own modules need --components FILE" in without.stderr
+    assert done.returncode == 0, done.stderr
+    with Store.open(tmp_path / "s.db") as old, Store.open(tmp_path / "new.db") as new:
+        assert list(old.trials()) == list(new.trials())
+
+
 @pytest.mark.parametrize(
     ("column", "cell", "message"),
     [
@@ -210,6 +275,8 @@ def test_exported_trials_are_the_same_trials_in_another_store(
         ("deviations", '{"A": [1, 2]}', "deviations: "),
         ("corrections", '[{"field": "id"}]', "corrections: "),
         ("corrections", "[", "corrections: "),
+        ("settings", '{"speed_m_s": 0.3}', "settings: "),
+        ("settings", "0.3", "settings: "),
         ("corrections", '[{"corrected_utc": "2026-11-28", "field": "outcome", "before": "flew", "after": "passed", '
          '"reason": "r", "operator": ""}]', "corrections: an outcome is not one of passed, "),
         ("outcome", "passed", "outcome: passed is not what the trial's corrections made it, tipped: use "),

@@ -100,7 +100,7 @@ def test_a_withdrawn_trial_counts_nowhere_and_leaves_a_trail(mixed: Path, foldca
     assert "of built cars: 0 of 1 passed" in listed and "withdrawn: 2 of 2 passed" in listed
     assert listed.count("passed, withdrawn") == 2 and "by Ada: wrong tyres" in listed
     exported = foldcar("export", "s.db", "--trials", "after.csv")
-    assert exported.stderr.startswith("after.csv: 1 trials\n") and "2 withdrawn" in exported.stderr
+    assert exported.stderr.startswith("after.csv: 1 trial\n") and "2 withdrawn" in exported.stderr
     again = foldcar("trials", "withdraw", "s.db", "2", "1", "--reason", "r")
     assert (again.returncode, again.stderr) == (2, "foldcar: error: s.db: trial 1 is withdrawn already\n")
     restored = foldcar("trials", "restore", "s.db", "1", "3", "--reason", "they were right")

@@ -20,6 +20,7 @@ from foldcar.belief import priors
 from foldcar.belief.priors import MAX_SCORE, NAMES, values_of
 from foldcar.belief.reality import drawn_reality
 from foldcar.commands import progress_bar
+from foldcar.commands.sweep import reality_lines
 from foldcar.errors import FoldcarError
 from foldcar.evidence import remarks
 from foldcar.simulation.carsim import Carsim
@@ -290,18 +291,31 @@ def test_the_number_may_be_given_and_the_output_offers_more(widths: Path, tmp_pa
 
     *_, line, offer = output.splitlines()
     assert line == (
-        "experiment 1: 25 runs in other realities, 25 of them new; the success rate of built cars is learned from them "
-        "with an error of 10.0 points"
+        "experiment 1: 25 runs in other realities, 25 of them new; too few to learn the success rate of built cars"
     )
-    assert offer == "  more runs make the error smaller: --realities 200"
+    assert offer == "  at least 200 are needed: --realities 4000"
+    assert "too few runs in other realities to learn from" in run_foldcar("select", tmp_path / "s.db")
     counts = json_output(*words)["realities"]["1"]
     assert {**counts, "seconds": 0} == {
         "total": 25, "new": 0, "reused": 25, "failed": 0, "error": 0.1, "left_out": "", "seconds": 0,
     }  # fmt: skip
     # An error of at most 5 points needs no more.
-    words = (*words[:-1], "100")
-    assert json_output(*words)["realities"]["1"]["new"] == 75
-    assert "--realities" not in run_foldcar(*words)
+    words = (*words[:-1], "200")
+    assert json_output(*words)["realities"]["1"]["new"] == 175
+    enough = run_foldcar(*words)
+    assert "the success rate of built cars is learned from them with an error of " in enough
+    assert "--realities" not in enough and "Want a car that works?" in run_foldcar("select", tmp_path / "s.db")
+
+
+def test_one_run_is_singular_and_an_error_above_five_points_offers_more() -> None:
+    one, many = RealityCounts(total=1, new=1), RealityCounts(total=400, error=0.1)
+
+    assert next(reality_lines("1", one)).startswith("experiment 1: 1 run in other realities, 1 of them new; too few ")
+    assert list(reality_lines("1", many)) == [
+        "experiment 1: 400 runs in other realities, 0 of them new; the success rate of built cars is learned from them "
+        "with an error of 10.0 points",
+        "  more runs make the error smaller: --realities 800",
+    ]
 
 
 @pytest.mark.parametrize(

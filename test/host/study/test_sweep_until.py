@@ -165,7 +165,7 @@ def test_a_sweep_that_stopped_is_complete_and_weighs_its_designs_alike(
     with Store.open(store) as opened:
         info = opened.info().experiments["1"]
     assert info.stored_runs == info.planned_runs < 3 * MOST
-    sentence = "2 of 3 designs are decided; 1 are undecided, simulated in 30 environments, or fewer"
+    sentence = "2 of 3 designs are decided; 1 is undecided, simulated in 30 environments, or fewer"
     assert sentence in stopped_remarks(info)[0]
     first, _, named = stopping_lines(study.experiments[0], stopping_rules("decided", study)["1"], counts.states)
     assert first.startswith("experiment 1: 2 of 3 designs decided, 1 undecided; ")

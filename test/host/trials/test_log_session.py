@@ -147,3 +147,25 @@ def test_an_experiments_name_may_have_a_slash(tmp_path: Path, free_course: Path)
 
     (picture,) = (tmp_path / "s-logs").glob("place-a_b_*-0.png")
     assert picture.name in person.output
+
+
+def test_a_trial_with_deviations_keeps_its_sample_although_a_file_was_added_beside_the_program(
+    tmp_path: Path, free_course: Path, foldcar: Any
+) -> None:
+    sweep = ("sweep", "l.json", "--store", "s.db", "--realities", "0")
+    assert foldcar(*sweep).returncode == 0
+    # The program might import it, so its environment is another one. Its samples are the same.
+    (tmp_path / "analysis.py").write_text("X = 1\n")
+    with car_at_port() as car:
+        words = ("--port", car.port, "--countdown", "0", "--yes", "--sample", "1", "--deviation", "A 5 -3 1.5")
+        assert foldcar(*LOG, *words).returncode == 0
+    (trial,) = trials_in(tmp_path / "s.db")
+    assert trial.deviations
+
+    for _ in range(2):
+        (experiment,) = json.loads(foldcar("compare", "s.db", "--simulated-trials", "--json").stdout)["experiments"]
+        assert [design["trials"] for design in experiment["designs"]] == [1]
+        assert not any("left out" in remark for remark in experiment["remarks"])
+        # The next sweep stores the samples of the new environment.
+        assert foldcar(*sweep).stdout.startswith("0 new runs")
+    assert foldcar("check", "s.db").returncode == 0

@@ -168,6 +168,40 @@ def test_a_script_learns_of_a_fault_by_the_exit_code(tmp_path: Path, free_course
     assert trials_in(tmp_path / "s.db")[0].outcome == "aborted"
 
 
+def test_an_outcome_for_all_trials_is_not_that_of_a_drive_that_was_not_completed(
+    tmp_path: Path, free_course: Path
+) -> None:
+    words = (*LOG, "--yes", "--trials", "2", "--countdown", "2", "--outcome", "passed")
+    with car_at_port(waits=False) as car, Typist(tmp_path, *words, "--port", car.port) as person:
+        person.sees("ARMED")
+        # The program stands still in the countdown of the first trial, which does not begin.
+        person.process.send_signal(signal.SIGSTOP)
+        time.sleep(2.5)
+        person.process.send_signal(signal.SIGCONT)
+        person.sees("Trial 2: sample")
+        person.watches_until(lambda: moving(tmp_path))
+        inject(car, inject="brown_out")
+        person.sees("the car restarted: A dip of the supply has reset the board: charge the batteries")
+        person.sees("2 trials in this session, 2 aborted")
+        assert person.ends() == 1, person.output
+
+    assert [(t.outcome, t.ending) for t in trials_in(tmp_path / "s.db")] == [
+        ("aborted", "this program stood still before the start"), ("aborted", "the car restarted"),
+    ]  # fmt: skip
+
+
+def test_a_fault_in_the_countdown_is_told_with_its_remedy(tmp_path: Path, free_course: Path) -> None:
+    with car_at_port() as car, session(tmp_path, car, countdown_s=2) as person:
+        person.sees("ARMED")
+        inject(car, inject="brown_out")
+        person.sees("the car did not start: A dip of the supply has reset the board: charge the batteries")
+        drives_next(person)
+
+    first, second = trials_in(tmp_path / "s.db")
+    assert (first.outcome, first.ending) == ("aborted", "A dip of the supply has reset the board")
+    assert (second.outcome, second.ending) == ("passed", "goal")
+
+
 def test_a_refused_start_does_not_end_the_session(tmp_path: Path, free_course: Path) -> None:
     with car_at_port() as car, Typist(tmp_path, *LOG, "--port", car.port, "--countdown", "0") as person:
         person.answers(("deviation: ", ""))

@@ -1,7 +1,7 @@
 // Success of this simulator and of built cars: a curve over one parameter, a map over two of several, a search's front.
 
 import { Chart, axisStyle, band, fadedColour, intervals, successAxis, successColour, tooltip } from "./charts.js";
-import { evidence, percent, shownSuccess, withUnit } from "./data.js";
+import { evidence, percent, shownSuccess, thresholdText, withUnit } from "./data.js";
 import { RealityLine, realityCurves } from "./realities.js";
 import { byId, make, select } from "../../figures/web/dom.js";
 
@@ -105,7 +105,7 @@ function curveFigure(model) {
   const option = theme => {
     const [least, most] = [x[order[0]], x[order[order.length - 1]]], margin = (most - least) * 0.02 || 1;
     const driven = order.filter(k => trials[k]), at = model.design;
-    const lines = e.thresholds.map(limit => ({ yAxis: 100 * limit, lineStyle: { color: theme.soft, type: "dashed", width: 1 }, label: { formatter: percent(limit), position: "insideEndTop", color: theme.soft } }));
+    const lines = e.thresholds.map(limit => ({ yAxis: 100 * limit, lineStyle: { color: theme.soft, type: "dashed", width: 1 }, label: { formatter: thresholdText(limit), position: "insideEndTop", color: theme.soft } }));
     if (at !== null && x[at] !== null) lines.push({ xAxis: x[at], lineStyle: { color: theme.accent, width: 2, type: "solid" }, label: { formatter: () => e.designs.name[at], position: "end", color: theme.accent } });
     const dim = k => (model.within[k] ? 1 : 0.2);
     return {

@@ -58,6 +58,12 @@ export function percent(share) {
   return `${whole === 0 && share > 0 ? "<1" : whole === 100 && share < 1 ? ">99" : whole} %`;
 }
 
+// A threshold is not rounded: 0.745 as "74.5 %".
+export const thresholdText = threshold => `${Number((100 * threshold).toPrecision(6))} %`;
+
+// 1 as "1 run", 2 as "2 runs".
+export const counted = (count, noun) => `${count.toLocaleString("en")} ${noun}${count === 1 ? "" : "s"}`;
+
 // As many digits as a reader wants.
 export function number(value) {
   if (value === null || value === undefined || Number.isNaN(value)) return "–";

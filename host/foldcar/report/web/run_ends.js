@@ -1,7 +1,7 @@
 // Where runs that did not pass ended: a histogram along the way to the goal, with the obstacles under it, and a sentence.
 
 import { Chart, OUTCOMES, axisStyle, outcomeKey, tooltip } from "./charts.js";
-import { number, percent } from "./data.js";
+import { counted, number, percent } from "./data.js";
 import { make } from "../../figures/web/dom.js";
 
 // Room beside and above the plot, height of the histogram and of an obstacle's lane (px).
@@ -43,12 +43,12 @@ export class RunEnds {
   said({ obstacles, total }) {
     const { e, state, design } = this.model, { ends } = this;
     const labels = state.outcomes.map(name => e.outcome_labels[e.outcomes.indexOf(name)]);
-    const runs = `${labels.length ? "runs" : "failures"}${design === null ? "" : ` of ${e.designs.name[design]}`}${labels.length ? ` (${labels.join(", ")})` : ""}`;
-    if (!total) return `There are no ${runs}.`;
+    const noun = labels.length ? "run" : "failure", of = `${design === null ? "" : ` of ${e.designs.name[design]}`}${labels.length ? ` (${labels.join(", ")})` : ""}`;
+    if (!total) return `There are no ${noun}s${of}.`;
     const shares = obstacles.slice(0, -1).map((count, k) => [count / total, ends.obstacles[k].name]).sort(([a], [b]) => b - a);
-    const named = shares.filter(([share], rank) => share >= MIN_SHARE && rank < MAX_SAID), all = `the ${total.toLocaleString("en")} ${runs}`;
-    if (!ends.obstacles.length) return `Of ${all}, with other obstacles in each environment:`;
-    if (!named.length) return `Hardly any of ${all} end at an obstacle.`;
+    const named = shares.filter(([share], rank) => share >= MIN_SHARE && rank < MAX_SAID), all = `the ${counted(total, noun)}${of}`;
+    if (!ends.obstacles.length) return `Where ${all} ${total === 1 ? "ends" : "end"}:`;
+    if (!named.length) return `Hardly any of ${all} ends at an obstacle.`;
     const [[share, name], ...rest] = named, more = rest.map(([other, where], k) => `${k < rest.length - 1 ? "," : " and"} ${percent(other)} at ${where}`);
     return `${percent(share)} of ${all} end at ${name}${more.join("")}.`;
   }

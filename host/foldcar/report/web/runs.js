@@ -1,7 +1,7 @@
 // Single runs: what separates failed from passed, how they ended, the grid of designs and environments, one run.
 
 import { Chart, OUTCOMES, axisStyle, outcomeKey, successAxis, tableBehind, tooltip } from "./charts.js";
-import { number, percent, withUnit } from "./data.js";
+import { counted, number, percent, withUnit } from "./data.js";
 import { RunEnds } from "./run_ends.js";
 import { byId, make } from "../../figures/web/dom.js";
 
@@ -111,7 +111,7 @@ function listed(model) {
   let count = 0;
   for (const _ of keptRuns(model)) count += 1;
   const of = model.design === null ? "" : ` of ${e.designs.name[model.design]}`;
-  place.replaceChildren(tableBehind(table, `${count.toLocaleString("en")} runs${of} as a table${count > MAX_LISTED ? ` (the first ${MAX_LISTED})` : ""}`));
+  place.replaceChildren(tableBehind(table, `${counted(count, "run")}${of} as a table${count > MAX_LISTED ? ` (the first ${MAX_LISTED})` : ""}`));
   if (open) place.querySelector("details").open = true;
 }
 

@@ -2,7 +2,7 @@
 // one: trials of cars, and where all numbers come from.
 
 import { plainTable } from "./charts.js";
-import { evidence, isSuccess, number, percent, valueText } from "./data.js";
+import { evidence, isSuccess, number, percent, thresholdText, valueText } from "./data.js";
 import { byId, make } from "../../figures/web/dom.js";
 
 // Remarks that are longer are opened by who wants them (characters).
@@ -79,7 +79,7 @@ export function showDesign(model) {
 
 // Before a trial and without realities, verdicts are about simulation.
 export function verdict({ designs, threshold, realities, simulation }, design) {
-  const limit = percent(threshold), where = realities?.driven ? "" : ` in ${simulation}`;
+  const limit = thresholdText(threshold), where = realities?.driven ? "" : ` in ${simulation}`;
   return { good: `reaches ${limit}${where}`, bad: `below ${limit}${where}`, open: `${limit}${where}: undecided` }[designs.verdict[design]] ?? "";
 }
 

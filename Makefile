@@ -190,7 +190,7 @@ determinism: setup
 # After a change of the physics.
 golden:
 	FOLDCAR_GOLDEN=renew $(MAKE) setup
-	$(BIN)/python tools/determinism.py --renew --numerics g++ O0 carsim.wasm O2
+	$(BIN)/python tools/determinism.py --renew --numerics g++ O0 carsim.wasm O3
 
 # The C++ suites under sanitizers, what of the lines they and the host's tests run, and static analysis.
 check: setup mujoco

@@ -27,7 +27,8 @@ NATIVE_LIBRARY = "linked_car"
 CARSIM_ENGINES = ROOT / "sim2d/engines/carsim.cpp"
 # ccache, where it is installed, compiles once what is compiled again.
 CCACHE = ["ccache"] if shutil.which("ccache") else []
-WASM_FLAGS = ("-O2", "-fwasm-exceptions")
+# Vector instructions of every browser since Safari 16.4 (2023) and of Node; they take nine tenths of the time.
+WASM_FLAGS = ("-O3", "-msimd128", "-fwasm-exceptions")
 LINK_FLAGS = ("--no-entry", "-sSTANDALONE_WASM", "-sALLOW_MEMORY_GROWTH", "-sEXPORTED_FUNCTIONS=_malloc,_free")
 
 

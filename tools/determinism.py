@@ -113,7 +113,7 @@ def main() -> int:
         expected = golden_answers()
         differing = 0
         all_builds = [(c, f"O{k}") for c in installed_compilers() for k in range(4)]
-        builds = builds or [*all_builds, *([("carsim.wasm", "O2")] if WASM.is_file() else [])]
+        builds = builds or [*all_builds, *([("carsim.wasm", "O3")] if WASM.is_file() else [])]
         for compiler, level in builds:
             with tempfile.TemporaryDirectory() as folder:
                 is_wasm = compiler == WASM.name

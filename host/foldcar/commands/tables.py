@@ -199,9 +199,10 @@ def print_search(plan: "Plan", result: "SearchResult", store: Path, varied: Sequ
         typer.echo("No design was tried in all environments, so no design was tested in new ones.")
         return
     which_best = "best" if len(plan.objectives) == 1 else "non-dominated"
+    designs = "design" if len(result.best) == 1 else "designs"
     realities = ", each in a new reality" if plan.over_realities else ""
     new_environments = count(plan.fresh, "new environment")
-    typer.echo(f"\nThe {which_best} designs, tested in {new_environments}{realities} (95 % intervals):")
+    typer.echo(f"\nThe {which_best} {designs}, tested in {new_environments}{realities} (95 % intervals):")
     heads = ["design"]
     for objective in plan.objectives:
         heads.append(f"{objective.heading}, new")

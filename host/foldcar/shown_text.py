@@ -24,6 +24,11 @@ def shown(text: str) -> str:
     return _STEERING.sub(lambda match: match[0].encode("unicode_escape").decode(), decoded(text))
 
 
+def breaks_line(name: str) -> bool:
+    """Whether a name would end the line in which it is printed; other control characters are escaped there."""
+    return bool(name) and name.splitlines() != [name]
+
+
 def shown_line(text: str) -> str:
     """Return the text as :func:`shown`, with tabs and line feeds escaped, too, so that it stays in its line.
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from sqlite3 import Connection
 from typing import Any
 
-from foldcar.shown_text import shown_line
+from foldcar.shown_text import breaks_line, shown_line
 from foldcar.store.errors import StoreError, store_errors
 from foldcar.store.tables import Table
 
@@ -62,7 +62,7 @@ def _check_row(path: Path, connection: Connection, table: Table, row: Row) -> No
         present = [column for column in table.json_columns if row[column] is not None]
         damaged = [column for column in present if not has_shape(table, column, row[column])]
         # Names are printed in sentences, whose lines they must not break.
-        damaged += [name for name in PRINTED.get(table.name, ()) if shown_line(row[name]) != row[name]]
+        damaged += [name for name in PRINTED.get(table.name, ()) if breaks_line(row[name])]
         damage = f"foldcar does not write such a value of {damaged[0]}" if damaged else None
     if damage is not None:
         raise StoreError(f"{path}: {key_text(table, row)} is damaged: {damage}")

@@ -24,7 +24,7 @@ from typing import Any
 from foldcar.car.design import Design, DesignError, compose_columns
 from foldcar.car.design_parameters import key_of, parameters
 from foldcar.errors import FoldcarError
-from foldcar.shown_text import shown_line, without_apostrophe
+from foldcar.shown_text import breaks_line, shown_line, without_apostrophe
 from foldcar.statistics.words import count, design_text
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.other_drives import LIMIT_OVERRUN_S
@@ -158,9 +158,9 @@ def _trial(
     experiment_id = row.get("experiment", experiment)
     if experiment_id is None:
         raise FoldcarError(f"{place}: experiment: is empty; fill it or use --experiment ID")
-    if shown_line(experiment_id) != experiment_id:
+    if breaks_line(experiment_id):
         shown_id = shown_line(experiment_id)
-        raise FoldcarError(f'{place}: experiment: "{shown_id}" has line breaks or other control characters')
+        raise FoldcarError(f'{place}: experiment: "{shown_id}" has line breaks')
     # An exported trial has just the parameters that it has, and so no defaults to announce.
     design = _design(place, row, experiment_id, swept.get(experiment_id), {} if is_export else defaults)
     trial: dict[str, Any] = {

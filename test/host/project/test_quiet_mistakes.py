@@ -50,7 +50,7 @@ def test_a_name_of_a_listing_cannot_forge_a_line(folder: Path, section: str) -> 
 
     printed = foldcar(folder, "sweep", "forged.json", "--store", "forged.db", fails=f"{section}.a\\nfoldcar: error: b")
 
-    assert "a name has no line breaks and no other control characters" in printed and printed.count("\n") <= 2
+    assert "a name has no line breaks" in printed and printed.count("\n") <= 2
     assert not (folder / "forged.db").exists()
 
 

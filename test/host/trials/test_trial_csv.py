@@ -53,7 +53,7 @@ def column(name: str, *cells: str) -> str:
         (HEADER + "W_X,95,passed,1,me\n", 'line 2: "W_X" has unknown module "X"'),
         (HEADER + "W_B_W,95,passed,1,\n", "line 2: source: is empty"),
         (HEADER + "W_B_W,,passed,1,me\n", "line 2: has no parameters of the car; give some of width_mm, "),
-        (column("experiment", '"a\nb"'), r'line 2: experiment: "a\\nb" has line breaks or other control characters'),
+        (column("experiment", '"a\nb"'), r'line 2: experiment: "a\\nb" has line breaks'),
         (column("car", "real"), 'line 2: car: "real" is not one of built, simulated'),
         (column("note", "x" * 140_000), r"line 2: field larger than field limit \(131072\)"),
         (column("sample", str(2**63)), "line 2: sample: 9223372036854775808 is above the maximum 9223372036854775807"),

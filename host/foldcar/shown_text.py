@@ -29,6 +29,13 @@ def breaks_line(name: str) -> bool:
     return bool(name) and name.splitlines() != [name]
 
 
+def one_line(name: str) -> str:
+    """Return a name that is printed in sentences, for pydantic. Raises ValueError if it breaks their lines."""
+    if breaks_line(name):
+        raise ValueError("a name has no line breaks")
+    return name
+
+
 def shown_line(text: str) -> str:
     """Return the text as :func:`shown`, with tabs and line feeds escaped, too, so that it stays in its line.
 

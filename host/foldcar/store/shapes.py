@@ -7,13 +7,14 @@ from collections.abc import Mapping
 from functools import cache
 from typing import Annotated, Any
 
-from pydantic import Field, NonNegativeInt, TypeAdapter, ValidationError, with_config
+from pydantic import AfterValidator, Field, NonNegativeInt, TypeAdapter, ValidationError, with_config
 from typing_extensions import NotRequired, TypedDict
 
+from foldcar.shown_text import one_line
 from foldcar.store.tables import DESIGN, EXPERIMENT, LIMITS, REALITY_RUN, RECORDED, SAMPLE, TRIAL, Table
 
 # Printed in sentences, whose lines it must not break.
-Line = Annotated[str, Field(pattern=r"^[^\n]*$")]
+Line = Annotated[str, AfterValidator(one_line)]
 Number = Annotated[float, Field(ge=LIMITS["REAL"][0], le=LIMITS["REAL"][1])]
 Numbers = dict[str, Number]
 # Numbers are parameters, strings are names of parts.

@@ -12,7 +12,7 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from foldcar.errors import FoldcarError
-from foldcar.shown_text import breaks_line
+from foldcar.shown_text import one_line
 from foldcar.study.limits import MAX_ENVIRONMENTS, MAX_SEED, checked_threshold
 
 MAX_FAMILY_VALUES = 100_000
@@ -92,14 +92,7 @@ def _part_name(raw: Any) -> Any:
     return f"{raw:g}" if isinstance(raw, int | float) and not isinstance(raw, bool) else raw
 
 
-def _printable(name: str) -> str:
-    """Return a name that is printed in sentences. Raises ValueError if it would break their lines."""
-    if breaks_line(name):
-        raise ValueError("a name has no line breaks")
-    return name
-
-
-Name = Annotated[str, AfterValidator(_printable)]
+Name = Annotated[str, AfterValidator(one_line)]
 Values = Annotated[tuple[float | bool, ...], BeforeValidator(_values)]
 Identifier = Annotated[str, BeforeValidator(lambda raw: str(raw) if type(raw) is int else raw)]
 

@@ -113,7 +113,7 @@ fidelity: setup mujoco
 	$(BIN)/python tools/fidelity.py out/fidelity.db out/across.db docs/fidelity.md
 
 # What docs/belief.md quotes.
-advice: setup
+advice: setup .venv/extras
 	$(BIN)/python tools/advice.py out/advice
 
 # The whole method on a hidden reality, as docs/fidelity.md tells it; into a new folder.
@@ -150,7 +150,7 @@ lint: .venv/extras .pio/types/numpy
 	$(BIN)/pip install --quiet --no-deps --require-hashes --only-binary :all: --python-version 3.11 --target $(@D) -r $(@D)/requirements.txt
 	@touch $@
 
-test-native: setup
+test-native: setup .venv/extras
 	$(BIN)/pio test -e native -e native_mujoco
 
 # Each header compiles alone: what it needs it includes itself. After a build of the tests, which fetches Unity.

@@ -1,6 +1,6 @@
 """PlatformIO pre-script: compiles the sources of each folder together, which takes half the time of one after the other.
 
-Not so the engines, of which a program has one.
+The engines are compiled one by one, because each program has its own.
 """
 
 import sys

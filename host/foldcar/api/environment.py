@@ -16,7 +16,6 @@ from foldcar.api.arguments import checked_int, checked_params, checked_path
 from foldcar.errors import FoldcarError
 from foldcar.notebook_html import image_html, lines_html
 from foldcar.scenes.fixed_hash import open_fixed_environment
-from foldcar.scenes.source import SceneSource
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.runner import Runner
 from foldcar.simulation.scenic_runner import ScenicRunner
@@ -56,6 +55,7 @@ class Environment:
         self.params = params
         self.seed = seed
         self._scenes: dict[int, Scene] = {}
+        self._source = open_fixed_environment(program, params, seed)
 
     def __repr__(self) -> str:
         return f"environment({str(self.program)!r}, seed={self.seed}, params={dict(self.params)})"
@@ -70,10 +70,6 @@ class Environment:
         if number not in self._scenes:
             self._scenes[number] = Scene(self, number, canonical_json(self._source.sample(number)))
         return self._scenes[number]
-
-    def compile(self) -> None:
-        """Compile the program; :func:`environment` does. Raises FoldcarError for an error or an unknown parameter."""
-        self._source  # noqa: B018
 
     @property
     def success(self) -> str:
@@ -98,11 +94,7 @@ class Environment:
     @property
     def is_current(self) -> bool:
         """Whether the program's files are unchanged since it was compiled."""
-        return "_source" not in self.__dict__ or self._source.files.unchanged()
-
-    @cached_property
-    def _source(self) -> SceneSource:
-        return open_fixed_environment(self.program, self.params, self.seed)
+        return self._source.files.unchanged()
 
 
 _opened: dict[str, Environment] = {}
@@ -128,9 +120,7 @@ def environment(program: str | Path, *, seed: int = 0, params: Mapping[str, Any]
     except (TypeError, ValueError) as error:
         raise FoldcarError(f"params: {error}; write numbers, strings, booleans or lists") from None
     if key not in _opened or not _opened[key].is_current:
-        opened = Environment(file, dict(params or {}), number)
-        opened.compile()
-        _opened[key] = opened
+        _opened[key] = Environment(file, dict(params or {}), number)
     return _opened[key]
 
 

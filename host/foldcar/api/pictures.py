@@ -1,7 +1,7 @@
 """A study's figures for notebooks: matplotlib axes and pictures in HTML."""
 
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from foldcar.errors import FoldcarError
@@ -10,33 +10,33 @@ from foldcar.notebook_html import image_html
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from foldcar.report.page_data import Experiment
     from foldcar.report.paper_figures import Drawing
-    from foldcar.store.reader import Store
 
 # Of a picture in a notebook: inches, pixels per inch, number of colours.
 SIZE_IN, DPI, COLOURS = (7.2, 4.0), 110, 64
 
 
-def drawing_of(store: "Store", kinds: Sequence[str], experiment: str | None, caller: str) -> "Drawing":
+def drawing_of(
+    experiments: "Mapping[str, Experiment]", kinds: Sequence[str], experiment: str | None, caller: str
+) -> "Drawing":
     """Return the first drawing of one of these kinds of an experiment; None stands for the only one.
 
-    Raises FoldcarError if the store has no such experiment, or several, or the experiment no such drawing.
+    Raises FoldcarError if there is no such experiment, or several, or the experiment has no such drawing.
     """
-    from foldcar.report.page_data import read_experiments
     from foldcar.report.paper_figures import drawings
 
-    read = {found.name: found for found in read_experiments(store)}
-    if experiment is None and len(read) != 1:
-        raise FoldcarError(f"{caller}: choose one of the experiments with experiment=: {', '.join(read)}")
-    name = next(iter(read)) if experiment is None else experiment
-    if name not in read:
-        raise FoldcarError(f'{caller}: there is no experiment "{name}"; there are {", ".join(read)}')
-    found = read[name]
-    known = list(drawings(found.columns, found.effects, found.parameter_indices, found.thresholds))
-    for drawing in known:
+    if experiment is None and len(experiments) != 1:
+        raise FoldcarError(f"{caller}: choose one of the experiments with experiment=: {', '.join(experiments)}")
+    name = next(iter(experiments)) if experiment is None else experiment
+    if name not in experiments:
+        raise FoldcarError(f'{caller}: there is no experiment "{name}"; there are {", ".join(experiments)}')
+    drawn = experiments[name]
+    possible = list(drawings(drawn.columns, drawn.effects, drawn.parameter_indices, drawn.thresholds))
+    for drawing in possible:
         if drawing.kind in kinds:
             return drawing
-    others = ", ".join(drawing.kind for drawing in known) or "nothing"
+    others = ", ".join(drawing.kind for drawing in possible) or "nothing"
     raise FoldcarError(f"{caller}: experiment {name} has nothing to draw here; its report shows {others}")
 
 

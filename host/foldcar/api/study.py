@@ -39,6 +39,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from foldcar.report.page_data import Experiment
+
 T = TypeVar("T")
 
 
@@ -66,6 +68,8 @@ class Study:
         # Absolute, because the working directory may change later.
         self.path = checked_path("store", store, "a store").absolute()
         require_store(self.path)
+        # What figures show, with and without trials of simulated cars.
+        self._drawn_experiments: dict[bool, Mapping[str, Experiment]] = {}
 
     def __repr__(self) -> str:
         lines = [
@@ -81,23 +85,14 @@ class Study:
 
     def _contents(self) -> Iterator[tuple[str, str, str, str, str, str]]:
         """Yield id, vehicle, environment, and numbers of designs, runs and trials of each experiment."""
-        with Store.open(self.path) as store:
-            infos = store.info().experiments if store.holds_study() else {}
-            trials = Counter(trial.experiment for trial in store.trials())
-        for name in dict.fromkeys([*infos, *trials]):
-            info, driven = infos.get(name), count_text(trials[name], "trial")
+        trials = Counter(self.trials["experiment"])
+        for name in dict.fromkeys([*self.experiments, *trials]):
+            info, driven = self.experiments.get(name), count_text(trials[name], "trial")
             if info is None:
                 yield name, "", "", "no design", "no run", driven
             else:
-                runs = count_text(info.stored_runs, "run")
-                yield (
-                    name,
-                    info.vehicle_type,
-                    Path(info.scenic_program).name,
-                    count_text(info.designs, "design"),
-                    runs,
-                    driven,
-                )
+                designs, runs = count_text(info.designs, "design"), count_text(info.stored_runs, "run")
+                yield name, info.vehicle_type, Path(info.scenic_program).name, designs, runs, driven
 
     def reload(self) -> None:
         """Forget the tables, so that the next access also reads new runs and trials.
@@ -106,6 +101,7 @@ class Study:
         """
         for name in ("runs", "trials", "experiments"):
             self.__dict__.pop(name, None)
+        self._drawn_experiments.clear()
 
     @cached_property
     def runs(self) -> "pandas.DataFrame":
@@ -178,8 +174,11 @@ class Study:
         checked_experiment(experiment)
         checked_bool("simulated_trials", simulated_trials)
         limit = None if threshold is None else checked_number("threshold", threshold, 0, 1)
-        advice = self._read(lambda store: select(store, limit, experiment, simulated_trials))
-        return Selections(replace(one, picture=partial(self._picture, one.info.id)) for one in advice)
+        selections = self._read(lambda store: select(store, limit, experiment, simulated_trials))
+        return Selections(
+            replace(selection, picture=partial(self._picture, selection.info.id, simulated_trials))
+            for selection in selections
+        )
 
     def compare(
         self, *, experiment: str | None = None, margin: float = MARGIN, simulated_trials: bool = False
@@ -195,8 +194,10 @@ class Study:
         checked_bool("simulated_trials", simulated_trials)
         difference = checked_number("margin", margin, 0, 1)
         comparison = self._read(lambda store: compare(store, experiment, difference, simulated_trials))
-        compared = [one.info.id for one in comparison.experiments if one.designs]
-        return replace(comparison, picture=partial(self._picture, compared[0])) if compared else comparison
+        compared = [compared.info.id for compared in comparison.experiments if compared.designs]
+        if not compared:
+            return comparison
+        return replace(comparison, picture=partial(self._picture, compared[0], simulated_trials))
 
     def plot_success(self, *, experiment: str | None = None, figure: "Figure | None" = None) -> "Axes":
         """Draw how likely the cars are to work, as the report does, and return the matplotlib axes.
@@ -227,17 +228,30 @@ class Study:
         """
         return list(self._drawn(("effects",), experiment, figure, "plot_effects").axes)
 
-    def _drawn(self, kinds: Sequence[str], experiment: str | None, figure: "Figure | None", caller: str) -> "Figure":
-        checked_experiment(experiment)
-        return drawn(self._read(lambda store: drawing_of(store, kinds, experiment, caller)), figure)
+    def _drawn(
+        self,
+        kinds: Sequence[str],
+        experiment: str | None,
+        figure: "Figure | None",
+        caller: str,
+        simulated_trials: bool = False,
+    ) -> "Figure":
+        from foldcar.report.page_data import read_experiments
 
-    def _picture(self, experiment: str | None) -> str:
-        """Return a picture of an experiment's success as HTML, "" if there is none."""
+        checked_experiment(experiment)
+        if simulated_trials not in self._drawn_experiments:
+            read = self._read(lambda store: read_experiments(store, simulated_trials=simulated_trials))
+            self._drawn_experiments[simulated_trials] = {found.name: found for found in read}
+        return drawn(drawing_of(self._drawn_experiments[simulated_trials], kinds, experiment, caller), figure)
+
+    def _picture(self, experiment: str | None, simulated_trials: bool = False) -> str:
+        """Return a figure of an experiment's success as HTML, "" if there is none."""
         from matplotlib.figure import Figure
 
+        figure = Figure(figsize=SIZE_IN, layout="constrained")
         with suppress(FoldcarError):
-            figure = Figure(figsize=SIZE_IN, layout="constrained")
-            return picture_html(self._drawn(("feasibility", "map", "outcomes"), experiment, figure, "picture"))
+            kinds = ("feasibility", "map", "outcomes")
+            return picture_html(self._drawn(kinds, experiment, figure, "picture", simulated_trials))
         return ""
 
     def success_model(self, *parameters: str, experiment: str | None = None) -> Standardised:

@@ -14,6 +14,7 @@ from PIL import Image
 
 import foldcar
 from conftest import STEP_PYRAMIDS
+from foldcar.report import page_data
 from foldcar.simulation.carsim import Carsim
 from foldcar.study.experiments import read_study
 from foldcar.study.sweep import Sweep
@@ -111,3 +112,19 @@ def test_what_cannot_be_drawn_is_said(study: foldcar.Study) -> None:
         study.plot_effects()
     with pytest.raises(foldcar.FoldcarError, match='plot_success: there is no experiment "2"; there are 1'):
         study.plot_success(experiment="2")
+
+
+def test_pictures_of_a_study_are_of_one_reading(study: foldcar.Study, monkeypatch: pytest.MonkeyPatch) -> None:
+    read = []
+    original = page_data.read_experiments
+    monkeypatch.setattr(page_data, "read_experiments", lambda *a, **k: read.append(k) or original(*a, **k))
+    fresh = foldcar.Study(study.path)
+
+    for _ in range(2):
+        fresh.plot_success(figure=Figure())
+        fresh.select()._repr_html_()
+    fresh.select(simulated_trials=True)._repr_html_()
+    fresh.reload()
+    fresh.plot_outcomes(figure=Figure())
+
+    assert read == [{"simulated_trials": simulated} for simulated in (False, True, False)]

@@ -122,9 +122,7 @@ def learn(runs: RealityRuns, designs: FloatArray, nominal: NominalRuns | None = 
     return replace(learned, error=error, design_offsets=_design_offsets(learned, runs, designs, nominal))
 
 
-def _design_offsets(
-    learned: Learned, runs: RealityRuns, designs: FloatArray, nominal: NominalRuns | None
-) -> FloatArray:
+def _design_offsets(learned: Learned, runs: RealityRuns, designs: FloatArray, nominal: NominalRuns | None) -> FloatArray:
     """Return by how much the log-odds of each design (designs,) differ from the smooth function that was learned.
 
     A smooth function of several parameters cannot follow every single design, and the best of many designs would be those
@@ -149,9 +147,7 @@ def _rates_of_runs(learned: Learned, runs: RealityRuns, designs: FloatArray) -> 
     return rates
 
 
-def _learned(
-    empty: Learned, runs: RealityRuns, designs: FloatArray, nominal: NominalRuns | None
-) -> Learned:
+def _learned(empty: Learned, runs: RealityRuns, designs: FloatArray, nominal: NominalRuns | None) -> Learned:
     """Learn the smooth function from all ``runs`` and the ``nominal`` ones; all else is that of ``empty``."""
     of_designs = empty._design_features(designs)
     features = _features(_shaped(runs.scores), of_designs[runs.design])
@@ -171,9 +167,7 @@ def _learned(
     coefficients = penalised_logistic(table, passed, counted, variances)
     offsets = coefficients[features.shape[1] :]
     scene_offsets = dict(zip(samples.tolist(), (offsets - offsets.mean()).tolist(), strict=True))
-    return replace(
-        empty, coefficients=coefficients[: features.shape[1]], scene_offsets=scene_offsets, runs=len(runs)
-    )
+    return replace(empty, coefficients=coefficients[: features.shape[1]], scene_offsets=scene_offsets, runs=len(runs))
 
 
 def penalised_logistic(

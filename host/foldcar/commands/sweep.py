@@ -265,9 +265,7 @@ def reality_lines(experiment: str, counts: "RealityCounts") -> Iterator[str]:
         yield f"  at least {MIN_LEARNED} are needed: --realities {STAGES[0]}"
         return
     error = "an unknown error" if counts.error is None else f"an error of {100 * counts.error:.1f} points"
-    yield (
-        f"experiment {experiment}: {runs}; the success rate of built cars is learned from them with {error}"
-    )
+    yield (f"experiment {experiment}: {runs}; the success rate of built cars is learned from them with {error}")
     more = offered_runs(counts.total, counts.error)
     if more is not None:
         yield f"  more runs make the error smaller: --realities {more}"

@@ -171,9 +171,7 @@ def _print_steps(console: Console, selection: "Selection") -> None:
             f"{100 * hourly:.1f}",
         )
     table.print_on(console)
-    console.print(
-        "gain: by how many points the rate of the recommended design is expected to rise by this step"
-    )
+    console.print("gain: by how many points the rate of the recommended design is expected to rise by this step")
     if selection.environments:
         samples = ", ".join(map(str, selection.environments))
         console.print(f"Environments to set up for the trials (`foldcar log --sample K`): {samples}.")

@@ -48,15 +48,11 @@ def correct(
     new_values = {"outcome": outcome, "note": note, "elapsed_time_s": elapsed_time, "car": kind, "car_name": name}
     changes = {name: value for name, value in new_values.items() if value is not None}
     if not changes:
-        raise FoldcarError(
-            "trials correct: nothing to change; use --outcome, --note, --elapsed-time, --kind or --car"
-        )
+        raise FoldcarError("trials correct: nothing to change; use --outcome, --note, --elapsed-time, --kind or --car")
     _change("correct", store, reason, lambda writer: writer.correct(number, changes, reason, operator))
 
 
-def withdraw(
-    store: TrialStore, numbers: TrialNumbers, reason: Reason, operator: Operator = ""
-) -> None:
+def withdraw(store: TrialStore, numbers: TrialNumbers, reason: Reason, operator: Operator = "") -> None:
     """Exclude trials from all rates.
 
     Withdraw practice drives, for example. The store keeps withdrawn trials and their logs.
@@ -73,9 +69,7 @@ def withdraw(
     )
 
 
-def restore(
-    store: TrialStore, numbers: TrialNumbers, reason: Reason, operator: Operator = ""
-) -> None:
+def restore(store: TrialStore, numbers: TrialNumbers, reason: Reason, operator: Operator = "") -> None:
     """Make withdrawn trials count again.
 
     The store keeps both changes with their reasons.
@@ -136,9 +130,7 @@ def measure(
     print_lines(*(lines or [f"experiment {experiment_id}: no measured values"]))
 
 
-def _change(
-    command: str, store: Path, reason: str, change: "Callable[[TrialWriter], list[Correction]]"
-) -> None:
+def _change(command: str, store: Path, reason: str, change: "Callable[[TrialWriter], list[Correction]]") -> None:
     """Call ``change`` with a writer of an existing store, and print the corrections that it returns.
 
     ``command`` is the command's name for errors. Raises FoldcarError if the reason is empty or the store does not exist.

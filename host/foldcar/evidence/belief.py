@@ -204,9 +204,7 @@ def learned_rate(store: Store, info: ExperimentInfo) -> Learned | None:
 def _nominal_runs(store: Store, info: ExperimentInfo) -> NominalRuns:
     """Return the nominal runs of an experiment's designs."""
     counts = store.design_counts(info.id)
-    return NominalRuns(
-        _nominal_scores(info), numpy.array(counts.passed, float), numpy.array(counts.counted, float)
-    )
+    return NominalRuns(_nominal_scores(info), numpy.array(counts.passed, float), numpy.array(counts.counted, float))
 
 
 def _nominal_scores(info: ExperimentInfo) -> FloatArray:
@@ -252,5 +250,3 @@ def why_no_belief(info: ExperimentInfo) -> str:
         "Nothing is said of built cars: the store has too few runs in other realities to learn from. `foldcar sweep` "
         "adds them."
     )
-
-

@@ -40,8 +40,7 @@ def select_evidence(evidence: Sequence[Evidence], threshold: float | None = None
         name: fresh_id(name) for name, searched in by_id.items() if searched.info.searched and fresh_id(name) in by_id
     }
     selections = [
-        None if experiment.info.id in fresh_ids else _select_one(experiment, threshold)
-        for experiment in evidence
+        None if experiment.info.id in fresh_ids else _select_one(experiment, threshold) for experiment in evidence
     ]
     advice = {
         experiment.info.id: selection for experiment, selection in zip(evidence, selections, strict=True) if selection

@@ -32,14 +32,22 @@ def works(belief: Belief, evidence: Evidence, threshold: float) -> str:
     rate = answers.built[best]
     guess = "" if belief.driven else ", a guess from simulation: no car was driven yet"
     text = f"{labels[best]}: {band_text(rate)} for a further car{guess}."
-    if answers.cars:
-        car = max(answers.cars, key=lambda car: car.rate.value)
-        if car.rate.value >= rate.value:
-            text = (
-                f"Take the car that you have, {car_text(belief, answers.cars.index(car))}: {band_text(car.rate)}. A "
-                f"further car of the best design, {labels[best]}: {band_text(rate)}."
-            )
+    owned = car_to_take(belief)
+    if owned is not None:
+        text = (
+            f"Take the car that you have, {car_text(belief, owned)}: {band_text(answers.cars[owned].rate)}. A "
+            f"further car of the best design, {labels[best]}: {band_text(rate)}."
+        )
     return f"Want a car that works? {text} {reaching(belief, evidence, threshold)}"
+
+
+def car_to_take(belief: Belief) -> int | None:
+    """Return the number of the driven car to take; None if a further car of the best design is expected to do better."""
+    answers = belief.answers
+    rates = [car.rate.value for car in answers.cars]
+    if not rates or max(rates) < answers.built[answers.best].value:
+        return None
+    return rates.index(max(rates))
 
 
 def reaching(belief: Belief, evidence: Evidence, threshold: float) -> str:

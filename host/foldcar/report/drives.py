@@ -77,7 +77,7 @@ class PageDrives:
             shown["remarks"].append(
                 f"The runs are of carsim build {info.carsim_build}, this page has {carsim.build}: it may compute others."
             )
-        designs, samples = _shown_designs(len(drives.bodies)), sorted(drives.scenes)[:MAX_SAMPLES]
+        designs, samples = _shown_designs(len(drives.bodies), experiment.recommended), sorted(drives.scenes)[:MAX_SAMPLES]
         self.plan(len(samples))
         blobs = {"inputs": _inputs(info, drives, designs, samples), "checks": _checks(runs)}
         blobs |= self._scene_blobs(drives, samples, carsim)
@@ -147,11 +147,13 @@ def _slider(name: str, unit: str, meaning: str, nominal: float, low: float, high
     return {"name": name, "unit": unit, "meaning": meaning, "nominal": nominal, **limits}
 
 
-def _shown_designs(count: int) -> list[int]:
-    """Return all designs, or MAX_DESIGNS that are evenly spread over the family."""
+def _shown_designs(count: int, recommended: int | None) -> list[int]:
+    """Return all designs, or MAX_DESIGNS that are evenly spread over the family and the recommended one."""
     if count <= MAX_DESIGNS:
         return list(range(count))
-    return [place * (count - 1) // (MAX_DESIGNS - 1) for place in range(MAX_DESIGNS)]
+    spread = {place * (count - 1) // (MAX_DESIGNS - 1) for place in range(MAX_DESIGNS)}
+    # A design that was not swept, and has trials only, comes after these.
+    return sorted(spread | ({recommended} if recommended is not None and recommended < count else set()))
 
 
 def _inputs(info: ExperimentInfo, drives: StoredDrives, designs: Sequence[int], samples: Sequence[int]) -> str:

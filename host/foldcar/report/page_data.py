@@ -9,7 +9,8 @@
   ``environments`` (their number), ``time_limit_s``.
 - ``next``: what to do next, ``{"text", "designs": [index], "why": [text for each]}``, also of `foldcar select`.
   ``ranges``: sentences on gaps and ends of ranges; ``leader``: index of the design with the highest expected success of
-  built cars, or null.
+  built cars, or null. ``recommended``: index of the design whose car to take; without a belief that with the highest
+  share of passed runs, and null without any of both.
 - ``realities``: null without a belief, or ``{"driven": whether a car was driven, "names": parameters of the simulator,
   "values": [a value of each for every reality], "rates": [success of each design in every reality, null outside the
   belief], "unknowns": [{"name", "unit", "meaning", "before", "after": [low, median, high], "measured": value or null,
@@ -72,6 +73,7 @@ from foldcar.evidence.adviser import Selection
 from foldcar.evidence.design_evidence import design_label
 from foldcar.evidence.evidence import Evidence, read_evidence, read_unswept
 from foldcar.evidence.selecting import select_evidence
+from foldcar.evidence.sentences import car_to_take
 from foldcar.figures.style import OUTCOME_LABELS
 from foldcar.report.environment_values import EnvironmentValues, environment_values
 from foldcar.report.page_designs import DesignColumns, parameter_columns
@@ -127,6 +129,21 @@ class Experiment:
     def columns(self) -> DesignColumns:
         """The designs as columns."""
         return DesignColumns(self.evidence)
+
+    @cached_property
+    def recommended(self) -> int | None:
+        """The index of the design whose car to take, as in :func:`works`, or else of that which passes most runs.
+
+        None without a belief and without a run that counts.
+        """
+        belief, counts = self.evidence.belief, self.evidence.run_counts
+        if belief is not None:
+            owned = car_to_take(belief)
+            row = belief.answers.best if owned is None else belief.answers.cars[owned].design
+            return int(belief.design_indices[row])
+        if not len(counts) or not counts[:, 1].any():
+            return None
+        return int((counts[:, 0] / numpy.maximum(counts[:, 1], 1)).argmax())
 
 
 def read_experiments(store: Store, thresholds: Sequence[float] = (), simulated_trials: bool = False) -> list[Experiment]:
@@ -213,6 +230,7 @@ def _experiment(
         "grounds": selection.grounds,
         "next": _next(columns.names, selection),
         "leader": _leader(experiment),
+        "recommended": experiment.recommended,
         "realities": page_realities(evidence),
         "ranges": range_sentences(evidence, effects, indices, threshold),
         "remarks": other_remarks(evidence.belief, [*(engine["text"] for engine in engines), *remarks(store, experiment)]),

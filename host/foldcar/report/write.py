@@ -17,6 +17,7 @@ from foldcar.outputs import check_output_folder
 from foldcar.report.drives import PageDrives, deflated
 from foldcar.report.page_data import page_data, read_experiments
 from foldcar.report.paper_figures import Drawing, drawings
+from foldcar.report.stills import stills
 from foldcar.simulation.engines import find_wasm
 from foldcar.store.log_files import referred_file
 from foldcar.store.reader import Store
@@ -71,7 +72,7 @@ def write_report(
         with tempfile.TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name}.") as temporary:
             made = Path(temporary)
             _save_figures(planned, made)
-            page = web_page("foldcar.report", "study", data=data, blobs=blobs)
+            page = web_page("foldcar.report", "study", data=data, blobs=blobs, stills=stills(experiments))
             # Names of files may contain bytes that are not UTF-8.
             (made / PAGE).write_text(page, encoding="utf-8", errors="backslashreplace")
             folder.mkdir(exist_ok=True)

@@ -41,10 +41,7 @@ LISTING = {
     "environments": {"1": {"scenic_filename": str(STEP_PYRAMIDS), "seed": 7, "scenic_params": {"step_height": 0.024}}},
 }
 # Scenic runs beside the simulation for `require always`.
-BESIDE = (
-    "model foldcar.scenes.vocabulary.model\nego = new Robot\nnew Goal at (0, 1)\n"
-    "require always ego.position.x < 9\n"
-)
+BESIDE = "model foldcar.scenes.vocabulary.model\nego = new Robot\nnew Goal at (0, 1)\nrequire always ego.position.x < 9\n"
 SPACE = {
     **LISTING,
     "vehicles": {"1": {"type": "W_B_W", "params": [{"common": {"width": {"from": 65, "to": 245, "step": 5}}}]}},

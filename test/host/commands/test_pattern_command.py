@@ -188,7 +188,7 @@ def test_a_material_file_changes_a_preset_and_is_named_on_the_sheets(
     [
         ('{"kerf_mm": 0.1}', "is not a JSON object with a machine: silhouette, cricut, laser, scissors"),
         ('{"machine": "axe"}', "machine axe: is not one of silhouette, cricut, laser, scissors"),
-        ('{"machine": "laser", "kerf": 0.1}', 'kerf: unknown key; known: bend_radius_mm, '),
+        ('{"machine": "laser", "kerf": 0.1}', "kerf: unknown key; known: bend_radius_mm, "),
         ('{"machine": "laser", "kerf_mm": "0.1"}', "kerf_mm: '0.1' is not a number"),
         ('{"machine": "laser", "kerf_mm": 3}', "kerf_mm 3: is not within 0 to 1 (the cut of a blade or beam)"),
         ('{"machine": "laser", "sheet": 4}', "sheet: 4 is not a text"),

@@ -71,10 +71,7 @@ def test_trials_that_end_as_simulated_in_hard_environments_are_counted_as_agreei
     ((AGREES, AGREES), 0.1, AGREES), ((AGREES, TOO_FEW), 0.1, TOO_FEW), ((AGREES, AGREES), 0.2, TOO_FEW),
 ])  # fmt: skip
 def test_simulation_agrees_if_all_designs_and_their_mean_do(labels: Any, mean_high: float, verdict: str) -> None:
-    compared: Any = [
-        SimpleNamespace(verdict=label, label="65 mm", gap=0, paired=0, agreeing=0)
-        for label in labels
-    ]
+    compared: Any = [SimpleNamespace(verdict=label, label="65 mm", gap=0, paired=0, agreeing=0) for label in labels]
 
     result, sentence = _verdict(compared, Gap(0.02, -0.1, mean_high, 0.95), 0.15, "simulation")
 

@@ -101,9 +101,7 @@ def test_the_wheel_for_every_system_simulates_with_node(sources: Path, carsim_bi
     assert not (installed / "foldcar" / "carsim").exists() and (installed / "foldcar" / "carsim.wasm").is_file()
     with Store.open(tmp_path / "yard" / "node.db") as node, Store.open(tmp_path / "yard" / "native.db") as native:
         assert list(node.results("yard")) == list(native.results("yard"))
-    assert foldcar(installed, "sweep", "study.json", "--store", "native.db", "--samples", "2").startswith(
-        "0 new runs"
-    )
+    assert foldcar(installed, "sweep", "study.json", "--store", "native.db", "--samples", "2").startswith("0 new runs")
     assert "WebAssembly with Node, " in foldcar(installed, "doctor")
 
 

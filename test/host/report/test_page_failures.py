@@ -126,7 +126,9 @@ SILENT_WORKERS = FAST_CLOCK + "Worker.prototype.postMessage = () => {};"
 UNREADABLE_ANSWERS = """{ const post = Worker.prototype.postMessage; Worker.prototype.postMessage = function (message) {
   if (message.lines) this.dispatchEvent(new MessageEvent("messageerror")); else post.call(this, message); }; }"""
 # Three workers. The second does not answer when it starts, the first not to its second task.
-SILENT_ONES = FAST_CLOCK + """
+SILENT_ONES = (
+    FAST_CLOCK
+    + """
 Object.defineProperty(navigator, "hardwareConcurrency", { value: 3 });
 { const Own = Worker; let count = 0;
   window.Worker = class extends Own {
@@ -135,6 +137,7 @@ Object.defineProperty(navigator, "hardwareConcurrency", { value: 3 });
       if (this.number !== 1 && (!message.lines || this.number !== 0 || ++this.tasks !== 2)) super.postMessage(message);
     } }; }
 """
+)
 
 
 @pytest.mark.parametrize(

@@ -125,9 +125,7 @@ def test_smooth_ground_is_the_simulators(study: Path, carsim_binary: Path) -> No
 
 
 # A picture of one pixel, as PNG.
-PIXEL = b64decode(
-    "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mNk+M9QDwADhgGAWjR9awAAAABJRU5ErkJggg=="
-)
+PIXEL = b64decode("iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mNk+M9QDwADhgGAWjR9awAAAABJRU5ErkJggg==")
 
 
 def test_photos_and_films_are_shown_beside_their_trial(study: Path) -> None:

@@ -172,8 +172,7 @@ REGIONS: dict[str, tuple[str, Callable[[float, float], bool]]] = {
     "polygon": ("PolygonalRegion([(0.4, 0.5), (0.3, -0.5), (0.5, -0.5)])", lambda x, y: abs(x - 0.4) <= (0.5 - y) / 10),
 }  # fmt: skip
 RECORDED = (
-    "record ego.position as path\nrecord ego.position in area as inside\n"
-    "record ego.position not in area as outside\n"
+    "record ego.position as path\nrecord ego.position in area as inside\nrecord ego.position not in area as outside\n"
 )
 
 

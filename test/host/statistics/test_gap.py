@@ -1,6 +1,5 @@
 """Gaps between simulation and trials, and ranks, against published examples."""
 
-
 import pytest
 
 from foldcar.statistics.gap import (

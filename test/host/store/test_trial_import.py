@@ -277,8 +277,12 @@ def test_trials_of_cars_with_own_modules_are_imported(foldcar: Any, tmp_path: Pa
         ("corrections", "[", "corrections: "),
         ("settings", '{"speed_m_s": 0.3}', "settings: "),
         ("settings", "0.3", "settings: "),
-        ("corrections", '[{"corrected_utc": "2026-11-28", "field": "outcome", "before": "flew", "after": "passed", '
-         '"reason": "r", "operator": ""}]', "corrections: an outcome is not one of passed, "),
+        (
+            "corrections",
+            '[{"corrected_utc": "2026-11-28", "field": "outcome", "before": "flew", "after": "passed", '
+            '"reason": "r", "operator": ""}]',
+            "corrections: an outcome is not one of passed, ",
+        ),
         ("outcome", "passed", "outcome: passed is not what the trial's corrections made it, tipped: use "),
         ("elapsed_time_s", "2.5", "elapsed_time_s: 2.5 is not what the trial's corrections made it, 1.5: use "),
     ],

@@ -11,12 +11,13 @@ from markupsafe import Markup
 from foldcar.car.folded.model import FoldedCar
 from foldcar.car.proof.prove import service_steps
 from foldcar.fabrication.assembly.drawing import Drawing
-from foldcar.fabrication.assembly.facets import Shape, film_shape, merge_shapes, mount_shape
+from foldcar.fabrication.assembly.facets import film_shape
+from foldcar.fabrication.assembly.finished_car import finished_car
 from foldcar.fabrication.assembly.guide_pictures import Step, join_marks, service_picture, step_pictures
 from foldcar.fabrication.assembly.guide_service import driving_steps, service_lines
-from foldcar.fabrication.assembly.guide_state import AssemblyState, facet_key_prefix
+from foldcar.fabrication.assembly.guide_state import AssemblyState
 from foldcar.fabrication.assembly.guide_words import DRIVER, join_words, number_ranges, step_lines
-from foldcar.fabrication.assembly.hidden_surfaces import Camera, camera
+from foldcar.fabrication.assembly.hidden_surfaces import camera
 from foldcar.fabrication.assembly.operations import (
     is_screw,
     is_wound,
@@ -39,7 +40,6 @@ ABOVE = camera(-90, 90)
 ASLANT = camera(-55, 32)
 # Long pieces are turned along the picture's wider side.
 UPRIGHT = 1.3
-FROM_FRONT = camera(38, 30)
 
 
 def guide_page(folded: FoldedCar, cut: CutCar, machine: str, title: str, sheets: Sequence[Sheet] = ()) -> str:
@@ -50,7 +50,7 @@ def guide_page(folded: FoldedCar, cut: CutCar, machine: str, title: str, sheets:
         policy=content_policy(),
         facts=facts(folded, sheets),
         rows=parts_list(folded, sheets),
-        finished=Drawing(whole_car(folded, FROM_FRONT), FROM_FRONT, "The finished car", caption="the finished car"),
+        finished=finished_car(folded, "The finished car"),
         steps=build_steps(folded, cut, machine),
         upkeep=Step("Open, charge, connect, reset", lines, service_picture(folded)),
         done=operations(folded, cut),
@@ -124,22 +124,3 @@ def splice_steps(folded: FoldedCar, cut: CutCar) -> Iterator[Step]:
             pictures.append(Drawing(film_shape(part, np.eye(4), 0.5), ASLANT, text, marks, caption=text))
     if lines:
         yield Step("Join the parts of pieces", tuple(lines), tuple(pictures), operations_of_splices(folded, cut))
-
-
-def whole_car(folded: FoldedCar, view: Camera) -> Shape:
-    """Return the shape of the closed car from outside: film without tabs, servos, and parts that stick out.
-
-    Film is left out where its printed side faces the camera, because that side is inside the car.
-    """
-    pieces = {piece.name: piece for piece in folded.pieces}
-    shapes = []
-    for placed in folded.placed:
-        prefix = facet_key_prefix(placed)
-        film = film_shape(pieces[placed.piece], np.array(placed.pose), 1.0, prefix, tabs=False, creases=False)
-        facets = tuple(facet for facet in film.facets if facet.normal @ view.toward < 0)
-        shapes.append(Shape(facets, film.lines))
-    driving = {axle.servo for axle in folded.axles if axle.driven}
-    parts = folded.parts
-    outer = {part.name for part in (parts.tyre, parts.switch, parts.axle_rod, parts.axle_tube, parts.axle_cap)}
-    shapes += [mount_shape(mount) for mount in folded.mounts if mount.name in driving or mount.part in outer]
-    return merge_shapes(shapes)

@@ -22,12 +22,12 @@ const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 4];
 const MARK = 0xd55e00, MARK_M = 0.006;
 const SEEN_M = 0.62, SIDE_M = 1.15;
 
-// Builds the picture, its controls and strips inside element; onTime(t_s, playing) is called after every picture. Pages use
-// setGround, time, play, pause, now and end_s.
+// Builds the picture, its controls and strips inside element; onTime(t_s, playing) is called after every picture and at every stop. Pages use
+// setGround, time, play, pause, now and end_s. plain: with the button and the clock alone.
 export const mountScene = (element, options) => new Mounted(element, options);
 
 class Mounted {
-  constructor(element, { ground, runs = [], onTime = () => {} }) {
+  constructor(element, { ground, runs = [], plain = false, onTime = () => {} }) {
     Object.assign(this, { element, onTime, t: 0, end_s: 0, playing: false });
     this.controls();
     try {
@@ -36,8 +36,9 @@ class Mounted {
       this.view = NO_VIEW;
       this.picture.textContent = "Without WebGL a browser draws no car.";
     }
-    this.cameras.hidden = this.view === NO_VIEW;
-    this.strips = new Strips(element, t => { this.pause(); this.time(t); });
+    this.cameras.hidden = plain || this.view === NO_VIEW;
+    this.speed.hidden = plain;
+    this.strips = plain ? NO_STRIPS : new Strips(element, t => { this.pause(); this.time(t); });
     // In the next frame, because the picture's height follows its width, and an observer may not change what it observes.
     new ResizeObserver(() => requestAnimationFrame(() => this.show())).observe(element);
     this.setGround(ground, runs);
@@ -113,8 +114,10 @@ class Mounted {
   }
 
   pause() {
+    const wasPlaying = this.playing;
     this.playing = false;
     this.say();
+    if (wasPlaying) this.onTime(this.t, false);
   }
 
   say() {
@@ -123,6 +126,7 @@ class Mounted {
   }
 }
 
+const NO_STRIPS = { load() {}, draw() {} };
 const NO_VIEW = { load() {}, draw() {}, camera() {} };
 
 // The picture by WebGL. Throws an error in a browser without WebGL.

@@ -2,10 +2,13 @@
 // #e=2&design=95 mm&env=17&t=1.2&outcome=tipped,stuck&b.width_mm=65..95&r.friction=0.8&at=runs
 //
 // e: experiment; env, t: environment and time of the run; x, y, mx, my: axes of the scatter plot and the map; b: ranges of an axis
-// that are kept; r: values of the sliders; at: the section that is read.
+// that are kept; r: values of the sliders; race: designs that race the recommended car, with ";" between them; course: the
+// environment of the race; at: the section that is read.
 
 import { hasValues, number, unknownLabel, unknownText } from "./data.js";
 
+// Designs that race the recommended one: more cannot be told apart.
+export const MAX_RIVALS = 3;
 const AXES = ["x", "y", "mx", "my"];
 const PLAIN = ["e", "design", "env", "t", "x", "y", "mx", "my", "at"];
 export const SECTIONS = ["summary", "belief", "whatif", "parameters", "runs", "trials"];
@@ -14,11 +17,13 @@ const WRITE_INTERVAL_MS = 500;
 // A page inside the text of another page (srcdoc) has no address that could be kept or sent.
 export const hasAddress = () => /^(file|https?):$/.test(window.location.protocol);
 
-export const emptyState = () => ({ ...Object.fromEntries(PLAIN.map(name => [name, null])), outcomes: [], brushes: {}, reality: {} });
+export const emptyState = () => ({ ...Object.fromEntries(PLAIN.map(name => [name, null])), course: null, race: [], outcomes: [], brushes: {}, reality: {} });
 
 export function fragmentOf(state) {
   const parts = new URLSearchParams();
   for (const name of PLAIN) if (state[name] !== null) parts.set(name, state[name]);
+  if (state.race.length) parts.set("race", state.race.join(";"));
+  if (state.course !== null) parts.set("course", state.course);
   if (state.outcomes.length) parts.set("outcome", state.outcomes.join(","));
   for (const [key, intervals] of Object.entries(state.brushes)) parts.set(`b.${key}`, intervals.map(([low, high]) => `${low}..${high}`).join(";"));
   for (const [key, value] of Object.entries(state.reality)) parts.set(`r.${key}`, value);
@@ -42,8 +47,10 @@ export function readFragment(fragment) {
       const intervals = text.split(";").map(part => part.split("..")), ordered = intervals.every(ends => ends.length === 2 && ends.every(isNumber) && Number(ends[0]) <= Number(ends[1]));
       if (ordered) state.brushes[name.slice(2)] = intervals.map(ends => ends.map(Number));
       else refuse(name, text, "a range such as 65..95");
-    } else if (name === "env") {
-      if (isNumber(text) && Number.isInteger(Number(text)) && Number(text) >= 0) state.env = Number(text);
+    } else if (name === "race") {
+      state.race = text.split(";").filter(Boolean);
+    } else if (name === "env" || name === "course") {
+      if (isNumber(text) && Number.isInteger(Number(text)) && Number(text) >= 0) state[name] = Number(text);
       else refuse(name, text, "an integer of 0 or more");
     } else if (name === "t") {
       if (isNumber(text) && Number(text) >= 0) state.t = Number(text);
@@ -67,6 +74,10 @@ export function fitState(state, e) {
   if (state.e !== null && state.e !== e.id) remark(`The link is of experiment ${state.e}, which this page does not have: this is experiment ${e.id}`);
   if (state.design !== null && !e.place.has(state.design)) remark(`The link's design ${state.design} is not in experiment ${e.id}`);
   if (state.env !== null && state.env >= e.environments) remark(`The link's environment ${state.env} does not exist: experiment ${e.id} has ${e.environments}`);
+  for (const name of state.race.filter(design => !e.place.has(design))) remark(`The link's design ${name} cannot race, because it is not in experiment ${e.id}`);
+  if (state.race.length > MAX_RIVALS) remark(`The link has ${state.race.length} designs that race the recommended one: the first ${MAX_RIVALS} do`);
+  const courses = e.raw.drives?.environments ?? [];
+  if (state.course !== null && !courses.includes(state.course)) remark(`The link's race is in environment ${state.course}, which this page cannot simulate`);
   for (const name of state.outcomes.filter(outcome => !e.outcomes.includes(outcome))) remark(`The link's outcome ${name} is not one of ${e.outcomes.join(", ")}`);
   for (const key of Object.keys(state.brushes).filter(axis => !e.axis[axis])) remark(`The link keeps a range of ${key}, which no design has`);
   for (const name of AXES) if (state[name] !== null && !canShow(e, name, state[name])) remark(`The link's axis ${name}=${state[name]} ${e.axis[state[name]] ? `cannot be an axis of the ${name.length > 1 ? "map" : "scatter plot"} of experiment ${e.id}` : "does not exist"}`);
@@ -74,6 +85,7 @@ export function fitState(state, e) {
   remarks.push(...moved);
   Object.assign(state, {
     e: state.e === null ? null : e.id, design: e.place.has(state.design) ? state.design : null, env: state.env < e.environments ? state.env : null,
+    race: state.race.filter(design => e.place.has(design)).slice(0, MAX_RIVALS), course: courses.includes(state.course) ? state.course : null,
     outcomes: state.outcomes.filter(outcome => e.outcomes.includes(outcome)), brushes: Object.fromEntries(Object.entries(state.brushes).filter(([key]) => e.axis[key])), reality,
   });
   for (const name of AXES) if (state[name] !== null && !canShow(e, name, state[name])) state[name] = null;

@@ -2,10 +2,13 @@
 //
 // A run answers as in docs/carsim.md: {outcome, elapsed_time_s, …, path}. Times in seconds, lengths in metres.
 
-import { integerReader, readGround } from "../../figures/web/scene.js";
+import { integerReader, pathOfRows, readGround } from "../../figures/web/scene.js";
 import { poolOf, readBlob } from "./simulators.js";
 
 export const URGENT = 2, SOON = 1, LATER = 0;
+// Colours of the car that is looked at, and of those beside it (Okabe and Ito's).
+const COLOUR = "#0072b2";
+export const GHOST_COLOURS = ["#cc79a7", "#009e73", "#e69f00", "#56b4e9", "#d55e00"];
 
 export class Drives {
   // e: the experiment of data.js, with `drives` of page_data.py.
@@ -72,6 +75,25 @@ export class Drives {
       this.pulsesOf.set(setting, this.pool.answers(new Map(), [line], time_limit_s, URGENT).then(([{ changes }]) => changes));
     }
     return this.pulsesOf.get(setting);
+  }
+
+  // A design as car.js takes it.
+  async car(design) {
+    const [pieces, car] = await Promise.all([readBlob(`${this.key}-pieces`), readBlob(`${this.key}-car-${design}`)]);
+    const { body, parts } = car.head;
+    return { body, shape: parts && { pieces: pieces.head, parts } };
+  }
+
+  // A run as scene.js takes it, with `answer` and, in words, how it `ended`; its path is null if the simulator failed. values: as in
+  // simulate(). ghost: the colour of a car that is shown transparent. Null if the page cannot simulate the run.
+  async drive(design, environment, { values = null, ghost = null } = {}) {
+    await this.ready();
+    if (!this.has(design, environment)) return null;
+    const [[answer], car, pulses] = await Promise.all([this.simulate([design], environment, { values, path: true, priority: URGENT }), this.car(design), this.pulses(design)]);
+    const run = { design, answer, label: this.e.designs.name[design], colour: ghost ?? COLOUR, car, pulses };
+    if (answer.error) return { ...run, ended: answer.error.message, path: null };
+    const ended = `${this.e.outcome_labels[this.e.outcomes.indexOf(answer.outcome)]} after ${answer.elapsed_time_s.toFixed(2)} s`;
+    return { ...run, ended, ghost: ghost !== null, outcome: answer.outcome, path: pathOfRows(answer.path) };
   }
 
   check(design, environment) {

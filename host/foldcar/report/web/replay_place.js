@@ -3,13 +3,11 @@
 import { mountScene, pathOfRows } from "../../figures/web/scene.js";
 import { byId, make } from "../../figures/web/dom.js";
 import { number } from "./data.js";
-import { URGENT } from "./drives.js";
+import { GHOST_COLOURS } from "./drives.js";
 import { cannotSimulate, readBlob } from "./simulators.js";
 
 // Times in the address have two decimals.
 const ROUNDING_S = 0.006;
-const COLOUR = "#0072b2";
-const GHOST_COLOURS = ["#cc79a7", "#009e73", "#e69f00", "#56b4e9", "#d55e00"];
 const PREFERS_NO_MOTION = matchMedia("(prefers-reduced-motion: reduce)").matches;
 
 export class ReplayPlace {
@@ -43,7 +41,7 @@ export class ReplayPlace {
     if (this.scene || this.chosen) return;
     const { drives } = this.model, [design] = drives.designs, [environment] = drives.environments;
     if (design === undefined || environment === undefined) return;
-    const [ground, run] = await Promise.all([drives.ground(environment), this.simulatedRun(design, environment, null)]);
+    const [ground, run] = await Promise.all([drives.ground(environment), drives.drive(design, environment)]);
     if (run?.path) this.scene ??= this.mounted(ground, [run]);
   }
 
@@ -119,8 +117,8 @@ export class ReplayPlace {
     const overlays = [...this.overlays].slice(-GHOST_COLOURS.length), changed = Object.keys(state.reality).length > 0;
     this.whatIfLabel.hidden = !changed;
     const values = changed && this.whatIf.checked ? { ...Object.fromEntries(drives.sliders.map(slider => [slider.name, slider.nominal])), ...state.reality } : null;
-    const overlay = (name, index) => (name.startsWith("d") ? this.simulatedRun(Number(name.slice(1)), environment, values, GHOST_COLOURS[index]) : this.trialRun(Number(name.slice(1)), GHOST_COLOURS[index]));
-    const [ground, chosen, ...others] = await Promise.all([drives.ground(environment, values?.obstacle_height ?? 1), this.simulatedRun(design, environment, values), ...overlays.map(overlay)]);
+    const overlay = (name, index) => (name.startsWith("d") ? drives.drive(Number(name.slice(1)), environment, { values, ghost: GHOST_COLOURS[index] }) : this.trialRun(Number(name.slice(1)), GHOST_COLOURS[index]));
+    const [ground, chosen, ...others] = await Promise.all([drives.ground(environment, values?.obstacle_height ?? 1), drives.drive(design, environment, { values }), ...overlays.map(overlay)]);
     // Another run was chosen meanwhile.
     if (request !== this.request) return;
     if (overlays.some(name => name.startsWith("t"))) chosen.label += ", simulated";
@@ -148,32 +146,13 @@ export class ReplayPlace {
     this.model.write();
   }
 
-  // A run as scene.js takes it; a ghost has a colour of its own. Null if the page cannot simulate it.
-  async simulatedRun(design, environment, values, ghost = null) {
-    const { drives, e } = this.model;
-    await drives.ready();
-    if (!drives.has(design, environment)) return null;
-    const [[answer], car, pulses] = await Promise.all([drives.simulate([design], environment, { values, path: true, priority: URGENT }), this.car(design), drives.pulses(design)]);
-    const run = { design, answer, label: e.designs.name[design], colour: ghost ?? COLOUR, car, pulses };
-    if (answer.error) return { ...run, ended: answer.error.message, path: null };
-    const ended = `${e.outcome_labels[e.outcomes.indexOf(answer.outcome)]} after ${answer.elapsed_time_s.toFixed(2)} s`;
-    return { ...run, ended, ghost: ghost !== null, outcome: answer.outcome, path: pathOfRows(answer.path) };
-  }
-
-  // A design as car.js takes it.
-  async car(design) {
-    const { key } = this.model.drives, [pieces, car] = await Promise.all([readBlob(`${key}-pieces`), readBlob(`${key}-car-${design}`)]);
-    const { body, parts } = car.head;
-    return { body, shape: parts && { pieces: pieces.head, parts } };
-  }
-
   async trialRun(number, colour) {
-    const { key } = this.model.drives, trial = this.model.e.trials.find(row => row.number === number), { replay } = trial;
+    const { drives } = this.model, trial = this.model.e.trials.find(row => row.number === number), { replay } = trial;
     const moved = replay.moved ? " Obstacles or car stood elsewhere than planned." : "";
     const label = `trial ${number}, ${trial.standing} car`;
     if (replay.attitude.length) return { label, colour, ghost: true, attitude: replay.attitude, note: `Trial ${number}: roll and pitch as its sensor measured them.${moved}` };
     if (!replay.path) return { note: `Trial ${number} is not drawn: ${replay.missing}.` };
-    const [path, car] = await Promise.all([readBlob(`${key}-trial-${number}`), this.car(this.design)]);
+    const [path, car] = await Promise.all([readBlob(`${drives.key}-trial-${number}`), drives.car(this.design)]);
     return { label, colour, ghost: true, path: pathOfRows(path.head), car, note: `Trial ${number} of a ${trial.standing} car, from its log.${moved}` };
   }
 

@@ -5,6 +5,7 @@ import { Belief } from "./belief.js";
 import { byId, make } from "../../figures/web/dom.js";
 import { Model } from "./model.js";
 import { Parameters } from "./parameters.js";
+import { Race } from "./race.js";
 import { ReplayPlace } from "./replay_place.js";
 import { Runs } from "./runs.js";
 import { showTaught } from "./taught.js";
@@ -55,9 +56,11 @@ function follow(model) {
 function start() {
   const model = new Model(), belief = new Belief(model), parameters = new Parameters(model);
   const runs = new Runs(model, new ReplayPlace(byId("replay"), model)), verify = new Verify(model), whatif = new WhatIf(model);
+  const race = new Race(model);
   model.on("data", () => {
     chooser(model);
     showSummary(model);
+    race.use();
     belief.use();
     showTaught(model);
     parameters.use();
@@ -66,7 +69,7 @@ function start() {
     whatif.use();
     showTrials(model);
   });
-  model.on("state", () => { belief.mark(); parameters.mark(); runs.mark(); showDesign(model); showLinkRemarks(model); });
+  model.on("state", () => { race.follow(); belief.mark(); parameters.mark(); runs.mark(); showDesign(model); showLinkRemarks(model); });
   model.on("reality", () => { belief.markReality(); whatif.follow(); });
   model.on("remarks", () => showLinkRemarks(model));
   model.on("hover", () => { showDesign(model); parameters.hover(); });

@@ -73,7 +73,7 @@ export function showDesign(model) {
     make("h3", {}, designs.name[design], make("span", { class: `verdict ${designs.verdict[design]}`, text: verdict(e, design) })),
     ...(designs.refuted[design] ? [make("p", { class: "refuted", text: `Its trials contradict simulation, which is too ${designs.refuted[design]}.` })] : []),
     make("table", { class: "facts" }, make("tbody", {}, ...rows.map(([label, text]) => make("tr", {}, make("th", { scope: "row", text: label }), make("td", { text }))))),
-    make("p", { class: "note", text: "Point at a design for its numbers; press it for its runs." }),
+    make("p", { class: "note", text: "Point at a design for its numbers; press it for its runs, and to let it race at the top." }),
   );
 }
 

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from browser import Tab, study_of
+from foldcar.statistics.rate import wilson_interval
 from foldcar.store.reader import Store
 from study_car import listing_of
 from swept_listing import STEP_PYRAMIDS, foldcar, reported
@@ -114,6 +115,7 @@ def test_a_slider_gives_the_rates_of_a_sweep_with_that_reality(variation: str | 
         # The page writes its address at most twice a second.
         tab.wait("location.hash.includes('r.start_heading_sd_rad')")
         rates, address, errors = tab.ask(RATES), tab.ask("location.hash"), tab.ask("errors")
+        spans = tab.ask(RATES.replace("(3)", "(4)"))
     values = {part.split("=")[0][2:]: float(part.split("=")[1]) for part in address[1:].split("&") if part[:2] == "r."}
     (tmp_path / "reality.json").write_text(json.dumps(values))
     foldcar("sweep", tmp_path / "l.json", "--store", tmp_path / "s.db", "--reality", tmp_path / "reality.json")
@@ -123,6 +125,19 @@ def test_a_slider_gives_the_rates_of_a_sweep_with_that_reality(variation: str | 
         _, name = store.info().experiments
         counts = store.design_counts(name)
     assert rates == [f"{passed} of {SAMPLES}" for passed in counts.passed]
+    intervals = [wilson_interval(passed, SAMPLES) for passed in counts.passed]
+    assert spans == [f"{100 * low:.0f} % to {100 * high:.0f} %" for low, high in intervals]
+
+
+def test_before_a_slider_moves_every_design_stands_where_it_was_simulated(study: Path) -> None:
+    with opened(study / "report") as tab:
+        ready(tab).ask("document.querySelector('#whatif-chart summary').click()")
+        tab.wait(f"{RATES}.length")
+        assert tab.ask(RATES) == tab.ask(RATES.replace("(3)", "(2)"))
+        assert tab.ask(RATES)[0].endswith(f" of {SAMPLES}")
+        tab.ask("document.getElementById('whatif').scrollIntoView(); dispatchEvent(new Event('scroll'))")
+        line = tab.wait("document.querySelectorAll('#whatif-chart svg path[stroke=\"#d55e00\"]').length")
+        assert line > len(WIDTHS)
 
 
 def test_the_unknown_that_matters_most_comes_first(study: Path) -> None:

@@ -45,7 +45,7 @@ def test_what_of_a_link_cannot_be_followed_is_said_until_the_reader_goes_on(page
     assert remarks == [
         "The link's b.width_mm=wide is not a range such as 65..95.",
         "The link's t=soon is not a number of 0 or more.",
-        "The link's at=nowhere is not one of summary, belief, whatif, parameters, runs, trials.",
+        "The link's at=nowhere is not one of summary, belief, whatif, parameters, runs, trials, origin.",
         "The link is of experiment 7, which this page does not have: this is experiment 1.",
         "The link's design 99 mm is not in experiment 1.",
         "The link's environment 66 does not exist: experiment 1 has 6.",

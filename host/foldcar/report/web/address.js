@@ -11,7 +11,7 @@ import { hasValues, number, unknownLabel, unknownText } from "./data.js";
 export const MAX_RIVALS = 3;
 const AXES = ["x", "y", "mx", "my"];
 const PLAIN = ["e", "design", "env", "t", "x", "y", "mx", "my", "at"];
-export const SECTIONS = ["summary", "belief", "whatif", "parameters", "runs", "trials"];
+export const SECTIONS = ["summary", "belief", "whatif", "parameters", "runs", "trials", "origin"];
 // Browsers refuse more frequent writes over a longer time: Safari more than 100 in 30 s, Firefox more than 200 in 10 s.
 const WRITE_INTERVAL_MS = 500;
 // A page inside the text of another page (srcdoc) has no address that could be kept or sent.

@@ -130,6 +130,7 @@ function curveFigure(model) {
     };
   };
   return {
+    title: e.realities && !e.realities.driven ? "A guess from simulation: no car was driven yet" : "",
     label: `Success by ${axis ? axis.label : "design"}: ${e.realities ? "realities, built cars with 95 % bands, simulation" : "simulation with 95 % bands"}, trials`, table: table(model), option,
     controls: [legend(e)], of: ({ data }) => data?.design ?? null,
   };

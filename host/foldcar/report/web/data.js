@@ -58,6 +58,13 @@ export function percent(share) {
   return `${whole === 0 && share > 0 ? "<1" : whole === 100 && share < 1 ? ">99" : whole} %`;
 }
 
+// Wilson's interval of a rate, 95 %, as in statistics/rate.py: [low, high], 0 to 1.
+export function wilson(passed, runs) {
+  const z2 = 1.959963984540054 ** 2, rate = passed / runs, scale = 1 + z2 / runs;
+  const middle = (rate + z2 / (2 * runs)) / scale, half = Math.sqrt(z2 * (rate * (1 - rate) / runs + z2 / (4 * runs ** 2))) / scale;
+  return [passed ? middle - half : 0, passed < runs ? middle + half : 1];
+}
+
 // A threshold is not rounded: 0.745 as "74.5 %".
 export const thresholdText = threshold => `${Number((100 * threshold).toPrecision(6))} %`;
 

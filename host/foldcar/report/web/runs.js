@@ -30,7 +30,7 @@ export class Runs {
     if (this.grid) this.charts.push(this.grid.chart);
     byId("replay").hidden = !e.drives;
     byId("omitted").textContent = e.runs_omitted || "";
-    byId("runs").hidden = !e.count;
+    byId("runs").hidden = !e.designs.runs.some(Boolean);
     for (const chart of this.charts) if (chart !== this.grid?.chart && chart !== this.ends?.chart) chart.draw();
   }
 

@@ -9,7 +9,7 @@ import { Race } from "./race.js";
 import { ReplayPlace } from "./replay_place.js";
 import { Runs } from "./runs.js";
 import { showTaught } from "./taught.js";
-import { showDesign, showSummary, showTrials } from "./summary.js";
+import { showDesign, showOrigin, showSummary, showTrials } from "./summary.js";
 import { Verify } from "./verify.js";
 import { WhatIf } from "./whatif.js";
 
@@ -68,6 +68,10 @@ function start() {
     verify.use();
     whatif.use();
     showTrials(model);
+    showOrigin(model);
+    byId("belief").hidden = !model.e.count;
+    // What has nothing to say is not there.
+    for (const link of document.querySelectorAll("nav a")) link.hidden = byId(link.hash.slice(1)).hidden;
   });
   model.on("state", () => { race.follow(); belief.mark(); parameters.mark(); runs.mark(); showDesign(model); showLinkRemarks(model); });
   model.on("reality", () => { belief.markReality(); whatif.follow(); });

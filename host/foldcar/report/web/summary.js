@@ -1,8 +1,8 @@
 // The first screen: which car works, what to do to learn most, what both rest on, remarks, and the design that is chosen or pointed at. The last
-// one: trials of cars, and where all numbers come from.
+// ones: trials of cars, and where all numbers come from.
 
 import { plainTable } from "./charts.js";
-import { evidence, isSuccess, number, percent, thresholdText, valueText } from "./data.js";
+import { counted, evidence, isSuccess, number, percent, thresholdText, valueText } from "./data.js";
 import { byId, make } from "../../figures/web/dom.js";
 
 // Remarks that are longer are opened by who wants them (characters).
@@ -31,8 +31,8 @@ function facts({ count, environments, runs, designs, trials, fixed }) {
   const all = designs.runs.reduce((sum, count) => sum + count, 0), passed = designs.passed.reduce((sum, count) => sum + (count ?? 0), 0);
   const rows = [["designs", count.toLocaleString("en")], ["environments", environments.toLocaleString("en")],
     ["runs", `${all.toLocaleString("en")}, ${passed.toLocaleString("en")} passed`]];
-  const counted = trials.filter(trial => trial.standing === "built" && trial.passed !== null);
-  if (counted.length) rows.push(["trials", `${counted.length}, ${counted.filter(trial => trial.passed).length} passed`]);
+  const built = trials.filter(trial => trial.standing === "built" && trial.passed !== null);
+  if (built.length) rows.push(["trials", `${built.length}, ${built.filter(trial => trial.passed).length} passed`]);
   return [...rows, ...fixed];
 }
 
@@ -99,9 +99,12 @@ export function showTrials(model) {
     trial.passed === null ? "aborted" : trial.passed ? "passed" : (trial.outcome || "not passed").replaceAll("_", " "),
     trial.time_s === null ? "–" : `${number(trial.time_s)} s`, trial.when || "–", ...(hasMedia ? [make("div", { class: "media" }, ...trial.media.map(picture))] : []), trial.note || "",
   ]);
-  place.replaceChildren(...(rows.length
-    ? [make("details", { open: rows.length <= 12 }, make("summary", { text: `${rows.length} trial${rows.length > 1 ? "s" : ""} one by one` }), make("div", { class: "wide" }, plainTable(["trial", "car", ...(named ? ["name"] : []), "kind", "environment", "outcome", "after", "when", ...(hasMedia ? ["photos, films"] : []), "note"], rows)))]
-    : [make("p", { class: "note" }, "No trial of this experiment is shown: ", make("code", { text: "foldcar log" }), " and ", make("code", { text: "foldcar trials import" }), " add trials. The remarks above say which trials are omitted.")]));
+  byId("trials").hidden = !rows.length;
+  const head = ["trial", "car", ...(named ? ["name"] : []), "kind", "environment", "outcome", "after", "when", ...(hasMedia ? ["photos, films"] : []), "note"];
+  place.replaceChildren(make("details", { open: rows.length <= 12 }, make("summary", { text: `${counted(rows.length, "trial")} one by one` }), make("div", { class: "wide" }, plainTable(head, rows))));
+}
+
+export function showOrigin({ e }) {
   byId("provenance").replaceChildren(make("table", { class: "facts" }, make("tbody", {}, ...e.provenance.map(([label, text]) => make("tr", {}, make("th", { scope: "row", text: label }), make("td", {}, text.includes("\n") ? make("pre", { text }) : text))))));
   byId("files").replaceChildren(...e.files.map(([label, address]) => make("li", {}, make("a", { href: address, text: label.split(/[.;:]( |$)/)[0] }))));
   byId("files").parentElement.hidden = !e.files.length;

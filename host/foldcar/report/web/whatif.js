@@ -3,8 +3,8 @@
 // Parameters and their limits: `drives.sliders` of page_data.py; what is known of them: `realities.unknowns`. Results: success by design beside the stored runs, how
 // probable the trials are, and success of one design over each slider.
 
-import { Chart, axisStyle, band, successAxis, tooltip } from "./charts.js";
-import { number, shownUnit, unknownLabel, withUnit } from "./data.js";
+import { Chart, axisStyle, band, intervals, successAxis, tooltip } from "./charts.js";
+import { counted, number, percent, shownUnit, unknownLabel, wilson, withUnit } from "./data.js";
 import { LATER, SOON } from "./drives.js";
 import { cannotSimulate } from "./simulators.js";
 import { byId, make } from "../../figures/web/dom.js";
@@ -176,33 +176,42 @@ export class WhatIf {
   }
 
   figure() {
-    const { model } = this, { e } = model, single = e.parameters.length === 1, axis = single ? e.axes[0] : null;
-    const share = (passed, runs) => (runs ? 100 * passed / runs : null);
-    const stored = k => share(e.designs.passed[k], e.designs.runs[k]), now = k => (this.rates ? share(this.rates.passed[k], this.rates.runs[k]) : null);
+    const { model } = this, { e } = model, { designs } = e, single = e.parameters.length === 1, axis = single ? e.axes[0] : null;
+    const stored = k => (designs.runs[k] ? { passed: designs.passed[k], runs: designs.runs[k] } : null);
+    // Before a slider moves, and until the first answers, it is as simulated: the first movement then shows a change.
+    const now = k => (this.rates?.runs[k] ? { passed: this.rates.passed[k], runs: this.rates.runs[k] } : this.rates ? null : stored(k));
+    const share = rate => (rate ? 100 * rate.passed / rate.runs : null), ends = rate => wilson(rate.passed, rate.runs).map(end => 100 * end);
     const order = () => (single ? [...axis.values.keys()].filter(k => axis.values[k] !== null).sort((a, b) => axis.values[a] - axis.values[b]) : [...Array(e.count).keys()]);
-    const tip = theme => tooltip(theme, ({ data }) => (data?.design === undefined ? [] : [make("b", { text: e.designs.name[data.design] }), `as simulated ${number(stored(data.design))} %`, `what if ${number(now(data.design))} %`]));
+    const shown = () => order().filter(k => now(k) && stored(k));
+    const text = rate => (rate ? `${percent(rate.passed / rate.runs)} (${wilson(rate.passed, rate.runs).map(percent).join(" to ")}), of ${counted(rate.runs, "environment")}` : "–");
+    const tip = theme => tooltip(theme, ({ data }) => (data?.design === undefined ? [] : [make("b", { text: designs.name[data.design] }), `as simulated: ${text(stored(data.design))}`, `what if: ${text(now(data.design))}`]));
+    const spans = (theme, at) => intervals("95 %", shown().map(k => [at(k), ...ends(now(k))]), theme.bad, 1.5, e.count > 100 ? 0.15 : 0.4);
+    const trialRate = k => 100 * designs.trials_passed[k] / designs.trials[k];
     const option = theme => (single ? {
       height: 300, grid: { left: 58, right: 18, top: 16, bottom: 48 }, tooltip: tip(theme),
       xAxis: axisStyle(theme, withUnit(axis), { type: "value", scale: true }), yAxis: successAxis(theme),
       series: [
-        { name: "as simulated", type: "line", symbol: "rect", symbolSize: 5, lineStyle: { color: theme.soft, width: 1, type: "dashed" }, itemStyle: { color: theme.soft }, data: order().map(k => ({ value: [axis.values[k], stored(k)], design: k })) },
-        { name: "what if", type: "line", symbol: "circle", symbolSize: 6, lineStyle: { color: theme.bad, width: 2 }, itemStyle: { color: theme.bad }, z: 5, data: this.rates ? order().filter(k => now(k) !== null).map(k => ({ value: [axis.values[k], now(k)], design: k })) : [] },
-        { name: "trials", type: "scatter", symbol: "diamond", symbolSize: 13, z: 6, itemStyle: { color: theme.trial, borderColor: theme.paper }, data: order().filter(k => e.designs.trials[k]).map(k => ({ value: [axis.values[k], share(e.designs.trials_passed[k], e.designs.trials[k])], design: k })) },
+        { name: "as simulated", type: "line", symbol: "rect", symbolSize: 5, lineStyle: { color: theme.soft, width: 1, type: "dashed" }, itemStyle: { color: theme.soft }, data: order().map(k => ({ value: [axis.values[k], share(stored(k))], design: k })) },
+        spans(theme, k => axis.values[k]),
+        { name: "what if", type: "line", symbol: "circle", symbolSize: 6, lineStyle: { color: theme.bad, width: 2 }, itemStyle: { color: theme.bad }, z: 5, data: shown().map(k => ({ value: [axis.values[k], share(now(k))], design: k })) },
+        { name: "trials", type: "scatter", symbol: "diamond", symbolSize: 13, z: 6, itemStyle: { color: theme.trial, borderColor: theme.paper }, data: order().filter(k => designs.trials[k]).map(k => ({ value: [axis.values[k], trialRate(k)], design: k })) },
       ],
     } : {
       height: 380, grid: { left: 58, right: 18, top: 16, bottom: 48 }, tooltip: tip(theme),
       xAxis: successAxis(theme, "as simulated", { nameGap: 26 }), yAxis: successAxis(theme, "what if"),
       series: [
         { type: "line", silent: true, symbol: "none", lineStyle: { color: theme.soft, type: "dashed", width: 1 }, data: [[0, 0], [100, 100]] },
-        { name: "designs", type: "scatter", symbolSize: 9, cursor: "pointer", data: this.rates ? order().filter(k => now(k) !== null).map(k => ({ value: [stored(k), now(k)], design: k, itemStyle: { color: e.designs.trials[k] ? theme.trial : theme.bad, opacity: model.within[k] ? 0.85 : 0.15 } })) : [] },
+        spans(theme, k => share(stored(k))),
+        { name: "designs", type: "scatter", symbolSize: 9, cursor: "pointer", data: shown().map(k => ({ value: [share(stored(k)), share(now(k))], design: k, itemStyle: { color: designs.trials[k] ? theme.trial : theme.bad, opacity: model.within[k] ? 0.85 : 0.15 } })) },
       ],
     });
-    const table = () => ({ head: ["design", "as simulated", "what if", "trials"], rows: order().map(k => [e.designs.name[k], `${e.designs.passed[k] ?? "–"} of ${e.designs.runs[k]}`, this.rates?.runs[k] ? `${this.rates.passed[k]} of ${this.rates.runs[k]}` : "–", e.designs.trials[k] ? `${e.designs.trials_passed[k]} of ${e.designs.trials[k]}` : "–"]) });
-    return { label: "Success of each design as simulated and with these values", option, table };
+    const counts = rate => (rate ? `${rate.passed} of ${rate.runs}` : "–"), trialCounts = k => (designs.trials[k] ? `${designs.trials_passed[k]} of ${designs.trials[k]}` : "–");
+    const table = () => ({ head: ["design", "as simulated", "what if", "what if, 95 %", "trials"], rows: order().map(k => [designs.name[k], counts(stored(k)), counts(now(k)), now(k) ? wilson(now(k).passed, now(k).runs).map(percent).join(" to ") : "–", trialCounts(k)]) });
+    return { label: "Success of each design as simulated and with these values, with 95 % intervals", option, table };
   }
 
   legend() {
-    const { e } = this.model, keys = e.parameters.length === 1 ? [["engine", "as simulated"], ["whatif", "what if"], ["trials", "trials"]] : [["whatif", "a design"], ["trials", "a design with trials"]];
+    const { e } = this.model, keys = e.parameters.length === 1 ? [["engine", "as simulated"], ["whatif", "what if, with 95 % interval"], ["trials", "trials"]] : [["whatif", "a design, with 95 % interval"], ["trials", "a design with trials"]];
     return make("span", { class: "legend" }, ...keys.map(([kind, text]) => make("span", {}, make("i", { class: `key ${kind}` }), text)));
   }
 

@@ -26,9 +26,9 @@ IMAGE = re.compile(r"debian:([a-z]+)-slim(?: AS ([a-z]+))?")
 CALLER = "12345:12345"
 COMMANDS = (
     "new yard",
-    "sweep yard/study.json --store yard.db",
+    "sweep yard/study.json --store study.db",
     "sweep yard/study.json --store mujoco.db --engine mujoco --realities 100",
-    "report yard.db -o report",
+    "report study.db -o report",
 )
 
 

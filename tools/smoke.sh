@@ -11,8 +11,8 @@ car='--set width=115 --set radius=60'
 
 "$foldcar" new yard
 cd yard
-"$foldcar" sweep study.json --store yard.db --jobs 2 --realities 200
-"$foldcar" report yard.db -o report
+"$foldcar" sweep study.json --store study.db --jobs 2 --realities 200
+"$foldcar" report study.db -o report
 test -s report/index.html
 if [ "${2:-}" = core ]; then
   # shellcheck disable=SC2086  # words

@@ -59,7 +59,7 @@ class Study:
 
     Raises FoldcarError if the store does not exist or is damaged.
 
-    >>> study = foldcar.Study("width.db")
+    >>> study = foldcar.Study("study.db")
     >>> study.runs[["width_mm", "sample", "outcome"]].shape
     (12, 3)
     """

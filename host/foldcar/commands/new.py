@@ -14,7 +14,7 @@ from foldcar.installation import PACKAGE, source_tree
 from foldcar.outputs import make_output_folder
 
 FILES = ("README.md", "study.json", "yard.scenic")
-FIRST_COMMANDS = ("foldcar sweep study.json --store yard.db", "foldcar report yard.db -o report")
+FIRST_COMMANDS = ("foldcar sweep study.json --store study.db", "foldcar report study.db -o report")
 STUDY = ("scenarios/width_study.json", "scenarios/step_pyramids.scenic", "scenarios/published_trials.csv")
 # For each example: its files, and its commands. Files have the paths of a checkout, so that the documentation's commands
 # work.
@@ -35,12 +35,12 @@ EXAMPLES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
         ("scenarios/obstacle_course.json", "scenarios/obstacle_course.scenic"),
         (
             "foldcar sample scenarios/obstacle_course.scenic -n 3 --plot course.png",
-            "foldcar sweep scenarios/obstacle_course.json --store course.db",
+            "foldcar sweep scenarios/obstacle_course.json --store study.db",
         ),
     ),
     "optimize": (
         ("examples/design_space.json", "scenarios/step_pyramids.scenic"),
-        ("foldcar optimize examples/design_space.json --store space.db --designs 60 --samples 50",),
+        ("foldcar optimize examples/design_space.json --store study.db --designs 60 --samples 50",),
     ),
 }
 

@@ -66,8 +66,8 @@ def optimize(
     any time; the same command resumes it.
 
     \b
-    Example: foldcar optimize examples/design_space.json --store space.db --designs 60 --samples 50
-    foldcar optimize examples/design_space.json --store space.db --objective built --objective sheet-area
+    Example: foldcar optimize examples/design_space.json --store study.db --designs 60 --samples 50
+    foldcar optimize examples/design_space.json --store study.db --objective built --objective sheet-area
     """
     from foldcar.commands.progress_bar import SearchBar
     from foldcar.commands.tables import print_search

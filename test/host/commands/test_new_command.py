@@ -28,7 +28,7 @@ def test_a_new_project_is_whole_and_says_what_to_type_next(foldcar: Command, tmp
     cd, *commands = [line.strip() for line in done.stdout.splitlines()[1:]]
     assert cd == "cd 'my yard'"
     words = [line.split()[:3] for line in commands]
-    assert words == [["foldcar", "sweep", "study.json"], ["foldcar", "report", "yard.db"]]
+    assert words == [["foldcar", "sweep", "study.json"], ["foldcar", "report", "study.db"]]
 
 
 @pytest.mark.parametrize("example", EXAMPLES)
@@ -53,9 +53,9 @@ def test_an_example_has_what_its_commands_name(foldcar: Command, refused: Any, t
 def test_the_projects_environment_tells_its_designs_apart(foldcar: Command, tmp_path: Path) -> None:
     foldcar("new", "yard")
     listing = tmp_path / "yard" / "study.json"
-    done = foldcar("sweep", listing, "--store", "yard.db", "--samples", "6", "--json")
+    done = foldcar("sweep", listing, "--store", "study.db", "--samples", "6", "--json")
     assert done.returncode == 0, done.stderr
-    foldcar("report", "yard.db", "-o", "report")
+    foldcar("report", "study.db", "-o", "report")
 
     (experiment,) = study_of(tmp_path / "report")["experiments"]
     k = [parameter["name"] for parameter in experiment["parameters"]].index("radius_mm")

@@ -72,7 +72,7 @@ def poorer(folder: Path, *commands: tuple[str, ...]) -> "subprocess.CompletedPro
 
 COMMON = (
     ("--help",),
-    ("sweep", "study.json", "--store", "yard.db", "--samples", "2"),
+    ("sweep", "study.json", "--store", "study.db", "--samples", "2"),
     ("export", "s.db", "--csv", "runs.csv", "--trials", "trials.csv"),
     ("check", "s.db"),
     ("trials", "list", "s.db"),
@@ -98,7 +98,7 @@ def test_what_needs_no_terminal_works(project: Path, commands: tuple[tuple[str, 
     assert "Traceback" not in done.stderr and done.returncode == 0, done.stderr
     ends = [line for line in done.stderr.splitlines() if line.startswith("ended with")]
     assert ends == ["ended with 0"] * len(commands), done.stderr
-    made = {"report", "car", "yard.png", "car.html"} if commands is REST else {"yard.db", "runs.csv", "trials.csv"}
+    made = {"report", "car", "yard.png", "car.html"} if commands is REST else {"study.db", "runs.csv", "trials.csv"}
     assert made <= {file.name for file in project.iterdir()}
 
 

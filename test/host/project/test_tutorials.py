@@ -3,7 +3,7 @@
 In a block marked `console` a line that begins with `$ ` is a command, `> ` continues it, and the lines below are its
 output, in order. On the page, … stands for any text within a line, and for any lines if it is a line of its own.
 `foldcar link` runs in the background; its port replaces the page's in all commands and outputs below. Commands print on
-a terminal of 80 columns, as a reader's. Sweeps make fewer runs in other realities than a reader's do.
+a terminal of 80 columns, as a reader's.
 """
 
 import contextlib
@@ -25,8 +25,6 @@ DOCS = Path(__file__).resolve().parents[3] / "docs"
 BLOCK = re.compile(r"^```console\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 PAGE_PORT = "/dev/pts/4"
 HANGS_S = 300
-# Runs in other realities of a sweep: as many as a reader's sweep makes take a minute.
-REALITIES = 500
 
 
 def steps_of(page: Path) -> Iterator[tuple[str, list[str]]]:
@@ -107,8 +105,6 @@ class Shell:
             line = self.car.stdout.readline()
             self.port = line.strip()
             return line
-        if command.startswith("foldcar sweep "):
-            command = f"{command} --realities {REALITIES}"
         terminal, inner = pty.openpty()
         with tempfile.TemporaryFile() as errors:
             process = subprocess.Popen(
@@ -137,13 +133,14 @@ def shell(tmp_path: Path) -> Iterator[Shell]:
     shell.unplugs()
 
 
-@pytest.mark.parametrize("name", ["first_study", "first_car"])
-def test_a_tutorial_s_commands_print_what_its_page_shows(name: str, shell: Shell, carsim_binary: Path) -> None:
-    steps = list(steps_of(DOCS / f"{name}.md"))
-    assert len(steps) >= 6
+def test_the_tutorials_commands_print_what_their_pages_show(shell: Shell, carsim_binary: Path) -> None:
+    # The second page goes on in the folder of the first.
+    for name in ("first_study", "first_car"):
+        steps = list(steps_of(DOCS / f"{name}.md"))
+        assert len(steps) >= 6
 
-    for command, shown in steps:
-        output = shell.types(command)
-        expected = pattern_of([line.replace(PAGE_PORT, shell.port) for line in shown])
-        message = "\n".join([f"{name}.md shows for {command}", *shown, "but it prints", output])
-        assert re.fullmatch(expected, output), message
+        for command, shown in steps:
+            output = shell.types(command)
+            expected = pattern_of([line.replace(PAGE_PORT, shell.port) for line in shown])
+            message = "\n".join([f"{name}.md shows for {command}", *shown, "but it prints", output])
+            assert re.fullmatch(expected, output), message

@@ -79,7 +79,7 @@ def driving_steps(car: FoldedCar) -> Iterator[tuple[str, tuple[str, ...]]]:
         (
             "Put the car on a smooth floor with 2 m free in front of it, and keep a finger near the switch.",
             'Describe one metre of floor as the tutorial "A first car" does (docs/first_car.md), and run `foldcar log '
-            "metre.json --experiment metre --store metre.db --car NAME`: it checks the car, counts down and drives.",
+            "metre.json --experiment metre --store study.db --car NAME`: it checks the car, counts down and drives.",
             "The car turns aside: repeat `foldcar calibrate-servos`, look for a wheel that rubs. It stops at once: the "
             "cells are empty or the log's last line says why.",
             "Without a cable: add `--untethered`. foldcar says when to pull the cable; the board's light flickers, and "

@@ -264,7 +264,16 @@ $(BUNDLES): tools/web_bundles.py host/web/package-lock.json host/web/package.jso
 	$(BIN)/python tools/web_bundles.py
 	@touch $@
 
-docs: .pio/release/installed
+# The site's live pages, by listing: a report in which visitors drive simulated cars.
+LIVE = out/live
+docs: setup .pio/release/installed
+	rm -rf $(LIVE)
+	mkdir -p $(LIVE)
+	$(BIN)/foldcar sweep scenarios/width_study.json --store $(LIVE)/width_study.db
+	$(BIN)/foldcar trials import $(LIVE)/width_study.db scenarios/published_trials.csv
+	$(BIN)/foldcar report $(LIVE)/width_study.db -o $(LIVE)/width_study
+	$(BIN)/foldcar sweep examples/six_wheels.json --store $(LIVE)/six_wheels.db
+	$(BIN)/foldcar report $(LIVE)/six_wheels.db -o $(LIVE)/six_wheels
 	NO_MKDOCS_2_WARNING=1 .pio/release/bin/mkdocs build --strict --quiet --config-file tools/mkdocs.yml
 	@echo "The site is $(CURDIR)/out/site/index.html; with search: $(BIN)/python -m http.server --directory out/site"
 

@@ -1,4 +1,4 @@
-"""What mkdocs adds to docs/ for `make docs`: the README as first page, the Python API, files that pages name."""
+"""What mkdocs adds to docs/ for `make docs`: the README as first page, live reports, the Python API, files that pages name."""
 
 import ast
 import re
@@ -13,6 +13,17 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGES = {"index.md": "README.md", "contributing.md": "CONTRIBUTING.md", "changelog.md": "CHANGELOG.md"}
 # A page of the site that stands in a folder.
 SIMULATOR = "sim2d/README.md"
+# Reports that `make docs` has written, in which a visitor drives simulated cars.
+LIVE = ROOT / "out" / "live"
+LIVE_REPORTS = ("width_study", "six_wheels")
+# The first thing to try, above the README's pictures.
+TRY = (
+    "**[Drive a simulated car in your browser](live/width_study/index.html).** Nothing needs to be installed. The page is "
+    "the report of a study: it says which of 37 cars to build, and drives them.\n\n"
+)
+# What a page of docs/ says of a report, and its link on the site.
+LINKED = {"design_space.md": ("*live report*", "[live report](live/six_wheels/index.html)")}
+ABOVE = "|a car of the family|"
 API = ROOT / "host" / "foldcar" / "__init__.py"
 
 
@@ -20,7 +31,11 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the generated pages, and each file outside docs/ that a page links to."""
     for name, source in PAGES.items():
         page = (ROOT / source).read_text(encoding="utf-8").replace("](docs/", "](")
-        files.append(File.generated(config, name, content=_to_pages(page, "")))
+        assert name != "index.md" or ABOVE in page, f"{source} has no {ABOVE}"
+        files.append(File.generated(config, name, content=_to_pages(page.replace(ABOVE, TRY + ABOVE, 1), "")))
+    for report in LIVE_REPORTS:
+        for path in sorted((LIVE / report).iterdir()):
+            files.append(File.generated(config, f"live/{report}/{path.name}", abs_src_path=str(path)))
     files.append(File.generated(config, "api.md", content=_api()))
     for path in sorted(Path(config.docs_dir).glob("*.md")):
         for name in _outside(path.read_text(encoding="utf-8")):
@@ -33,6 +48,10 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     """Links to what is outside docs/ lead to its copy on the site."""
     if page.file.src_uri == SIMULATOR:
         return _to_pages(markdown.replace("](../docs/", "](../"), "../", "../")
+    if page.file.src_uri in LINKED:
+        words, link = LINKED[page.file.src_uri]
+        assert words in markdown, f"{page.file.src_uri} does not say {words}"
+        markdown = markdown.replace(words, link)
     return _to_pages(markdown, "../").replace("](../", "](")
 
 

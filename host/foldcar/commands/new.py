@@ -38,6 +38,13 @@ EXAMPLES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
             "foldcar sweep scenarios/obstacle_course.json --store study.db",
         ),
     ),
+    "six_wheels": (
+        ("examples/six_wheels.json", "scenarios/low_kerbs.scenic"),
+        (
+            "foldcar sweep examples/six_wheels.json --store study.db",
+            "foldcar report study.db -o report",
+        ),
+    ),
     "optimize": (
         ("examples/design_space.json", "scenarios/step_pyramids.scenic"),
         ("foldcar optimize examples/design_space.json --store study.db --designs 60 --samples 50",),

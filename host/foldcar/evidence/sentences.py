@@ -66,7 +66,7 @@ def reaching(belief: Belief, evidence: Evidence, threshold: float) -> str:
         return f"No design is likely to reach {limit}." if len(chances) > 1 else f"It is not likely to reach {limit}."
     if len(chances) == 1:
         return f"Its chance to reach {limit} is {percent(chances[best])}."
-    return f"{belief.labels[best]} has the best chance to reach {limit}: {percent(chances[best])}."
+    return f"{_capital(belief.labels[best])} has the best chance to reach {limit}: {percent(chances[best])}."
 
 
 def grounds(evidence: Evidence, threshold: float) -> str:

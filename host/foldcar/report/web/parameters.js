@@ -3,13 +3,12 @@
 import { designTip, linked, scale } from "./belief.js";
 import { Chart, axisStyle, band, fadedColour, successAxis, successColour, tooltip } from "./charts.js";
 import { BELIEF, SIMULATED, hasValues, isSuccess, number, percent, shownSuccess, valueText, withUnit } from "./data.js";
+import { designColumns } from "./design_table.js";
 import { byId, context2d, make, select } from "../../figures/web/dom.js";
 
 // Sides of the parallel axes, height of a line of their headings, space between two headings, size of their letters (px).
 const SIDES = 92, LINE = 14, SPACE = 8, HEADING = 12;
 const BANDS = "Bands hold the differences between values, with 95 %: how far success at a value is above or below the mean over all values. All values were run in the same environments, so the level of a whole curve is less sure than its shape.";
-// Rows of the table of designs.
-const MAX_ROWS = 500;
 
 export class Parameters {
   constructor(model) { this.model = model; this.charts = []; }
@@ -101,9 +100,12 @@ function effectFigure(e, { parameter, grid, mean, low, high, curves, over }) {
   };
 }
 
+// Rows of the table behind a chart.
+const MAX_ROWS = 500;
+
 function designTable({ e, within }) {
-  const shown = [...Array(e.count).keys()].filter(k => within[k]).slice(0, MAX_ROWS);
-  return { head: ["design", "trials", ...e.axes.map(withUnit)], rows: shown.map(k => [e.designs.name[k], e.designs.trials[k] ? `${e.designs.trials_passed[k]} of ${e.designs.trials[k]}` : "–", ...e.axes.map(axis => number(axis.values[k]))]) };
+  const columns = designColumns(e), shown = [...Array(e.count).keys()].filter(k => within[k]).slice(0, MAX_ROWS);
+  return { head: columns.map(({ head }) => head), rows: shown.map(k => columns.map(({ cell }) => cell(k))) };
 }
 
 // Axes of which something is known.

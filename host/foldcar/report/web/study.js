@@ -2,6 +2,7 @@
 
 import { SECTIONS, hasAddress } from "./address.js";
 import { Belief } from "./belief.js";
+import { DesignTable } from "./design_table.js";
 import { byId, make } from "../../figures/web/dom.js";
 import { Model } from "./model.js";
 import { Parameters } from "./parameters.js";
@@ -53,12 +54,13 @@ function follow(model) {
 }
 
 function start() {
-  const model = new Model(), belief = new Belief(model), parameters = new Parameters(model);
+  const model = new Model(), belief = new Belief(model), designs = new DesignTable(model), parameters = new Parameters(model);
   const runs = new Runs(model, new ReplayPlace(byId("replay"), model)), verify = new Verify(model), whatif = new WhatIf(model);
   model.on("data", () => {
     chooser(model);
     showSummary(model);
     belief.use();
+    designs.use();
     showTaught(model);
     parameters.use();
     runs.use();
@@ -66,7 +68,7 @@ function start() {
     whatif.use();
     showTrials(model);
   });
-  model.on("state", () => { belief.mark(); parameters.mark(); runs.mark(); showDesign(model); showLinkRemarks(model); });
+  model.on("state", () => { belief.mark(); designs.mark(); parameters.mark(); runs.mark(); showDesign(model); showLinkRemarks(model); });
   model.on("reality", () => { belief.markReality(); whatif.follow(); });
   model.on("remarks", () => showLinkRemarks(model));
   model.on("hover", () => { showDesign(model); parameters.hover(); });

@@ -1,7 +1,9 @@
 // The table of designs: sorted by a column, filtered by words and limits, with columns that can be hidden; and for print its ten best.
 
 import { plainTable } from "./charts.js";
+import { designNumbers } from "./csv.js";
 import { hasValues, isSuccess, number, percent, withUnit } from "./data.js";
+import { csvButton } from "./downloads.js";
 import { designButton } from "./summary.js";
 import { byId, make } from "../../figures/web/dom.js";
 
@@ -84,6 +86,7 @@ export class DesignTable {
     };
     return make("div", { class: "table-controls" }, make("label", {}, "filter ", field),
       make("details", {}, make("summary", { text: "columns" }), make("div", { class: "chips", role: "group", "aria-label": "Columns that are shown" }, ...this.columns.slice(1).map((column, k) => box(column, k + 1)))),
+      csvButton("the designs that the filter keeps", "designs", () => designNumbers(this.model.e, this.kept), "save as CSV"),
       make("p", { class: "note" }, "A filter keeps designs whose names contain all words, and that are within all limits, such as ", make("code", { text: example }), `. Limits are of ${names.join(", ")}${shares.length ? ` (${shares.join(" and ")} in per cent)` : ""}. Press a heading to sort.`));
   }
 

@@ -3,6 +3,7 @@
 import { SECTIONS, hasAddress } from "./address.js";
 import { Belief } from "./belief.js";
 import { DesignTable } from "./design_table.js";
+import { nameFiles } from "./downloads.js";
 import { byId, make } from "../../figures/web/dom.js";
 import { Model } from "./model.js";
 import { Parameters } from "./parameters.js";
@@ -58,6 +59,7 @@ function start() {
   const runs = new Runs(model, new ReplayPlace(byId("replay"), model)), verify = new Verify(model), whatif = new WhatIf(model);
   model.on("data", () => {
     chooser(model);
+    nameFiles(model);
     showSummary(model);
     belief.use();
     designs.use();

@@ -1,4 +1,4 @@
-"""What mkdocs adds to docs/ for `make docs`: the README as first page, live reports, the Python API, files that pages name."""
+"""What mkdocs adds to docs/ for `make docs`: the README as first page, live reports, the API, files that pages name."""
 
 import ast
 import re
@@ -18,8 +18,8 @@ LIVE = ROOT / "out" / "live"
 LIVE_REPORTS = ("width_study", "six_wheels")
 # The first thing to try, above the README's pictures.
 TRY = (
-    "**[Drive a simulated car in your browser](live/width_study/index.html).** Nothing needs to be installed. The page is "
-    "the report of a study: it says which of 37 cars to build, and drives them.\n\n"
+    "**[Drive a simulated car in your browser](live/width_study/index.html).** Nothing needs to be installed. The page "
+    "is the report of a study: it says which of 37 cars to build, and drives them.\n\n"
 )
 # What a page of docs/ says of a report, and its link on the site.
 LINKED = {"design_space.md": ("*live report*", "[live report](live/six_wheels/index.html)")}

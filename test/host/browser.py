@@ -163,6 +163,11 @@ class Tab:
             time.sleep(0.1)
         return result
 
+    def save_to(self, folder: Path) -> None:
+        """Let the page save files into that folder, without asking."""
+        place = {"browserContextId": self._context, "downloadPath": str(folder)}
+        self._browser.send("Browser.setDownloadBehavior", behavior="allow", **place)
+
     def picture(self, file: Path) -> None:
         """Write what is in sight as PNG."""
         file.write_bytes(b64decode(self.send("Page.captureScreenshot", format="png")["data"]))

@@ -26,6 +26,8 @@
   last threshold and the band of built cars, before trials and without a belief that of simulation; ``refuted``:
   "optimistic" or "pessimistic" if the design's trials contradict simulation; ``measures``: ``{"key", "label", "unit",
   "better": "less" | "more" | null, "value": column}``.
+- ``exported``: of the tables that the page saves, ``{"vehicle", "environment"}``: as in the export's rows,
+  ``"parameters"``: its columns of the design, in its order, ``"fixed": {column: value}`` of those that do not vary.
 - ``engines``: for each other engine or reality that simulated the same cars in the same samples ``{"id": its
   experiment, "name", "passed", "runs": columns by design, "text": a sentence that compares them}``.
 - ``runs``: columns ``design``, ``environment``, ``outcome``, ``time_s`` in the order of design and environment; null
@@ -243,6 +245,12 @@ def _experiment(
         "parameters": parameter_columns(evidence),
         "fixed": [[label_and_unit(name)[0], value_text(name, value)] for name, value in info.fixed.items()],
         "designs": {**columns.page(threshold), "measures": costs},
+        "exported": {
+            "vehicle": info.vehicle,
+            "environment": info.environment,
+            "parameters": list(dict.fromkeys([*store.design_columns(), *info.fixed, *info.varied])),
+            "fixed": dict(info.fixed),
+        },
         "engines": engines,
         "effects": [] if effects is None else effect_rows(evidence, effects, indices),
         "importance": [] if effects is None else importance_rows(effects, indices),

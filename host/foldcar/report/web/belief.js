@@ -1,6 +1,7 @@
 // Success of this simulator and of built cars: a curve over one parameter, a map over two of several, a search's front.
 
-import { Chart, axisStyle, band, fadedColour, intervals, successAxis, successColour, tooltip } from "./charts.js";
+import { Chart, axisStyle, band, fadedColour, intervals, keysOf, scaleKeys, successAxis, successColour, tooltip } from "./charts.js";
+import { columnName, designNumbers } from "./csv.js";
 import { evidence, percent, shownSuccess, thresholdText, withUnit } from "./data.js";
 import { RealityLine, realityCurves } from "./realities.js";
 import { byId, make, select } from "../../figures/web/dom.js";
@@ -132,15 +133,20 @@ function curveFigure(model) {
   return {
     title: e.realities && !e.realities.driven ? "A guess from simulation: no car was driven yet" : "",
     label: `Success by ${axis ? axis.label : "design"}: ${e.realities ? "realities, built cars with 95 % bands, simulation" : "simulation with 95 % bands"}, trials`, table: table(model), option,
+    keys: keysOf(legendEntries(e)), numbers: () => designNumbers(e, order, (e.realities?.rates ?? []).map((rates, n) => [`reality_${n + 1}_success`, k => rates[k]])),
     controls: [legend(e)], of: ({ data }) => data?.design ?? null,
   };
 }
 
-function legend(e) {
+function legendEntries(e) {
   const built = [["reality", "each thin curve: one way in which reality may differ"], ["belief", "built cars, 95 % band"]];
   const keys = [...(e.realities ? built : []), ["simulation", e.realities ? "runs that passed" : "runs that passed, 95 % band"], ...e.engines.map(({ name }, n) => [n ? "engine dotted" : "engine", name])];
   if (e.designs.trials.some(count => count)) keys.push(["trials", "trials"]);
-  return make("span", { class: "legend" }, ...keys.map(([kind, text]) => make("span", {}, make("i", { class: `key ${kind}` }), text)));
+  return keys;
+}
+
+function legend(e) {
+  return make("span", { class: "legend" }, ...legendEntries(e).map(([kind, text]) => make("span", {}, make("i", { class: `key ${kind}` }), text)));
 }
 
 // Where a design stands in the map: its cell, and in it a place of its own among those that differ in what is not drawn.
@@ -210,6 +216,7 @@ function mapFigure(model) {
   const pick = key => value => { model.set({ mx: axes[0].key, my: axes[1].key, [key]: value }); model.notify("data"); };
   return {
     title: mapTitle(e), label: `Success over ${axes[0].label} and ${axes[1].label}`, table: table(model), option,
+    keys: theme => [...scaleKeys(), ...keysOf(e.designs.trials.some(Boolean) ? [["driven", "driven"]] : [])(theme)], numbers: () => designNumbers(e),
     controls: [select("→", options, axes[0].key, pick("mx")), select("↑", options, axes[1].key, pick("my")), scale(),
       make("span", { class: "legend" }, make("span", {}, make("i", { class: "key driven" }), "driven")),
       make("span", { class: "note", text: rest.length && apart && side > 1 ? `In a cell: every ${rest.join(", ")}.` : "" })],
@@ -253,6 +260,11 @@ function frontFigure(model) {
   return {
     title: "Non-dominated designs", label: `The search's designs by ${objectives.map(({ label }) => label).join(" and ")}`, option,
     table: () => ({ head: ["design", ...objectives.map(withUnit), "checked in fresh environments", "dominated"], rows: shown.map(row) }),
+    numbers: () => ({
+      head: ["design", ...objectives.flatMap(({ label, unit }) => ["", " low", " high"].map(end => columnName(label + end, unit))), "fresh", "dominated"],
+      rows: shown.map(({ design, values, low, high, fresh, beaten }) => [e.designs.name[design], ...objectives.flatMap((_, k) => [values[k], fresh ? low[k] : null, fresh ? high[k] : null]), Boolean(fresh), Boolean(beaten)]),
+    }),
+    keys: keysOf([["belief", "non-dominated in fresh environments; small: rates of the search, which are biased upwards"]]),
     controls: [make("span", { class: "legend" }, make("span", {}, make("i", { class: "key belief" }), "non-dominated in fresh environments"), "large: checked in these, with 95 % intervals; small: rates of the search, which are biased upwards")],
     of: ({ data }) => data?.design ?? null,
   };

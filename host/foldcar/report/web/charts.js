@@ -4,6 +4,7 @@ import { BarChart, CustomChart, HeatmapChart, LineChart, ParallelChart, ScatterC
 import { GridComponent, MarkAreaComponent, MarkLineComponent, ParallelComponent, TooltipComponent } from "echarts/components";
 import * as echarts from "echarts/core";
 import { CanvasRenderer, SVGRenderer } from "echarts/renderers";
+import { chartButtons } from "./downloads.js";
 import { context2d, make } from "../../figures/web/dom.js";
 
 echarts.use([BarChart, CustomChart, HeatmapChart, LineChart, ParallelChart, ScatterChart, GridComponent, MarkAreaComponent,
@@ -21,6 +22,22 @@ export function colours() {
   const style = getComputedStyle(document.documentElement), of = name => style.getPropertyValue(`--${name}`).trim();
   return Object.fromEntries(["ink", "soft", "line", "ground", "paper", "accent", "good", "bad", "open", "trial"].map(name => [name, of(name)]));
 }
+
+// On paper, also while the page is dark.
+function paperColours() {
+  const { classList } = document.documentElement, printed = classList.contains("print");
+  classList.add("print");
+  const theme = colours();
+  classList.toggle("print", printed);
+  return theme;
+}
+
+// Kinds of keys (classes of study.css), as shapes and names of colours of a saved picture.
+const KEYS = { reality: ["line", "accent"], belief: ["dot", "accent"], simulation: ["frame", "soft"], engine: ["dashed", "ink"], "engine dotted": ["dotted", "ink"], driven: ["frame", "trial"], whatif: ["dot", "bad"], trials: ["diamond", "trial"] };
+export const keysOf = entries => theme => entries.map(([kind, text]) => ({ shape: KEYS[kind][0], colour: theme[KEYS[kind][1]], text }));
+// Of the outcomes, by index, that occur.
+export const outcomeKeys = ({ outcomes, outcome_labels }, occurs) => outcomes.map((name, k) => ({ shape: "box", colour: OUTCOMES[name], text: outcome_labels[k] })).filter((_, k) => occurs(k));
+export const scaleKeys = () => [0, 0.25, 0.5, 0.75, 1].map(share => ({ shape: "box", colour: successColour(share), text: `${100 * share} %${share === 1 ? " success; pale: uncertain" : ""}` }));
 
 // Success, 0 to 1, from brown over grey to green: told apart by colour-blind readers, too.
 export const successColour = share => `rgb(${successParts(share).join()})`;
@@ -71,13 +88,15 @@ function disposeOf(chart) {
 }
 
 export class Chart {
-  // option(colours, width): of ECharts; table(): {head, rows} of the same numbers, for readers of tables and of screens.
-  constructor(figure, { label, option, table, renderer = "svg", drawn = () => {} }) {
-    Object.assign(this, { figure, label, option, table, drawn });
+  // option(colours, width): of ECharts; table(): {head, rows} of the same numbers, for readers of tables and of screens. Of saved files:
+  // name, numbers(): {head, rows} for CSV, keys(colours): those of downloads.js, complete(picture): adds what the option lacks.
+  constructor(figure, { label, option, table, numbers, name = figure.dataset.chart ?? label, keys = () => [], complete = () => {}, renderer = "svg", drawn = () => {} }) {
+    Object.assign(this, { figure, label, option, table, numbers, name, keys, complete, drawn });
     this.place = make("div", { class: "chart", role: "img", "aria-label": `${label}. The numbers are in the table below.` });
     const caption = figure.querySelector("figcaption");
     if (caption) caption.after(this.place);
     else figure.prepend(this.place);
+    figure.append(chartButtons(this, paperColours));
     if (table) figure.append(tableBehind(table));
     this.renderer = renderer;
     this.handlers = [];

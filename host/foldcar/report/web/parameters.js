@@ -1,15 +1,15 @@
 // What matters of the parameters, and the designs by all their numbers: parallel coordinates with brushes, a scatter.
 
 import { designTip, linked, scale } from "./belief.js";
-import { Chart, axisStyle, band, fadedColour, successAxis, successColour, tooltip } from "./charts.js";
+import { Chart, axisStyle, band, fadedColour, scaleKeys, successAxis, successColour, tooltip } from "./charts.js";
+import { columnName, designNumbers } from "./csv.js";
 import { BELIEF, SIMULATED, hasValues, isSuccess, number, percent, shownSuccess, valueText, withUnit } from "./data.js";
+import { designColumns } from "./design_table.js";
 import { byId, context2d, make, select } from "../../figures/web/dom.js";
 
 // Sides of the parallel axes, height of a line of their headings, space between two headings, size of their letters (px).
 const SIDES = 92, LINE = 14, SPACE = 8, HEADING = 12;
 const BANDS = "Bands hold the differences between values, with 95 %: how far success at a value is above or below the mean over all values. All values were run in the same environments, so the level of a whole curve is less sure than its shape.";
-// Rows of the table of designs.
-const MAX_ROWS = 500;
 
 export class Parameters {
   constructor(model) { this.model = model; this.charts = []; }
@@ -57,7 +57,7 @@ export class Parameters {
     place.append(make("div", { class: "controls" }, select("→", options, x.key, pick("x")), select("↑", options, y.key, pick("y")), scale()), figure);
     const axisOf = (theme, axis, up) => (isSuccess(axis.key) && up ? successAxis(theme) : axisStyle(theme, withUnit(axis), { type: "value", scale: true, nameGap: up ? 46 : 26 }));
     this.points = new Chart(figure, {
-      label: `${y.label} by ${x.label} of every design`, table: () => designTable(model),
+      label: `${y.label} by ${x.label} of every design`, table: () => designTable(model), keys: scaleKeys, numbers: () => shownDesigns(model),
       option: theme => ({
         height: 340, grid: { left: 64, right: 18, top: 14, bottom: 48 },
         tooltip: designTip(model, theme, design => [x, y].map(axis => `${axis.label} ${valueText(axis, axis.values[design])}`)),
@@ -85,7 +85,12 @@ function effectFigure(e, { parameter, grid, mean, low, high, curves, over }) {
   const axis = e.axes[parameter], hundred = value => 100 * value, level = mean.reduce((sum, value) => sum + value, 0) / mean.length;
   const points = value => `${value < level ? "−" : "+"}${Math.abs(Math.round(100 * (value - level)))}`, difference = k => `${points(low[k])} to ${points(high[k])} points`;
   return {
-    label: `Success by ${axis.label}, ${over}`,
+    label: `Success by ${axis.label}, ${over}`, name: `effect of ${axis.label}`,
+    // The band is of differences from the mean over all values, as drawn.
+    numbers: () => ({
+      head: [e.parameters[parameter].name, "success", "success_low", "success_high", ...curves.map((_, n) => `combination_${n + 1}_success`)],
+      rows: grid.map((value, k) => [value, mean[k], low[k], high[k], ...curves.map(curve => curve[k])]),
+    }),
     table: () => ({ head: [withUnit(axis), "success", "to the mean over all values (95 %)"], rows: grid.map((value, k) => [String(value), percent(mean[k]), difference(k)]) }),
     option: theme => ({
       height: 210, grid: { left: 52, right: 12, top: 12, bottom: 42 },
@@ -101,9 +106,14 @@ function effectFigure(e, { parameter, grid, mean, low, high, curves, over }) {
   };
 }
 
+const shownDesigns = ({ e, within }) => designNumbers(e, [...Array(e.count).keys()].filter(k => within[k]));
+
+// Rows of the table behind a chart.
+const MAX_ROWS = 500;
+
 function designTable({ e, within }) {
-  const shown = [...Array(e.count).keys()].filter(k => within[k]).slice(0, MAX_ROWS);
-  return { head: ["design", "trials", ...e.axes.map(withUnit)], rows: shown.map(k => [e.designs.name[k], e.designs.trials[k] ? `${e.designs.trials_passed[k]} of ${e.designs.trials[k]}` : "–", ...e.axes.map(axis => number(axis.values[k]))]) };
+  const columns = designColumns(e), shown = [...Array(e.count).keys()].filter(k => within[k]).slice(0, MAX_ROWS);
+  return { head: columns.map(({ head }) => head), rows: shown.map(k => columns.map(({ cell }) => cell(k))) };
 }
 
 // Axes of which something is known.
@@ -116,7 +126,7 @@ class Parallel {
     this.axes = drawable(e);
     const figure = make("figure", { "data-chart": "parallel" });
     place.append(make("h3", { text: "Designs by all their numbers" }), make("p", { class: "note", text: "Drag along an axis to keep a range of it. Less is better where the numbers fall." }), this.kept = make("p", { class: "kept", role: "status" }), figure, this.fields());
-    this.chart = new Chart(figure, { label: "Every design as a line over its parameters and results", renderer: e.count > 300 ? "canvas" : "svg", option: (theme, width) => this.option(theme, width), table: () => designTable(model), drawn: () => this.restore() });
+    this.chart = new Chart(figure, { label: "Every design as a line over its parameters and results", renderer: e.count > 300 ? "canvas" : "svg", option: (theme, width) => this.option(theme, width), table: () => designTable(model), drawn: () => this.restore(), keys: scaleKeys, numbers: () => shownDesigns(model), complete: picture => this.brush(picture) });
     this.chart.on("axisareaselected", event => {
       const { parallelAxisId: key, intervals } = event;
       if (this.restoring || !e.axis[key]) return;
@@ -179,6 +189,11 @@ class Parallel {
     const { chart } = this.chart, seriesId = "all";
     chart.dispatchAction({ type: "downplay", seriesId });
     if (this.model.hovered !== null) chart.dispatchAction({ type: "highlight", seriesId, dataIndex: this.model.hovered });
+  }
+
+  // Gives a picture of the chart the brushes of the state.
+  brush(picture) {
+    for (const [key, intervals] of Object.entries(this.model.state.brushes)) if (this.axes.some(axis => axis.key === key)) picture.dispatchAction({ type: "axisAreaSelect", parallelAxisId: key, intervals });
   }
 
   // The chart's brushes as the state has them.

@@ -1,6 +1,7 @@
 // Where runs that did not pass ended: a histogram along the way to the goal, with the obstacles under it, and a sentence.
 
-import { Chart, OUTCOMES, axisStyle, outcomeKey, tooltip } from "./charts.js";
+import { Chart, OUTCOMES, axisStyle, outcomeKey, outcomeKeys, tooltip } from "./charts.js";
+import { columnName } from "./csv.js";
 import { counted, number, percent } from "./data.js";
 import { make } from "../../figures/web/dom.js";
 
@@ -20,7 +21,8 @@ export class RunEnds {
     this.figure = make("figure", { "data-chart": "ends" });
     place.append(make("h3", { text: "Where do they fail?" }), this.sentence, this.figure, make("p", { class: "note", text:
       "Progress at the end of a run: the distance from start to goal, less the distance left from the car's middle. Blocks under the axis are the obstacles' mean places, pale where they lie in nine of ten environments." }));
-    this.chart = new Chart(this.figure, { label: "Failed runs by how far they came, with the obstacles", option: (theme, width) => this.option(theme, width), table: () => this.table() });
+    this.chart = new Chart(this.figure, { label: "Failed runs by how far they came, with the obstacles", option: (theme, width) => this.option(theme, width), table: () => this.table(),
+      name: "ends of failed runs", numbers: () => this.numbers(), keys: () => outcomeKeys(model.e, k => this.counts.bins[k].some(Boolean)) });
   }
 
   // Counts by outcome and bin, and by obstacle (the last: at none), of the runs that the filters keep.
@@ -70,6 +72,11 @@ export class RunEnds {
     const rows = [...Array(this.ends.bins).keys()].filter(bin => seen.some(k => bins[k][bin]));
     const there = bin => obstacles.filter(obstacle => obstacle.from_m < this.edge(bin + 1) && obstacle.to_m > this.edge(bin)).map(obstacle => obstacle.name).join(", ");
     return { head: ["ended after", ...seen.map(k => e.outcome_labels[k]), "on the way there"], rows: rows.map(bin => [this.span(bin), ...seen.map(k => String(bins[k][bin])), there(bin)]) };
+  }
+
+  numbers() {
+    const { e } = this.model, { bins } = this.counts;
+    return { head: ["from_m", "to_m", ...e.outcomes], rows: [...Array(this.ends.bins).keys()].map(bin => [this.edge(bin), this.edge(bin + 1), ...bins.map(column => column[bin])]) };
   }
 
   option(theme, width) {

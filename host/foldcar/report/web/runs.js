@@ -1,7 +1,9 @@
 // Single runs: what separates failed from passed, how they ended, the grid of designs and environments, one run.
 
-import { Chart, OUTCOMES, axisStyle, outcomeKey, successAxis, tableBehind, tooltip } from "./charts.js";
+import { Chart, OUTCOMES, axisStyle, outcomeKey, outcomeKeys, successAxis, tableBehind, tooltip } from "./charts.js";
+import { columnName, runNumbers } from "./csv.js";
 import { counted, number, percent, withUnit } from "./data.js";
+import { csvButton } from "./downloads.js";
 import { RunEnds } from "./run_ends.js";
 import { byId, make } from "../../figures/web/dom.js";
 
@@ -63,7 +65,9 @@ export class Runs {
 function causeFigure({ label, unit, bins }) {
   const share = bins.map(bin => (bin.runs ? 100 * bin.passed / bin.runs : null)), name = bin => (bin.from === bin.to ? number(bin.from) : `${number(bin.from)} to ${number(bin.to)}`);
   return {
-    label: `Success by ${label}`, table: () => ({ head: [withUnit({ label, unit }), "runs", "passed", "success"], rows: bins.map((bin, k) => [name(bin), String(bin.runs), String(bin.passed), share[k] === null ? "–" : percent(share[k] / 100)]) }),
+    label: `Success by ${label}`, name: `failures by ${label}`,
+    numbers: () => ({ head: [...["from", "to"].map(end => columnName(`${label} ${end}`, unit)), "runs", "passed", "success"], rows: bins.map(({ from, to, runs, passed }) => [from, to, runs, passed, runs ? passed / runs : null]) }),
+    table: () => ({ head: [withUnit({ label, unit }), "runs", "passed", "success"], rows: bins.map((bin, k) => [name(bin), String(bin.runs), String(bin.passed), share[k] === null ? "–" : percent(share[k] / 100)]) }),
     option: theme => ({
       height: 170, grid: { left: 48, right: 10, top: 10, bottom: 42 },
       tooltip: tooltip(theme, ([{ dataIndex: k }]) => [`${label} ${name(bins[k])} ${unit || ""}`, `${bins[k].passed} of ${bins[k].runs} runs passed`], { trigger: "axis" }),
@@ -111,7 +115,8 @@ function listed(model) {
   let count = 0;
   for (const _ of keptRuns(model)) count += 1;
   const of = model.design === null ? "" : ` of ${e.designs.name[model.design]}`;
-  place.replaceChildren(tableBehind(table, `${counted(count, "run")}${of} as a table${count > MAX_LISTED ? ` (the first ${MAX_LISTED})` : ""}`));
+  const name = `runs${model.design === null ? "" : ` of ${e.designs.name[model.design]}`}`;
+  place.replaceChildren(make("span", { class: "save" }, csvButton(`the ${name} that the filters keep`, name, () => runNumbers(e, keptRuns(model)), `save the ${counted(count, "run")} as CSV`)), tableBehind(table, `${counted(count, "run")}${of} as a table${count > MAX_LISTED ? ` (the first ${MAX_LISTED})` : ""}`));
   if (open) place.querySelector("details").open = true;
 }
 
@@ -127,6 +132,8 @@ class Grid {
     this.chart = new Chart(figure, {
       label: "Outcome of every run: a column for each design, a row for each environment", renderer: e.runs.design.length > MAX_SVG_CELLS ? "canvas" : "svg",
       option: (theme, width) => this.option(theme, width), drawn: () => this.placeFrames(),
+      name: "outcomes", numbers: () => runNumbers(e, keptRuns({ e, state: model.state, within: model.within, design: null })),
+      keys: () => outcomeKeys(e, k => e.designs.outcomes[k].some(Boolean)),
     });
     this.chart.place.tabIndex = 0;
     this.chart.place.setAttribute("role", "application");

@@ -2,6 +2,8 @@
 
 import { SECTIONS, hasAddress } from "./address.js";
 import { Belief } from "./belief.js";
+import { DesignTable } from "./design_table.js";
+import { nameFiles } from "./downloads.js";
 import { byId, make } from "../../figures/web/dom.js";
 import { Model } from "./model.js";
 import { Parameters } from "./parameters.js";
@@ -54,14 +56,16 @@ function follow(model) {
 }
 
 function start() {
-  const model = new Model(), belief = new Belief(model), parameters = new Parameters(model);
+  const model = new Model(), belief = new Belief(model), designs = new DesignTable(model), parameters = new Parameters(model);
   const runs = new Runs(model, new ReplayPlace(byId("replay"), model)), verify = new Verify(model), whatif = new WhatIf(model);
   const race = new Race(model);
   model.on("data", () => {
     chooser(model);
+    nameFiles(model);
     showSummary(model);
     race.use();
     belief.use();
+    designs.use();
     showTaught(model);
     parameters.use();
     runs.use();
@@ -73,7 +77,7 @@ function start() {
     // What has nothing to say is not there.
     for (const link of document.querySelectorAll("nav a")) link.hidden = byId(link.hash.slice(1)).hidden;
   });
-  model.on("state", () => { race.follow(); belief.mark(); parameters.mark(); runs.mark(); showDesign(model); showLinkRemarks(model); });
+  model.on("state", () => { race.follow(); belief.mark(); designs.mark(); parameters.mark(); runs.mark(); showDesign(model); showLinkRemarks(model); });
   model.on("reality", () => { belief.markReality(); whatif.follow(); });
   model.on("remarks", () => showLinkRemarks(model));
   model.on("hover", () => { showDesign(model); parameters.hover(); });

@@ -3,7 +3,8 @@
 // Parameters and their limits: `drives.sliders` of page_data.py; what is known of them: `realities.unknowns`. Results: success by design beside the stored runs, how
 // probable the trials are, and success of one design over each slider.
 
-import { Chart, axisStyle, band, intervals, successAxis, tooltip } from "./charts.js";
+import { Chart, axisStyle, band, intervals, keysOf, successAxis, tooltip } from "./charts.js";
+import { columnName, designNumbers } from "./csv.js";
 import { counted, number, percent, shownUnit, unknownLabel, wilson, withUnit } from "./data.js";
 import { LATER, SOON } from "./drives.js";
 import { cannotSimulate } from "./simulators.js";
@@ -207,12 +208,16 @@ export class WhatIf {
     });
     const counts = rate => (rate ? `${rate.passed} of ${rate.runs}` : "–"), trialCounts = k => (designs.trials[k] ? `${designs.trials_passed[k]} of ${designs.trials[k]}` : "–");
     const table = () => ({ head: ["design", "as simulated", "what if", "what if, 95 %", "trials"], rows: order().map(k => [designs.name[k], counts(stored(k)), counts(now(k)), now(k) ? wilson(now(k).passed, now(k).runs).map(percent).join(" to ") : "–", trialCounts(k)]) });
-    return { label: "Success of each design as simulated and with these values, with 95 % intervals", option, table };
+    return { label: "Success of each design as simulated and with these values, with 95 % intervals", option, table, name: "what if", keys: keysOf(this.legendEntries()),
+      numbers: () => designNumbers(e, order(), [["what_if_runs", k => now(k)?.runs ?? null], ["what_if_passed", k => now(k)?.passed ?? null]]) };
+  }
+
+  legendEntries() {
+    return this.model.e.parameters.length === 1 ? [["engine", "as simulated"], ["whatif", "what if, with 95 % interval"], ["trials", "trials"]] : [["whatif", "a design, with 95 % interval"], ["trials", "a design with trials"]];
   }
 
   legend() {
-    const { e } = this.model, keys = e.parameters.length === 1 ? [["engine", "as simulated"], ["whatif", "what if, with 95 % interval"], ["trials", "trials"]] : [["whatif", "a design, with 95 % interval"], ["trials", "a design with trials"]];
-    return make("span", { class: "legend" }, ...keys.map(([kind, text]) => make("span", {}, make("i", { class: `key ${kind}` }), text)));
+    return make("span", { class: "legend" }, ...this.legendEntries().map(([kind, text]) => make("span", {}, make("i", { class: `key ${kind}` }), text)));
   }
 
   async copy() {
@@ -268,7 +273,7 @@ export class WhatIf {
       const figure = make("figure", {}, make("figcaption", {}, make("b", { text: label }), ` changes success by ${range}`));
       pictures.append(figure);
       const chart = new Chart(figure, {
-        label: `Success by ${label}`, table: () => ({ head: [`${label} (${unit})`, "passed"], rows: curve.at.map((value, k) => [number(scale * value), `${curve.passed[k]} of ${environments.length}`]) }),
+        label: `Success by ${label}`, name: `what if ${label}`, numbers: () => ({ head: [columnName(label, unit), "runs", "passed"], rows: curve.at.map((value, k) => [scale * value, environments.length, curve.passed[k]]) }), table: () => ({ head: [`${label} (${unit})`, "passed"], rows: curve.at.map((value, k) => [number(scale * value), `${curve.passed[k]} of ${environments.length}`]) }),
         option: theme => ({
           height: 150, grid: { left: 48, right: 10, top: 10, bottom: 40 }, xAxis: axisStyle(theme, `${label} (${unit})`, { type: "value", min: scale * curve.low, max: scale * curve.high }), yAxis: successAxis(theme, ""),
           series: [...(curve.likely ? [band([[scale * curve.likely[0], 0, 100], [scale * curve.likely[2], 0, 100]], theme.soft, 0.12)] : []), { type: "line", symbolSize: 4, lineStyle: { color: theme.bad }, itemStyle: { color: theme.bad }, data: curve.at.map((value, k) => [scale * value, 100 * curve.passed[k] / environments.length]),

@@ -111,9 +111,7 @@ def advised(learned: Learned, designs: Rates, truth: Rates, random: np.random.Ge
 
 def next_design(answers: Answers, random: np.random.Generator) -> int:
     """Return the design of the best step; if no step gains, a design by its chance to be the best."""
-    best = max(
-        steps(answers, 0.0, lambda _: 1.0, {}, ROUND), key=lambda step: step.gain * (step.kind == "build")
-    )
+    best = max(steps(answers, 0.0, lambda _: 1.0, {}, ROUND), key=lambda step: step.gain * (step.kind == "build"))
     if best.kind == "build" and best.design is not None and best.gain > 0.002:
         return best.design
     return int(random.choice(len(answers.expected), p=answers.best_chances))

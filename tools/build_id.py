@@ -39,4 +39,3 @@ except Box2dError as error:
 folder = Path(env.subst("$PROJECT_WORKSPACE_DIR/build_id/$PIOENV"))
 write_header(folder / "build_id.h", "FOLDCAR_BUILD_ID", digest)
 env.Append(CPPPATH=[str(folder)])
-

@@ -102,7 +102,7 @@ def test_a_study_of_one_design_has_a_belief(tmp_path: Path) -> None:
 
     (selection,) = advise(path)
 
-    assert selection.works.startswith("Want a car that works? the design: ")
+    assert selection.works.startswith("Want a car that works? The design: ")
 
 
 def test_without_a_rule_or_a_run_that_counts_nothing_is_advised(study: Studied) -> None:

@@ -42,10 +42,9 @@ def label_and_unit(name: str) -> tuple[str, str]:
 def percent(share: float, digits: int = 0) -> str:
     """Return a fraction of 0 to 1 in per cent: ``12 %``. Only 0 is ``0 %``, and only 1 is ``100 %``.
 
-    Example: percent(1 / 200) is "below 1 %", percent(199 / 200) is "above 99 %"
+    Example: percent(1 / 200) is "<1 %", percent(199 / 200) is ">99 %"
     """
-    number = percent_number(share, digits)
-    return f"{number.replace('<', 'below ').replace('>', 'above ')} %"
+    return f"{percent_number(share, digits)} %"
 
 
 def percent_number(share: float, digits: int = 0) -> str:

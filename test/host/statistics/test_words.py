@@ -8,9 +8,9 @@ from foldcar.statistics.words import duration_text, percent, percent_below, perc
 @pytest.mark.parametrize(
     ("share", "digits", "sentence", "cell"),
     [
-        (0.0, 0, "0 %", "0"), (1 / 200, 0, "below 1 %", "<1"), (1 / 10_000, 1, "below 0.1 %", "<0.1"),
-        (0.006, 0, "1 %", "1"), (0.5, 0, "50 %", "50"), (199 / 200, 0, "above 99 %", ">99"),
-        (0.9999, 1, "above 99.9 %", ">99.9"), (1.0, 0, "100 %", "100"),
+        (0.0, 0, "0 %", "0"), (1 / 200, 0, "<1 %", "<1"), (1 / 10_000, 1, "<0.1 %", "<0.1"),
+        (0.006, 0, "1 %", "1"), (0.5, 0, "50 %", "50"), (199 / 200, 0, ">99 %", ">99"),
+        (0.9999, 1, ">99.9 %", ">99.9"), (1.0, 0, "100 %", "100"),
     ],
 )  # fmt: skip
 def test_only_nothing_is_0_per_cent_and_only_all_is_100(share: float, digits: int, sentence: str, cell: str) -> None:
@@ -27,7 +27,7 @@ def test_a_threshold_is_not_rounded() -> None:
     ("share", "threshold", "text"),
     [
         (0.6, 0.75, "60 %"), (149 / 199, 0.75, "74.9 %"), (249 / 250, 0.999, "99.6 %"), (0.74999, 0.75, "74.999 %"),
-        (1 / 250, 0.75, "below 1 %"),
+        (1 / 250, 0.75, "<1 %"),
     ],
 )  # fmt: skip
 def test_a_rate_below_a_threshold_is_shown_below_it(share: float, threshold: float, text: str) -> None:

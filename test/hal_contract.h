@@ -104,58 +104,55 @@ inline std::string content_of_log(LogStorage& logs, std::uint16_t id) {
   return content;
 }
 
-inline void store_log(LogStorage& logs, std::uint16_t id, std::initializer_list<const char*> parts) {
+// Returns the log's number.
+inline std::uint16_t store_log(LogStorage& logs, std::initializer_list<const char*> parts) {
   while (logs.prepare()) {
   }
-  TEST_ASSERT_TRUE_MESSAGE(logs.create(id), "not created");
+  const std::uint16_t id = logs.create();
+  TEST_ASSERT_TRUE_MESSAGE(id > 0, "not created");
   for (const char* part : parts) {
     TEST_ASSERT_TRUE(logs.append(reinterpret_cast<const std::uint8_t*>(part), std::strlen(part)));
   }
   TEST_ASSERT_TRUE_MESSAGE(logs.close(), "not closed");
+  return id;
 }
 
-inline void check_range(LogStorage& logs, std::uint16_t first, std::uint16_t last) {
-  std::uint16_t found_first = 0, found_last = 0;
-  TEST_ASSERT_TRUE_MESSAGE(logs.range(found_first, found_last), "no log found");
-  TEST_ASSERT_EQUAL_UINT(first, found_first);
-  TEST_ASSERT_EQUAL_UINT(last, found_last);
+inline void check_range(LogStorage& logs, std::uint16_t oldest, std::uint16_t newest) {
+  const LogRange found = logs.range();
+  TEST_ASSERT_EQUAL_UINT(oldest, found.oldest);
+  TEST_ASSERT_EQUAL_UINT(newest, found.newest);
 }
 
 // Needs a storage without logs and leaves it so.
 inline void check_logs_give_back_what_they_took(LogStorage& logs) {
   const std::uint8_t bytes[3] = {1, 2, 3};
   std::uint8_t part[4] = {0, 0, 0, 0xA5};
-  std::uint16_t first = 70, last = 71;
-  TEST_ASSERT_FALSE_MESSAGE(logs.range(first, last), "a log although none was created");
-  TEST_ASSERT_TRUE_MESSAGE(first == 70 && last == 71, "changed the numbers although there is no log");
+  TEST_ASSERT_TRUE_MESSAGE(logs.range().is_empty(), "a log although none was created");
   TEST_ASSERT_FALSE_MESSAGE(logs.append(bytes, sizeof bytes), "appended although no log is open");
   TEST_ASSERT_FALSE_MESSAGE(logs.close(), "closed although no log is open");
-  TEST_ASSERT_FALSE_MESSAGE(logs.create(0), "numbers count from 1");
   if (!logs.present()) {
-    TEST_ASSERT_FALSE_MESSAGE(logs.create(1), "created although nothing can be stored");
+    TEST_ASSERT_EQUAL_UINT_MESSAGE(0, logs.create(), "created although nothing can be stored");
     return;
   }
-  store_log(logs, 7, {"folded ", "car"});
-  store_log(logs, 65535, {"last"});
-  store_log(logs, 3, {});
-  check_range(logs, 3, 65535);
-  TEST_ASSERT_TRUE(content_of_log(logs, 7) == "folded car" && content_of_log(logs, 3).empty());
-  TEST_ASSERT_EQUAL_UINT(3, logs.read(7, 4, part, 3));
+  const std::uint16_t first = store_log(logs, {"folded ", "car"}), second = store_log(logs, {"last"});
+  const std::uint16_t third = store_log(logs, {});
+  TEST_ASSERT_EQUAL_UINT_MESSAGE(next_log_number(first), second, "numbers do not go on");
+  TEST_ASSERT_EQUAL_UINT(next_log_number(second), third);
+  check_range(logs, first, third);
+  TEST_ASSERT_TRUE(content_of_log(logs, first) == "folded car" && content_of_log(logs, third).empty());
+  TEST_ASSERT_EQUAL_UINT(3, logs.read(first, 4, part, 3));
   TEST_ASSERT_EQUAL_MEMORY("ed ", part, 3);
   TEST_ASSERT_EQUAL_HEX8_MESSAGE(0xA5, part[3], "read wrote past its buffer");
-  TEST_ASSERT_EQUAL_UINT_MESSAGE(0, logs.read(7, 10, part, 3), "read behind the end");
-  TEST_ASSERT_EQUAL_UINT_MESSAGE(0, logs.size(8), "a size of a log that is not there");
-  TEST_ASSERT_EQUAL_UINT_MESSAGE(0, logs.read(8, 0, part, 3), "read a log that is not there");
-  TEST_ASSERT_FALSE_MESSAGE(logs.remove(8), "removed a log that is not there");
+  TEST_ASSERT_EQUAL_UINT_MESSAGE(0, logs.read(first, 10, part, 3), "read behind the end");
+  const std::uint16_t missing = next_log_number(third);
+  TEST_ASSERT_EQUAL_UINT_MESSAGE(0, logs.size(missing), "a size of a log that is not there");
+  TEST_ASSERT_EQUAL_UINT_MESSAGE(0, logs.read(missing, 0, part, 3), "read a log that is not there");
+  TEST_ASSERT_FALSE_MESSAGE(logs.remove(missing), "removed a log that is not there");
 
-  // A log that was just read is replaced by a shorter one of its number.
-  store_log(logs, 7, {"new"});
-  TEST_ASSERT_TRUE_MESSAGE(content_of_log(logs, 7) == "new", "the older log is still there");
-
-  TEST_ASSERT_TRUE(logs.remove(3));
-  check_range(logs, 7, 65535);
-  TEST_ASSERT_TRUE(logs.remove(65535) && logs.remove(7));
-  TEST_ASSERT_FALSE_MESSAGE(logs.range(first, last), "a log although all are removed");
+  TEST_ASSERT_TRUE(logs.remove(first));
+  check_range(logs, second, third);
+  TEST_ASSERT_TRUE(logs.remove(third) && logs.remove(second));
+  TEST_ASSERT_TRUE_MESSAGE(logs.range().is_empty(), "a log although all are removed");
 }
 
 // restart() is not called: what follows it is the board's own.

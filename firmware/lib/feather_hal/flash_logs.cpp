@@ -7,9 +7,11 @@ namespace {
 
 constexpr const char* kPartition = "logs";
 constexpr std::uint8_t kErased = 0xFF;
-// The first bytes of a slot's first page, then the log's number, the lower byte first. A removed log's are zero.
-constexpr std::array<std::uint8_t, 4> kHeader = {'L', 'O', 'G', '1'};
-constexpr std::size_t kHeaderSize = kHeader.size() + 2;
+// The first bytes of a slot's first page, then the log's number and a checksum of all these, the lower byte first. A removed
+// log's are zero.
+constexpr std::array<std::uint8_t, 4> kMagic = {'L', 'O', 'G', '2'};
+constexpr std::size_t kNumberAt = kMagic.size(), kChecksumAt = kNumberAt + 2, kHeaderSize = kChecksumAt + 2;
+using Header = std::array<std::uint8_t, kHeaderSize>;
 // Blocks whose content is looked at in one step (1 ms each).
 constexpr std::size_t kBlocksAtOnce = 8;
 
@@ -23,24 +25,47 @@ std::uint16_t checksum(const std::uint8_t* data, std::size_t size) {
   return static_cast<std::uint16_t>(result);
 }
 
+void put_number(Header& header, std::size_t at, std::uint16_t number) {
+  header[at] = static_cast<std::uint8_t>(number & 0xFF);
+  header[at + 1] = static_cast<std::uint8_t>(number >> 8);
+}
+
+Header header_of(std::uint16_t id) {
+  Header header{};
+  std::copy(kMagic.begin(), kMagic.end(), header.begin());
+  put_number(header, kNumberAt, id);
+  put_number(header, kChecksumAt, checksum(header.data(), kChecksumAt));
+  return header;
+}
+
 }  // namespace
 
 bool FlashLogs::begin() {
   partition_ = esp_partition_find_first(ESP_PARTITION_TYPE_DATA, ESP_PARTITION_SUBTYPE_ANY, kPartition);
   if (partition_ == nullptr || partition_->size < kSlots * kSlotSize) return partition_ = nullptr, false;
-  for (std::size_t slot = 0; slot < kSlots; ++slot) {
-    Page page;
-    const bool has_log = read_page(slot, 0, page) && std::equal(kHeader.begin(), kHeader.end(), page.begin());
-    ids_[slot] = has_log ? static_cast<std::uint16_t>(page[kHeader.size()] | page[kHeader.size() + 1] << 8) : 0;
-  }
+  for (std::size_t slot = 0; slot < kSlots; ++slot) ids_[slot] = programmed_pages(slot) > 0 ? read_number(slot) : 0;
   return true;
+}
+
+// The number of the log that a slot's first page names; 0 if it names none.
+std::uint16_t FlashLogs::read_number(std::size_t slot) const {
+  Page page;
+  if (!read_page(slot, 0, page)) return 0;
+  const auto id = static_cast<std::uint16_t>(page[kNumberAt] | page[kNumberAt + 1] << 8);
+  const Header header = header_of(id);
+  return std::equal(header.begin(), header.end(), page.begin()) ? id : std::uint16_t{0};
+}
+
+bool FlashLogs::program_number(std::size_t slot, std::uint16_t id) {
+  const Header header = header_of(id);
+  return esp_partition_write(partition_, slot * kSlotSize, header.data(), header.size()) == ESP_OK;
 }
 
 bool FlashLogs::prepare() {
   if (!present() || open_ != kNone || prepared_ != kNone) return false;
   if (erasing_ == kNone) {
     const auto free = std::find(ids_.begin(), ids_.end(), 0);
-    if (free == ids_.end()) return remove(*std::min_element(ids_.begin(), ids_.end()));
+    if (free == ids_.end()) return remove(range().oldest);
     erasing_ = static_cast<std::size_t>(free - ids_.begin());
     erased_blocks_ = 0;
   }
@@ -53,29 +78,23 @@ bool FlashLogs::prepare() {
     return is_erased;
   }
   if (erased_blocks_ < kSlotSize / kBlock) return true;
-  prepared_ = erasing_;
+  const std::size_t slot = erasing_;
   erasing_ = kNone;
+  const std::uint16_t id = next_log_number(range().newest);
+  if (!program_number(slot, id)) return false;
+  prepared_ = slot;
+  prepared_id_ = id;
   return false;
 }
 
-bool FlashLogs::create(std::uint16_t id) {
-  if (!present() || id == 0 || prepared_ == kNone) return false;
-  remove(id);
-  std::array<std::uint8_t, kHeaderSize> header{};
-  std::copy(kHeader.begin(), kHeader.end(), header.begin());
-  header[kHeader.size()] = static_cast<std::uint8_t>(id & 0xFF);
-  header[kHeader.size() + 1] = static_cast<std::uint8_t>(id >> 8);
+std::uint16_t FlashLogs::create() {
+  if (!present() || prepared_ == kNone) return 0;
   open_ = prepared_;
+  ids_[open_] = prepared_id_;
   prepared_ = kNone;
   page_number_ = 1;
   page_bytes_ = 0;
-  const bool is_created = esp_partition_write(partition_, open_ * kSlotSize, header.data(), header.size()) == ESP_OK;
-  if (is_created) {
-    ids_[open_] = id;
-  } else {
-    open_ = kNone;
-  }
-  return is_created;
+  return prepared_id_;
 }
 
 bool FlashLogs::append(const std::uint8_t* data, std::size_t size) {
@@ -128,23 +147,17 @@ std::size_t FlashLogs::read(std::uint16_t id, std::size_t offset, std::uint8_t* 
 bool FlashLogs::remove(std::uint16_t id) {
   const std::size_t slot = slot_of(id);
   if (slot == kNone || slot == open_) return false;
-  constexpr std::array<std::uint8_t, kHeaderSize> kRemoved{};
+  constexpr Header kRemoved{};
   ids_[slot] = 0;
   measured_id_ = 0;
   return esp_partition_write(partition_, slot * kSlotSize, kRemoved.data(), kRemoved.size()) == ESP_OK;
 }
 
-bool FlashLogs::range(std::uint16_t& first, std::uint16_t& last) {
-  if (!present()) return false;
-  std::uint16_t smallest = 0, largest = 0;
-  for (const std::uint16_t id : ids_) {
-    if (id != 0 && (smallest == 0 || id < smallest)) smallest = id;
-    largest = std::max(largest, id);
-  }
-  if (largest == 0) return false;
-  first = smallest;
-  last = largest;
-  return true;
+LogRange FlashLogs::range() {
+  LogRange result;
+  if (!present()) return result;
+  for (const std::uint16_t id : ids_) result.add(id);
+  return result;
 }
 
 std::size_t FlashLogs::slot_of(std::uint16_t id) const {
@@ -185,11 +198,13 @@ bool FlashLogs::is_whole(const Page& page) {
   return page[0] > 0 && page[0] <= kContent && page[kPage - 2] == sum >> 8 && page[kPage - 1] == (sum & 0xFF);
 }
 
-bool FlashLogs::block_is_blank(std::size_t slot, std::size_t block) const {
+bool FlashLogs::block_is_blank(std::size_t slot, std::size_t block) {
   Page page;
   for (std::size_t number = 0; number < kBlock / kPage; ++number) {
     if (!read_page(slot, block * kBlock / kPage + number, page)) return false;
-    if (std::any_of(page.begin(), page.end(), [](std::uint8_t byte) { return byte != kErased; })) return false;
+    // A slot that was prepared before a reset has its number already. To program the same bytes again changes nothing.
+    const bool is_numbered = block == 0 && number == 0 && read_number(slot) == next_log_number(range().newest);
+    if (std::any_of(page.begin() + (is_numbered ? kHeaderSize : 0), page.end(), [](std::uint8_t byte) { return byte != kErased; })) return false;
   }
   return true;
 }

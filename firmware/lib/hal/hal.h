@@ -9,6 +9,8 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "log_numbers.h"
+
 namespace foldcar {
 
 // Outputs of the servo driver; a car uses 2 to 8 of them, one for each wheel.
@@ -90,12 +92,12 @@ class LogStorage {
   virtual ~LogStorage() = default;
   // Whether logs can be stored at all. If not, every other call returns false or 0.
   virtual bool present() const = 0;
-  // Makes room for the next log, removing the oldest of more than kLogsKept. Does one thing, which may stop both cores of a
-  // board for 0.4 s. Returns whether there is more to do.
+  // Makes room for the next log and gives it its number, the one after the newest log's (log_numbers.h); removes the oldest of
+  // more than kLogsKept. Does one thing, which may stop both cores of a board for 0.4 s. Returns whether there is more to do.
   virtual bool prepare() = 0;
-  // Opens an empty log for append and replaces an older one of that number. Returns false for number 0, without prepared
-  // room, or if storage fails. This and the calls below take a few milliseconds at most.
-  virtual bool create(std::uint16_t id) = 0;
+  // Opens the log that was prepared for append, and returns its number; 0 without prepared room, or if storage fails. Nothing
+  // is written. The calls below take a few milliseconds at most.
+  virtual std::uint16_t create() = 0;
   // Adds size bytes to the open log. Returns false if none is open, the log is full or storage is seen to fail; the size of
   // the closed log tells what it has taken. A reset costs less than the last 256 bytes.
   virtual bool append(const std::uint8_t* data, std::size_t size) = 0;
@@ -107,8 +109,9 @@ class LogStorage {
   virtual std::size_t read(std::uint16_t id, std::size_t offset, std::uint8_t* data, std::size_t size) = 0;
   // Deletes a closed log. Returns false if there is no such log.
   virtual bool remove(std::uint16_t id) = 0;
-  // The smallest and the largest number of a log. Returns false, with both unchanged, if there is no log.
-  virtual bool range(std::uint16_t& first, std::uint16_t& last) = 0;
+  // The oldest and the newest log; both 0 without any. A log may be missing between them, and one that has just been created
+  // counts.
+  virtual LogRange range() = 0;
 };
 
 // Why the board has started, numbered as the ESP32 does (esp_reset_reason).

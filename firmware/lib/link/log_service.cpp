@@ -12,10 +12,12 @@ constexpr std::size_t kRead = 2 * kPart;
 }  // namespace
 
 void LogService::list(const mavlink_log_request_list_t& request) {
-  std::uint16_t first = 0, last = 0;
-  if (!storage_.range(first, last)) return send_entry(0);
-  next_entry_ = std::max(first, request.start);
-  last_entry_ = std::min(last, request.end);
+  const LogRange logs = storage_.range();
+  if (logs.is_empty()) return send_entry(0);
+  next_entry_ = logs.oldest;
+  last_entry_ = logs.newest;
+  first_asked_ = request.start;
+  last_asked_ = request.end;
 }
 
 void LogService::data(const mavlink_log_request_data_t& request) {
@@ -27,13 +29,11 @@ void LogService::data(const mavlink_log_request_data_t& request) {
 
 void LogService::erase() {
   end();
-  std::uint16_t first = 0;
-  storage_.range(first, erased_to_);
+  erased_to_ = storage_.range().newest;
 }
 
 void LogService::end() {
-  next_entry_ = 1;
-  last_entry_ = 0;
+  next_entry_ = 0;
   offset_ = end_ = 0;
 }
 
@@ -42,15 +42,22 @@ void LogService::end() {
 void LogService::run() {
   if (erased_to_ > 0) return erase_one();
   if (!outbox_.has_room_for(8)) return;
-  if (next_entry_ <= last_entry_) return send_entry(static_cast<std::uint16_t>(next_entry_++));
+  if (next_entry_ > 0) return list_one();
   if (offset_ < end_) send_data();
+}
+
+// Numbers wrap around, so the oldest log may have the largest one.
+void LogService::list_one() {
+  const std::uint16_t id = next_entry_;
+  next_entry_ = id == last_entry_ ? std::uint16_t{0} : next_log_number(id);
+  if (id >= first_asked_ && id <= last_asked_) send_entry(id);
 }
 
 // Erases the oldest log, up to the last one at the time of the request; a log that a trial has added since stays.
 void LogService::erase_one() {
-  std::uint16_t first = 0, last = 0;
-  const bool any = storage_.range(first, last) && first <= erased_to_;
-  if (!any || !storage_.remove(first)) erased_to_ = 0;
+  const LogRange logs = storage_.range();
+  const bool any = !logs.is_empty() && !is_newer_log(logs.oldest, erased_to_);
+  if (!any || !storage_.remove(logs.oldest)) erased_to_ = 0;
 }
 
 void LogService::send_data() {
@@ -69,12 +76,14 @@ void LogService::send_data() {
 }
 
 void LogService::send_entry(std::uint16_t id) {
-  std::uint16_t first = 0, last = 0;
-  const bool any = storage_.range(first, last);
+  const LogRange logs = storage_.range();
   mavlink_log_entry_t content{};
   content.id = id;
-  content.num_logs = any ? static_cast<std::uint16_t>(last - first + 1) : 0;
-  content.last_log_num = last;
+  for (std::uint16_t other = logs.oldest; other > 0; other = next_log_number(other)) {
+    ++content.num_logs;
+    if (other == logs.newest) break;
+  }
+  content.last_log_num = logs.newest;
   content.size = static_cast<std::uint32_t>(storage_.size(id));
   outbox_.send(mavlink_msg_log_entry_encode_status, content, Priority::kAnswer);
 }

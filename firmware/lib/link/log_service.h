@@ -24,14 +24,16 @@ class LogService {
   void run();
 
  private:
+  void list_one();
   void send_entry(std::uint16_t id);
   void send_data();
   void erase_one();
 
   LogStorage& storage_;
   Outbox& outbox_;
-  std::uint32_t next_entry_ = 1, last_entry_ = 0;
-  std::uint16_t erased_to_ = 0;  // largest number of a log that is to be erased, 0 for none
+  std::uint16_t next_entry_ = 0, last_entry_ = 0;    // of the list that is being sent, 0 for none
+  std::uint16_t first_asked_ = 0, last_asked_ = 0;   // smallest and largest number that the host asked for
+  std::uint16_t erased_to_ = 0;  // the newest log that is to be erased, 0 for none
   std::uint16_t log_ = 0;
   std::size_t offset_ = 0, end_ = 0;
 };

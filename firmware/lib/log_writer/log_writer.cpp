@@ -53,10 +53,8 @@ bool LogWriter::prepare() {
 }
 
 void LogWriter::open() {
-  std::uint16_t first = 0, last = 0;
-  storage_.range(first, last);
-  id_ = static_cast<std::uint16_t>(last + 1);
-  is_open_ = storage_.create(id_);
+  id_ = storage_.create();
+  is_open_ = id_ != 0;
   has_failed_ = !is_open_;
 }
 

@@ -44,7 +44,8 @@ def list_logs(car: Car) -> list[StoredLog]:
             if entry.num_logs:
                 logs[entry.id] = StoredLog(entry.id, entry.size)
         if expected is not None and len(logs) == expected:
-            return [logs[number] for number in sorted(logs)]
+            # The car sends them from the oldest to the newest; after number 65535 comes 1.
+            return list(logs.values())
     raise FoldcarError(f"{car.port}: the car does not list its logs{_status_suffix(car)}")
 
 

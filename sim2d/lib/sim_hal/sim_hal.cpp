@@ -51,15 +51,14 @@ bool SimImu::read(ImuSample& sample) {
 
 bool SimLogs::prepare() {
   if (logs.size() <= kLogsKept) return false;
-  logs.erase(logs.begin());
-  return true;
+  return remove(range().oldest);
 }
 
-bool SimLogs::create(std::uint16_t id) {
-  if (!fitted || !accepts || id == 0) return false;
-  open_ = id;
-  logs[id].clear();
-  return true;
+std::uint16_t SimLogs::create() {
+  if (!fitted || !accepts) return 0;
+  open_ = next_log_number(range().newest);
+  logs[open_].clear();
+  return open_;
 }
 
 bool SimLogs::append(const std::uint8_t* data, std::size_t size) {
@@ -87,11 +86,10 @@ std::size_t SimLogs::read(std::uint16_t id, std::size_t offset, std::uint8_t* da
 
 bool SimLogs::remove(std::uint16_t id) { return id != open_ && logs.erase(id) > 0; }
 
-bool SimLogs::range(std::uint16_t& first, std::uint16_t& last) {
-  if (logs.empty()) return false;
-  first = logs.begin()->first;
-  last = logs.rbegin()->first;
-  return true;
+LogRange SimLogs::range() {
+  LogRange result;
+  for (const auto& [id, content] : logs) result.add(id);
+  return result;
 }
 
 }  // namespace foldcar

@@ -73,13 +73,13 @@ struct SimLogs : LogStorage {
   std::map<std::uint16_t, std::string> logs;
   bool present() const override { return fitted; }
   bool prepare() override;
-  bool create(std::uint16_t id) override;
+  std::uint16_t create() override;
   bool append(const std::uint8_t* data, std::size_t size) override;
   bool close() override;
   std::size_t size(std::uint16_t id) override;
   std::size_t read(std::uint16_t id, std::size_t offset, std::uint8_t* data, std::size_t size) override;
   bool remove(std::uint16_t id) override;
-  bool range(std::uint16_t& first, std::uint16_t& last) override;
+  LogRange range() override;
 
  private:
   std::uint16_t open_ = 0;  // number of the open log, 0 for none

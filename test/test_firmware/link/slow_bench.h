@@ -29,10 +29,10 @@ struct SlowLogs : SimLogs {
     SimLogs::prepare();
     return true;
   }
-  bool create(std::uint16_t id) override {
-    if (unprepared_blocks_ > 0) return false;
+  std::uint16_t create() override {
+    if (unprepared_blocks_ > 0) return 0;
     unprepared_blocks_ = kBlocks;
-    return program() && SimLogs::create(id);
+    return SimLogs::create();
   }
   bool append(const std::uint8_t* data, std::size_t size) override {
     return program() && logs[logs.rbegin()->first].size() + size <= capacity && SimLogs::append(data, size);

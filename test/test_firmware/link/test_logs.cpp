@@ -59,6 +59,29 @@ TEST(the_newest_logs_are_kept_and_all_can_be_erased) {
   TEST_ASSERT_EQUAL_UINT(MAV_RESULT_ACCEPTED, bench.start(kStart).result);
 }
 
+TEST(a_list_begins_with_the_oldest_log_although_numbers_wrap_around) {
+  LinkBench bench;
+  bench.board.logs.logs = {{1, "second"}, {65535, "first"}};
+  bench.run(100, bench.host.request_log_list());
+  const auto entries = bench.host.all<mavlink_log_entry_t>(MAVLINK_MSG_ID_LOG_ENTRY, mavlink_msg_log_entry_decode);
+  TEST_ASSERT_EQUAL_UINT(2, entries.size());
+  TEST_ASSERT_EQUAL_UINT(65535, entries[0].id);
+  TEST_ASSERT_EQUAL_UINT(1, entries[1].id);
+  TEST_ASSERT_EQUAL_UINT(2, entries[1].num_logs);
+  TEST_ASSERT_EQUAL_UINT(6, entries[1].size);
+}
+
+TEST(a_log_that_is_added_while_logs_are_erased_stays) {
+  LinkBench bench;
+  bench.board.logs.logs = {{65534, "a"}, {65535, "b"}, {1, "c"}};
+  bench.run(10, bench.host.erase_logs());
+  TEST_ASSERT_TRUE(bench.board.logs.logs.size() < 3);
+  bench.board.logs.logs[2] = "added";
+  bench.run(100);
+  TEST_ASSERT_EQUAL_UINT(1, bench.board.logs.logs.size());
+  TEST_ASSERT_TRUE(bench.board.logs.logs[2] == "added");
+}
+
 TEST(the_longest_trial_fits_its_log) {
   LinkBench bench;
   bench.board.imu.fitted = true;

@@ -128,6 +128,14 @@ def test_a_key_that_was_pressed_while_the_host_stood_still_counts(tmp_path: Path
     assert (trial.outcome, trial.ending) == ("passed", "passed, said by key")
 
 
+def test_nobody_is_told_to_stand_clear_of_a_car_that_has_ended(tmp_path: Path, free_course: Path) -> None:
+    with car_at_port() as car, session(tmp_path, car) as person:
+        person.answers(("Outcome:", ""), ("Enter: next", "q"))
+        assert person.ends() == 0, person.output
+
+    assert "DRIVING" in person.output and "stand clear" not in person.output.rpartition("DRIVING")[2]
+
+
 def test_ctrl_c_after_a_stop_keeps_the_time_that_the_car_drove(tmp_path: Path, free_course: Path) -> None:
     with car_at_port(goal_x_m=None, waits=False) as car, session(tmp_path, car) as person:
         person.watches_until(lambda: moving(tmp_path))

@@ -13,7 +13,14 @@ import numpy
 from foldcar.belief.answers import Unknown, estimates
 from foldcar.evidence.belief import Belief, why_no_belief
 from foldcar.evidence.design_evidence import Design, DesignEvidence
-from foldcar.evidence.evidence import Evidence, read_evidence, simulated_text, swept_ids, unswept_trials
+from foldcar.evidence.evidence import (
+    Evidence,
+    no_trial_text,
+    read_evidence,
+    simulated_text,
+    swept_ids,
+    unswept_trials,
+)
 from foldcar.notebook_html import lines_html, table_html
 from foldcar.statistics.gap import (
     AGREES,
@@ -181,7 +188,8 @@ def compare_experiment(evidence: Evidence, margin: float = MARGIN) -> Experiment
         reason = (
             "no design has both runs and trials."
             if driven
-            else "there are no trials of built cars yet. `foldcar select` says which cars to build."
+            else f"{no_trial_text(evidence, 'there are no trials of built cars yet')}. `foldcar select` says which cars "
+            "to build."
         )
         return ExperimentComparison(info, compared, f"Nothing to compare: {reason}", remarks)
     ranks = rank_agreement(

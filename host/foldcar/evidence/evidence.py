@@ -48,7 +48,8 @@ class Evidence:
     ``designs`` are the swept ones of the family in its order, then those of the family with trials only, then others.
     ``runs`` are the stored ones; their ``design`` is an index into ``designs``. ``belief`` is about the designs of the
     family; None without enough runs in other realities, or if success is undefined. ``remarks`` are sentences for
-    readers. ``simulated_trials`` is the number of trials by simulated cars that count as trials of built ones.
+    readers. ``simulated_trials`` is the number of trials by simulated cars that count as trials of built ones,
+    ``uncounted_trials`` that of trials by built cars that were aborted, or driven otherwise or elsewhere than the runs.
     """
 
     info: ExperimentInfo
@@ -57,6 +58,7 @@ class Evidence:
     belief: Belief | None
     remarks: tuple[str, ...]
     simulated_trials: int = 0
+    uncounted_trials: int = 0
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -157,6 +159,11 @@ def unswept_trials(store: Store, experiment: str | None = None, simulated_trials
     return [trial for trial in kept if trial.completed and trial.experiment not in swept]
 
 
+def no_trial_text(evidence: Evidence, nothing_driven: str) -> str:
+    """Return why there is no trial to learn from; ``nothing_driven`` says that no built car was driven."""
+    return "no trial counts yet" if evidence.uncounted_trials else nothing_driven
+
+
 def swept_ids(store: Store) -> set[str]:
     """Return the names of swept experiments: those in the store, and those in the listing without engine and reality.
 
@@ -202,6 +209,7 @@ def _evidence(
     """
     trials = list(store.trials(info.listed_id)) if trials is None else trials
     other_programs = {} if resimulation is None else store.trials_in_other_environments(info)
+    selected, _ = select_trials(trials, simulated_trials)
     trials, sentences = _trials(info, trials, other_programs, simulated_trials)
     if resimulation is not None:
         different = other_drives(store, info, trials)
@@ -229,7 +237,8 @@ def _evidence(
         for key, design in designs.items()
     ]
     simulated = sum(trial.standing == SIMULATED for trial in trials)
-    evidence = Evidence(info, tuple(with_trials), runs, None, (), simulated)
+    uncounted = len(selected) - sum(trial.completed for trial in trials)
+    evidence = Evidence(info, tuple(with_trials), runs, None, (), simulated, uncounted)
     belief = None
     if resimulation is not None:
         belief = read_belief(store, info, evidence.family, [t for t in trials if t.completed], bool(simulated))

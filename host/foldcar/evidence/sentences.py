@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from foldcar.belief.advice import MIN_GAIN, Step
 from foldcar.belief.answers import PROBABLY, REACHES, Estimate
 from foldcar.evidence.belief import Belief
-from foldcar.evidence.evidence import Evidence
+from foldcar.evidence.evidence import Evidence, no_trial_text
 from foldcar.statistics.rate import rate_interval
 from foldcar.statistics.words import count, listed, percent, percent_below, percent_number, span_text, threshold_text
 
@@ -30,7 +30,7 @@ def works(belief: Belief, evidence: Evidence, threshold: float) -> str:
     answers, labels = belief.answers, belief.labels
     best = answers.best
     rate = answers.built[best]
-    guess = "" if belief.driven else ", a guess from simulation: no car was driven yet"
+    guess = "" if belief.driven else f", a guess from simulation: {no_trial_text(evidence, 'no car was driven yet')}"
     text = f"{_capital(labels[best])}: {band_text(rate)} for a further car{guess}."
     owned = car_to_take(belief)
     if owned is not None:

@@ -40,6 +40,8 @@ class DriveView:
         self._pressed: Callable[[], str | None] = lambda: None
         # When the countdown has begun (s, monotonic); None before.
         self._begun_s: float | None = None
+        # Whether the car was seen driving.
+        self._has_driven = False
         self._ended = threading.Event()
         self._thread: threading.Thread | None = None
 
@@ -115,9 +117,13 @@ class DriveView:
         if trial is not None and trial.state == car.dialect.FOLDCAR_STATE_COUNTING:
             headline = Text(f"COUNTING {trial.countdown_ms / 1000:5.1f} s  stand clear", style="bold yellow")
         elif trial is not None and trial.state == car.dialect.FOLDCAR_STATE_RUNNING:
+            self._has_driven = True
             text = f"DRIVING  {trial.elapsed_ms / 1000:5.1f} s  {self._time_limit_s:g} s at most"
             headline = Text(text, style="bold red")
-        elif trial is not None and trial.state in (car.dialect.FOLDCAR_STATE_FINISHED, car.dialect.FOLDCAR_STATE_FAULT):
+        elif self._has_driven or (
+            trial is not None and trial.state in (car.dialect.FOLDCAR_STATE_FINISHED, car.dialect.FOLDCAR_STATE_FAULT)
+        ):
+            # The host disarms a car that has ended.
             headline = Text("ENDED")
         table = Table.grid(padding=(0, 2))
         if pulses is not None:

@@ -125,6 +125,10 @@ def _drive_to_end(
         message = f"{error}{_pace_hint(car, str(error))}"
         return DriveEnd("refused by the car", "aborted", None, CommandRefusedError(message))
     except KeyboardInterrupt:
+        with contextlib.suppress(FoldcarError, KeyboardInterrupt):
+            # If the program stood still before, the car has driven on after its last message that was read.
+            if started:
+                _stopped_s(car, trial)
         return DriveEnd(CTRL_C, "aborted", elapsed_s(), FoldcarError("stopped by Ctrl-C"))
 
 
@@ -161,9 +165,6 @@ def _watch(car: Car, trial: int, view: DriveView, end_s: float, must_be_unplugge
     dialect, connection = car.dialect, car.connection
     last_boot_ms, turn_s = 0, time.monotonic()
 
-    def has_ended(message: Any) -> bool:
-        return _is_of(message, trial) and not car.is_under_way(message)
-
     while True:
         for message in connection.receive(STEP_S, view.other_input):
             message_type = message.get_type()
@@ -173,7 +174,7 @@ def _watch(car: Car, trial: int, view: DriveView, end_s: float, must_be_unplugge
                     error = CarFaultError(f"the car restarted{'' if line is None else f': {line}'}")
                     return DriveEnd("the car restarted", "aborted", None, error)
                 last_boot_ms = message.time_boot_ms
-                if has_ended(message):
+                if _has_ended(car, message, trial):
                     return _car_ended(car, message, view)
                 if must_be_unplugged and _is_of(message, trial) and message.state == dialect.FOLDCAR_STATE_RUNNING:
                     car.stop_trial()
@@ -182,10 +183,7 @@ def _watch(car: Car, trial: int, view: DriveView, end_s: float, must_be_unplugge
                 return _simulated_outcome(car, message)
         ending = view.wants_stop()
         if ending is not None:
-            car.stop_trial()
-            # Its message has the trial's final elapsed time.
-            connection.wait_for(has_ended, 1.0)
-            return DriveEnd(ending, None, _elapsed_s(car, trial))
+            return DriveEnd(ending, None, _stopped_s(car, trial))
         if connection.silence_s() > SILENCE_S:
             raise LinkLostError(f"{car.port}: the car is silent for {SILENCE_S:g} s")
         now_s = time.monotonic()
@@ -250,6 +248,14 @@ def _simulated_outcome(car: Car, message: Any) -> DriveEnd:
     return DriveEnd(ending, outcome, message.outcome_time)
 
 
+def _stopped_s(car: Car, trial: int) -> float | None:
+    """Stop the trial if the car has not ended it by itself; return its final time (s), None if the car reports none."""
+    with contextlib.suppress(CommandRefusedError):
+        car.stop_trial()
+    car.connection.wait_for(lambda message: _has_ended(car, message, trial), 1.0)
+    return _elapsed_s(car, trial)
+
+
 def _elapsed_s(car: Car, trial: int) -> float | None:
     """Return the time (s) of the trial that the car reported last, None if it reported another trial."""
     message = car.connection.latest.get("FOLDCAR_TRIAL")
@@ -306,6 +312,10 @@ def _wait_for_storage(car: Car) -> Any | None:
 
 def _is_of(message: Any, trial: int) -> bool:
     return bool(message.get_type() == "FOLDCAR_TRIAL" and message.trial_id == trial)
+
+
+def _has_ended(car: Car, message: Any, trial: int) -> bool:
+    return _is_of(message, trial) and not car.is_under_way(message)
 
 
 def drive_end(dialect: Any, message: Any, lost_bytes: int) -> DriveEnd:

@@ -201,6 +201,21 @@ def test_trials_of_another_drive_are_left_out_and_named(
     assert [row["trials"] for row in compared["designs"]] == [7 if difference is None else 4]
 
 
+@pytest.mark.parametrize(
+    ("outcome", "options"), [("passed", {"settings": {**SETTINGS, "speed_m_s": 0.05}}), ("aborted", {})]
+)
+def test_trials_that_do_not_count_are_not_called_absent(tmp_path: Path, outcome: str, options: Mapping[str, Any]) -> None:
+    store = write_study(tmp_path / "s.db", WIDTHS, 20, passing(SIMULATED), speed_m_s=0.3)
+    write_realities(store, as_published)
+    add_trials(store, [({"width_mm": 180.0}, k, outcome) for k in range(3)], **options)
+
+    (compared,) = compare(store)["experiments"]
+    (selected,) = json_output("select", store)["experiments"]
+
+    assert compared["sentence"].startswith("Nothing to compare: no trial counts yet.")
+    assert "a guess from simulation: no trial counts yet." in selected["works"]
+
+
 def test_a_trial_that_timed_out_under_a_shorter_limit_says_nothing_of_a_longer_one(tmp_path: Path) -> None:
     store = write_study(tmp_path / "s.db", WIDTHS, 100, passing(SIMULATED), speed_m_s=0.3)
     design = {"width_mm": 180.0}

@@ -128,6 +128,29 @@ def test_a_key_that_was_pressed_while_the_host_stood_still_counts(tmp_path: Path
     assert (trial.outcome, trial.ending) == ("passed", "passed, said by key")
 
 
+def test_nobody_is_told_to_stand_clear_of_a_car_that_has_ended(tmp_path: Path, free_course: Path) -> None:
+    with car_at_port() as car, session(tmp_path, car) as person:
+        person.answers(("Outcome:", ""), ("Enter: next", "q"))
+        assert person.ends() == 0, person.output
+
+    assert "DRIVING" in person.output and "stand clear" not in person.output.rpartition("DRIVING")[2]
+
+
+def test_ctrl_c_after_a_stop_keeps_the_time_that_the_car_drove(tmp_path: Path, free_course: Path) -> None:
+    with car_at_port(goal_x_m=None, waits=False) as car, session(tmp_path, car) as person:
+        person.watches_until(lambda: moving(tmp_path))
+        person.process.send_signal(signal.SIGSTOP)
+        wait_on_car(car, 2.5)
+        person.process.send_signal(signal.SIGINT)
+        person.process.send_signal(signal.SIGCONT)
+        assert person.ends() == 130, person.output
+
+    (trial,) = trials_in(tmp_path / "s.db")
+    assert (trial.outcome, trial.ending) == ("aborted", "Ctrl-C")
+    # It had moved for 0.2 s, and then drove until its dead man's switch tripped after 0.5 s without a host.
+    assert trial.elapsed_time_s is not None and 0.6 < trial.elapsed_time_s < 2.4
+
+
 def test_a_program_that_is_stopped_in_its_countdown_does_not_start_the_car(tmp_path: Path, free_course: Path) -> None:
     with car_at_port(waits=False) as car, session(tmp_path, car, countdown_s=4) as person:
         person.sees("ARMED")

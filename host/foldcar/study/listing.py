@@ -176,7 +176,7 @@ class ListedEnvironment(Strict):
 class Listing(Strict):
     """A listing file. Without experiments it contains only designs, to be built or viewed.
 
-    ``title`` and ``notes`` are printed in the report.
+    ``title`` and ``notes``, in Markdown, stand on top of the report.
     """
 
     title: str = Field("", max_length=200)

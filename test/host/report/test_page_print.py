@@ -1,11 +1,17 @@
 """The study page on paper with a browser's own settings: coloured keys, whole headings, complete charts."""
 
 import json
+import re
+import sqlite3
+import unicodedata
+from base64 import b64decode
+from io import BytesIO
 from pathlib import Path
 
 import pytest
+from pypdf import PdfReader
 
-from browser import Tab
+from browser import Tab, study_of
 from foldcar.report import write
 from study_car import listing_of
 from swept_listing import STEP_PYRAMIDS, foldcar
@@ -76,3 +82,37 @@ def test_paper_has_colours_whole_headings_and_complete_charts(page: Path) -> Non
         and min(a["bottom"], b["bottom"]) - max(a["top"], b["top"]) > 2
     ]
     assert len(boxes) > len(axes) and over == []
+
+
+def test_the_first_two_pages_are_a_handout(page: Path) -> None:
+    with Tab(page.as_uri()) as tab:
+        tab.wait("document.body?.dataset.state === 'ready'")
+        # A4, in inches.
+        pdf = tab.send("Page.printToPDF", paperWidth=8.27, paperHeight=11.69)["data"]
+        screen = tab.ask("getComputedStyle(document.querySelector('#best-designs')).display")
+    (shown,) = study_of(page.parent)["experiments"]
+    query = "SELECT design_position, SUM(outcome = 'passed'), COUNT(*) FROM result GROUP BY 1 ORDER BY 1"
+    counts = sqlite3.connect(page.parents[1] / "s.db").execute(query).fetchall()
+
+    # NFKC takes ligatures apart.
+    sheets = [unicodedata.normalize("NFKC", sheet.extract_text()) for sheet in PdfReader(BytesIO(b64decode(pdf))).pages]
+    pages = [" ".join(sheet.split()) for sheet in sheets]
+    handout = " ".join(pages[:2])
+    # What works, the chart with its axes, what to do next, the best designs.
+    title = "How likely is each car to work?"
+    assert "radius (mm)" in pages[0] and "width (mm)" in pages[0]
+    place = 0
+    for text in (shown["headline"], title, shown["next"]["text"], "The best 6 designs"):
+        place = handout.find(" ".join(text.split()), place) + 1
+        assert place, text
+    best = sorted(counts, key=lambda row: -row[1] / row[2])
+    rows = re.findall(r"width (\d+) mm, radius (\d+) mm (\d+) of (\d+)", handout.split("The best 6 designs")[1])
+    assert [[int(passed), int(runs)] for _, _, passed, runs in rows] == [[passed, runs] for _, passed, runs in best]
+    by_name = dict(zip(shown["designs"]["name"], (passed for _, passed, _ in counts), strict=True))
+    assert all(by_name[f"width {width} mm, radius {radius} mm"] == int(passed) for width, radius, passed, _ in rows)
+    # The rest begins on a page of its own.
+    rest = ("What if the world differed?", "What makes the difference?", "The runs", "Where the numbers come from")
+    assert "environments 170" in handout and pages[2].startswith(rest[0])
+    assert all(text not in handout and text in " ".join(pages[2:]) for text in rest)
+    assert "save as" not in " ".join(pages) and "as a table" not in " ".join(pages)
+    assert screen == "none"

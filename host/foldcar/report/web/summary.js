@@ -3,6 +3,7 @@
 
 import { plainTable } from "./charts.js";
 import { counted, evidence, isSuccess, number, percent, thresholdText, valueText } from "./data.js";
+import { notes } from "./markdown.js";
 import { byId, make } from "../../figures/web/dom.js";
 
 // Remarks that are longer are opened by who wants them (characters).
@@ -11,7 +12,7 @@ const LONG = 180;
 export function showSummary(model) {
   const { e, study } = model;
   byId("title").textContent = study.title;
-  byId("notes").textContent = study.notes;
+  byId("notes").replaceChildren(...notes(study.notes));
   byId("headline").replaceChildren(...question(e.headline));
   byId("learn").replaceChildren(...question(e.next.text));
   byId("grounds").textContent = e.grounds;

@@ -4,7 +4,7 @@ import { BarChart, CustomChart, HeatmapChart, LineChart, ParallelChart, ScatterC
 import { GridComponent, MarkAreaComponent, MarkLineComponent, ParallelComponent, TooltipComponent } from "echarts/components";
 import * as echarts from "echarts/core";
 import { CanvasRenderer, SVGRenderer } from "echarts/renderers";
-import { chartButtons } from "./downloads.js";
+import { FONT, chartButtons } from "./downloads.js";
 import { context2d, make } from "../../figures/web/dom.js";
 
 echarts.use([BarChart, CustomChart, HeatmapChart, LineChart, ParallelChart, ScatterChart, GridComponent, MarkAreaComponent,
@@ -146,7 +146,7 @@ export class Chart {
     // A resize draws the whole chart once more.
     const { chart, place } = this;
     if (chart.getWidth() !== place.clientWidth || chart.getHeight() !== place.clientHeight) chart.resize();
-    chart.setOption({ animation: false, textStyle: { fontFamily: "inherit", color: theme.ink }, ...option }, { notMerge: true });
+    chart.setOption({ animation: false, textStyle: { fontFamily: FONT, color: theme.ink }, ...option }, { notMerge: true });
     this.drawn();
   }
 
@@ -184,6 +184,20 @@ export function axisStyle(theme, name, more = {}) {
     axisLabel: { color: theme.soft, fontSize: 11, hideOverlap: true }, splitLine: { lineStyle: { color: theme.line } }, ...more,
   };
 }
+
+// The ends of a range and round numbers between them, none so near an end that their labels run together ("45 46").
+export function ticksBetween(low, high, intervals = 5) {
+  if (!(high > low)) return [low];
+  const size = 10 ** Math.floor(Math.log10((high - low) / intervals)), step = [1, 2, 5, 10].map(k => k * size).find(k => (high - low) / k <= intervals + 1e-9), ticks = [low];
+  for (let k = Math.ceil(low / step); k * step < high; k++) if (Math.min(k * step - low, high - k * step) >= 0.7 * step) ticks.push(Number((k * step).toPrecision(12)));
+  return [...ticks, high];
+}
+
+// What an axis of numbers from low to high has instead of ECharts' ticks.
+export const axisBetween = (theme, low, high, intervals) => {
+  const customValues = ticksBetween(low, high, intervals);
+  return { type: "value", min: low, max: high, axisTick: { lineStyle: { color: theme.soft }, customValues }, axisLabel: { color: theme.soft, fontSize: 11, hideOverlap: true, customValues } };
+};
 
 export function successAxis(theme, name = "success", more = {}) {
   return axisStyle(theme, name, { type: "value", min: 0, max: 100, nameGap: 36, ...more, axisLabel: { color: theme.soft, fontSize: 11, formatter: "{value} %" } });

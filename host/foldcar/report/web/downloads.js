@@ -4,8 +4,10 @@ import * as echarts from "echarts/core";
 import { csvText } from "./csv.js";
 import { make } from "../../figures/web/dom.js";
 
-// A picture's names of fonts, as in study.css; width of a chart that is not shown, margin, height of a line, size of a key (px).
-const FONT = "DejaVu Sans, Arial, Helvetica, sans-serif", WIDTH = 800, MARGIN = 12, LINE = 18, KEY = 11;
+// The fonts of study.css by name, because ECharts measures no text of an inherited font.
+export const FONT = "DejaVu Sans, Arial, Helvetica, sans-serif";
+// Width of a chart that is not shown, margin, height of a line, size of a key (px).
+const WIDTH = 800, MARGIN = 12, LINE = 18, KEY = 11;
 const PNG_SCALE = 2;
 // Saving goes on after the click.
 const KEEP_MS = 60000;

@@ -1,14 +1,14 @@
 // What matters of the parameters, and the designs by all their numbers: parallel coordinates with brushes, a scatter.
 
 import { designTip, linked, scale } from "./belief.js";
-import { Chart, axisStyle, band, fadedColour, scaleKeys, successAxis, successColour, tooltip } from "./charts.js";
+import { Chart, axisBetween, axisStyle, band, fadedColour, scaleKeys, successAxis, successColour, tooltip } from "./charts.js";
 import { columnName, designNumbers } from "./csv.js";
 import { BELIEF, SIMULATED, hasValues, isSuccess, number, percent, shownSuccess, valueText, withUnit } from "./data.js";
 import { designColumns } from "./design_table.js";
 import { byId, context2d, make, select } from "../../figures/web/dom.js";
 
 // Sides of the parallel axes, height of a line of their headings, space between two headings, size of their letters (px).
-const SIDES = 92, LINE = 14, SPACE = 8, HEADING = 12;
+const SIDES = 92, LINE = 14, SPACE = 16, HEADING = 12;
 const BANDS = "Bands hold the differences between values, with 95 %: how far success at a value is above or below the mean over all values. All values were run in the same environments, so the level of a whole curve is less sure than its shape.";
 
 export class Parameters {
@@ -95,7 +95,7 @@ function effectFigure(e, { parameter, grid, mean, low, high, curves, over }) {
     option: theme => ({
       height: 210, grid: { left: 52, right: 12, top: 12, bottom: 42 },
       tooltip: tooltip(theme, ([point]) => [`${axis.label} ${number(point.value[0])} ${axis.unit}`, `${percent(mean[point.dataIndex])}, to the mean over all values ${difference(point.dataIndex)}`], { trigger: "axis" }),
-      xAxis: axisStyle(theme, withUnit(axis), { type: "value", min: grid[0], max: grid[grid.length - 1] }),
+      xAxis: axisStyle(theme, withUnit(axis), axisBetween(theme, grid[0], grid[grid.length - 1])),
       yAxis: successAxis(theme),
       series: [
         { type: "line", data: grid.map((at, k) => [at, hundred(mean[k])]), symbol: "none", lineStyle: { color: theme.accent, width: 3 }, z: 4 },
@@ -143,8 +143,7 @@ class Parallel {
     const dims = this.axes.map((axis, dim) => {
       const [least, most] = this.limits(axis);
       return {
-        dim, id: axis.key, name: upright ? withUnit(axis) : headings[dim].join("\n"), realtime: false, type: "value",
-        min: least, max: most, inverse: turned(axis, upright), nameLocation: turned(axis, upright) || upright ? "start" : "end",
+        dim, id: axis.key, name: upright ? withUnit(axis) : headings[dim].join("\n"), realtime: false, ...withGround(axisBetween(theme, least, most, upright ? 5 : 6), theme), inverse: turned(axis, upright), nameLocation: turned(axis, upright) || upright ? "start" : "end",
       };
     });
     const data = [...Array(e.count).keys()].map(k => ({ value: this.valuesOf(k), lineStyle: { color: successColour(shownSuccess(e, k).share) } }));
@@ -153,8 +152,8 @@ class Parallel {
       height: upright ? 64 * this.axes.length + 40 : 302 + LINE * head,
       parallel: { left: upright ? 20 : SIDES / 2, right: upright ? 24 : SIDES / 2, top: upright ? 34 : 18 + LINE * head, bottom: upright ? 30 : 24, layout: upright ? "vertical" : "horizontal",
         parallelAxisDefault: {
-          nameGap: upright ? 4 : 14, nameTextStyle: { color: theme.ink, fontSize: HEADING, lineHeight: LINE, ...(upright ? { align: "left", verticalAlign: "bottom", padding: [0, 0, 12, 0] } : {}) },
-          axisLine: { lineStyle: { color: theme.soft } }, axisTick: { lineStyle: { color: theme.soft } }, axisLabel: { color: theme.soft, fontSize: 11, hideOverlap: true },
+          z: 5, nameGap: upright ? 4 : 14, nameTextStyle: { color: theme.ink, fontSize: HEADING, lineHeight: LINE, ...(upright ? { align: "left", verticalAlign: "bottom", padding: [0, 3, 2, 3], backgroundColor: theme.paper } : {}) },
+          axisLine: { lineStyle: { color: theme.soft } },
           areaSelectStyle: { width: upright ? 26 : 18, borderColor: theme.accent, borderWidth: 1.5, color: theme.accent, opacity: 0.25 },
         } },
       parallelAxis: dims,
@@ -256,6 +255,9 @@ function headingLines(axes, width) {
   });
   return headings.flat().every(fits) ? headings : null;
 }
+
+// Labels of an axis stand on the ground's colour, so that no line runs through them.
+const withGround = (axis, { paper }) => ({ ...axis, axisLabel: { ...axis.axisLabel, backgroundColor: paper, padding: [1, 1] } });
 
 // Better is above.
 const turned = (axis, upright) => !upright && axis.better === "less";

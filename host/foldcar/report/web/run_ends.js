@@ -1,6 +1,6 @@
 // Where runs that did not pass ended: a histogram along the way to the goal, with the obstacles under it, and a sentence.
 
-import { Chart, OUTCOMES, axisStyle, outcomeKey, outcomeKeys, tooltip } from "./charts.js";
+import { Chart, OUTCOMES, axisBetween, axisStyle, outcomeKey, outcomeKeys, tooltip } from "./charts.js";
 import { columnName } from "./csv.js";
 import { counted, number, percent } from "./data.js";
 import { make } from "../../figures/web/dom.js";
@@ -103,7 +103,7 @@ export class RunEnds {
       }, { trigger: "axis", axisPointer: { type: "shadow" } }),
       xAxis: [
         { gridIndex: 0, type: "category", data: [...Array(ends.bins).keys()].map(bin => this.span(bin)), axisLabel: { show: false }, axisTick: { show: false }, axisLine: { lineStyle: { color: theme.soft } } },
-        { gridIndex: 1, ...axisStyle(theme, "progress from the start (m)", { type: "value", min: low, max: high, splitLine: { show: false }, axisPointer: { show: false } }) },
+        { gridIndex: 1, ...axisStyle(theme, "progress from the start (m)", { ...axisBetween(theme, low, high, 6), splitLine: { show: false }, axisPointer: { show: false } }) },
       ],
       yAxis: [{ gridIndex: 0, ...axisStyle(theme, "runs", { type: "value", minInterval: 1, nameGap: 34 }) }, { gridIndex: 1, type: "value", show: false, min: 0, max: 1 }],
       series: [

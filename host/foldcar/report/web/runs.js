@@ -11,8 +11,8 @@ const MAX_CAUSES = 6;
 const MAX_LISTED = 200;
 // Cells that are elements of their own, which print sharply but are slow to draw.
 const MAX_SVG_CELLS = 1000;
-// Height of a row, limits of the grid's height, width from which columns are labelled, width of a letter of a label (px).
-const ROW_HEIGHT = 4, MIN_HEIGHT = 260, MAX_HEIGHT = 520, NAMED_WIDTH = 11, LETTER_WIDTH = 6;
+// Height of a row, limits of the grid's height, width from which columns are labelled, width of a letter of a label, height of a label (px).
+const ROW_HEIGHT = 4, MIN_HEIGHT = 260, MAX_HEIGHT = 520, NAMED_WIDTH = 11, LETTER_WIDTH = 6, LABEL_HEIGHT = 14;
 
 export class Runs {
   constructor(model, replay) { Object.assign(this, { model, replay, charts: [] }); }
@@ -183,7 +183,8 @@ class Grid {
         type: "category", data: texts, nameGap: gap, axisTick: { show: false },
         axisLabel: { show: named, color: theme.soft, fontSize: 11, hideOverlap: true, rotate: several ? 90 : 0 },
       }),
-      yAxis: axisStyle(theme, "environment", { type: "category", data: this.rows.map(String), nameGap: 36, axisTick: { show: false }, splitLine: { show: false } }),
+      yAxis: axisStyle(theme, "environment", { type: "category", data: this.rows.map(String), nameGap: 36, axisTick: { show: false }, splitLine: { show: false },
+        axisLabel: { color: theme.soft, fontSize: 11, interval: row => row % Math.ceil(LABEL_HEIGHT / cellHeight) === 0 } }),
       series: [{ type: "heatmap", data, progressive: 0, itemStyle: { borderWidth: cellWidth > 6 && cellHeight > 6 ? 0.5 : 0, borderColor: theme.paper }, emphasis: { itemStyle: { borderColor: theme.ink, borderWidth: 1.5 } } }],
     };
   }

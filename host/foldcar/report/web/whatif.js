@@ -3,7 +3,7 @@
 // Parameters and their limits: `drives.sliders` of page_data.py; what is known of them: `realities.unknowns`. Results: success by design beside the stored runs, how
 // probable the trials are, and success of one design over each slider.
 
-import { Chart, axisStyle, band, intervals, keysOf, successAxis, tooltip } from "./charts.js";
+import { Chart, axisBetween, axisStyle, band, intervals, keysOf, successAxis, tooltip } from "./charts.js";
 import { columnName, designNumbers } from "./csv.js";
 import { counted, number, percent, shownUnit, unknownLabel, wilson, withUnit } from "./data.js";
 import { LATER, SOON } from "./drives.js";
@@ -275,7 +275,7 @@ export class WhatIf {
       const chart = new Chart(figure, {
         label: `Success by ${label}`, name: `what if ${label}`, numbers: () => ({ head: [columnName(label, unit), "runs", "passed"], rows: curve.at.map((value, k) => [scale * value, environments.length, curve.passed[k]]) }), table: () => ({ head: [`${label} (${unit})`, "passed"], rows: curve.at.map((value, k) => [number(scale * value), `${curve.passed[k]} of ${environments.length}`]) }),
         option: theme => ({
-          height: 150, grid: { left: 48, right: 10, top: 10, bottom: 40 }, xAxis: axisStyle(theme, `${label} (${unit})`, { type: "value", min: scale * curve.low, max: scale * curve.high }), yAxis: successAxis(theme, ""),
+          height: 150, grid: { left: 48, right: 10, top: 10, bottom: 40 }, xAxis: axisStyle(theme, `${label} (${unit})`, axisBetween(theme, scale * curve.low, scale * curve.high, 4)), yAxis: successAxis(theme, ""),
           series: [...(curve.likely ? [band([[scale * curve.likely[0], 0, 100], [scale * curve.likely[2], 0, 100]], theme.soft, 0.12)] : []), { type: "line", symbolSize: 4, lineStyle: { color: theme.bad }, itemStyle: { color: theme.bad }, data: curve.at.map((value, k) => [scale * value, 100 * curve.passed[k] / environments.length]),
             markLine: { silent: true, symbol: "none", label: { show: false }, lineStyle: { color: theme.soft, type: "dashed" }, data: [{ xAxis: scale * base[curve.name] }] } }],
         }),

@@ -14,7 +14,7 @@ import typer
 from foldcar.commands.options import Components, Listing, Material, OutputFolder, Settings, Sheet, print_lines
 from foldcar.installation import require
 from foldcar.shown_text import decoded
-from foldcar.statistics.words import count
+from foldcar.statistics.words import count, percent
 
 if TYPE_CHECKING:
     from foldcar.car.design import Design
@@ -173,7 +173,7 @@ def _car_lines(made: "MadeCar", default_sheet: str, output: Path) -> list[str]:
     copies, work = sum(piece.count for piece in cut.pieces), made.operations
     return [
         made.title,
-        f"  sheets    {len(cut.sheets)} of {width:g} x {height:g} mm, {used:.0%} of the film used{larger}",
+        f"  sheets    {len(cut.sheets)} of {width:g} x {height:g} mm, {percent(used)} of the film used{larger}",
         f"  pieces    {copies} of {len(cut.pieces)} kinds",
         f"  cut       {cut.cut_length_mm / 1000:.1f} m for {options.machine}, kerf {options.kerf_mm:g} mm",
         f"  building  {work.total} operations, {work.weed} openings weeded: about {work.minutes:.0f} min (an estimate)",

@@ -149,13 +149,14 @@ def _sweep(planned: "Sweep", scheduler: str | None, jobs: int | None, as_json: b
     progress, max_runs = planned.progress, planned.progress.total
 
     def stopped() -> str:
-        total = f"at most {progress.total}" if rules else f"{progress.total}"
+        total = f"at most {progress.total:,}" if rules else f"{progress.total:,}"
         counts = progress.realities.values()
         planned_realities = sum(count.total for count in counts)
         realities_text = ""
         if planned_realities:
-            realities_text = f", and {sum(count.done for count in counts)} of {planned_realities} in other realities,"
-        return f"stopped: {progress.done} of {total} runs{realities_text} are stored in {store}; the same command resumes"
+            realities_text = f", and {sum(count.done for count in counts):,} of {planned_realities:,} in other realities,"
+        stored_text = f"{progress.done:,} of {total} runs{realities_text} are stored in {store}"
+        return f"stopped: {stored_text}; the same command resumes"
 
     to_decide = sum(map(len, planned.designs.values())) if rules else None
     with (

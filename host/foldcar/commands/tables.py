@@ -14,7 +14,7 @@ from rich.console import Console
 from foldcar.figures.style import OUTCOME_LABELS
 from foldcar.shown_console import ResultTable, shown_console
 from foldcar.shown_text import shown_line
-from foldcar.statistics.words import count, design_text, percent_number, points, rank_text
+from foldcar.statistics.words import count, design_text, estimate_text, percent_number, points, rank_text
 from foldcar.store.trial_records import BUILT, SIMULATED, UNKNOWN, WITHDRAWN, Correction, Trial
 
 if TYPE_CHECKING:
@@ -110,9 +110,7 @@ def _print_unknowns(console: Console, unknowns: "Sequence[Unknown]") -> None:
         name, unit = unknown.parameter.name, unknown.parameter.unit
         label = name if name.endswith(f"_{unit}") else f"{name} ({unit})"
         measured = "" if unknown.measured is None else " measured"
-        before, after = (
-            f"{part.value:.3g} ({part.low:.2g} to {part.high:.2g})" for part in (unknown.before, unknown.after)
-        )
+        before, after = (estimate_text(part.value, part.low, part.high) for part in (unknown.before, unknown.after))
         table.add_row(f"{label}{measured}", before, after, _percent(max(0.0, unknown.narrowed)))
     table.print_on(console)
 

@@ -141,6 +141,8 @@ def replay(
 
 def _log_lines(log_summary: "LogFeatures") -> list[str]:
     """Return lines with the quantities that a log contains: tilt, change of heading, shocks, voltages."""
+    from foldcar.statistics.words import signed
+
     lines = []
     values = {name: value for name, value in asdict(log_summary).items() if value is not None}
     if "tilt_error_rad" in values:
@@ -148,8 +150,8 @@ def _log_lines(log_summary: "LogFeatures") -> list[str]:
             math.degrees(values[f"{name}_rad"])
             for name in ("max_roll", "max_pitch", "tilt_error", "heading_change", "heading_error")
         )
-        lines.append(f"log: largest roll {roll:+.1f}°, pitch {pitch:+.1f}° (±{error:.1f}°)")
-        lines.append(f"log: heading changed by {turn:+.1f}° (±{turn_error:.1f}°)")
+        lines.append(f"log: largest roll {signed(roll, 1)}°, pitch {signed(pitch, 1)}° (±{error:.1f}°)")
+        lines.append(f"log: heading changed by {signed(turn, 1)}° (±{turn_error:.1f}°)")
     if log_summary.shocks_s:
         lines.append(f"log: shocks at {', '.join(f'{time_s:.1f}' for time_s in log_summary.shocks_s)} s")
     if log_summary.servo_battery_v is not None:

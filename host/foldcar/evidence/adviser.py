@@ -17,7 +17,7 @@ from foldcar.evidence.evidence import Evidence
 from foldcar.evidence.sentences import afternoon, grounds, measurement, step_text, works
 from foldcar.notebook_html import lines_html, table_html
 from foldcar.statistics.rate import Rate
-from foldcar.statistics.words import duration_text
+from foldcar.statistics.words import duration_text, percent
 from foldcar.store.info import ExperimentInfo
 
 # Steps that are shown.
@@ -179,7 +179,7 @@ class Adviser:
     def _basis(self) -> str:
         """The assumptions behind sheets and minutes, as a sentence."""
         return (
-            f"Sheets are an estimate: 12 x 12 inch, of which the pieces fill {FILLING:.0%}. Minutes assume "
+            f"Sheets are an estimate: 12 x 12 inch, of which the pieces fill {percent(FILLING)}. Minutes assume "
             f"{car_min(self.evidence.info.vehicle_type):.0f} min to cut and build a car (without headers and firmware), "
             f"{PLACING_MIN:g} min to place a trial, and the time that simulation drives."
         )

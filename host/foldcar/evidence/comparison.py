@@ -259,6 +259,8 @@ def _verdict(compared: Sequence[DesignComparison], mean: Gap, margin: float, sim
             labels.setdefault(design.verdict, []).append(design.label)
     direction = "less" if mean.value < 0 else "more"
     difference = f"built cars pass {points_text(mean.value)} {direction} often than {simulation}"
+    if not round(100 * mean.value):
+        difference = f"built cars pass as often as {simulation}"
     interval = f"{points(mean.low)} to {points(mean.high)}"
     designs = sum(design.gap is not None for design in compared)
     average = f"on average over {count(designs, 'design')}, {difference} (95 %: {interval})"

@@ -32,6 +32,8 @@ TAIL = 0.05
 # Of equally near obstacles the shorter one counts, as a pothole in its ground: a metre of length counts as so many metres
 # of distance.
 LENGTH_WEIGHT = 0.001
+# Wheels that press against a vertical face stand a millimetre or two before it, because contacts give way.
+CONTACT_M = 0.005
 
 
 @dataclass(frozen=True)
@@ -104,15 +106,15 @@ def run_ends(course: Course, extents: CarExtents, runs: RunArrays) -> dict[str, 
 def met_obstacles(
     course: Course, extents: CarExtents, place_m: NDArray[Any], design: NDArray[Any], sample: NDArray[Any]
 ) -> NDArray[Any]:
-    """Return the index of the obstacle that each car (cars,) stood over with its middle at ``place_m``; -1 without one.
+    """Return the index of the obstacle that each car (cars,) touched with its middle at ``place_m``; -1 without one.
 
-    If a car stood over several obstacles, it is the nearest one, or the shorter one of two equally near ones.
+    If a car touched several obstacles, it is the nearest one, or the shorter one of two equally near ones.
     """
     front_m, back_m, side_m = (values[design] for values in (extents.front_m, extents.back_m, extents.side_m))
     nearest_m, obstacles = numpy.full(len(place_m), numpy.inf), numpy.full(len(place_m), -1)
     for obstacle in range(len(course.names)):
         first_m, last_m, gap_m = (values[sample, obstacle] for values in (course.first_m, course.last_m, course.gap_m))
-        over = (place_m + front_m >= first_m) & (place_m - back_m <= last_m) & (gap_m <= side_m)
+        over = (place_m + front_m >= first_m - CONTACT_M) & (place_m - back_m <= last_m + CONTACT_M) & (gap_m <= side_m)
         # A small part of the length is added, so that of equally near obstacles the shorter one is nearer.
         distance_m = numpy.maximum(numpy.maximum(first_m - place_m, place_m - last_m), 0) + LENGTH_WEIGHT * (
             last_m - first_m

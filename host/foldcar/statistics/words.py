@@ -79,9 +79,15 @@ def rate_text(rate: float, low: float, high: float) -> str:
     return f"{percent(rate)} ({percent(low)} to {percent(high)})"
 
 
+def signed(value: float, digits: int) -> str:
+    """Return a number with its sign and so many decimals: ``-1.4``. What rounds to 0 has none: ``0.0``."""
+    rounded = round(value, digits)
+    return f"{rounded:+.{digits}f}" if rounded else f"{0:.{digits}f}"
+
+
 def points(difference: float, sign: bool = True) -> str:
     """Return a difference of rates in whole percentage points, with a sign: ``-30``."""
-    return f"{100 * difference:+.0f}" if sign and round(100 * difference) else f"{abs(100 * difference):.0f}"
+    return signed(100 * difference, 0) if sign else f"{abs(100 * difference):.0f}"
 
 
 def points_text(difference: float) -> str:
@@ -108,6 +114,12 @@ def listed(names: Iterable[str]) -> str:
     if any("," in text for text in texts):
         return "; ".join(texts)
     return f"{', '.join(texts[:-1])} and {texts[-1]}"
+
+
+def estimate_text(value: float, low: float, high: float) -> str:
+    """Return an estimate with its interval: ``1.2 (0.8 to 1.7)``. Below 1 % of the interval's length it is 0."""
+    shown = value if abs(value) >= (high - low) / 100 else 0.0
+    return f"{shown:.3g} ({low:.2g} to {high:.2g})"
 
 
 def count(number: int, noun: str) -> str:

@@ -72,7 +72,7 @@ def read_trials(
     marks: dict[str, str] = {}
     for number, cells in lines:
         if len(cells) < len(header) or any(cells[len(header) :]):
-            raise FoldcarError(f"{file}: line {number}: has {len(cells)} cells, the header {len(header)}")
+            raise FoldcarError(f"{file}: line {number}: has {count(len(cells), 'cell')}, the header {len(header)}")
         row = {name: without_apostrophe(cell) for name, cell in zip(header, cells, strict=False) if cell}
         if separator == ";":
             for name in decimals & row.keys():
@@ -239,7 +239,8 @@ def _number(
         # Only NaN differs from itself; a whole number may be too large for isfinite.
         limit = "not finite" if abs(value) == math.inf or value != value else limit
         raise FoldcarError(f"{place}: {name}: {row[name]} is {limit}")
-    return value
+    # A time of -0 s is 0 s.
+    return value + 0
 
 
 def _time_utc(place: str, text: str) -> str:

@@ -76,6 +76,9 @@ def test_simulation_agrees_if_all_designs_and_their_mean_do(labels: Any, mean_hi
     result, sentence = _verdict(compared, Gap(0.02, -0.1, mean_high, 0.95), 0.15, "simulation")
 
     assert result == verdict and sentence.startswith("Simulation and trials agree within 15 points at 65 ")
+    assert "built cars pass 2 points more often than simulation" in sentence
+    _, sentence = _verdict(compared, Gap(-0.004, -0.1, mean_high, 0.95), 0.15, "simulation")
+    assert "built cars pass as often as simulation" in sentence
 
 
 def test_the_published_table_says_that_simulation_is_optimistic(tmp_path: Path) -> None:

@@ -53,6 +53,14 @@ def test_a_run_ends_at_the_obstacle_that_the_car_stands_over(turn: bool) -> None
     assert ends["goal_m"] == 3
 
 
+def test_a_car_that_presses_against_a_face_touches_the_obstacle() -> None:
+    course = read_course(OBJECTS, {0: scene(0.0)}, 1)
+    # The first kerb begins 0.9 m ahead. The car's front is 2 mm before it, then 2 cm.
+    touching, apart = (run_ends(course, CAR, ended((0, "stuck", place_m))) for place_m in (0.798, 0.78))
+    assert touching is not None and apart is not None
+    assert touching["obstacle"] == [0] and apart["obstacle"] == [-1]
+
+
 def test_without_failures_or_a_goal_there_are_no_ends() -> None:
     course = read_course(OBJECTS, {0: scene(0.0), 1: scene(0.3)}, 2)
     assert run_ends(course, CAR, ended((0, "passed", 3.0))) is None

@@ -2,7 +2,17 @@
 
 import pytest
 
-from foldcar.statistics.words import duration_text, percent, percent_below, percent_number, points_text, threshold_text
+from foldcar.statistics.words import (
+    duration_text,
+    estimate_text,
+    percent,
+    percent_below,
+    percent_number,
+    points,
+    points_text,
+    signed,
+    threshold_text,
+)
 
 
 @pytest.mark.parametrize(
@@ -46,3 +56,15 @@ def test_one_point_is_singular() -> None:
 )
 def test_a_duration_has_two_digits_and_no_exponent(seconds: float, text: str) -> None:
     assert duration_text(seconds) == text
+
+
+def test_what_rounds_to_0_has_no_sign() -> None:
+    assert [signed(value, 1) for value in (-1.44, -0.04, 0.0, 0.04, 0.06)] == ["-1.4", "0.0", "0.0", "0.0", "+0.1"]
+    assert [points(difference) for difference in (-0.3, -0.004, 0.004, 0.3)] == ["-30", "0", "0", "+30"]
+
+
+def test_an_estimate_that_is_0_beside_its_interval_is_shown_as_0() -> None:
+    assert estimate_text(1.16e-5, -0.00734, 0.00741) == "0 (-0.0073 to 0.0074)"
+    assert estimate_text(-2.3e-7, -0.00734, 0.00741) == "0 (-0.0073 to 0.0074)"
+    assert estimate_text(0.00606, -0.0112, 0.0321) == "0.00606 (-0.011 to 0.032)"
+    assert estimate_text(1.0, 0.58, 1.7) == "1 (0.58 to 1.7)"

@@ -223,7 +223,7 @@ def test_ctrl_c_says_how_many_runs_are_stored(widths: Path, tmp_path: Path) -> N
     assert process.returncode == 130, errors
     stored = len(rows_of(tmp_path / "s.db"))
     last = errors.splitlines()[-1]
-    counts = f"40 of 40 runs, and {stored} of 20000 in other realities, are stored in s.db"
+    counts = f"40 of 40 runs, and {stored:,} of 20,000 in other realities, are stored in s.db"
     assert last == f"stopped: {counts}; the same command resumes"
 
 

@@ -33,7 +33,7 @@ def column(name: str, *cells: str) -> str:
         ("vehicle_type|outcome|source\n", r'its columns are separated by "\|"; separate them by commas or semicolons'),
         (HEADER + "W_B_W,95,passed,1\n", "line 2: has 4 cells, the header 5"),
         (HEADER + "\nW_B_W,95,flew,1,me\n", 'line 3: outcome: "flew" is not one of passed, '),
-        (HEADER + "# a comment\nW_B_W,95,passed,1,me\n", "line 2: has 1 cells, the header 5"),
+        (HEADER + "# a comment\nW_B_W,95,passed,1,me\n", "line 2: has 1 cell, the header 5"),
         (HEADER + "W_B_W,95,passed,1,me,more\n", "line 2: has 6 cells, the header 5"),
         (HEADER + 'W_B_W,95,passed,1,"me\n', "line 2: unexpected end of data"),
         (HEADER + 'W_B_W,95,passed,1,"m"e\n', "line 2: ',' expected after '\"'"),
@@ -73,6 +73,11 @@ def test_a_bad_row_keeps_the_others_out(tmp_path: Path, refused: Any) -> None:
 
     assert message == 't.csv: line 3: elapsed_time_s: "x" is not a number'
     assert not (tmp_path / "s.db").exists()
+
+
+def test_a_time_of_minus_0_is_0(tmp_path: Path) -> None:
+    (trial,) = read(tmp_path, column("elapsed_time_s", "-0.0"))
+    assert f"{trial['elapsed_time_s']:.2f}" == "0.00"
 
 
 def test_outcomes_are_read_as_a_spreadsheet_capitalises_them_and_times_in_utc(tmp_path: Path) -> None:

@@ -282,9 +282,8 @@ class _Prover:
                 )
                 obstacle = None if start is None else swept_obstacle(start, end, obstacles, self.joined)
                 if obstacle is not None:
-                    self._add_finding(
-                        place, f"{failure}: {next(iter(fractions_of_creases.values())):.0%} closed, it meets {obstacle}"
-                    )
+                    closed = 100 * next(iter(fractions_of_creases.values()))
+                    self._add_finding(place, f"{failure}: {closed:.0f} % closed, it meets {obstacle}")
                     break
                 start = end
 

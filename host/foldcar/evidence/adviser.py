@@ -148,7 +148,7 @@ class Adviser:
         if first is None:
             return "Want to learn most? Change the family: in simulation and in all realities no design works."
         then = step_text(self.belief, first, AFTERNOON_TRIALS)
-        gained = afternoon(gain) if self.belief.driven else ""
+        gained = afternoon(gain) if self.belief.driven else "So far nothing has tested the simulation."
         if measured is None:
             return f"Want to learn most? {then[0].upper()}{then[1:]}. {gained}".strip()
         first_text = f"Measure {measurement(measured.parameter)} first ({measured.minutes:.0f} minutes)"

@@ -63,7 +63,9 @@ def reaching(belief: Belief, evidence: Evidence, threshold: float) -> str:
         return f"{_capital('; '.join(parts))}."
     best = int(chances.argmax())
     if chances[best] < UNLIKELY:
-        return f"No design is likely to reach {limit}." if len(chances) > 1 else f"It is not likely to reach {limit}."
+        if len(chances) == 1:
+            return f"It is not likely to reach {limit} when built."
+        return f"No design is likely to reach {limit} when built."
     if len(chances) == 1:
         return f"Its chance to reach {limit} is {percent(chances[best])}."
     return f"{_capital(belief.labels[best])} has the best chance to reach {limit}: {percent(chances[best])}."
@@ -79,7 +81,8 @@ def grounds(evidence: Evidence, threshold: float) -> str:
         counts = [
             f"{design.trials_passed} of {len(design.trials)} at {design.label}" for design in driven_designs[:NAMED]
         ]
-        rest = f", of {count(len(driven_designs), 'driven design')}" if len(driven_designs) > NAMED else ""
+        others = len(driven_designs) - NAMED
+        rest = f"; {count(others, 'more design')} {'was' if others == 1 else 'were'} driven" if others > 0 else ""
         sentences.append(f"Trials that passed: {listed(counts)}{rest}.")
     return " ".join(sentences)
 

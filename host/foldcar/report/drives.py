@@ -75,7 +75,8 @@ class PageDrives:
         assert not isinstance(carsim, str)
         if carsim.build != info.carsim_build:
             shown["remarks"].append(
-                f"The runs are of carsim build {info.carsim_build}, this page has {carsim.build}: it may compute others."
+                f"The runs were simulated by another build of foldcar ({info.carsim_build}) than the one in this page "
+                f"({carsim.build}), so a run that the page drives may end otherwise."
             )
         designs, samples = _shown_designs(len(drives.bodies), experiment.recommended), sorted(drives.scenes)[:MAX_SAMPLES]
         self.plan(len(samples))
@@ -95,12 +96,6 @@ class PageDrives:
             shown["remarks"].append(
                 f"The page can simulate {len(designs)} of {count(len(drives.bodies), 'design')} in the first "
                 f"{len(samples)} of {count(len(drives.scenes), 'environment')}."
-            )
-        without_sample = sum(row["environment"] is None for row in shown["trials"])
-        if without_sample:
-            shown["remarks"].append(
-                f"{without_sample} of {count(len(experiment.trials), 'trial')} {'does' if without_sample == 1 else 'do'} "
-                "not say in which sampled environment they were driven, so they cannot be shown on individual runs."
             )
         for row, trial in zip(shown["trials"], experiment.trials, strict=True):
             row["replay"] = _trial(store, blobs, trial)

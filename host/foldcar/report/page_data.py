@@ -7,7 +7,8 @@
   ``thresholds`` (0 to 1, ascending: a design is good if it reaches the last), ``judged`` (whether success is defined),
   ``simulation`` (name of the engine in sentences), ``interval`` (name of the intervals of simulated rates),
   ``environments`` (their number), ``time_limit_s``.
-- ``next``: what to do next, ``{"text", "designs": [index], "why": [text for each]}``, also of `foldcar select`.
+- ``next``: what to do next, also of `foldcar select`: ``{"text", "steps": [{"text", "design": index, or null for a
+  measurement, "gain": 0 to 1, "minutes"}]}``, the steps that were weighed, the best first.
   ``ranges``: sentences on gaps and ends of ranges; ``leader``: index of the design with the highest expected success of
   built cars, or null. ``recommended``: index of the design whose car to take; without a belief that with the highest
   share of passed runs, and null without any of both.
@@ -269,11 +270,17 @@ def _experiment(
 
 
 def _next(names: Sequence[str], selection: Selection) -> dict[str, Any]:
-    """Return the next step, with the indices of the designs of all steps that were weighed, and their texts."""
-    steps = {step.label: step.text for step in reversed(selection.steps) if step.label in names}
-    order = list(dict.fromkeys(step.label for step in selection.steps if step.label in steps))
-    designs = [names.index(label) for label in order]
-    return {"text": selection.learn, "designs": designs, "why": [steps[label] for label in order]}
+    """Return the next step, and the steps that were weighed."""
+    steps = [
+        {
+            "text": step.text,
+            "design": names.index(step.label) if step.label in names else None,
+            "gain": round(step.gain, 6),
+            "minutes": step.minutes,
+        }
+        for step in selection.steps
+    ]
+    return {"text": selection.learn, "steps": steps}
 
 
 def _leader(experiment: Experiment) -> int | None:

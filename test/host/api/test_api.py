@@ -109,7 +109,7 @@ def test_the_examples_in_docstrings_are_true(carsim_binary: Path, tmp_path: Path
     (tmp_path / "listing.json").write_text(json.dumps(listing), encoding="utf-8")
     (tmp_path / "scenarios").symlink_to(STEP_PYRAMIDS.parent)
     monkeypatch.chdir(tmp_path)
-    swept = foldcar.sweep("listing.json", "width.db", jobs=1)
+    swept = foldcar.sweep("listing.json", "study.db", jobs=1)
     names = {"foldcar": foldcar, "study": swept}
     finder, runner = doctest.DocTestFinder(exclude_empty=True), doctest.DocTestRunner()
 

@@ -248,8 +248,10 @@ def test_the_page_prints_what_select_says(store: Callable[..., Path]) -> None:
 
     assert (shown["headline"], shown["grounds"]) == (selected.works, selected.grounds)
     assert shown["next"]["text"] == selected.learn
-    names = [shown["designs"]["name"][index] for index in shown["next"]["designs"]]
-    assert names == list(dict.fromkeys(step.label for step in selected.steps if step.label))
+    steps = shown["next"]["steps"]
+    names = ["" if step["design"] is None else shown["designs"]["name"][step["design"]] for step in steps]
+    assert names == [step.label for step in selected.steps]
+    assert [step["gain"] for step in steps] == pytest.approx([step.gain for step in selected.steps], abs=1e-6)
     assert set(selected.remarks) <= {*shown["remarks"], *shown["realities"]["taught"]}
     assert len(shown["realities"]["rates"]) == 100
     assert selected.works in repr(selected)

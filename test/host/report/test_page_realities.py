@@ -165,7 +165,7 @@ def test_before_a_trial_a_sentence_names_the_unknowns(study: Path) -> None:
             tab.ask("!!document.querySelector('.unknown')"),
         )
 
-    assert text.startswith("No car was driven yet. The simulator does not know friction; ")
+    assert text.startswith("No trial counts yet. The simulator does not know friction; ")
     assert all(label in text for label in LABELS.values()) and not rows
 
 
@@ -271,7 +271,9 @@ def test_two_lines_at_the_top_say_what_to_take_and_what_to_do(study: Path) -> No
         ["Want a car that works?", experiment["headline"]], ["Want to learn most?", experiment["next"]["text"]],
     ]  # fmt: skip
     assert headings == [study_of(study / "after")["title"]]
-    assert steps == (experiment["next"]["why"] if len(experiment["next"]["why"]) > 1 else [])
+    weighed = experiment["next"]["steps"]
+    shown = [f"{step['text']} (+{100 * step['gain']:.1f} points, {step['minutes']} min)" for step in weighed]
+    assert steps == (shown if len(shown) > 1 else [])
 
 
 def test_without_realities_the_page_speaks_of_simulation_and_trials_only(tmp_path: Path, carsim_binary: Path) -> None:

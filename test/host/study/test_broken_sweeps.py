@@ -133,7 +133,7 @@ def test_ctrl_c_stops_keeps_and_says_how_to_go_on(
     stored = stored_runs(tmp_path / "s.db")
     assert 0 < stored < 10000
     rule = "experiment 1: a run has passed if it reaches its Goal, within the time limit\n"
-    assert errors == f"{rule}stopped: {stored} of 10000 runs are stored in {tmp_path / 's.db'}; " \
+    assert errors == f"{rule}stopped: {stored} of 10,000 runs are stored in {tmp_path / 's.db'}; " \
         "the same command resumes\n"  # fmt: skip
     assert output == ""
     assert sorted(file.name for file in tmp_path.iterdir()) == ["listing.json", "s.db"]

@@ -131,7 +131,7 @@ function curveFigure(model) {
     };
   };
   return {
-    title: e.realities && !e.realities.driven ? "A guess from simulation: no car was driven yet" : "",
+    title: e.realities && !e.realities.driven ? "A guess from simulation: no trial counts yet" : "",
     label: `Success by ${axis ? axis.label : "design"}: ${e.realities ? "realities, built cars with 95 % bands, simulation" : "simulation with 95 % bands"}, trials`, table: table(model), option,
     keys: keysOf(legendEntries(e)), numbers: () => designNumbers(e, order, (e.realities?.rates ?? []).map((rates, n) => [`reality_${n + 1}_success`, k => rates[k]])),
     controls: [legend(e)], of: ({ data }) => data?.design ?? null,

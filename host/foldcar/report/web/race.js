@@ -152,7 +152,7 @@ export class Race {
     }
     const proposed = rivals.length ? null : this.contrast(environment);
     if (proposed !== null) choices.push(make("button", { type: "button", class: "add", text: `race ${e.designs.name[proposed]} (${outcome(proposed)})`, onclick: () => { this.join(proposed); this.follow(); } }));
-    if (e.count > 1) choices.push(make("span", { class: "of", text: rivals.length < MAX_RIVALS ? "Press any design on this page: it joins." : "Press any design on this page: it takes the place of the first." }));
+    if (e.count > 1) choices.push(make("span", { class: "of", text: rivals.length < MAX_RIVALS ? "Press any design on this page, and it joins the race." : "Press any design on this page, and it takes the place of the one that joined first." }));
     this.choices.replaceChildren(...choices);
   }
 

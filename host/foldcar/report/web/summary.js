@@ -25,8 +25,11 @@ export function showSummary(model) {
 
 function remark(text) {
   const start = text.length > LONG ? text.slice(0, text.indexOf(": ", 10)) : text;
-  return make("li", {}, start === text || start.length > LONG || !start ? text : make("details", {}, make("summary", { text: `${start} …` }), text));
+  return make("li", {}, ...(start === text || start.length > LONG || !start ? coded(text) : [make("details", {}, make("summary", {}, ...coded(`${start} …`)), ...coded(text))]));
 }
+
+// Commands stand between backticks.
+const coded = text => text.split("`").map((part, k) => (k % 2 ? make("code", { text: part }) : part));
 
 function facts({ count, environments, runs, designs, trials, fixed }) {
   const all = designs.runs.reduce((sum, count) => sum + count, 0), passed = designs.passed.reduce((sum, count) => sum + (count ?? 0), 0);
@@ -43,14 +46,17 @@ function question(text) {
   return [before, ...(asked ? [make("b", { text: asked })] : []), answer];
 }
 
-// The steps that were weighed, each with its design as a button.
-function steps(model, { designs, why }) {
-  if (designs.length < 2) return [];
-  const step = (design, text) => {
+// The steps that were weighed: what each is expected to gain and to take, with its design as a button.
+function steps(model, { steps: weighed }) {
+  if (weighed.length < 2) return [];
+  const line = ({ text, design, gain, minutes }) => {
+    const cost = ` (+${(100 * gain).toFixed(1)} points, ${minutes} min)`;
+    if (design === null) return [text, cost];
     const name = model.e.designs.name[design], [before, ...after] = text.split(name);
-    return after.length ? [before, designButton(model, design), after.join(name)] : [designButton(model, design), ` ${text}`];
+    return [before, designButton(model, design), after.join(name), cost];
   };
-  return [make("p", { class: "of", text: "Steps that were weighed, the best first:" }), make("ol", { class: "named" }, ...designs.map((design, k) => make("li", {}, ...step(design, why[k]))))];
+  return [make("p", { class: "of", text: "Steps that were weighed, by what an hour of each is expected to gain:" }),
+    make("ol", { class: "named" }, ...weighed.map(step => make("li", {}, ...line(step))))];
 }
 
 export function designButton(model, design, text = model.e.designs.name[design]) {

@@ -15,7 +15,7 @@ export function showTaught({ e }) {
 function undriven({ unknowns }) {
   const names = unknowns.map(({ name }) => unknownLabel(name)), measured = unknowns.filter(unknown => unknown.measured !== null).map(({ name }) => unknownLabel(name));
   const known = measured.length ? `Only ${measured.join("; ")} ${measured.length > 1 ? "were" : "was"} measured` : "Of each, only a likely range is known";
-  return make("p", { text: `No car was driven yet. The simulator does not know ${names.slice(0, -1).join("; ")}; and ${names.at(-1)}. ${known}.` });
+  return make("p", { text: `No trial counts yet. The simulator does not know ${names.slice(0, -1).join("; ")}; and ${names.at(-1)}. ${known}.` });
 }
 
 function driven({ unknowns, taught }) {

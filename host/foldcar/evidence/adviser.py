@@ -151,7 +151,8 @@ class Adviser:
         gained = afternoon(gain) if self.belief.driven else "So far nothing has tested the simulation."
         if measured is None:
             return f"Want to learn most? {then[0].upper()}{then[1:]}. {gained}".strip()
-        first_text = f"Measure {measurement(measured.parameter)} first ({measured.minutes:.0f} minutes)"
+        what, minutes = measurement(measured.parameter), f"{measured.minutes:.0f} minutes"
+        first_text = f"Measure {what} first ({minutes}), because success depends on it"
         return f"Want to learn most? {first_text}. Then {then}. {gained}".strip()
 
     def _planned(self, step: Step) -> PlannedStep:

@@ -31,7 +31,7 @@ def works(belief: Belief, evidence: Evidence, threshold: float) -> str:
     best = answers.best
     rate = answers.built[best]
     guess = "" if belief.driven else f", a guess from simulation: {no_trial_text(evidence, 'no car was driven yet')}"
-    text = f"{_capital(labels[best])}: {band_text(rate)} for a further car{guess}."
+    text = f"{_capital(labels[best])}: {band_text(rate)} for a {'further' if belief.driven else 'built'} car{guess}."
     owned = car_to_take(belief)
     if owned is not None:
         text = (

@@ -127,7 +127,7 @@ def test_before_trials_a_guess_is_called_a_guess(store: Callable[..., Path]) -> 
 
     (selection,) = advise(path)
 
-    assert re.match(r"Want a car that works\? 95 mm: \d+ % \(.* to .*\) for a further car, a guess from", selection.works)
+    assert re.match(r"Want a car that works\? 95 mm: \d+ % \(.* to .*\) for a built car, a guess from", selection.works)
     assert selection.learn.startswith("Want to learn most? ")
     assert selection.leader == {"width_mm": 95.0, "height_mm": 50.0}
     assert not selection.enough
@@ -206,7 +206,7 @@ def test_what_was_measured_is_not_proposed_again(store: Callable[..., Path]) -> 
         writer.measure("1", {"obstacle_height": 1.0})
     (after,) = advise(path)
 
-    assert "Measure the obstacles' height first (10 minutes). Then build " in before.learn
+    assert "Measure the obstacles' height first (10 minutes), because success depends on it. Then build " in before.learn
     assert "obstacles" not in after.learn
     assert (before.steps[0].kind, before.steps[0].parameter) == ("measure", "obstacle_height")
 

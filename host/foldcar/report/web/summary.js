@@ -55,7 +55,7 @@ function steps(model, { steps: weighed }) {
     const name = model.e.designs.name[design], [before, ...after] = text.split(name);
     return [before, designButton(model, design), after.join(name), cost];
   };
-  return [make("p", { class: "of", text: "Steps that were weighed, by what an hour of each is expected to gain:" }),
+  return [make("p", { class: "of", text: "Steps that were weighed, the greatest expected gain for an hour first:" }),
     make("ol", { class: "named" }, ...weighed.map(step => make("li", {}, ...line(step))))];
 }
 

@@ -29,6 +29,8 @@ ego = new Robot at (0, 0), facing -90 deg
 terminate when ego.position.x > 19
 record final ego.position.x as way
 """
+# Programs are read again when they are drawn from.
+PROGRAMS = tempfile.TemporaryDirectory()
 # Specifiers of the objects' orientation, by their names in the table.
 TURNS = {
     "headings given": "facing 90 deg",
@@ -80,10 +82,9 @@ def sampling_ms(turn: str) -> float:
 
 
 def _source(text: str) -> Any:
-    with tempfile.TemporaryDirectory() as folder:
-        program = Path(folder, "program.scenic")
-        program.write_text(text)
-        return open_environment(program, {}, 1)
+    program = Path(tempfile.mkdtemp(dir=PROGRAMS.name), "program.scenic")
+    program.write_text(text)
+    return open_environment(program, {}, 1)
 
 
 def _least_ms(*actions: Callable[[], Any]) -> list[float]:

@@ -2,7 +2,7 @@
 
 import { designTip, linked, scale } from "./belief.js";
 import { Chart, axisBetween, axisStyle, band, fadedColour, scaleKeys, successAxis, successColour, tooltip } from "./charts.js";
-import { columnName, designNumbers } from "./csv.js";
+import { designNumbers } from "./csv.js";
 import { BELIEF, SIMULATED, hasValues, isSuccess, number, percent, shownSuccess, valueText, withUnit } from "./data.js";
 import { designColumns } from "./design_table.js";
 import { byId, context2d, make, select } from "../../figures/web/dom.js";

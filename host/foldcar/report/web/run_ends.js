@@ -1,7 +1,6 @@
 // Where runs that did not pass ended: a histogram along the way to the goal, with the obstacles under it, and a sentence.
 
 import { Chart, OUTCOMES, axisBetween, axisStyle, outcomeKey, outcomeKeys, tooltip } from "./charts.js";
-import { columnName } from "./csv.js";
 import { counted, number, percent } from "./data.js";
 import { make } from "../../figures/web/dom.js";
 

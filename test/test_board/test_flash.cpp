@@ -242,6 +242,7 @@ TEST(a_log_is_removed_but_not_while_it_is_written) {
   TEST_ASSERT_TRUE(board->logs.remove(2));
   reset_board(board);
   TEST_ASSERT_TRUE(board->logs.range().is_empty());
+  TEST_ASSERT_EQUAL_UINT16(0, board->logs.range().count());
 }
 
 // The supply fails most easily when the wheels start.
@@ -306,6 +307,8 @@ TEST(numbers_wrap_around_and_the_oldest_log_still_goes_first) {
   reset_board(board);
   TEST_ASSERT_EQUAL_UINT16(65534, board->logs.range().oldest);
   TEST_ASSERT_EQUAL_UINT16(2, board->logs.range().newest);
+  // 65534, 65535, 1 and 2.
+  TEST_ASSERT_EQUAL_UINT16(4, board->logs.range().count());
   TEST_ASSERT_EQUAL_UINT16(3, store(*board, "newest"));
   prepare(*board);
   TEST_ASSERT_EQUAL_UINT16(65535, board->logs.range().oldest);

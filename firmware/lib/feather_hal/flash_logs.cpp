@@ -153,7 +153,7 @@ bool FlashLogs::remove(std::uint16_t id) {
   return esp_partition_write(partition_, slot * kSlotSize, kRemoved.data(), kRemoved.size()) == ESP_OK;
 }
 
-LogRange FlashLogs::range() {
+LogRange FlashLogs::range() const {
   LogRange result;
   if (!present()) return result;
   for (const std::uint16_t id : ids_) result.add(id);
@@ -198,13 +198,14 @@ bool FlashLogs::is_whole(const Page& page) {
   return page[0] > 0 && page[0] <= kContent && page[kPage - 2] == sum >> 8 && page[kPage - 1] == (sum & 0xFF);
 }
 
-bool FlashLogs::block_is_blank(std::size_t slot, std::size_t block) {
+bool FlashLogs::block_is_blank(std::size_t slot, std::size_t block) const {
   Page page;
   for (std::size_t number = 0; number < kBlock / kPage; ++number) {
     if (!read_page(slot, block * kBlock / kPage + number, page)) return false;
     // A slot that was prepared before a reset has its number already. To program the same bytes again changes nothing.
     const bool is_numbered = block == 0 && number == 0 && read_number(slot) == next_log_number(range().newest);
-    if (std::any_of(page.begin() + (is_numbered ? kHeaderSize : 0), page.end(), [](std::uint8_t byte) { return byte != kErased; })) return false;
+    const auto is_programmed = [](std::uint8_t byte) { return byte != kErased; };
+    if (std::any_of(page.begin() + (is_numbered ? kHeaderSize : 0), page.end(), is_programmed)) return false;
   }
   return true;
 }

@@ -34,7 +34,7 @@ class FlashLogs : public LogStorage {
   std::size_t size(std::uint16_t id) override;
   std::size_t read(std::uint16_t id, std::size_t offset, std::uint8_t* data, std::size_t size) override;
   bool remove(std::uint16_t id) override;
-  LogRange range() override;
+  LogRange range() const override;
 
  private:
   static constexpr std::size_t kSlots = kLogsKept + 1;
@@ -57,7 +57,7 @@ class FlashLogs : public LogStorage {
   // Whether a page has been programmed as a whole.
   static bool is_whole(const Page& page);
   // Whether nothing needs to be erased in a block.
-  bool block_is_blank(std::size_t slot, std::size_t block);
+  bool block_is_blank(std::size_t slot, std::size_t block) const;
 
   const esp_partition_t* partition_ = nullptr;
   std::array<std::uint16_t, kSlots> ids_{};  // of the log in each slot, 0 in an empty one

@@ -111,7 +111,7 @@ class LogStorage {
   virtual bool remove(std::uint16_t id) = 0;
   // The oldest and the newest log; both 0 without any. A log may be missing between them, and one that has just been created
   // counts.
-  virtual LogRange range() = 0;
+  virtual LogRange range() const = 0;
 };
 
 // Why the board has started, numbered as the ESP32 does (esp_reset_reason).

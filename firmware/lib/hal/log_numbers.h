@@ -17,11 +17,18 @@ struct LogRange {
   std::uint16_t oldest = 0, newest = 0;
 
   bool is_empty() const { return newest == 0; }
+  // The number of logs, if none is missing between the oldest and the newest.
+  std::uint16_t count() const {
+    if (is_empty()) return 0;
+    // Number 0 is left out where numbers begin anew.
+    return static_cast<std::uint16_t>(newest - oldest + (newest < oldest ? 0 : 1));
+  }
   // id: of a log, or 0 for none.
   void add(std::uint16_t id) {
     if (id == 0) return;
-    if (is_empty() || is_newer_log(oldest, id)) oldest = id;
-    if (newest == 0 || is_newer_log(id, newest)) newest = id;
+    const bool is_first = is_empty();
+    if (is_first || is_newer_log(oldest, id)) oldest = id;
+    if (is_first || is_newer_log(id, newest)) newest = id;
   }
 };
 

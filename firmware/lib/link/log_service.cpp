@@ -79,10 +79,7 @@ void LogService::send_entry(std::uint16_t id) {
   const LogRange logs = storage_.range();
   mavlink_log_entry_t content{};
   content.id = id;
-  for (std::uint16_t other = logs.oldest; other > 0; other = next_log_number(other)) {
-    ++content.num_logs;
-    if (other == logs.newest) break;
-  }
+  content.num_logs = logs.count();
   content.last_log_num = logs.newest;
   content.size = static_cast<std::uint32_t>(storage_.size(id));
   outbox_.send(mavlink_msg_log_entry_encode_status, content, Priority::kAnswer);

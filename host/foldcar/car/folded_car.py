@@ -5,7 +5,7 @@ module the settings that depend on other modules: its segment's ends, the floor 
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 
@@ -18,7 +18,7 @@ from foldcar.car.components.module import BrainModule, ElectronicsModule
 from foldcar.car.components.mounts import ROD_LAYER_MM, put_switch, servo_reach_mm, switch_depth_mm
 from foldcar.car.components.shape import Shape
 from foldcar.car.components.wheel import Wheel
-from foldcar.car.design import HINGE, Design, DesignError
+from foldcar.car.design import HINGE, Design, DesignError, compose_columns
 from foldcar.car.design_parameters import places_of
 from foldcar.car.folded.model import FoldedCar, HingeJoint, PlacedPiece, Wire
 from foldcar.car.folded.pose import apply, compose, edge, folded, rotation, translation
@@ -26,6 +26,7 @@ from foldcar.car.folded.stance import center_mm, standing
 from foldcar.car.leads import with_extensions
 from foldcar.car.parts.catalogue import Catalogue, PartChoices, catalogue_of
 from foldcar.car.user_modules import component_errors, forbid_new_files
+from foldcar.errors import FoldcarError
 
 
 class Car(Component):
@@ -80,6 +81,17 @@ class Car(Component):
 def folded_car(design: Design) -> FoldedCar:
     """Return the folded car of a design. Raises DesignError if its parts do not fit."""
     return _folded_car(design.letters, tuple(design.values.items()), design.choices)
+
+
+def folded_columns(vehicle_type: str, columns: Mapping[str, float | str]) -> FoldedCar | None:
+    """Return the folded car of a row of results, as of ``{"width_mm": 95}``; None if this foldcar cannot fold it.
+
+    Then the file of its components is missing, or has changed since.
+    """
+    try:
+        return folded_car(compose_columns(vehicle_type, columns))
+    except (FoldcarError, ValueError):
+        return None
 
 
 @lru_cache(maxsize=64)

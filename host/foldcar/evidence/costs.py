@@ -9,10 +9,8 @@ import math
 from functools import lru_cache
 from pathlib import Path
 
-from foldcar.car.design import compose_columns
 from foldcar.car.folded.weight import film_area_cm2
-from foldcar.car.folded_car import folded_car
-from foldcar.errors import FoldcarError
+from foldcar.car.folded_car import folded_columns
 from foldcar.evidence.design_evidence import DesignEvidence
 
 _DATA = json.loads(Path(__file__).with_name("costs.json").read_text(encoding="utf-8"))
@@ -50,8 +48,5 @@ def sheets_of(design: DesignEvidence) -> int | None:
 @lru_cache
 def _sheets(vehicle_type: str, design: tuple[tuple[str, float | str], ...]) -> int | None:
     """Return the number of sheets of a car; None if the design cannot be folded."""
-    try:
-        area_cm2 = film_area_cm2(folded_car(compose_columns(vehicle_type, dict(design))))
-    except (FoldcarError, ValueError):
-        return None
-    return math.ceil(area_cm2 / (SHEET_CM2 * FILLING))
+    car = folded_columns(vehicle_type, dict(design))
+    return None if car is None else math.ceil(film_area_cm2(car) / (SHEET_CM2 * FILLING))

@@ -19,9 +19,7 @@ from numpy.typing import NDArray
 
 from foldcar.belief.priors import MAX_SCORE, PARAMETERS
 from foldcar.belief.reality import REAL_ONLY, start_deviates
-from foldcar.car.design import compose_columns
-from foldcar.car.folded_car import folded_car
-from foldcar.errors import FoldcarError
+from foldcar.car.folded_car import folded_columns
 from foldcar.fabrication.assembly.scene_shape import SceneShapes, drawn_body
 from foldcar.figures.scene_data import ground_data
 from foldcar.report.page_data import Experiment
@@ -199,10 +197,8 @@ def _car_blobs(info: ExperimentInfo, drives: StoredDrives, designs: Sequence[int
 
 def _parts(info: ExperimentInfo, parameters: Mapping[str, Any], shapes: SceneShapes) -> list[dict[str, Any]] | None:
     """Return the folded car's parts; None if this foldcar cannot fold it: then the page shows its body's boxes."""
-    try:
-        return shapes.add(folded_car(compose_columns(info.vehicle_type, parameters)))
-    except (FoldcarError, ValueError):
-        return None
+    car = folded_columns(info.vehicle_type, parameters)
+    return None if car is None else shapes.add(car)
 
 
 def _trial(store: Store, blobs: Blobs, trial: Trial) -> dict[str, Any]:

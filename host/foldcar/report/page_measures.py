@@ -12,10 +12,8 @@ from typing import Any
 import numpy
 from numpy.typing import NDArray
 
-from foldcar.car.design import compose_columns
 from foldcar.car.folded.weight import film_area_cm2
-from foldcar.car.folded_car import folded_car
-from foldcar.errors import FoldcarError
+from foldcar.car.folded_car import folded_columns
 from foldcar.simulation.results import NUMBERS, OUTCOMES
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
@@ -86,7 +84,5 @@ def _masses_g(store: Store, info: ExperimentInfo, number: int) -> NDArray[Any]:
 
 
 def _area_cm2(info: ExperimentInfo, design: Mapping[str, Any]) -> float:
-    try:
-        return film_area_cm2(folded_car(compose_columns(info.vehicle_type, design)))
-    except (FoldcarError, ValueError):
-        return numpy.nan
+    car = folded_columns(info.vehicle_type, design)
+    return numpy.nan if car is None else film_area_cm2(car)

@@ -5,9 +5,7 @@ from dataclasses import dataclass
 
 from markupsafe import Markup
 
-from foldcar.car.design import compose_columns
-from foldcar.car.folded_car import folded_car
-from foldcar.errors import FoldcarError
+from foldcar.car.folded_car import folded_columns
 from foldcar.fabrication.assembly.finished_car import finished_car
 from foldcar.report.page_data import Experiment
 
@@ -28,10 +26,8 @@ def stills(experiments: Iterable[Experiment]) -> list[Still]:
         if experiment.recommended is None:
             continue
         design = experiment.evidence.family[experiment.recommended]
-        try:
-            folded = folded_car(compose_columns(design.vehicle_type, design.design))
-        except (FoldcarError, ValueError):
-            # The component's file is not here, or is another one.
-            continue
-        result.append(Still(experiment.name, design.label, finished_car(folded, f"The folded car, {design.label}").svg))
+        folded = folded_columns(design.vehicle_type, design.design)
+        if folded is not None:
+            picture = finished_car(folded, f"The folded car, {design.label}")
+            result.append(Still(experiment.name, design.label, picture.svg))
     return result

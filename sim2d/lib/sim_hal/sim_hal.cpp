@@ -86,7 +86,7 @@ std::size_t SimLogs::read(std::uint16_t id, std::size_t offset, std::uint8_t* da
 
 bool SimLogs::remove(std::uint16_t id) { return id != open_ && logs.erase(id) > 0; }
 
-LogRange SimLogs::range() {
+LogRange SimLogs::range() const {
   LogRange result;
   for (const auto& [id, content] : logs) result.add(id);
   return result;

@@ -79,7 +79,7 @@ struct SimLogs : LogStorage {
   std::size_t size(std::uint16_t id) override;
   std::size_t read(std::uint16_t id, std::size_t offset, std::uint8_t* data, std::size_t size) override;
   bool remove(std::uint16_t id) override;
-  LogRange range() override;
+  LogRange range() const override;
 
  private:
   std::uint16_t open_ = 0;  // number of the open log, 0 for none

@@ -22,6 +22,14 @@ export function context2d(canvas) {
   }
 }
 
+// Whether the reader has asked the system for pictures that do not move by themselves.
+export const PREFERS_NO_MOTION = matchMedia("(prefers-reduced-motion: reduce)").matches;
+
+// The key to a chart's marks: of each the class that draws it, and its meaning.
+export function legend(entries) {
+  return make("span", { class: "legend" }, ...entries.map(([kind, text]) => make("span", {}, make("i", { class: `key ${kind}` }), text)));
+}
+
 // A list of choices: [[value, text]].
 export function select(label, options, value, act) {
   const list = make("select", { onchange: () => act(list.value) });

@@ -1,9 +1,9 @@
 // A scene with cars that drive in it, as recorded: mountScene is all that pages need.
 //
 // ground: a Ground of ground.js. A run is {design, label, colour, path, car, ghost, outcome, attitude, pulses}: path of path.js or
-// null, car {body, shape} of car.js, ghost: whether it is shown transparent, outcome: contact
-// marks at its end show where a stuck car hangs and on what a tipped one lies; attitude: rows of time, pitch, roll of a trial
-// without a path; pulses: rows of time and eight widths. Metres, seconds, radians, microseconds.
+// null, car {body, shape} of car.js, ghost: whether it is shown transparent, outcome: contact marks at its end show where a
+// stuck car hangs and on what a tipped one lies, attitude: rows of time, pitch, roll of a trial without a path, pulses: rows
+// of time and eight widths. Metres, seconds, radians, microseconds.
 
 import * as THREE from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
@@ -22,8 +22,8 @@ const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 4];
 const MARK = 0xd55e00, MARK_M = 0.006;
 const SEEN_M = 0.62, SIDE_M = 1.15;
 
-// Builds the picture, its controls and strips inside element; onTime(t_s, playing) is called after every picture and at every stop. Pages use
-// setGround, time, play, pause, now and end_s. plain: with the button and the clock alone.
+// Builds the picture, its controls and strips inside element; onTime(t_s, playing) is called after every picture and at every
+// stop. Pages use setGround, time, play, pause, now and end_s. plain: with the button and the clock alone.
 export const mountScene = (element, options) => new Mounted(element, options);
 
 class Mounted {

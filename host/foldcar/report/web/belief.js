@@ -4,7 +4,7 @@ import { Chart, axisStyle, band, fadedColour, intervals, keysOf, scaleKeys, succ
 import { columnName, designNumbers } from "./csv.js";
 import { evidence, percent, shownSuccess, thresholdText, withUnit } from "./data.js";
 import { RealityLine, realityCurves } from "./realities.js";
-import { byId, make, select } from "../../figures/web/dom.js";
+import { byId, legend, make, select } from "../../figures/web/dom.js";
 
 // Values of a parameter that have cells of their own in the map.
 const MAX_CELLS = 40;
@@ -134,7 +134,7 @@ function curveFigure(model) {
     title: e.realities && !e.realities.driven ? "A guess from simulation: no trial counts yet" : "",
     label: `Success by ${axis ? axis.label : "design"}: ${e.realities ? "realities, built cars with 95 % bands, simulation" : "simulation with 95 % bands"}, trials`, table: table(model), option,
     keys: keysOf(legendEntries(e)), numbers: () => designNumbers(e, order, (e.realities?.rates ?? []).map((rates, n) => [`reality_${n + 1}_success`, k => rates[k]])),
-    controls: [legend(e)], of: ({ data }) => data?.design ?? null,
+    controls: [legend(legendEntries(e))], of: ({ data }) => data?.design ?? null,
   };
 }
 
@@ -143,10 +143,6 @@ function legendEntries(e) {
   const keys = [...(e.realities ? built : []), ["simulation", e.realities ? "runs that passed" : "runs that passed, 95 % band"], ...e.engines.map(({ name }, n) => [n ? "engine dotted" : "engine", name])];
   if (e.designs.trials.some(count => count)) keys.push(["trials", "trials"]);
   return keys;
-}
-
-function legend(e) {
-  return make("span", { class: "legend" }, ...legendEntries(e).map(([kind, text]) => make("span", {}, make("i", { class: `key ${kind}` }), text)));
 }
 
 // Where a design stands in the map: its cell, and in it a place of its own among those that differ in what is not drawn.
@@ -218,7 +214,7 @@ function mapFigure(model) {
     title: mapTitle(e), label: `Success over ${axes[0].label} and ${axes[1].label}`, table: table(model), option,
     keys: theme => [...scaleKeys(), ...keysOf(e.designs.trials.some(Boolean) ? [["driven", "driven"]] : [])(theme)], numbers: () => designNumbers(e),
     controls: [select("→", options, axes[0].key, pick("mx")), select("↑", options, axes[1].key, pick("my")), scale(),
-      make("span", { class: "legend" }, make("span", {}, make("i", { class: "key driven" }), "driven")),
+      legend([["driven", "driven"]]),
       make("span", { class: "note", text: rest.length && apart && side > 1 ? `In a cell: every ${rest.join(", ")}.` : "" })],
     of: ({ data }) => data?.design ?? null,
   };
@@ -265,7 +261,7 @@ function frontFigure(model) {
       rows: shown.map(({ design, values, low, high, fresh, beaten }) => [e.designs.name[design], ...objectives.flatMap((_, k) => [values[k], fresh ? low[k] : null, fresh ? high[k] : null]), Boolean(fresh), Boolean(beaten)]),
     }),
     keys: keysOf([["belief", "non-dominated in fresh environments; small: rates of the search, which are biased upwards"]]),
-    controls: [make("span", { class: "legend" }, make("span", {}, make("i", { class: "key belief" }), "non-dominated in fresh environments"), "large: checked in these, with 95 % intervals; small: rates of the search, which are biased upwards")],
+    controls: [legend([["belief", "non-dominated in fresh environments"]]), make("span", { class: "note", text: "large: checked in these, with 95 % intervals; small: rates of the search, which are biased upwards" })],
     of: ({ data }) => data?.design ?? null,
   };
 }

@@ -7,8 +7,9 @@ import { csvButton } from "./downloads.js";
 import { designButton } from "./summary.js";
 import { byId, make } from "../../figures/web/dom.js";
 
-// Rows on the screen, and on paper.
-const MAX_ROWS = 500, BEST = 10;
+// Rows of a table on the screen, and on paper.
+export const MAX_ROWS = 500;
+const BEST = 10;
 const LIMIT = /([^\s<>=]+)\s*(<=|>=|<|>|=)\s*(\S+)/g;
 const HOLDS = { "<": (a, b) => a < b, "<=": (a, b) => a <= b, ">": (a, b) => a > b, ">=": (a, b) => a >= b, "=": (a, b) => a === b };
 const shortName = text => text.toLowerCase().replaceAll(" ", "_");

@@ -4,7 +4,7 @@ import { designTip, linked, scale } from "./belief.js";
 import { Chart, axisBetween, axisStyle, band, fadedColour, scaleKeys, successAxis, successColour, tooltip } from "./charts.js";
 import { designNumbers } from "./csv.js";
 import { BELIEF, SIMULATED, hasValues, isSuccess, number, percent, shownSuccess, valueText, withUnit } from "./data.js";
-import { designColumns } from "./design_table.js";
+import { designColumns, MAX_ROWS } from "./design_table.js";
 import { byId, context2d, make, select } from "../../figures/web/dom.js";
 
 // Sides of the parallel axes, height of a line of their headings, space between two headings, size of their letters (px).
@@ -107,9 +107,6 @@ function effectFigure(e, { parameter, grid, mean, low, high, curves, over }) {
 }
 
 const shownDesigns = ({ e, within }) => designNumbers(e, [...Array(e.count).keys()].filter(k => within[k]));
-
-// Rows of the table behind a chart.
-const MAX_ROWS = 500;
 
 function designTable({ e, within }) {
   const columns = designColumns(e), shown = [...Array(e.count).keys()].filter(k => within[k]).slice(0, MAX_ROWS);

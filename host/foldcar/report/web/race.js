@@ -4,12 +4,11 @@
 import { MAX_RIVALS } from "./address.js";
 import { GHOST_COLOURS } from "./drives.js";
 import { cannotSimulate } from "./simulators.js";
-import { byId, make, select } from "../../figures/web/dom.js";
+import { byId, make, PREFERS_NO_MOTION, select } from "../../figures/web/dom.js";
 import { mountScene } from "../../figures/web/scene.js";
 
 // How often it drives by itself, and the rest between.
 const DRIVES = 2, REST_MS = 1200;
-const PREFERS_NO_MOTION = matchMedia("(prefers-reduced-motion: reduce)").matches;
 
 export class Race {
   constructor(model) {

@@ -1,14 +1,13 @@
 // Where the chosen run drives, simulated by the page, with other designs and trials of its environment laid over it.
 
 import { mountScene, pathOfRows } from "../../figures/web/scene.js";
-import { byId, make } from "../../figures/web/dom.js";
+import { byId, make, PREFERS_NO_MOTION } from "../../figures/web/dom.js";
 import { number } from "./data.js";
 import { GHOST_COLOURS } from "./drives.js";
 import { cannotSimulate, readBlob } from "./simulators.js";
 
 // Times in the address have two decimals.
 const ROUNDING_S = 0.006;
-const PREFERS_NO_MOTION = matchMedia("(prefers-reduced-motion: reduce)").matches;
 
 export class ReplayPlace {
   // model: {e: the experiment, drives: of drives.js, state, write()}. A run that is laid over is named d<design> or t<trial>.

@@ -8,7 +8,7 @@ import { columnName, designNumbers } from "./csv.js";
 import { counted, number, percent, shownUnit, unknownLabel, wilson, withUnit } from "./data.js";
 import { LATER, SOON } from "./drives.js";
 import { cannotSimulate } from "./simulators.js";
-import { byId, make } from "../../figures/web/dom.js";
+import { byId, legend, make } from "../../figures/web/dom.js";
 
 const NOTE = "Each slider is a property that the simulator does not know. The mark below it is the simulated value. Moving it simulates all designs again, in this page.";
 const REDRAW_MS = 250, WAIT_MS = 120;
@@ -33,7 +33,7 @@ export class WhatIf {
     this.fields = new Map();
     const figure = make("figure", {});
     byId("whatif-sliders").replaceChildren(...this.sliders.map(slider => this.row(slider)), this.buttons());
-    byId("whatif-chart").replaceChildren(this.legend(), figure);
+    byId("whatif-chart").replaceChildren(legend(this.legendEntries()), figure);
     byId("whatif-single").replaceChildren();
     this.chart = new Chart(figure, this.figure());
     this.charts.push(this.chart);
@@ -214,10 +214,6 @@ export class WhatIf {
 
   legendEntries() {
     return this.model.e.parameters.length === 1 ? [["engine", "as simulated"], ["whatif", "what if, with 95 % interval"], ["trials", "trials"]] : [["whatif", "a design, with 95 % interval"], ["trials", "a design with trials"]];
-  }
-
-  legend() {
-    return make("span", { class: "legend" }, ...this.legendEntries().map(([kind, text]) => make("span", {}, make("i", { class: `key ${kind}` }), text)));
   }
 
   async copy() {

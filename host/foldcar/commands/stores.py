@@ -14,6 +14,7 @@ from foldcar.commands.options import (
     counts_text,
     output_file,
     print_lines,
+    print_note,
 )
 from foldcar.errors import FoldcarError
 from foldcar.statistics.words import count
@@ -52,12 +53,15 @@ def merge(
     \b
     Example: foldcar merge monday.db tuesday.db -o study.db
     """
+    from foldcar.store.check import damaged_logs
     from foldcar.store.merge import merge_stores
 
     if len(stores) < 2:
         raise FoldcarError("merge: name two stores or more")
     check_distinct(stores, [output])
     row_counts = merge_stores(stores, output)
+    for damage in damaged_logs(output):
+        print_note(f"{output}: {damage}")
     print_lines(f"{output}: {counts_text({table: row_counts[table] for table in ('run', 'experiment', 'trial')})}")
 
 

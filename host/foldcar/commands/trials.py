@@ -188,11 +188,14 @@ def import_file(
     from foldcar.outputs import is_database
 
     if is_database(file):
+        from foldcar.store.check import damaged_logs
         from foldcar.store.trial_import import take_trials
 
         if experiment is not None:
             raise FoldcarError("trials import: --experiment: has no effect on the trials of a store; leave it out")
         taken = take_trials(store, file)
+        for damage in damaged_logs(store):
+            print_note(f"{store}: {damage}")
         print_lines(_imported_text(taken.new, taken.known, store))
         return
     from foldcar.store.trial_writer import write_trials

@@ -14,8 +14,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from foldcar.simulation.results import NUMBERS
+from foldcar.statistics.words import count
 from foldcar.store.connection import connect_reading, numbers_beyond_limits
-from foldcar.store.errors import SQLITE_ERRORS, StoreError
+from foldcar.store.errors import SQLITE_ERRORS, StoreError, store_errors
 from foldcar.store.log_files import log_file, logs_folder, sha256_of, store_folder
 from foldcar.store.reader import Store
 from foldcar.store.rows import read_rows
@@ -71,9 +72,15 @@ def missing_references(connection: sqlite3.Connection) -> list[str]:
     ).fetchone()
     # The plus leaves out pairs of tables without missing rows.
     return [
-        f"table {name}: {count} rows refer to missing rows of {referred}"
-        for (name, referred), count in sorted((+missing).items())
+        f"table {name}: {count(number, 'row')} {'refers' if number == 1 else 'refer'} to missing rows of {referred}"
+        for (name, referred), number in sorted((+missing).items())
     ]
+
+
+def damaged_logs(path: Path) -> list[str]:
+    """Return a line for each log of a store that is missing, damaged or without a trial. Raises StoreError."""
+    with contextlib.closing(connect_reading(path)) as connection, store_errors(path):
+        return _check_logs(path, connection)[1]
 
 
 def _check_logs(path: Path, connection: sqlite3.Connection) -> tuple[int, list[str]]:

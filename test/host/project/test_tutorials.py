@@ -3,7 +3,8 @@
 In a block marked `console` a line that begins with `$ ` is a command, `> ` continues it, and the lines below are its
 output, in order. On the page, … stands for any text within a line, and for any lines if it is a line of its own.
 `foldcar link` runs in the background; its port replaces the page's in all commands and outputs below. Commands print on
-a terminal of 80 columns, as a reader's.
+a terminal of 80 columns, as a reader's. They leave nothing outside their folder and the checkout: not in the reader's
+home, not in the folder for temporary files.
 """
 
 import contextlib
@@ -83,9 +84,15 @@ class Shell:
         program.write_text(f'#!/bin/sh\nexec {sys.executable} -m foldcar "$@"\n')
         program.chmod(0o755)
         self.folder = folder
+        self.outside = [folder.with_name(f"{folder.name}-{name}") for name in ("home", "temporary")]
+        for place in self.outside:
+            place.mkdir()
+        home, temporary = map(str, self.outside)
+        # The reader has not chosen where caches are.
+        own = {name: value for name, value in os.environ.items() if not name.startswith(("XDG_", "MPLCONFIGDIR"))}
         self.environment = {
-            **os.environ, "PATH": f"{programs}:{os.environ['PATH']}", "COLUMNS": str(WIDTH), "TERM": "xterm",
-            "PYTHONUNBUFFERED": "1",
+            **own, "HOME": home, "TMPDIR": temporary, "PATH": f"{programs}:{os.environ['PATH']}", "COLUMNS": str(WIDTH),
+            "TERM": "xterm", "PYTHONUNBUFFERED": "1",
         }  # fmt: skip
         self.port = PAGE_PORT
         self.car: subprocess.Popen[str] | None = None
@@ -144,3 +151,5 @@ def test_the_tutorials_commands_print_what_their_pages_show(shell: Shell, carsim
             expected = pattern_of([line.replace(PAGE_PORT, shell.port) for line in shown])
             message = "\n".join([f"{name}.md shows for {command}", *shown, "but it prints", output])
             assert re.fullmatch(expected, output), message
+    shell.unplugs()
+    assert [file for place in shell.outside for file in place.rglob("*")] == []

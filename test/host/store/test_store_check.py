@@ -55,7 +55,7 @@ def test_lost_references_are_found(store: Path) -> None:
     alter(store, "DELETE FROM scene WHERE id = 1")
     alter(store, "DELETE FROM run WHERE outcome = 'passed'")
     findings = check_store(store).findings
-    assert "table sample: 1 rows refer to missing rows of scene" in findings
+    assert "table sample: 1 row refers to missing rows of scene" in findings
     assert any(finding.startswith("table recorded: ") and "rows of run" in finding for finding in findings)
 
 

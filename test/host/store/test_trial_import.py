@@ -94,6 +94,22 @@ def test_the_trials_of_every_version_come_with_all_that_belongs_to_them(
     assert old.read_bytes() == (STORES / old.name).read_bytes()
 
 
+def test_a_log_that_was_changed_or_lost_is_named(old_store: Path, foldcar: Any) -> None:
+    changed, lost = (sorted(old_store.parent.rglob("trial-*.tlog")))[:2]
+    changed.write_bytes(b"something else")
+    lost.unlink()
+
+    done = foldcar("trials", "import", "new/s.db", old_store)
+    foldcar("trials", "import", "other/s.db", old_store)
+    merged = foldcar("merge", "new/s.db", "other/s.db", "-o", "m.db")
+
+    assert done.stdout == "4 trials imported, 1 to 4; store: new/s.db\n"
+    first, second = done.stderr.splitlines()
+    assert first.startswith("note: new/s.db: trial (id=1): its log ") and first.endswith("not match its SHA-256")
+    assert second.startswith("note: new/s.db: trial (id=2): its log ") and second.endswith(" is missing")
+    assert merged.stderr == done.stderr.replace("new/s.db", "m.db").replace("log new/", "log "), merged.stderr
+
+
 def test_an_older_version_that_lacks_a_column_is_read(
     old_store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

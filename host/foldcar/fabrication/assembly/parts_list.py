@@ -31,6 +31,7 @@ from foldcar.fabrication.assembly.wiring import optional_parts
 from foldcar.fabrication.patterns.drawing import Sheet
 from foldcar.figures.page import page_template
 from foldcar.shown_text import spreadsheet_cell
+from foldcar.statistics.words import count
 
 # Cells in a holder.
 CELLS = 4
@@ -143,7 +144,7 @@ def _film_rows(folded: FoldedCar, sheets: Sequence[Sheet]) -> Iterator[Row]:
             own_sheets = [sheet for sheet in sheets if sheet.film == film.title]
             bought_mm2 = sum(sheet.width_mm * sheet.height_mm for sheet in own_sheets)
             size = f"{own_sheets[0].width_mm:g} x {own_sheets[0].height_mm:g} mm"
-            note = f"{len(own_sheets)} sheets of {size}, {area_mm2 * 1e-6:.4f} m² of it in the car"
+            note = f"{count(len(own_sheets), 'sheet')} of {size}, {area_mm2 * 1e-6:.4f} m² of it in the car"
         mass_kg = area_mm2 * thickness_mm * 1e-9 * film.density_kg_m3.value
         cost_usd = bought_mm2 * 1e-6 * film.cost_usd_m2.value
         yield Row(film.title, bought_mm2 * 1e-6, "m²", mass_kg, cost_usd, note, search=f"{film.name}, {film.sold_as}")
@@ -160,9 +161,9 @@ def _bought_rows(folded: FoldedCar) -> list[Row]:
     order = [mounts[add.name].part for step in plan_assembly(folded) for add in step.adds if add.kind == "mount"]
     counts = {name: counts[name] for name in dict.fromkeys([*order, *counts])}
     rows = []
-    for name, count in counts.items():
-        cost_usd, note = _cost(parts_by_name.get(name), count, folded)
-        row = Row(name, count, "", masses[name], cost_usd, note)
+    for name, number in counts.items():
+        cost_usd, note = _cost(parts_by_name.get(name), number, folded)
+        row = Row(name, number, "", masses[name], cost_usd, note)
         rows.append(_with_wire(folded, row) if name == folded.parts.wiring.name else row)
     catalogue = folded.parts
     if boards := counts.get(catalogue.featherwing.name, 0):
@@ -185,21 +186,21 @@ def _with_wire(folded: FoldedCar, row: Row) -> Row:
     return replace(row, cost_usd=(row.cost_usd or 0.0) + extra_cost_usd, note=note)
 
 
-def _cost(part: Bought | None, count: int, folded: FoldedCar) -> tuple[float | None, str]:
-    """Return the cost of ``count`` parts and a note. A part of a user's module may be missing in the catalogue (None)."""
+def _cost(part: Bought | None, number: int, folded: FoldedCar) -> tuple[float | None, str]:
+    """Return the cost of ``number`` parts and a note. The catalogue may lack a part of a user's module (None)."""
     if part is None:
         return None, "no price known"
     if part is folded.parts.switch:
         currents = supply(folded)
         reason = f"{currents.servos} stalled servos draw {currents.stall_a:.1f} A"
-        return count * part.cost_usd.value, f"marked {currents.switch_a:g} A or more: {reason}"
+        return number * part.cost_usd.value, f"marked {currents.switch_a:g} A or more: {reason}"
     if part.cost_usd.value == 0:
         return 0.0, "comes with the servos"
     note = f"{part.note}: {tyre_cut(folded)}" if isinstance(part, Tyre) else ""
     if part in (folded.parts.axle_rod, folded.parts.axle_tube):
         lengths = {f"{mount.size_mm[2]:.1f}" for mount in folded.mounts if mount.part == part.name}
         note = f"cut to {' and '.join(sorted(lengths, key=float))} mm"
-    return count * part.cost_usd.value, note
+    return number * part.cost_usd.value, note
 
 
 def tyre_cut(folded: FoldedCar, wheel_unit: str = "") -> str:

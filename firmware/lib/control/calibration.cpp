@@ -19,7 +19,8 @@ Calibration calibrate(const Parameters& parameters) {
     wheel.side = static_cast<Side>(parameters.get(channel, ChannelParameter::kSide));
     if (wheel.side == Side::kUnused) continue;
     wheel.neutral_us = parameters.get(channel, ChannelParameter::kNeutralUs);
-    wheel.direction = parameters.get(channel, ChannelParameter::kDirection);
+    const bool is_reversed = parameters.get(channel, ChannelParameter::kReversed) != 0.0f;
+    wheel.direction = parameters.get(channel, ChannelParameter::kDirection) * (is_reversed ? -1.0f : 1.0f);
     wheel.deadband_us = parameters.get(channel, ChannelParameter::kDeadbandUs);
     wheel.gain_us = parameters.get(channel, ChannelParameter::kGainUs);
     std::uint32_t& count = wheel.side == Side::kLeft ? left_count : right_count;

@@ -66,6 +66,8 @@ constexpr Row<ChannelParameter> kChannelRows[] = {
      {"SIDE", "", 0.0f, 2.0f, 0.0f, kInteger, "0 unused, 1 left wheel, 2 right wheel"}},
     {ChannelParameter::kDirection,
      {"DIRECTION", "", -1.0f, 1.0f, 1.0f, kSign, "1 if a longer pulse drives the car forward, else -1"}},
+    {ChannelParameter::kReversed,
+     {"REVERSED", "", 0.0f, 1.0f, 0.0f, kInteger, "1 if this servo turns the other way than DIRECTION says"}},
     {ChannelParameter::kNeutralUs,
      {"NEUTRAL_US", "us", 1300.0f, 1700.0f, 1500.0f, kReal, "pulse at which the servo stands"}},
     {ChannelParameter::kDeadbandUs,

@@ -51,7 +51,7 @@ enum class Parameter : std::uint8_t {
 };
 
 // The parameters that each channel has.
-enum class ChannelParameter : std::uint8_t { kSide, kDirection, kNeutralUs, kDeadbandUs, kGainUs, kCount };
+enum class ChannelParameter : std::uint8_t { kSide, kDirection, kReversed, kNeutralUs, kDeadbandUs, kGainUs, kCount };
 
 // Values of CHn_SIDE.
 enum class Side : std::uint8_t { kUnused, kLeft, kRight };

@@ -1,5 +1,6 @@
 """`foldcar doctor` prints a line for each thing that foldcar needs: whether it is installed, and which version."""
 
+import contextlib
 import importlib.metadata
 import json
 import os
@@ -54,7 +55,8 @@ def doctor(as_json: Json = False) -> None:
     Each line begins with ok, absent (only some commands need it) or missing (all studies need it). After an arrow, the
     line says how to mend the problem.
 
-    Exit code 1 if something is missing. The check changes nothing, downloads nothing and moves no car.
+    Exit code 1 if something is missing. The check changes nothing, downloads nothing and moves no car. Cars on USB are
+    asked for their parameters.
 
     \b
     Example: foldcar doctor
@@ -83,6 +85,7 @@ def _findings() -> Iterator[Finding]:
     pio = pio_program() if checkout is not None else None
     yield _tool("PlatformIO", pio, "no `pio`, or no checkout: no car can be flashed", "make setup in a checkout")
     yield _serial_ports()
+    yield from _reversed_servos()
     yield _simulator_with_mujoco(checkout)
     yield _tool("MAVProxy", _version("MAVProxy"), "only for driving by hand and `make test`", "pip install MAVProxy")
     browser = next(filter(None, map(shutil.which, BROWSERS)), None)
@@ -194,6 +197,28 @@ def _speedup(carsim: "Carsim") -> float:
         carsim.run(bodies, scenes, [request] * runs)
         durations_s.append(time.perf_counter() - started_s)
     return SPEED_RUNS * SPEED_RUN_S / max(1e-3, durations_s[1] - durations_s[0])
+
+
+def _reversed_servos() -> Iterator[Finding]:
+    """Yield a finding for each car on USB that has servos which turn the other way than its design says.
+
+    A port without a car says nothing here, nor does a car that another program uses.
+    """
+    from foldcar.link.car import greet
+    from foldcar.link.parameters import read_parameters
+    from foldcar.link.stream import usb_ports
+
+    for port in (port for port in usb_ports() if port.is_feather):
+        with contextlib.suppress(FoldcarError):
+            car = greet(port.path)
+            try:
+                values, design = read_parameters(car), car.identity().name
+            finally:
+                car.connection.close()
+            reversed_names = [name for name, value in values.items() if name.endswith("_REVERSED") and value]
+            if reversed_names:
+                text = f"{design or port.path}: {', '.join(reversed_names)} 1: turns the other way than its design says"
+                yield Finding("servos", "ok", text, "if that is wrong: foldcar calibrate-servos")
 
 
 def _simulator_with_mujoco(checkout: Path | None) -> Finding:

@@ -2,7 +2,7 @@
 
 Input: a car whose wheels turn freely, answers; or a function that commands a pulse and returns the observed direction.
 Output: neutral and deadband in µs. A servo rests within its deadband, and turns in opposite directions below and above
-it. Two bisections find the two limits.
+it. The search for each limit of the deadband begins where the limit is expected.
 """
 
 import time
@@ -12,18 +12,25 @@ from dataclasses import dataclass
 from foldcar.errors import FoldcarError
 from foldcar.link.car import Car
 from foldcar.link.parameters import read_parameters, set_parameter
+from foldcar.statistics.words import count
 from foldcar.trials.person import Answers, print_line
 
 # The car ends an output test after PULSE_S; the test is renewed every RENEW_S while the person observes.
 PULSE_S = 1.5
 RENEW_S = 0.7
 DIRECTIONS = {"f": "forward", "b": "backward", "n": "not"}
+DIRECTION_OF = {"forward": 1, "backward": -1, "not": 0}
+YES_OR_NO = {"y": "yes", "n": "no"}
 
 # Outside any deadband, but below full speed.
 MIN_PULSE_US, MAX_PULSE_US = 1300, 1700
-# Below the servo driver's step of 4.88 µs.
-RESOLUTION_US = 2
+# The servo driver's step is 4.88 µs: a servo does not feel what is finer.
+RESOLUTION_US = 5
+# The first distance from the expected limit at which the servo is tried; it doubles.
+FIRST_STEP_US = 10
 MAX_DEADBAND_US = 150
+# For each servo: one for its direction, and three to seven for each limit.
+USUAL_QUESTIONS = 9
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,46 +41,54 @@ class ServoEdges:
     deadband_us: float
 
 
-def find_edges(direction_at: Callable[[int], int]) -> ServoEdges:
-    """Find the limits of the deadband; ``direction_at(pulse_us)`` returns -1, 0 (at rest) or 1 (long pulses).
+def find_edges(direction_at: Callable[[int], int], expected: ServoEdges) -> ServoEdges:
+    """Find the limits of the deadband of a servo that turns with direction 1 at MAX_PULSE_US.
 
-    Raises FoldcarError if the direction at 1300 or 1700 µs is wrong or the deadband is above ±150 µs.
+    ``direction_at(pulse_us)`` returns -1, 0 (at rest) or 1. A servo that is as ``expected`` needs the fewest questions.
+    Raises FoldcarError if the deadband is above ±150 µs.
     """
-    if direction_at(MIN_PULSE_US) != -1:
-        raise FoldcarError(f"at {MIN_PULSE_US} µs the wheel does not turn as it should: is it wired to this output?")
-    if direction_at(MAX_PULSE_US) != 1:
-        raise FoldcarError(f"at {MAX_PULSE_US} µs the wheel does not turn as it should: is the direction set right?")
+    observed = {MIN_PULSE_US: -1, MAX_PULSE_US: 1}
+
+    def find_edge(minimum: int, expected_us: float) -> float:
+        return _find_edge(direction_at, observed, minimum, expected_us)
+
     # The servo rests from the lower edge on, where its direction becomes 0, to the upper edge, where it becomes 1.
-    directions = {MIN_PULSE_US: -1, MAX_PULSE_US: 1}
-    low = _edge(direction_at, directions, 0)
-    high = _edge(direction_at, directions, 1)
+    high = find_edge(1, expected.neutral_us + expected.deadband_us)
+    low = find_edge(0, high - 2 * expected.deadband_us)
     edges = ServoEdges((low + high) / 2, (high - low) / 2)
     if edges.deadband_us > MAX_DEADBAND_US:
         raise FoldcarError(f"a deadband of ±{edges.deadband_us:g} µs is above the maximum {MAX_DEADBAND_US} µs")
     return edges
 
 
-def _edge(direction_at: Callable[[int], int], directions: dict[int, int], minimum: int) -> float:
-    """Return, by bisection, the pulse (µs) from which on the servo turns with at least the direction ``minimum``.
+def _find_edge(direction_at: Callable[[int], int], observed: dict[int, int], minimum: int, expected_us: float) -> float:
+    """Return the pulse (µs) from which on the servo turns with at least the direction ``minimum``.
 
-    ``directions`` has the observed directions by pulse, and gets the new ones.
+    ``observed`` has the observed directions by pulse, and gets the new ones. The search moves away from ``expected_us``
+    in steps that double, until the edge is passed; from then on it bisects.
     """
-    longest_below = max(pulse for pulse, direction in directions.items() if direction < minimum)
-    shortest_above = min(pulse for pulse, direction in directions.items() if direction >= minimum)
-    while shortest_above - longest_below > RESOLUTION_US:
-        middle = (longest_below + shortest_above) // 2
-        directions[middle] = direction_at(middle)
-        if directions[middle] < minimum:
-            longest_below = middle
+    below = max(pulse for pulse, direction in observed.items() if direction < minimum)
+    above = min(pulse for pulse, direction in observed.items() if direction >= minimum)
+    pulse, step_us, passed = round(expected_us), FIRST_STEP_US, set[bool]()
+    while above - below > RESOLUTION_US:
+        if not below < pulse < above or len(passed) == 2:
+            pulse = (below + above) // 2
+        observed[pulse] = direction_at(pulse)
+        is_above = observed[pulse] >= minimum
+        passed.add(is_above)
+        if is_above:
+            above, pulse = pulse, pulse - step_us
         else:
-            shortest_above = middle
-    return (longest_below + shortest_above) / 2
+            below, pulse = pulse, pulse + step_us
+        step_us *= 2
+    return (below + above) / 2
 
 
 def calibrate_outputs(car: Car, outputs: list[int]) -> None:
     """Measure the servos of ``outputs`` (empty: all with a wheel) and save the results in the car.
 
-    Raises FoldcarError if an output has no wheel, and as :func:`find_edges` does.
+    A servo that turns the wrong way is reversed if the person agrees. Raises FoldcarError if an output has no wheel, if
+    a wheel stands or stays reversed, and as :func:`find_edges` does.
     """
     values = read_parameters(car)
     wheels = [number for number in range(1, 9) if values.get(f"CH{number}_SIDE")]
@@ -92,22 +107,58 @@ def calibrate_outputs(car: Car, outputs: list[int]) -> None:
         car.test_output(number, pulse_us, PULSE_S)
         active_test[:] = [(number, pulse_us, time.monotonic() + RENEW_S)]
 
-    answers = Answers(renew)
-    print_line("Lift the car so that its wheels turn freely. For each pulse type the direction in which the wheel")
-    print_line("would drive the car: (f)orward, (b)ackward, (n)ot at all. Ctrl-C stops the wheel.")
-    for number in outputs or wheels:
-        side = {1: "left", 2: "right"}[int(values[f"CH{number}_SIDE"])]
-        direction = int(values[f"CH{number}_DIRECTION"])
-        print_line(f"\nOutput {number}, {side}")
-
-        def direction_at(pulse_us: int, number: int = number, direction: int = direction) -> int:
-            test_output(number, pulse_us)
-            answer = answers.choice(f"  {pulse_us} µs: f, b or n? ", DIRECTIONS, None)
-            return {"forward": 1, "backward": -1, "not": 0}[answer] * direction
-
-        edges = find_edges(direction_at)
+    def save(name: str, value: float) -> None:
+        # A car that drives takes no parameters.
         active_test.clear()
         car.stop_trial()
-        for name, value in {"NEUTRAL_US": edges.neutral_us, "DEADBAND_US": edges.deadband_us}.items():
-            set_parameter(car, f"CH{number}_{name}", value)
-            print_line(f"  CH{number}_{name} = {value:g} (was {values[f'CH{number}_{name}']:g})")
+        set_parameter(car, name, value)
+        print_line(f"  {name} = {value:g} (was {values[name]:g})")
+
+    answers = Answers(renew)
+    chosen = outputs or wheels
+    print_line("Lift the car so that its wheels turn freely. For each pulse type the direction in which the wheel")
+    print_line("would drive the car: (f)orward, (b)ackward, (n)ot at all. Ctrl-C stops the wheel.")
+    print_line(f"There are about {USUAL_QUESTIONS} questions for each of {count(len(chosen), 'servo')}.")
+    # Servos of one kind have nearly the same deadband.
+    deadband_us = values[f"CH{chosen[0]}_DEADBAND_US"]
+    for number in chosen:
+        side = {1: "left", 2: "right"}[int(values[f"CH{number}_SIDE"])]
+        print_line(f"\nOutput {number}, {side}")
+
+        def ask(pulse_us: int, number: int = number) -> int:
+            test_output(number, pulse_us)
+            return DIRECTION_OF[answers.choice(f"  {pulse_us} µs: f, b or n? ", DIRECTIONS, None)]
+
+        direction = _ask_direction(number, values, ask, answers, save)
+        expected = ServoEdges(values[f"CH{number}_NEUTRAL_US"], deadband_us)
+
+        def turn(pulse_us: int, ask: Callable[[int], int] = ask, direction: int = direction) -> int:
+            return ask(pulse_us) * direction
+
+        edges = find_edges(turn, expected)
+        deadband_us = edges.deadband_us
+        save(f"CH{number}_NEUTRAL_US", edges.neutral_us)
+        save(f"CH{number}_DEADBAND_US", edges.deadband_us)
+
+
+def _ask_direction(
+    number: int, values: dict[str, float], ask: Callable[[int], int], answers: Answers, save: Callable[[str, float], None]
+) -> int:
+    """Return the direction, 1 or -1, in which a servo's wheel drives at MAX_PULSE_US; reverse the servo if it must be.
+
+    Raises FoldcarError if the wheel stands, or turns backwards and shall not be reversed.
+    """
+    reversed_before = values[f"CH{number}_REVERSED"]
+    expected = int(values[f"CH{number}_DIRECTION"]) * (-1 if reversed_before else 1)
+    observed = ask(MAX_PULSE_US)
+    if observed == 0:
+        raise FoldcarError(
+            f"output {number} stands at {MAX_PULSE_US} µs: are the switch and the cells in order, is its plug on this "
+            "output, with the brown lead at GND?"
+        )
+    if observed != expected:
+        print_line("  It turns backwards. Is this the wheel of this output? If not, change the plugs and begin again.")
+        if answers.choice("  Shall it be reversed (y or n)? ", YES_OR_NO, None) == "no":
+            raise FoldcarError(f"output {number} turns backwards: put its plug where it belongs, and begin again")
+        save(f"CH{number}_REVERSED", 0 if reversed_before else 1)
+    return observed

@@ -6,7 +6,13 @@ import subprocess
 from collections.abc import Callable
 from pathlib import Path
 
+import pytest
+
+from foldcar.commands.doctor import _reversed_servos
+from foldcar.link.parameters import set_parameter
+from foldcar.link.stream import UsbPort
 from foldcar.simulation.carsim import Carsim
+from live_car import car_at_port, greeted
 from test_command_line import COMMAND, WEAK
 
 Command = Callable[..., "subprocess.CompletedProcess[str]"]
@@ -40,3 +46,18 @@ def test_what_is_missing_is_told_with_what_to_do(tmp_path: Path) -> None:
     }
     assert finding_of["results"]["text"] == f"{closed}: cannot be written: Permission denied"
     assert [finding["name"] for finding in finding_of.values() if finding["state"] == "missing"] == ["carsim", "results"]
+
+
+def test_a_cars_reversed_servos_are_named(carsim_binary: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A simulated car has no USB port, so the test names its port as that of a Feather."""
+    with car_at_port() as car:
+        ports = [UsbPort(car.port, "HUZZAH32", True), UsbPort("/dev/none", "another device", False)]
+        monkeypatch.setattr("foldcar.link.stream.usb_ports", lambda: ports)
+        assert list(_reversed_servos()) == []
+        with greeted(car.port) as connected:
+            set_parameter(connected, "CH2_REVERSED", 1)
+
+        (finding,) = _reversed_servos()
+
+    assert finding.text == "W_B_W 95x200 r60: CH2_REVERSED 1: turns the other way than its design says"
+    assert "foldcar calibrate-servos" in finding.advice

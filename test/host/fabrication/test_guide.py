@@ -119,7 +119,7 @@ def test_everything_is_soldered_once_before_the_lipo_is_in_and_the_guide_ends_wi
     assert "the + lead of the square 4xAA holder" in texts[soldering]
     assert not any("1500 µs" in text for text in texts)
     assert [step.title for step in guide(name)][-3:] == DRIVING
-    for word in ("`foldcar flash ", "`foldcar calibrate-servos`", "`foldcar log ", "turns backwards", "CH2_DIRECTION"):
+    for word in ("`foldcar flash ", "`foldcar calibrate-servos`", "`foldcar log ", "turns backwards", "CHn_REVERSED"):
         assert word in " ".join(texts[-3:])
 
 

@@ -64,25 +64,36 @@ def test_parameters_are_listed_and_set(foldcar: Any, refused: Any) -> None:
     assert len(listed) >= 50 and listed["CH1_NEUTRAL_US"] == "1512" and listed["CH2_NEUTRAL_US"] == "1500"
 
 
-def test_a_servo_is_calibrated_by_looking_at_it(tmp_path: Path) -> None:
-    """The person reports the simulated servo's direction at each pulse: it turns outside 1523 ± 28 µs."""
-    neutral, deadband = 1523, 28
+@pytest.mark.parametrize("turns_as_designed", [True, False])
+def test_a_servo_is_calibrated_by_looking_at_it(turns_as_designed: bool, tmp_path: Path) -> None:
+    """The person reports the simulated servo's direction at each pulse: it turns outside 1523 ± 28 µs.
+
+    A right wheel's servo is mounted mirrored, so that it drives forward below its neutral; another one is reversed, and
+    then drives forward when the car is told to.
+    """
+    neutral, deadband, above = 1523, 28, "b\n" if turns_as_designed else "f\n"
+    below, direction = "f\n" if turns_as_designed else "b\n", -1 if turns_as_designed else 1
     words = ("calibrate-servos", "--servo", "2")
+    questions = (" µs: f, b or n? ", "reversed (y or n)? ", "saved in the car")
     with (
-        car_at_port(neutral_us=neutral, deadband_us=deadband) as car,
+        car_at_port(neutral_us=neutral, deadband_us=deadband, direction=direction) as car,
         Typist(tmp_path, *words, "--port", car.port) as person,
     ):
+        person.sees("about 9 questions for each of 1 servo.")
         person.sees("Output 2, right")
-        while "saved" not in person.sees_one_of(" µs: f, b or n? ", "saved in the car"):
+        asked = 0
+        while "saved" not in (seen := person.sees_one_of(*questions)):
+            asked += 1
             pulse = int(person.output.rpartition(" µs: f")[0].split()[-1])
-            # A right wheel's servo is mounted mirrored: it drives forward below its neutral.
-            person.types("n\n" if abs(pulse - neutral) <= deadband else "b\n" if pulse > neutral else "f\n")
-        assert person.ends() == 0
+            resting = abs(pulse - neutral) <= deadband
+            person.types("y\n" if "(y or n)" in seen else "n\n" if resting else above if pulse > neutral else below)
+        assert person.ends() == 0 and asked <= 12
         with greeted(car.port) as connected:
             values = read_parameters(connected)
 
     calibrated = values["CH2_NEUTRAL_US"], values["CH2_DEADBAND_US"]
-    assert calibrated == pytest.approx((neutral, deadband), abs=2)
+    assert calibrated == pytest.approx((neutral, deadband), abs=3)
+    assert (values["CH2_DIRECTION"], values["CH2_REVERSED"]) == (-1, 0 if turns_as_designed else 1)
 
 
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGHUP])

@@ -76,6 +76,18 @@ TEST(every_wheel_has_its_own_neutral_deadband_direction_and_gain) {
   }
 }
 
+// A servo of another kind, or one that was mounted the other way round.
+TEST(a_reversed_servo_gets_the_mirrored_pulse) {
+  Parameters designed;
+  Parameters parameters;
+  TEST_ASSERT_TRUE(parameters.set("CH2_REVERSED", 1.0f) == SetResult::kOk);
+  const PulsesUs designed_us = settled(designed, {0.2f, 0.0f});
+  const PulsesUs pulses_us = settled(parameters, {0.2f, 0.0f});
+  TEST_ASSERT_FLOAT_WITHIN(0.01f, 3000.0f - designed_us[1], pulses_us[1]);
+  TEST_ASSERT_TRUE(designed_us[1] < 1450.0f);
+  for (const std::size_t channel : {0u, 2u, 3u}) TEST_ASSERT_TRUE(pulses_us[channel] == designed_us[channel]);
+}
+
 TEST(pulses_stay_within_what_servos_understand) {
   Parameters parameters;
   for (const char* name : {"CH1_GAIN_US", "CH2_GAIN_US"}) parameters.set(name, 500.0f);

@@ -68,9 +68,10 @@ def driving_steps(car: FoldedCar) -> Iterator[tuple[str, tuple[str, ...]]]:
         "Find the neutrals",
         (
             "Stand the car on a box so that no wheel touches anything, and turn the switch on.",
-            "Run `foldcar calibrate-servos`. It asks how each wheel turns, and saves each servo's neutral and dead band.",
+            "Run `foldcar calibrate-servos`. It asks how each wheel turns, about nine times for each servo, and saves "
+            "each servo's neutral and dead band in the board.",
             "A wheel turns backwards: look whether its plug is on the output that its lead is marked with. If it is, "
-            "change the sign of that output's direction, as in `foldcar params set CH2_DIRECTION 1`.",
+            "answer `y` when the command asks whether the servo shall be reversed. The board keeps this as CHn_REVERSED.",
             "A wheel does not turn: is the switch on, are the cells charged, is the plug's brown lead at GND?",
         ),
     )

@@ -201,6 +201,9 @@ def _min_radius_m(body: Mapping[str, Any]) -> float:
     return min(float(wheel["radius_m"]) for wheel in driven_wheels(body))
 
 
+# What tells the firmware that a car has an option: the parameter and its value. The divider has 20 and 10 kΩ.
+OPTION_PARAMETERS = (("button", "BUTTON_WIRED", 1.0), ("divider", "SERVO_DIVIDER", 3.0), ("oe_wire", "OE_WIRED", 1.0))
+
 # Values of CHn_SIDE.
 SIDES = {"unused": 0, "left": 1, "right": 2}
 CHANNELS = 8
@@ -229,6 +232,7 @@ def firmware_parameters(design: Design, body: Mapping[str, Any] | None = None) -
         "WHEEL_RADIUS_M": radius_m,
         "TRACK_M": body["track_m"],
         "WHEEL_MAX_RAD_S": driven_wheels(body)[0]["servo"]["no_load_speed_rad_s"],
+        **{name: value for option, name, value in OPTION_PARAMETERS if getattr(design.parts, option) == "fitted"},
     }
     for channel in range(CHANNELS):
         prefix, wheel = f"CH{channel + 1}", wheels.get(channel)

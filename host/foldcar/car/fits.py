@@ -134,7 +134,9 @@ def _switch_fits(opening: Hole, car: FoldedCar) -> Iterator[Fit]:
     for slot_mm, part in zip(slot, (switch.body_length_mm, switch.body_width_mm), strict=True):
         yield _fit_between_cuts("switch's body in its slot", slot_mm, part, car.parts)
     holes = [(piece, hole) for piece in car.pieces for face in piece.faces for hole in face.holes]
-    count = sum(piece.count for piece, hole in holes if math.dist(_size(hole), slot) < ROUNDING_MM)
+    # The panel and every layer have an opening for each switch.
+    openings = sum(piece.count for piece, hole in holes if math.dist(_size(hole), slot) < ROUNDING_MM)
+    count = openings / sum(mount.part == switch.name for mount in car.mounts)
     thickness_mm = count * film.value + (count - 1) * tape.value
     tolerance_mm = count * film.tolerance + (count - 1) * tape.tolerance + switch.panel_least_mm.tolerance
     # Nothing is cut: the thickness does not depend on the cutter.

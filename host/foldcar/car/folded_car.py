@@ -15,7 +15,14 @@ from foldcar.car.components.bridge import plug_room_mm, usb_height_mm
 from foldcar.car.components.component import ROUNDING, Component, Sub, minimum_text
 from foldcar.car.components.hinge_module import HingeModule, stiffness_n_m_rad
 from foldcar.car.components.module import BrainModule, ElectronicsModule
-from foldcar.car.components.mounts import ROD_LAYER_MM, put_switch, servo_reach_mm, switch_depth_mm
+from foldcar.car.components.mounts import (
+    ROD_LAYER_MM,
+    button_depth_mm,
+    put_button,
+    put_switches,
+    servo_reach_mm,
+    switch_depth_mm,
+)
 from foldcar.car.components.shape import Shape
 from foldcar.car.components.wheel import Wheel
 from foldcar.car.design import HINGE, Design, DesignError, compose_columns
@@ -62,7 +69,10 @@ class Car(Component):
                 put_cap(shape, f"{end} cap {number}", end, self.names[module], outer_mm, slit_mm)
         cap = f"{switch_cap(self.design)}.cap"
         width, height = shape.face_size_mm(cap)
-        put_switch(shape, cap, (width / 2, height / 2))
+        put_switches(shape, cap, (width / 2, height / 2))
+        if self.parts.button == "fitted":
+            width, height = shape.face_size_mm(f"{button_cap(self.design)}.cap")
+            put_button(shape, f"{button_cap(self.design)}.cap", (width / 2, height / 2))
         for i, name in enumerate(self.names):
             hinge = self.children[name]
             if isinstance(hinge, HingeModule):
@@ -254,6 +264,18 @@ def switch_cap(design: Design) -> str:
     return "front cap 1" if in_front else f"rear cap {len(design.segments)}"
 
 
+def button_cap(design: Design) -> str:
+    """Return the name of the outer cap that carries the button, if the car has one: the cap without switches."""
+    return f"rear cap {len(design.segments)}" if switch_cap(design).startswith("front") else "front cap 1"
+
+
+def _depth_behind_mm(design: Design, cap: str) -> float:
+    """Return how far (mm) switches or button reach into the car behind a cap; 0 behind a cap without them."""
+    if cap == switch_cap(design):
+        return switch_depth_mm(design.parts)
+    return button_depth_mm(design.parts) if cap == button_cap(design) and design.parts.button == "fitted" else 0.0
+
+
 def settings_from_car(design: Design, module: int) -> dict[str, float]:
     """Return the values, by name, that a module, not a hinge, gets from its place in the car."""
     settings = _flap_settings(design, module)
@@ -261,7 +283,13 @@ def settings_from_car(design: Design, module: int) -> dict[str, float]:
         # Only a module that is a segment of its own has a cap at its inner end.
         alone = len(design.segment_of(module).modules) == 1
         tab = design.parts.assembly.cap_tab_mm.value if alone else 0.0
-        settings |= {"towards_middle": _towards_middle(design, module), "tab_depth": tab}
+        segment = design.segment_of(module).modules
+        outer = {
+            f"front cap {design.segment_at(module) + 1}": segment[0],
+            f"rear cap {design.segment_at(module) + 1}": segment[-1],
+        }
+        depth = switch_depth_mm(design.parts) if outer.get(switch_cap(design)) == module else 0.0
+        settings |= {"towards_middle": _towards_middle(design, module), "tab_depth": tab, "switch_depth": depth}
     if module == design.electronics:
         settings |= {"floor_front": _free_floor_mm(design, module, -1), "floor_rear": _free_floor_mm(design, module, 1)}
         settings |= dict(zip(("usb_low", "usb_high"), _between_tyres(design, module), strict=True))
@@ -313,8 +341,7 @@ def _free_floor_mm(design: Design, module: int, step: int) -> float:
         i += step
     cap = f"{'front' if step < 0 else 'rear'} cap {design.segment_at(module) + 1}"
     gap = design.parts.assembly.part_gap_mm.value
-    depth = switch_depth_mm(design.parts) + gap if cap == switch_cap(design) else 0.0
-    return free_mm - max(design.parts.assembly.cap_tab_mm.value, depth)
+    return free_mm - max(design.parts.assembly.cap_tab_mm.value, _depth_behind_mm(design, cap) + gap)
 
 
 def _between_tyres(design: Design, module: int) -> tuple[float, float]:

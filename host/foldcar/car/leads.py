@@ -12,6 +12,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from foldcar.car.components.bridge import option_resistors
+from foldcar.car.components.mounts import SERVO_SWITCH
 from foldcar.car.design import DesignError
 from foldcar.car.folded.model import FoldedCar, Mount, Wire
 from foldcar.car.folded.placed import PlacedFace, place
@@ -51,15 +53,15 @@ class Lead:
 
 
 def leads(car: FoldedCar) -> tuple[Lead, ...]:
-    """Return the leads of servos and batteries and the wires of the switch; none for a car without a servo driver."""
+    """Return the leads of servos and batteries and the wires of the switches; none for a car without a servo driver."""
     if not any(mount.part == car.parts.featherwing.name for mount in car.mounts):
         return ()
     ways = _Ways(car)
-    return (*ways.servos(), ways.lipo(), *ways.supply())
+    return (*ways.servos(), ways.lipo(), *ways.supply(), *ways.controls())
 
 
 def stock_wire_mm(leads_of_car: Iterable[Lead]) -> float:
-    """The length of wire (mm) cut from stock: the switch's wire and the wire that lengthens the battery's leads."""
+    """The length of wire (mm) cut from stock: the switches' wires and the wire that lengthens the battery's leads."""
     return sum(lead.missing_mm for lead in leads_of_car if lead.kind != "plug")
 
 
@@ -178,12 +180,15 @@ class _Ways:
     def supply(self) -> Iterator[Lead]:
         """Yield the battery's leads, + to the switch and - to the terminal block, and the wire between these two."""
         parts, wing = self.parts, self.parts.featherwing
-        battery, switch = self.of_part[parts.battery.name], self.of_part[parts.switch.name]
+        battery, switch = self.of_part[parts.battery.name], self.mounts[SERVO_SWITCH]
         joint, available = parts.wiring.joint_mm.value, parts.battery.lead_length_mm.min_value
         (x, y, z), (_, width, _) = wing.terminal_block.at_mm, wing.terminal_block.size_mm
         block = self._at(wing.name, (x, y + width / 2, z - wing.height_mm.value / 2))
-        tails = self._at(switch.name, (0.0, 0.0, -switch.size_mm[2] / 2))
-        connections = (("+", f"{switch.name} 1", tails, switch.name), ("-", f"{wing.name} terminal -", block, wing.name))
+        tails = self._terminals(switch)
+        connections = (
+            ("+", f"{SERVO_SWITCH} 1", tails, parts.switch.name),
+            ("-", f"{wing.name} terminal -", block, wing.name),
+        )
         # To change cells, the battery is lifted above the walls with its leads on, so these reach both places. One on the
         # roof is turned over.
         wall_top = _height_mm(self.bodies[battery.body], "left")
@@ -201,7 +206,40 @@ class _Ways:
         yield from min(by_side, key=lambda pair: sum(lead.needed_mm for lead in pair))
         lengths_mm = self._lengths_mm(self.way(tails, block, switch.body, wing.name), 2 * joint)
         # A wire is cut from stock: it has no length of its own.
-        yield Lead(f"{switch.name} 2", f"{wing.name} terminal +", "wire", *lengths_mm, available_mm=0.0)
+        yield Lead(f"{SERVO_SWITCH} 2", f"{wing.name} terminal +", "wire", *lengths_mm, available_mm=0.0)
+
+    def controls(self) -> Iterator[Lead]:
+        """Yield the wires of board switch and options, which are soldered beside the open car, the boards lifted out."""
+        feather, wing = self.parts.feather.name, self.parts.featherwing
+        for wire in (wire for wire in self.car.wires if wire.carries == "control"):
+            name = wire.a.rpartition(" ")[0]
+            if name in self.mounts:
+                start, body, lift_mm = self._terminals(self.mounts[name]), self.mounts[name].body, self._lift_mm(feather)
+            else:
+                x, y = option_resistors(self.parts).get(wire.a) or self.parts.feather.pin_mm(wire.a.rpartition(" ")[2])
+                start, body, lift_mm = self._below_feather(x, y), self.of_part[feather].body, 0.0
+            if wire.b.startswith(feather):
+                end = self._below_feather(*self.parts.feather.pin_mm(wire.b.rpartition(" ")[2]))
+            else:
+                # The terminal block, or the chip in the middle of the board.
+                at = wing.terminal_block.at_mm if wire.b.endswith("+") else (0.0, 0.0, wing.board_mm.value)
+                end = self._at(wing.name, (*at[:2], at[2] - wing.height_mm.value / 2))
+            way = self.way(start, end, body, feather)
+            lengths_mm = self._lengths_mm(way, 2 * self.parts.wiring.joint_mm.value + lift_mm)
+            yield Lead(wire.a, wire.b, "wire", *lengths_mm, available_mm=0.0)
+
+    def _below_feather(self, x: float, y: float) -> Points:
+        """A point at the underside of the Feather."""
+        return self._at(self.parts.feather.name, (x, y, -self.parts.feather.height_mm.value / 2))
+
+    def _terminals(self, switch: Mount) -> Points:
+        """The inner end of a switch, where its terminals are."""
+        return np.array(apply(switch.pose, 0.0, 0.0, -switch.size_mm[2] / 2))
+
+    def _lift_mm(self, part: str) -> float:
+        """The height (mm) by which a part is lifted out of the car, above its walls."""
+        mount = self.of_part[part]
+        return max(0.0, _height_mm(self.bodies[mount.body], "left") - mount.pose[2][3] + mount.size_mm[2] / 2)
 
     def _lengths_mm(self, way: tuple[float, int], ends_mm: float) -> tuple[float, float]:
         """Return the length of a way (mm), and that of the lead along it, with slack and ``ends_mm`` for its ends.

@@ -9,7 +9,7 @@ from foldcar.trials.person import Answers, print_line
 
 # What to do about a fault, by its name in the dialect; the descriptions of those that are not here say it.
 REMEDIES = {
-    "BUS": "check the wires between board and servo driver",
+    "BUS": "push the FeatherWing onto the Feather; an ESP32 Feather V2 has other I2C pins and does not work here",
     "BATTERY_UNREADABLE": "check the board's battery",
     "BATTERY_LOW": "charge the board's battery",
     "COMMAND_STALE": "this program or computer stood still, for example after Ctrl-Z; drive again",

@@ -8,6 +8,7 @@ import pytest
 import shapely
 from shapely.affinity import scale
 
+from foldcar.car.components.mounts import BOARD_SWITCH, SERVO_SWITCH
 from foldcar.car.design import DesignError
 from foldcar.car.design import compose as compose_design
 from foldcar.car.fits import check_fits
@@ -52,13 +53,13 @@ def test_things_come_in_on_the_side_that_is_open_and_the_battery_changes_with_th
     service = service_steps(folded)
     opened = next(i for i, step in enumerate(service) if step.folds)
     shut = {reach.name for step in service[:opened] for reach in step.tool_uses}
-    assert {folded.parts.feather.name, folded.parts.switch.name} <= shut
+    assert {folded.parts.feather.name, SERVO_SWITCH, BOARD_SWITCH} <= shut
     assert [add.name for step in service[opened:] for add in step.adds] == [folded.parts.battery.name]
 
 
 def test_leads_of_a_battery_on_the_roof_pass_the_lid_before_they_are_soldered() -> None:
     folded = folded_car(compose_design("W_B_W", {"width": 95}, ROOF))
-    battery, switch = folded.parts.battery.name, folded.parts.switch.name
+    battery, switch = folded.parts.battery.name, SERVO_SWITCH
     steps = list(assembly_steps(folded))
     on_lid, soldered = (
         next(n for n, step in enumerate(steps) if any(add.name == part for add in step.adds))
@@ -232,7 +233,7 @@ def blocked(car: FoldedCar) -> list[str]:
 
 def in_front(car: FoldedCar, part: str, index: int, off_mm: float, beside_mm: float = 0.0) -> Pose:
     """The pose of a block of 2 mm before what is reached, so far from it and from the access's axis."""
-    mount = mount_of(car, part)
+    mount = next(mount for mount in car.mounts if part in (mount.part, mount.name))
     return compose(mount.pose, mount.clearances[index].pose, translation(beside_mm, 0, off_mm + 1))
 
 
@@ -251,7 +252,7 @@ def test_blocks_in_the_way_of_fingers_tongues_plugs_and_drivers_are_found() -> N
     # The USB socket's mouth lies 1.6 mm inside the wall's outer side. A finger of 14 + 3 mm reaches 8.5 mm from its axis,
     # one of 25 + 10 mm 35 mm; the block reaches 1 mm from its middle.
     reached = [
-        (parts.switch.name, 0, 30, 8.7, "finger", "Press rocker switch"),
+        (SERVO_SWITCH, 0, 30, 8.7, "finger", "Press servo switch"),
         (parts.feather.name, 0, 3.0, 0, "plug", "lid shut"),
         (parts.feather.name, 1, 1.0, 0, "plug", "lid open"),
         (parts.featherwing.name, 2, 1.0, 0, "driver", "lid open"),
@@ -268,7 +269,7 @@ def test_blocks_in_the_way_of_fingers_tongues_plugs_and_drivers_are_found() -> N
     for i, (name, _, _, _, tool, state) in enumerate(reached, len(at_beam)):
         sentence = f"{name} has no room for its {tool}: block {i} is in the way"
         assert any(sentence in finding and state in finding for finding in findings), (sentence, findings)
-    beyond = [in_front(folded, parts.switch.name, 0, *off) for off in ((30, 10.0), (38, 0.0))]
+    beyond = [in_front(folded, SERVO_SWITCH, 0, *off) for off in ((30, 10.0), (38, 0.0))]
     assert blocked(with_block(folded, *beyond)) == []
 
 

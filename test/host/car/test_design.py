@@ -90,8 +90,8 @@ def test_electronics_ride_in_the_first_body_module_and_servos_with_their_axles()
 
     electronics = {getattr(car.parts, name).name for name in ("feather", "featherwing", "lipo", "battery", "pad")}
     assert {mount.body for mount in car.mounts if mount.part in electronics} == {"segment1"}
-    # The switch is on the nearer end of the car, where a finger reaches it.
-    assert [mount.body for mount in car.mounts if mount.part == car.parts.switch.name] == ["segment0"]
+    # The switches are on the nearer end of the car, where a finger reaches them.
+    assert [mount.body for mount in car.mounts if mount.part == car.parts.switch.name] == ["segment0", "segment0"]
     servos = [mount for mount in car.mounts if mount.part == "FS90R servo"]
     assert [servo.body for servo in servos] == ["segment0", "segment0", "segment3", "segment3"]
 

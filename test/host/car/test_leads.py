@@ -146,9 +146,9 @@ def test_extensions_are_bought_plugged_in_drawn_and_find_room() -> None:
 def test_wire_is_lengthened_by_solder_and_weighs_and_costs_what_it_is_long() -> None:
     folded = folded_car(compose("W_B_W", {"width": 95, "W.length": 60, "B.length": 400}))
     lead_of = {lead.start: lead for lead in leads(folded)}
-    battery, switch = folded.parts.battery.name, folded.parts.switch.name
+    battery = folded.parts.battery.name
     cut_mm = max(0, lead_of[f"{battery} +"].needed_mm - 130) + max(0, lead_of[f"{battery} -"].needed_mm - 130)
-    cut_mm += lead_of[f"{switch} 2"].needed_mm
+    cut_mm += sum(lead_of[name].needed_mm for name in ("servo switch 2", "board switch 1", "board switch 2"))
     more_m = (cut_mm - number("wiring", "wire_mm")) / 1000
     row = next(row for row in parts_list(folded) if row.name == folded.parts.wiring.name)
 

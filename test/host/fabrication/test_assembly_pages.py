@@ -13,8 +13,9 @@ import pytest
 import shapely
 
 from browser import page_findings
+from foldcar.car.components.bridge import BUTTON_PIN, DIVIDER_PIN, OE_PIN
 from foldcar.fabrication.assembly.view_page import view_page
-from foldcar.fabrication.assembly.wiring import BUTTON_GPIO, OE_GPIO, SERVO_GPIO, wiring_drawing, wiring_text
+from foldcar.fabrication.assembly.wiring import wiring_drawing, wiring_text
 from published_cars import PUBLISHED, car
 
 Command = Callable[..., "subprocess.CompletedProcess[str]"]
@@ -59,7 +60,7 @@ def test_texts_of_the_wiring_keep_off_each_other_and_off_lines() -> None:
     lines = {name: line.difference(symbols) for name, line in lines.items()}
     for dot in drawn.iterfind("{*}circle"):
         lines[str(dot.attrib)] = shapely.Point(float(dot.attrib["cx"]), float(dot.attrib["cy"])).buffer(1.1)
-    assert {"terminal block", "150 mm", "75 mm more"} <= {text for text, _ in boxes}
+    assert {"terminal block", "135 mm", "65 mm more"} <= {text for text, _ in boxes}
     for (text, box), (other, its) in combinations([*boxes.items(), *lines.items()], 2):
         assert isinstance(text, str) or not box.intersects(its), (text, other)
 
@@ -86,18 +87,18 @@ def test_wiring_offers_output_enable_with_a_pull_up_that_reaches_off() -> None:
     assert off_v > 1.15 * 0.7 * 3.3
     assert "2.2 kΩ" in text and f"at {off_v:.1f} V" in text and "above 2.3 V" in text and "2.2 kΩ" in drawn
     gate = (Path(__file__).parents[3] / "firmware/lib/feather_hal/output_gate.h").read_text(encoding="utf-8")
-    assert f"kPin = {OE_GPIO};" in gate and f"from {OE_GPIO} of the" in text and f">{OE_GPIO}<" in drawn
+    assert f"kPin = {OE_PIN};" in gate and f"from {OE_PIN} of the" in text and f">{OE_PIN}<" in drawn
 
 
 def test_wiring_offers_a_button_and_the_servos_battery_at_the_firmwares_pins() -> None:
     text = wiring_text(car("w95"), "a car")
     hal = Path(__file__).parents[3] / "firmware/lib/feather_hal"
 
-    assert f"kButtonPin = {BUTTON_GPIO};" in (hal / "feather_board.cpp").read_text(encoding="utf-8")
-    assert f"servo_battery{{{SERVO_GPIO}, 0.0f}}" in (hal / "feather_hal.h").read_text(encoding="utf-8")
-    assert f"between {BUTTON_GPIO} and GND" in text and f"to {SERVO_GPIO} (A2)" in text
+    assert f"kButtonPin = {BUTTON_PIN};" in (hal / "feather_board.cpp").read_text(encoding="utf-8")
+    assert f"servo_battery{{{DIVIDER_PIN}, 0.0f}}" in (hal / "feather_hal.h").read_text(encoding="utf-8")
+    assert f"between {BUTTON_PIN} and GND" in text and f"to {DIVIDER_PIN} (A2)" in text
     # Four fresh alkaline cells at 6.4 V, through 20 and 10 kΩ.
-    assert "20 kΩ" in text and "10 kΩ" in text and "the pin has 2.1 V" in text and "SERVO_DIVIDER to 3 " in text
+    assert "20 kΩ" in text and "10 kΩ" in text and "the pin has 2.1 V" in text and "SERVO_DIVIDER 3 " in text
 
 
 def test_view_page_is_one_file_of_valid_html() -> None:

@@ -35,9 +35,13 @@ def test_a_parts_list_names_each_part_once_with_what_to_order_and_the_date_of_it
 
     assert len({row.name for row in rows}) == len(rows)
     assert all(row.search or row.note == "comes with the servos" for row in rows)
-    assert "| Adafruit 3405 |" in text and "| Adafruit 2886 |" in text and "stacking headers" not in text
+    assert (
+        "| Adafruit 3405; not the ESP32 Feather V2 (5400), which has other I2C pins |" in text
+        and "| Adafruit 2886 |" in text
+        and "stacking headers" not in text
+    )
     assert re.search(r"Prices are shops' list prices of 20\d\d", text)
-    assert re.search(r"\| button to drive alone \| push button .* \| \w+", text)
+    assert re.search(r"\| button to drive alone \| push button, 7 mm thread \| \w+", text)
     assert "| voltage of the servos' battery | resistors, 20 kΩ and 10 kΩ, 1 % |" in text
     (cells,) = [row for row in rows if "AA cell" in row.name]
     assert cells.quantity == 4 and cells.name.startswith("NiMH") and "not alkaline" in cells.note
@@ -60,9 +64,9 @@ def test_the_switch_that_is_asked_for_bears_the_stalled_servos(name: str, mark: 
     (switch,) = [row for row in parts_list(car(name)) if row.name == car(name).parts.switch.name]
     text = wiring_text(car(name), "a car")
 
-    assert switch.note.startswith(f"marked {mark} A or more") and f"draw {stall} A" in switch.note
+    assert switch.note.startswith(f"the servos' is marked {mark} A or more") and f"draw {stall} A" in switch.note
     assert f"must be marked {mark} A or more" in text
-    assert "blade fuse" in text and "electrolytic capacitor" in text and "NiMH" in text
+    assert "A fuse, " in text and "electrolytic capacitor" in text and "NiMH" in text
 
 
 def test_alkaline_cells_carry_a_warning() -> None:

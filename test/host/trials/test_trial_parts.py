@@ -43,9 +43,7 @@ def test_a_bad_deviation_says_what_is_wrong(text: str) -> None:
 DATA_SHEET = ServoEdges(1500.0, 45.0)
 
 
-@pytest.mark.parametrize(
-    ("neutral", "deadband", "most"), [(1500, 45, 6), (1512, 41, 8), (1487, 5, 13), (1531, 90, 18)]
-)
+@pytest.mark.parametrize(("neutral", "deadband", "most"), [(1500, 45, 6), (1512, 41, 8), (1487, 5, 13), (1531, 90, 18)])
 def test_a_servos_edges_are_found_within_the_drivers_step(neutral: float, deadband: float, most: int) -> None:
     questions = []
 

@@ -10,12 +10,18 @@ from dataclasses import replace
 
 from foldcar.car.components.mounts import add_screw, cylinder
 from foldcar.car.components.shape import Shape
-from foldcar.car.folded.model import Pose, Solid, ToolClearance
+from foldcar.car.folded.model import Point, Pose, Solid, ToolClearance
 from foldcar.car.folded.pose import compose, rotation, translation
 from foldcar.car.parts.bought import Feather, FeatherWing
 from foldcar.car.parts.catalogue import Catalogue
 from foldcar.car.parts.quantity import Box, PartData
 
+# The options' resistors, by their values.
+DIVIDER_UPPER, DIVIDER_LOWER, OE_PULL_UP = "20 kΩ resistor", "10 kΩ resistor", "2.2 kΩ resistor"
+# The options' pins of the Feather, as in the firmware's feather_board.cpp, feather_hal.h and output_gate.h.
+BUTTON_PIN, DIVIDER_PIN, OE_PIN = "32", "34", "27"
+# Resistors are soldered below the Feather, beside its legs: height of their middles below the board, distance from a row.
+RESISTOR_DOWN_MM, RESISTOR_BESIDE_MM = 2.0, 3.6
 # Distance of a flange's ends from the legs' feet.
 FOOT_CLEARANCE_MM = 0.5
 
@@ -120,6 +126,21 @@ def _add_boards_with_fasteners(shape: Shape, shelf: str, middle: tuple[float, fl
     _put_boards(shape, shelf, compose(translation(*middle, film / 2 + height), rotation("z", -math.pi / 2)), holes)
 
 
+def option_resistors(parts: Catalogue) -> dict[str, Point]:
+    """Return x and y (mm), in the Feather's frame, of the middle of each resistor below it, by its value as text."""
+    feather, length = parts.feather, parts.resistor.length_mm.value
+    resistors: dict[str, Point] = {}
+    if parts.divider == "fitted":
+        # The lower one lies between the legs of its pin and of GND, the upper one goes on towards the other end.
+        (pin_x, row_y), (ground_x, _) = feather.pin_mm(DIVIDER_PIN), feather.pin_mm("GND")
+        resistors[DIVIDER_LOWER] = ((pin_x + ground_x) / 2, row_y + RESISTOR_BESIDE_MM)
+        resistors[DIVIDER_UPPER] = (pin_x + 1.0 + length / 2, row_y + RESISTOR_BESIDE_MM)
+    if parts.oe_wire == "fitted":
+        (pin_x, row_y), (supply_x, _) = feather.pin_mm(OE_PIN), feather.pin_mm("3V")
+        resistors[OE_PULL_UP] = ((pin_x + supply_x) / 2, row_y - RESISTOR_BESIDE_MM)
+    return resistors
+
+
 def mouth_mm(parts: Catalogue) -> float:
     """Distance of the USB socket's mouth from the middle of its board (mm)."""
     usb = parts.feather.usb
@@ -151,6 +172,10 @@ def _put_boards(shape: Shape, on: str, under: Pose, holes: Sequence[str]) -> Non
         (*feather.standing, *feather.joints(parts.headers)),
         [plug("usb", usb_plug_pose), plug("battery", battery_plug_pose)],
         holes,
+        [
+            Box(at_mm=(x, y, -RESISTOR_DOWN_MM), size_mm=parts.resistor.size_mm, tolerance=1.0, source="chosen")
+            for x, y in option_resistors(parts).values()
+        ],
     )
     # The servos' plugs stand upright with their leads bent over them: each is one solid with its header.
     plugs_top_mm, plugs_bottom_mm = wing.plug_top_mm.value + wing.plug_bend_mm.value, wing.board_mm.value

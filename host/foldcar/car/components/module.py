@@ -13,15 +13,39 @@ from dataclasses import replace
 from typing import ClassVar, Literal, NamedTuple
 
 from foldcar.car.components.box_beam import HEIGHT, WIDTH, BoxBeam, latch_mm, wall_mm
-from foldcar.car.components.bridge import half_width_mm, middle_mm, mouth_mm, plug_room_mm, put_bridge, usb_height_mm
+from foldcar.car.components.bridge import (
+    BUTTON_PIN,
+    DIVIDER_UPPER,
+    OE_PIN,
+    half_width_mm,
+    middle_mm,
+    mouth_mm,
+    plug_room_mm,
+    put_bridge,
+    usb_height_mm,
+)
 from foldcar.car.components.component import ROUNDING, Component, Parameter, Sub
-from foldcar.car.components.mounts import cylinder, min_doubler_mm, put_rod, put_servo, screw_end_mm, servo_reach_mm
-from foldcar.car.components.shape import Shape
+from foldcar.car.components.mounts import (
+    BOARD_SWITCH,
+    BUTTON,
+    SERVO_SWITCH,
+    cylinder,
+    min_doubler_mm,
+    put_rod,
+    put_servo,
+    screw_end_mm,
+    servo_reach_mm,
+    switches_width_mm,
+)
+from foldcar.car.components.shape import Shape, rectangle_around
 from foldcar.car.components.wheel import DRIVEN, RADIUS, TYRE_WIDTH
 from foldcar.car.folded.model import IDENTITY, Point, Solid, Wire
 from foldcar.car.folded.pose import translation
 from foldcar.car.parts.catalogue import Catalogue
 
+# The layer below a battery on the floor is longer than the battery by this at both ends: so its outline is printed on
+# film, and the slot of the bridge's tongue, which is 0.8 mm from the battery, stays free.
+DOUBLER_EDGE_MM = 0.55
 SIDES: tuple[Literal["left", "right"], ...] = ("left", "right")
 
 
@@ -52,7 +76,8 @@ class WheelModule(Module):
     """One axle in the middle of the module, at half its height: two servos, or a rod on which the wheels turn freely.
 
     The car sets ``towards_middle``: 1 if the segment's middle lies in front of the module's middle, else -1. It also sets
-    ``tab_depth`` (mm), the depth of the end cap's tab on the side walls at the module's end nearer to that middle.
+    ``tab_depth`` (mm), the depth of the end cap's tab on the side walls at the module's end nearer to that middle, and
+    ``switch_depth`` (mm), that of the switches in the cap at its other end; 0 without them.
     """
 
     letter = "W"
@@ -93,6 +118,7 @@ class WheelModule(Module):
         if self["tab_depth"] > 0 and self["length"] < min_length_mm:
             reason = f"a segment of its own: one {servo.name} and the cap's tabs"
             raise self.parameter_error("length", f"{self['length']:g} is below the minimum {min_length_mm:g} ({reason})")
+        self._check_switches()
         # The layer behind a servo, its doubler, is at most twice as high as the servo, and clear of the lid's flap and
         # locks.
         flap_depth_mm = parts.assembly.flap_mm.value + parts.film_mm + parts.assembly.slot_clearance_mm.value
@@ -102,6 +128,19 @@ class WheelModule(Module):
             wall = f"beam.{side}"
             name = put_servo(shape, f"{side} servo", wall, axis, self["towards_middle"], height)
             shape.axle(wall, name, side, (*axis, wheel_z), self["radius"], running_width_mm)
+
+    def _check_switches(self) -> None:
+        """Raise ComponentError if the switches in the cap at this module's end have no room between or beside servos."""
+        parts, gap_mm = self.parts, self.parts.assembly.part_gap_mm.value
+        # Ears lie on the wall's outside.
+        between_mm = wall_mm(self["width"], parts) + parts.film_mm - 2 * parts.servo.ear_underside_mm.max_value
+        if not self["switch_depth"] or between_mm >= switches_width_mm(parts) + 2 * gap_mm:
+            return
+        min_length_mm = math.ceil(20 * (servo_reach_mm(parts)[1] + self["switch_depth"] + gap_mm)) / 10
+        if self["length"] < min_length_mm:
+            needed_mm = math.ceil(self["width"] - between_mm + switches_width_mm(parts) + 2 * gap_mm)
+            reason = f"the servos beside the switches in the cap, if width is below {needed_mm}"
+            raise self.parameter_error("length", f"{self['length']:g} is below the minimum {min_length_mm:g} ({reason})")
 
 
 class Layout(NamedTuple):
@@ -153,13 +192,30 @@ class ElectronicsModule(BrainModule):
         put_bridge(shape, "beam.floor", x, y, layout.side)
         lipo = (layout.lipo_mm, middle_mm(parts, y), film / 2 + parts.lipo.height_mm.value / 2)
         shape.part(parts.lipo, "beam.floor", lipo, turned=True, marked=True)
-        hole = plug_room_mm(parts.plugs.usb) + 2 * (parts.feather.usb.tolerance + assembly.slot_clearance_mm.value)
-        shape.round_hole("beam.left", "USB", "opening", (x, usb_height_mm(parts)), hole)
+        self._cut_usb_opening(shape, x)
         self._place_battery(shape, layout, y)
         # All wires count as one part in the module's middle.
         wires = (self["length"] / 2, across / 2, wall_mm(self["height"], parts) / 2)
         shape.part(parts.wiring, "beam.floor", wires)
         shape.graph.wires += _power_wires(parts)
+
+    def _cut_usb_opening(self, shape: Shape, x: float) -> None:
+        """Cut the left wall's openings for USB plug and light, and above it two slots for a tie that holds the cable.
+
+        ``x`` is the boards' middle. The light is beside the socket, where a plug hides it from straight ahead: through a
+        window beside the plug it is seen aslant, from the front.
+        """
+        parts, assembly, z = self.parts, self.parts.assembly, usb_height_mm(self.parts)
+        hole = plug_room_mm(parts.plugs.usb) + 2 * (parts.feather.usb.tolerance + assembly.slot_clearance_mm.value)
+        shape.round_hole("beam.left", "USB", "opening", (x, z), hole)
+        window = assembly.light_window_mm.value
+        beside = x + (hole + window) / 2 + assembly.grip_gap_mm.value
+        shape.round_hole("beam.left", "light", "opening", (beside, z), window)
+        tie = assembly.tie_slot_mm.value
+        slots_z = wall_mm(self["height"], parts) - assembly.fold_distance_mm.value - 1.5 * tie
+        for name, side in (("tie 1", -1), ("tie 2", 1)):
+            middle = (x + side * (assembly.tie_apart_mm.value + tie) / 2, slots_z)
+            shape.rectangular_hole("beam.left", name, "slit", middle, tie / 2, tie)
 
     def _place_battery(self, shape: Shape, layout: Layout, boards_y: float) -> None:
         """Add pad and battery on the floor or the roof, as far across the car as needed to balance the boards.
@@ -176,11 +232,20 @@ class ElectronicsModule(BrainModule):
         if parts.battery_place == "roof":
             self._place_on_roof(shape, layout.battery_mm, across / 2 + offset)
             return
-        y, z = across / 2 - min(max(offset, -reach), reach), film / 2
+        x, y = layout.battery_mm, across / 2 - min(max(offset, -reach), reach)
+        # A second layer of film from wall to wall stiffens the floor, which the battery would bend by some millimetres.
+        along_mm, wide_mm = battery.size_mm[1::-1] if layout.turned else battery.size_mm[:2]
+        low = max(x - along_mm / 2 - DOUBLER_EDGE_MM, -self["floor_rear"])
+        high = min(x + along_mm / 2 + DOUBLER_EDGE_MM, self["length"] + self["floor_front"])
+        clear_of_folds_mm = across - 2 * self.parts.assembly.fold_distance_mm.value
+        outline = rectangle_around((0.0, 0.0), high - low, max(clear_of_folds_mm, wide_mm + 2 * DOUBLER_EDGE_MM))
+        middle = (low + high) / 2
+        shape.layer("floor doubler", "beam.floor", outline, (middle, across / 2), "floor doubler")
+        z = film / 2 + film
         for part in (pad, battery):
-            height = part.height_mm.value
-            center = (layout.battery_mm, y, z + height / 2)
-            shape.part(part, "beam.floor", center, turned=layout.turned, marked=True)
+            height, part_size = part.height_mm.value, part.size_mm[1::-1] if layout.turned else part.size_mm[:2]
+            shape.mark("floor doubler", part.name, rectangle_around((x - middle, y - across / 2), *part_size))
+            shape.part(part, "beam.floor", (x, y, z + height / 2), turned=layout.turned)
             z += height
 
     def _place_on_roof(self, shape: Shape, x: float, y: float) -> None:
@@ -303,15 +368,35 @@ class ElectronicsModule(BrainModule):
 
 def _power_wires(parts: Catalogue) -> list[Wire]:
     """Return the wires between batteries, switch and boards."""
-    feather, wing, switch = parts.feather.name, parts.featherwing.name, parts.switch.name
+    feather, wing = parts.feather.name, parts.featherwing.name
     return [
         Wire(f"{feather} headers", f"{wing} headers", "stack", "the wing sits on the Feather: I2C on SDA 23 and SCL 22"),
         Wire(f"{parts.lipo.name}", f"{feather} JST", "supply", "3.7 V for the processor"),
-        Wire(f"{parts.battery.name} +", f"{switch} 1", "supply", f"{parts.cells.supply_v.value:g} V for the servos"),
-        Wire(f"{switch} 2", f"{wing} terminal +", "supply", "switched"),
+        Wire(
+            f"{parts.battery.name} +", f"{SERVO_SWITCH} 1", "supply", f"{parts.cells.supply_v.value:g} V for the servos"
+        ),
+        Wire(f"{SERVO_SWITCH} 2", f"{wing} terminal +", "supply", "switched"),
         Wire(f"{parts.battery.name} -", f"{wing} terminal -", "supply", "ground"),
+        Wire(f"{BOARD_SWITCH} 1", f"{feather} EN", "control", "closed, it turns the board off"),
+        Wire(f"{BOARD_SWITCH} 2", f"{feather} GND", "control", "ground"),
+        *_option_wires(parts),
         Wire(f"{feather} USB", "computer", "usb", "to flash, and for trials by cable"),
     ]
+
+
+def _option_wires(parts: Catalogue) -> list[Wire]:
+    """Return the wires of the options that a car has."""
+    feather, wing, wires = parts.feather.name, parts.featherwing.name, []
+    if parts.button == "fitted":
+        wires += [
+            Wire(f"{BUTTON} 1", f"{feather} {BUTTON_PIN}", "control", "starts and stops a trial"),
+            Wire(f"{BUTTON} 2", f"{feather} GND", "control", "ground"),
+        ]
+    if parts.divider == "fitted":
+        wires.append(Wire(DIVIDER_UPPER, f"{wing} terminal +", "control", "measures the voltage of the servos' battery"))
+    if parts.oe_wire == "fitted":
+        wires.append(Wire(f"{feather} {OE_PIN}", f"{wing} #OE", "control", "ends the pulses while the board hangs"))
+    return wires
 
 
 def _too_small(value: float, needed: float, what: str) -> str:

@@ -169,22 +169,42 @@ def switch_depth_mm(parts: Catalogue) -> float:
     return switch.height_mm.value - switch.rocker_height_mm.value - switch.bezel_height_mm.value
 
 
-def put_switch(shape: Shape, panel: str, at_mm: Point) -> None:
-    """Mount the switch in a slot of the face ``panel``, its centre at ``at_mm``.
+def switches_width_mm(parts: Catalogue) -> float:
+    """Width (mm) of the layers behind both switches."""
+    return 2 * parts.switch.slot_length_mm.value + 3 * parts.assembly.switch_margin_mm.value
 
-    Layers of film behind the panel, the faces ``switch.layer 1`` …, make it thick enough for the switch's barbs.
+
+# The switches of a car: in the + lead of the servos' battery; between EN and GND of the Feather, where closed is off.
+SERVO_SWITCH, BOARD_SWITCH = "servo switch", "board switch"
+
+
+def put_switches(shape: Shape, panel: str, at_mm: Point) -> None:
+    """Mount both switches in slots of the face ``panel``, beside each other, the middle between them at ``at_mm``.
+
+    Layers of film behind the panel, the faces ``switch.layer 1`` …, make it thick enough for the switches' barbs.
     """
-    switch, parts, film = shape.parts.switch, shape.parts, shape.parts.film_mm
-    slot, margin = (switch.slot_length_mm.value, switch.slot_width_mm.value), 2 * parts.assembly.switch_margin_mm.value
+    switch, parts = shape.parts.switch, shape.parts
+    slot, margin = (switch.slot_length_mm.value, switch.slot_width_mm.value), parts.assembly.switch_margin_mm.value
+    size = (switches_width_mm(parts), slot[1] + 2 * margin)
     # The barbs of every such switch must hold behind the layers of film and tape.
     min_layer_mm = parts.film.thickness_mm.min_value + parts.assembly.tape_mm.min_value
     layer_count = math.ceil((switch.panel_least_mm.max_value - parts.film.thickness_mm.min_value) / min_layer_mm - 1e-9)
+    # Half the distance of the switches' middles: between their openings the film is as wide as around them.
+    offset = (slot[0] + margin) / 2
     for i in range(max(1, layer_count)):
         name = f"switch.layer {i + 1}"
-        outline = rectangle_around((0.0, 0.0), slot[0] + margin, slot[1] + margin)
-        shape.layer(name, panel, outline, at_mm, "switch doubler", i + 1)
-        shape.rectangular_hole(name, f"{name}.opening", "opening", (0.0, 0.0), *slot)
-    hole = shape.rectangular_hole(panel, "switch opening", "opening", at_mm, *slot)
+        shape.layer(name, panel, rectangle_around((0.0, 0.0), *size), at_mm, "switch doubler", i + 1)
+        for x in (-offset, offset):
+            shape.rectangular_hole(name, f"{name}.opening", "opening", (x, 0.0), *slot)
+    for switch_name, x in ((SERVO_SWITCH, -offset), (BOARD_SWITCH, offset)):
+        _put_switch(shape, switch_name, panel, (at_mm[0] + x, at_mm[1]))
+
+
+def _put_switch(shape: Shape, name: str, panel: str, at_mm: Point) -> None:
+    switch, film = shape.parts.switch, shape.parts.film_mm
+    hole = shape.rectangular_hole(
+        panel, f"{name} opening", "opening", at_mm, switch.slot_length_mm.value, switch.slot_width_mm.value
+    )
     outside_mm, half = switch.rocker_height_mm.value + switch.bezel_height_mm.value, switch.height_mm.value / 2
     # z of the mount's frame points outwards; its box's middle lies inside.
     pose = compose(translation(*at_mm, half - outside_mm - film / 2), rotation("x", math.pi))
@@ -194,8 +214,39 @@ def put_switch(shape: Shape, panel: str, at_mm: Point) -> None:
         Solid("box", (*size, end - start), translation(0, 0, (start + end) / 2))
         for size, start, end in ((bezel, bezel_low, bezel_high), (body, bezel_high, half), (body, -half, bezel_low))
     ]
+    finger = ToolClearance("finger", translation(0, 0, half), *shape.parts.tools.finger_mm)
+    shape.box(switch.name, name, panel, pose, switch.size_mm, switch.mass_kg.value, [hole], solids, [finger])
+
+
+# The optional button that starts and stops a trial.
+BUTTON = "button"
+
+
+def button_depth_mm(parts: Catalogue) -> float:
+    """Depth (mm) of the button inside the panel."""
+    return parts.push_button.height_mm.value - parts.push_button.front_mm.value
+
+
+def put_button(shape: Shape, panel: str, at_mm: Point) -> None:
+    """Mount the button in a hole of the face ``panel``, with a layer of film behind it: the face ``button.layer``.
+
+    It comes from inside; its nut is screwed on from outside.
+    """
+    parts, button, film = shape.parts, shape.parts.push_button, shape.parts.film_mm
+    side = button.length_mm.value + 2 * parts.assembly.switch_margin_mm.value
+    shape.layer("button.layer", panel, rectangle_around((0.0, 0.0), side, side), at_mm, "button doubler")
+    shape.round_hole("button.layer", "button.layer.opening", "opening", (0.0, 0.0), button.hole_mm.value)
+    hole = shape.round_hole(panel, "button opening", "opening", at_mm, button.hole_mm.value)
+    half, front = button.height_mm.value / 2, button.front_mm.value
+    # z of the mount's frame points outwards; its body begins behind panel and layer.
+    inside_mm = button.height_mm.value - front
+    pose = compose(translation(*at_mm, film * 1.5 + inside_mm - half), rotation("x", math.pi))
+    solids = [
+        cylinder(button.thread_mm.value, half - front, half),
+        cylinder(button.length_mm.value, -half, half - front),
+    ]
     finger = ToolClearance("finger", translation(0, 0, half), *parts.tools.finger_mm)
-    shape.box(switch.name, switch.name, panel, pose, switch.size_mm, switch.mass_kg.value, [hole], solids, [finger])
+    shape.box(button.name, BUTTON, panel, pose, button.size_mm, button.mass_kg.value, [hole], solids, [finger])
 
 
 def put_caster(shape: Shape, name: str, floor: str, at_mm: Point) -> None:

@@ -221,7 +221,7 @@ class Wire:
 
     a: str
     b: str
-    carries: Literal["signal", "supply", "stack", "usb"]
+    carries: Literal["signal", "supply", "stack", "usb", "control"]
     note: str = ""
 
 

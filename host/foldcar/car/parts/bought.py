@@ -195,6 +195,14 @@ class Headers(Bought):
     """The Feather's female headers; their legs are ``leg_mm`` long below the sockets' bodies."""
 
 
+class Pins(Data):
+    """The names of a board's pins, from the side of USB on: those of the long row and those of the short row."""
+
+    long_row: tuple[str, ...]
+    short_row: tuple[str, ...]
+    source: str
+
+
 class Feather(BoxPart):
     """The processor's board with female headers on it; ``small`` are parts at its holes."""
 
@@ -205,6 +213,16 @@ class Feather(BoxPart):
     battery_socket: Box
     reset: Box
     antenna: Box
+    pins: Pins
+
+    def pin_mm(self, name: str) -> tuple[float, float]:
+        """Return x and y (mm) of a pin in the board's frame."""
+        for header, names in zip(self.headers, (self.pins.long_row, self.pins.short_row), strict=True):
+            if name in names:
+                (x, y, _), (length, _, _) = header.at_mm, header.size_mm
+                pitch = length / len(names)
+                return x - length / 2 + (names.index(name) + 0.5) * pitch, y
+        raise KeyError(name)
 
     @property
     def standing(self) -> tuple[Box, ...]:

@@ -31,7 +31,7 @@ from foldcar.car.parts.quantity import Bought, BoxPart, Data, PartData, Quantity
 from foldcar.errors import FoldcarError
 from foldcar.typed import did_you_mean
 
-# Kind of part → its names; the data of a part are in KIND_NAME.json. The place of the battery has no data.
+# Kind of part → its names; the data of a part are in KIND_NAME.json.
 OPTIONS: dict[str, tuple[str, ...]] = {
     "film": ("0.127", "0.19", "0.25", "card_160", "card_300", "pp_0.5", "pp_0.8"),
     "horn": ("one_sided", "two_sided", "cross", "disc"),
@@ -39,7 +39,12 @@ OPTIONS: dict[str, tuple[str, ...]] = {
     "battery": ("4xaa_flat", "4xaa_square"),
     "battery_place": ("floor", "roof"),
     "cells": ("unnamed", "nimh", "alkaline"),
+    "button": ("none", "fitted"),
+    "divider": ("none", "fitted"),
+    "oe_wire": ("none", "fitted"),
 }
+# Kinds that choose a place, or whether the car has an option: they have no data of their own.
+WITHOUT_DATA = ("battery_place", "button", "divider", "oe_wire")
 
 
 class PartError(FoldcarError):
@@ -60,6 +65,9 @@ class PartChoices:
     battery: str = "4xaa_square"
     battery_place: str = "floor"
     cells: str = "unnamed"
+    button: str = "none"
+    divider: str = "none"
+    oe_wire: str = "none"
 
     def changed(self, names: Mapping[str, str]) -> "PartChoices":
         """Return these choices with other names by kind. Raises PartError, which lists the known names or kinds."""
@@ -103,15 +111,17 @@ class Catalogue(Data):
     ``screw`` holds a servo in its wall, ``board_screw`` with a ``spacer`` holds the Feather's end at USB, ``board_pad``
     its other end. ``horn_screw`` holds a wheel on a horn, ``centre_screw`` the horn on the servo, ``pad`` the battery.
     ``axle_rod`` carries wheels without servos; an ``axle_tube`` keeps each off its wall, an ``axle_cap`` on the rod.
-    The mass of ``headers`` is in the boards'. Mass and cost of ``wiring`` include ``wire_mm`` of wire;
-    ``wiring`` also has the slack that leads need. Leads leave the middle of an end of a battery's length.
-    ``assembly`` has the clearances, laminations and contact properties of a folded car.
+    The mass of ``headers`` is in the boards', that of ``fuse`` in the wires'. Mass and cost of ``wiring`` include
+    ``wire_mm`` of wire; ``wiring`` also has the slack that leads need. Leads leave the middle of an end of a battery's
+    length. ``push_button`` and ``resistor`` are in a car that has these options. ``assembly`` has the clearances,
+    laminations and contact properties of a folded car.
     """
 
     servo: Servo
     feather: Feather
     featherwing: FeatherWing
     headers: Headers
+    fuse: Bought
     lipo: BoxPart
     pad: BoxPart
     board_pad: BoxPart
@@ -135,7 +145,12 @@ class Catalogue(Data):
     tyre: Tyre
     battery: BoxPart
     cells: Cells
+    push_button: BoxPart
+    resistor: BoxPart
     battery_place: Literal["floor", "roof"]
+    button: Literal["none", "fitted"]
+    divider: Literal["none", "fitted"]
+    oe_wire: Literal["none", "fitted"]
 
     @property
     def film_mm(self) -> float:
@@ -165,11 +180,12 @@ def catalogue_of(choices: PartChoices) -> Catalogue:
     data, contents = files("foldcar.car.parts").joinpath("data"), {}
     for field in Catalogue.model_fields:
         name = getattr(choices, field, None)
-        # The battery's place is chosen like a part, but has no data.
-        if field != "battery_place":
+        if field in WITHOUT_DATA:
+            contents[field] = name
+        else:
             file = f"{field}_{name}.json" if name else f"{field}.json"
             contents[field] = json.loads(data.joinpath(file).read_text(encoding="utf-8"))
-    return Catalogue.model_validate(contents | {"battery_place": choices.battery_place})
+    return Catalogue.model_validate(contents)
 
 
 @cache

@@ -93,7 +93,14 @@ class Roles:
     def mount_host(self, mount: Mount) -> Host | None:
         """The piece and its face that a mount is fixed to; None for a mount that is not fixed to any."""
         candidates = (*([self.base[mount.body]] if mount.body in self.base else []), *self.placed(mount.body))
-        return next((Host(copy, mount.face) for copy in candidates if mount.face in self.finished[copy.piece]), None)
+        hosts = [Host(copy, mount.face) for copy in candidates if mount.face in self.finished[copy.piece]]
+        # Both caps of a segment have a face of the same name: that with the mount's hole is meant.
+        with_hole = (host for host in hosts if self._holes(host) & set(mount.holes))
+        return next(with_hole, next(iter(hosts), None))
+
+    def _holes(self, host: Host) -> set[str]:
+        piece = self.pieces[host.piece.piece]
+        return {hole.name for face in piece.faces if face.name == host.face for hole in face.holes}
 
     def is_on_lid(self, mount: Mount) -> bool:
         """Whether a mount lies on the outer side of a lid."""

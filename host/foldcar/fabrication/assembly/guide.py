@@ -29,6 +29,7 @@ from foldcar.fabrication.assembly.operations import (
     operations_of_splices,
 )
 from foldcar.fabrication.assembly.parts_list import parts_list
+from foldcar.fabrication.assembly.soldering import soldering_step
 from foldcar.fabrication.assembly.view_page import facts
 from foldcar.fabrication.assembly.wiring import wiring_drawing
 from foldcar.fabrication.patterns.drawing import Sheet
@@ -68,6 +69,8 @@ def build_steps(folded: FoldedCar, cut: CutCar, machine: str) -> list[Step]:
     all_steps = [cutting_step(cut, machine), *splice_steps(folded, cut)]
     state = AssemblyState(folded)
     for step, step_operations in operations_by_step(folded):
+        if any(added.name == folded.parts.feather.name for added in step.adds):
+            all_steps.append(soldering_step(folded))
         lines = step_lines(step, state)
         state.advance(step)
         repeated = len(state.unit_bodies(step.unit)) if step.unit else 1

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from itertools import permutations
 
 import numpy as np
+from markupsafe import Markup
 from shapely.geometry import Point, Polygon
 
 from foldcar.car.folded.model import FoldedCar, Join, Mount, Piece, PlacedPiece
@@ -49,12 +50,20 @@ BESIDE_EDGE_MM = 7.0
 
 
 @dataclass(frozen=True, slots=True)
+class FlatPicture:
+    """A picture that is no view of the car: its SVG, and the words below it."""
+
+    svg: Markup
+    caption: str
+
+
+@dataclass(frozen=True, slots=True)
 class Step:
     """One step: a title, instructions line by line, pictures, and its operations."""
 
     title: str
     lines: tuple[str, ...]
-    pictures: tuple[Drawing, ...] = ()
+    pictures: tuple[Drawing | FlatPicture, ...] = ()
     done: Operations = field(default_factory=Operations)
 
     @property

@@ -5,6 +5,7 @@ Input: a FoldedCar and its proved service steps. Output: lines of text.
 
 from collections.abc import Iterator, Sequence
 
+from foldcar.car.components.mounts import BOARD_SWITCH, SERVO_SWITCH
 from foldcar.car.folded.model import FoldedCar, Mount
 from foldcar.car.parts.catalogue import Catalogue
 from foldcar.car.proof.step import AssemblyStep
@@ -41,6 +42,8 @@ def service_lines(car: FoldedCar, steps: Sequence[AssemblyStep]) -> tuple[str, .
         *lines,
         *(_change_cells_line(parts, holder) for holder in sorted(holders)),
         f"Charge the {parts.lipo.name} in the car: the {parts.feather.name} charges it from USB.",
+        f"After use turn off both switches: the {SERVO_SWITCH} turns off the servos, the {BOARD_SWITCH} the board. "
+        f"Before the car is put away for weeks, unplug the {parts.lipo.name}.",
         f"Reset: press the {parts.featherwing.name}'s button with the tip of a screwdriver"
         f"{', the lid open' if lids else ''}; the servos stop, and the car waits to be told to go.",
     )
@@ -61,32 +64,44 @@ def driving_steps(car: FoldedCar) -> Iterator[tuple[str, tuple[str, ...]]]:
             *([insert_cells_line(car.parts)] if car.parts.battery_place == "roof" else []),
             f"Connect the {feather} to the computer with a USB cable that carries data, and run `foldcar flash LISTING "
             "--experiment ID` with the listing and experiment of this car. It loads the firmware and the car's design.",
-            "If no board is found, try another cable; `foldcar doctor` says what is missing.",
+            "If no board is found, try another cable, and open the board switch; `foldcar doctor` says what is missing.",
+            *_cable_lines(),
         ),
     )
     yield (
         "Find the neutrals",
         (
-            "Stand the car on a box so that no wheel touches anything, and turn the switch on.",
+            "Stand the car on a box so that no wheel touches anything, and turn the servo switch on.",
             "Run `foldcar calibrate-servos`. It asks how each wheel turns, about nine times for each servo, and saves "
             "each servo's neutral and dead band in the board.",
             "A wheel turns backwards: look whether its plug is on the output that its lead is marked with. If it is, "
             "answer `y` when the command asks whether the servo shall be reversed. The board keeps this as CHn_REVERSED.",
-            "A wheel does not turn: is the switch on, are the cells charged, is the plug's brown lead at GND?",
+            "A wheel does not turn: is the servo switch on, are the cells charged, is the plug's brown lead at GND?",
         ),
     )
     yield (
         "Drive a metre",
         (
-            "Put the car on a smooth floor with 2 m free in front of it, and keep a finger near the switch.",
+            "Put the car on a smooth floor with 2 m free in front of it, and keep a finger near the servo switch.",
             'Describe one metre of floor as the tutorial "A first car" does (docs/first_car.md), and run `foldcar log '
             "metre.json --experiment metre --store study.db --car NAME`: it checks the car, counts down and drives.",
             "The car turns aside: repeat `foldcar calibrate-servos`, look for a wheel that rubs. It stops at once: the "
             "cells are empty or the log's last line says why.",
-            "Without a cable: add `--untethered`. foldcar says when to pull the cable; the board's light flickers, and "
-            "the wheels start 8 s later. With the button of wiring.md, add `--button`: press it to start, and to stop.",
+            "Without a cable: add `--untethered`. foldcar says when to pull the cable; the board's red light, seen "
+            "through the small hole beside USB, flickers, and the wheels start 8 s later."
+            + (" Add `--button` to start, and to stop, with the button." if car.parts.button == "fitted" else ""),
             "When it has driven its metre, it is ready for trials.",
         ),
+    )
+
+
+def _cable_lines() -> Iterator[str]:
+    """Yield how the USB cable is led, so that it meets no wheel."""
+    yield (
+        "The cable leaves between two wheels. Lead it up along the left wall and over the roof, with a loop at the "
+        "plug that does not pull. Hold it with a cable tie, 2.5 to 3.6 mm wide, through the two slots above USB; pull "
+        "the tie so far that the cable still slides out. A plug that is angled upwards stays clear of the wheels; with a "
+        "straight one, turn every wheel by hand, and see that none touches it."
     )
 
 
@@ -94,7 +109,7 @@ def reached_part(car: FoldedCar, mount: Mount, index: int) -> str:
     """Return the name of what a tool (plug, finger or screwdriver) reaches at clearance ``index`` of a mount."""
     parts, tool = car.parts, mount.clearances[index].tool
     if mount.part == parts.switch.name:
-        return "switch"
+        return mount.name
     if tool in ("finger", "driver"):
         return "reset button" if mount.part in (parts.feather.name, parts.featherwing.name) else mount.name
     if mount.part == parts.feather.name:

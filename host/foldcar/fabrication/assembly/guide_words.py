@@ -12,17 +12,21 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 
 from foldcar.car.components.hooked_strip import WheelSize, turn_rad
+from foldcar.car.components.mounts import BOARD_SWITCH, BUTTON, SERVO_SWITCH
 from foldcar.car.folded.model import FoldedCar, Join
 from foldcar.car.leads import leads
 from foldcar.car.parts.catalogue import Catalogue
 from foldcar.car.proof.plan import SHUT
 from foldcar.car.proof.step import AddedPart, AssemblyStep, Vector
+from foldcar.car.supply import supply
 from foldcar.fabrication.assembly.guide_state import AssemblyState
 from foldcar.fabrication.assembly.operations import disc_turns, folds_of_step, is_screw, is_wound, plugs_in, soldered_in
 from foldcar.fabrication.assembly.parts_list import tyre_cut
 from foldcar.fabrication.assembly.wiring import lead_remedy
 
 DRIVER = "PH0 screwdriver"
+# The fuse protects what is behind it: it is soldered near the holder, where a hand still holds the short end.
+FUSE_FROM_HOLDER_MM = 30
 # A part is on the left or right of the car if its distance from the middle plane is larger.
 MIDDLE_MM = 10.0
 # The number of a beam is left out: a screw passes through its own beam.
@@ -225,30 +229,51 @@ def _plug_lines(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
             yield "Lead cables between segments through the openings of the caps, with a loop at each hinge."
     for wire in wires:
         if wire.carries != "signal":
-            start = "The switch's free wire" if wire.a.startswith(car.parts.switch.name) else wire.a
+            start = "The servo switch's free wire" if wire.a.startswith(SERVO_SWITCH) else wire.a
             yield f"{start[0].upper()}{start[1:]} to {wire.b}: {wire.note}."
 
 
 def _solder_lines(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
-    """Yield the instructions for soldering, all in the step of the switch, while no battery is in the car."""
-    wires = soldered_in(car, step)
-    if not wires:
+    """Yield the instructions for soldering a switch, while no battery is in the car."""
+    if not soldered_in(car, step):
         return
+    (switch,) = (added.name for added in step.adds)
     remedies = {lead.start: lead_remedy(lead) for lead in leads(car)}
-    yield "Press the switch in until its barbs hold behind the layers, its terminals on the printed side."
+    if switch == BUTTON:
+        yield "Push the button through from the printed side, and screw its nut on from outside."
+        yield f"Solder a wire to each of its terminals: {remedies[f'{BUTTON} 2']} for each. Leave the other ends free."
+        return
+    yield (
+        f"Press the {switch} in until its barbs hold behind the layers, its terminals on the printed side. As seen from "
+        f"outside, it is on the {_side_of(switch, car)}."
+    )
+    if switch == BOARD_SWITCH:
+        yield "It is closed to turn the board off: put it in upside down, so that both switches are tipped alike."
+        yield f"Solder a wire to each of its terminals: {remedies[f'{switch} 2']} for each. Leave the other ends free."
+        return
     yield (
         f"Solder now, before the {car.parts.lipo.name} is in the car and with no cells in the holder. Push heat-shrink "
         "tube over each wire first, and shrink it over the joint with a hot-air gun or a lighter, away from the film."
     )
-    battery, switch = car.parts.battery.name, car.parts.switch.name
+    battery = car.parts.battery.name
     # How each lead of the battery is made long enough; "" if it is.
     lengthening = {sign: remedies.get(f"{battery} {sign}", "") for sign in "+-"}
     after = f", after you {lengthening['+']}" if lengthening["+"] else ""
-    yield f"One terminal of the switch: the + lead of the {battery} (red){after}."
-    if any(wire.a.startswith(switch) for wire in wires):
-        yield f"The other terminal: {remedies[f'{switch} 2']}, solder one end to it, and leave the other end free."
+    yield (
+        f"The + lead of the {battery} (red): cut it {FUSE_FROM_HOLDER_MM} mm from the holder, and solder the fuse, "
+        f"{supply(car).fuse_a:g} A, between both ends."
+    )
+    yield f"One terminal of the {switch}: the end of this lead{after}."
+    yield f"Its other terminal: {remedies[f'{switch} 2']}, solder one end to it, and leave the other end free."
     if lengthening["-"]:
         yield f"The - lead of the {battery} (black): {lengthening['-']}."
+
+
+def _side_of(switch: str, car: FoldedCar) -> str:
+    """Return on which side a switch is as seen from outside: y of the car points left to somebody who looks forwards."""
+    mount = next(mount for mount in car.mounts if mount.name == switch)
+    looks_forwards = mount.pose[0][3] < 0
+    return "left" if (mount.pose[1][3] > 0) == looks_forwards else "right"
 
 
 def _preparation(step: AssemblyStep, state: AssemblyState) -> Iterator[str]:
@@ -261,8 +286,6 @@ def _preparation(step: AssemblyStep, state: AssemblyState) -> Iterator[str]:
             f"Before: mark the leads: {marks}. Leave the servos' potentiometers alone: their neutrals are measured when "
             "the car is complete."
         )
-    if state.car.parts.feather.name in added_parts:
-        yield from _board_preparation(state.car.parts)
     if step.title == SHUT and state.car.parts.battery_place == "floor":
         yield insert_cells_line(state.car.parts)
     yield from _cut_lengths(state.car, step, state)
@@ -271,20 +294,6 @@ def _preparation(step: AssemblyStep, state: AssemblyState) -> Iterator[str]:
 def insert_cells_line(parts: Catalogue) -> str:
     """Return the instruction to put cells into the holder, with their kind."""
     return f"Turn the switch off, and put four charged cells of one kind into the holder: {parts.cells.cell}."
-
-
-def _board_preparation(parts: Catalogue) -> Iterator[str]:
-    """Yield how the boards are soldered and tried before they go in."""
-    depth_mm = parts.headers.leg_mm.max_value - parts.feather.board_mm.value
-    yield (
-        f"Before: solder the {parts.headers.name} onto the {parts.feather.name}'s upper side, with which the "
-        f"{parts.featherwing.name}'s pins mate. Their legs end at most {depth_mm:.1f} mm below the board. Never use "
-        "stacking headers: their legs would reach the LiPo."
-    )
-    yield (
-        f'Plug the {parts.feather.name} into the computer and load the firmware, as "Load the firmware" below says: a '
-        "board that does not answer is easy to change now."
-    )
 
 
 def _cut_lengths(car: FoldedCar, step: AssemblyStep, state: AssemblyState) -> Iterator[str]:

@@ -1,7 +1,7 @@
 """Counts the manual operations that build a car, and estimates their time.
 
 Input: a FoldedCar, and the CutCar of its sheets. Output: Operations. Film is held by tape, which needs no time to dry.
-Not counted are cutting, which is the machine's work, soldering the boards' headers, and loading the firmware.
+Not counted are cutting, which is the machine's work, and loading the firmware.
 """
 
 import math
@@ -12,7 +12,10 @@ from importlib.resources import files
 
 from pydantic import TypeAdapter
 
+from foldcar.car.components.bridge import option_resistors
+from foldcar.car.components.mounts import BOARD_SWITCH, BUTTON, SERVO_SWITCH
 from foldcar.car.folded.model import Crease, FoldedCar, Join, Mount, Piece, Wire
+from foldcar.car.leads import leads
 from foldcar.car.parts.bought import Screw
 from foldcar.car.parts.catalogue import Catalogue
 from foldcar.car.parts.quantity import Quantity
@@ -23,6 +26,8 @@ from foldcar.fabrication.patterns.sheets import CutCar
 TAPED = ("lap", "tab", "laminate")
 PUSHED = ("tab_slot", "lock", "rim")
 # A servo's lead, a lead in a terminal, a board on another board; the computer's cable belongs to driving.
+# Pins of an output, and of the terminal block.
+SERVO_PINS, TERMINALS = 3, 2
 PLUGGED = ("signal", "supply", "stack")
 
 
@@ -54,6 +59,7 @@ class Operations:
     screw: int = 0
     nut: int = 0
     plug: int = 0
+    joint: int = 0
     weed: int = 0
 
     @property
@@ -98,7 +104,21 @@ class Operations:
 
 def operations(car: FoldedCar, cut: CutCar) -> Operations:
     """Return all operations of the car: taking pieces out of sheets, joining split pieces, all assembly steps."""
-    return sum((done for _, done in operations_by_step(car)), operations_of_sheets(cut) + operations_of_splices(car, cut))
+    others = operations_of_sheets(cut) + operations_of_splices(car, cut) + operations_of_boards(car)
+    return sum((done for _, done in operations_by_step(car)), others)
+
+
+def operations_of_boards(car: FoldedCar) -> Operations:
+    """Return the operations that solder the boards: rows of pins on both, the wing's blocks, their switch's wires."""
+    parts, boards = car.parts, {mount.part for mount in car.mounts}
+    if not {parts.feather.name, parts.featherwing.name} <= boards:
+        return Operations()
+    rows = len(parts.feather.pins.long_row) + len(parts.feather.pins.short_row)
+    # A switch's or the button's wire has one end here; what begins at the Feather has both, but a wire in a terminal.
+    controls = [wire for wire in car.wires if wire.carries == "control"]
+    wires = sum(wire.b.startswith(parts.feather.name) or wire.b.endswith("terminal +") for wire in controls)
+    wires += 2 * sum(wire.b.endswith("#OE") for wire in controls) + 2 * len(option_resistors(parts))
+    return Operations(joint=2 * rows + SERVO_PINS * len(parts.featherwing.outputs.at_mm) + TERMINALS + wires)
 
 
 def operations_of_sheets(cut: CutCar) -> Operations:
@@ -147,6 +167,7 @@ def operations_by_step(car: FoldedCar) -> list[tuple[AssemblyStep, Operations]]:
             screw=sum(is_screw(car.parts, mount) for mount in parts),
             nut=sum(mount.part in nutted for mount in parts),
             plug=len(plugs_in(car, step)),
+            joint=_joints_of(car, step),
         )
         for name, creases in step.folds.items():
             fold_fractions.setdefault(name, {}).update(creases)
@@ -167,20 +188,28 @@ def folds_of_step(step: AssemblyStep, fractions_before: Mapping[str, Mapping[str
 def plugs_in(car: FoldedCar, step: AssemblyStep) -> list[Wire]:
     """Return the wires plugged in during a step: the boards' stack with the upper board, all others with the wiring.
 
-    Wires that end at the switch are left out: they are soldered (see ``soldered_in``).
+    Wires that end at a switch are left out: they are soldered (see ``soldered_in``).
     """
     added_parts = _added_parts(car, step)
-    wires = [w for w in car.wires if w.carries in PLUGGED and not w.b.startswith(car.parts.switch.name)]
+    wires = [wire for wire in car.wires if wire.carries in PLUGGED and not wire.b.startswith(SERVO_SWITCH)]
     # The part whose step plugs in the wires of a kind.
     part_of_kind = {"stack": car.parts.featherwing.name}
     return [wire for wire in wires if part_of_kind.get(wire.carries, car.parts.wiring.name) in added_parts]
 
 
 def soldered_in(car: FoldedCar, step: AssemblyStep) -> list[Wire]:
-    """Return the wires soldered during a step: those of the switch, in the step that adds the switch."""
-    switch = car.parts.switch.name
-    wires = [wire for wire in car.wires if wire.a.startswith(switch) or wire.b.startswith(switch)]
-    return wires if switch in _added_parts(car, step) else []
+    """Return the wires soldered during a step: those of a switch or the button, in the step that adds it."""
+    switches = tuple({SERVO_SWITCH, BOARD_SWITCH, BUTTON} & {added.name for added in step.adds})
+    return [wire for wire in car.wires if wire.a.startswith(switches) or wire.b.startswith(switches)]
+
+
+def _joints_of(car: FoldedCar, step: AssemblyStep) -> int:
+    """Return the number of joints of a switch: one for each wire at it, two for the fuse, one for each longer lead."""
+    wires = soldered_in(car, step)
+    if not any(wire.a.startswith(SERVO_SWITCH) for wire in wires):
+        return len(wires)
+    longer = sum(lead.kind == "solder" and lead.missing_mm > 0 for lead in leads(car))
+    return len(wires) + 2 + longer
 
 
 def _added_parts(car: FoldedCar, step: AssemblyStep) -> set[str]:

@@ -15,6 +15,7 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
+from foldcar.car.components.bridge import option_resistors
 from foldcar.car.fits import fits
 from foldcar.car.folded.model import FoldedCar, Piece
 from foldcar.car.folded.stance import center_mm, stance
@@ -169,6 +170,15 @@ def _bought_rows(folded: FoldedCar) -> list[Row]:
     if boards := counts.get(catalogue.featherwing.name, 0):
         note = "soldered to the Feather; in its mass"
         rows.append(Row(catalogue.headers.name, boards, "", 0.0, boards * catalogue.headers.cost_usd.value, note))
+        fuse, note = (
+            catalogue.fuse,
+            f"{supply(folded).fuse_a:g} A, soldered into the battery's + lead; in the wires' mass",
+        )
+        rows.append(Row(fuse.name, boards, "", 0.0, boards * fuse.cost_usd.value, note))
+        if resistors := option_resistors(catalogue):
+            cost_usd = len(resistors) * catalogue.resistor.cost_usd.value
+            note = f"{', '.join(sorted(resistors))}, 1 %; below the Feather, in the wires' mass"
+            rows.append(Row(catalogue.resistor.name, len(resistors), "", 0.0, cost_usd, note))
     if holders := counts.get(catalogue.battery.name, 0):
         warning = ", not alkaline" if "NiMH" in catalogue.cells.cell else ""
         note = f"four in the holder, with a charger; in its mass{warning}"
@@ -193,7 +203,7 @@ def _cost(part: Bought | None, number: int, folded: FoldedCar) -> tuple[float | 
     if part is folded.parts.switch:
         currents = supply(folded)
         reason = f"{currents.servos} stalled servos draw {currents.stall_a:.1f} A"
-        return number * part.cost_usd.value, f"marked {currents.switch_a:g} A or more: {reason}"
+        return number * part.cost_usd.value, f"the servos' is marked {currents.switch_a:g} A or more: {reason}"
     if part.cost_usd.value == 0:
         return 0.0, "comes with the servos"
     note = f"{part.note}: {tyre_cut(folded)}" if isinstance(part, Tyre) else ""

@@ -7,20 +7,20 @@ from 0 as on the board, channels from 1 as in the firmware's parameter names.
 import math
 from dataclasses import dataclass
 
+from foldcar.car.components.bridge import BUTTON_PIN, DIVIDER_PIN, OE_PIN
+from foldcar.car.components.mounts import SERVO_SWITCH
 from foldcar.car.folded.model import FoldedCar
 from foldcar.car.leads import Lead, leads
 from foldcar.car.supply import fresh_cells_warning, supply
 from foldcar.figures.page import page_template
 
-# An optional wire to the servo driver's output enable: the board's pin, as in the firmware's output_gate.h, and a pull-up
-# that holds the enable off while the pin floats, against the wing's 10 kΩ to ground. The chip needs 0.7 of its supply.
-OE_GPIO, OE_PULL_UP_OHM = 27, 2200.0
+# An optional wire to the servo driver's output enable has a pull-up that holds the enable off while the board's pin
+# floats, against the wing's 10 kΩ to ground. The chip needs 0.7 of its supply.
+OE_PULL_UP_OHM = 2200.0
 OE_PULL_DOWN_OHM, LOGIC_V, OE_OFF_SHARE = 10e3, 3.3, 0.7
-# Options: a button to ground, and two resistors from the servos' battery to an analogue pin, as in feather_board.cpp and
-# feather_hal.h. Four fresh alkaline cells have the highest voltage.
-BUTTON_GPIO, SERVO_GPIO = 32, 34
+# Two optional resistors from the servos' battery to an analogue pin. Four fresh alkaline cells have the highest voltage.
 DIVIDER_UPPER_OHM, DIVIDER_LOWER_OHM, HIGHEST_SERVO_V = 20e3, 10e3, 6.4
-CARRIES = {"signal": "signal", "supply": "supply", "stack": "plugged together", "usb": "USB"}
+CARRIES = {"signal": "signal", "supply": "supply", "stack": "plugged together", "usb": "USB", "control": "control"}
 OUTPUTS = 8
 
 
@@ -44,12 +44,12 @@ def wiring_text(folded: FoldedCar, title: str) -> str:
         carries=CARRIES,
         hinges=folded.hinges,
         leads=[(lead, _lead_note(lead)) for lead in leads(folded)],
-        gpio=OE_GPIO,
+        gpio=OE_PIN,
         pull_up_ohm=OE_PULL_UP_OHM,
         off_v=LOGIC_V * OE_PULL_DOWN_OHM / (OE_PULL_DOWN_OHM + OE_PULL_UP_OHM),
         least_off_v=OE_OFF_SHARE * LOGIC_V,
-        button_gpio=BUTTON_GPIO,
-        servo_gpio=SERVO_GPIO,
+        button_gpio=BUTTON_PIN,
+        servo_gpio=DIVIDER_PIN,
         divider_upper_ohm=DIVIDER_UPPER_OHM,
         divider_lower_ohm=DIVIDER_LOWER_OHM,
         divider=(DIVIDER_UPPER_OHM + DIVIDER_LOWER_OHM) / DIVIDER_LOWER_OHM,
@@ -67,33 +67,39 @@ class OptionalPart:
 
 
 def optional_parts(folded: FoldedCar) -> tuple[OptionalPart, ...]:
-    """Return the parts of the options that the wiring describes."""
+    """Return the parts of the options that the wiring describes and that this car does not have."""
     servos, divider = supply(folded), f"{DIVIDER_UPPER_OHM / 1000:g} kΩ and {DIVIDER_LOWER_OHM / 1000:g} kΩ"
-    return (
-        OptionalPart(
-            "fuse of the servos' supply",
-            f"blade fuse, {servos.fuse_a:g} A, holder with leads",
-            "mini blade fuse holder",
-        ),
-        OptionalPart(
-            "steadier servos' supply",
-            f"capacitor, {servos.capacitor_uf} µF or more, 10 V",
-            "electrolytic capacitor 10 V",
-        ),
-        OptionalPart("no pulses while the board hangs", f"resistor, {OE_PULL_UP_OHM / 1000:g} kΩ", "resistor 1/4 W"),
-        OptionalPart("button to drive alone", "push button that closes while pressed", "tactile push button 6 mm"),
-        OptionalPart("voltage of the servos' battery", f"resistors, {divider}, 1 %", "metal film resistor 1/4 W 1 %"),
+    capacitor = OptionalPart(
+        "steadier servos' supply", f"capacitor, {servos.capacitor_uf} µF or more, 10 V", "electrolytic capacitor 10 V"
     )
+    by_kind = {
+        "oe_wire": OptionalPart(
+            "no pulses while the board hangs", f"resistor, {OE_PULL_UP_OHM / 1000:g} kΩ", "resistor 1/4 W"
+        ),
+        "button": OptionalPart(
+            "button to drive alone", folded.parts.push_button.name, "PBS-110 momentary push button 7 mm"
+        ),
+        "divider": OptionalPart(
+            "voltage of the servos' battery", f"resistors, {divider}, 1 %", "metal film resistor 1/4 W 1 %"
+        ),
+    }
+    return (capacitor, *(part for kind, part in by_kind.items() if getattr(folded.parts, kind) == "none"))
 
 
 def _is_switched(folded: FoldedCar) -> bool:
-    return any(wire.a.startswith(folded.parts.switch.name) for wire in folded.wires)
+    return any(wire.a.startswith(SERVO_SWITCH) for wire in folded.wires)
 
 
 def _lead_note(lead: Lead) -> str:
     """Return on which side a lead leaves the battery, and how it is made long enough; "" if neither is known."""
     side = f"leaves the battery on the {lead.leaves}" if lead.leaves else ""
-    return "; ".join(text for text in (side, lead_remedy(lead)) if text)
+    spare_mm = lead.available_mm - lead.needed_mm
+    tight = f"only {spare_mm:.0f} mm to spare: measure it before you build" if 0 <= spare_mm < TIGHT_MM else ""
+    return "; ".join(text for text in (side, lead_remedy(lead), tight) if text)
+
+
+# A lead with less to spare (mm) is named: parts of other makers may be shorter than the data say.
+TIGHT_MM = 10.0
 
 
 def lead_remedy(lead: Lead) -> str:
@@ -114,7 +120,7 @@ def _wire_length_mm(lead: Lead) -> int:
 def wiring_drawing(folded: FoldedCar, title: str) -> str:
     """Return the drawing of the car's wiring as SVG, in mm of a page."""
     car_leads = leads(folded)
-    wires = [lead for lead in car_leads if lead.kind != "plug"]
+    wires = [lead for lead in car_leads if lead.kind == "solder" or lead.start.startswith(SERVO_SWITCH)]
     axles = {axle.channel: axle for axle in folded.axles if axle.driven}
     page = page_template("foldcar.fabrication.assembly", "wiring.svg").render(
         title=title,
@@ -123,7 +129,8 @@ def wiring_drawing(folded: FoldedCar, title: str) -> str:
         extended={lead.start: lead.extension.rpartition(", ")[2] for lead in car_leads if lead.extension},
         switched=_is_switched(folded),
         lengths=[(lead, f"{_wire_length_mm(lead)} mm") for lead in wires if lead.missing_mm > 0],
-        gpio=OE_GPIO,
+        fuse_a=supply(folded).fuse_a,
+        gpio=OE_PIN,
         pull_up_ohm=OE_PULL_UP_OHM,
     )
     return page + "\n"

@@ -158,6 +158,8 @@ inline void check_logs_give_back_what_they_took(LogStorage& logs) {
 // restart() is not called: what follows it is the board's own.
 inline void check_board_names_its_reset(const Board& board) {
   const ResetReason reason = board.reset_reason();
+  const bool has_crashed = reason >= ResetReason::kCrash && reason <= ResetReason::kOtherWatchdog;
+  TEST_ASSERT_TRUE_MESSAGE(has_crashed || board.crash_report() == nullptr, "a report without a crash");
   TEST_ASSERT_TRUE_MESSAGE(reason <= ResetReason::kBrownOut, "not one of the reasons");
   TEST_ASSERT_TRUE_MESSAGE(reason == board.reset_reason(), "the reason has changed without a restart");
 }

@@ -41,6 +41,8 @@ void setup() {
 }
 
 void loop() {
-  car().firmware.poll();
+  Car& me = car();
+  me.firmware.poll();
+  me.board.board.feed_watchdog(me.firmware.application().is_driving());
   delay(1);
 }

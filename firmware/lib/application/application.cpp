@@ -156,8 +156,9 @@ Status Application::status() const {
 Fault Application::reset_fault() const {
   switch (hal_.board.reset_reason()) {
     case ResetReason::kBrownOut: return Fault::kBrownOut;
-    case ResetReason::kCrash:
-    case ResetReason::kInterruptWatchdog:
+    case ResetReason::kCrash: return Fault::kCrash;
+    case ResetReason::kInterruptWatchdog: return Fault::kInterruptWatchdog;
+    // The chip's own watchdogs guard start and restart.
     case ResetReason::kTaskWatchdog:
     case ResetReason::kOtherWatchdog: return Fault::kWatchdog;
     case ResetReason::kUnknown:

@@ -22,12 +22,14 @@ enum class Fault : std::uint8_t {
   kCommandStale,       // the host was silent for longer than CMD_TIMEOUT_MS
   kStoredParameter,    // flash holds a parameter outside its limits
   kDesign,             // car.json is refused
-  kWatchdog,           // a watchdog or a crash has reset the board
+  kWatchdog,           // the task watchdog has reset the board
   kBrownOut,           // a dip of the supply has reset the board
   kTilt,               // beyond TILT_MAX_RAD for longer than TILT_MS
   kImu,                // the IMU that was found at the start no longer answers
   kNoDesign,           // there is no car.json, and nobody has confirmed that the parameters alone describe the car
-  kFlash               // flash memory cannot be read: neither a design nor stored parameters are known
+  kFlash,              // flash memory cannot be read: neither a design nor stored parameters are known
+  kInterruptWatchdog,  // the interrupt watchdog has reset the board
+  kCrash               // a crash has reset the board
 };
 
 // How the last trial ended; kNone before the first and while one runs.

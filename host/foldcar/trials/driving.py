@@ -8,7 +8,7 @@ import contextlib
 import math
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ from foldcar.link.car_logs import fetch_log, list_logs
 from foldcar.link.stream import LinkLostError
 from foldcar.link.tlog import LogError, merge_records, messages_of, read_tlog, records_of
 from foldcar.trials.drive_view import DriveView
-from foldcar.trials.faults import CarFaultError, fault_line
+from foldcar.trials.faults import CarFaultError, crash_line, fault_line
 
 # A car that is silent for so long is lost. If this program stands still for so long, it was stopped (Ctrl-Z).
 SILENCE_S = 2.0
@@ -170,9 +170,9 @@ def _watch(car: Car, trial: int, view: DriveView, end_s: float, must_be_unplugge
             message_type = message.get_type()
             if message_type == "FOLDCAR_TRIAL":
                 if message.time_boot_ms < last_boot_ms:
-                    line = fault_line(car)
+                    line, crash = fault_line(car), crash_line(car)
                     error = CarFaultError(f"the car restarted{'' if line is None else f': {line}'}")
-                    return DriveEnd("the car restarted", "aborted", None, error)
+                    return DriveEnd(f"the car restarted{'' if crash is None else f': {crash}'}", "aborted", None, error)
                 last_boot_ms = message.time_boot_ms
                 if _has_ended(car, message, trial):
                     return _car_ended(car, message, view)
@@ -298,7 +298,10 @@ def collect(car: Car, trial: int, log: Path) -> DriveEnd:
         if not messages:
             continue
         merge_records(log, [(time_us + offset_us, packet) for time_us, packet in records])
-        return drive_end(car.dialect, messages[-1], lost_bytes + damaged_bytes)
+        end = drive_end(car.dialect, messages[-1], lost_bytes + damaged_bytes)
+        # A log that breaks off may be that of a crash, of which a board whose battery stayed on still knows.
+        crash = crash_line(car) if messages[-1].end == car.dialect.FOLDCAR_END_NONE else None
+        return end if crash is None else replace(end, ending=f"{end.ending}: {crash}")
     raise FoldcarError(
         f"{car.port}: the car has no log of trial {trial}: it restarted while it drove, or its flash is full"
     )

@@ -15,7 +15,8 @@ struct Injection {
     kBusError,
     kImuError,
     kBrownOut,
-    kWatchdog,
+    kWatchdog,           // value: address in the firmware, 0 if it is not known; of kCrash, too
+    kCrash,
     kButton,  // someone presses it
     kUnplug,
     kCorrupt,            // value: fraction of the bytes that arrive wrong

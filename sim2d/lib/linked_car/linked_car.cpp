@@ -73,7 +73,8 @@ void LinkedCar::inject(const Injection& injection) {
     case Injection::Kind::kBusError: bus_until_us_ = until_us; break;
     case Injection::Kind::kImuError: imu_until_us_ = until_us; break;
     case Injection::Kind::kBrownOut: restart(ResetReason::kBrownOut); break;
-    case Injection::Kind::kWatchdog: restart(ResetReason::kTaskWatchdog); break;
+    case Injection::Kind::kWatchdog: crash(ResetReason::kTaskWatchdog, injection.value); break;
+    case Injection::Kind::kCrash: crash(ResetReason::kCrash, injection.value); break;
     case Injection::Kind::kButton: button_until_us_ = until_us; break;
     case Injection::Kind::kUnplug: unplugged_until_us_ = until_us; break;
     case Injection::Kind::kCorrupt:
@@ -163,10 +164,18 @@ State LinkedCar::state() const {
 // The servo driver keeps its pulses until the firmware has started again.
 void LinkedCar::restart(ResetReason reason) {
   hal_.board.reason = reason;
+  hal_.board.crash.reset();
   hal_.board.restart_is_requested = false;
   hal_.link.to_car.clear();
   booting_ = true;
   boot_end_us_ = now_us_ + kBootUs;
+}
+
+void LinkedCar::crash(ResetReason reason, double address) {
+  restart(reason);
+  if (address == 0) return;
+  hal_.board.crash.emplace();
+  hal_.board.crash->addresses[0] = static_cast<std::uint32_t>(address);
 }
 
 // Sets the simulated hardware by the faults that are active now; ends those whose time is over.

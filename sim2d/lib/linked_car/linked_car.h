@@ -65,6 +65,8 @@ class LinkedCar {
   void move_to(const std::string& scene_id);
   State state() const;
   void restart(ResetReason reason);
+  // Restarts the board and leaves a report, unless the address in the firmware is 0.
+  void crash(ResetReason reason, double address);
   void apply_faults();
   void update_outcome();
   void send_truth();

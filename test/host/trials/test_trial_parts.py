@@ -24,6 +24,7 @@ from foldcar.link.parameters import value_text
 from foldcar.link.stream import choose_port, open_stream, permission_text
 from foldcar.link.tlog import LogError, TlogWriter, log_damage, read_tlog
 from foldcar.trials.driving import drive_end
+from foldcar.trials.faults import crash_text
 from foldcar.trials.placement import ask_deviations, parse_deviation
 from foldcar.trials.servo_edges import find_edges
 
@@ -231,6 +232,26 @@ def test_every_reason_of_a_refusal_has_words_that_complete_a_sentence() -> None:
     assert all(text and not text.endswith(".") and text[0].islower() for text in texts)
     assert len(set(texts)) == len(texts) > 30
     assert car.refusal_text(0) is None and car.refusal_text(250) is None
+
+
+@pytest.mark.parametrize(
+    ("reset_reason", "cause", "addresses", "text"),
+    [
+        (4, 28, (0x400D1234, 0x400D2342), "load from a forbidden address (0x00000004) at 0x400d1234 0x400d2342"),
+        (4, 6, (0x400D1234,), "division by zero at 0x400d1234"),
+        (4, 13, (0x400D1234,), "exception 13 at 0x400d1234"),
+        (4, 255, (0x400D1234,), "the firmware ended itself at 0x400d1234"),
+        (5, 255, (0x400D1234,), "stopped by the interrupt watchdog at 0x400d1234"),
+        (6, 255, (0x400D1234,), "stopped by the task watchdog at 0x400d1234"),
+        (6, 255, (), "stopped by the task watchdog"),
+    ],
+)
+def test_a_crash_is_described_by_its_cause_and_its_callers(
+    reset_reason: int, cause: int, addresses: tuple[int, ...], text: str
+) -> None:
+    padded = [*addresses, *[0] * 12][:12]
+
+    assert crash_text(load_dialect().MAVLink_foldcar_crash_message(padded, 4, reset_reason, cause)) == text
 
 
 def test_a_log_that_breaks_off_or_lacks_bytes_is_told() -> None:

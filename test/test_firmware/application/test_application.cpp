@@ -188,7 +188,7 @@ TEST(stored_parameters_that_cannot_be_read_are_a_fault) {
   TEST_ASSERT_TRUE(bench.application.arm() == Refusal::kNone);
 }
 
-TEST(a_reset_by_a_watchdog_or_a_brown_out_is_a_fault) {
+TEST(a_reset_by_a_watchdog_a_crash_or_a_brown_out_is_a_fault_of_its_own) {
   const auto fault_after = [](ResetReason reason) {
     ApplicationBench bench;
     bench.board.board.reason = reason;
@@ -198,8 +198,9 @@ TEST(a_reset_by_a_watchdog_or_a_brown_out_is_a_fault) {
   TEST_ASSERT_TRUE(fault_after(ResetReason::kPowerOn) == Fault::kNone);
   TEST_ASSERT_TRUE(fault_after(ResetReason::kSoftware) == Fault::kNone);
   TEST_ASSERT_TRUE(fault_after(ResetReason::kBrownOut) == Fault::kBrownOut);
-  for (const ResetReason reason : {ResetReason::kCrash, ResetReason::kInterruptWatchdog, ResetReason::kTaskWatchdog,
-                                   ResetReason::kOtherWatchdog}) {
+  TEST_ASSERT_TRUE(fault_after(ResetReason::kCrash) == Fault::kCrash);
+  TEST_ASSERT_TRUE(fault_after(ResetReason::kInterruptWatchdog) == Fault::kInterruptWatchdog);
+  for (const ResetReason reason : {ResetReason::kTaskWatchdog, ResetReason::kOtherWatchdog}) {
     TEST_ASSERT_TRUE(fault_after(reason) == Fault::kWatchdog);
   }
 }

@@ -52,7 +52,8 @@ TEST(every_enum_of_the_firmware_has_the_dialects_values) {
       {FOLDCAR_FAULT_STORED_PARAMETER, Fault::kStoredParameter}, {FOLDCAR_FAULT_DESIGN, Fault::kDesign},
       {FOLDCAR_FAULT_WATCHDOG, Fault::kWatchdog}, {FOLDCAR_FAULT_BROWN_OUT, Fault::kBrownOut},
       {FOLDCAR_FAULT_TILT, Fault::kTilt}, {FOLDCAR_FAULT_IMU, Fault::kImu},
-      {FOLDCAR_FAULT_NO_DESIGN, Fault::kNoDesign}, {FOLDCAR_FAULT_FLASH, Fault::kFlash}});
+      {FOLDCAR_FAULT_NO_DESIGN, Fault::kNoDesign}, {FOLDCAR_FAULT_FLASH, Fault::kFlash},
+      {FOLDCAR_FAULT_INTERRUPT_WATCHDOG, Fault::kInterruptWatchdog}, {FOLDCAR_FAULT_CRASH, Fault::kCrash}});
   expect_same<FOLDCAR_END, TrialEnd>({
       {FOLDCAR_END_TIME_LIMIT, TrialEnd::kTimeLimit}, {FOLDCAR_END_STOPPED, TrialEnd::kStopped},
       {FOLDCAR_END_DISARMED, TrialEnd::kDisarmed}, {FOLDCAR_END_FAULT, TrialEnd::kFault}});

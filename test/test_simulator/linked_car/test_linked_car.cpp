@@ -97,6 +97,7 @@ TEST(test_each_fault_stops_the_car_with_its_name) {
       {R"({"inject": "imu_error"})", FOLDCAR_FAULT_IMU},
       {R"({"inject": "brown_out"})", FOLDCAR_FAULT_BROWN_OUT},
       {R"({"inject": "watchdog"})", FOLDCAR_FAULT_WATCHDOG},
+      {R"({"inject": "crash", "address": 1074597428})", FOLDCAR_FAULT_CRASH},
       {R"({"inject": "unplug", "for_s": 1})", FOLDCAR_FAULT_COMMAND_STALE},
       {R"({"inject": "drop", "share": 1, "for_s": 1})", FOLDCAR_FAULT_COMMAND_STALE},
       {R"({"inject": "corrupt", "share": 1, "for_s": 1})", FOLDCAR_FAULT_COMMAND_STALE},

@@ -34,6 +34,7 @@ const char* text(Fault fault) {
     case Fault::kFlash: return "flash memory cannot be read";
     case Fault::kInterruptWatchdog: return "reset by the interrupt watchdog";
     case Fault::kCrash: return "reset by a crash";
+    case Fault::kServoBatteryLow: return "servos' battery low or off";
   }
   return "?";
 }
@@ -73,6 +74,7 @@ const char* text(Refusal refusal) {
     case Refusal::kNotASign: return "neither -1 nor 1";
     case Refusal::kFixed: return "set by car.json";
     case Refusal::kNotSaved: return "set, but not saved";
+    case Refusal::kServoBatteryLow: return "servos' battery low or off";
   }
   return "?";
 }

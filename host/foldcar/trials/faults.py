@@ -15,6 +15,7 @@ REMEDIES = {
     "BUS": "check the wires between board and servo driver",
     "BATTERY_UNREADABLE": "check the board's battery",
     "BATTERY_LOW": "charge the board's battery",
+    "SERVO_BATTERY_LOW": "switch the servos' battery on, or charge its cells; if neither helps, check its divider",
     "COMMAND_STALE": "this program or computer stood still, for example after Ctrl-Z; drive again",
     "STORED_PARAMETER": "set the car's parameters again",
     "WATCHDOG": CRASH_REMEDY,

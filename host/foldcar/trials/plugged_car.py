@@ -29,7 +29,9 @@ SIMULATED_TEXT = "SIMULATED CAR"
 RECONNECT_TIMEOUT_S = 60.0
 
 # Suffixes of parameters that may differ from the design's, because they depend on servos and board.
-CALIBRATED = ("_NEUTRAL_US", "_DEADBAND_US", "_GAIN_US", "PWM_OSC_HZ", "OE_WIRED", "BUTTON_WIRED", "SERVO_DIVIDER")
+CALIBRATED = (
+    "_NEUTRAL_US", "_DEADBAND_US", "_GAIN_US", "PWM_OSC_HZ", "OE_WIRED", "BUTTON_WIRED", "SERVO_DIVIDER", "SERVO_MIN_V",
+)  # fmt: skip
 
 
 class PluggedCar:

@@ -15,12 +15,13 @@ constexpr Limits kAddress{0, 4294967295.0};
 
 Injection read_injection(const nlohmann::json& line) {
   using Kind = Injection::Kind;
-  const std::vector<std::string> names = {"battery", "battery_unreadable", "bus_error", "imu_error", "brown_out",
-                                          "watchdog", "crash", "button", "unplug", "corrupt", "drop", "put_back"};
+  const std::vector<std::string> names = {"battery", "battery_unreadable", "servo_battery", "bus_error", "imu_error",
+                                          "brown_out", "watchdog", "crash", "button", "unplug", "corrupt", "drop", "put_back"};
   JsonReader reader(line, "line");
   Injection injection;
   injection.kind = static_cast<Kind>(reader.choice("inject", names));
-  if (injection.kind == Kind::kBattery) injection.value = reader.number("volts", kVolts);
+  const bool is_battery = injection.kind == Kind::kBattery || injection.kind == Kind::kServoBattery;
+  if (is_battery) injection.value = reader.number("volts", kVolts);
   if (injection.kind == Kind::kCorrupt || injection.kind == Kind::kDrop) {
     injection.value = reader.number("share", kShare);
   }

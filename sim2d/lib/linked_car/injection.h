@@ -12,6 +12,7 @@ struct Injection {
   enum class Kind {
     kBattery,            // value: voltage (V)
     kBatteryUnreadable,
+    kServoBattery,       // value: voltage (V), as a car measures it whose divider is wired
     kBusError,
     kImuError,
     kBrownOut,

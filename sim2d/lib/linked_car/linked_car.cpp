@@ -70,6 +70,10 @@ void LinkedCar::inject(const Injection& injection) {
       hal_.battery.volts = std::numeric_limits<float>::quiet_NaN();
       battery_until_us_ = until_us;
       break;
+    case Injection::Kind::kServoBattery:
+      servo_battery_v_ = injection.value;
+      servo_battery_until_us_ = until_us;
+      break;
     case Injection::Kind::kBusError: bus_until_us_ = until_us; break;
     case Injection::Kind::kImuError: imu_until_us_ = until_us; break;
     case Injection::Kind::kBrownOut: restart(ResetReason::kBrownOut); break;
@@ -101,8 +105,8 @@ std::vector<std::uint8_t> LinkedCar::step() {
   if (!booting_) {
     // If the car is wired to measure the servo battery, it measures the voltage without a load.
     const bool is_measured = firmware_->parameters().get(Parameter::kServoDivider) > 0.0f;
-    hal_.servo_battery.volts =
-        is_measured ? static_cast<float>(world_->body.supply_v) : std::numeric_limits<float>::quiet_NaN();
+    const double volts_v = now_us_ < servo_battery_until_us_ ? servo_battery_v_ : world_->body.supply_v;
+    hal_.servo_battery.volts = is_measured ? static_cast<float>(volts_v) : std::numeric_limits<float>::quiet_NaN();
     firmware_->poll();
     firmware_->store_log();
   }

@@ -120,9 +120,7 @@ def test_an_untethered_car_brings_its_log_home(tmp_path: Path, free_course: Path
     assert max(offsets) - min(offsets) < 0.5
 
 
-def test_a_crash_on_the_floor_is_stored_with_the_trial_whose_log_it_broke_off(
-    tmp_path: Path, free_course: Path
-) -> None:
+def test_a_crash_on_the_floor_is_stored_with_the_trial_whose_log_it_broke_off(tmp_path: Path, free_course: Path) -> None:
     with (
         car_at_port(goal_x_m=None, tcp=True) as car,
         Typist(tmp_path, *LOG, "--port", car.port, "--countdown", "0", "--yes", "--untethered") as person,

@@ -205,6 +205,28 @@ TEST(a_reset_by_a_watchdog_a_crash_or_a_brown_out_is_a_fault_of_its_own) {
   }
 }
 
+// As the board reads its divider at the start, one that is set later measures nothing yet.
+TEST(a_servo_battery_is_watched_on_a_car_that_measures_it) {
+  ApplicationBench bench;
+  bench.board.servo_battery.volts = 3.0f;
+  bench.application.begin();
+  TEST_ASSERT_TRUE(bench.application.arm() == Refusal::kNone);
+  bench.application.set_parameter(Parameter::kServoDivider, 3.0f);
+  TEST_ASSERT_TRUE(bench.application.arm() == Refusal::kNone);
+
+  ApplicationBench measuring;
+  measuring.board.storage.values["SERVO_DIVIDER"] = 3.0f;
+  measuring.board.servo_battery.volts = 4.8f;
+  measuring.run();
+  measuring.board.servo_battery.volts = 3.0f;
+  measuring.run_ticks(26);
+  TEST_ASSERT_TRUE(measuring.fault() == Fault::kServoBatteryLow);
+  TEST_ASSERT_TRUE(measuring.last_us() == kOff);
+  measuring.application.acknowledge();
+  TEST_ASSERT_TRUE(measuring.application.arm() == Refusal::kServoBatteryLow);
+  TEST_ASSERT_TRUE(measuring.application.test(0, 1500.0f, 1.0f) == Refusal::kServoBatteryLow);
+}
+
 static DesignResult design_of(DesignSource source) {
   DesignResult design;
   design.source = source;

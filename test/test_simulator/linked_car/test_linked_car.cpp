@@ -112,6 +112,19 @@ TEST(test_each_fault_stops_the_car_with_its_name) {
   }
 }
 
+TEST(test_a_measured_servo_battery_that_is_low_stops_the_car) {
+  for (const float divider : {3.0f, 0.0f}) {
+    Bench bench;
+    bench.options.stored_parameters = {{"SERVO_DIVIDER", divider}};
+    bench.car = std::make_unique<LinkedCar>(bench.engine, bench.worlds, bench.options, kFirmware);
+    bench.start_trial();
+    bench.inject(R"({"inject": "servo_battery", "volts": 3.5, "for_s": 1})");
+    bench.run(1.5);
+    const int expected = divider > 0 ? FOLDCAR_FAULT_SERVO_BATTERY_LOW : FOLDCAR_FAULT_NONE;
+    TEST_ASSERT_EQUAL_INT(expected, bench.trial().fault);
+  }
+}
+
 TEST(test_a_battery_fault_ends_in_time) {
   Bench bench;
   bench.start_trial();

@@ -84,7 +84,7 @@ class PluggedCar:
                 require_same_car(self.connected, identity)
                 if self.connected.is_under_way(self.connected.request("FOLDCAR_TRIAL")):
                     raise LinkLostError("the car still drives, counts or waits for its button")
-                return collect(self.connected, number, log)
+                return collect(self.connected, number, log, print_line)
             except FoldcarError as error:
                 if answers is not None:
                     print_warning(error)

@@ -23,7 +23,7 @@ from foldcar.link.dialect import load_dialect
 from foldcar.link.parameters import value_text
 from foldcar.link.stream import choose_port, open_stream, permission_text
 from foldcar.link.tlog import LogError, TlogWriter, log_damage, read_tlog
-from foldcar.trials.driving import drive_end
+from foldcar.trials.driving import drive_end, wait_for_storage
 from foldcar.trials.faults import crash_text
 from foldcar.trials.placement import ask_deviations, parse_deviation
 from foldcar.trials.servo_edges import find_edges
@@ -232,6 +232,23 @@ def test_every_reason_of_a_refusal_has_words_that_complete_a_sentence() -> None:
     assert all(text and not text.endswith(".") and text[0].islower() for text in texts)
     assert len(set(texts)) == len(texts) > 30
     assert car.refusal_text(0) is None and car.refusal_text(250) is None
+
+
+@pytest.mark.parametrize("states", [("NONE",), ("OPEN", "OPEN", "NONE"), ("OPEN", "STORED"), ("OPEN", "OPEN")])
+def test_a_flash_that_is_not_ready_is_waited_for_and_that_is_said(states: tuple[str, ...]) -> None:
+    dialect = load_dialect()
+    arriving = iter(
+        SimpleNamespace(get_type=lambda: "FOLDCAR_TRIAL", log=getattr(dialect, f"FOLDCAR_LOG_{state}"))
+        for state in states
+    )
+    connection = SimpleNamespace(wait_for=lambda fits, timeout_s: next(filter(fits, arriving), None))
+    lines: list[str] = []
+
+    status = wait_for_storage(cast(Any, SimpleNamespace(dialect=dialect, connection=connection)), lines.append)
+
+    ready = [state for state in states if state != "OPEN"]
+    assert (None if status is None else status.log) == (getattr(dialect, f"FOLDCAR_LOG_{ready[0]}") if ready else None)
+    assert lines == (["waiting until the car's flash is ready for the next log"] if "OPEN" in states else [])
 
 
 @pytest.mark.parametrize(

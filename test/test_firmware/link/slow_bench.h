@@ -22,7 +22,7 @@ struct SlowLogs : SimLogs {
   int erase_count = 0;
 
   bool prepare() override {
-    if (unprepared_blocks_ == 0) return false;
+    if (!fitted || unprepared_blocks_ == 0) return false;
     --unprepared_blocks_;
     take(++erase_count % 10 == 0 ? 400.0 : 45.0);
     ++write_count;
@@ -96,11 +96,12 @@ struct SlowBench {
   std::uint64_t ticked_us = 0;                     // when the last tick was
   std::uint64_t longest_gap_while_driving_us = 0;  // between two ticks
 
-  SlowBench() {
+  // flash_is_ready: for the first log.
+  explicit SlowBench(bool flash_is_ready = true) {
     board.link.room = 100000;
     board.imu.fitted = true;
     firmware.begin({});
-    while (firmware.store_log()) {
+    while (flash_is_ready && firmware.store_log()) {
     }
     run(20);
   }

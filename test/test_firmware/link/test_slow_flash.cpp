@@ -113,6 +113,29 @@ TEST(wheels_do_not_start_before_flash_is_ready_for_the_next_log) {
   TEST_ASSERT_TRUE(bench.longest_gap_while_driving_us <= 20000);
 }
 
+// After a start nothing is known of the flash, which may have to be erased.
+TEST(a_host_sees_when_the_flash_is_ready_after_the_start) {
+  SlowBench bench(false);
+  TEST_ASSERT_EQUAL_UINT8(FOLDCAR_LOG_OPEN, bench.told().log);
+  bench.run(20, bench.host.command(MAV_CMD_COMPONENT_ARM_DISARM, {1}));
+  const auto start = [&bench] { return bench.answer(MAV_CMD_FOLDCAR_START_TRIAL, {0.3f, 0, 5, 0, 9}); };
+  TEST_ASSERT_EQUAL_UINT(MAV_RESULT_TEMPORARILY_REJECTED, start());
+  TEST_ASSERT_EQUAL_INT(static_cast<int>(Refusal::kStoring), bench.host.acks().back().result_param2);
+  TEST_ASSERT_EQUAL_UINT8(FOLDCAR_LOG_NONE, bench.closed().log);
+  TEST_ASSERT_EQUAL_UINT32(0, bench.told().log_lost);
+  TEST_ASSERT_EQUAL_UINT(MAV_RESULT_ACCEPTED, start());
+}
+
+// As on a board without memory for the task that stores logs.
+TEST(without_flash_for_logs_a_tethered_trial_starts) {
+  SlowBench bench(false);
+  bench.logs.fitted = false;
+  bench.firmware.store_log();
+  TEST_ASSERT_EQUAL_UINT8(FOLDCAR_LOG_NONE, bench.told().log);
+  bench.run(20, bench.host.command(MAV_CMD_COMPONENT_ARM_DISARM, {1}));
+  TEST_ASSERT_EQUAL_UINT(MAV_RESULT_ACCEPTED, bench.answer(MAV_CMD_FOLDCAR_START_TRIAL, {0.3f, 0, 5, 0, 9}));
+}
+
 // They were set just before a tethered trial, which keeps no log. Saving takes up to 0.1 s.
 TEST(no_parameter_is_saved_in_a_tethered_trial) {
   SlowBench bench;

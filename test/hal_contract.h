@@ -149,7 +149,10 @@ inline void check_logs_give_back_what_they_took(LogStorage& logs) {
   TEST_ASSERT_EQUAL_UINT_MESSAGE(0, logs.read(missing, 0, part, 3), "read a log that is not there");
   TEST_ASSERT_FALSE_MESSAGE(logs.remove(missing), "removed a log that is not there");
 
+  TEST_ASSERT_EQUAL_UINT(10, logs.size(first));
   TEST_ASSERT_TRUE(logs.remove(first));
+  TEST_ASSERT_EQUAL_UINT_MESSAGE(0, logs.size(first), "a removed log has a size");
+  TEST_ASSERT_EQUAL_UINT_MESSAGE(0, logs.read(first, 0, part, 3), "a removed log can be read");
   check_range(logs, second, third);
   TEST_ASSERT_TRUE(logs.remove(third) && logs.remove(second));
   TEST_ASSERT_TRUE_MESSAGE(logs.range().is_empty(), "a log although all are removed");

@@ -89,6 +89,7 @@ struct FakeEsp32 {
   std::map<int, int> written_levels;  // by pin
   std::map<int, int> pin_levels;      // of the pins that are outputs
   std::deque<FakeTimer> timers;    // their handles point here
+  bool timers_fail = false;        // none starts any more
   int reset_reason = 1;
   int reset_hint = 0;  // 0: none was given
   void (*tick_hook)() = nullptr;  // called at each millisecond of fake time

@@ -215,6 +215,21 @@ TEST(a_crash_and_a_dip_of_the_supply_end_the_pulses_first) {
   }
 }
 
+// Without it nothing would end the pulses of a loop that hangs.
+TEST(a_gate_whose_timer_does_not_start_lets_no_pulse_through) {
+  for (const bool was_open : {false, true}) {
+    BegunBench bench;
+    TEST_ASSERT_TRUE(bench.hal.servos.use_output_enable());
+    if (was_open) {
+      TEST_ASSERT_TRUE(bench.hal.servos.write_pulses(pulse_on(0, 1500.0f)));
+      TEST_ASSERT_EQUAL_INT(LOW, fake_esp32.pin_levels[27]);
+    }
+    fake_esp32.timers_fail = true;
+    TEST_ASSERT_FALSE(bench.hal.servos.write_pulses(pulse_on(0, 1500.0f)));
+    TEST_ASSERT_EQUAL_INT(HIGH, fake_esp32.pin_levels[27]);
+  }
+}
+
 TEST(without_a_timer_output_enable_stays_high_and_no_pulse_is_written) {
   BegunBench bench;
   fake_esp32.heap_is_full = true;

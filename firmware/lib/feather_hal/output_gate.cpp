@@ -26,12 +26,16 @@ bool OutputGate::begin() {
   return esp_timer_create(&settings, &timer_) == ESP_OK;
 }
 
-// Enables the servo driver's outputs for kHoldUs, after which a timer disables them unless this is called again.
+// Enables the servo driver's outputs for kHoldUs, after which a timer disables them unless this is called again. Disables
+// them if there is no such timer.
 bool OutputGate::open() {
   if (!is_used_) return true;
   if (timer_ == nullptr) return false;
   esp_timer_stop(timer_);  // fails if it does not run
-  if (esp_timer_start_once(timer_, kHoldUs) != ESP_OK) return false;
+  if (esp_timer_start_once(timer_, kHoldUs) != ESP_OK) {
+    disable_output();
+    return false;
+  }
   GPIO.out_w1tc = kPinBit;
   return true;
 }

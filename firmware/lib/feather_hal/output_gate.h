@@ -20,7 +20,7 @@ class OutputGate {
   // From now on the gate is used, and closed; until then open() and close() leave the pin alone. Returns false if there is
   // no timer: the gate stays closed then.
   bool begin();
-  // Lets pulses through for kHoldUs. Returns false if it cannot.
+  // Lets pulses through for kHoldUs. Returns false if it cannot; none are let through then.
   bool open();
   void close();
   // Sets the pin high. Without a wire it is no output, and its level has no effect. May be called in an interrupt, and with

@@ -79,6 +79,33 @@ TEST(pulses_come_only_while_a_trial_runs) {
   TEST_ASSERT_FALSE_MESSAGE(any_pulse(bench.last_us()), "disarm acts at once");
 }
 
+// A wheel that turns again while somebody holds another one would hurt.
+TEST(a_test_of_an_output_drives_that_output_alone_whatever_was_tested_before) {
+  ApplicationBench bench;
+  bench.application.begin();
+  const auto expect_only = [&bench](std::size_t channel, float pulse_us) {
+    PulsesUs expected{};
+    expected[channel] = pulse_us;
+    bench.tick();
+    TEST_ASSERT_TRUE(bench.last_us() == expected);
+  };
+  for (const bool stops_between : {false, true}) {
+    for (std::size_t channel = 0; channel < kChannelCount; ++channel) {
+      const float pulse_us = 1600.0f + static_cast<float>(channel);
+      TEST_ASSERT_TRUE(bench.application.test(channel, pulse_us, 1.0f) == Refusal::kNone);
+      expect_only(channel, pulse_us);
+      if (stops_between) bench.application.stop();
+    }
+    TEST_ASSERT_TRUE(bench.application.test(3, kNoPulse, 1.0f) == Refusal::kNone);
+    expect_only(3, kNoPulse);
+  }
+  bench.application.stop();
+  TEST_ASSERT_TRUE(bench.application.arm() == Refusal::kNone);
+  bench.application.start({0.0f, 0.0f, 5.0f, true, 1});
+  bench.tick();
+  TEST_ASSERT_EQUAL_FLOAT_MESSAGE(kNoPulse, bench.last_us()[7], "nor does a trial drive an output without a wheel");
+}
+
 TEST(the_first_tick_of_a_trial_is_neutral_and_the_ramp_follows_the_clock) {
   ApplicationBench bench;
   bench.parameters.set("SLEW_US_PER_S", 500.0f);

@@ -18,6 +18,7 @@ struct SlowLogs : SimLogs {
 
   double slowness = 1.0;           // factor on all times
   std::size_t capacity = kLogSize; // bytes of a log
+  bool close_fails = false;
   int write_count = 0;             // programmed and erased
   int erase_count = 0;
 
@@ -37,7 +38,7 @@ struct SlowLogs : SimLogs {
   bool append(const std::uint8_t* data, std::size_t size) override {
     return program() && logs[logs.rbegin()->first].size() + size <= capacity && SimLogs::append(data, size);
   }
-  bool close() override { return program() && SimLogs::close(); }
+  bool close() override { return program() && SimLogs::close() && !close_fails; }
   bool remove(std::uint16_t id) override { return program() && SimLogs::remove(id); }
   std::size_t size(std::uint16_t id) override {
     take(1.0);

@@ -40,6 +40,19 @@ TEST(messages_come_at_their_intervals_without_drift) {
   }
 }
 
+// It would delay what is new: each message that was missed is left out.
+TEST(after_a_stall_telemetry_comes_at_its_intervals_and_not_in_a_burst) {
+  LinkBench bench;
+  bench.run(1000);
+  bench.board.clock.time_us += 10000000;
+  bench.host.received.clear();
+  bench.run(1000);
+  TEST_ASSERT_UINT_WITHIN(1, 10, count_of(bench.host, MAVLINK_MSG_ID_FOLDCAR_TRIAL));
+  TEST_ASSERT_UINT_WITHIN(1, 1, count_of(bench.host, MAVLINK_MSG_ID_HEARTBEAT));
+  TEST_ASSERT_UINT_WITHIN(1, 2, count_of(bench.host, MAVLINK_MSG_ID_SYS_STATUS));
+  TEST_ASSERT_UINT_WITHIN(1, 50, count_of(bench.host, MAVLINK_MSG_ID_SERVO_OUTPUT_RAW));
+}
+
 TEST(messages_can_be_asked_for_and_their_intervals_set) {
   LinkBench bench;
   bench.expect(MAV_RESULT_ACCEPTED, Refusal::kNone, MAV_CMD_REQUEST_MESSAGE, {MAVLINK_MSG_ID_AUTOPILOT_VERSION});

@@ -14,7 +14,7 @@ constexpr int kSdaPin = 23;
 constexpr int kSclPin = 22;
 constexpr std::uint32_t kBusHz = 400000;
 // A write takes 0.8 ms. A bus that fails should not delay the loop by more than half a tick, in kAttempts. The SDK's
-// driver may wait for up to 1 s all the same where its own state machine hangs; the watchdog then restarts the board.
+// driver may wait for up to 1 s all the same where its own state machine hangs; the guard of loop() then restarts the board.
 constexpr std::uint16_t kBusTimeOutMs = 5;
 // Erasing flash stops both cores of the ESP32 for about 45 ms. A transfer that it interrupts times out.
 constexpr int kAttempts = 2;

@@ -153,7 +153,7 @@ TEST(no_parameter_is_saved_in_a_tethered_trial) {
   TEST_ASSERT_EQUAL_INT(3, bench.storage.save_count);
 }
 
-// A loop that stands still for a second is reset.
+// A loop that stands still for 0.8 s is reset.
 TEST(logs_are_erased_one_in_a_tick) {
   SlowBench bench;
   for (int i = 0; i < 4; ++i) {

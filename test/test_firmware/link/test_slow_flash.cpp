@@ -207,7 +207,7 @@ TEST(a_flash_that_fails_only_when_the_log_is_closed_has_not_stored_it) {
 // Flash stands still until the end: what did not fit is missing from the middle. The records' sizes, and so what is left of
 // the queue, differ with what the IMU measures.
 TEST(a_log_that_lacks_records_still_tells_how_its_trial_ended) {
-  for (unsigned seed = 1; seed <= 30; ++seed) {
+  for (unsigned seed = 1; seed <= 12; ++seed) {
     SlowBench bench;
     bench.random.seed(seed);
     bench.flash_stops_both_cores = false;

@@ -44,8 +44,6 @@ void setup() {
 }
 
 void loop() {
-  Car& me = car();
-  me.firmware.poll();
-  me.board.board.feed_watchdog(me.firmware.application().is_driving());
+  car().firmware.poll();
   delay(1);
 }

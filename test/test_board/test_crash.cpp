@@ -8,6 +8,7 @@
 #include <array>
 
 #include "../../firmware/lib/feather_hal/crash_memory.h"
+#include "../../firmware/lib/feather_hal/loop_guard.h"
 #include "feather_bench.h"
 
 using namespace foldcar;
@@ -111,33 +112,52 @@ TEST(a_deep_stack_fills_the_report_and_no_more) {
   for (std::size_t i = 2; i < CrashReport::kMaxAddresses; ++i) TEST_ASSERT_EQUAL_HEX32(0x400D4564, report.addresses[i]);
 }
 
+static PulsesUs one_pulse() {
+  PulsesUs pulses_us{};
+  pulses_us[0] = 1500.0f;
+  return pulses_us;
+}
+
 TEST(a_loop_that_stands_still_is_ended_sooner_while_wheels_are_driven) {
-  FeatherBench bench;
-  Esp32Board board;
-  board.start_watchdog();
+  BegunBench bench;
+  bench.hal.board.start_watchdog();
   fake_esp32.loop_stack_top = &kBadLoad;
   TEST_ASSERT_EQUAL_UINT32_MESSAGE(0, ms_until_restart(), "setup() may take its time");
-  board.feed_watchdog(false);
+  TEST_ASSERT_TRUE(bench.hal.servos.write_pulses(PulsesUs{}));
   TEST_ASSERT_EQUAL_UINT32(LoopGuard::kStandingMs, ms_until_restart());
-  board.feed_watchdog(true);
+  TEST_ASSERT_TRUE(bench.hal.servos.write_pulses(one_pulse()));
   TEST_ASSERT_EQUAL_UINT32(LoopGuard::kDrivingMs, ms_until_restart());
   for (int round = 0; round < 20; ++round) {
-    board.feed_watchdog(true);
+    TEST_ASSERT_TRUE(bench.hal.servos.write_pulses(one_pulse()));
     pass_fake_time(1000 * (LoopGuard::kDrivingMs - 1));
   }
+  // As after a trial: the tick that ends it may save a parameter, which takes longer.
+  TEST_ASSERT_TRUE(bench.hal.servos.write_pulses(PulsesUs{}));
+  pass_fake_time(1000 * (LoopGuard::kStandingMs - 1));
   TEST_ASSERT_EQUAL_INT(ESP_RST_TASK_WDT, fake_esp32.reset_hint);
   forget_report();
+}
+
+// Whether the bus answers or not: loop() goes on.
+TEST(a_bus_that_fails_is_no_loop_that_stands_still) {
+  BegunBench bench;
+  bench.hal.board.start_watchdog();
+  fake_esp32.i2c.bus_hangs = true;
+  for (int tick = 0; tick < 100; ++tick) {
+    TEST_ASSERT_FALSE(bench.hal.servos.write_pulses(tick % 2 == 0 ? one_pulse() : PulsesUs{}));
+    pass_fake_time(20000);
+  }
+  TEST_ASSERT_EQUAL_INT(0, fake_esp32.reset_hint);
 }
 
 // What the SDK's handler is given is the guard's own end.
 TEST(the_guard_keeps_where_loop_stands_and_not_where_it_is_ended) {
   const XtSolFrame asleep{0, static_cast<long>(0x800D1237u), 0, 0, static_cast<long>(0x800D2345u), kStack};
   for (const void* top : std::array<const void*, 2>{&kBadLoad, &asleep}) {
-    FeatherBench bench;
+    BegunBench bench;
     forget_report();
-    Esp32Board board;
-    board.start_watchdog();
-    board.feed_watchdog(true);
+    bench.hal.board.start_watchdog();
+    TEST_ASSERT_TRUE(bench.hal.servos.write_pulses(one_pulse()));
     fake_esp32.loop_stack_top = top;
     fake_esp32.return_addresses = kCallers;
     TEST_ASSERT_TRUE(ms_until_restart() > 0);

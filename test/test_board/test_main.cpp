@@ -101,7 +101,7 @@ TEST(the_board_turns_its_outputs_off_first_and_drives_and_stores_in_two_tasks) {
   TEST_ASSERT_TRUE(servo_chip.pulse_us(0) > 0);
   const XtExcFrame frame{1, 0x400D1234, 0, 0, 0, 0, 0};
   fake_esp32.loop_stack_top = &frame;
-  TEST_ASSERT_EQUAL_UINT32_MESSAGE(249, ms_until_restart(), "250 ms, of which its last delay was one");
+  TEST_ASSERT_UINT32_WITHIN_MESSAGE(10, 240, ms_until_restart(), "250 ms from the last tick, which was up to 20 ms ago");
 }
 
 TEST(without_memory_for_the_task_no_log_is_promised) {

@@ -11,6 +11,7 @@
 #include <cmath>
 
 #include "crash_memory.h"
+#include "loop_guard.h"
 
 // In the place of the SDK's, by the linker (platformio.ini): the SDK looks for a partition for core dumps at every
 // start and complains on the serial port, before anything can tell it not to. The board has none on purpose
@@ -69,7 +70,7 @@ void Esp32Board::begin() {
 // Sets the SDK's watchdog, which the Arduino core has started for the idle task of core 0, to kWatchdogS, and adds loop()
 // to it.
 void Esp32Board::start_watchdog() {
-  guard_.begin();
+  LoopGuard::begin();
 #if ESP_IDF_VERSION_MAJOR >= 5
   const esp_task_wdt_config_t settings = {1000 * kWatchdogS, 1, true};
   esp_task_wdt_reconfigure(&settings);

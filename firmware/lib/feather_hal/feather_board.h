@@ -5,7 +5,6 @@
 #include <cstdint>
 
 #include "hal.h"
-#include "loop_guard.h"
 
 namespace foldcar {
 
@@ -42,8 +41,6 @@ class Esp32Board : public Board {
   // From now on a loop() that stands still restarts the board: the servo driver would continue with its pulses. Called from
   // loop()'s task. Without room for the guard, the SDK's watchdog does so alone, after a second.
   void start_watchdog();
-  // A round of loop() has ended; wheels are driven from here on, or not.
-  void feed_watchdog(bool is_driving) { guard_.feed(is_driving); }
   // From now on there is a button, between GPIO32 and ground.
   void use_button();
   void set_led(bool on) override;
@@ -54,7 +51,6 @@ class Esp32Board : public Board {
   bool is_simulated() const override { return false; }
 
  private:
-  LoopGuard guard_;
   CrashReport crash_report_;
   bool has_crashed_ = false;
   bool has_button_ = false;

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <cstdint>
 
+#include "loop_guard.h"
+
 namespace foldcar {
 namespace {
 
@@ -57,11 +59,13 @@ bool FeatherServos::set_oscillator_hz(float oscillator_hz) {
   return true;
 }
 
-// Writes all outputs in one transfer, or turns them off if none has a pulse; the gate opens and closes with them.
+// Writes all outputs in one transfer, or turns them off if none has a pulse; the gate opens and closes with them. The guard of
+// loop() is fed first, as a write may hang.
 // Returns whether the chip acknowledged.
 bool FeatherServos::write_pulses(const PulsesUs& pulses_us) {
   bool all_off = true;
   for (const float pulse_us : pulses_us) all_off = all_off && pulse_us == kNoPulse;
+  LoopGuard::feed(!all_off);
   if (all_off) {
     gate_.close();
     return write_off() && driver_begun_;

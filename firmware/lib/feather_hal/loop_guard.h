@@ -9,17 +9,20 @@
 
 namespace foldcar {
 
+// Each tick of the firmware writes pulses, or none, and so tells the guard that loop() goes on, and whether wheels turn, before
+// it does anything with flash.
 class LoopGuard {
  public:
-  // Longest time (ms) between two rounds of loop(). A tick is at most 40 ms late while wheels are driven and a log is stored.
+  // Longest time (ms) from one write to the next. While wheels are driven and a log is stored, a tick is at most 40 ms late.
   // While they stand, erasing flash stops both cores for up to 0.4 s.
   static constexpr std::uint32_t kDrivingMs = 250;
   static constexpr std::uint32_t kStandingMs = 800;
 
-  // To be called from loop()'s task, once. Returns false if the tick interrupt has no room for the guard.
-  bool begin();
-  // A round of loop() has ended; wheels are driven from here on, or not.
-  void feed(bool is_driving);
+  // To be called from loop()'s task, once. The guard begins with the next write. Returns false if the tick interrupt has no
+  // room for it.
+  static bool begin();
+  // loop() is about to write pulses, or none.
+  static void feed(bool is_driving);
 };
 
 }  // namespace foldcar

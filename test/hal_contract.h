@@ -149,7 +149,10 @@ inline void check_logs_give_back_what_they_took(LogStorage& logs) {
   TEST_ASSERT_EQUAL_UINT_MESSAGE(0, logs.read(missing, 0, part, 3), "read a log that is not there");
   TEST_ASSERT_FALSE_MESSAGE(logs.remove(missing), "removed a log that is not there");
 
+  TEST_ASSERT_EQUAL_UINT(10, logs.size(first));
   TEST_ASSERT_TRUE(logs.remove(first));
+  TEST_ASSERT_EQUAL_UINT_MESSAGE(0, logs.size(first), "a removed log has a size");
+  TEST_ASSERT_EQUAL_UINT_MESSAGE(0, logs.read(first, 0, part, 3), "a removed log can be read");
   check_range(logs, second, third);
   TEST_ASSERT_TRUE(logs.remove(third) && logs.remove(second));
   TEST_ASSERT_TRUE_MESSAGE(logs.range().is_empty(), "a log although all are removed");
@@ -158,6 +161,8 @@ inline void check_logs_give_back_what_they_took(LogStorage& logs) {
 // restart() is not called: what follows it is the board's own.
 inline void check_board_names_its_reset(const Board& board) {
   const ResetReason reason = board.reset_reason();
+  const bool has_crashed = reason >= ResetReason::kCrash && reason <= ResetReason::kOtherWatchdog;
+  TEST_ASSERT_TRUE_MESSAGE(has_crashed || board.crash_report() == nullptr, "a report without a crash");
   TEST_ASSERT_TRUE_MESSAGE(reason <= ResetReason::kBrownOut, "not one of the reasons");
   TEST_ASSERT_TRUE_MESSAGE(reason == board.reset_reason(), "the reason has changed without a restart");
 }

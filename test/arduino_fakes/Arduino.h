@@ -5,12 +5,12 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "esp_attr.h"
 #include "fake_esp32.h"
 
 // The calibrated voltage (mV) at a pin; the core returns 0 if the conversion fails.
 inline std::uint32_t analogReadMilliVolts(std::uint8_t pin) { return fake_esp32.pin_mv[pin]; }
 
-#define IRAM_ATTR
 constexpr int LOW = 0, HIGH = 1, INPUT = 1, OUTPUT = 3, INPUT_PULLUP = 5;
 // A pin that becomes an output has the level of its register.
 inline void pinMode(std::uint8_t pin, std::uint8_t mode) {

@@ -1,4 +1,4 @@
-// Fake of ESP-IDF 4.4: reset reasons and restart.
+// Fake of ESP-IDF 4.4: reset reasons, restart, and the end of a program that has failed.
 #pragma once
 
 #include "fake_esp32.h"
@@ -20,3 +20,4 @@ enum esp_reset_reason_t {
 inline esp_reset_reason_t esp_reset_reason() { return static_cast<esp_reset_reason_t>(fake_esp32.reset_reason); }
 
 [[noreturn]] inline void esp_restart() { throw FakeRestart(); }
+[[noreturn]] inline void esp_system_abort(const char*) { throw FakeRestart(); }

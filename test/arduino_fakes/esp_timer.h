@@ -24,7 +24,7 @@ inline esp_err_t esp_timer_create(const esp_timer_create_args_t* settings, esp_t
 }
 
 inline esp_err_t esp_timer_start_once(esp_timer_handle_t timer, std::uint64_t timeout_us) {
-  if (timer->due_us >= 0) return ESP_ERR_INVALID_STATE;
+  if (timer->due_us >= 0 || fake_esp32.timers_fail) return ESP_ERR_INVALID_STATE;
   timer->due_us = fake_esp32.time_us + static_cast<std::int64_t>(timeout_us);
   return ESP_OK;
 }

@@ -89,7 +89,12 @@ struct FakeEsp32 {
   std::map<int, int> written_levels;  // by pin
   std::map<int, int> pin_levels;      // of the pins that are outputs
   std::deque<FakeTimer> timers;    // their handles point here
+  bool timers_fail = false;        // none starts any more
   int reset_reason = 1;
+  int reset_hint = 0;  // 0: none was given
+  void (*tick_hook)() = nullptr;  // called at each millisecond of fake time
+  const void* loop_stack_top = nullptr;
+  std::deque<std::uint32_t> return_addresses;  // of the callers' callers, as in the stack
   std::uint32_t watchdog_s = 0;  // 0 before its initialisation
   bool watchdog_panics = false;
   bool watchdog_guards_loop = false;
@@ -109,9 +114,11 @@ inline void write_fake_pin(int pin, int level) {
   if (fake_esp32.pin_levels.count(pin) > 0) fake_esp32.pin_levels[pin] = level;
 }
 
-// Lets time pass in which loop() does nothing: timers go on.
+// Lets time pass in which loop() does nothing: timers and ticks go on.
 inline void pass_fake_time(std::int64_t us) {
+  const std::int64_t ticks = (fake_esp32.time_us + us) / 1000 - fake_esp32.time_us / 1000;
   fake_esp32.time_us += us;
+  for (std::int64_t tick = 0; tick < ticks && fake_esp32.tick_hook != nullptr; ++tick) fake_esp32.tick_hook();
   for (FakeTimer& timer : fake_esp32.timers) {
     if (timer.due_us < 0 || timer.due_us > fake_esp32.time_us) continue;
     timer.due_us = -1;

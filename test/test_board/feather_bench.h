@@ -45,4 +45,16 @@ inline void drive_from_before(FakePca9685& chip) {
   chip.has_driven = false;
 }
 
+// How long (ms) loop() stands still until the board restarts; 0 if it has not within 5 s.
+inline std::uint32_t ms_until_restart() {
+  for (std::uint32_t ms = 1; ms <= 5000; ++ms) {
+    try {
+      pass_fake_time(1000);
+    } catch (const FakeRestart&) {
+      return ms;
+    }
+  }
+  return 0;
+}
+
 }  // namespace foldcar

@@ -10,6 +10,7 @@
 
 #include "../../firmware/lib/feather_hal/flash_design.h"
 #include "feather_bench.h"
+#include "log_writer.h"
 #include "parameter_table.h"
 
 using namespace foldcar;
@@ -217,6 +218,26 @@ TEST(flash_that_fails_is_told) {
   TEST_ASSERT_EQUAL_UINT(9 * 253, board->logs.size(1));
   TEST_ASSERT_FALSE_MESSAGE(board->logs.prepare(), "it is not tried for ever");
   TEST_ASSERT_EQUAL_UINT16(0, board->logs.create());
+}
+
+// Its last page is programmed when it is closed.
+TEST(flash_that_fails_only_at_close_leaves_the_log_incomplete) {
+  auto board = new_board();
+  LogWriter writer(board->logs);
+  while (writer.work()) {
+  }
+  TEST_ASSERT_TRUE(writer.begin());
+  const std::string record(300, 'x');
+  TEST_ASSERT_TRUE(writer.put(bytes_of(record), record.size(), 0));
+  writer.finish();
+  const int programmed = fake_esp32.flash.programmed_count;
+  for (int step = 0; step < 3; ++step) TEST_ASSERT_TRUE_MESSAGE(writer.work(), "it is opened, and all slices are taken");
+  TEST_ASSERT_EQUAL_INT_MESSAGE(programmed + 1, fake_esp32.flash.programmed_count, "the second page waits for more");
+  fake_esp32.flash.write_fails = true;
+  while (writer.work()) {
+  }
+  TEST_ASSERT_TRUE(writer.status().state == LogState::kIncomplete);
+  TEST_ASSERT_EQUAL_UINT32(300 - 253, writer.status().lost_bytes);
 }
 
 TEST(a_log_takes_what_it_has_room_for) {

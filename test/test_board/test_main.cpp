@@ -2,6 +2,7 @@
 #include "../suite.h"
 
 #include <freertos/task.h>
+#include <freertos/xtensa_context.h>
 
 #include <string>
 
@@ -93,6 +94,14 @@ TEST(the_board_turns_its_outputs_off_first_and_drives_and_stores_in_two_tasks) {
   TEST_ASSERT_EQUAL_UINT8(FOLDCAR_LOG_STORED, host.trials().back().log);
   TEST_ASSERT_TRUE(fake_esp32.flash.programmed_count > programmed);
   TEST_ASSERT_EQUAL_UINT32_MESSAGE(20, task.delay_ms, "a task with nothing to do makes room");
+
+  // Where loop() hangs while wheels are driven, the board restarts long before the SDK's watchdog would see it.
+  run(60, host.command(MAV_CMD_COMPONENT_ARM_DISARM, {1}), true);
+  run(60, host.command(MAV_CMD_FOLDCAR_START_TRIAL, {0.2f, 0, 1, 1, 8}), true);
+  TEST_ASSERT_TRUE(servo_chip.pulse_us(0) > 0);
+  const XtExcFrame frame{1, 0x400D1234, 0, 0, 0, 0, 0};
+  fake_esp32.loop_stack_top = &frame;
+  TEST_ASSERT_UINT32_WITHIN_MESSAGE(10, 240, ms_until_restart(), "250 ms from the last tick, which was up to 20 ms ago");
 }
 
 TEST(without_memory_for_the_task_no_log_is_promised) {

@@ -1,13 +1,16 @@
 // The servo driver: what leaves its outputs, from the registers of its chip, and what is told of a bus that fails.
 #include "../suite.h"
 
+#include <esp_private/panic_internal.h>
+#include <freertos/xtensa_context.h>
+
 #include <cmath>
 
 #include "feather_bench.h"
 
 using namespace foldcar;
 
-extern "C" void __wrap_esp_panic_handler(void* info);
+extern "C" void __wrap_esp_panic_handler(panic_info_t* info);
 extern "C" [[noreturn]] void __wrap_esp_restart_noos();
 
 static PulsesUs pulse_on(std::size_t channel, float pulse_us) {
@@ -186,7 +189,7 @@ TEST(pulses_are_let_through_after_they_are_written_and_held_back_before_they_are
 }
 
 static int level_in_the_sdks_handler = LOW;
-extern "C" void __real_esp_panic_handler(void*) { level_in_the_sdks_handler = fake_esp32.pin_levels[27]; }
+extern "C" void __real_esp_panic_handler(panic_info_t*) { level_in_the_sdks_handler = fake_esp32.pin_levels[27]; }
 
 extern "C" [[noreturn]] void __real_esp_restart_noos() { throw FakeRestart(); }
 
@@ -198,7 +201,9 @@ TEST(a_crash_and_a_dip_of_the_supply_end_the_pulses_first) {
     TEST_ASSERT_TRUE(bench.hal.servos.write_pulses(pulse_on(0, 1500.0f)));
     TEST_ASSERT_EQUAL_INT(LOW, fake_esp32.pin_levels[27]);
     if (crashes) {
-      __wrap_esp_panic_handler(nullptr);
+      const XtExcFrame frame{};
+      panic_info_t info{&frame, false};
+      __wrap_esp_panic_handler(&info);
       TEST_ASSERT_EQUAL_INT(HIGH, level_in_the_sdks_handler);
     } else {
       try {
@@ -206,6 +211,21 @@ TEST(a_crash_and_a_dip_of_the_supply_end_the_pulses_first) {
       } catch (const FakeRestart&) {
       }
     }
+    TEST_ASSERT_EQUAL_INT(HIGH, fake_esp32.pin_levels[27]);
+  }
+}
+
+// Without it nothing would end the pulses of a loop that hangs.
+TEST(a_gate_whose_timer_does_not_start_lets_no_pulse_through) {
+  for (const bool was_open : {false, true}) {
+    BegunBench bench;
+    TEST_ASSERT_TRUE(bench.hal.servos.use_output_enable());
+    if (was_open) {
+      TEST_ASSERT_TRUE(bench.hal.servos.write_pulses(pulse_on(0, 1500.0f)));
+      TEST_ASSERT_EQUAL_INT(LOW, fake_esp32.pin_levels[27]);
+    }
+    fake_esp32.timers_fail = true;
+    TEST_ASSERT_FALSE(bench.hal.servos.write_pulses(pulse_on(0, 1500.0f)));
     TEST_ASSERT_EQUAL_INT(HIGH, fake_esp32.pin_levels[27]);
   }
 }

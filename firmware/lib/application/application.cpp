@@ -28,8 +28,9 @@ void Application::begin(const DesignResult& design) {
   refuse_design();
   report_start_fault();
   last_tick_us_ = hal_.clock.now_us();
-  battery_v_ = hal_.battery.voltage_v();
-  servo_battery_v_ = hal_.servo_battery.voltage_v();
+  // The board reads its divider at the start only.
+  measures_servo_battery_ = parameters_.get(Parameter::kServoDivider) > 0.0f;
+  measured();
 }
 
 // One control step: measures batteries, button and IMU, lets the supervisor decide, then writes pulses or none.
@@ -37,11 +38,10 @@ void Application::tick() {
   const std::uint64_t now_us = hal_.clock.now_us();
   const auto step_us = static_cast<std::uint32_t>(std::min(now_us - last_tick_us_, kLongestStepUs));
   last_tick_us_ = now_us;
-  battery_v_ = hal_.battery.voltage_v();
-  servo_battery_v_ = hal_.servo_battery.voltage_v();
+  const Batteries batteries = measured();
   read_button(now_us);
   const bool imu_lost = !read_imu(step_us);
-  supervisor_.tick({now_us, battery_v_, imu_lost, attitude_.known ? tilt_rad(attitude_) : 0.0f});
+  supervisor_.tick({now_us, batteries, imu_lost, attitude_.known ? tilt_rad(attitude_) : 0.0f});
   if (supervisor_.pulses_enabled()) {
     write(pulses(step_us));
   } else {
@@ -49,10 +49,7 @@ void Application::tick() {
   }
 }
 
-Refusal Application::arm() {
-  battery_v_ = hal_.battery.voltage_v();
-  return supervisor_.arm(battery_v_, hal_.clock.now_us());
-}
+Refusal Application::arm() { return supervisor_.arm(measured(), hal_.clock.now_us()); }
 
 Refusal Application::disarm() {
   const Refusal refusal = supervisor_.disarm();
@@ -86,8 +83,7 @@ Refusal Application::drive_manually(float forward, float left) {
 Refusal Application::test(std::size_t channel, float pulse_us, float time_s) {
   const bool fits = pulse_us == kNoPulse || (pulse_us >= kShortestPulseUs && pulse_us <= kLongestPulseUs);
   if (channel >= kChannelCount || !fits) return Refusal::kTest;
-  battery_v_ = hal_.battery.voltage_v();
-  const Refusal refusal = supervisor_.test(time_s, battery_v_, hal_.clock.now_us());
+  const Refusal refusal = supervisor_.test(time_s, measured(), hal_.clock.now_us());
   if (refusal != Refusal::kNone) return refusal;
   test_pulses_us_ = kAllOff;
   test_pulses_us_[channel] = pulse_us;
@@ -151,13 +147,20 @@ Status Application::status() const {
           pulses_us_,          servo_battery_v_,    supervisor_.countdown_us()};
 }
 
+Batteries Application::measured() {
+  battery_v_ = hal_.battery.voltage_v();
+  servo_battery_v_ = hal_.servo_battery.voltage_v();
+  return measures_servo_battery_ ? Batteries(battery_v_, servo_battery_v_) : Batteries(battery_v_);
+}
+
 // Returns the fault that the last reset means. Brown-outs and watchdogs may be due to the servos' current, so a person
 // must acknowledge them before the car drives again.
 Fault Application::reset_fault() const {
   switch (hal_.board.reset_reason()) {
     case ResetReason::kBrownOut: return Fault::kBrownOut;
-    case ResetReason::kCrash:
-    case ResetReason::kInterruptWatchdog:
+    case ResetReason::kCrash: return Fault::kCrash;
+    case ResetReason::kInterruptWatchdog: return Fault::kInterruptWatchdog;
+    // The chip's own watchdogs guard start and restart.
     case ResetReason::kTaskWatchdog:
     case ResetReason::kOtherWatchdog: return Fault::kWatchdog;
     case ResetReason::kUnknown:

@@ -86,6 +86,8 @@ class Application {
   bool servos_answer() const { return servos_answer_; }
 
  private:
+  // Measures both batteries.
+  Batteries measured();
   Fault reset_fault() const;
   Fault design_fault() const;
   void refuse_design();
@@ -114,6 +116,7 @@ class Application {
   float battery_v_ = 0.0f;
   float servo_battery_v_ = 0.0f;
   std::uint32_t pressed_ticks_ = 0;  // for how long the button is pressed
+  bool measures_servo_battery_ = false;
   bool servos_answer_ = false;
   PulsesUs pulses_us_{};
 };

@@ -10,6 +10,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "crash_memory.h"
+#include "loop_guard.h"
+
 // In the place of the SDK's, by the linker (platformio.ini): the SDK looks for a partition for core dumps at every
 // start and complains on the serial port, before anything can tell it not to. The board has none on purpose
 // (firmware/partitions.csv).
@@ -57,9 +60,17 @@ std::size_t SerialLink::write(const std::uint8_t* data, std::size_t size) {
   return count == 0 ? 0 : Serial.write(data, count);
 }
 
-// Sets the watchdog, which the Arduino core has started for the idle task of core 0, to kWatchdogS, and adds loop() to
-// it.
+// A report counts only after a crash or a watchdog: its memory is as it was before, or holds anything after a power-on.
+void Esp32Board::begin() {
+  const bool is_kept = take_crash(crash_report_);
+  const ResetReason reason = reset_reason();
+  has_crashed_ = is_kept && reason >= ResetReason::kCrash && reason <= ResetReason::kOtherWatchdog;
+}
+
+// Sets the SDK's watchdog, which the Arduino core has started for the idle task of core 0, to kWatchdogS, and adds loop()
+// to it.
 void Esp32Board::start_watchdog() {
+  LoopGuard::begin();
 #if ESP_IDF_VERSION_MAJOR >= 5
   const esp_task_wdt_config_t settings = {1000 * kWatchdogS, 1, true};
   esp_task_wdt_reconfigure(&settings);

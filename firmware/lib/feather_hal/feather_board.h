@@ -36,17 +36,23 @@ class SerialLink : public ByteLink {
 
 class Esp32Board : public Board {
  public:
-  // Restarts the board whenever loop() takes longer than 1 s: the servo driver would continue with its pulses.
+  // Reads what the last run has left. To be called once, before the first question about it.
+  void begin();
+  // From now on a loop() that stands still restarts the board: the servo driver would continue with its pulses. Called from
+  // loop()'s task. Without room for the guard, the SDK's watchdog does so alone, after a second.
   void start_watchdog();
   // From now on there is a button, between GPIO32 and ground.
   void use_button();
   void set_led(bool on) override;
   bool button_is_pressed() override;
   ResetReason reset_reason() const override;
+  const CrashReport* crash_report() const override { return has_crashed_ ? &crash_report_ : nullptr; }
   void restart() override;
   bool is_simulated() const override { return false; }
 
  private:
+  CrashReport crash_report_;
+  bool has_crashed_ = false;
   bool has_button_ = false;
   bool led_is_output_ = false;
 };

@@ -34,6 +34,7 @@ struct FeatherHal {
     imu.begin();
     storage.begin();
     logs.begin();
+    board.begin();
   }
 
   // Obeys the parameters that describe the board itself. They are read here only, at the start.

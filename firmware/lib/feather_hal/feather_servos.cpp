@@ -6,6 +6,8 @@
 #include <cmath>
 #include <cstdint>
 
+#include "loop_guard.h"
+
 namespace foldcar {
 namespace {
 
@@ -14,7 +16,7 @@ constexpr int kSdaPin = 23;
 constexpr int kSclPin = 22;
 constexpr std::uint32_t kBusHz = 400000;
 // A write takes 0.8 ms. A bus that fails should not delay the loop by more than half a tick, in kAttempts. The SDK's
-// driver may wait for up to 1 s all the same where its own state machine hangs; the watchdog then restarts the board.
+// driver may wait for up to 1 s all the same where its own state machine hangs; the guard of loop() then restarts the board.
 constexpr std::uint16_t kBusTimeOutMs = 5;
 // Erasing flash stops both cores of the ESP32 for about 45 ms. A transfer that it interrupts times out.
 constexpr int kAttempts = 2;
@@ -57,11 +59,13 @@ bool FeatherServos::set_oscillator_hz(float oscillator_hz) {
   return true;
 }
 
-// Writes all outputs in one transfer, or turns them off if none has a pulse; the gate opens and closes with them.
+// Writes all outputs in one transfer, or turns them off if none has a pulse; the gate opens and closes with them. The guard of
+// loop() is fed first, as a write may hang.
 // Returns whether the chip acknowledged.
 bool FeatherServos::write_pulses(const PulsesUs& pulses_us) {
   bool all_off = true;
   for (const float pulse_us : pulses_us) all_off = all_off && pulse_us == kNoPulse;
+  LoopGuard::feed(!all_off);
   if (all_off) {
     gate_.close();
     return write_off() && driver_begun_;

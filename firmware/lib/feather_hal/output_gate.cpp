@@ -8,13 +8,13 @@ namespace {
 
 constexpr std::uint32_t kPinBit = 1u << OutputGate::kPin;
 
-// The GPIO register itself: it holds its level before the pin is an output, through a crash and through a restart of
-// the processors, and can be written while flash is off.
-inline __attribute__((always_inline)) void disable_output() { GPIO.out_w1ts = kPinBit; }
-
-void disable_output_late(void*) { disable_output(); }
+void disable_output_late(void*) { OutputGate::disable_output(); }
 
 }  // namespace
+
+// By the GPIO register itself: it holds its level before the pin is an output, through a crash and through a restart of
+// the processors, and can be written while flash is off.
+IRAM_ATTR void OutputGate::disable_output() { GPIO.out_w1ts = kPinBit; }
 
 bool OutputGate::begin() {
   is_used_ = true;
@@ -26,12 +26,16 @@ bool OutputGate::begin() {
   return esp_timer_create(&settings, &timer_) == ESP_OK;
 }
 
-// Enables the servo driver's outputs for kHoldUs, after which a timer disables them unless this is called again.
+// Enables the servo driver's outputs for kHoldUs, after which a timer disables them unless this is called again. Disables
+// them if there is no such timer.
 bool OutputGate::open() {
   if (!is_used_) return true;
   if (timer_ == nullptr) return false;
   esp_timer_stop(timer_);  // fails if it does not run
-  if (esp_timer_start_once(timer_, kHoldUs) != ESP_OK) return false;
+  if (esp_timer_start_once(timer_, kHoldUs) != ESP_OK) {
+    disable_output();
+    return false;
+  }
   GPIO.out_w1tc = kPinBit;
   return true;
 }
@@ -45,19 +49,12 @@ void OutputGate::close() {
 }  // namespace foldcar
 
 // In the place of the SDK's, by the linker (platformio.ini): the SDK restarts the processors without a reset of the
-// pins, after a crash or a watchdog's time-out, which print first, and at a dip of the supply. In RAM, because flash
-// may be off. Without a wire the pin is no output, and its level has no effect.
+// pins, at a dip of the supply and after a crash, whose handler is in crash_memory.cpp. In RAM, because flash may be off.
 // NOLINTBEGIN(bugprone-reserved-identifier)
-extern "C" void __real_esp_panic_handler(void* info);
 extern "C" [[noreturn]] void __real_esp_restart_noos();
 
-extern "C" IRAM_ATTR void __wrap_esp_panic_handler(void* info) {
-  foldcar::disable_output();
-  __real_esp_panic_handler(info);
-}
-
 extern "C" [[noreturn]] IRAM_ATTR void __wrap_esp_restart_noos() {
-  foldcar::disable_output();
+  foldcar::OutputGate::disable_output();
   __real_esp_restart_noos();
 }
 // NOLINTEND(bugprone-reserved-identifier)

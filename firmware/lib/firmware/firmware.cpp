@@ -8,8 +8,8 @@ namespace foldcar {
 
 namespace {
 
-// A loop that comes round this late (µs) has left its input waiting. Writing to flash takes up to about 0.2 s, the
-// watchdog restarts the board after 1 s.
+// A loop that comes round this late (µs) has left its input waiting. Writing to flash takes up to about 0.2 s; after 0.8 s
+// the board restarts (loop_guard.h).
 constexpr std::uint64_t kLateUs = 500000;
 
 }  // namespace

@@ -128,11 +128,25 @@ enum class ResetReason : std::uint8_t {
   kBrownOut = 9
 };
 
+// Where the program was when a crash or a watchdog ended it.
+struct CrashReport {
+  static constexpr std::size_t kMaxAddresses = 12;
+  static constexpr std::uint8_t kNoException = 255;
+
+  // Number of the processor's exception (Xtensa's EXCCAUSE); kNoException if the program ended itself, or a watchdog did.
+  std::uint8_t cause = kNoException;
+  std::uint32_t data_address = 0;  // which the exception is about, if any
+  // Addresses in the program: where it was, its caller, and so on; 0 behind the last.
+  std::uint32_t addresses[kMaxAddresses] = {};
+};
+
 class Board {
  public:
   virtual ~Board() = default;
   // The same answer until the next restart.
   virtual ResetReason reset_reason() const = 0;
+  // What ended the run before this one; null if that was no crash, or nothing is known of it. Likewise the same.
+  virtual const CrashReport* crash_report() const = 0;
   // Restarts the board. A simulated board returns from this call; its stepper restarts the firmware.
   virtual void restart() = 0;
   // The board's light-emitting diode.

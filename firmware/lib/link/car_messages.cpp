@@ -139,6 +139,18 @@ mavlink_foldcar_loop_t loop(const CarView& car) {
   return content;
 }
 
+// The board has a report: has_crash_report().
+mavlink_foldcar_crash_t crash(const CarView& car) {
+  const CrashReport& report = *car.hal.board.crash_report();
+  mavlink_foldcar_crash_t content{};
+  static_assert(sizeof content.address == sizeof report.addresses);
+  std::memcpy(content.address, report.addresses, sizeof content.address);
+  content.data_address = report.data_address;
+  content.reset_reason = static_cast<std::uint8_t>(car.hal.board.reset_reason());
+  content.cause = report.cause;
+  return content;
+}
+
 mavlink_foldcar_design_t design(const CarView& car) {
   const DesignResult& design = car.application.design();
   const Parameters& parameters = car.application.parameters();
@@ -208,6 +220,7 @@ void pack_servo_battery(const CarView& car, PacketNumbers& numbers, mavlink_mess
 
 bool always(const CarView&) { return true; }
 bool has_imu(const CarView& car) { return car.hal.imu.present(); }
+bool has_crash_report(const CarView& car) { return car.hal.board.crash_report() != nullptr; }
 bool measures_servo_battery(const CarView& car) { return !std::isnan(car.application.status().servo_battery_v); }
 
 struct Row {
@@ -230,6 +243,7 @@ constexpr Row kRows[] = {
     {{MAVLINK_MSG_ID_SCALED_IMU, 100000}, has_imu, pack<mavlink_msg_scaled_imu_encode_status, scaled_imu>},
     {{MAVLINK_MSG_ID_SYSTEM_TIME, 1000000}, always, pack<mavlink_msg_system_time_encode_status, system_time>},
     {{MAVLINK_MSG_ID_FOLDCAR_LOOP, 1000000}, always, pack_own<mavlink_msg_foldcar_loop_encode_status, loop>},
+    {{MAVLINK_MSG_ID_FOLDCAR_CRASH, -1}, has_crash_report, pack_own<mavlink_msg_foldcar_crash_encode_status, crash>},
     {{MAVLINK_MSG_ID_FOLDCAR_DESIGN, -1}, always, pack_own<mavlink_msg_foldcar_design_encode_status, design>},
     {{MAVLINK_MSG_ID_AUTOPILOT_VERSION, -1}, always, pack<mavlink_msg_autopilot_version_encode_status, version>},
 };

@@ -263,12 +263,14 @@ void Link::answer_ping(const mavlink_message_t& message) {
   outbox_.send(mavlink_msg_ping_encode_status, ping, Priority::kAnswer);
 }
 
-// Reports a fault and a host's time-out when they begin, and again to hosts that connect later.
+// Reports a fault and a host's time-out when they begin, and again to hosts that connect later; to these also once where
+// the program was at a crash.
 void Link::report_changes() {
   const Fault fault = application_.status().fault;
   const bool host_timed_out = application_.host_timed_out();
   if (fault != reported_fault_ || (host_is_new_ && fault != Fault::kNone)) report_fault();
   if (host_timed_out && (!reported_host_timeout_ || host_is_new_)) report_host_timeout();
+  if (host_is_new_) send_crash_report();
   reported_fault_ = fault;
   reported_host_timeout_ = host_timed_out;
   host_is_new_ = false;
@@ -282,6 +284,12 @@ void Link::report_fault() {
   if (is_absent(application_.design().source)) {
     status_text_.send(MAV_SEVERITY_ERROR, "load a design, or confirm that the parameters describe the car");
   }
+}
+
+void Link::send_crash_report() {
+  mavlink_message_t message;
+  if (!compose(MAVLINK_MSG_ID_FOLDCAR_CRASH, view(), outbox_.numbers(), message)) return;
+  outbox_.send(message, Priority::kAnswer);
 }
 
 void Link::report_host_timeout() {

@@ -66,6 +66,7 @@ class Link {
   void answer_ping(const mavlink_message_t& message);
   void report_changes();
   void report_fault();
+  void send_crash_report();
   void report_host_timeout();
   CarView view() const;
 

@@ -25,8 +25,8 @@ bool LogWriter::put(const std::uint8_t* record, std::size_t size, std::size_t re
 LogStatus LogWriter::status() const {
   const bool is_closed = is_idle();  // read first: of a closed log, all losses are seen then
   const std::uint32_t lost_bytes = left_out_bytes_ + unstored_bytes_.load(std::memory_order_relaxed);
-  if (!has_begun_) return {};
   if (!is_closed) return {LogState::kOpen, lost_bytes};
+  if (!has_begun_) return {};
   return {lost_bytes == 0 ? LogState::kStored : LogState::kIncomplete, lost_bytes};
 }
 

@@ -18,8 +18,8 @@ namespace foldcar {
 
 // The values are those of FOLDCAR_LOG in the MAVLink dialect.
 enum class LogState : std::uint8_t {
-  kNone,       // there was no log since the start
-  kOpen,       // it is recorded, or flash is not ready for the next one
+  kNone,       // there was no log since the start; flash is ready for one
+  kOpen,       // it is recorded, or flash is not ready for the next one, as just after the start
   kStored,     // closed, and complete
   kIncomplete  // closed; lost_bytes are missing
 };

@@ -16,7 +16,8 @@ constexpr ParameterKind kReal = ParameterKind::kReal;
 constexpr ParameterKind kInteger = ParameterKind::kInteger;
 constexpr ParameterKind kSign = ParameterKind::kSign;
 
-// The defaults describe the width study's car: four wheels with FS90R servos.
+// The defaults describe the width study's car: four wheels with FS90R servos, whose four NiMH cells are empty at 0.9 V each
+// (IEC 61951-2, discharged within an hour).
 constexpr Row<Parameter> kCarRows[] = {
     {Parameter::kWheelRadiusM,
      {"WHEEL_RADIUS_M", "m", 0.005f, 0.5f, 0.06f, kReal, "radius of the wheels"}},
@@ -32,8 +33,12 @@ constexpr Row<Parameter> kCarRows[] = {
      {"STAGGER_MS", "ms", 0.0f, 1000.0f, 40.0f, kReal, "delay between the starts of one axle and the next"}},
     {Parameter::kBattMinV,
      {"BATT_MIN_V", "V", 0.0f, 15.0f, 3.4f, kReal, "lowest battery voltage to drive with; 0 allows any"}},
+    {Parameter::kServoMinV,
+     {"SERVO_MIN_V", "V", 0.0f, 15.0f, 3.6f, kReal,
+      "lowest voltage of the servos' battery to drive with, if SERVO_DIVIDER says that it is measured; 0 allows any"}},
     {Parameter::kBattLowMs,
-     {"BATT_LOW_MS", "ms", 0.0f, 60000.0f, 500.0f, kReal, "how long the battery may be below BATT_MIN_V"}},
+     {"BATT_LOW_MS", "ms", 0.0f, 60000.0f, 500.0f, kReal,
+      "how long a battery may be below BATT_MIN_V or SERVO_MIN_V"}},
     {Parameter::kCmdTimeoutMs,
      {"CMD_TIMEOUT_MS", "ms", 50.0f, 10000.0f, 450.0f, kReal,
       "longest silence of a host that drives; a tick later, at 470 ms, the pulses are off"}},

@@ -37,6 +37,7 @@ enum class Parameter : std::uint8_t {
   kSlewUsPerS,
   kStaggerMs,
   kBattMinV,
+  kServoMinV,
   kBattLowMs,
   kCmdTimeoutMs,
   kArmTimeoutS,

@@ -44,10 +44,10 @@ Refusal refusal_in(State state, Request request) {
 
 }  // namespace
 
-Refusal Supervisor::arm(float battery_v, std::uint64_t now_us) {
+Refusal Supervisor::arm(const Batteries& batteries, std::uint64_t now_us) {
   Refusal refusal = refusal_in(state_, Request::kArm);
   if (refusal == Refusal::kNone) refusal = design_refusal_;
-  if (refusal == Refusal::kNone) refusal = check_battery(battery_v);
+  if (refusal == Refusal::kNone) refusal = check_batteries(batteries);
   if (refusal != Refusal::kNone) return refusal;
   refreshed_us_ = now_us;
   host_timed_out_ = false;
@@ -101,11 +101,11 @@ Refusal Supervisor::drive_manually(bool moves, std::uint64_t now_us) {
   return Refusal::kNone;
 }
 
-Refusal Supervisor::test(float time_s, float battery_v, std::uint64_t now_us) {
+Refusal Supervisor::test(float time_s, const Batteries& batteries, std::uint64_t now_us) {
   Refusal refusal = refusal_in(state_, Request::kTest);
   if (refusal == Refusal::kNone) refusal = design_refusal_;
   if (refusal == Refusal::kNone && !(time_s >= 0.0f && time_s <= kLongestTestS)) refusal = Refusal::kTest;
-  if (refusal == Refusal::kNone) refusal = check_battery(battery_v);
+  if (refusal == Refusal::kNone) refusal = check_batteries(batteries);
   if (refusal != Refusal::kNone) return refusal;
   refreshed_us_ = now_us;
   test_until_us_ = now_us + from_ms(1000.0f * time_s);
@@ -148,11 +148,17 @@ void Supervisor::report(Fault fault) {
 // Checks, while the car is armed or drives, everything that must end that: battery, IMU, tilt, time limits and a
 // silent host. Counts down and lets a trial begin.
 void Supervisor::tick(const SupervisorInputs& inputs) {
-  const bool battery_low = battery_low_for_long(inputs);
-  const bool tilted = tilted_for_long(inputs);
+  // Servos that start reduce the voltage for a moment, and a bump disturbs the estimate of the tilt: only what stays means
+  // an empty battery, or a car on its side.
+  const float low_ms = parameters_.get(Parameter::kBattLowMs);
+  const bool battery_low = battery_low_.lasts(board_battery_is_low(inputs.batteries), inputs.now_us, low_ms);
+  const bool servo_battery_low = servo_battery_low_.lasts(servo_battery_is_low(inputs.batteries), inputs.now_us, low_ms);
+  const bool is_tilted = inputs.tilt_rad > parameters_.get(Parameter::kTiltMaxRad);
+  const bool tilted = tilted_.lasts(is_tilted, inputs.now_us, parameters_.get(Parameter::kTiltMs));
   if (state_ != State::kArmed && !is_driving()) return;
-  if (std::isnan(inputs.battery_v)) return report(Fault::kBatteryUnreadable);
+  if (std::isnan(inputs.batteries.board_v)) return report(Fault::kBatteryUnreadable);
   if (battery_low) return report(Fault::kBatteryLow);
+  if (servo_battery_low) return report(Fault::kServoBatteryLow);
   if (inputs.imu_lost) return report(Fault::kImu);
   const std::uint64_t silent_us = inputs.now_us - refreshed_us_;
   if (state_ == State::kArmed) {
@@ -197,25 +203,26 @@ Refusal Supervisor::check(const TrialRequest& request) const {
   return drivable ? Refusal::kNone : Refusal::kNoWheels;
 }
 
-Refusal Supervisor::check_battery(float battery_v) const {
-  if (std::isnan(battery_v)) return Refusal::kBatteryUnreadable;
-  return battery_v < parameters_.get(Parameter::kBattMinV) ? Refusal::kBatteryLow : Refusal::kNone;
+Refusal Supervisor::check_batteries(const Batteries& batteries) const {
+  if (std::isnan(batteries.board_v)) return Refusal::kBatteryUnreadable;
+  if (board_battery_is_low(batteries)) return Refusal::kBatteryLow;
+  return servo_battery_is_low(batteries) ? Refusal::kServoBatteryLow : Refusal::kNone;
 }
 
-// Servos that start reduce the voltage for a moment; only a voltage that stays low means an empty battery.
-bool Supervisor::battery_low_for_long(const SupervisorInputs& inputs) {
-  const bool low = inputs.battery_v < parameters_.get(Parameter::kBattMinV);
-  if (low && !battery_low_) battery_low_since_us_ = inputs.now_us;
-  battery_low_ = low;
-  return low && inputs.now_us - battery_low_since_us_ >= from_ms(parameters_.get(Parameter::kBattLowMs));
+bool Supervisor::board_battery_is_low(const Batteries& batteries) const {
+  return batteries.board_v < parameters_.get(Parameter::kBattMinV);
 }
 
-// A bump disturbs the estimate for a moment; only a tilt that stays means a car on its side.
-bool Supervisor::tilted_for_long(const SupervisorInputs& inputs) {
-  const bool tilted = inputs.tilt_rad > parameters_.get(Parameter::kTiltMaxRad);
-  if (tilted && !tilted_) tilted_since_us_ = inputs.now_us;
-  tilted_ = tilted;
-  return tilted && inputs.now_us - tilted_since_us_ >= from_ms(parameters_.get(Parameter::kTiltMs));
+// A battery that cannot be read is switched off, or its divider broken: nothing would see when it is empty.
+bool Supervisor::servo_battery_is_low(const Batteries& batteries) const {
+  const float lowest_v = parameters_.get(Parameter::kServoMinV);
+  return lowest_v > 0.0f && !(batteries.servos_v >= lowest_v);
+}
+
+bool Supervisor::Lasting::lasts(bool holds_now, std::uint64_t now_us, float time_ms) {
+  if (holds_now && !holds) since_us = now_us;
+  holds = holds_now;
+  return holds && now_us - since_us >= from_ms(time_ms);
 }
 
 // Changes the state. `end` is how a trial that runs, counts down or waits for the button ends by that.

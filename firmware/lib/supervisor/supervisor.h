@@ -1,10 +1,11 @@
 // The supervisor: the state machine that decides whether the wheels may be driven. Nothing else enables pulses.
 //
-// Input: requests (arm, start, …), faults that the application reports, and at each tick the time, the battery voltage and
-// the tilt. Output: the state, and with it pulses_enabled(). docs/firmware.md has the table of transitions and refusals.
+// Input: requests (arm, start, …), faults that the application reports, and at each tick the time, the batteries' voltages
+// and the tilt. Output: the state, and with it pulses_enabled(). docs/firmware.md has the table of transitions and refusals.
 #pragma once
 
 #include <cstdint>
+#include <limits>
 
 #include "parameters.h"
 
@@ -22,18 +23,22 @@ enum class Fault : std::uint8_t {
   kCommandStale,       // the host was silent for longer than CMD_TIMEOUT_MS
   kStoredParameter,    // flash holds a parameter outside its limits
   kDesign,             // car.json is refused
-  kWatchdog,           // a watchdog or a crash has reset the board
+  kWatchdog,           // the task watchdog has reset the board
   kBrownOut,           // a dip of the supply has reset the board
   kTilt,               // beyond TILT_MAX_RAD for longer than TILT_MS
   kImu,                // the IMU that was found at the start no longer answers
   kNoDesign,           // there is no car.json, and nobody has confirmed that the parameters alone describe the car
-  kFlash               // flash memory cannot be read: neither a design nor stored parameters are known
+  kFlash,              // flash memory cannot be read: neither a design nor stored parameters are known
+  kInterruptWatchdog,  // the interrupt watchdog has reset the board
+  kCrash,              // a crash has reset the board
+  kServoBatteryLow     // for longer than BATT_LOW_MS, or switched off
 };
 
 // How the last trial ended; kNone before the first and while one runs.
 enum class TrialEnd : std::uint8_t { kNone, kTimeLimit, kStopped, kDisarmed, kFault };
 
-// Why a request changed nothing; kNone if it was accepted. From kUnknownParameter on: why a parameter was not set or saved.
+// Why a request changed nothing; kNone if it was accepted. kUnknownParameter to kNotSaved: why a parameter was not set or
+// saved.
 enum class Refusal : std::uint8_t {
   kNone,
   kNotArmed,
@@ -67,7 +72,8 @@ enum class Refusal : std::uint8_t {
   kNotAnInteger,
   kNotASign,
   kFixed,
-  kNotSaved
+  kNotSaved,
+  kServoBatteryLow
 };
 
 const char* text(State state);
@@ -95,10 +101,18 @@ struct TrialRequest {
   bool waits_for_button = false;  // the car stays armed, without a host, until its button starts the count
 };
 
-// What the supervisor needs at each tick. battery_v: V, NaN if unreadable.
+// Voltages (V) of the board's battery and of the servos'; NaN if unreadable, infinite if the car does not measure it.
+struct Batteries {
+  // NOLINTNEXTLINE(google-explicit-constructor): most cars measure one battery
+  Batteries(float board, float servos = std::numeric_limits<float>::infinity()) : board_v(board), servos_v(servos) {}
+  float board_v;
+  float servos_v;
+};
+
+// What the supervisor needs at each tick.
 struct SupervisorInputs {
   std::uint64_t now_us = 0;
-  float battery_v = 0.0f;
+  Batteries batteries{0.0f};
   bool imu_lost = false;
   float tilt_rad = 0.0f;  // between the car's up axis and the vertical; 0 without an IMU
 };
@@ -111,14 +125,14 @@ class Supervisor {
   // From now on arming and tests of outputs are refused for that reason, kDesign or kNoDesign; kNone allows them again.
   void refuse_design(Refusal why) { design_refusal_ = why; }
 
-  // Requests. battery_v: V, NaN if unreadable; now_us: time since start (µs).
-  Refusal arm(float battery_v, std::uint64_t now_us);
+  // Requests. now_us: time since start (µs).
+  Refusal arm(const Batteries& batteries, std::uint64_t now_us);
   Refusal disarm();
   Refusal start(const TrialRequest& request, std::uint64_t now_us);
   // Starts and continues manual driving; moves is false while the stick is at rest, which does not start it.
   Refusal drive_manually(bool moves, std::uint64_t now_us);
   // Enables pulses for the test of an output of a disarmed car, for time_s (0 to kLongestTestS). 0 ends a test.
-  Refusal test(float time_s, float battery_v, std::uint64_t now_us);
+  Refusal test(float time_s, const Batteries& batteries, std::uint64_t now_us);
   // Ends a trial, its count, manual driving or a test; a trial that waits for the button is forgotten.
   Refusal stop();
   // The car's button: stops whatever drives or counts, and starts the count of a trial that waits for it.
@@ -151,9 +165,17 @@ class Supervisor {
 
  private:
   Refusal check(const TrialRequest& request) const;
-  Refusal check_battery(float battery_v) const;
-  bool battery_low_for_long(const SupervisorInputs& inputs);
-  bool tilted_for_long(const SupervisorInputs& inputs);
+  // A condition that counts only if it lasts.
+  struct Lasting {
+    bool holds = false;
+    std::uint64_t since_us = 0;
+    // Notes whether it holds now; returns whether it has held for that time (ms).
+    bool lasts(bool holds_now, std::uint64_t now_us, float time_ms);
+  };
+
+  Refusal check_batteries(const Batteries& batteries) const;
+  bool board_battery_is_low(const Batteries& batteries) const;
+  bool servo_battery_is_low(const Batteries& batteries) const;
   void start_count(std::uint64_t now_us);
   // Changes the state; end is kept as the end of a trial that runs, counts or waits for the button.
   void set_state(State state, TrialEnd end);
@@ -165,10 +187,7 @@ class Supervisor {
   bool host_timed_out_ = false;
   TrialRequest trial_;
   TrialEnd trial_end_ = TrialEnd::kNone;
-  bool battery_low_ = false;
-  std::uint64_t battery_low_since_us_ = 0;
-  bool tilted_ = false;
-  std::uint64_t tilted_since_us_ = 0;
+  Lasting battery_low_, servo_battery_low_, tilted_;
   std::uint64_t test_until_us_ = 0;
   bool waits_for_button_ = false;
   std::uint64_t counts_until_us_ = 0;

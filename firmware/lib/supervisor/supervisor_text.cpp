@@ -26,12 +26,15 @@ const char* text(Fault fault) {
     case Fault::kCommandStale: return "no command from the host";
     case Fault::kStoredParameter: return "stored parameter out of range";
     case Fault::kDesign: return "car.json is refused";
-    case Fault::kWatchdog: return "reset by a watchdog or a crash";
+    case Fault::kWatchdog: return "reset by the task watchdog";
     case Fault::kBrownOut: return "reset by a dip of the supply";
     case Fault::kTilt: return "tilted too far";
     case Fault::kImu: return "IMU does not answer";
     case Fault::kNoDesign: return "no car.json";
     case Fault::kFlash: return "flash memory cannot be read";
+    case Fault::kInterruptWatchdog: return "reset by the interrupt watchdog";
+    case Fault::kCrash: return "reset by a crash";
+    case Fault::kServoBatteryLow: return "servos' battery low or off";
   }
   return "?";
 }
@@ -71,6 +74,7 @@ const char* text(Refusal refusal) {
     case Refusal::kNotASign: return "neither -1 nor 1";
     case Refusal::kFixed: return "set by car.json";
     case Refusal::kNotSaved: return "set, but not saved";
+    case Refusal::kServoBatteryLow: return "servos' battery low or off";
   }
   return "?";
 }

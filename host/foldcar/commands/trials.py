@@ -1,5 +1,6 @@
 """`foldcar trials` lists a store's trials, simulates them again, corrects and imports them."""
 
+import contextlib
 import json
 import math
 from dataclasses import asdict
@@ -14,6 +15,7 @@ from foldcar.commands.options import (
     OneExperiment,
     OutputFolder,
     Picture,
+    Port,
     SimulatedTrials,
     TrialNumber,
     TrialStore,
@@ -68,6 +70,36 @@ def list_trials(store: TrialStore, experiment: OneExperiment = None, as_json: Js
     }
     files = [f"trial {item.trial}: {item.kind} {item.file}{'' if exists else ' (missing)'}" for item, exists in media]
     print_result(as_json, result, *map(correction_text, corrections), *files)
+
+
+@trials.command("erase-logs")
+def erase_car_logs(
+    store: TrialStore,
+    port: Port = None,
+    yes: Annotated[bool, typer.Option("--yes", help="Erase without asking.")] = False,
+) -> None:
+    """List the logs of untethered trials in a car on USB, and erase them if STORE has all of them.
+
+    If a log is not in STORE, nothing is erased.
+
+    \b
+    Example: foldcar trials erase-logs study.db
+    """
+    from foldcar.link.car import greet
+    from foldcar.link.stream import LinkLostError, choose_port
+    from foldcar.trials.erasing import erase_stored_logs
+    from foldcar.trials.person import Answers
+
+    car = greet(choose_port(port))
+
+    def keep_link_alive() -> None:
+        with contextlib.suppress(LinkLostError):
+            car.connection.receive(0.0)
+
+    try:
+        erase_stored_logs(car, store, None if yes else Answers(keep_link_alive))
+    finally:
+        car.connection.close()
 
 
 @trials.command()

@@ -115,6 +115,21 @@ class Car:
                 return message
         raise NoCarError(f"{self.port}: the car does not answer the request for {name}; {OTHER_FIRMWARE}")
 
+    def crash_report(self) -> Any | None:
+        """Request the FOLDCAR_CRASH message of the crash that ended the car's last run; None if it has no report."""
+        number, command = self.dialect.MAVLINK_MSG_ID_FOLDCAR_CRASH, self.dialect.MAV_CMD_REQUEST_MESSAGE
+        for _ in range(TRIES):
+            self._send_command(command, (number,), 0)
+            # The car sends the message before the acknowledgement, or only a refusal.
+            answer = self.connection.wait_for(
+                lambda m: m.get_type() == "FOLDCAR_CRASH" or self._acknowledges(m, command), ANSWER_S
+            )
+            if answer is not None and answer.get_type() == "FOLDCAR_CRASH":
+                return answer
+            if answer is not None and answer.result != self.dialect.MAV_RESULT_ACCEPTED:
+                return None
+        return None
+
     def arm(self) -> None:
         """Arm the car, so that trials may start; outputs still have no pulses. Raises CommandRefusedError."""
         self._command("arm", self.dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)

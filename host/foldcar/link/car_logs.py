@@ -1,9 +1,10 @@
-"""Fetches the logs that a car keeps of untethered trials over the link (format in docs/link.md).
+"""Fetches and erases the logs that a car keeps of untethered trials, over the link (format in docs/link.md).
 
 Input: a car. Output: the logs' bytes as the car wrote them: records of time since boot (µs) and packet.
 """
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from foldcar.errors import FoldcarError
@@ -75,6 +76,21 @@ def fetch_log(car: Car, log: StoredLog) -> bytes:
             while next_part := parts.pop(len(content), b""):
                 content += next_part
     return bytes(content[: log.size_bytes])
+
+
+def erase_logs(car: Car, logs: Sequence[StoredLog]) -> None:
+    """Erase all logs in the car, which must be ``logs``.
+
+    Raises FoldcarError if the car has other logs, for example of a trial since; nothing is erased then. Also raises it if
+    the car keeps logs.
+    """
+    if list_logs(car) != list(logs):
+        raise FoldcarError(f"{car.port}: the car's logs have changed since they were compared: nothing is erased")
+    for _ in range(TRIES):
+        car.connection.send(car.dialect.MAVLink_log_erase_message(CAR_SYSTEM, CAR_COMPONENT))
+        if not list_logs(car):
+            return
+    raise FoldcarError(f"{car.port}: the car has not erased its logs{_status_suffix(car)}")
 
 
 def _status_suffix(car: Car) -> str:

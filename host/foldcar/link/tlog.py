@@ -86,6 +86,11 @@ def _content(file: Path) -> bytes:
         raise LogError(f"{file}: cannot be read: {error.strerror}") from error
 
 
+def packets_of(file: Path) -> set[bytes]:
+    """Return the different packets of a log, up to the first damage. Raises LogError."""
+    return {packet for _, packet in records_of(_content(file))[0]}
+
+
 def messages_of(records: Iterable[tuple[int, bytes]]) -> Iterator[tuple[int, Any]]:
     """Decode records to (time in µs, message); damaged packets become BAD_DATA messages.
 

@@ -9,6 +9,7 @@ import os
 import sys
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Iterator
 
 from rich.console import Group
@@ -28,8 +29,8 @@ PASSED, STOPS = "p", ("s", " ", "\n", "\r", "q", "\x1b")
 class DriveView:
     """Shows a drive on a terminal, and reads the keys that stop it.
 
-    Without a terminal only the line about the cable is printed. ``other_input`` is the descriptor of a file whose input
-    ends the wait for messages early, or None.
+    Without a terminal only its lines are printed, such as that about the cable. ``other_input`` is the descriptor of a
+    file whose input ends the wait for messages early, or None.
     """
 
     def __init__(self, countdown_s: int, time_limit_s: float, other_input: int | None) -> None:
@@ -42,6 +43,8 @@ class DriveView:
         self._begun_s: float | None = None
         # Whether the car was seen driving.
         self._has_driven = False
+        # Lines that wait to be shown.
+        self._lines: deque[str] = deque()
         self._ended = threading.Event()
         self._thread: threading.Thread | None = None
 
@@ -64,6 +67,10 @@ class DriveView:
         """Wait until all of the drive is shown, so that the next line does not mix with it."""
         if self._thread is not None:
             self._thread.join()
+
+    def tell(self, line: str) -> None:
+        """Show a line above the drive."""
+        self._lines.append(line)
 
     def begin(self) -> None:
         """Show the drive from now on; the countdown begins, if there is one."""
@@ -91,9 +98,11 @@ class DriveView:
                 while not self._ended.wait(REFRESH_S):
                     line = None if announced else self._announcement(car)
                     if line is not None:
-                        console.print(line, soft_wrap=True)
-                        file.flush()
+                        self._lines.append(line)
                         announced = True
+                    while self._lines:
+                        console.print(self._lines.popleft(), soft_wrap=True)
+                        file.flush()
                     if console.is_terminal and self._begun_s is not None:
                         remaining_s = max(0.0, self._begun_s + self._countdown_s - time.monotonic())
                         live.update(self._panel(car, remaining_s), refresh=True)

@@ -7,8 +7,8 @@ known. The log that an untethered car keeps is merged into the host's log. This 
 import contextlib
 import math
 import time
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ from foldcar.link.car_logs import fetch_log, list_logs
 from foldcar.link.stream import LinkLostError
 from foldcar.link.tlog import LogError, merge_records, messages_of, read_tlog, records_of
 from foldcar.trials.drive_view import DriveView
-from foldcar.trials.faults import CarFaultError, fault_line
+from foldcar.trials.faults import CarFaultError, crash_line, fault_line
 
 # A car that is silent for so long is lost. If this program stands still for so long, it was stopped (Ctrl-Z).
 SILENCE_S = 2.0
@@ -30,6 +30,7 @@ CTRL_C = "Ctrl-C"
 STOOD_STILL = "this program stood still"
 # After a trial the car writes its log from RAM to flash: at most 256 KiB, whose 64 sectors take about 0.1 s each.
 STORING_S = 30.0
+WAITING = "waiting until the car's flash is ready for the next log"
 STEP_S = 0.05
 # A simulated car sends its true state every 0.02 s.
 TRUTH_S = 0.5
@@ -94,7 +95,7 @@ def _drive_to_end(
             # End an earlier drive. If the car's state forbids driving, arming fails with the reason.
             car.stop_trial()
         # Until then the car refuses to start.
-        _wait_for_storage(car)
+        wait_for_storage(car, view.tell)
         car.arm()
         stop = None if untethered else _count_down(car, countdown_s, view)
         if stop is not None:
@@ -170,9 +171,9 @@ def _watch(car: Car, trial: int, view: DriveView, end_s: float, must_be_unplugge
             message_type = message.get_type()
             if message_type == "FOLDCAR_TRIAL":
                 if message.time_boot_ms < last_boot_ms:
-                    line = fault_line(car)
+                    line, crash = fault_line(car), crash_line(car)
                     error = CarFaultError(f"the car restarted{'' if line is None else f': {line}'}")
-                    return DriveEnd("the car restarted", "aborted", None, error)
+                    return DriveEnd(f"the car restarted{'' if crash is None else f': {crash}'}", "aborted", None, error)
                 last_boot_ms = message.time_boot_ms
                 if _has_ended(car, message, trial):
                     return _car_ended(car, message, view)
@@ -274,8 +275,10 @@ def _stand_still(car: Car) -> None:
             action()
 
 
-def collect(car: Car, trial: int, log: Path) -> DriveEnd:
+def collect(car: Car, trial: int, log: Path, tell: Callable[[str], None]) -> DriveEnd:
     """Merge the car's log of ``trial`` into ``log``; return how the drive ended.
+
+    ``tell`` is given a line if the car's flash must be waited for.
 
     Raises FoldcarError if the car is still storing its log after STORING_S, has no log of the trial, or if ``log`` has no
     message of the trial.
@@ -288,7 +291,7 @@ def collect(car: Car, trial: int, log: Path) -> DriveEnd:
         raise FoldcarError(f"{log}: contains no message of trial {trial} from before the cable was unplugged")
     received_us, first_message = first
     offset_us = received_us - 1000 * first_message.time_boot_ms
-    status = _wait_for_storage(car)
+    status = wait_for_storage(car, tell)
     if status is None:
         raise FoldcarError(f"{car.port}: the car is still storing its log after {STORING_S:g} s")
     lost_bytes = status.log_lost if status.trial_id == trial else 0
@@ -298,15 +301,26 @@ def collect(car: Car, trial: int, log: Path) -> DriveEnd:
         if not messages:
             continue
         merge_records(log, [(time_us + offset_us, packet) for time_us, packet in records])
-        return drive_end(car.dialect, messages[-1], lost_bytes + damaged_bytes)
+        end = drive_end(car.dialect, messages[-1], lost_bytes + damaged_bytes)
+        # A log that breaks off may be that of a crash, of which a board whose battery stayed on still knows.
+        crash = crash_line(car) if messages[-1].end == car.dialect.FOLDCAR_END_NONE else None
+        return end if crash is None else replace(end, ending=f"{end.ending}: {crash}")
     raise FoldcarError(
         f"{car.port}: the car has no log of trial {trial}: it restarted while it drove, or its flash is full"
     )
 
 
-def _wait_for_storage(car: Car) -> Any | None:
-    """Return the first FOLDCAR_TRIAL after the car has stored its last log; None if it still stores it after 30 s."""
+def wait_for_storage(car: Car, tell: Callable[[str], None]) -> Any | None:
+    """Return the next FOLDCAR_TRIAL after the car's flash is ready for a log; None if it is not ready after STORING_S.
+
+    The car stores its last log and then erases space for the next one, also after its start. If this is not done yet,
+    ``tell`` is given WAITING.
+    """
     is_open = car.dialect.FOLDCAR_LOG_OPEN
+    status = car.connection.wait_for(lambda m: m.get_type() == "FOLDCAR_TRIAL", SILENCE_S)
+    if status is None or status.log != is_open:
+        return status
+    tell(WAITING)
     return car.connection.wait_for(lambda m: m.get_type() == "FOLDCAR_TRIAL" and m.log != is_open, STORING_S)
 
 

@@ -21,6 +21,7 @@ from foldcar.simulation.carsim import Carsim
 from foldcar.study.experiments import TRIAL_LIMIT, Experiment
 from foldcar.study.family import Family
 from foldcar.trials.driving import DriveEnd, collect
+from foldcar.trials.erasing import erase_stored_logs
 from foldcar.trials.faults import acknowledge_faults, fault_line
 from foldcar.trials.person import Answers, print_line, print_warning
 
@@ -30,7 +31,8 @@ RECONNECT_TIMEOUT_S = 60.0
 
 # Suffixes of parameters that may differ from the design's, because they depend on servos and board.
 CALIBRATED = (
-    "_REVERSED", "_NEUTRAL_US", "_DEADBAND_US", "_GAIN_US", "PWM_OSC_HZ", "OE_WIRED", "BUTTON_WIRED", "SERVO_DIVIDER",
+    "_REVERSED", "_NEUTRAL_US", "_DEADBAND_US", "_GAIN_US",
+    "PWM_OSC_HZ", "OE_WIRED", "BUTTON_WIRED", "SERVO_DIVIDER", "SERVO_MIN_V",
 )  # fmt: skip
 
 
@@ -40,6 +42,7 @@ class PluggedCar:
     def __init__(self) -> None:
         self.car: Car | None = None
         self._port = ""
+        self._has_fetched_log = False
 
     @property
     def connected(self) -> Car:
@@ -84,13 +87,29 @@ class PluggedCar:
                 require_same_car(self.connected, identity)
                 if self.connected.is_under_way(self.connected.request("FOLDCAR_TRIAL")):
                     raise LinkLostError("the car still drives, counts or waits for its button")
-                return collect(self.connected, number, log)
+                end = collect(self.connected, number, log, print_line)
+                self._has_fetched_log = True
+                return end
             except FoldcarError as error:
                 if answers is not None:
                     print_warning(error)
                 elif time.monotonic() > end_s:
                     return DriveEnd("did not come back", "aborted", None, error)
             time.sleep(1.0)
+
+    def offer_to_erase_logs(self, store: Path, answers: Answers | None) -> None:
+        """Ask whether the car's logs are to be erased, if this session has stored one of them.
+
+        Without ``answers``, they stay. An error is printed only, because all trials are stored.
+        """
+        if not self._has_fetched_log or answers is None or self.car is None:
+            return
+        question = "Compare the car's logs with the store, and erase them if all are stored? [y/N]: "
+        if answers.line(question).lower() in ("y", "yes"):
+            try:
+                erase_stored_logs(self.car, store, None)
+            except FoldcarError as error:
+                print_warning(error)
 
 
 def welcome(

@@ -118,12 +118,11 @@ class Session:
         # Where obstacles stand since the last trial (None: unknown), and the sample to drive again (None: the next one).
         self._standing: Standing | None = None
         self._again: int | None = None
-        # How many trials are driven again, beyond the requested number.
-        self._repeated = 0
         self._arrivals = Arrivals(options.media_folder)
         self.driven: list[int] = []
-        # How many of them were aborted: by a fault, a lost link, another error, or before the start.
-        self.aborted = 0
+        # How many of them are driven again, beyond the requested number, and how many were aborted: by a fault, a lost
+        # link, another error, or before the start.
+        self._repeated = self.aborted = 0
 
     def run(self, named_port: str | None) -> None:
         """Drive trials until the requested number or until the person ends the session. Raises FoldcarError.
@@ -156,6 +155,7 @@ class Session:
                     if not self._ask_what_next(writer, trial):
                         break
                 self._take_media(writer, wait=True)
+            self._plugged.offer_to_erase_logs(options.store, self._questions)
         finally:
             self._plugged.close()
 

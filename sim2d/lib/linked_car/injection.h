@@ -12,10 +12,12 @@ struct Injection {
   enum class Kind {
     kBattery,            // value: voltage (V)
     kBatteryUnreadable,
+    kServoBattery,       // value: voltage (V), as a car measures it whose divider is wired
     kBusError,
     kImuError,
     kBrownOut,
-    kWatchdog,
+    kWatchdog,           // value: address in the firmware, 0 if it is not known; of kCrash, too
+    kCrash,
     kButton,  // someone presses it
     kUnplug,
     kCorrupt,            // value: fraction of the bytes that arrive wrong

@@ -70,10 +70,15 @@ void LinkedCar::inject(const Injection& injection) {
       hal_.battery.volts = std::numeric_limits<float>::quiet_NaN();
       battery_until_us_ = until_us;
       break;
+    case Injection::Kind::kServoBattery:
+      servo_battery_v_ = injection.value;
+      servo_battery_until_us_ = until_us;
+      break;
     case Injection::Kind::kBusError: bus_until_us_ = until_us; break;
     case Injection::Kind::kImuError: imu_until_us_ = until_us; break;
     case Injection::Kind::kBrownOut: restart(ResetReason::kBrownOut); break;
-    case Injection::Kind::kWatchdog: restart(ResetReason::kTaskWatchdog); break;
+    case Injection::Kind::kWatchdog: crash(ResetReason::kTaskWatchdog, injection.value); break;
+    case Injection::Kind::kCrash: crash(ResetReason::kCrash, injection.value); break;
     case Injection::Kind::kButton: button_until_us_ = until_us; break;
     case Injection::Kind::kUnplug: unplugged_until_us_ = until_us; break;
     case Injection::Kind::kCorrupt:
@@ -100,8 +105,8 @@ std::vector<std::uint8_t> LinkedCar::step() {
   if (!booting_) {
     // If the car is wired to measure the servo battery, it measures the voltage without a load.
     const bool is_measured = firmware_->parameters().get(Parameter::kServoDivider) > 0.0f;
-    hal_.servo_battery.volts =
-        is_measured ? static_cast<float>(world_->body.supply_v) : std::numeric_limits<float>::quiet_NaN();
+    const double volts_v = now_us_ < servo_battery_until_us_ ? servo_battery_v_ : world_->body.supply_v;
+    hal_.servo_battery.volts = is_measured ? static_cast<float>(volts_v) : std::numeric_limits<float>::quiet_NaN();
     firmware_->poll();
     firmware_->store_log();
   }
@@ -163,10 +168,18 @@ State LinkedCar::state() const {
 // The servo driver keeps its pulses until the firmware has started again.
 void LinkedCar::restart(ResetReason reason) {
   hal_.board.reason = reason;
+  hal_.board.crash.reset();
   hal_.board.restart_is_requested = false;
   hal_.link.to_car.clear();
   booting_ = true;
   boot_end_us_ = now_us_ + kBootUs;
+}
+
+void LinkedCar::crash(ResetReason reason, double address) {
+  restart(reason);
+  if (address == 0) return;
+  hal_.board.crash.emplace();
+  hal_.board.crash->addresses[0] = static_cast<std::uint32_t>(address);
 }
 
 // Sets the simulated hardware by the faults that are active now; ends those whose time is over.

@@ -65,6 +65,8 @@ class LinkedCar {
   void move_to(const std::string& scene_id);
   State state() const;
   void restart(ResetReason reason);
+  // Restarts the board and leaves a report, unless the address in the firmware is 0.
+  void crash(ResetReason reason, double address);
   void apply_faults();
   void update_outcome();
   void send_truth();
@@ -87,7 +89,8 @@ class LinkedCar {
   std::uint64_t boot_end_us_ = 0;  // time at which the firmware has started or will start
   bool booting_ = false;
   // Times at which injected faults end; 0 for none.
-  std::uint64_t battery_until_us_ = 0, bus_until_us_ = 0, imu_until_us_ = 0, button_until_us_ = 0;
+  double servo_battery_v_ = 0;  // until that time
+  std::uint64_t servo_battery_until_us_ = 0, battery_until_us_ = 0, bus_until_us_ = 0, imu_until_us_ = 0, button_until_us_ = 0;
   std::uint64_t unplugged_until_us_ = 0;
   State seen_state_ = State::kDisarmed;
   std::optional<Ending> ending_;

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <limits>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -87,10 +88,12 @@ struct SimLogs : LogStorage {
 
 struct SimBoard : Board {
   ResetReason reason = ResetReason::kPowerOn;
+  std::optional<CrashReport> crash;
   bool restart_is_requested = false;
   bool led_is_on = false;
   bool button = false;
   ResetReason reset_reason() const override { return reason; }
+  const CrashReport* crash_report() const override { return crash ? &*crash : nullptr; }
   void restart() override { restart_is_requested = true; }
   void set_led(bool on) override { led_is_on = on; }
   bool button_is_pressed() override { return button; }

@@ -17,6 +17,9 @@ inline BaseType_t xTaskCreatePinnedToCore(TaskFunction_t function, const char*, 
   return pdPASS;
 }
 
+// The task that runs loop(). As FreeRTOS's, it begins with the top of its stack.
+inline TaskHandle_t xTaskGetCurrentTaskHandle() { return &fake_esp32.loop_stack_top; }
+
 struct FakeDelay {};
 
 inline void vTaskDelay(TickType_t ticks) {

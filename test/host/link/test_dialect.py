@@ -34,7 +34,7 @@ def test_our_messages_and_commands_collide_with_nobodys() -> None:
     from pymavlink.dialects.v20 import all as everybody
 
     own = [kind for kind in mavlink.mavlink_map.values() if kind.msgname.startswith("FOLDCAR_")]
-    assert len(own) == 6
+    assert len(own) == 7
     assert not {kind.id for kind in own} & set(everybody.mavlink_map)
 
 

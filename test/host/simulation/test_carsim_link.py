@@ -89,6 +89,7 @@ def test_faults_stop_the_car_and_are_reported(start: Callable[..., Car]) -> None
         ({"inject": "imu_error", "for_s": 0.1}, mavlink.FOLDCAR_FAULT_IMU),
         ({"inject": "brown_out"}, mavlink.FOLDCAR_FAULT_BROWN_OUT),
         ({"inject": "watchdog"}, mavlink.FOLDCAR_FAULT_WATCHDOG),
+        ({"inject": "crash"}, mavlink.FOLDCAR_FAULT_CRASH),
     ]:
         car.drive(0.05, 0.0, 20.0, 0, 1)
         car.wait_for("SERVO_OUTPUT_RAW", has_pulses)

@@ -213,6 +213,20 @@ def test_an_outcome_for_all_trials_is_not_that_of_a_drive_that_was_not_completed
     ]  # fmt: skip
 
 
+def test_a_crash_is_told_and_stored_with_its_place(tmp_path: Path, free_course: Path) -> None:
+    with car_at_port() as car, session(tmp_path, car) as person:
+        person.watches_until(lambda: moving(tmp_path))
+        inject(car, inject="crash", address=0x400D1234)
+        person.sees("A crash of the firmware has reset the board: the firmware ended itself at 0x400d1234: docs/firmware")
+        drives_next(person)
+
+    first, second = trials_in(tmp_path / "s.db")
+    assert (first.outcome, first.ending) == ("aborted", "the car restarted: the firmware ended itself at 0x400d1234")
+    assert (second.outcome, second.ending) == ("passed", "goal")
+    (report, *_) = [m for _, m in read_tlog(tmp_path / str(first.log)) if m.get_type() == "FOLDCAR_CRASH"]
+    assert (report.address[:2], report.reset_reason) == ([0x400D1234, 0], 4)
+
+
 def test_a_fault_in_the_countdown_is_told_with_its_remedy(tmp_path: Path, free_course: Path) -> None:
     with car_at_port() as car, session(tmp_path, car, countdown_s=2) as person:
         person.sees("ARMED")
@@ -300,4 +314,4 @@ def test_every_fault_has_a_remedy() -> None:
     faults = {name.removeprefix("FOLDCAR_FAULT_") for name in names if not name.endswith(("_NONE", "_ENUM_END"))}
     described = {name for name in faults if ":" in names[f"FOLDCAR_FAULT_{name}"]}
 
-    assert len(faults) == 12 and described.isdisjoint(REMEDIES) and described | set(REMEDIES) == faults
+    assert len(faults) == 15 and described.isdisjoint(REMEDIES) and described | set(REMEDIES) == faults

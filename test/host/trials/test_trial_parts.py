@@ -23,7 +23,8 @@ from foldcar.link.dialect import load_dialect
 from foldcar.link.parameters import value_text
 from foldcar.link.stream import choose_port, open_stream, permission_text
 from foldcar.link.tlog import LogError, TlogWriter, log_damage, read_tlog
-from foldcar.trials.driving import drive_end
+from foldcar.trials.driving import drive_end, wait_for_storage
+from foldcar.trials.faults import crash_text
 from foldcar.trials.placement import ask_deviations, parse_deviation
 from foldcar.trials.servo_edges import ServoEdges, find_edges
 
@@ -234,6 +235,43 @@ def test_every_reason_of_a_refusal_has_words_that_complete_a_sentence() -> None:
     assert all(text and not text.endswith(".") and text[0].islower() for text in texts)
     assert len(set(texts)) == len(texts) > 30
     assert car.refusal_text(0) is None and car.refusal_text(250) is None
+
+
+@pytest.mark.parametrize("states", [("NONE",), ("OPEN", "OPEN", "NONE"), ("OPEN", "STORED"), ("OPEN", "OPEN")])
+def test_a_flash_that_is_not_ready_is_waited_for_and_that_is_said(states: tuple[str, ...]) -> None:
+    dialect = load_dialect()
+    arriving = iter(
+        SimpleNamespace(get_type=lambda: "FOLDCAR_TRIAL", log=getattr(dialect, f"FOLDCAR_LOG_{state}"))
+        for state in states
+    )
+    connection = SimpleNamespace(wait_for=lambda fits, timeout_s: next(filter(fits, arriving), None))
+    lines: list[str] = []
+
+    status = wait_for_storage(cast(Any, SimpleNamespace(dialect=dialect, connection=connection)), lines.append)
+
+    ready = [state for state in states if state != "OPEN"]
+    assert (None if status is None else status.log) == (getattr(dialect, f"FOLDCAR_LOG_{ready[0]}") if ready else None)
+    assert lines == (["waiting until the car's flash is ready for the next log"] if "OPEN" in states else [])
+
+
+@pytest.mark.parametrize(
+    ("reset_reason", "cause", "addresses", "text"),
+    [
+        (4, 28, (0x400D1234, 0x400D2342), "load from a forbidden address (0x00000004) at 0x400d1234 0x400d2342"),
+        (4, 6, (0x400D1234,), "division by zero at 0x400d1234"),
+        (4, 13, (0x400D1234,), "exception 13 at 0x400d1234"),
+        (4, 255, (0x400D1234,), "the firmware ended itself at 0x400d1234"),
+        (5, 255, (0x400D1234,), "stopped by the interrupt watchdog at 0x400d1234"),
+        (6, 255, (0x400D1234,), "stopped by the task watchdog at 0x400d1234"),
+        (6, 255, (), "stopped by the task watchdog"),
+    ],
+)
+def test_a_crash_is_described_by_its_cause_and_its_callers(
+    reset_reason: int, cause: int, addresses: tuple[int, ...], text: str
+) -> None:
+    padded = [*addresses, *[0] * 12][:12]
+
+    assert crash_text(load_dialect().MAVLink_foldcar_crash_message(padded, 4, reset_reason, cause)) == text
 
 
 def test_a_log_that_breaks_off_or_lacks_bytes_is_told() -> None:

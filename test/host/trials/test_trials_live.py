@@ -120,6 +120,22 @@ def test_an_untethered_car_brings_its_log_home(tmp_path: Path, free_course: Path
     assert max(offsets) - min(offsets) < 0.5
 
 
+def test_a_crash_on_the_floor_is_stored_with_the_trial_whose_log_it_broke_off(tmp_path: Path, free_course: Path) -> None:
+    with (
+        car_at_port(goal_x_m=None, tcp=True) as car,
+        Typist(tmp_path, *LOG, "--port", car.port, "--countdown", "0", "--yes", "--untethered") as person,
+    ):
+        person.watches_until(lambda: moving(tmp_path))
+        inject(car, inject="unplug", for_s=3)
+        inject(car, inject="crash", address=0x400D1234)
+        person.ends()
+
+    (trial,) = trials_in(tmp_path / "s.db")
+    # The packet that the crash cut in two may be lost.
+    ending = r"its log breaks off, untethered(, \d+ bytes of its log lost)?: the firmware ended itself at 0x400d1234"
+    assert trial.outcome == "aborted" and re.fullmatch(ending, trial.ending), trial.ending
+
+
 def test_a_car_counts_says_when_to_pull_the_cable_and_is_stopped_if_it_is_not_pulled(
     monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:

@@ -79,6 +79,33 @@ TEST(pulses_come_only_while_a_trial_runs) {
   TEST_ASSERT_FALSE_MESSAGE(any_pulse(bench.last_us()), "disarm acts at once");
 }
 
+// A wheel that turns again while somebody holds another one would hurt.
+TEST(a_test_of_an_output_drives_that_output_alone_whatever_was_tested_before) {
+  ApplicationBench bench;
+  bench.application.begin();
+  const auto expect_only = [&bench](std::size_t channel, float pulse_us) {
+    PulsesUs expected{};
+    expected[channel] = pulse_us;
+    bench.tick();
+    TEST_ASSERT_TRUE(bench.last_us() == expected);
+  };
+  for (const bool stops_between : {false, true}) {
+    for (std::size_t channel = 0; channel < kChannelCount; ++channel) {
+      const float pulse_us = 1600.0f + static_cast<float>(channel);
+      TEST_ASSERT_TRUE(bench.application.test(channel, pulse_us, 1.0f) == Refusal::kNone);
+      expect_only(channel, pulse_us);
+      if (stops_between) bench.application.stop();
+    }
+    TEST_ASSERT_TRUE(bench.application.test(3, kNoPulse, 1.0f) == Refusal::kNone);
+    expect_only(3, kNoPulse);
+  }
+  bench.application.stop();
+  TEST_ASSERT_TRUE(bench.application.arm() == Refusal::kNone);
+  bench.application.start({0.0f, 0.0f, 5.0f, true, 1});
+  bench.tick();
+  TEST_ASSERT_EQUAL_FLOAT_MESSAGE(kNoPulse, bench.last_us()[7], "nor does a trial drive an output without a wheel");
+}
+
 TEST(the_first_tick_of_a_trial_is_neutral_and_the_ramp_follows_the_clock) {
   ApplicationBench bench;
   bench.parameters.set("SLEW_US_PER_S", 500.0f);
@@ -188,7 +215,7 @@ TEST(stored_parameters_that_cannot_be_read_are_a_fault) {
   TEST_ASSERT_TRUE(bench.application.arm() == Refusal::kNone);
 }
 
-TEST(a_reset_by_a_watchdog_or_a_brown_out_is_a_fault) {
+TEST(a_reset_by_a_watchdog_a_crash_or_a_brown_out_is_a_fault_of_its_own) {
   const auto fault_after = [](ResetReason reason) {
     ApplicationBench bench;
     bench.board.board.reason = reason;
@@ -198,10 +225,33 @@ TEST(a_reset_by_a_watchdog_or_a_brown_out_is_a_fault) {
   TEST_ASSERT_TRUE(fault_after(ResetReason::kPowerOn) == Fault::kNone);
   TEST_ASSERT_TRUE(fault_after(ResetReason::kSoftware) == Fault::kNone);
   TEST_ASSERT_TRUE(fault_after(ResetReason::kBrownOut) == Fault::kBrownOut);
-  for (const ResetReason reason : {ResetReason::kCrash, ResetReason::kInterruptWatchdog, ResetReason::kTaskWatchdog,
-                                   ResetReason::kOtherWatchdog}) {
+  TEST_ASSERT_TRUE(fault_after(ResetReason::kCrash) == Fault::kCrash);
+  TEST_ASSERT_TRUE(fault_after(ResetReason::kInterruptWatchdog) == Fault::kInterruptWatchdog);
+  for (const ResetReason reason : {ResetReason::kTaskWatchdog, ResetReason::kOtherWatchdog}) {
     TEST_ASSERT_TRUE(fault_after(reason) == Fault::kWatchdog);
   }
+}
+
+// As the board reads its divider at the start, one that is set later measures nothing yet.
+TEST(a_servo_battery_is_watched_on_a_car_that_measures_it) {
+  ApplicationBench bench;
+  bench.board.servo_battery.volts = 3.0f;
+  bench.application.begin();
+  TEST_ASSERT_TRUE(bench.application.arm() == Refusal::kNone);
+  bench.application.set_parameter(Parameter::kServoDivider, 3.0f);
+  TEST_ASSERT_TRUE(bench.application.arm() == Refusal::kNone);
+
+  ApplicationBench measuring;
+  measuring.board.storage.values["SERVO_DIVIDER"] = 3.0f;
+  measuring.board.servo_battery.volts = 4.8f;
+  measuring.run();
+  measuring.board.servo_battery.volts = 3.0f;
+  measuring.run_ticks(26);
+  TEST_ASSERT_TRUE(measuring.fault() == Fault::kServoBatteryLow);
+  TEST_ASSERT_TRUE(measuring.last_us() == kOff);
+  measuring.application.acknowledge();
+  TEST_ASSERT_TRUE(measuring.application.arm() == Refusal::kServoBatteryLow);
+  TEST_ASSERT_TRUE(measuring.application.test(0, 1500.0f, 1.0f) == Refusal::kServoBatteryLow);
 }
 
 static DesignResult design_of(DesignSource source) {

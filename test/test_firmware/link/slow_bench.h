@@ -18,11 +18,12 @@ struct SlowLogs : SimLogs {
 
   double slowness = 1.0;           // factor on all times
   std::size_t capacity = kLogSize; // bytes of a log
+  bool close_fails = false;
   int write_count = 0;             // programmed and erased
   int erase_count = 0;
 
   bool prepare() override {
-    if (unprepared_blocks_ == 0) return false;
+    if (!fitted || unprepared_blocks_ == 0) return false;
     --unprepared_blocks_;
     take(++erase_count % 10 == 0 ? 400.0 : 45.0);
     ++write_count;
@@ -37,7 +38,7 @@ struct SlowLogs : SimLogs {
   bool append(const std::uint8_t* data, std::size_t size) override {
     return program() && logs[logs.rbegin()->first].size() + size <= capacity && SimLogs::append(data, size);
   }
-  bool close() override { return program() && SimLogs::close(); }
+  bool close() override { return program() && SimLogs::close() && !close_fails; }
   bool remove(std::uint16_t id) override { return program() && SimLogs::remove(id); }
   std::size_t size(std::uint16_t id) override {
     take(1.0);
@@ -96,11 +97,12 @@ struct SlowBench {
   std::uint64_t ticked_us = 0;                     // when the last tick was
   std::uint64_t longest_gap_while_driving_us = 0;  // between two ticks
 
-  SlowBench() {
+  // flash_is_ready: for the first log.
+  explicit SlowBench(bool flash_is_ready = true) {
     board.link.room = 100000;
     board.imu.fitted = true;
     firmware.begin({});
-    while (firmware.store_log()) {
+    while (flash_is_ready && firmware.store_log()) {
     }
     run(20);
   }

@@ -52,7 +52,9 @@ TEST(every_enum_of_the_firmware_has_the_dialects_values) {
       {FOLDCAR_FAULT_STORED_PARAMETER, Fault::kStoredParameter}, {FOLDCAR_FAULT_DESIGN, Fault::kDesign},
       {FOLDCAR_FAULT_WATCHDOG, Fault::kWatchdog}, {FOLDCAR_FAULT_BROWN_OUT, Fault::kBrownOut},
       {FOLDCAR_FAULT_TILT, Fault::kTilt}, {FOLDCAR_FAULT_IMU, Fault::kImu},
-      {FOLDCAR_FAULT_NO_DESIGN, Fault::kNoDesign}, {FOLDCAR_FAULT_FLASH, Fault::kFlash}});
+      {FOLDCAR_FAULT_NO_DESIGN, Fault::kNoDesign}, {FOLDCAR_FAULT_FLASH, Fault::kFlash},
+      {FOLDCAR_FAULT_INTERRUPT_WATCHDOG, Fault::kInterruptWatchdog}, {FOLDCAR_FAULT_CRASH, Fault::kCrash},
+      {FOLDCAR_FAULT_SERVO_BATTERY_LOW, Fault::kServoBatteryLow}});
   expect_same<FOLDCAR_END, TrialEnd>({
       {FOLDCAR_END_TIME_LIMIT, TrialEnd::kTimeLimit}, {FOLDCAR_END_STOPPED, TrialEnd::kStopped},
       {FOLDCAR_END_DISARMED, TrialEnd::kDisarmed}, {FOLDCAR_END_FAULT, TrialEnd::kFault}});
@@ -76,7 +78,8 @@ TEST(every_enum_of_the_firmware_has_the_dialects_values) {
       {FOLDCAR_REFUSAL_NO_BUTTON, Refusal::kNoButton}, {FOLDCAR_REFUSAL_DELAY, Refusal::kDelay}, {FOLDCAR_REFUSAL_UNKNOWN_PARAMETER, Refusal::kUnknownParameter},
       {FOLDCAR_REFUSAL_BELOW_MINIMUM, Refusal::kBelowMinimum}, {FOLDCAR_REFUSAL_ABOVE_MAXIMUM, Refusal::kAboveMaximum},
       {FOLDCAR_REFUSAL_NOT_AN_INTEGER, Refusal::kNotAnInteger}, {FOLDCAR_REFUSAL_NOT_A_SIGN, Refusal::kNotASign},
-      {FOLDCAR_REFUSAL_FIXED, Refusal::kFixed}, {FOLDCAR_REFUSAL_NOT_SAVED, Refusal::kNotSaved}});
+      {FOLDCAR_REFUSAL_FIXED, Refusal::kFixed}, {FOLDCAR_REFUSAL_NOT_SAVED, Refusal::kNotSaved},
+      {FOLDCAR_REFUSAL_SERVO_BATTERY_LOW, Refusal::kServoBatteryLow}});
 }
 
 TEST(a_repeated_command_is_answered_again_and_not_obeyed_twice) {

@@ -113,6 +113,29 @@ TEST(wheels_do_not_start_before_flash_is_ready_for_the_next_log) {
   TEST_ASSERT_TRUE(bench.longest_gap_while_driving_us <= 20000);
 }
 
+// After a start nothing is known of the flash, which may have to be erased.
+TEST(a_host_sees_when_the_flash_is_ready_after_the_start) {
+  SlowBench bench(false);
+  TEST_ASSERT_EQUAL_UINT8(FOLDCAR_LOG_OPEN, bench.told().log);
+  bench.run(20, bench.host.command(MAV_CMD_COMPONENT_ARM_DISARM, {1}));
+  const auto start = [&bench] { return bench.answer(MAV_CMD_FOLDCAR_START_TRIAL, {0.3f, 0, 5, 0, 9}); };
+  TEST_ASSERT_EQUAL_UINT(MAV_RESULT_TEMPORARILY_REJECTED, start());
+  TEST_ASSERT_EQUAL_INT(static_cast<int>(Refusal::kStoring), bench.host.acks().back().result_param2);
+  TEST_ASSERT_EQUAL_UINT8(FOLDCAR_LOG_NONE, bench.closed().log);
+  TEST_ASSERT_EQUAL_UINT32(0, bench.told().log_lost);
+  TEST_ASSERT_EQUAL_UINT(MAV_RESULT_ACCEPTED, start());
+}
+
+// As on a board without memory for the task that stores logs.
+TEST(without_flash_for_logs_a_tethered_trial_starts) {
+  SlowBench bench(false);
+  bench.logs.fitted = false;
+  bench.firmware.store_log();
+  TEST_ASSERT_EQUAL_UINT8(FOLDCAR_LOG_NONE, bench.told().log);
+  bench.run(20, bench.host.command(MAV_CMD_COMPONENT_ARM_DISARM, {1}));
+  TEST_ASSERT_EQUAL_UINT(MAV_RESULT_ACCEPTED, bench.answer(MAV_CMD_FOLDCAR_START_TRIAL, {0.3f, 0, 5, 0, 9}));
+}
+
 // They were set just before a tethered trial, which keeps no log. Saving takes up to 0.1 s.
 TEST(no_parameter_is_saved_in_a_tethered_trial) {
   SlowBench bench;
@@ -130,7 +153,7 @@ TEST(no_parameter_is_saved_in_a_tethered_trial) {
   TEST_ASSERT_EQUAL_INT(3, bench.storage.save_count);
 }
 
-// A loop that stands still for a second is reset.
+// A loop that stands still for 0.8 s is reset.
 TEST(logs_are_erased_one_in_a_tick) {
   SlowBench bench;
   for (int i = 0; i < 4; ++i) {
@@ -168,6 +191,61 @@ TEST(a_flash_that_is_full_keeps_what_it_has_and_says_what_is_missing) {
                              bench.host.texts().back().c_str());
     TEST_ASSERT_UINT_WITHIN(LogWriter::kSlice, capacity, bench.logs.logs[1].size() + LogWriter::kSlice);
     TEST_ASSERT_UINT_WITHIN(5 * 300, whole_size(60.0f), bench.logs.logs[1].size() + told.log_lost);
+  }
+}
+
+// What a log that could not be closed has is not known.
+TEST(a_flash_that_fails_only_when_the_log_is_closed_has_not_stored_it) {
+  SlowBench bench;
+  bench.logs.close_fails = true;
+  bench.drive(3.0f);
+  const mavlink_foldcar_trial_t told = bench.closed();
+  TEST_ASSERT_EQUAL_UINT8(FOLDCAR_LOG_INCOMPLETE, told.log);
+  TEST_ASSERT_EQUAL_UINT32(bench.logs.logs[1].size(), told.log_lost);
+}
+
+// Flash stands still until the end: what did not fit is missing from the middle. The records' sizes, and so what is left of
+// the queue, differ with what the IMU measures.
+TEST(a_log_that_lacks_records_still_tells_how_its_trial_ended) {
+  for (unsigned seed = 1; seed <= 12; ++seed) {
+    SlowBench bench;
+    bench.random.seed(seed);
+    bench.flash_stops_both_cores = false;
+    bench.logs.slowness = 1e4;
+    bench.drive(8.0f);
+    bench.logs.slowness = 0.0;
+    bench.writer_free_us = 0;
+    const mavlink_foldcar_trial_t told = bench.closed();
+    TEST_ASSERT_EQUAL_UINT8(FOLDCAR_LOG_INCOMPLETE, told.log);
+    const MavlinkHost reader = read(bench.logs.logs[1]);
+    TEST_ASSERT_EQUAL_UINT32(MAVLINK_MSG_ID_FOLDCAR_TRIAL, reader.received.back().msgid);
+    TEST_ASSERT_EQUAL_UINT8(FOLDCAR_END_TIME_LIMIT, reader.trials().back().end);
+    TEST_ASSERT_EQUAL_UINT32(MAVLINK_MSG_ID_SERVO_OUTPUT_RAW, reader.received[reader.received.size() - 2].msgid);
+  }
+}
+
+// The reserve is kept of the queue, of 8 KiB, and of the log.
+TEST(records_leave_the_reserve_free_for_those_of_the_end) {
+  SimLogs logs;
+  logs.fitted = true;
+  LogWriter writer(logs);
+  writer.work();
+  const std::uint8_t record[100] = {};
+  for (const bool is_stored : {false, true}) {
+    TEST_ASSERT_TRUE(writer.begin());
+    std::size_t size = 0;
+    while (writer.put(record, 100, 333)) {
+      size += 100;
+      while (is_stored && writer.work()) {
+      }
+    }
+    const std::size_t room = (is_stored ? kLogSize : LogWriter::kQueueSize) - size;
+    TEST_ASSERT_TRUE(room >= 333 && room < 433);
+    for (std::size_t taken = 0; taken < 333; ++taken) TEST_ASSERT_TRUE(writer.put(record, 1, 0));
+    writer.finish();
+    while (!writer.is_idle()) writer.work();
+    TEST_ASSERT_TRUE(writer.status().state == LogState::kStored);
+    TEST_ASSERT_EQUAL_UINT(size + 333, logs.size(logs.range().newest));
   }
 }
 

@@ -40,6 +40,19 @@ TEST(messages_come_at_their_intervals_without_drift) {
   }
 }
 
+// It would delay what is new: each message that was missed is left out.
+TEST(after_a_stall_telemetry_comes_at_its_intervals_and_not_in_a_burst) {
+  LinkBench bench;
+  bench.run(1000);
+  bench.board.clock.time_us += 10000000;
+  bench.host.received.clear();
+  bench.run(1000);
+  TEST_ASSERT_UINT_WITHIN(1, 10, count_of(bench.host, MAVLINK_MSG_ID_FOLDCAR_TRIAL));
+  TEST_ASSERT_UINT_WITHIN(1, 1, count_of(bench.host, MAVLINK_MSG_ID_HEARTBEAT));
+  TEST_ASSERT_UINT_WITHIN(1, 2, count_of(bench.host, MAVLINK_MSG_ID_SYS_STATUS));
+  TEST_ASSERT_UINT_WITHIN(1, 50, count_of(bench.host, MAVLINK_MSG_ID_SERVO_OUTPUT_RAW));
+}
+
 TEST(messages_can_be_asked_for_and_their_intervals_set) {
   LinkBench bench;
   bench.expect(MAV_RESULT_ACCEPTED, Refusal::kNone, MAV_CMD_REQUEST_MESSAGE, {MAVLINK_MSG_ID_AUTOPILOT_VERSION});
@@ -64,6 +77,34 @@ TEST(messages_can_be_asked_for_and_their_intervals_set) {
   }
   TEST_ASSERT_EQUAL_UINT_MESSAGE(0, count_of(bench.host, MAVLINK_MSG_ID_ATTITUDE), "there is no IMU");
   bench.expect(MAV_RESULT_DENIED, Refusal::kMessage, MAV_CMD_REQUEST_MESSAGE, {MAVLINK_MSG_ID_ATTITUDE});
+}
+
+// Its serial port may have been closed when the board started again.
+TEST(a_host_that_connects_is_told_once_where_the_last_run_crashed) {
+  LinkBench bench;
+  bench.run(3000, bench.host.heartbeat());
+  TEST_ASSERT_EQUAL_UINT(0, count_of(bench.host, MAVLINK_MSG_ID_FOLDCAR_CRASH));
+  bench.expect(MAV_RESULT_DENIED, Refusal::kMessage, MAV_CMD_REQUEST_MESSAGE, {MAVLINK_MSG_ID_FOLDCAR_CRASH});
+  bench.board.board.reason = ResetReason::kTaskWatchdog;
+  CrashReport& report = bench.board.board.crash.emplace();
+  report.cause = 28;
+  report.data_address = 4;
+  report.addresses[0] = 0x400D1234;
+  report.addresses[CrashReport::kMaxAddresses - 1] = 0x400D5678;
+  MavlinkHost other(200);
+  for (int i = 0; i < 5; ++i) bench.run(1000, bench.host.heartbeat() + other.heartbeat());
+  bench.run(1000, bench.host.heartbeat());
+  const auto crashes =
+      bench.host.all<mavlink_foldcar_crash_t>(MAVLINK_MSG_ID_FOLDCAR_CRASH, mavlink_msg_foldcar_crash_decode);
+  TEST_ASSERT_EQUAL_UINT_MESSAGE(1, crashes.size(), "for the other host, which is new");
+  TEST_ASSERT_EQUAL_HEX32(0x400D1234, crashes[0].address[0]);
+  TEST_ASSERT_EQUAL_HEX32(0, crashes[0].address[1]);
+  TEST_ASSERT_EQUAL_HEX32(0x400D5678, crashes[0].address[11]);
+  TEST_ASSERT_EQUAL_HEX32(4, crashes[0].data_address);
+  TEST_ASSERT_EQUAL_UINT8(28, crashes[0].cause);
+  TEST_ASSERT_EQUAL_UINT8(6, crashes[0].reset_reason);
+  bench.expect(MAV_RESULT_ACCEPTED, Refusal::kNone, MAV_CMD_REQUEST_MESSAGE, {MAVLINK_MSG_ID_FOLDCAR_CRASH});
+  TEST_ASSERT_EQUAL_UINT(2, count_of(bench.host, MAVLINK_MSG_ID_FOLDCAR_CRASH));
 }
 
 TEST(a_link_that_takes_little_gets_whole_packets_and_answers_first) {

@@ -195,6 +195,35 @@ TEST(a_trial_ends_at_its_time_limit_and_a_second_one_counts_its_own_time) {
   TEST_ASSERT_TRUE(bench.tick(ms(29999)) == kRunning);
 }
 
+// 4 cells at 0.9 V.
+TEST(a_servo_battery_that_is_measured_ends_driving_when_it_stays_below_its_minimum) {
+  for (const float servos_v : {3.59f, 0.0f, NAN}) {
+    for (const State state : {kArmed, kRunning, kManual, kTesting, kCounting}) {
+      SupervisorBench bench;
+      bench.bring_to(state);
+      bench.supervisor.tick({ms(20), {kGoodV, servos_v}, false, 0.0f});
+      bench.supervisor.tick({ms(400), {kGoodV, 3.61f}, false, 0.0f});
+      bench.supervisor.refresh_command(ms(420));
+      bench.supervisor.drive_manually(true, ms(420));
+      bench.supervisor.tick({ms(420), {kGoodV, servos_v}, false, 0.0f});
+      bench.supervisor.tick({ms(860), {kGoodV, servos_v}, false, 0.0f});
+      TEST_ASSERT_TRUE_MESSAGE(bench.supervisor.fault() == Fault::kNone, "the starting servos' dip is short");
+      bench.supervisor.refresh_command(ms(900));
+      bench.supervisor.drive_manually(true, ms(900));
+      bench.supervisor.tick({ms(920), {kGoodV, servos_v}, false, 0.0f});
+      TEST_ASSERT_TRUE(bench.supervisor.fault() == Fault::kServoBatteryLow);
+    }
+    SupervisorBench bench;
+    TEST_ASSERT_TRUE(bench.supervisor.arm({kGoodV, servos_v}, 0) == Refusal::kServoBatteryLow);
+    TEST_ASSERT_TRUE(bench.supervisor.test(1.0f, {kGoodV, servos_v}, 0) == Refusal::kServoBatteryLow);
+    bench.parameters.set("SERVO_MIN_V", 0.0f);
+    TEST_ASSERT_TRUE(bench.supervisor.arm({kGoodV, servos_v}, 0) == Refusal::kNone);
+    bench.supervisor.start(kUntethered, 0);
+    for (const std::uint64_t t_ms : {20, 5000}) bench.supervisor.tick({ms(t_ms), {kGoodV, servos_v}, false, 0.0f});
+    TEST_ASSERT_TRUE_MESSAGE(bench.supervisor.state() == kRunning, "0 allows any");
+  }
+}
+
 TEST(a_minimum_of_zero_volts_allows_any_battery) {
   SupervisorBench bench;
   bench.parameters.set("BATT_MIN_V", 0.0f);

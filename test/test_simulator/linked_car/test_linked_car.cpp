@@ -97,6 +97,7 @@ TEST(test_each_fault_stops_the_car_with_its_name) {
       {R"({"inject": "imu_error"})", FOLDCAR_FAULT_IMU},
       {R"({"inject": "brown_out"})", FOLDCAR_FAULT_BROWN_OUT},
       {R"({"inject": "watchdog"})", FOLDCAR_FAULT_WATCHDOG},
+      {R"({"inject": "crash", "address": 1074597428})", FOLDCAR_FAULT_CRASH},
       {R"({"inject": "unplug", "for_s": 1})", FOLDCAR_FAULT_COMMAND_STALE},
       {R"({"inject": "drop", "share": 1, "for_s": 1})", FOLDCAR_FAULT_COMMAND_STALE},
       {R"({"inject": "corrupt", "share": 1, "for_s": 1})", FOLDCAR_FAULT_COMMAND_STALE},
@@ -108,6 +109,19 @@ TEST(test_each_fault_stops_the_car_with_its_name) {
     bench.run(2);
     TEST_ASSERT_EQUAL_INT_MESSAGE(FOLDCAR_STATE_FAULT, bench.trial().state, fault.line);
     TEST_ASSERT_EQUAL_INT_MESSAGE(fault.fault, bench.trial().fault, fault.line);
+  }
+}
+
+TEST(test_a_measured_servo_battery_that_is_low_stops_the_car) {
+  for (const float divider : {3.0f, 0.0f}) {
+    Bench bench;
+    bench.options.stored_parameters = {{"SERVO_DIVIDER", divider}};
+    bench.car = std::make_unique<LinkedCar>(bench.engine, bench.worlds, bench.options, kFirmware);
+    bench.start_trial();
+    bench.inject(R"({"inject": "servo_battery", "volts": 3.5, "for_s": 1})");
+    bench.run(1.5);
+    const int expected = divider > 0 ? FOLDCAR_FAULT_SERVO_BATTERY_LOW : FOLDCAR_FAULT_NONE;
+    TEST_ASSERT_EQUAL_INT(expected, bench.trial().fault);
   }
 }
 

@@ -1,0 +1,88 @@
+"""Compares the logs in a car with the trials of a store, so that only stored logs are erased.
+
+Input: a car, a store. Output: for each log in the car the trial that has all of its packets.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from foldcar.errors import FoldcarError
+from foldcar.link.car import Car
+from foldcar.link.car_logs import StoredLog, erase_logs, fetch_log, list_logs
+from foldcar.link.tlog import messages_of, packets_of, records_of
+from foldcar.store.log_files import intact_log
+from foldcar.store.reader import Store
+from foldcar.store.trial_records import Trial
+from foldcar.trials.driving import wait_for_storage
+from foldcar.trials.person import Answers, print_line
+
+
+@dataclass(frozen=True, slots=True)
+class ComparedLog:
+    """A log in the car and the number of the trial that has all of its packets; None if the store has no such trial.
+
+    A log without a packet ``is_empty``.
+    """
+
+    log: StoredLog
+    trial: int | None
+    is_empty: bool
+
+    @property
+    def is_stored(self) -> bool:
+        """Whether nothing is lost if the log is erased."""
+        return self.is_empty or self.trial is not None
+
+
+def erase_stored_logs(car: Car, store: Path, answers: Answers | None) -> None:
+    """Print the logs in the car with their trials in the store; ask, unless ``answers`` is None; erase them.
+
+    Raises FoldcarError if a log is not in the store; then nothing is erased.
+    """
+    # Until then the car lists none.
+    wait_for_storage(car, print_line)
+    logs = list_logs(car)
+    if not logs:
+        print_line("the car has no logs")
+        return
+    print_line(f"comparing {len(logs)} of the car's logs with {store}")
+    compared = compare_logs(car, logs, store)
+    for item in compared:
+        trial_text = "empty" if item.is_empty else f"trial {item.trial}" if item.is_stored else f"not in {store}"
+        print_line(f"  log {item.log.id:<5} {item.log.size_bytes / 1000:6.1f} kB  {trial_text}")
+    missing = [str(item.log.id) for item in compared if not item.is_stored]
+    if missing:
+        raise FoldcarError(
+            f"nothing is erased: {store} does not have log {', '.join(missing)} of the car; if another store has them, "
+            "name that one, or keep them: the car overwrites its oldest log by itself"
+        )
+    if answers is None or answers.line("Erase them in the car? [y/N]: ").lower() in ("y", "yes"):
+        erase_logs(car, logs)
+        print_line("erased")
+
+
+def compare_logs(car: Car, logs: Sequence[StoredLog], store: Path) -> list[ComparedLog]:
+    """Fetch the car's ``logs``, and find the trial of the store that has all packets of each. Raises FoldcarError."""
+    with Store.open(store) as reader:
+        trials = [trial for trial in reader.trials() if trial.log is not None]
+    return [_compared(log, fetch_log(car, log), trials, store) for log in logs]
+
+
+def _compared(log: StoredLog, content: bytes, trials: Sequence[Trial], store: Path) -> ComparedLog:
+    records, _ = records_of(content)
+    packets = {packet for _, packet in records}
+    numbers = {message.trial_id for _, message in messages_of(records) if message.get_type() == "FOLDCAR_TRIAL"}
+    # In the store that was driven with, the trial has the car's number; in one that was merged it may have another.
+    likely_first = sorted(trials, key=lambda trial: trial.id not in numbers)
+    trial = next((trial.id for trial, stored in _packets(likely_first, store) if packets <= stored), None)
+    return ComparedLog(log, trial if packets else None, not packets)
+
+
+def _packets(trials: Sequence[Trial], store: Path) -> Iterator[tuple[Trial, set[bytes]]]:
+    """Yield the trials whose log is there, each with the packets in its log."""
+    for trial in trials:
+        assert trial.log is not None
+        file = intact_log(store, trial.id, trial.log, trial.log_sha256)
+        if file is not None:
+            yield trial, packets_of(file)

@@ -106,7 +106,7 @@ def test_cars_and_trials_cost_sheets_and_minutes() -> None:
     assert sheets({"width_mm": 95.0}) == 4
     assert sheets({"width_mm": 1.0}) is None
     assert sheets({"wit_mm": 95.0}) is None
-    assert costs.car_min("W_B_W+cells=nimh") == 71
+    assert costs.car_min("W_B_W+cells=nimh") == 91
     assert costs.trial_min(45.0) == pytest.approx(3.75)
 
 

@@ -25,6 +25,9 @@ def _min_height_mm(parts: Catalogue) -> float:
     """Return the minimum outer height (mm): the boards' stack over the floor, or a servo's layer between two flaps."""
     film, assembly = parts.film_mm, parts.assembly
     boards = stack_height_mm(parts) + film / 2
+    if parts.battery_place == "roof":
+        # Its leads come through the lid, above the boards.
+        boards += parts.wiring.wire_diameter_mm.value
     # A servo's layer in the middle of the right wall ends below the lid's flap.
     beside_flap = min_doubler_mm(parts) + 2 * (assembly.flap_mm.value + film + assembly.slot_clearance_mm.value)
     return max(boards, beside_flap) + film

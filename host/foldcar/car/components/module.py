@@ -233,9 +233,10 @@ class ElectronicsModule(BrainModule):
             self._place_on_roof(shape, layout.battery_mm, across / 2 + offset)
             return
         x, y = layout.battery_mm, across / 2 - min(max(offset, -reach), reach)
-        # A second layer of film from wall to wall stiffens the floor. In a car of 95 mm, of 0.25 mm PET, the battery (1.2 N,
-        # 31.5 mm wide) hangs by two strips L = 18 mm long: clamped at both ends they sag by F L³ / (12 E I) = 1.6 mm, four
-        # times as much if the folds turn freely. Two layers are two to eight times as stiff.
+        # A second layer of film from wall to wall stiffens the floor. In a car of 95 mm, of 0.25 mm PET, the battery
+        # (1.2 N, 31.5 mm wide) hangs by two strips L = 18 mm long: clamped at both ends they sag by
+        # F L³ / (12 E I) = 1.6 mm, four times as much if the folds turn freely. Two layers are two to eight times
+        # as stiff.
         along_mm, wide_mm = battery.size_mm[1::-1] if layout.turned else battery.size_mm[:2]
         low = max(x - along_mm / 2 - DOUBLER_EDGE_MM, -self["floor_rear"])
         high = min(x + along_mm / 2 + DOUBLER_EDGE_MM, self["length"] + self["floor_front"])

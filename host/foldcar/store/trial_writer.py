@@ -14,6 +14,7 @@ from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
+from foldcar.shown_text import decoded
 from foldcar.store.connection import StoreConnection, writing
 from foldcar.store.errors import StoreError
 from foldcar.store.info import listed_id
@@ -223,11 +224,17 @@ class TrialWriter(StoreConnection):
             self._insert(SAMPLE, [row], "OR IGNORE")
 
     def put_media(self, trial: int, kind: str, file: Path) -> Media:
-        """Attach a photo or film to a trial; the file is not copied. Raises StoreError if file or trial is missing."""
+        """Attach a photo or film to a trial; the file is not copied.
+
+        Raises StoreError if file or trial is missing, or a store cannot hold the file's name.
+        """
         digest = sha256_of(file)
         if digest is None:
-            raise StoreError(f"{file}: no such file")
-        result = Media(trial, kind, reference(self.path, file), digest)
+            raise StoreError(f"{file}: {'is not a file' if file.exists() else 'no such file'}")
+        name = reference(self.path, file)
+        if decoded(name) != name:
+            raise StoreError(f"{file}: its path is not UTF-8 text; rename it")
+        result = Media(trial, kind, name, digest)
         row = {**asdict(result), "trial_id": trial, "added_utc": now_utc()}
         with self._transaction():
             self._trial(trial)

@@ -25,6 +25,7 @@ from foldcar.link.tlog import LogError, TlogWriter
 from foldcar.outputs import file_name_part, make_output_folder
 from foldcar.scenes.obstacles import Obstacle
 from foldcar.scenes.source import other_scene
+from foldcar.shown_text import shown_line
 from foldcar.simulation.carsim import Carsim
 from foldcar.store.log_files import logs_folder, store_folder
 from foldcar.store.trial_records import BUILT, SIMULATED, Ending, TrialDesign
@@ -223,12 +224,12 @@ class Session:
             self._idle()
             time.sleep(IDLE_S)
         record = writer.put_media(number, kind, file)
-        print_line(f"Trial {number}: {record.kind} {file}")
+        print_line(f"Trial {number}: {record.kind} {shown_line(str(file))}")
 
     def _take_media(self, writer: TrialWriter, wait: bool = False) -> None:
         """Attach new files of the folder to their trials; if ``wait``, wait for files that grow, until Ctrl-C."""
         while wait and (growing := self._arrivals.growing()):
-            print_line(f"waiting until {', '.join(file.name for file in growing)} stops growing")
+            print_line(f"waiting until {', '.join(shown_line(file.name) for file in growing)} stops growing")
             while self._arrivals.growing() == growing:
                 self._idle()
                 time.sleep(IDLE_S)

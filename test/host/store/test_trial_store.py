@@ -147,6 +147,34 @@ def test_mistakes_are_one_line(tmp_path: Path, foldcar: Any, words: tuple[str, .
         assert store.trial(1).outcome == "passed" and store.corrections(1) == []
 
 
+@pytest.mark.parametrize(
+    ("outcome", "time_s", "words", "is_taken"),
+    [
+        ("passed", 2.5, ("--elapsed-time", "120.2"), False),
+        ("passed", 2.5, ("--elapsed-time", "120.0"), True),
+        ("timeout", 120.0, ("--outcome", "passed", "--elapsed-time", "130"), False),
+        ("timeout", 120.0, ("--outcome", "passed", "--elapsed-time", "119"), True),
+        ("passed", 2.5, ("--outcome", "tipped", "--elapsed-time", "130"), True),
+    ],
+)
+def test_a_trial_does_not_pass_after_its_time_limit(
+    outcome: str, time_s: float, words: tuple[str, ...], is_taken: bool, tmp_path: Path, foldcar: Any
+) -> None:
+    with write_trials(tmp_path / "s.db") as writer:
+        writer.complete(begin(writer), Ending(outcome, "goal", time_s, "", None))
+
+    answer = foldcar("trials", "correct", "s.db", "1", *words, "--reason", "seen on film")
+
+    with Store.open(tmp_path / "s.db") as store:
+        trial = store.trial(1)
+    if is_taken:
+        assert answer.returncode == 0 and trial.corrections
+    else:
+        limit = f"elapsed_time_s: {float(words[-1]):g} is above the trial's time limit of 120 s, so it has not passed"
+        assert (answer.returncode, answer.stderr) == (2, f"foldcar: error: s.db: trial 1: {limit}\n")
+        assert (trial.outcome, trial.elapsed_time_s, trial.corrections) == (outcome, time_s, 0)
+
+
 def test_the_published_table_is_imported_once(tmp_path: Path, foldcar: Any) -> None:
     first = foldcar("trials", "import", "s.db", PUBLISHED)
     second = foldcar("trials", "import", "s.db", PUBLISHED)

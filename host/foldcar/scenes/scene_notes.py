@@ -36,9 +36,10 @@ def _is_straight_on(start: Mapping[str, Any], goal: Mapping[str, Any]) -> bool:
     ahead_x, ahead_y = math.cos(start["heading_rad"]), math.sin(start["heading_rad"])
     if goal["kind"] == "line":
         # The line has no ends, and the start is before it.
-        return math.cos(goal["heading_rad"]) * ahead_x + math.sin(goal["heading_rad"]) * ahead_y > MIN_APPROACH
-    dx_m, dy_m = goal["x_m"] - start["x_m"], goal["y_m"] - start["y_m"]
-    return dx_m * ahead_x + dy_m * ahead_y > 0 and abs(dx_m * ahead_y - dy_m * ahead_x) <= float(goal["radius_m"])
+        approach = math.cos(goal["heading_rad"]) * ahead_x + math.sin(goal["heading_rad"]) * ahead_y
+        return approach > MIN_APPROACH
+    dx_m, dy_m = float(goal["x_m"] - start["x_m"]), float(goal["y_m"] - start["y_m"])
+    return dx_m * ahead_x + dy_m * ahead_y > 0 and abs(dx_m * ahead_y - dy_m * ahead_x) <= goal["radius_m"]
 
 
 def _hidden(ground: Mapping[str, Any], block: Mapping[str, Any]) -> str | None:

@@ -207,6 +207,23 @@ def test_the_names_in_a_folder_that_a_program_lists_are_part_of_the_environment(
     assert [new_runs(), new_runs()] == [1, 0]
 
 
+def test_a_symbolic_link_that_leads_elsewhere_is_another_environment(
+    listing: Path, program: Path, tmp_path: Path, carsim_binary: Path
+) -> None:
+    """Such as `data -> data_v2`: the files to which it led are unchanged."""
+    program.write_text(f"{HEAD}param friction = float(open(localPath('../program/data/f.txt')).read())\n")
+    for version, number in (("v1", 0.3), ("v2", 0.4)):
+        (program.parent / version).mkdir()
+        (program.parent / version / "f.txt").write_text(str(number))
+    new_runs = []
+    for version in ("v1", "v1", "v2", "v2"):
+        (program.parent / "data").unlink(missing_ok=True)
+        (program.parent / "data").symlink_to(version)
+        new_runs.append(swept(listing, tmp_path / "s.db", carsim_binary, 1, environments=1).new)
+
+    assert new_runs == [1, 0, 1, 0]
+
+
 def test_a_folder_that_is_listed_too_late_is_refused(program: Path) -> None:
     (program.parent / "stones").mkdir()
     text = "import os\ndef value(x):\n    return 0.3 if x > 1 or os.listdir(localPath('stones')) else 0.4\n"

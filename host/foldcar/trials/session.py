@@ -388,8 +388,7 @@ class Session:
     def _log_file(self, number: int) -> Path:
         """Return the path of a new log of trial ``number``. Raises FoldcarError if the disk is nearly full."""
         make_output_folder(self._logs)
-        free = shutil.disk_usage(self._logs).free
-        if free < MIN_FREE_BYTES:
+        if (free := shutil.disk_usage(self._logs).free) < MIN_FREE_BYTES:
             raise FoldcarError(f"{self._logs}: only {free / 1e6:.0f} MB are free for the log; free some space first")
         now = datetime.now(timezone.utc).strftime("%Y%m%dT%H%M%SZ")
         return self._logs / f"trial-{number:04d}-{now}.tlog"

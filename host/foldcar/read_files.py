@@ -1,7 +1,8 @@
-"""Records which files a user's code reads, through Python's audit event `open`, and limits environment variables.
+"""Records which files a user's code reads and which folders it lists, and limits environment variables.
 
-Input: blocks of code. Output: the files that were read in them, with their state at that time. The user's files are
-distinguished from installed code and system files. Files that a C library opens directly are not recorded.
+Input: blocks of code. Output: the files that were read in them, with their state at that time, and the folders that were
+listed: Python reports both in audit events. The user's files are distinguished from installed code and system files.
+Files that a C library opens directly are not recorded.
 """
 
 import codecs
@@ -30,26 +31,54 @@ FileState = tuple[int, int, int]
 
 
 class RecordedFiles:
-    """The files that a thread has ``read``, with their states (None: the file did not exist), and has ``written``."""
+    """The files that code has ``read``, with their states (None: the file did not exist), and has ``written``.
+
+    ``listed`` are the folders whose names it has read. The code runs in the thread that makes this object, and in threads
+    that start later.
+    """
 
     def __init__(self) -> None:
-        self._thread = threading.get_ident()
+        self._other_threads = sys._current_frames().keys() - {threading.get_ident()}
+        self.listed: set[Path] = set()
         self.read: dict[Path, FileState | None] = {}
         self.written: set[Path] = set()
 
     def record(self, path_or_descriptor: Any, mode: object, flags: int) -> None:
         """Record an audit event `open` with these arguments, unless it is of another thread or of a stack trace."""
         # An integer is a descriptor. Its file was recorded when the file's path was opened.
-        if isinstance(path_or_descriptor, int) or threading.get_ident() != self._thread or _is_for_stack_trace():
+        if isinstance(path_or_descriptor, int) or self._is_other_thread() or _is_for_stack_trace():
             return
         with suppress(OSError, TypeError, ValueError):
-            path = Path(os.path.normpath(Path(os.fsdecode(path_or_descriptor)).absolute()))
+            path = _normal_path(path_or_descriptor)
             # A file that existed when it was first read stays an input, even if it is written later.
             if flags & (os.O_WRONLY | os.O_RDWR) and self.read.get(path) is None:
                 self.written.add(path)
             # Regular and missing files count as read; folders and devices do not.
             elif (state := file_state(path)) is not None or not path.exists():
                 self.read.setdefault(path, state)
+
+    def record_database(self, name: object) -> None:
+        """Record an audit event `sqlite3.connect`: SQLite opens the file itself."""
+        if not self._is_other_thread() and isinstance(name, str | bytes | os.PathLike):
+            with suppress(OSError, ValueError):
+                path = _normal_path(name)
+                if (state := file_state(path)) is not None:
+                    self.read.setdefault(path, state)
+
+    def record_listing(self, path: object) -> None:
+        """Record an audit event `os.listdir` or `os.scandir`, unless Python looks for a module."""
+        # The caller of the listing, above this function and the audit hook.
+        is_import = sys._getframe(2).f_globals.get("__name__") == "importlib._bootstrap_external"
+        if not is_import and not self._is_other_thread() and isinstance(path, str | bytes | os.PathLike):
+            with suppress(OSError, ValueError):
+                self.listed.add(_normal_path(path))
+
+    def _is_other_thread(self) -> bool:
+        return threading.get_ident() in self._other_threads
+
+
+def _normal_path(path: Any) -> Path:
+    return Path(os.path.normpath(Path(os.fsdecode(path)).absolute()))
 
 
 def _is_for_stack_trace() -> bool:
@@ -70,7 +99,7 @@ _recorders: list[RecordedFiles] = []
 
 @contextmanager
 def recorded_files() -> Iterator[RecordedFiles]:
-    """Record the files that this thread opens within the block."""
+    """Record the files that code of this thread, and of threads that it starts, opens within the block."""
     _add_audit_hook()
     files = RecordedFiles()
     _recorders.append(files)
@@ -82,11 +111,17 @@ def recorded_files() -> Iterator[RecordedFiles]:
 
 @cache
 def _add_audit_hook() -> None:
-    """Pass audit events `open` to the active recorder from now on; done once, because of the cache."""
+    """Pass audit events to the active recorder from now on; done once, because of the cache."""
 
     def hook(event: str, arguments: tuple[Any, ...]) -> None:
-        if event == "open" and _recorders and len(arguments) == 3:
+        if not _recorders:
+            return
+        if event == "open" and len(arguments) == 3:
             _recorders[-1].record(*arguments)
+        elif event == "sqlite3.connect":
+            _recorders[-1].record_database(arguments[0])
+        elif event in ("os.listdir", "os.scandir"):
+            _recorders[-1].record_listing(arguments[0])
 
     sys.addaudithook(hook)
 
@@ -110,9 +145,18 @@ def digest_or_missing(path: Path) -> str | None:
 
 
 def file_digest(path: Path) -> str | None:
-    """Return the :func:`content_digest` of a readable regular file, else None."""
+    """Return the :func:`content_digest` of a readable regular file, or the digest of a folder's names, else None."""
     state = file_state(path)
-    return None if state is None else _read_digest(path, state)
+    if state is not None:
+        return _read_digest(path, state)
+    with suppress(OSError):
+        return hashlib.sha256("\n".join(sorted(file.name for file in listed_files(path))).encode()).hexdigest()
+    return None
+
+
+def listed_files(folder: Path) -> list[Path]:
+    """Return what a folder contains but compiled code and hidden files, which come and go. Raises OSError."""
+    return [file for file in folder.iterdir() if file.name != "__pycache__" and not file.name.startswith(".")]
 
 
 @cache

@@ -71,7 +71,8 @@ def load_components(file: Path) -> list[str]:
     modules = (getattr(module, "__file__", None) for module in list(sys.modules.values()))
     imported = (Path(file) for file in modules if file and Path(file).is_relative_to(path.parent))
     opened = (file for file, state in recorded.read.items() if state is not None or file.is_relative_to(path.parent))
-    _module_files.update(file for file in (path, *opened, *imported) if _identifies_module(file, path.parent))
+    listed = (folder for folder in recorded.listed if path.parent in folder.parents)
+    _module_files.update(file for file in (path, *opened, *imported, *listed) if _identifies_module(file, path.parent))
     _module_files.update(path.parent.glob("*.py"))
     return USER_FILES[path]
 
@@ -162,9 +163,10 @@ def forbid_new_files() -> Iterator[None]:
     folder = next(iter(USER_FILES)).parent
     with only_minimal_variables(), sources_only(folder), recorded_files() as recorded:
         yield
-    for file, state in recorded.read.items():
-        is_new = state is not None and file not in _module_files
-        if is_new and all(_identifies_module(file, path.parent) for path in USER_FILES):
+    read = [file for file, state in recorded.read.items() if state is not None]
+    listed = [folder for folder in recorded.listed if any(path.parent in folder.parents for path in USER_FILES)]
+    for file in (*read, *listed):
+        if file not in _module_files and all(_identifies_module(file, path.parent) for path in USER_FILES):
             raise FoldcarError(
                 f"{next(iter(USER_FILES))}: reads {file} while a car is folded, too late to tell designs apart by it; "
                 "read it at the module's head"

@@ -6,10 +6,11 @@ from typing import Annotated
 import typer
 
 from foldcar.commands.options import (
-    CsvFile,
+    DesignsFile,
     Json,
     OneExperiment,
     SimulatedTrials,
+    StepsFile,
     StudyStore,
     check_distinct,
     parse_points,
@@ -29,7 +30,7 @@ def select(
         ),
     ] = None,
     experiment: OneExperiment = None,
-    csv: CsvFile = None,
+    csv: StepsFile = None,
     simulated_trials: SimulatedTrials = False,
     as_json: Json = False,
 ) -> None:
@@ -47,6 +48,7 @@ def select(
     from foldcar.commands.progress_bar import working
     from foldcar.commands.tables import print_selections
     from foldcar.evidence.tables import selection_object, write_selection
+    from foldcar.statistics.words import count
 
     check_distinct([store], [csv])
     with working("weighing realities"):
@@ -58,7 +60,7 @@ def select(
     else:
         print_selections(selections)
         if csv is not None:
-            typer.echo(f"{csv}: {sum(len(selection.steps) for selection in selections)} steps", err=True)
+            typer.echo(f"{csv}: {count(sum(len(selection.steps) for selection in selections), 'step')}", err=True)
 
 
 def compare(
@@ -67,7 +69,7 @@ def compare(
     margin: Annotated[
         str, typer.Option(metavar="POINTS", help="Largest difference, in percentage points, at which two rates agree.")
     ] = "15pp",
-    csv: CsvFile = None,
+    csv: DesignsFile = None,
     simulated_trials: SimulatedTrials = False,
     as_json: Json = False,
 ) -> None:

@@ -159,9 +159,13 @@ Picture = Annotated[
     Path | None,
     typer.Option("--plot", metavar="FILE", callback=_checked(_check_picture), help="Picture to draw (.png, .svg, .pdf)."),
 ]
-CsvFile = Annotated[
+DesignsFile = Annotated[
     Path | None,
     typer.Option("--csv", metavar="FILE", callback=output_file, help="CSV file to write, a row for each design."),
+]
+StepsFile = Annotated[
+    Path | None,
+    typer.Option("--csv", metavar="FILE", callback=output_file, help="CSV file to write, a row for each step."),
 ]
 ExperimentId = Annotated[str, typer.Option("--experiment", metavar="ID", help="Experiment of the listing.")]
 OneExperiment = Annotated[str | None, typer.Option("--experiment", metavar="ID", help="Only this experiment.")]

@@ -257,6 +257,7 @@ def reality_lines(experiment: str, counts: "RealityCounts") -> Iterator[str]:
     if not counts.total:
         return
     from foldcar.statistics.words import count
+    from foldcar.store.reality_runs import BLOCK
     from foldcar.study.reality_runs import MIN_LEARNED, STAGES, offered_runs
 
     failed = f", {counts.failed:,} failed" if counts.failed else ""
@@ -266,6 +267,9 @@ def reality_lines(experiment: str, counts: "RealityCounts") -> Iterator[str]:
         yield f"  at least {MIN_LEARNED} are needed: --realities {STAGES[0]}"
         return
     error = "an unknown error" if counts.error is None else f"an error of {100 * counts.error:.1f} points"
+    if error == "an error of 0.0 points":
+        # The error is what the differences in the check groups have beyond their counting errors: here, nothing.
+        error = f"an error that is too small to be measured by {count(counts.total // BLOCK, 'group')} of runs"
     yield (f"experiment {experiment}: {runs}; the success rate of built cars is learned from them with {error}")
     more = offered_runs(counts.total, counts.error)
     if more is not None:

@@ -250,7 +250,8 @@ STANDING_TEXTS = {
 def print_trials(trials: Sequence[Trial], varied_of: Mapping[str, Sequence[str]]) -> None:
     """Print a row for each trial, and how many trials of each standing passed.
 
-    ``varied_of`` are the varied parameters of each swept experiment: by these, designs are named.
+    ``varied_of`` are the varied parameters of each swept experiment: by these, designs are named. If the trials' cars are
+    of several types, so of other modules or parts, the type is named, too.
     """
     console = shown_console(PLAIN_WIDTH)
     # A list of one column, or of none if no car has a name.
@@ -258,12 +259,14 @@ def print_trials(trials: Sequence[Trial], varied_of: Mapping[str, Sequence[str]]
     heads = ("trial", "experiment", "design", "sample", "car", *named, "outcome", "time (s)", "ending", "started (UTC)")
     table = ResultTable(*heads, "note", left=("design", "car", "name", "outcome", "ending", "note"))
     differing = _varied(trials)
+    several_types = len({trial.vehicle_type for trial in trials}) > 1
     for trial in trials:
         varied = {*differing, *varied_of.get(trial.experiment, ())}
+        design = design_text({name: value for name, value in trial.design.items() if name in varied})
         table.add_row(
             f"{trial.id}{'*' if trial.corrections else ''}",
             trial.experiment,
-            design_text({name: value for name, value in trial.design.items() if name in varied}),
+            f"{trial.vehicle_type} of {design}" if several_types else design,
             "-" if trial.sample is None else str(trial.sample),
             trial.car or UNKNOWN,
             *(trial.car_name or "-" for _ in named),

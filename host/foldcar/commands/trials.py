@@ -25,6 +25,7 @@ from foldcar.commands.options import (
 )
 from foldcar.commands.trial_changes import correct, measure, restore, withdraw
 from foldcar.errors import FoldcarError
+from foldcar.shown_text import shown_line
 
 if TYPE_CHECKING:
     from foldcar.link.log_features import LogFeatures
@@ -68,7 +69,10 @@ def list_trials(store: TrialStore, experiment: OneExperiment = None, as_json: Js
         "corrections": [asdict(item) for item in corrections],
         "media": [{**asdict(item), "missing": not exists} for item, exists in media],
     }
-    files = [f"trial {item.trial}: {item.kind} {item.file}{'' if exists else ' (missing)'}" for item, exists in media]
+    files = [
+        f"trial {item.trial}: {item.kind} {shown_line(item.file)}{'' if exists else ' (missing)'}"
+        for item, exists in media
+    ]
     print_result(as_json, result, *map(correction_text, corrections), *files)
 
 

@@ -165,5 +165,6 @@ def pairs(designs: Sequence[DesignEvidence]) -> list[str]:
 
 
 def _shown_names(names: Sequence[str]) -> str:
-    shown = ", ".join(names[:SHOWN])
+    # Names of several parameters have commas themselves.
+    shown = ("; " if any("," in name for name in names) else ", ").join(names[:SHOWN])
     return shown if len(names) <= SHOWN else f"{shown} and {count(len(names) - SHOWN, 'further design')}"

@@ -127,6 +127,9 @@ class Translator:
         """Translate a recorded value: a number, a boolean or the car's position."""
         if self.is_position(node):
             return ["x_m", "y_m", *self._height()]
+        if not _gives_truth(node):
+            # `a > b and 1` is False or 1, but carsim's is False or True.
+            raise NotNativeError(shown(node))
         return self.truth(node) if is_truth(node) else self.number(node)
 
     def is_constant(self, node: Any) -> bool:
@@ -268,6 +271,17 @@ def joined(operands: list[Terms], operation: str) -> Terms:
     for operand in operands[1:]:
         terms += [*operand, operation]
     return terms
+
+
+def _gives_truth(node: Any) -> bool:
+    """Return whether `and` and `or` of an expression give one of their operands that is True or False."""
+    if not isinstance(node, ast.BoolOp):
+        return True
+    return all(
+        (is_truth(operand) and _gives_truth(operand))
+        or (isinstance(operand, ast.Constant) and isinstance(operand.value, bool))
+        for operand in node.values
+    )
 
 
 def is_truth(node: Any) -> bool:

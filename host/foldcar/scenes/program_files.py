@@ -4,7 +4,7 @@ Input: blocks of code of a program. Output: the SHA-256 of each file that was re
 program's folder, and of the Scenic and Python files beside the program, which it may import at any time. FoldcarError if
 a file has changed meanwhile. Files are named relative to the program's folder, those outside by their full path.
 Installed code is not among them. Files that Python opens are noticed (its audit event `open`); files that a library in
-C, another thread or another program opens are not.
+C or another program opens are not. A folder below the program's that it lists is among the files, with its names.
 
 Within the blocks only those environment variables exist that the system and Python need; others are not part of an
 environment. sys.modules and sys.path are as if the program were alone in a new Python: two programs may each have a
@@ -108,6 +108,23 @@ class ProgramFiles:
                     "to tell environments apart by it; read it at the program's head"
                 )
             self._digests[name] = current
+        # The program's own folder may hold the store and the report, and Python lists it to find packages.
+        for path in sorted(opened.listed):
+            if self._folder in path.parents or self._folder.resolve() in path.resolve().parents:
+                self._record_listing(path)
+
+    def _record_listing(self, path: Path) -> None:
+        """Record the names in a folder that the block has listed. Raises FoldcarError as :meth:`_record_digests`."""
+        name, current = self._name(path), digest_or_missing(path)
+        recorded = self._digests.get(name)
+        if current is None or (recorded and current != recorded):
+            raise _changed(self._program.parent / name)
+        if recorded is None and self._fixed:
+            raise FoldcarError(
+                f"{self._program}: lists the folder {self._program.parent / name} for the first time after sample 0, too "
+                "late to tell environments apart by it; list it at the program's head"
+            )
+        self._digests[name] = current
 
     def _name(self, path: Path) -> str:
         """Return a file's path relative to the program's folder, or its full path if it is outside."""

@@ -12,22 +12,34 @@ from foldcar.scenes.terrain_kinds import KIND_NAMES, kind_of, reach_m
 
 # A piece of ground is remarked on if a block covers more than this fraction of the smaller of both.
 MIN_COVERED = 0.5
+# A car that drives straight on reaches a goal line only if it comes nearer by more than this fraction of its way.
+MIN_APPROACH = 1e-6
 # Heights of rough ground rarely exceed this many standard deviations.
 ROUGH_REACH_SD = 3.0
 
 
 def scene_notes(scene: Mapping[str, Any]) -> list[str]:
-    """Return remarks on ground that a block hides, and on a start that faces away from the goal.
+    """Return remarks, each once, on ground that a block hides, and on a start that does not face the goal.
 
     Example: ["the rough ground at (1.2, 0) lies under the ramp at (1, 0): the higher one counts, so it has no effect"]
     """
     notes = [note for ground in scene["terrain"] for block in scene["terrain"] if (note := _hidden(ground, block))]
-    start, goal = scene["start"], scene.get("goal")
-    if goal is not None:
-        dx_m, dy_m = goal["x_m"] - start["x_m"], goal["y_m"] - start["y_m"]
-        if dx_m * math.cos(start["heading_rad"]) + dy_m * math.sin(start["heading_rad"]) < 0:
-            notes.append("the start faces away from the goal: a car that drives straight on never reaches it")
-    return notes
+    goal = scene.get("goal")
+    if goal is not None and not _is_straight_on(scene["start"], goal):
+        notes.append("the start does not face the goal: a car that drives straight on never reaches it")
+    # The blocks of a pyramid have one place, and so one remark.
+    return list(dict.fromkeys(notes))
+
+
+def _is_straight_on(start: Mapping[str, Any], goal: Mapping[str, Any]) -> bool:
+    """Return whether the straight line ahead of the start crosses the goal's line, or enters its disc."""
+    ahead_x, ahead_y = math.cos(start["heading_rad"]), math.sin(start["heading_rad"])
+    if goal["kind"] == "line":
+        # The line has no ends, and the start is before it.
+        approach = math.cos(goal["heading_rad"]) * ahead_x + math.sin(goal["heading_rad"]) * ahead_y
+        return approach > MIN_APPROACH
+    dx_m, dy_m = float(goal["x_m"] - start["x_m"]), float(goal["y_m"] - start["y_m"])
+    return dx_m * ahead_x + dy_m * ahead_y > 0 and abs(dx_m * ahead_y - dy_m * ahead_x) <= goal["radius_m"]
 
 
 def _hidden(ground: Mapping[str, Any], block: Mapping[str, Any]) -> str | None:

@@ -7,6 +7,7 @@ that are used here are not public; tests fail when they change.
 
 import ast
 import contextlib
+import os
 import pickle
 import sys
 from collections.abc import Iterator
@@ -90,6 +91,7 @@ def hooks(mutations: Mutations) -> Iterator[None]:
 
     changes: list[tuple[Any, str, Any]] = [
         *((veneer, function.__name__, function) for function in (new, mutate, param)),
+        (veneer, "localPath", _local_path),
         *((translator, "executeCodeIn", execute), (translator, "parse_string", parse)),
         *((compiler, "visit", visit), (scenario, "_inherit", inherit)),
         (PendingRequirement, "compile", compile_requirement),
@@ -103,6 +105,15 @@ def hooks(mutations: Mutations) -> Iterator[None]:
         compiling = False
         for owner, name, original in originals:
             setattr(owner, name, original)
+
+
+def _local_path(relative: Any) -> Path:
+    """Return a path relative to the calling file, as Scenic's localPath, which also follows symbolic links.
+
+    The link must be opened itself, so that it is known among the program's files and leads elsewhere one day.
+    """
+    folder = Path(sys._getframe(1).f_code.co_filename).parent
+    return Path(os.path.normpath(folder.joinpath(relative).absolute()))
 
 
 @cache

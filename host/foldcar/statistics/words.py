@@ -1,6 +1,7 @@
 """Designs and rates in words: ``95 mm``, ``width 95 mm, radius 60 mm``, ``12 %``."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from decimal import Decimal
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -62,7 +63,8 @@ def threshold_text(threshold: float) -> str:
 
     Example: threshold_text(0.745) is "74.5 %"
     """
-    return f"{100 * threshold:g} %"
+    # Decimals of the number as it was written: 0.07 is 7 %, without the errors of binary fractions.
+    return f"{(100 * Decimal(str(float(threshold)))).normalize():f} %"
 
 
 def percent_below(share: float, threshold: float) -> str:

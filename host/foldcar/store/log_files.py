@@ -59,9 +59,12 @@ def intact_log(store: Path, number: int, log: str, sha256: str | None) -> Path |
 
 
 def reference(store: Path, file: Path) -> str:
-    """Return the name by which a store refers to a file: relative to its folder if it is inside, else absolute."""
-    resolved, folder = file.resolve(), store_folder(store).resolve()
-    return (resolved.relative_to(folder) if resolved.is_relative_to(folder) else resolved).as_posix()
+    """Return the name by which a store refers to a file: relative to its folder if it is inside, else absolute.
+
+    If the file is a symbolic link, its own name is kept: that of its target may not end as a photo's (git-annex).
+    """
+    place, folder = file.parent.resolve() / file.name, store_folder(store).resolve()
+    return (place.relative_to(folder) if place.is_relative_to(folder) else place).as_posix()
 
 
 def referred_file(store: Path, name: str) -> Path:

@@ -64,11 +64,11 @@ def _setting_differences(trial: Trial, settings: Mapping[str, Any], expected: Ma
     ended_within_both = time_s is not None and time_s <= latest_s and trial.outcome != "timeout"
     if not _equal(limit_s, runs_limit_s) and not ended_within_both:
         yield f"time limit {limit_s:g} s, not {runs_limit_s:g} s"
-    elif time_s is not None and not settings:
-        # The time of an imported trial shows a limit that differs.
+    elif time_s is not None:
         if trial.outcome == "passed" and time_s > latest_s:
             yield f"passed after {time_s:g} s, above the time limit of {runs_limit_s:g} s"
-        elif trial.outcome == "timeout" and time_s < runs_limit_s - STOPWATCH_ERROR_S:
+        # The time of an imported trial shows a limit that differs.
+        elif trial.outcome == "timeout" and not settings and time_s < runs_limit_s - STOPWATCH_ERROR_S:
             yield f"timed out after {time_s:g} s, below the time limit of {runs_limit_s:g} s"
 
 

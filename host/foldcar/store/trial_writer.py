@@ -14,10 +14,12 @@ from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
+from foldcar.shown_text import decoded
 from foldcar.store.connection import StoreConnection, writing
 from foldcar.store.errors import StoreError
 from foldcar.store.info import listed_id
 from foldcar.store.log_files import reference, sha256_of
+from foldcar.store.other_drives import LIMIT_OVERRUN_S
 from foldcar.store.rows import Row
 from foldcar.store.tables import BY_NAME, CORRECTION, EXPERIMENT, MEDIA, SAMPLE, TRIAL
 from foldcar.store.trial_records import (
@@ -94,7 +96,7 @@ class TrialWriter(StoreConnection):
                 "outcome": "aborted",
                 "ending": RUNNING,
                 "note": "",
-                "operator": operator,
+                "operator": _with_line_feeds(operator),
                 "started_utc": now_utc(),
                 "firmware_build": car.firmware_build,
                 "design_hash": car.design_hash,
@@ -109,8 +111,9 @@ class TrialWriter(StoreConnection):
 
     def complete(self, trial: int, ending: Ending) -> None:
         """Store the end of a begun trial, with the current time."""
+        facts = {**asdict(ending), "note": _with_line_feeds(ending.note), "ended_utc": now_utc()}
         with self._transaction():
-            self._update(TRIAL, {**self.row(TRIAL, id=trial), **asdict(ending), "ended_utc": now_utc()})
+            self._update(TRIAL, {**self.row(TRIAL, id=trial), **facts})
 
     def unfinished(self) -> list[tuple[int, str, str]]:
         """Return number, log and outcome of trials whose session ended before they were completed."""
@@ -146,7 +149,8 @@ class TrialWriter(StoreConnection):
         """
         corrections = []
         with self._transaction():
-            for field, after in changes.items():
+            for field, value in changes.items():
+                after = _with_line_feeds(value) if isinstance(value, str) else value
                 if field not in CORRECTABLE:
                     known = ", ".join(CORRECTABLE)
                     raise StoreError(f"{self.path}: trial {trial}: {field} cannot be corrected, only {known}")
@@ -165,7 +169,19 @@ class TrialWriter(StoreConnection):
                 if row[field] == after:
                     raise StoreError(f"{self.path}: trial {trial}: {field} is {after!r} already")
                 corrections.append(self._change(row, field, after, reason, operator))
+            if not {"outcome", "elapsed_time_s"}.isdisjoint(changes):
+                self._require_passed_in_time(self._trial(trial))
         return corrections
+
+    def _require_passed_in_time(self, trial: Row) -> None:
+        """Raise StoreError if a trial has passed after the time limit with which it was driven."""
+        settings = self.rows(BY_NAME["settings"], "WHERE id = ?", trial["settings_id"])
+        if trial["outcome"] != "passed" or trial["elapsed_time_s"] is None or not settings:
+            return
+        time_s, limit_s = trial["elapsed_time_s"], json.loads(settings[0]["json"])["time_limit_s"]
+        if time_s > limit_s + LIMIT_OVERRUN_S:
+            reason = f"{time_s:g} is above the trial's time limit of {limit_s:g} s, so it has not passed"
+            raise StoreError(f"{self.path}: trial {trial['id']}: elapsed_time_s: {reason}")
 
     def withdraw(self, trials: Iterable[int], withdrawn: bool, reason: str, operator: str) -> list[Correction]:
         """Withdraw trials, or restore them if ``withdrawn`` is False; their rows and logs stay.
@@ -191,7 +207,8 @@ class TrialWriter(StoreConnection):
 
     def _change(self, trial: Row, field: str, after: str | float, reason: str, operator: str) -> Correction:
         """Change a field of a trial and store the correction, with the current time."""
-        correction = Correction(trial["id"], now_utc(), field, trial[field], after, reason, operator)
+        facts = _with_line_feeds(reason), _with_line_feeds(operator)
+        correction = Correction(trial["id"], now_utc(), field, trial[field], after, *facts)
         row = asdict(correction)
         self._add(CORRECTION, {**row, "trial_id": row.pop("trial")})
         self._update(TRIAL, {**trial, field: after})
@@ -223,11 +240,17 @@ class TrialWriter(StoreConnection):
             self._insert(SAMPLE, [row], "OR IGNORE")
 
     def put_media(self, trial: int, kind: str, file: Path) -> Media:
-        """Attach a photo or film to a trial; the file is not copied. Raises StoreError if file or trial is missing."""
+        """Attach a photo or film to a trial; the file is not copied.
+
+        Raises StoreError if file or trial is missing, or a store cannot hold the file's name.
+        """
         digest = sha256_of(file)
         if digest is None:
-            raise StoreError(f"{file}: no such file")
-        result = Media(trial, kind, reference(self.path, file), digest)
+            raise StoreError(f"{file}: {'is not a file' if file.exists() else 'no such file'}")
+        name = reference(self.path, file)
+        if decoded(name) != name:
+            raise StoreError(f"{file}: its path is not UTF-8 text; rename it")
+        result = Media(trial, kind, name, digest)
         row = {**asdict(result), "trial_id": trial, "added_utc": now_utc()}
         with self._transaction():
             self._trial(trial)
@@ -322,6 +345,11 @@ def write_trials(path: Path) -> Iterator[TrialWriter]:
 def _uncorrected(trial: Mapping[str, Any], corrections: Sequence[Row]) -> Row:
     """Return a trial as it was before its ``corrections``, which are ordered oldest first."""
     return {**trial, **{correction["field"]: correction["before"] for correction in reversed(corrections)}}
+
+
+def _with_line_feeds(text: str) -> str:
+    """Return a text in which every line ends with a line feed; a carriage return alone would end a row of a CSV file."""
+    return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
 def now_utc() -> str:

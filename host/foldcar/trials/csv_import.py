@@ -24,6 +24,7 @@ from typing import Any
 from foldcar.car.design import Design, DesignError, compose_columns
 from foldcar.car.design_parameters import key_of, parameters
 from foldcar.errors import FoldcarError
+from foldcar.evidence.design_evidence import design_label
 from foldcar.shown_text import breaks_line, shown_line, without_apostrophe
 from foldcar.statistics.words import count, design_text
 from foldcar.store.info import ExperimentInfo
@@ -290,9 +291,8 @@ def import_notes(store: Path, trials: Sequence[Mapping[str, Any]]) -> list[str]:
             swept_designs = {frozenset(design.items()) for design in opened.designs(info.id).values()}
         unswept: Counter[str] = Counter()
         for trial in trials_of_experiment:
-            values = {key: value for key, value in trial["design"].items() if info.fixed.get(key) != value}
             is_swept = trial["vehicle_type"] == info.vehicle_type and frozenset(trial["design"].items()) in swept_designs
-            unswept[design_text(values) or trial["vehicle_type"]] += not is_swept
+            unswept[design_label(info, trial["vehicle_type"], trial["design"])] += not is_swept
         # The plus drops cars whose count is 0.
         for car, number in (+unswept).most_common(SHOWN_CARS):
             notes.append(f'experiment "{name}" was swept without a car of {car}; it has {count(number, "trial")}')

@@ -95,9 +95,9 @@ def require_corrected(place: str, trial: Mapping[str, Any]) -> None:
     # Of corrections of one second, the last one counts; sorting keeps their order.
     corrections = sorted(trial["corrections"], key=lambda correction: str(correction["corrected_utc"]))
     for name, after in {correction["field"]: correction["after"] for correction in corrections}.items():
-        # A withdrawn trial is not exported. An empty text is an empty cell.
+        # A withdrawn trial is not exported.
         value = 0 if name == "withdrawn" else trial.get(name)
-        if (value or after) and not _is_same(value, after):
+        if not _is_same(value, after):
             raise FoldcarError(
                 f"{place}: {name}: {value} is not what the trial's corrections made it, {after}: use "
                 "`foldcar trials correct` after the import"
@@ -105,9 +105,12 @@ def require_corrected(place: str, trial: Mapping[str, Any]) -> None:
 
 
 def _is_same(value: Any, after: Any) -> bool:
-    """Return whether a cell has a correction's value; spreadsheets shorten numbers, and the import shortens spaces."""
-    if isinstance(value, str) and isinstance(after, str):
-        return value.split() == after.split()
+    """Return whether a cell has a correction's value; spreadsheets shorten numbers, and the import shortens spaces.
+
+    An empty or blank text is an empty cell, None.
+    """
+    if isinstance(value, str | None) and isinstance(after, str | None):
+        return (value or "").split() == (after or "").split()
     if isinstance(value, int | float) and isinstance(after, int | float):
         return math.isclose(value, after, rel_tol=1e-6)
     return bool(value == after)
@@ -124,7 +127,8 @@ def parquet_text(file: Path) -> str:
     except (OSError, pa.ArrowException) as error:
         raise FoldcarError(f"{file}: cannot be read: {error}") from None
     text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
+    # With this line end, Python quotes cells with a carriage return, too, which would end the row when it is read.
+    writer = csv.writer(text, lineterminator="\r\n")
     writer.writerow(rows[0] if rows else [])
     for row in rows:
         moved = row.get("deviations") or []

@@ -62,7 +62,11 @@ def record_outcome(
     if outcome is None:
         raise FoldcarError(f"trial {number}: {end.ending}: its outcome is unknown; with --yes, give it by --outcome")
     final_ending = Ending(outcome, end.ending, end.elapsed_time_s, note or "", digest)
-    writer.complete(number, final_ending)
+    try:
+        writer.complete(number, final_ending)
+    except StoreError as error:
+        advice = f"enter {outcome} later with `foldcar trials correct`"
+        raise StoreError(f"{error}; trial {number} remains stored as {end.outcome or 'aborted'}; {advice}") from error
     print_line(f"Trial {number}: {outcome}{mark}; log: {log if digest else 'none'}")
     if digest is None and end.error is None:
         raise FoldcarError(f"{log}: was deleted or moved; trial {number} is stored without its log")

@@ -25,6 +25,7 @@ from foldcar.link.tlog import LogError, TlogWriter
 from foldcar.outputs import file_name_part, make_output_folder
 from foldcar.scenes.obstacles import Obstacle
 from foldcar.scenes.source import other_scene
+from foldcar.shown_text import shown_line
 from foldcar.simulation.carsim import Carsim
 from foldcar.store.log_files import logs_folder, store_folder
 from foldcar.store.trial_records import BUILT, SIMULATED, Ending, TrialDesign
@@ -223,12 +224,12 @@ class Session:
             self._idle()
             time.sleep(IDLE_S)
         record = writer.put_media(number, kind, file)
-        print_line(f"Trial {number}: {record.kind} {file}")
+        print_line(f"Trial {number}: {record.kind} {shown_line(str(file))}")
 
     def _take_media(self, writer: TrialWriter, wait: bool = False) -> None:
         """Attach new files of the folder to their trials; if ``wait``, wait for files that grow, until Ctrl-C."""
         while wait and (growing := self._arrivals.growing()):
-            print_line(f"waiting until {', '.join(file.name for file in growing)} stops growing")
+            print_line(f"waiting until {', '.join(shown_line(file.name) for file in growing)} stops growing")
             while self._arrivals.growing() == growing:
                 self._idle()
                 time.sleep(IDLE_S)
@@ -387,8 +388,7 @@ class Session:
     def _log_file(self, number: int) -> Path:
         """Return the path of a new log of trial ``number``. Raises FoldcarError if the disk is nearly full."""
         make_output_folder(self._logs)
-        free = shutil.disk_usage(self._logs).free
-        if free < MIN_FREE_BYTES:
+        if (free := shutil.disk_usage(self._logs).free) < MIN_FREE_BYTES:
             raise FoldcarError(f"{self._logs}: only {free / 1e6:.0f} MB are free for the log; free some space first")
         now = datetime.now(timezone.utc).strftime("%Y%m%dT%H%M%SZ")
         return self._logs / f"trial-{number:04d}-{now}.tlog"

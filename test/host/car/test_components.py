@@ -231,6 +231,20 @@ def test_what_a_user_module_reads_is_part_of_it(tmp_path: Path) -> None:
         folded_car(compose("W_B_Late", {"Late.length": 52}))
 
 
+def test_the_names_in_a_folder_that_a_user_module_lists_are_part_of_it(tmp_path: Path) -> None:
+    file, folder = tmp_path / "tail.py", tmp_path / "d"
+    folder.mkdir()
+    (folder / "5").touch()
+    file.write_text(f"import os\nOFFSET = float(max(os.listdir({str(folder)!r})))\n{TAIL}")
+    load_components(file)
+    first = components_digest()
+
+    (tmp_path / "s.db").touch()
+    assert components_digest() == first
+    (folder / "6").touch()
+    assert components_digest() != first
+
+
 def compiled_as_before(helper: Path, before: str, now: str) -> None:
     """Write ``now`` to a module whose compiled code is of ``before``, and which Python takes for unchanged."""
     assert len(before) == len(now)

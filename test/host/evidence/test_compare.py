@@ -258,6 +258,19 @@ def test_an_exported_trial_that_passed_as_its_time_ended_comes_back_and_one_of_a
         assert text in experiment["remarks"]
 
 
+def test_a_trial_whose_time_contradicts_its_own_limit_is_left_out(tmp_path: Path) -> None:
+    """A store of others may hold a correction that foldcar refuses."""
+    store = write_study(tmp_path / "s.db", WIDTHS, 100, passing(SIMULATED))
+    add_trials(store, [({"width_mm": 180.0}, 0, "passed")], settings=SETTINGS, elapsed_time_s=200.0)
+    add_trials(store, [({"width_mm": 180.0}, 1, "passed")], settings=SETTINGS, elapsed_time_s=120.0)
+
+    (experiment,) = compare(store)["experiments"]
+
+    assert [(row["trials"], row["trials_passed"]) for row in experiment["designs"]] == [(1, 1)]
+    left_out = "1 trial left out, not driven as the runs: passed after 200 s, above the time limit of 120 s."
+    assert left_out in experiment["remarks"]
+
+
 def test_an_imported_trial_that_passed_after_the_time_limit_is_refused(tmp_path: Path) -> None:
     store = write_study(tmp_path / "s.db", WIDTHS, 100, passing(SIMULATED))
     table = tmp_path / "t.csv"

@@ -9,9 +9,11 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from typer.testing import CliRunner
 
 from foldcar.car.design import compose_columns
 from foldcar.car.folded_car import folded_car
+from foldcar.cli import app
 from foldcar.evidence import costs
 from foldcar.fabrication.assembly.operations import operations
 from foldcar.fabrication.patterns.options import options
@@ -60,6 +62,19 @@ def test_files_have_the_steps(store: Path, tmp_path: Path) -> None:
     assert selection["leader"]["width_mm"] in FAMILY["width_mm"]
     built = next(step for step in selection["steps"] if step["kind"] == "build")
     assert 0 <= built["built"]["low"] <= built["built"]["value"] <= built["built"]["high"] <= 1
+
+
+def test_the_number_of_written_steps_is_said_in_words(tmp_path: Path) -> None:
+    store = write_study(tmp_path / "one.db", {"width_mm": [110.0]}, 40, outcome)
+    write_realities(store, good_in_the_middle)
+
+    done = CliRunner().invoke(app, ["select", str(store), "--csv", str(tmp_path / "steps.csv")])
+
+    with (tmp_path / "steps.csv").open() as text:
+        number = len(list(csv.DictReader(text)))
+    assert number == 1 and f"steps.csv: {number} step\n" in done.output
+    help_text = " ".join(CliRunner().invoke(app, ["select", "--help"]).output.split())
+    assert "CSV file to write, a row for each step." in help_text
 
 
 def test_a_threshold_is_judged_by_itself(store: Path) -> None:

@@ -45,6 +45,7 @@ STATEMENTS = (
     "record final -min(ego.angularSpeed, 2, 3) + ego.consumedEnergy as energy\n"
     "record final (distance from (back right of ego) to (0.1 @ 0.2)) as corner",
     "flag = True\nterminate when ego.x * flag > 0.3",
+    "terminate when ego.x > 0.4 and 1\nrecord final ego.x > 0.2 and (ego.y > 1 or not ego.x > 0.9) or False as both",
     "terminate when (distance from ego to (0.1 @ 0) + (0.2 @ 0) * 2) < 0.1",
     "terminate when (distance from ego to mark.position + (0.1 @ 0)) < 0.3",
     "import math\nterminate when ego.x > 0.3\nrecord final math.isclose(1, 1.1, rel_tol=0.5) as close",
@@ -149,6 +150,9 @@ def test_the_publications_programs_need_no_scenic(program: str, carsim_binary: P
             "line 12: a polygon of more than 1000 corners",
         ),
         ("record final ego.position as passed", "line 11: a position as `passed`"),
+        # Python gives 1, not True.
+        ("record final ego.x > 0.2 and 1 as odd", "line 11: BoolOp"),
+        ("record final ego.x > 0.2 and (ego.x > 0.1 or h) as odd", "line 11: BoolOp"),
         ("terminate when ego.x > 1\n" * 101, "more than 100 conditions or records"),
         ("terminate when " + " and ".join(["ego.x > 1"] * 150), "an expression of more than 400 terms"),
     ],

@@ -179,6 +179,95 @@ def test_a_file_that_appears_where_a_program_looks_for_it_is_another_environment
     assert (before.new, again.new, after.new) == (1, 0, 1)
 
 
+LISTINGS = {
+    "listdir": "import os\nnames = sorted(os.listdir(localPath('stones')))\n",
+    "glob": "from pathlib import Path\nnames = sorted(f.name for f in Path(localPath('stones')).glob('*'))\n",
+    "walk": "import os\nnames = sorted(f for _, _, files in os.walk(localPath('stones')) for f in files)\n",
+}
+
+
+@pytest.mark.parametrize("head", LISTINGS.values(), ids=LISTINGS)
+def test_the_names_in_a_folder_that_a_program_lists_are_part_of_the_environment(
+    head: str, listing: Path, program: Path, tmp_path: Path, carsim_binary: Path
+) -> None:
+    stones = program.parent / "stones"
+    stones.mkdir()
+    (stones / "0.3").touch()
+    program.write_text(f"{head}{HEAD}param friction = float(max(name for name in names if name[0] == '0'))\n")
+
+    def new_runs() -> int:
+        return swept(listing, tmp_path / "s.db", carsim_binary, 1, environments=1).new
+
+    assert [new_runs(), new_runs()] == [1, 0]
+    for name in ("__pycache__", ".DS_Store"):
+        (stones / name).touch()
+    (program.parent / "beside.txt").touch()
+    assert new_runs() == 0
+    (stones / "0.4").touch()
+    assert [new_runs(), new_runs()] == [1, 0]
+
+
+def test_a_symbolic_link_that_leads_elsewhere_is_another_environment(
+    listing: Path, program: Path, tmp_path: Path, carsim_binary: Path
+) -> None:
+    """Such as `data -> data_v2`: the files to which it led are unchanged."""
+    program.write_text(f"{HEAD}param friction = float(open(localPath('../program/data/f.txt')).read())\n")
+    for version, number in (("v1", 0.3), ("v2", 0.4)):
+        (program.parent / version).mkdir()
+        (program.parent / version / "f.txt").write_text(str(number))
+    new_runs = []
+    for version in ("v1", "v1", "v2", "v2"):
+        (program.parent / "data").unlink(missing_ok=True)
+        (program.parent / "data").symlink_to(version)
+        new_runs.append(swept(listing, tmp_path / "s.db", carsim_binary, 1, environments=1).new)
+
+    assert new_runs == [1, 0, 1, 0]
+
+
+def test_a_folder_that_is_listed_too_late_is_refused(program: Path) -> None:
+    (program.parent / "stones").mkdir()
+    text = "import os\ndef value(x):\n    return 0.3 if x > 1 or os.listdir(localPath('stones')) else 0.4\n"
+    program.write_text(text + HEAD + SAMPLED)
+    source = open_environment(program, {}, 1)
+    source.sample(0)
+    source.fixed_files()
+    (program.parent / "stones" / "1").touch()
+
+    with pytest.raises(FoldcarError, match=r"stones: has changed while the program was in use"):
+        source.sample(1)
+
+
+@pytest.mark.parametrize(
+    "read",
+    [
+        "from concurrent.futures import ThreadPoolExecutor\nwith ThreadPoolExecutor(1) as pool:\n"
+        "    number = float(pool.submit(lambda: open(localPath('f.txt')).read()).result())\n",
+        "import sqlite3\nnumber = sqlite3.connect(localPath('f.txt')).execute('select h from t').fetchone()[0]\n",
+    ],
+    ids=["a thread", "a database"],
+)
+def test_files_of_threads_and_databases_are_part_of_the_environment(read: str, program: Path) -> None:
+    data = program.with_name("f.txt")
+
+    def write(number: float) -> None:
+        data.unlink(missing_ok=True)
+        if "sqlite3" not in read:
+            data.write_text(str(number))
+            return
+        with contextlib.closing(sqlite3.connect(data)) as database, database:
+            database.execute("create table t (h)")
+            database.execute("insert into t values (?)", (number,))
+
+    program.write_text(f"{read}{HEAD}param friction = number\n")
+    names = []
+    for number in (0.3, 0.4):
+        write(number)
+        source = open_environment(program, {}, 1)
+        assert source.sample(0)["friction"] == number
+        names.append(dict(source.fixed_files())["f.txt"])
+    assert len(set(names)) == 2
+
+
 def test_what_a_program_reads_is_part_of_its_fingerprint(experiment: Experiment, tmp_path: Path) -> None:
     """Modules in folders, files in its folder and outside, read at its head or in samples; not what it does not read."""
     experiment.program.write_text(

@@ -1,5 +1,6 @@
 """Remarks on scenes that their authors probably did not mean."""
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -39,12 +40,49 @@ def test_a_hill_that_is_higher_than_the_block_on_it_counts(foldcar: Any, tmp_pat
 
 
 @pytest.mark.parametrize(("facing", "remarked"), [(-90, False), (-20, False), (90, True), (45, True), (170, True)])
-def test_a_start_that_faces_away_from_its_goal_is_remarked_on(
+def test_a_start_that_does_not_face_its_goal_is_remarked_on(
     facing: int, remarked: bool, foldcar: Any, tmp_path: Path
 ) -> None:
     found = notes(foldcar, tmp_path, FACING.replace("(0, 0), facing -90", f"(0, 0), facing {facing}", 1))
 
-    assert found == (["the start faces away from the goal: a car that drives straight on never reaches it"] * remarked)
+    assert found == (["the start does not face the goal: a car that drives straight on never reaches it"] * remarked)
+
+
+@pytest.mark.parametrize(
+    ("facing", "goal", "passes"),
+    [
+        # The goal's point lies behind the car or aside, but its line has no ends.
+        (-30, "at (1.5, -0.9), facing -90 deg", True),
+        (10, "at (1.5, 0.9), facing -90 deg", False),
+        (-90, "at (0.5, 0.8), facing 0 deg", False),
+        (-88, "at (0.5, 0.05), facing -90 deg", True),
+        (-90, "at (1.5, 0.1), with reach 0.2", True),
+        (-90, "at (1.5, 0.4), with reach 0.2", False),
+        (90, "at (1.5, 0), with reach 0.2", False),
+    ],
+)
+def test_a_remark_on_the_start_is_true_of_a_car_that_drives_straight_on(
+    facing: int, goal: str, passes: bool, foldcar: Any, tmp_path: Path, write_listing: Any, listing_data: Any
+) -> None:
+    course = "param course_x_min = -4, course_x_max = 4, course_y_min = -4, course_y_max = 4\n"
+    ego = f"ego = new Robot at (0, 0), facing {facing} deg\n"
+
+    remarks = notes(foldcar, tmp_path, f"{course}{ego}goal = new Goal {goal}\n")
+
+    listing_data["environments"] = {"1": {"scenic_filename": "p.scenic"}}
+    listing_data["experiments"]["1"] |= {"env_id": 1}
+    run = foldcar("run", write_listing(listing_data), "--experiment", "1", "--set", "width=95", "--json")
+    assert (json.loads(run.stdout)["outcome"] == "passed") == passes, run.stdout + run.stderr
+    assert bool(remarks) != passes
+
+
+def test_a_remark_counts_a_sample_once(foldcar: Any, tmp_path: Path) -> None:
+    gravel = "new RoughGround at (0.8, 0), with length 0.1, with width 0.1\n"
+    pyramid = "new StepPyramid at (0.8, 0), facing -90 deg, with top_side 0.3\n"
+
+    (remark,) = notes(foldcar, tmp_path, gravel + pyramid + FACING)
+
+    assert remark.startswith("the rough ground at (0.8, 0) lies under the block at (0.8, 0)")
 
 
 def test_a_sweep_says_so_too(foldcar: Any, tmp_path: Path, write_listing: Any, listing_data: Any) -> None:
@@ -55,7 +93,7 @@ def test_a_sweep_says_so_too(foldcar: Any, tmp_path: Path, write_listing: Any, l
 
     first = foldcar("sweep", listing, "--store", "s.db", "--experiment", "1")
 
-    assert "experiment 1: sample 0: the start faces away from the goal" in first.stderr, first.stderr
+    assert "experiment 1: sample 0: the start does not face the goal" in first.stderr, first.stderr
 
 
 def test_the_projects_environments_have_no_remarks() -> None:

@@ -28,8 +28,9 @@ def test_only_nothing_is_0_per_cent_and_only_all_is_100(share: float, digits: in
 
 
 def test_a_threshold_is_not_rounded() -> None:
-    assert [threshold_text(threshold) for threshold in (0.75, 0.745, 0.999, 0.004, 0.07)] == [
-        "75 %", "74.5 %", "99.9 %", "0.4 %", "7 %",
+    thresholds = (0.75, 0.745, 0.999, 0.004, 0.07, 0.1, 0.99999999, 1e-9)
+    assert [threshold_text(threshold) for threshold in thresholds] == [
+        "75 %", "74.5 %", "99.9 %", "0.4 %", "7 %", "10 %", "99.999999 %", "0.0000001 %",
     ]  # fmt: skip
 
 

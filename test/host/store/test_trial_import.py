@@ -2,6 +2,7 @@
 
 import contextlib
 import csv
+import io
 import json
 import shutil
 import sqlite3
@@ -9,6 +10,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from foldcar.store.errors import StoreError
@@ -20,6 +23,7 @@ from foldcar.store.tables import ENVIRONMENT, EXPERIMENT, OLDEST_TRIALS, VERSION
 from foldcar.store.trial_import import take_trials
 from foldcar.store.trial_records import Ending
 from foldcar.store.trial_writer import CarFacts, Drive, TrialDesign, write_trials
+from foldcar.trials.exported_trials import parquet_text
 from full_store import contents
 from written_study import FIXED, LOG, SETTINGS, add_trial, add_trials, body_of, fingerprint, write_study
 
@@ -217,6 +221,31 @@ def test_exported_trials_are_the_same_trials_in_another_store(
     assert back.stdout == "0 trials imported; 3 were imported before; store: s.db\n", back.stderr
     with Store.open(driven) as reader:
         assert reader.trial(1).note == "seen twice" and reader.trial(1).log == LOG
+
+
+@pytest.mark.parametrize("table", ["t.csv", "t.parquet"])
+@pytest.mark.parametrize(("note", "stored"), [(" ", ""), ("a\rb", "a\nb"), ("a\r\nb", "a\nb"), ("\u2028", "")])
+def test_blank_notes_and_all_line_ends_come_back_from_a_table(
+    note: str, stored: str, table: str, driven: Path, foldcar: Any, tmp_path: Path
+) -> None:
+    words = ("--note", note, "--reason", f"because{note}of", "--operator", f"Bo{note}Cy")
+    assert foldcar("trials", "correct", "s.db", "1", *words).returncode == 0
+    assert foldcar("export", "s.db", "--trials", table).returncode == 0
+
+    done = foldcar("trials", "import", "new.db", table)
+
+    assert (done.returncode, done.stdout) == (0, "3 trials imported, 1 to 3; store: new.db\n"), done.stderr
+    with Store.open(driven) as before, Store.open(tmp_path / "new.db") as after:
+        assert after.trial(1).note == stored
+        assert list(after.corrections()) == list(before.corrections())
+
+
+def test_a_carriage_return_in_a_parquet_file_does_not_end_a_row(tmp_path: Path) -> None:
+    pq.write_table(pa.table({"outcome": ["passed"], "note": ["a\rb"]}), tmp_path / "t.parquet")
+
+    text = parquet_text(tmp_path / "t.parquet")
+
+    assert list(csv.reader(io.StringIO(text, newline=""))) == [["outcome", "note"], ["passed", "a\rb"]]
 
 
 @pytest.mark.parametrize("command", [("trials", "import", "new.db", "s.db"), ("merge", "new.db", "s.db", "-o", "m.db")])

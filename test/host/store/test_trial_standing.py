@@ -17,6 +17,7 @@ from foldcar.store.reader import Store
 from foldcar.store.trial_records import Ending, TrialDesign
 from foldcar.store.trial_writer import write_trials
 from full_store import contents
+from live_car import write_free_course
 from test_report_command import EXPERIMENT_FACTS, width_outcome
 from test_trial_store import begin
 from written_study import add_trials, write_study
@@ -194,3 +195,22 @@ def test_designs_are_named_by_all_parameters_that_vary(tmp_path: Path, foldcar: 
     listed = foldcar("trials", "list", "s.db").stdout
 
     assert "width 95 mm, radius 50 mm" in listed and "width 95 mm, radius 60 mm" in listed
+
+
+def test_a_car_with_other_parts_is_named_by_its_type(tmp_path: Path, foldcar: Any) -> None:
+    """In the list, in the remark on its import, and in the remarks of `compare`, between semicolons."""
+    write_free_course(tmp_path)
+    assert foldcar("sweep", "l.json", "--store", "s.db").returncode == 0
+    lines = ["vehicle_type,width_mm,height_mm,outcome,source,experiment"]
+    for kind in ("W_B_W,95,", "W_B_W+tyre=grip_tape,95,", "W_B_W,95,60"):
+        lines += [f"{kind},passed,notes,1"] * 2
+    (tmp_path / "t.csv").write_text("\n".join(lines))
+
+    imported = foldcar("trials", "import", "s.db", "t.csv")
+
+    assert "swept without a car of W_B_W+tyre=grip_tape of 95 mm; it has 2 trials" in imported.stderr, imported.stderr
+    assert "swept without a car of 95 mm" not in imported.stderr
+    listed = foldcar("trials", "list", "s.db").stdout
+    assert listed.count("  W_B_W+tyre=grip_tape of width 95 mm, ") == 2 and listed.count("  W_B_W of width 95 mm, ") == 4
+    compared = foldcar("compare", "s.db").stdout
+    assert "one car of their design, at 95 mm; W_B_W+tyre=grip_tape of 95 mm; width 95 mm, height 60 mm:" in compared

@@ -1,7 +1,10 @@
 """Trials in the store: stored beside runs, imported, corrected with a record, exported, shown in the report."""
 
 import csv
+import hashlib
 import json
+import os
+import re
 from pathlib import Path
 from typing import Any
 
@@ -9,9 +12,12 @@ import pyarrow.parquet as pq
 import pytest
 
 from foldcar.report.page_data import page_data
+from foldcar.store.errors import StoreError
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import Ending, TrialDesign
 from foldcar.store.trial_writer import CarFacts, Drive, TrialWriter, write_trials
+from foldcar.trials.driving import DriveEnd
+from foldcar.trials.recording import record_outcome, store_end
 from test_report_command import EXPERIMENT_FACTS, width_outcome
 from written_study import import_trials, write_study
 
@@ -48,6 +54,52 @@ def test_a_trial_is_aborted_until_it_is_completed(tmp_path: Path) -> None:
         assert store.trial_drive(number) == ('{"id":"b"}', '{"time_limit_s":120}', '{"friction":0.6}')
     assert (trial.outcome, trial.ending, trial.elapsed_time_s, trial.note) == ("passed", "goal", 2.5, "fine")
     assert trial.completed and trial.log_sha256 == "ff" and trial.ended_utc is not None
+
+
+def test_photos_have_names_that_every_command_reads(tmp_path: Path, foldcar: Any) -> None:
+    """Such as links into a folder of other names (git-annex), and names that would end a line."""
+    (tmp_path / "annex").mkdir()
+    (tmp_path / "annex" / "SHA256E-s5--1f").write_bytes(b"photo")
+    (tmp_path / "link.jpg").symlink_to(tmp_path / "annex" / "SHA256E-s5--1f")
+    (tmp_path / "a\ntrial 9: photo forged.jpg").write_bytes(b"two lines")
+    (tmp_path / "folder.jpg").mkdir()
+    latin = Path(os.fsdecode(os.fsencode(tmp_path) + b"/\xe9.jpg"))
+    latin.write_bytes(b"latin")
+    with write_trials(tmp_path / "s.db") as writer:
+        writer.complete(begin(writer), Ending("passed", "goal", 2.5, "", None))
+        writer.put_media(1, "photo", tmp_path / "link.jpg")
+        writer.put_media(1, "photo", tmp_path / "a\ntrial 9: photo forged.jpg")
+        with pytest.raises(StoreError, match=r"folder\.jpg: is not a file"):
+            writer.put_media(1, "photo", tmp_path / "folder.jpg")
+        with pytest.raises(StoreError, match="its path is not UTF-8 text; rename it"):
+            writer.put_media(1, "photo", latin)
+
+    listed = foldcar("trials", "list", "s.db").stdout
+    assert "trial 1: photo link.jpg\n" in listed
+    assert "\ntrial 1: photo a\\ntrial 9: photo forged.jpg\n" in listed
+    assert foldcar("trials", "import", "n.db", "s.db").returncode == 0
+    with Store.open(tmp_path / "n.db") as store:
+        assert {medium.sha256 for medium in store.media()} == {
+            hashlib.sha256(content).hexdigest() for content in (b"photo", b"two lines")
+        }
+
+
+def test_an_outcome_that_cannot_be_stored_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    end = DriveEnd("goal", "passed", 2.5)
+    with write_trials(tmp_path / "s.db") as writer:
+        number = begin(writer)
+        store_end(writer, number, end, tmp_path / LOG)
+
+        def full(*_: object) -> None:
+            raise StoreError("s.db: database or disk is full")
+
+        monkeypatch.setattr(writer, "complete", full)
+        message = (
+            "s.db: database or disk is full; trial 1 remains stored as passed; "
+            "enter stuck later with `foldcar trials correct`"
+        )
+        with pytest.raises(StoreError, match=re.escape(message)):
+            record_outcome(writer, number, end, tmp_path / LOG, None, "stuck", "", None)
 
 
 def test_corrections_leave_a_trail(tmp_path: Path, foldcar: Any) -> None:
@@ -93,6 +145,34 @@ def test_mistakes_are_one_line(tmp_path: Path, foldcar: Any, words: tuple[str, .
     assert answer.stderr.startswith(f"foldcar: error: {message}") and answer.stderr.count("\n") == 1
     with Store.open(tmp_path / "s.db") as store:
         assert store.trial(1).outcome == "passed" and store.corrections(1) == []
+
+
+@pytest.mark.parametrize(
+    ("outcome", "time_s", "words", "is_taken"),
+    [
+        ("passed", 2.5, ("--elapsed-time", "120.2"), False),
+        ("passed", 2.5, ("--elapsed-time", "120.0"), True),
+        ("timeout", 120.0, ("--outcome", "passed", "--elapsed-time", "130"), False),
+        ("timeout", 120.0, ("--outcome", "passed", "--elapsed-time", "119"), True),
+        ("passed", 2.5, ("--outcome", "tipped", "--elapsed-time", "130"), True),
+    ],
+)
+def test_a_trial_does_not_pass_after_its_time_limit(
+    outcome: str, time_s: float, words: tuple[str, ...], is_taken: bool, tmp_path: Path, foldcar: Any
+) -> None:
+    with write_trials(tmp_path / "s.db") as writer:
+        writer.complete(begin(writer), Ending(outcome, "goal", time_s, "", None))
+
+    answer = foldcar("trials", "correct", "s.db", "1", *words, "--reason", "seen on film")
+
+    with Store.open(tmp_path / "s.db") as store:
+        trial = store.trial(1)
+    if is_taken:
+        assert answer.returncode == 0 and trial.corrections
+    else:
+        limit = f"elapsed_time_s: {float(words[-1]):g} is above the trial's time limit of 120 s, so it has not passed"
+        assert (answer.returncode, answer.stderr) == (2, f"foldcar: error: s.db: trial 1: {limit}\n")
+        assert (trial.outcome, trial.elapsed_time_s, trial.corrections) == (outcome, time_s, 0)
 
 
 def test_the_published_table_is_imported_once(tmp_path: Path, foldcar: Any) -> None:

@@ -40,7 +40,9 @@ WAIT_S = 60.0
 BESIDE = "model model\nego = new Robot at (0, 0), facing -90 deg\nnew Goal at (Uniform(0.5, 1.2), 0), facing -90 deg\n"
 RECORDS = BESIDE + "from lib.far import far\nrecord far(ego) as way\n"
 FAR = (
-    "from pathlib import Path\nLIMIT = float(Path(__file__).with_name('far.txt').read_text())\n"
+    "import os\nfrom pathlib import Path\nLIMIT = float(Path(__file__).with_name('far.txt').read_text())\n"
+    # A folder that is listed has on a worker what it has here, also files that are not read.
+    "assert sorted(n for n in os.listdir(Path(__file__).parent) if n[0] != '_') == ['far.py', 'far.txt', 'unread']\n"
     "def far(car):\n    assert car.position.x < LIMIT, 'too far'\n    return car.position.x\n"
 )
 
@@ -90,6 +92,7 @@ def listing(tmp_path: Path, listing_data: dict[str, Any], write_listing: Callabl
     (tmp_path / "beside.scenic").write_text(RECORDS)
     (tmp_path / "lib").mkdir()
     (tmp_path / "lib" / "far.py").write_text(FAR)
+    (tmp_path / "lib" / "unread").write_text("not read")
     (tmp_path / "lib" / "far.txt").write_text("0.6")
     listing_data["environments"]["2"] = {"scenic_filename": "beside.scenic", "seed": 1}
     listing_data["experiments"]["2"] = {"veh_id": 1, "env_id": 2, "params": {"timeout": 5, "environments": 4}}

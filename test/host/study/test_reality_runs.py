@@ -303,7 +303,7 @@ def test_the_number_may_be_given_and_the_output_offers_more(widths: Path, tmp_pa
     words = (*words[:-1], "200")
     assert json_output(*words)["realities"]["1"]["new"] == 175
     enough = run_foldcar(*words)
-    assert "the success rate of built cars is learned from them with an error of " in enough
+    assert "the success rate of built cars is learned from them with an error " in enough
     assert "--realities" not in enough and "Want a car that works?" in run_foldcar("select", tmp_path / "s.db")
 
 
@@ -316,6 +316,15 @@ def test_one_run_is_singular_and_an_error_above_five_points_offers_more() -> Non
         "with an error of 10.0 points",
         "  more runs make the error smaller: --realities 800",
     ]
+
+
+def test_an_error_that_few_groups_cannot_measure_is_not_called_0() -> None:
+    """An estimate whose square is below 0 is clipped."""
+    (line,) = reality_lines("1", RealityCounts(total=600, error=0.0))
+    (small,) = reality_lines("1", RealityCounts(total=8000, error=0.0006))
+
+    assert line.endswith("learned from them with an error that is too small to be measured by 6 groups of runs")
+    assert small.endswith("with an error of 0.1 points")
 
 
 @pytest.mark.parametrize(

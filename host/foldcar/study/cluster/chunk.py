@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from foldcar.errors import FoldcarError
-from foldcar.read_files import MISSING
+from foldcar.read_files import MISSING, listed_files
 from foldcar.scenes.fingerprint import scene_code, scenic_version
 from foldcar.scenes.program_files import content
 from foldcar.simulation.carsim import Carsim
@@ -48,8 +48,13 @@ def recipe_of(runner: Runner, carsim: Carsim) -> Recipe:
         return Recipe(engine, carsim.build)
     digests, folder = runner.environment["files"], runner.program.parent
     # Names are relative to the program's folder. Files outside are not sent: a worker reads its own.
-    sent_names = (name for name in sorted(digests) if not Path(name).is_absolute() and digests[name] != MISSING)
-    files = tuple((name, content(folder, name, digests[name])) for name in sent_names)
+    names = [name for name in sorted(digests) if not Path(name).is_absolute() and digests[name] != MISSING]
+    sent = {name: content(folder, name, digests[name]) for name in names if not (folder / name).is_dir()}
+    # A folder that the program lists has all its files on the worker.
+    for listed in (file for name in names if (folder / name).is_dir() for file in listed_files(folder / name)):
+        if listed.is_file():
+            sent.setdefault(listed.relative_to(folder).as_posix(), listed.read_bytes())
+    files = tuple(sorted(sent.items()))
     code = (scene_code(), scenic_version())
     return Recipe(engine, carsim.build, str(runner.program), files, json.dumps(runner.environment), code)
 

@@ -181,6 +181,6 @@ class Adviser:
         """The assumptions behind sheets and minutes, as a sentence."""
         return (
             f"Sheets are an estimate: 12 x 12 inch, of which the pieces fill {percent(FILLING)}. Minutes assume "
-            f"{car_min(self.evidence.info.vehicle_type):.0f} min to cut and build a car (without headers and firmware), "
+            f"{car_min(self.evidence.info.vehicle_type):.0f} min to cut and build a car (without loading the firmware), "
             f"{PLACING_MIN:g} min to place a trial, and the time that simulation drives."
         )

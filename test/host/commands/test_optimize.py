@@ -155,7 +155,7 @@ def test_an_interrupted_search_ends_where_an_uninterrupted_one_does(
 def test_the_command_tests_three_designs_in_200_new_environments(
     foldcar_command: Command, listing: Path, tmp_path: Path, words: list[str], experiment: str, tested: str, heading: str
 ) -> None:
-    done = foldcar_command("optimize", listing, "--store", "s.db", "--designs", "4", *words)
+    done = foldcar_command("optimize", listing, "--store", "s.db", "--designs", "8", *words)
 
     assert done.returncode == 0, done.stderr
     assert f"tested in {tested}" in done.stdout and f"  {heading}  " in done.stdout

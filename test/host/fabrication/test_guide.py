@@ -117,7 +117,7 @@ def test_everything_is_soldered_once_before_the_lipo_is_in_and_the_guide_ends_wi
     lipo = next(n for n, text in enumerate(texts) if text.startswith("Put the 500 mAh LiPo in"))
 
     assert soldering < lipo and not any("solder" in text.lower() for text in texts[lipo:])
-    assert "The + lead of the square 4xAA holder (red): cut it 30 mm from the holder" in texts[soldering]
+    assert "cut the + lead of the square 4xAA holder (red) 30 mm from the holder, solder the fuse" in texts[soldering]
     boards = next(n for n, text in enumerate(texts) if text.startswith("Solder the boards"))
     assert soldering < boards < lipo and "EN and GND, below the HUZZAH32 Feather" in texts[boards]
     assert not any("1500 µs" in text for text in texts)

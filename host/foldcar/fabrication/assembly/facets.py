@@ -88,8 +88,8 @@ def mount_shape(mount: Mount, pose: Matrix | None = None) -> Shape:
     """Return the shape of a bought part, its solids or its box, at ``pose``, which is its pose in the car by default."""
     pose = np.array(mount.pose) if pose is None else pose
     facets, lines = [], []
-    # A part of so many solids is a ring, such as a tyre.
-    if len(mount.solids) >= RING_SOLIDS:
+    # A part of so many solids, all alike, is a ring, such as a tyre.
+    if len(mount.solids) >= RING_SOLIDS and len({solid.size_mm for solid in mount.solids}) == 1:
         solids = [("round", _ring(mount, pose))]
     else:
         solids = [(solid.kind, _sides(solid, pose @ np.array(solid.pose))) for solid in mount.shape]

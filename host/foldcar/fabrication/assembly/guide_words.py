@@ -12,21 +12,18 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 
 from foldcar.car.components.hooked_strip import WheelSize, turn_rad
-from foldcar.car.components.mounts import BOARD_SWITCH, BUTTON, SERVO_SWITCH
+from foldcar.car.components.mounts import BOARD_SWITCH, SERVO_SWITCH
 from foldcar.car.folded.model import FoldedCar, Join
 from foldcar.car.leads import leads
 from foldcar.car.parts.catalogue import Catalogue
 from foldcar.car.proof.plan import SHUT
 from foldcar.car.proof.step import AddedPart, AssemblyStep, Vector
-from foldcar.car.supply import supply
 from foldcar.fabrication.assembly.guide_state import AssemblyState
-from foldcar.fabrication.assembly.operations import disc_turns, folds_of_step, is_screw, is_wound, plugs_in, soldered_in
+from foldcar.fabrication.assembly.operations import disc_turns, folds_of_step, is_screw, is_wound, plugs_in
 from foldcar.fabrication.assembly.parts_list import tyre_cut
-from foldcar.fabrication.assembly.wiring import lead_remedy
+from foldcar.fabrication.assembly.switch_words import switch_lines
 
 DRIVER = "PH0 screwdriver"
-# The fuse protects what is behind it: it is soldered near the holder, where a hand still holds the short end.
-FUSE_FROM_HOLDER_MM = 30
 # A part is on the left or right of the car if its distance from the middle plane is larger.
 MIDDLE_MM = 10.0
 # The number of a beam is left out: a screw passes through its own beam.
@@ -42,7 +39,7 @@ def step_lines(step: AssemblyStep, state: AssemblyState) -> tuple[str, ...]:
         *_fold_lines(step, state),
         *_insertion_lines(step, state),
         *_join_lines(car, step),
-        *_solder_lines(car, step),
+        *switch_lines(car, step),
         *_plug_lines(car, step),
         *_cautions(car, step, state),
     )
@@ -165,6 +162,13 @@ def _join_lines(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
     laminates = {join.number: join for join in joins if join.kind == "laminate"}
     labels = {piece.name: piece.label for piece in car.pieces}
     faces_with_holes = {face.name for piece in car.pieces for face in piece.faces if face.holes}
+    tongues = {join.number for join in joins if join.kind == "tab_slot"}
+    if tongues and laminates:
+        # What is taped sticks at once: its tongue goes in first.
+        yield (
+            "Leave the tape's liner on, push the tongues through the slots with the same number: join "
+            f"{number_ranges(tongues)}."
+        )
     for number, join in sorted(laminates.items()):
         aligned_by_holes = join.a.face in faces_with_holes
         where = "on, holes on each other" if aligned_by_holes else "where it lies on what has the same number"
@@ -179,6 +183,7 @@ def _join_lines(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
         (("tuck",), "Lay the edges inside the walls, without tape: join {}."),
     ):
         numbers = {join.number for join in joins if join.kind in kinds} - wheel_joins
+        numbers -= tongues if laminates else set()
         if numbers:
             yield text.format(number_ranges(numbers))
 
@@ -200,14 +205,19 @@ def _wheel_join_lines(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
             f"Drop the hub's hooks into the slots of the {labels[join.piece_b]}, and turn the disc against the hub "
             f"until they hold: clockwise, as seen from its unprinted side, by about {angle_deg:.0f}°: join {join.number}."
         )
+        yield "Of its positions take that in which, when it holds, the notches of both discs are in line."
     hooks = {join.number for join in joins if join.kind == "rim"}
     if hooks:
-        yield f"Drop the strip's hooks from outside into the notches of both discs: join {number_ranges(hooks)}."
+        yield (
+            f"Drop the strip's hooks from outside into the notches of both discs: join {number_ranges(hooks)}. The "
+            "notches of a "
+            "disc are alike: begin at any of them, whatever its number."
+        )
     tongues = {join.number for join in joins if _is_rim_lock(car, join)}
     if tongues:
         yield (
-            "Put each tongue's head through the wide part of its slot and pull it into the narrow part; the last one "
-            f"goes in before the hooks beside it drop into their notches: join {number_ranges(tongues)}."
+            "Put each tongue's head from outside through the wide part of its slot and pull it into the narrow part; the "
+            f"last one goes in before the hooks beside it drop into their notches: join {number_ranges(tongues)}."
         )
 
 
@@ -231,49 +241,35 @@ def _plug_lines(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
         if wire.carries != "signal":
             start = "The servo switch's free wire" if wire.a.startswith(SERVO_SWITCH) else wire.a
             yield f"{start[0].upper()}{start[1:]} to {wire.b}: {wire.note}."
+    if any(wire.b.startswith(f"{car.parts.featherwing.name} terminal") for wire in wires):
+        yield (
+            "+ and - are printed beside the terminal block. Bare 5 mm of each wire, tighten the screw, and tug at the "
+            "wire."
+        )
+    if any(wire.a == car.parts.lipo.name for wire in wires):
+        yield (
+            f"Before the {car.parts.lipo.name} is plugged in: compare its red lead with the + on the board, because the "
+            "plugs of "
+            f"some sellers are crossed, and turn the {BOARD_SWITCH} off."
+        )
 
 
-def _solder_lines(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
-    """Yield the instructions for soldering a switch, while no battery is in the car."""
-    if not soldered_in(car, step):
-        return
-    (switch,) = (added.name for added in step.adds)
-    remedies = {lead.start: lead_remedy(lead) for lead in leads(car)}
-    if switch == BUTTON:
-        yield "Push the button through from the printed side, and screw its nut on from outside."
-        yield f"Solder a wire to each of its terminals: {remedies[f'{BUTTON} 2']} for each. Leave the other ends free."
-        return
-    yield (
-        f"Press the {switch} in until its barbs hold behind the layers, its terminals on the printed side. As seen from "
-        f"outside, it is on the {_side_of(switch, car)}."
-    )
-    if switch == BOARD_SWITCH:
-        yield "It is closed to turn the board off: put it in upside down, so that both switches are tipped alike."
-        yield f"Solder a wire to each of its terminals: {remedies[f'{switch} 2']} for each. Leave the other ends free."
-        return
-    yield (
-        f"Solder now, before the {car.parts.lipo.name} is in the car and with no cells in the holder. Push heat-shrink "
-        "tube over each wire first, and shrink it over the joint with a hot-air gun or a lighter, away from the film."
-    )
-    battery = car.parts.battery.name
-    # How each lead of the battery is made long enough; "" if it is.
-    lengthening = {sign: remedies.get(f"{battery} {sign}", "") for sign in "+-"}
-    after = f", after you {lengthening['+']}" if lengthening["+"] else ""
-    yield (
-        f"The + lead of the {battery} (red): cut it {FUSE_FROM_HOLDER_MM} mm from the holder, and solder the fuse, "
-        f"{supply(car).fuse_a:g} A, between both ends."
-    )
-    yield f"One terminal of the {switch}: the end of this lead{after}."
-    yield f"Its other terminal: {remedies[f'{switch} 2']}, solder one end to it, and leave the other end free."
-    if lengthening["-"]:
-        yield f"The - lead of the {battery} (black): {lengthening['-']}."
+def _shaft_lines(state: AssemblyState) -> Iterator[str]:
+    """Yield to which end of the car the servos' shafts, each at one end of its servo, lie, and how their leads go."""
+    ends: dict[str, list[str]] = {}
+    for axle in (axle for axle in state.car.axles if axle.driven):
+        towards = "front" if axle.center_mm[0] > state.mounts[axle.servo].pose[0][3] else "rear"
+        ends.setdefault(towards, []).append(axle.servo)
+    for towards, servos in ends.items():
+        yield f"With the shaft towards the {towards} of the car: {join_words(servos)}."
+    yield "Push a servo's lead through its opening first."
 
 
-def _side_of(switch: str, car: FoldedCar) -> str:
-    """Return on which side a switch is as seen from outside: y of the car points left to somebody who looks forwards."""
-    mount = next(mount for mount in car.mounts if mount.name == switch)
-    looks_forwards = mount.pose[0][3] < 0
-    return "left" if (mount.pose[1][3] > 0) == looks_forwards else "right"
+def _away_from_boards(state: AssemblyState) -> str:
+    """Return to which end of the car the LiPo lies beside the boards."""
+    parts = state.car.parts
+    x_of = {mount.part: mount.pose[0][3] for mount in state.mounts.values()}
+    return "towards the front" if x_of[parts.lipo.name] > x_of[parts.feather.name] else "towards the rear"
 
 
 def _preparation(step: AssemblyStep, state: AssemblyState) -> Iterator[str]:
@@ -286,14 +282,20 @@ def _preparation(step: AssemblyStep, state: AssemblyState) -> Iterator[str]:
             f"Before: mark the leads: {marks}. Leave the servos' potentiometers alone: their neutrals are measured when "
             "the car is complete."
         )
-    if step.title == SHUT and state.car.parts.battery_place == "floor":
-        yield insert_cells_line(state.car.parts)
+    if step.title == SHUT:
+        if any(added.name == state.car.parts.feather.name for added in state.car.mounts):
+            yield "Push a cable tie through the two slots of the left wall, its head outside, and leave it open."
+        if state.car.parts.battery_place == "floor":
+            yield insert_cells_line(state.car.parts)
     yield from _cut_lengths(state.car, step, state)
 
 
 def insert_cells_line(parts: Catalogue) -> str:
     """Return the instruction to put cells into the holder, with their kind."""
-    return f"Turn the switch off, and put four charged cells of one kind into the holder: {parts.cells.cell}."
+    return (
+        "Measure with a multimeter that + and - of the terminal block are not connected. Turn both switches off, and put "
+        f"four charged cells of one kind into the holder: {parts.cells.cell}."
+    )
 
 
 def _cut_lengths(car: FoldedCar, step: AssemblyStep, state: AssemblyState) -> Iterator[str]:
@@ -309,7 +311,7 @@ def _cautions(car: FoldedCar, step: AssemblyStep, state: AssemblyState) -> Itera
     """Yield notes on parts: orientation, fixing, checks."""
     parts = {state.mounts[added.name].part for added in step.adds if added.kind == "mount"}
     if car.parts.servo.name in parts:
-        yield "The shaft is at the end of the servo that is nearer to the wheel's axle."
+        yield from _shaft_lines(state)
     if car.parts.tyre.name in parts:
         tyre = car.parts.tyre
         yield f"{tyre.note[0].upper()}{tyre.note[1:]}: {tyre_cut(car, step.unit)}."
@@ -317,6 +319,10 @@ def _cautions(car: FoldedCar, step: AssemblyStep, state: AssemblyState) -> Itera
     if car.parts.lipo.name in parts:
         side = sides[car.parts.lipo.name]
         yield f"It lies in its outline on the film, its lead on the {side}, held by a strip of double-sided tape."
+        yield (
+            f"Bend the lead along the cell's end {_away_from_boards(state)}: a foot of the bridge comes down beside the "
+            "cell."
+        )
     if car.parts.battery.name in parts:
         side = sides[car.parts.battery.name]
         if car.parts.battery_place == "roof":
@@ -331,8 +337,9 @@ def _cautions(car: FoldedCar, step: AssemblyStep, state: AssemblyState) -> Itera
         yield "It sticks to the outside of the lid, the side without print, between the small holes at its corners."
     if any(added.kind == "unit" and added.name == "bridge" for added in step.adds):
         yield (
-            "Press both feet onto the floor: push the bone folder under the boards, beside the cell, from the "
-            "side of the bridge without a tongue."
+            "Press both feet onto the floor: push a pencil's end or the bone folder under the boards, beside the cell, "
+            "from "
+            "the side of the bridge without a tongue."
         )
     if car.parts.board_pad.name in parts:
         yield "The pad, foam tape in two layers, sticks to film and board where the module covers the board's holes."

@@ -7,7 +7,6 @@ film in the car is counted. Output: rows, and texts of them, with parts in the o
 import csv
 import io
 import json
-import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -20,7 +19,7 @@ from foldcar.car.fits import fits
 from foldcar.car.folded.model import FoldedCar, Piece
 from foldcar.car.folded.stance import center_mm, stance
 from foldcar.car.folded.weight import max_placement_shift_mm
-from foldcar.car.leads import extra_wire_m, leads, stock_wire_mm
+from foldcar.car.leads import extra_wire_m, leads
 from foldcar.car.parts.bought import Tyre
 from foldcar.car.parts.catalogue import film_of
 from foldcar.car.parts.quantity import Bought
@@ -28,7 +27,7 @@ from foldcar.car.proof.plan import plan_assembly
 from foldcar.car.supply import fresh_cells_warning, supply
 from foldcar.fabrication.assembly.faces import piece_area_mm2
 from foldcar.fabrication.assembly.operations import Operations, is_wound, kinds, minutes
-from foldcar.fabrication.assembly.wiring import optional_parts
+from foldcar.fabrication.assembly.wiring import optional_parts, wire_length_mm
 from foldcar.fabrication.patterns.drawing import Sheet
 from foldcar.figures.page import page_template
 from foldcar.shown_text import spreadsheet_cell
@@ -191,7 +190,8 @@ def _with_wire(folded: FoldedCar, row: Row) -> Row:
     wiring, car_leads = folded.parts.wiring, leads(folded)
     extra_cost_usd = extra_wire_m(car_leads, wiring) * wiring.wire_usd_m.value
     gauge = supply(folded).gauge
-    wire_text = f"{math.ceil(stock_wire_mm(car_leads) / 10) * 10} mm of wire, {gauge.awg} AWG ({gauge.area_mm2:g} mm²)"
+    length_mm = sum(wire_length_mm(lead) for lead in car_leads if lead.kind != "plug")
+    wire_text = f"{length_mm} mm of wire, {gauge.awg} AWG ({gauge.area_mm2:g} mm²)"
     note = f"{wire_text}, solder, heat-shrink: see the wiring"
     return replace(row, cost_usd=(row.cost_usd or 0.0) + extra_cost_usd, note=note)
 

@@ -43,7 +43,8 @@ def _lines(car: FoldedCar) -> Iterator[str]:
     depth_mm = headers.leg_mm.max_value - parts.feather.board_mm.value
     yield (
         f"The {feather}: put the {headers.name} on its upper side, and solder their {long_row + short_row} legs from "
-        f"below. They end at most {depth_mm:.1f} mm below the board. Never use stacking headers: their legs would reach "
+        f"below. They end at most {depth_mm:.1f} mm below the board: cut longer ones. Never use stacking headers: their "
+        "legs would reach "
         "the LiPo."
     )
     yield (
@@ -56,8 +57,9 @@ def _lines(car: FoldedCar) -> Iterator[str]:
         "look whether they stand straight; solder the others."
     )
     yield (
-        f"Solder the free ends of the {BOARD_SWITCH}'s wires to the legs of EN and GND, below the {feather}. It does not "
-        "matter which of the two wires is which."
+        f"Solder the free ends of the {BOARD_SWITCH}'s wires to the legs of EN and GND, below the {feather}: EN is the "
+        "second of the 12 pins, GND the fourth of the 16, counted from USB. It does not matter which of the two wires is "
+        "which. Cover the car below with cardboard."
     )
     if parts.button == "fitted":
         yield f"Solder the free ends of the {BUTTON}'s wires to the legs of {BUTTON_PIN} and GND, in the same way."
@@ -66,15 +68,20 @@ def _lines(car: FoldedCar) -> Iterator[str]:
             f"Below the {feather}, flat against the board: solder the {DIVIDER_LOWER} between the legs of "
             f"{DIVIDER_PIN} and GND, and one end of the {DIVIDER_UPPER} to the leg of {DIVIDER_PIN}. Solder "
             f"{_wire(remedies[DIVIDER_UPPER])} to its other end; it goes into + of the terminal block, with the wire "
-            "that is there. More than 3.3 V at the pin would damage it: measure both resistors first."
+            "that is there. More than 3.3 V at the pin would damage it: measure both resistors first. Push insulating "
+            "sleeve over all bare leads."
         )
     if parts.oe_wire == "fitted":
         yield (
             f"Below the {feather}: solder the {OE_PULL_UP} between the legs of {OE_PIN} and 3V. Solder "
             f"{_wire(remedies[f'{feather} {OE_PIN}'])} to the leg of {OE_PIN}, lead it around the edge of the {wing}, "
-            "and solder it to #OE: pin 23 of the PCA9685, or that end of its 10 kΩ resistor to ground."
+            "and solder it to #OE: pin 23 of the PCA9685, or that end of its 10 kΩ resistor to ground, which is larger. "
+            "Take thin wire (30 AWG) and tape it to the board."
         )
-    yield "Look at every joint: it shines, and does not touch its neighbour."
+    yield (
+        f"Look at every joint: it does not touch its neighbour. With a multimeter: EN and GND are connected while the "
+        f"{BOARD_SWITCH} is closed (I) and not while it is open, and EN is never connected with BAT, the first of the 12."
+    )
     yield (
         f'Plug the {feather} into the computer and load the firmware, as "Load the firmware" below says: a board '
         f"that does not answer is easy to change now. The {BOARD_SWITCH} must be open."

@@ -104,7 +104,7 @@ TIGHT_MM = 10.0
 
 def lead_remedy(lead: Lead) -> str:
     """Return the instruction that makes a lead long enough; "" if it is long enough."""
-    wire_mm = _wire_length_mm(lead)
+    wire_mm = wire_length_mm(lead)
     if lead.kind == "wire":
         return f"cut {wire_mm} mm of wire"
     if lead.kind == "solder":
@@ -112,7 +112,7 @@ def lead_remedy(lead: Lead) -> str:
     return f"with {lead.extension}" if lead.extension else ""
 
 
-def _wire_length_mm(lead: Lead) -> int:
+def wire_length_mm(lead: Lead) -> int:
     """Return the length of wire to add to a lead, rounded up to 5 mm."""
     return math.ceil(lead.missing_mm / 5) * 5
 
@@ -128,7 +128,7 @@ def wiring_drawing(folded: FoldedCar, title: str) -> str:
         axles=[axles.get(output) for output in range(OUTPUTS)],
         extended={lead.start: lead.extension.rpartition(", ")[2] for lead in car_leads if lead.extension},
         switched=_is_switched(folded),
-        lengths=[(lead, f"{_wire_length_mm(lead)} mm") for lead in wires if lead.missing_mm > 0],
+        lengths=[(lead, f"{wire_length_mm(lead)} mm") for lead in wires if lead.missing_mm > 0],
         fuse_a=supply(folded).fuse_a,
         gpio=OE_PIN,
         pull_up_ohm=OE_PULL_UP_OHM,

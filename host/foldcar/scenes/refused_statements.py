@@ -1,9 +1,10 @@
 """Refuses statements of a program that do not have the effect they seem to have; Scenic notices late or never.
 
 Properties and parameters that resemble a known one (`heigth`): Scenic accepts any. Headings in degrees: Scenic's angles
-are radians, and `facing -90` means -90 rad. Names that are defined nowhere: Python looks up those of a condition in a
-run. Statements about a run in an imported program: Scenic 3.1 takes over its objects, parameters and requirements (a
-modular scenario those of its file's top level), but no `terminate`, `record` or `require monitor`.
+are radians, and `facing -90` means -90 rad. Sets of classes or objects, whose order no process repeats. Names that are
+defined nowhere: Python looks up those of a condition in a run. Statements about a run in an imported program: Scenic 3.1
+takes over its objects, parameters and requirements (a modular scenario those of its file's top level), but no
+`terminate`, `record` or `require monitor`.
 """
 
 import ast
@@ -190,6 +191,32 @@ def refuse_degrees(node: ast.AST, file: str) -> None:
         if abs(number) > 2 * math.pi:
             message = f"`{statement}`: {number:g} is more than a turn of 2 pi radians; for degrees write {number:g} deg"
             raise at(InvalidScenarioError(message), file, getattr(node, "lineno", 0))
+
+
+def refuse_unordered_sets(node: ast.AST, file: str) -> None:
+    """Raise Scenic's InvalidScenarioError, with file and line, if ``node`` is a set of other things than literals.
+
+    Python orders classes, objects and None by their place in memory, so a loop over such a set draws other scenes in each
+    process, also with a fixed hash seed. A set after `in` has no order.
+    """
+    if isinstance(node, ast.Compare):
+        for operator, other in zip(node.ops, node.comparators, strict=True):
+            if isinstance(operator, ast.In | ast.NotIn):
+                other.only_contains = True  # type: ignore[attr-defined]
+    if isinstance(node, ast.Set) and not getattr(node, "only_contains", False):
+        if not all(map(_has_lasting_order, node.elts)):
+            message = "a set of names has another order in each process, and so would the scenes: write a list, [...]"
+            raise at(InvalidScenarioError(message), file, node.lineno)
+
+
+def _has_lasting_order(element: ast.expr) -> bool:
+    """Whether an element of a set is a literal text or number, whose hash is the same in every process."""
+    if isinstance(element, ast.JoinedStr):
+        return True
+    try:
+        return ast.literal_eval(element) is not None
+    except (ValueError, TypeError):
+        return False
 
 
 def _numbers(angle: ast.AST) -> Iterator[float]:

@@ -30,6 +30,7 @@ from foldcar.scenes.refused_statements import (
     refuse_lost_statements,
     refuse_misspelt_parameters,
     refuse_undefined_names,
+    refuse_unordered_sets,
     refuse_useless_properties,
 )
 
@@ -65,6 +66,7 @@ def hooks(mutations: Mutations) -> Iterator[None]:
     def visit(self: Any, node: Any) -> Any:
         """Compile a node of the syntax tree, like Scenic's; nodes that it creates without a line get the node's."""
         refuse_degrees(node, self.filename)
+        refuse_unordered_sets(node, self.filename)
         compiled = scenics_visit(self, node)
         if isinstance(node, ast.AST) and hasattr(node, "lineno"):
             for part in compiled if isinstance(compiled, list) else [compiled]:

@@ -115,3 +115,23 @@ def test_another_process_gives_the_parameters_of_objects_too(tmp_path: Path, mon
     ((name, parameters),) = objects
     assert (name, parameters["steps"]) == ("stair", 2)
     assert parameters["step_height_m"] == pytest.approx(min(piece["height_m"] for piece in scene["terrain"]))
+
+
+@pytest.mark.parametrize(
+    "written", ["{Bump, Kerb, Step}", "{Bump, None}", "{ego, goal}", "{kind for kind in (1, 2)} | {Kerb}"]
+)
+def test_a_set_of_what_has_no_lasting_order_is_refused(written: str, tmp_path: Path, foldcar: Any) -> None:
+    head, goal = (
+        "model model\nego = new Robot at (0, 0), facing -90 deg\n",
+        "goal = new Goal at (1.9, 0), facing -90 deg\n",
+    )
+    (tmp_path / "kinds.scenic").write_text(f"{head}{goal}for kind in {written}:\n    pass\n")
+    (tmp_path / "asks.scenic").write_text(
+        f'{head}{goal}kind = Bump if 1 in {{1, 2}} and Bump in {{Bump, Kerb}} else "x"\n'
+    )
+
+    done = foldcar("sample", "kinds.scenic", "-n", "1")
+
+    reason = "line 4: a set of names has another order in each process, and so would the scenes: write a list, [...]"
+    assert done.returncode == 2 and done.stderr.startswith(f"foldcar: error: kinds.scenic: {reason}\n"), done.stderr
+    open_environment(tmp_path / "asks.scenic", {}, 0).sample(0)

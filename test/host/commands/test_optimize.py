@@ -153,18 +153,22 @@ def test_an_interrupted_search_ends_where_an_uninterrupted_one_does(
     ],
 )
 def test_the_command_tests_three_designs_in_200_new_environments(
-    foldcar_command: Command, listing: Path, tmp_path: Path, words: list[str], experiment: str, tested: str, heading: str
+    foldcar_command: Command, tmp_path: Path, words: list[str], experiment: str, tested: str, heading: str
 ) -> None:
-    done = foldcar_command("optimize", listing, "--store", "s.db", "--designs", "8", *words)
+    # Wide cars with large wheels are nearly as good as each other, so that none is stopped early.
+    common = {"width": [110, 115, 120, 125], "radius": 60}
+    alike = {**LISTING, "vehicles": {"1": {"type": "W_B_W", "params": [{"common": common}]}}}
+    (tmp_path / "alike.json").write_text(json.dumps(alike), encoding="utf-8")
+
+    done = foldcar_command("optimize", "alike.json", "--store", "s.db", "--designs", "4", *words)
 
     assert done.returncode == 0, done.stderr
     assert f"tested in {tested}" in done.stdout and f"  {heading}  " in done.stdout
     assert ("Expected success is over realities" in done.stdout) == (not words)
     runs = foldcar.Study(tmp_path / "s.db").runs
     assert set(runs["experiment"]) == {experiment, f"{experiment} fresh"}
-    fresh = runs[runs["experiment"] == f"{experiment} fresh"].groupby(["width_mm", "radius_mm"]).size()
-    # A design that was stopped early is not among the best.
-    assert list(fresh) in ([200, 200], [200, 200, 200])
+    fresh = runs[runs["experiment"] == f"{experiment} fresh"].groupby("width_mm").size()
+    assert list(fresh) == [200, 200, 200]
 
 
 def test_objectives_make_failing_at_once_no_gain() -> None:

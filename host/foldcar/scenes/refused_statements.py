@@ -203,10 +203,11 @@ def refuse_unordered_sets(node: ast.AST, file: str) -> None:
         for operator, other in zip(node.ops, node.comparators, strict=True):
             if isinstance(operator, ast.In | ast.NotIn):
                 other.only_contains = True  # type: ignore[attr-defined]
-    if isinstance(node, ast.Set) and not getattr(node, "only_contains", False):
-        if not all(map(_has_lasting_order, node.elts)):
-            message = "a set of names has another order in each process, and so would the scenes: write a list, [...]"
-            raise at(InvalidScenarioError(message), file, node.lineno)
+    if not isinstance(node, ast.Set) or getattr(node, "only_contains", False):
+        return
+    if not all(map(_has_lasting_order, node.elts)):
+        message = "a set of names has another order in each process, and so would the scenes: write a list, [...]"
+        raise at(InvalidScenarioError(message), file, node.lineno)
 
 
 def _has_lasting_order(element: ast.expr) -> bool:

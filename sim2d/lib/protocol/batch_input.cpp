@@ -145,8 +145,7 @@ PulsesLine read_pulses(const json& line) {
 
 MjcfLine read_mjcf(const json& line) {
   JsonReader reader = only_value(line, "mjcf");
-  const MjcfLine mjcf{reader.string("id"), reader.string("body"), reader.string("scene"),
-                      read_reality_of(reader, "mjcf")};
+  MjcfLine mjcf{reader.string("id"), reader.string("body"), reader.string("scene"), read_reality_of(reader, "mjcf")};
   reader.finish();
   return mjcf;
 }

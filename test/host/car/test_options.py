@@ -65,7 +65,11 @@ def test_what_is_fitted_is_told_to_the_firmware_and_is_in_parts_and_guide() -> N
     }  # fmt: skip
     assert [len(optional_parts(car)) for car in cars] == [4, 1]
     plain_text, fitted_text = (" ".join(soldering_step(car).lines) for car in cars)
-    for words in ("the legs of 32 and GND", "10 kΩ resistor between the legs of 34 and GND", "pin 23 of the PCA9685"):
+    for words in (
+        "the legs of 32 (number 9 of the 12) and GND",
+        "10 kΩ resistor between the legs of 34 (number 7 of the 16)",
+        "pin 23 of the PCA9685",
+    ):
         assert words in fitted_text and words not in plain_text
     assert wiring_text(cars[1], "a car").count("|yes|") == 3 and wiring_text(cars[0], "a car").count("|no|") == 3
 

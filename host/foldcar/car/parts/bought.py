@@ -202,6 +202,11 @@ class Pins(Data):
     short_row: tuple[str, ...]
     source: str
 
+    def place_of(self, name: str) -> str:
+        """Return a pin's name with its place: ``32 (number 9 of the 12)``."""
+        row = next(row for row in (self.long_row, self.short_row) if name in row)
+        return f"{name} (number {row.index(name) + 1} of the {len(row)})"
+
 
 class Feather(BoxPart):
     """The processor's board with female headers on it; ``small`` are parts at its holes."""

@@ -41,7 +41,9 @@ def service_lines(car: FoldedCar, steps: Sequence[AssemblyStep]) -> tuple[str, .
     return (
         *lines,
         *(_change_cells_line(parts, holder) for holder in sorted(holders)),
-        f"Charge the {parts.lipo.name} in the car: the {parts.feather.name} charges it from USB.",
+        f"Charge the {parts.lipo.name} in the car: the {parts.feather.name} charges it from USB. Stay beside it, and "
+        "never "
+        "charge a cell that is swollen or dented.",
         f"After use turn off both switches: the {SERVO_SWITCH} turns off the servos, the {BOARD_SWITCH} the board. "
         f"Before the car is put away for weeks, unplug the {parts.lipo.name}.",
         f"Reset: press the {parts.featherwing.name}'s button with the tip of a screwdriver"
@@ -62,7 +64,8 @@ def driving_steps(car: FoldedCar) -> Iterator[tuple[str, tuple[str, ...]]]:
         "Load the firmware",
         (
             *([insert_cells_line(car.parts)] if car.parts.battery_place == "roof" else []),
-            f"Connect the {feather} to the computer with a USB cable that carries data, and run `foldcar flash LISTING "
+            f"Open the {BOARD_SWITCH}; the {SERVO_SWITCH} stays off. Connect the {feather} to the computer with a USB "
+            "cable that carries data, and run `foldcar flash LISTING "
             "--experiment ID` with the listing and experiment of this car. It loads the firmware and the car's design.",
             "If no board is found, try another cable, and open the board switch; `foldcar doctor` says what is missing.",
             *_cable_lines(),
@@ -71,7 +74,8 @@ def driving_steps(car: FoldedCar) -> Iterator[tuple[str, tuple[str, ...]]]:
     yield (
         "Find the neutrals",
         (
-            "Stand the car on a box so that no wheel touches anything, and turn the servo switch on.",
+            "Stand the car on a box so that no wheel touches anything, and turn the servo switch on. A light on the wing "
+            "shows that + and - are right; it bears exchanged ones, and stays dark.",
             "Run `foldcar calibrate-servos`. It asks how each wheel turns, about nine times for each servo, and saves "
             "each servo's neutral and dead band in the board.",
             "A wheel turns backwards: look whether its plug is on the output that its lead is marked with. If it is, "

@@ -166,13 +166,15 @@ def _join_lines(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
     if tongues and laminates:
         # What is taped sticks at once: its tongue goes in first.
         yield (
-            "Leave the tape's liner on, push the tongues through the slots with the same number: join "
+            "Tape goes under the feet first, the end of its liner sticking out. Push the tongues through the slots with "
+            "the same number: join "
             f"{number_ranges(tongues)}."
         )
     for number, join in sorted(laminates.items()):
         aligned_by_holes = join.a.face in faces_with_holes
         where = "on, holes on each other" if aligned_by_holes else "where it lies on what has the same number"
-        yield f"Tape the {labels[join.piece_a]} {where}: join {number}."
+        pull = "Pull the liners off. " if tongues else ""
+        yield f"{pull}Tape the {labels[join.piece_a]} {where}: join {number}."
     yield from _wheel_join_lines(car, step)
     wheel_joins = {join.number for join in joins if join.kind == "rim" or _is_rim_lock(car, join)}
     wheel_joins |= {join.number for join in disc_turns(car, step)}
@@ -180,7 +182,7 @@ def _join_lines(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
         (("tab", "lap"), "Tape the tabs to the inside of the panel with the same number: join {}."),
         (("tab_slot",), "Push the tongues through the slots with the same number: join {}."),
         (("lock",), "Hold the levers outwards, press the lid down, let go: the tongues go into their slots: join {}."),
-        (("tuck",), "Lay the edges inside the walls, without tape: join {}."),
+        (("tuck",), "The lid lies on the flanges of the caps, its flap inside the right wall, without tape: join {}."),
     ):
         numbers = {join.number for join in joins if join.kind in kinds} - wheel_joins
         numbers -= tongues if laminates else set()
@@ -234,9 +236,18 @@ def _plug_lines(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
         yield f"Plug {join_words(servos)} into a {extension}{each_text}; tape the joints to the floor."
     if signals:
         servo_count = sum(axle.driven for axle in car.axles)
-        yield f"Plug {servo_count} servos into the outputs that their leads are marked with; the brown lead is ground."
+        yield (
+            f"Plug {servo_count} servos into the outputs that their leads are marked with; the brown lead is ground, at "
+            "the pin beside which GND is printed."
+        )
         if car.hinges:
             yield "Lead cables between segments through the openings of the caps, with a loop at each hinge."
+    if any(wire.a == car.parts.lipo.name for wire in wires):
+        yield (
+            f"Before you plug the {car.parts.lipo.name} in: turn the {BOARD_SWITCH} off, and compare the lead's red wire "
+            "with the "
+            "+ on the board. The plugs of some sellers are crossed: never plug such a one in."
+        )
     for wire in wires:
         if wire.carries != "signal":
             start = "The servo switch's free wire" if wire.a.startswith(SERVO_SWITCH) else wire.a
@@ -245,12 +256,6 @@ def _plug_lines(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
         yield (
             "+ and - are printed beside the terminal block. Bare 5 mm of each wire, tighten the screw, and tug at the "
             "wire."
-        )
-    if any(wire.a == car.parts.lipo.name for wire in wires):
-        yield (
-            f"Before the {car.parts.lipo.name} is plugged in: compare its red lead with the + on the board, because the "
-            "plugs of "
-            f"some sellers are crossed, and turn the {BOARD_SWITCH} off."
         )
 
 
@@ -262,7 +267,6 @@ def _shaft_lines(state: AssemblyState) -> Iterator[str]:
         ends.setdefault(towards, []).append(axle.servo)
     for towards, servos in ends.items():
         yield f"With the shaft towards the {towards} of the car: {join_words(servos)}."
-    yield "Push a servo's lead through its opening first."
 
 
 def _away_from_boards(state: AssemblyState) -> str:
@@ -280,11 +284,12 @@ def _preparation(step: AssemblyStep, state: AssemblyState) -> Iterator[str]:
         marks = "; ".join(f"{axle.servo} {axle.channel}" for axle in axles)
         yield (
             f"Before: mark the leads: {marks}. Leave the servos' potentiometers alone: their neutrals are measured when "
-            "the car is complete."
+            "the car is complete. Push a servo's lead through its opening first."
         )
+    if any(added.kind == "unit" and added.name == "bridge" for added in step.adds):
+        yield "Before: push a cable tie through the two slots of the left wall, its head outside, and leave it open."
+        yield "USB goes to the large hole of the left wall: look through it, and see the socket when the bridge is in."
     if step.title == SHUT:
-        if any(added.name == state.car.parts.feather.name for added in state.car.mounts):
-            yield "Push a cable tie through the two slots of the left wall, its head outside, and leave it open."
         if state.car.parts.battery_place == "floor":
             yield insert_cells_line(state.car.parts)
     yield from _cut_lengths(state.car, step, state)
@@ -337,7 +342,8 @@ def _cautions(car: FoldedCar, step: AssemblyStep, state: AssemblyState) -> Itera
         yield "It sticks to the outside of the lid, the side without print, between the small holes at its corners."
     if any(added.kind == "unit" and added.name == "bridge" for added in step.adds):
         yield (
-            "Press both feet onto the floor: push a pencil's end or the bone folder under the boards, beside the cell, "
+            "Press both feet onto the floor: push the blunt end of a pencil under the boards, beside the cell and never "
+            "onto it, "
             "from "
             "the side of the bridge without a tongue."
         )

@@ -38,6 +38,7 @@ def soldering_step(car: FoldedCar) -> Step:
 
 def _lines(car: FoldedCar) -> Iterator[str]:
     parts, remedies = car.parts, {lead.start: lead_remedy(lead) for lead in leads(car)}
+    at = parts.feather.pins.place_of
     feather, wing, headers, pins = parts.feather.name, parts.featherwing.name, parts.headers, parts.feather.pins
     long_row, short_row = len(pins.long_row), len(pins.short_row)
     depth_mm = headers.leg_mm.max_value - parts.feather.board_mm.value
@@ -62,18 +63,24 @@ def _lines(car: FoldedCar) -> Iterator[str]:
         "which. Cover the car below with cardboard."
     )
     if parts.button == "fitted":
-        yield f"Solder the free ends of the {BUTTON}'s wires to the legs of {BUTTON_PIN} and GND, in the same way."
+        yield (
+            f"Solder the free ends of the {BUTTON}'s wires to the legs of {at(BUTTON_PIN)} and GND, in the same way: "
+            "twist what "
+            "goes to GND together first."
+        )
     if parts.divider == "fitted":
         yield (
-            f"Below the {feather}, flat against the board: solder the {DIVIDER_LOWER} between the legs of "
-            f"{DIVIDER_PIN} and GND, and one end of the {DIVIDER_UPPER} to the leg of {DIVIDER_PIN}. Solder "
+            f"Below the {feather}, flat against the board, insulating sleeve over all bare leads: solder the "
+            f"{DIVIDER_LOWER} "
+            f"between the legs of {at(DIVIDER_PIN)} and GND, and one end of the {DIVIDER_UPPER} to the leg of "
+            f"{DIVIDER_PIN}. Solder "
             f"{_wire(remedies[DIVIDER_UPPER])} to its other end; it goes into + of the terminal block, with the wire "
-            "that is there. More than 3.3 V at the pin would damage it: measure both resistors first. Push insulating "
-            "sleeve over all bare leads."
+            "that is there. More than 3.3 V at the pin would damage it: measure both resistors first."
         )
     if parts.oe_wire == "fitted":
         yield (
-            f"Below the {feather}: solder the {OE_PULL_UP} between the legs of {OE_PIN} and 3V. Solder "
+            f"Below the {feather}: solder the {OE_PULL_UP}, in insulating sleeve, between the legs of {at(OE_PIN)} and "
+            f"{at('3V')}. Solder "
             f"{_wire(remedies[f'{feather} {OE_PIN}'])} to the leg of {OE_PIN}, lead it around the edge of the {wing}, "
             "and solder it to #OE: pin 23 of the PCA9685, or that end of its 10 kΩ resistor to ground, which is larger. "
             "Take thin wire (30 AWG) and tape it to the board."

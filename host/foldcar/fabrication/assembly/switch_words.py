@@ -24,27 +24,39 @@ def switch_lines(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
         return
     (switch,) = (added.name for added in step.adds)
     remedies = {lead.start: lead_remedy(lead) for lead in leads(car)}
+    gauge = f"{supply(car).gauge.awg} AWG"
     if switch == BUTTON:
         yield (
-            f"Before: cut {_wires(remedies, BUTTON)}, and solder them to its terminals, away from the film, with "
-            "heat-shrink "
-            "tube over the joints. Then push the button through from the printed side, and screw its nut on from outside."
+            f"Before: cut {_wires(remedies, BUTTON)}, {gauge}, black, and solder them to its terminals, away from the "
+            "film, "
+            "with heat-shrink tube over the joints. Then push the button through from the printed side, and screw its "
+            "nut on "
+            "from outside."
         )
         return
-    side = f"As seen from outside, with the flange up, the {switch} is on the {_side_of(switch, car)}"
+    cap = _cap_of(car, switch)
+    up = next(join.number for join in car.joins if join.kind == "tuck" and cap in (join.piece_a, join.piece_b))
+    side = f"As seen from outside, with join {up} up, the {switch} is on the {_side_of(switch, car)}"
     push = "Then push the wires through the opening from the front, and press the switch in until its barbs hold"
     if switch == BOARD_SWITCH:
         yield (
-            f"Before: cut {_wires(remedies, switch)}, and solder them to its terminals, away from the film, with "
-            "heat-shrink "
-            f"tube over the joints. {push}."
+            f"Before: cut {_wires(remedies, switch)}, {gauge}, black, and solder them to its terminals, away from the "
+            "film, "
+            f"with heat-shrink tube over the joints. {push}."
         )
         yield (
-            f"{side}, its side marked O up. Closed (I), it turns the board off: so both switches are on with their top "
-            "pressed."
+            f"{side}, its end marked O to the right. Closed (I), it turns the board off: so both switches are on with "
+            "the right "
+            "end pressed."
         )
         return
-    yield from _servo_switch_lines(car, remedies, f"{push}. {side}, its side marked I up.")
+    yield from _servo_switch_lines(car, remedies, f"{push}. {side}, its end marked I to the right.")
+
+
+def _cap_of(car: FoldedCar, switch: str) -> str:
+    """Return the name of the cap that a switch is in."""
+    (hole,) = next(mount.holes for mount in car.mounts if mount.name == switch)
+    return next(piece.name for piece in car.pieces if any(own.name == hole for face in piece.faces for own in face.holes))
 
 
 # The lead of the holder is soldered to a piece of wire at the switch, away from the film, also if it is long enough.
@@ -57,19 +69,19 @@ def _servo_switch_lines(car: FoldedCar, remedies: dict[str, str], push: str) -> 
     lead_of = {lead.start: lead for lead in leads(car)}
     towards_holder_mm = max(LEAST_WIRE_MM, wire_length_mm(lead_of[f"{battery} +"]))
     yield (
-        f"Before: cut {towards_holder_mm} mm and {wire_length_mm(lead_of[f'{SERVO_SWITCH} 2'])} mm of red wire, and "
-        "solder "
-        "them to its terminals, away from the film. Push heat-shrink tube over each wire first, and shrink it over the "
-        "joint "
-        "with a hot-air gun or a lighter."
+        f"Before: cut {towards_holder_mm} mm and {wire_length_mm(lead_of[f'{SERVO_SWITCH} 2'])} mm of red wire, "
+        f"{supply(car).gauge.awg} AWG, and solder them to its terminals, away from the film. Push heat-shrink tube over "
+        "each "
+        "wire first, here and below, and shrink it over the joint with a hot-air gun or a lighter."
     )
     yield push
     yield (
-        f"Solder now, before the {car.parts.lipo.name} is in the car and with no cells in the holder: cut the + lead of "
-        "the "
-        f"{battery} (red) {FUSE_FROM_HOLDER_MM} mm from the holder, solder the fuse, {supply(car).fuse_a:g} A, between "
-        "both "
-        f"ends, and the end of the lead to the wire of {towards_holder_mm} mm. The other wire stays free."
+        f"Solder now, before the {car.parts.lipo.name} is in the car and with no cells in the holder, the film covered "
+        "with "
+        f"cardboard: cut the + lead of the {battery} (red) {FUSE_FROM_HOLDER_MM} mm from the holder, solder the fuse, "
+        f"{supply(car).fuse_a:g} A, between both ends, and the end of the lead to the wire of {towards_holder_mm} mm. "
+        "Tube goes "
+        "over all three joints. Mark the other wire, which stays free, with +."
     )
     if remedies.get(f"{battery} -"):
         yield f"The - lead of the {battery} (black): {remedies[f'{battery} -']}."

@@ -100,7 +100,8 @@ class Drawing:
         for arrow in self.arrows:
             text_width = len(arrow.text) * LETTER * TEXT * size
             start_u, _ = view.flat(arrow.points_mm)[0]
-            right = max(right, start_u + text_width)
+            # A text stands to the left or to the right of its arrow's start (see _arrow).
+            left, right = min(left, start_u - text_width), max(right, start_u + text_width)
         margin = MARGIN * size
         width, height = right - left + 2 * margin, high - low + 2 * margin
         box = f"{left - margin:.2f} {-high - margin:.2f} {width:.2f} {height:.2f}"

@@ -350,6 +350,7 @@ def _cautions(car: FoldedCar, step: AssemblyStep, state: AssemblyState) -> Itera
     if car.parts.board_pad.name in parts:
         yield "The pad, foam tape in two layers, sticks to film and board where the module covers the board's holes."
     if car.parts.horn_screw.name in parts:
+        yield "They go into the horn's holes that lie in the slots; widen a hole that is too small to 1.5 mm."
         yield "Tighten them with the centre screw's head in the middle of the disc's hole: then the wheel runs true."
     hinge_strips = {piece.name for piece in car.pieces if any(crease.flexure for crease in piece.creases)}
     if hinge_strips & {added.name for added in step.adds}:

@@ -289,9 +289,8 @@ def _preparation(step: AssemblyStep, state: AssemblyState) -> Iterator[str]:
     if any(added.kind == "unit" and added.name == "bridge" for added in step.adds):
         yield "Before: push a cable tie through the two slots of the left wall, its head outside, and leave it open."
         yield "USB goes to the large hole of the left wall: look through it, and see the socket when the bridge is in."
-    if step.title == SHUT:
-        if state.car.parts.battery_place == "floor":
-            yield insert_cells_line(state.car.parts)
+    if step.title == SHUT and state.car.parts.battery_place == "floor":
+        yield insert_cells_line(state.car.parts)
     yield from _cut_lengths(state.car, step, state)
 
 

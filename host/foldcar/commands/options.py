@@ -243,11 +243,16 @@ SimulatedTrials = Annotated[
 
 
 def check_scheduler_option(scheduler: str | None, jobs: int | None) -> None:
-    """Raise FoldcarError if ``--scheduler`` has an invalid value, or is used with ``--jobs``."""
+    """Raise FoldcarError if ``--scheduler`` has an invalid value, or is used with ``--jobs``.
+
+    Beside a scheduler's threads samples are drawn in a process of their own.
+    """
     if scheduler is not None:
+        from foldcar.scenes.fixed_hash import draw_elsewhere
         from foldcar.study.cluster.simulators import check_scheduler
 
         check_scheduler(scheduler, jobs)
+        draw_elsewhere()
 
 
 @contextlib.contextmanager

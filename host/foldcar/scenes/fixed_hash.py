@@ -3,6 +3,9 @@
 Python orders sets of strings by a seed that it reads only at its start. A program that iterates over such a set draws
 other scenes under another seed. The command `foldcar` runs with the seed 0. A Python session that imports foldcar has any
 seed: there a second process, which has the seed 0, draws the samples. It takes about two seconds to start.
+
+Samples are drawn with Python's global random generators. A scheduler of workers has threads in this process that use
+them, too, at any time: beside one, the second process draws as well.
 """
 
 import json
@@ -24,6 +27,12 @@ from foldcar.scenes.source import SceneSource, open_environment, other_scene
 
 # Whether this process draws samples itself: sets have the order of seed 0.
 draws_here = not sys.flags.hash_randomization
+
+
+def draw_elsewhere() -> None:
+    """Let another process draw the samples of all environments that are opened from now on."""
+    global draws_here
+    draws_here = False
 
 
 def open_fixed_environment(

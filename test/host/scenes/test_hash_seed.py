@@ -2,14 +2,18 @@
 
 import json
 import os
+import random
 import subprocess
 import sys
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from foldcar.commands.options import check_scheduler_option
+from foldcar.scenes import fixed_hash
 from foldcar.scenes.fixed_hash import open_fixed_environment
 from foldcar.scenes.source import open_environment
 
@@ -20,6 +24,13 @@ width = float(open(localPath("width.txt")).read())
 ego = new Robot at (0, 0), facing -90 deg
 for k, name in enumerate(names):
     new Bump at (0.3 + 0.2 * k, 0.05 * len(name)), facing -90 deg, with width width
+goal = new Goal at (1.9, 0), facing -90 deg
+"""
+RANDOM = """
+model model
+ego = new Robot at (0, 0), facing -90 deg
+for k in range(20):
+    new Bump at (0.3 + 0.07 * k, Range(-0.2, 0.2)), facing -90 deg, with length 0.03
 goal = new Goal at (1.9, 0), facing -90 deg
 """
 # Both order the names of the program differently, and neither as the seed 0 does.
@@ -71,6 +82,8 @@ def test_a_session_knows_the_files_and_the_errors_of_its_samples(program: Path) 
 import sys
 from pathlib import Path
 from foldcar.errors import FoldcarError
+from foldcar.commands.options import check_scheduler_option
+from foldcar.scenes import fixed_hash
 from foldcar.scenes.fixed_hash import open_fixed_environment
 program = Path(sys.argv[1])
 source = open_fixed_environment(program, {}, 3)
@@ -135,3 +148,31 @@ def test_a_set_of_what_has_no_lasting_order_is_refused(written: str, tmp_path: P
     reason = "line 4: a set of names has another order in each process, and so would the scenes: write a list, [...]"
     assert done.returncode == 2 and done.stderr.startswith(f"foldcar: error: kinds.scenic: {reason}\n"), done.stderr
     open_environment(tmp_path / "asks.scenic", {}, 0).sample(0)
+
+
+def test_threads_that_draw_random_numbers_do_not_change_the_samples_beside_a_scheduler(
+    program: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A scheduler's threads use Python's global random generators, with which samples are drawn."""
+    monkeypatch.setattr(fixed_hash, "draws_here", True)
+    (program.parent / "random.scenic").write_text(RANDOM)
+    quiet = open_environment(program.parent / "random.scenic", {}, 3)
+    expected = [quiet.sample(k) for k in range(4)]
+    ended = threading.Event()
+
+    def draw() -> None:
+        while not ended.is_set():
+            random.random()
+
+    check_scheduler_option("local:1", None)
+    thread, interval_s = threading.Thread(target=draw), sys.getswitchinterval()
+    thread.start()
+    # Threads take turns so often that the other one draws between any two numbers of a sample.
+    sys.setswitchinterval(1e-6)
+    try:
+        source = open_fixed_environment(program.parent / "random.scenic", {}, 3)
+        assert [source.sample(k) for k in range(4)] == expected
+    finally:
+        sys.setswitchinterval(interval_s)
+        ended.set()
+        thread.join()

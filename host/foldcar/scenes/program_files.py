@@ -96,33 +96,27 @@ class ProgramFiles:
             # State None: the file is missing. If it appears later, reading it is noticed then.
             if state is None and (self._fixed or not path.is_relative_to(self._folder)):
                 continue
-            name = self._name(path)
-            recorded = self._digests.get(name)
             # None if the file is no longer as the block has read it.
             current = digest_or_missing(path) if file_state(path) == state else None
-            if current is None or (recorded and current != recorded):
-                raise _changed(self._program.parent / name)
-            if recorded is None and self._fixed:
-                raise FoldcarError(
-                    f"{self._program}: reads {self._program.parent / name} for the first time after sample 0, too late "
-                    "to tell environments apart by it; read it at the program's head"
-                )
-            self._digests[name] = current
+            self._record(path, current, "reads", "read it at the program's head")
         # The program's own folder may hold the store and the report, and Python lists it to find packages.
         for path in sorted(opened.listed):
             if self._folder in path.parents or self._folder.resolve() in path.resolve().parents:
-                self._record_listing(path)
+                self._record(path, digest_or_missing(path), "lists the folder", "list it at the program's head")
 
-    def _record_listing(self, path: Path) -> None:
-        """Record the names in a folder that the block has listed. Raises FoldcarError as :meth:`_record_digests`."""
-        name, current = self._name(path), digest_or_missing(path)
+    def _record(self, path: Path, current: str | None, verb: str, remedy: str) -> None:
+        """Record the digest ``current`` of a file or folder, None if it has changed; see :meth:`_record_digests`.
+
+        ``verb`` says what the program does with it, ``remedy`` what it should do, for the message.
+        """
+        name = self._name(path)
         recorded = self._digests.get(name)
         if current is None or (recorded and current != recorded):
             raise _changed(self._program.parent / name)
         if recorded is None and self._fixed:
             raise FoldcarError(
-                f"{self._program}: lists the folder {self._program.parent / name} for the first time after sample 0, too "
-                "late to tell environments apart by it; list it at the program's head"
+                f"{self._program}: {verb} {self._program.parent / name} for the first time after sample 0, too late "
+                f"to tell environments apart by it; {remedy}"
             )
         self._digests[name] = current
 

@@ -241,10 +241,11 @@ class ElectronicsModule(BrainModule):
         low = max(x - along_mm / 2 - DOUBLER_EDGE_MM, -self["floor_rear"])
         high = min(x + along_mm / 2 + DOUBLER_EDGE_MM, self["length"] + self["floor_front"])
         clear_of_folds_mm = across - 2 * self.parts.assembly.fold_distance_mm.value
-        outline = rectangle_around((0.0, 0.0), high - low, max(clear_of_folds_mm, wide_mm + 2 * DOUBLER_EDGE_MM))
+        size_mm = (high - low, max(clear_of_folds_mm, wide_mm + 2 * DOUBLER_EDGE_MM))
         middle = (low + high) / 2
         # An outline on the beam shows where the layer lies; the longer part beside the battery tells which way round.
-        shape.mark("beam.floor", "floor doubler", rectangle_around((middle, across / 2), high - low, outline[2][1] * 2))
+        shape.mark("beam.floor", "floor doubler", rectangle_around((middle, across / 2), *size_mm))
+        outline = rectangle_around((0.0, 0.0), *size_mm)
         shape.layer("floor doubler", "beam.floor", outline, (middle, across / 2), "floor doubler")
         z = film / 2 + film
         for part in (pad, battery):

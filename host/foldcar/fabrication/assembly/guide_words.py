@@ -167,8 +167,7 @@ def _join_lines(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
         # What is taped sticks at once: its tongue goes in first.
         yield (
             "Tape goes under the feet first, the end of its liner sticking out. Push the tongues through the slots with "
-            "the same number: join "
-            f"{number_ranges(tongues)}."
+            f"the same number: join {number_ranges(tongues)}."
         )
     for number, join in sorted(laminates.items()):
         aligned_by_holes = join.a.face in faces_with_holes
@@ -212,8 +211,7 @@ def _wheel_join_lines(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
     if hooks:
         yield (
             f"Drop the strip's hooks from outside into the notches of both discs: join {number_ranges(hooks)}. The "
-            "notches of a "
-            "disc are alike: begin at any of them, whatever its number."
+            "notches of a disc are alike: begin at any of them, whatever its number."
         )
     tongues = {join.number for join in joins if _is_rim_lock(car, join)}
     if tongues:
@@ -245,8 +243,7 @@ def _plug_lines(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
     if any(wire.a == car.parts.lipo.name for wire in wires):
         yield (
             f"Before you plug the {car.parts.lipo.name} in: turn the {BOARD_SWITCH} off, and compare the lead's red wire "
-            "with the "
-            "+ on the board. The plugs of some sellers are crossed: never plug such a one in."
+            "with the + on the board. The plugs of some sellers are crossed: never plug such a one in."
         )
     for wire in wires:
         if wire.carries != "signal":
@@ -342,9 +339,7 @@ def _cautions(car: FoldedCar, step: AssemblyStep, state: AssemblyState) -> Itera
     if any(added.kind == "unit" and added.name == "bridge" for added in step.adds):
         yield (
             "Press both feet onto the floor: push the blunt end of a pencil under the boards, beside the cell and never "
-            "onto it, "
-            "from "
-            "the side of the bridge without a tongue."
+            "onto it, from the side of the bridge without a tongue."
         )
     if car.parts.board_pad.name in parts:
         yield "The pad, foam tape in two layers, sticks to film and board where the module covers the board's holes."

@@ -169,11 +169,8 @@ def _bought_rows(folded: FoldedCar) -> list[Row]:
     if boards := counts.get(catalogue.featherwing.name, 0):
         note = "soldered to the Feather; in its mass"
         rows.append(Row(catalogue.headers.name, boards, "", 0.0, boards * catalogue.headers.cost_usd.value, note))
-        fuse, note = (
-            catalogue.fuse,
-            f"{supply(folded).fuse_a:g} A, soldered into the battery's + lead; in the wires' mass",
-        )
-        rows.append(Row(fuse.name, boards, "", 0.0, boards * fuse.cost_usd.value, note))
+        note = f"{supply(folded).fuse_a:g} A, soldered into the battery's + lead; in the wires' mass"
+        rows.append(Row(catalogue.fuse.name, boards, "", 0.0, boards * catalogue.fuse.cost_usd.value, note))
         if resistors := option_resistors(catalogue):
             cost_usd = len(resistors) * catalogue.resistor.cost_usd.value
             note = f"{', '.join(sorted(resistors))}, 1 %; below the Feather, in the wires' mass"

@@ -11,7 +11,7 @@ from typing import Any
 
 from foldcar.car.body import body_json, car_json
 from foldcar.car.design import compose
-from foldcar.link.car import Car, greet
+from foldcar.link.car import greeted as greeted
 from foldcar.link.simulated_car import SimulatedCar, simulated_car
 from foldcar.link.tlog import read_tlog
 from foldcar.scenes.fingerprint import scene_name
@@ -69,16 +69,6 @@ def car_at_port(
     speedup = WAITING_SPEEDUP if waits else 1.0
     with simulated_car([str(find_carsim())], body, worlds, car_json(design), speedup, port, subprocess.PIPE) as car:
         yield car
-
-
-@contextlib.contextmanager
-def greeted(port: str) -> Iterator[Car]:
-    """A connection to the car at a port."""
-    car = greet(port)
-    try:
-        yield car
-    finally:
-        car.connection.close()
 
 
 def inject(car: SimulatedCar, **what: Any) -> None:

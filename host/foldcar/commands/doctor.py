@@ -204,17 +204,14 @@ def _reversed_servos() -> Iterator[Finding]:
 
     A port without a car says nothing here, nor does a car that another program uses.
     """
-    from foldcar.link.car import greet
+    from foldcar.link.car import greeted
     from foldcar.link.parameters import read_parameters
     from foldcar.link.stream import usb_ports
 
     for port in (port for port in usb_ports() if port.is_feather):
         with contextlib.suppress(FoldcarError):
-            car = greet(port.path)
-            try:
+            with greeted(port.path) as car:
                 values, design = read_parameters(car), car.identity().name
-            finally:
-                car.connection.close()
             reversed_names = [name for name, value in values.items() if name.endswith("_REVERSED") and value]
             if reversed_names:
                 text = f"{design or port.path}: {', '.join(reversed_names)} 1: turns the other way than its design says"

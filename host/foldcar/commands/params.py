@@ -129,11 +129,8 @@ def _print_parameters(values: Mapping[str, float], *lines: str) -> None:
 @contextlib.contextmanager
 def _car(port: str | None) -> Iterator["Car"]:
     """Yield the car at ``port`` (None: the only port with a board); close the connection at the end of the block."""
-    from foldcar.link.car import greet
+    from foldcar.link.car import greeted
     from foldcar.link.stream import choose_port
 
-    car = greet(choose_port(port))
-    try:
+    with greeted(choose_port(port)) as car:
         yield car
-    finally:
-        car.connection.close()

@@ -267,7 +267,7 @@ def reality_lines(experiment: str, counts: "RealityCounts") -> Iterator[str]:
         yield f"  at least {MIN_LEARNED} are needed: --realities {STAGES[0]}"
         return
     error = "an unknown error" if counts.error is None else f"an error of {100 * counts.error:.1f} points"
-    if error == "an error of 0.0 points":
+    if counts.error is not None and round(100 * counts.error, 1) == 0:
         # The error is what the differences in the check groups have beyond their counting errors: here, nothing.
         error = f"an error that is too small to be measured by {count(counts.total // BLOCK, 'group')} of runs"
     yield (f"experiment {experiment}: {runs}; the success rate of built cars is learned from them with {error}")

@@ -89,21 +89,18 @@ def erase_car_logs(
     \b
     Example: foldcar trials erase-logs study.db
     """
-    from foldcar.link.car import greet
+    from foldcar.link.car import greeted
     from foldcar.link.stream import LinkLostError, choose_port
     from foldcar.trials.erasing import erase_stored_logs
     from foldcar.trials.person import Answers
 
-    car = greet(choose_port(port))
+    with greeted(choose_port(port)) as car:
 
-    def keep_link_alive() -> None:
-        with contextlib.suppress(LinkLostError):
-            car.connection.receive(0.0)
+        def keep_link_alive() -> None:
+            with contextlib.suppress(LinkLostError):
+                car.connection.receive(0.0)
 
-    try:
         erase_stored_logs(car, store, None if yes else Answers(keep_link_alive))
-    finally:
-        car.connection.close()
 
 
 @trials.command()

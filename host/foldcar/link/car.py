@@ -4,7 +4,9 @@ Input: a connection. Output: messages and acknowledged commands. A command is re
 count by which the car recognises retries. A refused command raises CommandRefusedError with the reason.
 """
 
+import contextlib
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -269,3 +271,13 @@ def greet(port: str, timeout_s: float = GREETING_S) -> Car:
         connection.close()
         raise
     return Car(connection)
+
+
+@contextlib.contextmanager
+def greeted(port: str) -> Iterator[Car]:
+    """Yield the car at a port; close the connection at the end of the block. Raises as :func:`greet`."""
+    car = greet(port)
+    try:
+        yield car
+    finally:
+        car.connection.close()

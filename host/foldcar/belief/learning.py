@@ -18,14 +18,16 @@ The regression is solved by Newton's method in numpy: importing scikit-learn tak
 `foldcar select`. A test compares the result with scikit-learn's.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy
 from scipy.special import expit
 
-from foldcar.belief.priors import PARAMETERS, FloatArray
+from foldcar.belief.priors import NAMES, NOMINAL_SCORES, PARAMETERS, FloatArray
+from foldcar.car.variation import workshop
 from foldcar.errors import FoldcarError
+from foldcar.store.designs import DesignCounts
 from foldcar.store.reality_runs import BLOCK, CHECK, RealityRuns
 
 # Bumps for each design parameter, and for all parameters together.
@@ -97,6 +99,15 @@ class NominalRuns:
     scores: FloatArray
     passed: FloatArray
     counted: FloatArray
+
+
+def nominal_runs(variation: Collection[str], counts: DesignCounts) -> NominalRuns:
+    """Return the nominal runs of an experiment's designs; ``variation`` has the names of what varies between cars."""
+    scores = numpy.array(NOMINAL_SCORES)
+    if any(quantity.per == "wheel" and name in variation for name, quantity in workshop().items()):
+        # The listing's wheels differ as those of the workshop.
+        scores[NAMES.index(WHEEL_SPREAD)] = 0.0
+    return NominalRuns(scores, numpy.array(counts.passed, float), numpy.array(counts.counted, float))
 
 
 def learn(runs: RealityRuns, designs: FloatArray, nominal: NominalRuns | None = None) -> Learned:

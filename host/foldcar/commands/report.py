@@ -51,13 +51,15 @@ def report(
     command += [word for rate in thresholds for word in ("--threshold", f"{rate:g}")]
     from foldcar.commands.progress_bar import TerminalBar
     from foldcar.report.drives import PageDrives
-    from foldcar.report.write import PAGE, write_report
+    from foldcar.report.write import PAGE, other_figures, write_report
     from foldcar.store.reader import Store
 
     with Store.open(store) as reader, TerminalBar("report", 0) as bar:
         drives = PageDrives(_carsim, usable_processors(), bar.plan, bar.done)
         data = write_report(reader, output, command, simulated_trials, drives, thresholds)
     _print_summary(data)
+    if others := other_figures(output, data):
+        typer.echo(f"{output}: not of this report: {', '.join(others)}", err=True)
     typer.echo(f"report: {output / PAGE}")
 
 

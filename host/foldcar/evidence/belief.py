@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from foldcar.belief.answers import MOVED, Answers, Unknown, believe
-from foldcar.belief.learning import Learned, NominalRuns, learn
-from foldcar.belief.priors import NAMES, NOMINAL_SCORES, FloatArray, built_priors, measured_priors
+from foldcar.belief.learning import Learned, learn, nominal_runs
+from foldcar.belief.priors import NAMES, built_priors, measured_priors
 from foldcar.belief.weighing import SCENE_TRUST, Trials
-from foldcar.car.variation import workshop
 from foldcar.evidence.design_evidence import DesignEvidence
 from foldcar.evidence.supply import measured_supply
 from foldcar.statistics.words import count, percent, points_text
@@ -195,25 +194,11 @@ def learned_rate(store: Store, info: ExperimentInfo) -> Learned | None:
         designs = numpy.array(
             [[float(design[name]) for name in info.varied] for design in store.designs(info.id).values()]
         )
+        nominal = nominal_runs(info.variation, store.design_counts(info.id))
         with threadpool_limits(1):
-            return learn(runs, designs.reshape(len(designs), -1), _nominal_runs(store, info))
+            return learn(runs, designs.reshape(len(designs), -1), nominal)
 
     return store.once(("learned", info.id), read)
-
-
-def _nominal_runs(store: Store, info: ExperimentInfo) -> NominalRuns:
-    """Return the nominal runs of an experiment's designs."""
-    counts = store.design_counts(info.id)
-    return NominalRuns(_nominal_scores(info), numpy.array(counts.passed, float), numpy.array(counts.counted, float))
-
-
-def _nominal_scores(info: ExperimentInfo) -> FloatArray:
-    """Return the scores of the nominal simulation of an experiment."""
-    scores = numpy.array(NOMINAL_SCORES)
-    if any(quantity.per == "wheel" and name in info.variation for name, quantity in workshop().items()):
-        # The listing's wheels differ as those of the workshop.
-        scores[NAMES.index("wheel_spread")] = 0.0
-    return scores
 
 
 def _trials(designs: Sequence[DesignEvidence], learned: Learned) -> Trials:

@@ -33,7 +33,8 @@ def remarks(store: Store, experiment: "Experiment") -> list[str]:
         sentences.append(f"{count(len(info.skipped), 'car')} of the family cannot be built: {shown}.")
     outside = sum(not in_family(info, trial.vehicle_type, trial.design) for trial in experiment.trials)
     if outside:
-        sentences.append(f"{count(outside, 'trial')} of cars that do not belong to this family count in no rate here.")
+        verb = "counts" if outside == 1 else "count"
+        sentences.append(f"{count(outside, 'trial')} of cars that do not belong to this family {verb} in no rate here.")
     return [*experiment.selection.remarks, *sentences, *_failures(store, info, counts["failed"])]
 
 

@@ -2,7 +2,7 @@
 
 import os
 import tempfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -82,6 +82,13 @@ def write_report(
     except OSError as error:
         raise FoldcarError(f"{folder}: cannot be written: {error.strerror or error}") from error
     return data
+
+
+def other_figures(folder: Path, data: Mapping[str, Any]) -> list[str]:
+    """Return the names of the figures in a report's folder that are not of this report, such as an earlier report's."""
+    own = {Path(file).stem for experiment in data["experiments"] for _, file in experiment["files"]}
+    figures = (file for file in folder.glob("experiment_*") if file.suffix in UNDATED)
+    return sorted(file.name for file in figures if file.stem not in own)
 
 
 def _shown_media(store: Store, media: Media, folder: Path) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
-from foldcar.shown_text import decoded
+from foldcar.shown_text import decoded, with_line_feeds
 from foldcar.store.connection import StoreConnection, writing
 from foldcar.store.errors import StoreError
 from foldcar.store.info import listed_id
@@ -96,7 +96,7 @@ class TrialWriter(StoreConnection):
                 "outcome": "aborted",
                 "ending": RUNNING,
                 "note": "",
-                "operator": _with_line_feeds(operator),
+                "operator": with_line_feeds(operator),
                 "started_utc": now_utc(),
                 "firmware_build": car.firmware_build,
                 "design_hash": car.design_hash,
@@ -111,7 +111,7 @@ class TrialWriter(StoreConnection):
 
     def complete(self, trial: int, ending: Ending) -> None:
         """Store the end of a begun trial, with the current time."""
-        facts = {**asdict(ending), "note": _with_line_feeds(ending.note), "ended_utc": now_utc()}
+        facts = {**asdict(ending), "note": with_line_feeds(ending.note), "ended_utc": now_utc()}
         with self._transaction():
             self._update(TRIAL, {**self.row(TRIAL, id=trial), **facts})
 
@@ -150,7 +150,7 @@ class TrialWriter(StoreConnection):
         corrections = []
         with self._transaction():
             for field, value in changes.items():
-                after = _with_line_feeds(value) if isinstance(value, str) else value
+                after = with_line_feeds(value) if isinstance(value, str) else value
                 if field not in CORRECTABLE:
                     known = ", ".join(CORRECTABLE)
                     raise StoreError(f"{self.path}: trial {trial}: {field} cannot be corrected, only {known}")
@@ -207,7 +207,7 @@ class TrialWriter(StoreConnection):
 
     def _change(self, trial: Row, field: str, after: str | float, reason: str, operator: str) -> Correction:
         """Change a field of a trial and store the correction, with the current time."""
-        facts = _with_line_feeds(reason), _with_line_feeds(operator)
+        facts = with_line_feeds(reason), with_line_feeds(operator)
         correction = Correction(trial["id"], now_utc(), field, trial[field], after, *facts)
         row = asdict(correction)
         self._add(CORRECTION, {**row, "trial_id": row.pop("trial")})
@@ -345,11 +345,6 @@ def write_trials(path: Path) -> Iterator[TrialWriter]:
 def _uncorrected(trial: Mapping[str, Any], corrections: Sequence[Row]) -> Row:
     """Return a trial as it was before its ``corrections``, which are ordered oldest first."""
     return {**trial, **{correction["field"]: correction["before"] for correction in reversed(corrections)}}
-
-
-def _with_line_feeds(text: str) -> str:
-    """Return a text in which every line ends with a line feed; a carriage return alone would end a row of a CSV file."""
-    return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
 def now_utc() -> str:

@@ -234,9 +234,9 @@ class StoreWriter(StoreConnection):
             row = {**columns, f"{content_table}_id": self._put_text(content_table, canonical_json(value), identity)}
             self._insert(BY_NAME[table], [row], "OR IGNORE")
 
-    def design_counts(self, plan: PlannedExperiment) -> DesignCounts:
+    def design_counts(self, experiment: str) -> DesignCounts:
         """Return how many runs of each of the experiment's designs are stored, and how many passed."""
-        return design_counts(self.path, self._connection, plan.id)
+        return design_counts(self.path, self._connection, experiment)
 
     def run_counts(self, plan: PlannedExperiment, design: int, samples: range) -> tuple[int, int]:
         """Return how many stored runs of a design in those samples passed, and how many were not rejected."""

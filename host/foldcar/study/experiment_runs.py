@@ -140,7 +140,7 @@ class ExperimentRuns:
     def until(self, rule: StoppingRule) -> Iterator[list[FinishedRun[PlannedRun]]]:
         """Simulate every design, in the batches of a schedule, until the rule decides it or is unlikely to decide it."""
         plan, writer = self.plan, self.writer
-        schedule = Schedule(rule, plan.environments, writer.design_counts(plan).reached)
+        schedule = Schedule(rule, plan.environments, writer.design_counts(plan.id).reached)
         total, decided = self.counts.total, self.counts.decided
         while batches := schedule.next():
             samples_of_design = {batch.design: batch.samples for batch in batches}

@@ -7,7 +7,7 @@ reality, a design, a scene and a car of its own (reality_draws.py). Rows that th
 import json
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,6 +19,7 @@ from foldcar.scenes.fingerprint import variation_code
 from foldcar.scenes.success import SuccessRule
 from foldcar.simulation.results import FAILED, outcome_of
 from foldcar.simulation.runner import Runner
+from foldcar.store.designs import DesignCounts
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
 from foldcar.store.reality_runs import (
@@ -163,14 +164,21 @@ def missing_realities(store: Store, info: ExperimentInfo) -> int:
     return sum(1 for _ in missing_runs(store, keys, info.variation_seed, info.environments, info.realities))
 
 
-def learning_error(runs: RealityRuns, designs: FloatArray) -> float | None:
+def learning_error(
+    runs: RealityRuns, designs: FloatArray, variation: Collection[str], counts: DesignCounts
+) -> float | None:
     """Return the error of the success rate that is learned from runs, 0 to 1; None if it is unknown.
 
-    ``designs`` (designs, parameters) are the designs' parameters that vary.
+    ``designs`` (designs, parameters) are the designs' parameters that vary. ``variation`` names what varies between the
+    cars of the nominal runs, ``counts`` has their numbers.
     """
-    from foldcar.belief.learning import learn
+    from threadpoolctl import threadpool_limits
 
-    error: float | None = learn(runs, designs).error
+    from foldcar.belief.learning import learn, nominal_runs
+
+    # As `foldcar select` learns, so that both state the same error.
+    with threadpool_limits(1):
+        error: float | None = learn(runs, designs, nominal_runs(variation, counts)).error
     return error
 
 
@@ -241,7 +249,8 @@ class RealitySimulation:
         parameters = [json.loads(row["parameters"]) for row in rows]
         varied = list(self.experiment.family.varied)
         designs = np.array([[design[name] for name in varied] for design in parameters], dtype=float)
-        return learning_error(read_reality_runs(self.writer, self.experiment.id), designs)
+        runs, counts = read_reality_runs(self.writer, self.experiment.id), self.writer.design_counts(self.experiment.id)
+        return learning_error(runs, designs, self.experiment.variation, counts)
 
     def _inputs(self, runs: Sequence[RealityRun]) -> ChunkInputs:
         """Look up the simulator's input of runs, and draw their realities."""

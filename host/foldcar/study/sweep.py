@@ -132,7 +132,7 @@ class Sweep:
                         for finished in runs.all() if rule is None else runs.until(rule):
                             self._keep(finished, writer, report)
                         if rule is not None:
-                            counts.states += design_states(experiment, rule, writer.design_counts(plan))
+                            counts.states += design_states(experiment, rule, writer.design_counts(plan.id))
                         if runner is not carsim:
                             # This runner is closed at the end of its experiment, so its chunks must finish first.
                             for finished in pool.finish():

@@ -15,10 +15,13 @@ from foldcar.car.design import compose_columns
 from foldcar.car.folded_car import folded_car
 from foldcar.cli import app
 from foldcar.evidence import costs
+from foldcar.evidence.belief import learned_rate
 from foldcar.fabrication.assembly.operations import operations
 from foldcar.fabrication.patterns.options import options
 from foldcar.fabrication.patterns.sheets import cut_car, enlarge_sheet, pattern
-from swept_listing import foldcar, json_output
+from foldcar.store.reader import Store
+from study_car import listing_of
+from swept_listing import STEP_PYRAMIDS, foldcar, json_output
 from written_study import add_trials, import_trials, write_realities, write_study
 
 FAMILY = {"width_mm": [float(width) for width in range(60, 181, 10)]}
@@ -48,6 +51,18 @@ def test_the_command_prints_two_lines_and_the_steps(store: Path) -> None:
     assert "gain an hour" in text
     assert "Environments to set up for the trials (`foldcar log --sample K`): " in text
     assert "nan" not in text.lower()
+
+
+def test_select_states_the_error_that_the_sweep_stated(tmp_path: Path) -> None:
+    """Both learn from the runs in other realities and from the nominal ones."""
+    listing = listing_of(STEP_PYRAMIDS, {"width": [95, 170, 245]}, timeout=60, environments=20)
+    (tmp_path / "l.json").write_text(json.dumps(listing))
+
+    swept = json_output("sweep", tmp_path / "l.json", "--store", tmp_path / "s.db", "--realities", "400")
+
+    with Store.open(tmp_path / "s.db") as store:
+        learned = learned_rate(store, store.info().experiments["1"])
+    assert learned is not None and swept["realities"]["1"]["error"] == learned.error
 
 
 def test_files_have_the_steps(store: Path, tmp_path: Path) -> None:

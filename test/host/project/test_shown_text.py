@@ -1,6 +1,7 @@
 """Texts from files and cars on the terminal: they steer nothing, and a locale shows them as far as it has letters."""
 
 import csv
+import io
 import json
 import os
 import shutil
@@ -133,6 +134,15 @@ def test_a_text_comes_back_from_its_cell_with_all_its_apostrophes(cell: str) -> 
 @pytest.mark.parametrize("cell", ["-1", "+2.5e-3", "-.5", "-inf", "a=1", "", "-1.", None, -1.5, True])
 def test_other_cells_stay_as_they_are(cell: object) -> None:
     assert spreadsheet_cell(cell) is cell
+
+
+@pytest.mark.parametrize("text", ["a\rb", "a\r\nb", "\r", "=1\r2"])
+def test_a_carriage_return_ends_no_row(text: str) -> None:
+    rows = io.StringIO(newline="")
+    csv.writer(rows, lineterminator="\n").writerow([spreadsheet_cell(text), "x"])
+
+    ((cell, after),) = csv.reader(io.StringIO(rows.getvalue(), newline=""))
+    assert (without_apostrophe(cell), after) == ("\n".join(text.splitlines()) or "\n", "x")
 
 
 def test_exported_texts_of_users_are_no_formulas(tmp_path: Path, foldcar: Any) -> None:

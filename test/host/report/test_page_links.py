@@ -21,7 +21,7 @@ def page(tmp_path_factory: pytest.TempPathFactory, carsim_binary: Path) -> Path:
 
 def test_what_of_a_link_cannot_be_followed_is_said_until_the_reader_goes_on(page: Path) -> None:
     link = (
-        "e=7&design=99+mm&env=66&outcome=flown,passed&b.constructor=1..2&b.width_mm=wide&x=beauty&t=soon&r.mood=1&at=nowhere"
+        "e=7&design=99+mm&env=66&outcome=flown,passed&b.constructor=1..2&b.width_mm=wide&x=beauty&t=0x10&r.mood=1&r.constructor=2&r.__proto__=3&at=nowhere"
         "&r.friction=50&r.servo_torque=0.8&r.com_height_m=-5"
     )
     with Tab(f"{page.as_uri()}#{link}") as tab:
@@ -35,7 +35,7 @@ def test_what_of_a_link_cannot_be_followed_is_said_until_the_reader_goes_on(page
         tab.ask("study.open(1, 2)")
         assert tab.ask("document.getElementById('link-remarks').hidden") and tab.ask("errors") == []
 
-    limits = {slider["name"]: slider for slider in sliders}
+    limits, no_sliders = {slider["name"]: slider for slider in sliders}, ("mood", "constructor", "__proto__")
     friction, height = limits["friction"], limits["com_height_m"]
     low, high, lowest, highest = (
         f"{scale * slider[end]:.3g} {unit}"
@@ -44,7 +44,7 @@ def test_what_of_a_link_cannot_be_followed_is_said_until_the_reader_goes_on(page
     )
     assert remarks == [
         "The link's b.width_mm=wide is not a range such as 65..95.",
-        "The link's t=soon is not a number of 0 or more.",
+        "The link's t=0x10 is not a number of 0 or more.",
         "The link's at=nowhere is not one of summary, belief, whatif, parameters, runs, trials, origin.",
         "The link is of experiment 7, which this page does not have: this is experiment 1.",
         "The link's design 99 mm is not in experiment 1.",
@@ -52,7 +52,7 @@ def test_what_of_a_link_cannot_be_followed_is_said_until_the_reader_goes_on(page
         remarks[6],
         "The link keeps a range of constructor, which no design has.",
         "The link's axis x=beauty does not exist.",
-        "The link has a value of mood, for which this page has no slider.",
+        *(f"The link has a value of {name}, for which this page has no slider." for name in no_sliders),
         f"The link's friction, 50 ×, is outside the slider's limits, {low} to {high}: it is set to {high}.",
         f"The link's centre of mass, raised, -5000 mm, is outside the slider's limits, {lowest} to {highest}: "
         f"it is set to {lowest}.",

@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 import sqlite3
 from pathlib import Path
 from typing import Any
@@ -40,6 +41,18 @@ def test_the_page_is_one_small_file_with_every_run_as_stored(study: Path) -> Non
     assert len(page) < 3e6
     for _, address in experiment["files"]:
         assert (study / "report" / address).read_text().startswith("<?xml")
+
+
+def test_figures_of_an_earlier_report_are_named(study: Path, tmp_path: Path) -> None:
+    shutil.copytree(study, tmp_path, dirs_exist_ok=True)
+    (tmp_path / "report" / "experiment_old_map.svg").touch()
+    (tmp_path / "report" / "photo.png").touch()
+
+    output = foldcar("report", tmp_path / "s.db", "-o", tmp_path / "report")
+
+    assert [line for line in output.splitlines() if "not of this report" in line] == [
+        f"{tmp_path / 'report'}: not of this report: experiment_old_map.svg"
+    ]
 
 
 WIDE = 1280

@@ -66,7 +66,7 @@ def learned(monkeypatch: pytest.MonkeyPatch) -> list[tuple[RealityRuns, Any]]:
     """What the sweep has learned from. The error is 50 points divided by the square root of the number of runs."""
     calls: list[tuple[RealityRuns, Any]] = []
 
-    def learning_error(runs: RealityRuns, designs: Any) -> float:
+    def learning_error(runs: RealityRuns, designs: Any, variation: Any, counts: Any) -> float:
         calls.append((runs, designs))
         return float(0.5 / math.sqrt(len(runs.number)))
 

@@ -17,7 +17,7 @@ const WRITE_INTERVAL_MS = 500;
 // A page inside the text of another page (srcdoc) has no address that could be kept or sent.
 export const hasAddress = () => /^(file|https?):$/.test(window.location.protocol);
 
-export const emptyState = () => ({ ...Object.fromEntries(PLAIN.map(name => [name, null])), course: null, race: [], outcomes: [], brushes: {}, reality: {} });
+export const emptyState = () => ({ ...Object.fromEntries(PLAIN.map(name => [name, null])), course: null, race: [], outcomes: [], brushes: Object.create(null), reality: Object.create(null) });
 
 export function fragmentOf(state) {
   const parts = new URLSearchParams();
@@ -33,7 +33,8 @@ export function fragmentOf(state) {
 // Returns {state, remarks}: what the fragment says, and a sentence for each part that cannot be read.
 export function readFragment(fragment) {
   const asked = new URLSearchParams(fragment.slice(1)), state = emptyState(), remarks = [];
-  const isNumber = text => text.trim() !== "" && Number.isFinite(Number(text));
+  // A decimal number: JavaScript also reads 0x10 and 0b1.
+  const isNumber = text => /^\s*[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?\s*$/i.test(text) && Number.isFinite(Number(text));
   const refuse = (name, text, wanted) => { remarks.push(`The link's ${name}=${text} is not ${wanted}.`); };
   for (const name of new Set(asked.keys())) {
     const texts = asked.getAll(name), text = texts.at(-1);
@@ -101,7 +102,7 @@ export function fitState(state, e) {
 
 // Values by name, moved into their sliders' limits, and a sentence for each that was moved or has no slider. source: The link.
 export function fitReality(values, { sliders }, source) {
-  const reality = {}, remarks = [];
+  const reality = Object.create(null), remarks = [];
   for (const [name, value] of Object.entries(values)) {
     const slider = sliders.find(other => other.name === name);
     if (!slider) {

@@ -24,11 +24,12 @@ from foldcar.store.reader import Store
 from foldcar.store.writer import write_store
 from foldcar.study.environments import Environment
 from foldcar.study.experiments import Experiment, Study, read_study
+from foldcar.study.plan import study_facts
 from foldcar.study.search.design_simulator import Row, Values, open_simulator
 from foldcar.study.search.objectives import OBJECTIVES
 from foldcar.study.search.proposals import PRUNING_RISK, Proposals
 from foldcar.study.search.search import Plan, batches, searched_study
-from foldcar.study.sweep import Sweep, study_facts
+from foldcar.study.sweep import Sweep
 
 LISTING = Path(__file__).resolve().parents[1] / "examples" / "design_space.json"
 # Designs that a search without pruning tries, each in all environments.

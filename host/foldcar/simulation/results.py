@@ -14,6 +14,7 @@ NATIVE_OUTCOMES = ("passed", "tipped", "stuck", "off_course", "timeout", "fault"
 
 # A run that violated a requirement of the Scenic program. Scenic discards such simulations: they say nothing about the
 # design and count in no rate.
+PASSED = "passed"
 REJECTED = "rejected"
 FAILED = "failed"
 
@@ -61,7 +62,7 @@ def outcome_of(answer: Mapping[str, Any]) -> str:
 
 def has_passed(outcome: str) -> bool | None:
     """Return whether a run with that outcome passed; None if it was rejected. Failed runs did not pass."""
-    return None if outcome == REJECTED else outcome == "passed"
+    return None if outcome == REJECTED else outcome == PASSED
 
 
 def no_rate_text(runs: int) -> str:

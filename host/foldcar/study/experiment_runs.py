@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from foldcar.simulation.results import REJECTED
+from foldcar.simulation.results import FAILED, PASSED, REJECTED
 from foldcar.statistics.stopping import StoppingRule
 from foldcar.store.tables import DRAW, SAMPLE
 from foldcar.store.writer import PlannedExperiment, PlannedRun, StoreWriter, canonical_json
@@ -24,11 +24,13 @@ from foldcar.study.stopping import DesignState, Schedule
 class Progress:
     """Counts of a sweep's runs.
 
-    ``new`` runs were simulated, ``reused`` ones were in the store or share the result of a run in progress; ``passed``,
-    ``rejected`` and ``failed`` count both. ``judged`` of the ``total`` are in environments that define success; when an
-    experiment ends, its rejected runs are subtracted. With a stopping rule, ``total`` decreases as designs are
-    ``decided``, and ``states`` gets their results. ``realities`` counts runs in other realities by experiment;
-    they are in no other count. They are simulated when all other runs have ended, at ``ended_s``.
+    ``total`` is the number of runs that the sweep will have. With a stopping rule it decreases as designs are decided.
+    ``new`` runs were simulated. ``reused`` runs were in the store, or are equal to a run in progress and share its result.
+    ``passed``, ``rejected`` and ``failed`` count both kinds. ``judged`` runs are in environments that define success; when
+    an experiment ends, its rejected runs are subtracted.
+    ``decided`` is the number of designs that a stopping rule has decided, and ``states`` are the results of all designs.
+    ``realities`` has the counts of runs in other realities, by experiment; no other count includes them. They are
+    simulated when all other runs have ended, at ``ended_s``. Times are those of ``time.perf_counter``.
     """
 
     total: int
@@ -51,77 +53,82 @@ class Progress:
 
     @property
     def seconds(self) -> float:
-        """Time of the runs, without those in other realities, since the start of the sweep (s)."""
-        return (time.perf_counter() if self.ended_s is None else self.ended_s) - self.started_s
+        """How long the runs have taken since the start of the sweep, without those in other realities (s)."""
+        now_s = time.perf_counter() if self.ended_s is None else self.ended_s
+        return now_s - self.started_s
 
     def count(self, outcome: str | None, runs: int = 1) -> None:
-        """Count ``runs`` runs of the study with that outcome."""
-        self.passed += runs * (outcome == "passed")
-        self.rejected += runs * (outcome == REJECTED)
-        self.failed += runs * (outcome == "failed")
+        """Count ``runs`` runs with that outcome; None is the outcome of a run in progress, which is counted later."""
+        if outcome == PASSED:
+            self.passed += runs
+        elif outcome == REJECTED:
+            self.rejected += runs
+        elif outcome == FAILED:
+            self.failed += runs
 
 
 class StoredSamples:
-    """Stores scenes and cars' variations of an environment's samples as they are needed.
+    """The samples of an environment in the store: the scene of each sample, and how its built car differs from the design.
 
-    ``dynamic`` is whether the program runs beside the simulation.
+    Samples are drawn and stored when they are first needed. ``dynamic`` is whether the program runs beside the simulation.
     """
 
     def __init__(self, environment: Environment, writer: StoreWriter, dynamic: bool) -> None:
-        self._environment, self._writer, self._dynamic = environment, writer, dynamic
+        self._environment = environment
+        self._writer = writer
+        self._dynamic = dynamic
         self._environment_id = writer.environment(environment.fingerprint)
         self._spread_id = writer.spread(environment.spread_fingerprint)
-        # Samples whose scenes an earlier sweep has stored, or an import of trials, which leaves gaps.
+        # Numbers of samples that an earlier sweep or an import of trials has stored. An import leaves gaps.
         self._stored_scenes = writer.stored_samples(SAMPLE, self._environment_id)
-        self._stored_draws = writer.stored_samples(DRAW, self._spread_id)
-        # All samples before these are stored now.
-        self._next_scene = self._next_draw = 0
-        self._is_checked = not self._stored_scenes
+        self._stored_variations = writer.stored_samples(DRAW, self._spread_id)
+        # All samples before these are in the store.
+        self._next_scene = 0
+        self._next_variation = 0
+        self._is_checked = False
 
     def reach(self, sample: int) -> None:
-        """Store all missing samples up to ``sample``. Raises FoldcarError if the Scenic program has an error.
+        """Store all missing samples up to and including ``sample``. Raises FoldcarError if the program has an error."""
+        for number in range(self._next_scene, sample + 1):
+            if number not in self._stored_scenes:
+                self._check_program()
+                scene, objects = self._environment.sample_with_parameters(number)
+                self._writer.put_sample(self._environment_id, number, scene, self._dynamic, objects)
+            self._next_scene = number + 1
+        # Experiments may share variations but not scenes, so the store can have more of one kind than of the other.
+        for number in range(self._next_variation, sample + 1):
+            if number not in self._stored_variations:
+                variation = self._environment.variation(number)
+                self._writer.put_draw(self._spread_id, number, variation, self._environment.variation_identity())
+            self._next_variation = number + 1
 
-        Before the first new scene, the program must reproduce the last and the first stored scene.
-        """
-        environment, writer = self._environment, self._writer
-        for k in range(self._next_scene, sample + 1):
-            if k not in self._stored_scenes:
-                self._check_reproduced()
-                scene, objects = environment.sample_with_parameters(k)
-                writer.put_sample(self._environment_id, k, scene, self._dynamic, objects)
-            self._next_scene = k + 1
-        # A draw is how the built car of a sample differs from the design. Another experiment may have stored more draws
-        # than scenes, or fewer.
-        for k in range(self._next_draw, sample + 1):
-            if k not in self._stored_draws:
-                writer.put_draw(self._spread_id, k, environment.variation(k), environment.variation_identity())
-            self._next_draw = k + 1
+    def _check_program(self) -> None:
+        """Raise FoldcarError if the program does not draw the stored scenes any more.
 
-    def _check_reproduced(self) -> None:
-        """Raise FoldcarError if the program now gives another last or first scene than the stored one. Checked once.
-
-        The last comes first: this shows whether samples depend on how many were drawn before.
+        The first new scene needs this check; later ones do not. The last stored scene is drawn before the first one. So
+        the check also finds a program whose scenes depend on how many were drawn before.
         """
         from foldcar.scenes.source import other_scene
 
-        if self._is_checked:
+        if self._is_checked or not self._stored_scenes:
             return
         self._is_checked = True
-        for k in sorted({max(self._stored_scenes), min(self._stored_scenes)}, reverse=True):
-            stored = self._writer.stored_scene(self._environment_id, k)
-            if stored != json.loads(canonical_json(self._environment.sample(k))):
-                raise other_scene(self._environment.program, k)
+        for number in sorted({max(self._stored_scenes), min(self._stored_scenes)}, reverse=True):
+            stored_scene = self._writer.stored_scene(self._environment_id, number)
+            drawn_scene = json.loads(canonical_json(self._environment.sample(number)))
+            if drawn_scene != stored_scene:
+                raise other_scene(self._environment.program, number)
 
 
 @dataclass(frozen=True)
 class ExperimentRuns:
-    """Simulates the runs of ``plan``, which has ``designs`` designs.
+    """Simulates the runs of the experiment ``plan``, which has ``design_count`` designs.
 
     ``dynamic`` is whether Scenic runs beside the simulation. ``report`` is called with ``counts`` after every sample.
     """
 
     plan: PlannedExperiment
-    designs: int
+    design_count: int
     environment: Environment
     dynamic: bool
     writer: StoreWriter
@@ -134,49 +141,50 @@ class ExperimentRuns:
         return StoredSamples(self.environment, self.writer, self.dynamic)
 
     def all(self) -> Iterator[list[FinishedRun[PlannedRun]]]:
-        """Simulate every design in every sample; the last chunks may still be running afterwards."""
-        yield from self._simulate(None, self.counts.total)
+        """Simulate every design in every sample; yield chunks as they finish.
+
+        The last chunks may still be running afterwards.
+        """
+        every_sample = range(self.plan.environments)
+        samples_by_design = dict.fromkeys(range(self.design_count), every_sample)
+        yield from self._simulate(samples_by_design, self.counts.total)
 
     def until(self, rule: StoppingRule) -> Iterator[list[FinishedRun[PlannedRun]]]:
-        """Simulate every design, in the batches of a schedule, until the rule decides it or is unlikely to decide it."""
-        plan, writer = self.plan, self.writer
-        schedule = Schedule(rule, plan.environments, writer.design_counts(plan.id).reached)
-        total, decided = self.counts.total, self.counts.decided
+        """Simulate every design until the rule decides it, or is unlikely to decide it; yield chunks as they finish."""
+        plan, counts = self.plan, self.counts
+        earlier_total, earlier_decided = counts.total, counts.decided
+        stored_samples = self.writer.design_counts(plan.id).reached
+        schedule = Schedule(rule, plan.environments, stored_samples)
         while batches := schedule.next():
-            samples_of_design = {batch.design: batch.samples for batch in batches}
-            yield from self._simulate(samples_of_design, self.counts.done + sum(map(len, samples_of_design.values())))
+            samples_by_design = {batch.design: batch.samples for batch in batches}
+            batch_runs = sum(len(samples) for samples in samples_by_design.values())
+            yield from self._simulate(samples_by_design, counts.done + batch_runs)
             yield from self.pool.finish()
-            schedule.record(
-                {design: writer.run_counts(plan, design, samples) for design, samples in samples_of_design.items()},
-                batches,
-            )
-            # Runs that closed designs will not get are no longer expected.
-            self.counts.total = total - int((plan.environments - schedule.runs)[schedule.closed].sum())
-            self.counts.decided = decided + int((schedule.decided & schedule.closed).sum())
-            self.report(self.counts)
-        writer.end_experiment(plan, int(schedule.runs.sum()))
+            results = {
+                design: self.writer.run_counts(plan, design, samples) for design, samples in samples_by_design.items()
+            }
+            schedule.record(results, batches)
+            # A design that is closed gets no more runs, so the sweep will have fewer.
+            runs_not_needed = (plan.environments - schedule.runs)[schedule.closed].sum()
+            counts.total = earlier_total - int(runs_not_needed)
+            counts.decided = earlier_decided + int((schedule.decided & schedule.closed).sum())
+            self.report(counts)
+        self.writer.end_experiment(plan, int(schedule.runs.sum()))
 
-    def _simulate(
-        self, samples_of_design: Mapping[int, range] | None, total: int
-    ) -> Iterator[list[FinishedRun[PlannedRun]]]:
-        """Simulate missing runs, sample by sample; yield chunks as they finish.
+    def _simulate(self, samples_by_design: Mapping[int, range], total: int) -> Iterator[list[FinishedRun[PlannedRun]]]:
+        """Simulate the missing ones of these runs, sample by sample; yield chunks as they finish.
 
-        ``samples_of_design`` has the samples to simulate by the design's position; None stands for all samples of all
-        designs. ``total`` is the number of the sweep's runs that will be done afterwards.
+        ``samples_by_design`` has the samples to simulate, by the position of the design. ``total`` is the number of runs
+        that the sweep will have afterwards.
         """
-        plan = self.plan
-        all_samples = range(plan.environments)
-        if samples_of_design is not None:
-            all_samples = range(
-                min(samples.start for samples in samples_of_design.values()),
-                max(samples.stop for samples in samples_of_design.values()),
-            )
-        for sample in all_samples:
+        first_sample = min(samples.start for samples in samples_by_design.values())
+        end_sample = max(samples.stop for samples in samples_by_design.values())
+        for sample in range(first_sample, end_sample):
             self._samples.reach(sample)
-            for run in self.writer.planned_runs(plan, sample):
-                if samples_of_design is not None and sample not in samples_of_design.get(run.design, ()):
+            for run in self.writer.planned_runs(self.plan, sample):
+                if sample not in samples_by_design.get(run.design, ()):
                     continue
-                # Reuse a stored result, or share that of an equal run in progress, whose outcome is not known yet.
+                # A run that is stored has an outcome. A run that equals one in progress will share its outcome.
                 if run.outcome is not None or self.pool.joins(run):
                     self.counts.reused += 1
                     self.counts.count(run.outcome)

@@ -16,8 +16,8 @@ from foldcar.study.chunks import ChunkPool, FinishedRun, Simulators, planned_poo
 from foldcar.study.environments import Environment
 from foldcar.study.experiment_runs import StoredSamples
 from foldcar.study.experiments import Experiment
+from foldcar.study.plan import SearchOptions, plan_experiment
 from foldcar.study.planned_designs import PlannedDesigns, planned_design
-from foldcar.study.sweep import plan_experiment
 
 # The values of a family's parameters, in the order of its choices.
 Values = tuple[float, ...]
@@ -95,7 +95,7 @@ class DesignSimulator:
         family = self._experiment.family.only(dict.fromkeys(members))
         experiment = replace(self._experiment, family=family)
         designs = PlannedDesigns(experiment, self._table, None)
-        self._plan = plan_experiment(experiment, self._environment, self._writer, designs, searched=self._searched)
+        self._plan = plan_experiment(experiment, self._environment, self._writer, designs, SearchOptions(self._searched))
         built = [values for values in dict.fromkeys(members) if family.error(values) is None]
         self._positions = {values: position for position, values in enumerate(built)}
 

@@ -25,11 +25,11 @@ from foldcar.study.chunks import Simulators
 from foldcar.study.environments import Environment
 from foldcar.study.experiments import Experiment, Study
 from foldcar.study.limits import MAX_SEED
+from foldcar.study.plan import study_facts
 from foldcar.study.random_realities import RandomRealities, study_over_realities
 from foldcar.study.search.design_simulator import DesignSimulator, Row, Values, fresh_id, open_simulator
 from foldcar.study.search.objectives import BUILT, OBJECTIVES, Objective
 from foldcar.study.search.proposals import Proposals, Tried
-from foldcar.study.sweep import study_facts
 
 # Number of batches of a design's environments; pruning is checked after each.
 BATCHES = 10

@@ -5,11 +5,12 @@ Nothing is written.
 """
 
 import time
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 
 from foldcar.car.body import body_json
-from foldcar.simulation.runner import RunRequest
+from foldcar.simulation.runner import Runner, RunRequest
 from foldcar.store.writer import canonical_json
 from foldcar.study.environments import Environment
 from foldcar.study.experiments import Experiment
@@ -20,6 +21,8 @@ from foldcar.study.sweep import Sweep
 # Time limit for folding the designs of an experiment, and the number of designs that are simulated, each in one sample.
 FOLDING_S = 20.0
 PROBES = 8
+# Runs are repeated until they take so long (s), but are not more than this.
+PROBES_S, MAX_PROBES = 0.3, 1000
 # Bytes of an empty store, of a run, and of a run in another reality.
 EMPTY_BYTES, RUN_BYTES, REALITY_RUN_BYTES = 100_000, 85, 100
 
@@ -71,50 +74,91 @@ def estimates(sweep: Sweep, jobs: int) -> list[Estimate]:
 
 
 def _estimate(sweep: Sweep, experiment: Experiment, environment: Environment, jobs: int) -> Estimate:
-    """Estimate an experiment: fold some designs, sample some scenes and simulate some runs, with times."""
-    family, combinations = experiment.family, experiment.family.combinations
-    sampled_family, folding_s = fold(family, FOLDING_S)
-    refused, folded_count = tuple(sampled_family.skipped), sampled_family.combinations
-    probes = list(islice(sampled_family, PROBES))
-    table = sweep.carsim.parameter_table()
-    bodies, scenes, requests = {}, {}, []
+    """Estimate an experiment from some designs that are folded, scenes that are sampled and runs that are simulated."""
+    sampled_family, folding_s = fold(experiment.family, FOLDING_S)
+    folded, refused = sampled_family.combinations, tuple(sampled_family.skipped)
+    scenes, sample_s = _sampled_scenes(experiment, environment)
+    bodies, requests = _probes(sweep, experiment, environment, sampled_family, len(scenes))
+    with environment.runner(sweep.carsim, environment.dynamic) as runner:
+        run_s = _seconds_of_a_run(runner, bodies, scenes, requests)
+    buildable = round(experiment.family.combinations * (1 - len(refused) / folded))
+    runs = buildable * experiment.environments
+    realities = _max_realities(sweep, experiment, environment)
+    scene_bytes = len(scenes["0"])
+    if environment.variation(0):
+        # Each sample also stores how its cars vary, which is about as long as a scene.
+        scene_bytes = 2 * round(_mean_length(scenes))
+    return Estimate(
+        experiment=experiment.id,
+        designs=experiment.family.combinations,
+        folded=folded,
+        refused=refused,
+        runs=runs,
+        realities=realities,
+        folding_s=folding_s,
+        seconds=folding_s + experiment.environments * sample_s + (runs + realities) * run_s / jobs,
+        bytes=round(
+            EMPTY_BYTES
+            + runs * RUN_BYTES
+            + realities * REALITY_RUN_BYTES
+            + buildable * _mean_length(bodies)
+            + experiment.environments * scene_bytes
+        ),
+    )
+
+
+def _sampled_scenes(experiment: Experiment, environment: Environment) -> tuple[dict[str, str], float]:
+    """Return the JSON of some scenes by their sample, and the time to draw one scene (s)."""
     # The first sample compiles the program, which must not count as the time of a sample.
     environment.sample(0)
     started_s = time.perf_counter()
+    scenes = {}
     for sample in range(min(PROBES, experiment.environments)):
         scenes[f"{sample}"] = canonical_json(environment.sample(sample))
-    sample_s = (time.perf_counter() - started_s) / len(scenes)
-    for position, design in enumerate(probes):
-        sample, nominal = position % len(scenes), body_json(design)
-        bodies[f"{position}"] = canonical_json(nominal)
-        settings = canonical_json(experiment.settings(design, nominal, table))
+    return scenes, (time.perf_counter() - started_s) / len(scenes)
+
+
+def _probes(
+    sweep: Sweep, experiment: Experiment, environment: Environment, family: Family, samples: int
+) -> tuple[dict[str, str], list[RunRequest]]:
+    """Return the JSON of the bodies of some designs, and a run of each; the runs use the first ``samples`` samples."""
+    table = sweep.carsim.parameter_table()
+    bodies, requests = {}, []
+    for position, design in enumerate(islice(family, PROBES)):
+        sample = position % samples
+        body = body_json(design)
+        bodies[f"{position}"] = canonical_json(body)
+        settings = canonical_json(experiment.settings(design, body, table))
         reality = canonical_json(environment.variation(sample))
         requests.append(RunRequest(f"{position}", f"{sample}", settings, f"design {position + 1}", sample, reality))
-    with environment.runner(sweep.carsim, environment.dynamic) as runner:
+    return bodies, requests
+
+
+def _seconds_of_a_run(
+    runner: Runner, bodies: Mapping[str, str], scenes: Mapping[str, str], requests: Sequence[RunRequest]
+) -> float:
+    """Return the mean time to simulate one of these runs (s), without the simulator's start."""
+
+    def timed(probes: Sequence[RunRequest]) -> float:
         started_s = time.perf_counter()
-        runner.run(bodies, scenes, requests[:1])
-        first_s = time.perf_counter() - started_s
-        runner.run(bodies, scenes, requests * 2)
-        # Subtract the simulator's start, which a sweep does once for many runs.
-        run_s = max(0.0, time.perf_counter() - started_s - 2 * first_s) / (2 * len(requests) - 1)
-    buildable = round(combinations * (1 - len(refused) / folded_count))
-    runs = buildable * experiment.environments
-    reason = why_no_realities(experiment, environment, sweep.realities, environment.dynamic, environment.success)
-    realities = 0 if reason else sweep.realities or STAGES[-1]
-    # With variation of cars each sample also stores a variation, which is about as long as a scene.
-    scene_bytes = 2 * sum(map(len, scenes.values())) / len(scenes) if environment.variation(0) else len(scenes["0"])
-    design_bytes = sum(map(len, bodies.values())) / len(bodies)
-    return Estimate(
-        experiment.id,
-        combinations,
-        folded_count,
-        refused,
-        runs,
-        realities,
-        folding_s,
-        folding_s + experiment.environments * sample_s + (runs + realities) * run_s / jobs,
-        round(
-            EMPTY_BYTES + runs * RUN_BYTES + realities * REALITY_RUN_BYTES + buildable * design_bytes
-            + experiment.environments * scene_bytes
-        ),
-    )  # fmt: skip
+        runner.run(bodies, scenes, probes)
+        return time.perf_counter() - started_s
+
+    # The start of the simulator and a single run. The shorter of two times is less disturbed by other processes.
+    first_s = min(timed(requests[:1]), timed(requests[:1]))
+    # A short measurement would be lost in the noise of the start, so the runs are repeated until they take long enough.
+    probes = list(requests) * 2
+    while (probes_s := timed(probes)) - first_s < PROBES_S and len(probes) < MAX_PROBES:
+        probes = probes * 4
+    return max(0.0, probes_s - first_s) / (len(probes) - 1)
+
+
+def _max_realities(sweep: Sweep, experiment: Experiment, environment: Environment) -> int:
+    """Return how many runs in other realities the sweep has at most."""
+    if why_no_realities(experiment, environment, sweep.realities, environment.dynamic, environment.success):
+        return 0
+    return STAGES[-1] if sweep.realities is None else sweep.realities
+
+
+def _mean_length(texts: Mapping[str, str]) -> float:
+    return sum(len(text) for text in texts.values()) / len(texts)

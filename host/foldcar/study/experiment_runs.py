@@ -25,12 +25,12 @@ class Progress:
     """Counts of a sweep's runs.
 
     ``total`` is the number of runs that the sweep will have. With a stopping rule it decreases as designs are decided.
-    ``new`` runs were simulated. ``reused`` runs were in the store, or are equal to a run in progress and share its result.
-    ``passed``, ``rejected`` and ``failed`` count both kinds. ``judged`` runs are in environments that define success; when
-    an experiment ends, its rejected runs are subtracted.
-    ``decided`` is the number of designs that a stopping rule has decided, and ``states`` are the results of all designs.
-    ``realities`` has the counts of runs in other realities, by experiment; no other count includes them. They are
-    simulated when all other runs have ended, at ``ended_s``. Times are those of ``time.perf_counter``.
+    ``new`` runs were simulated. ``reused`` runs were in the store, or are equal to a run in progress and share its
+    result. ``passed``, ``rejected`` and ``failed`` count both kinds. ``judged`` runs are in environments that define
+    success; when an experiment ends, its rejected runs are subtracted. ``decided`` is the number of designs that a
+    stopping rule has decided, and ``states`` are the results of all designs. ``realities`` has the counts of runs in
+    other realities, by experiment; no other count includes them. They are simulated when all other runs have ended, at
+    ``ended_s``. Times are those of ``time.perf_counter``.
     """
 
     total: int
@@ -68,9 +68,10 @@ class Progress:
 
 
 class StoredSamples:
-    """The samples of an environment in the store: the scene of each sample, and how its built car differs from the design.
+    """The samples of an environment in the store: each sample's scene, and how its built car differs from the design.
 
-    Samples are drawn and stored when they are first needed. ``dynamic`` is whether the program runs beside the simulation.
+    Samples are drawn and stored when they are first needed. ``dynamic`` is whether the program runs beside the
+    simulation.
     """
 
     def __init__(self, environment: Environment, writer: StoreWriter, dynamic: bool) -> None:

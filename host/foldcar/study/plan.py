@@ -27,9 +27,9 @@ from foldcar.version import __version__
 class SweepOptions:
     """How a sweep simulates an experiment.
 
-    ``engine`` is the engine's name, "" for multibody. ``unlike_sides`` says what the side view cannot simulate here; it is
-    "" if there is nothing. ``rule`` stops designs early. ``realities`` is the requested number of runs in other realities;
-    None lets the learning's error decide.
+    ``engine`` is the engine's name, "" for multibody. ``unlike_sides`` says what the side view cannot simulate here; it
+    is "" if there is nothing. ``rule`` stops designs early. ``realities`` is the requested number of runs in other
+    realities; None lets the learning's error decide.
     """
 
     engine: str = ""

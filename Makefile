@@ -139,9 +139,10 @@ test: test-packages
 test-packages:
 	@tools/install_system_packages.sh tests
 
-lint: .venv/extras .pio/types/numpy
+lint: .venv/extras .pio/types/numpy $(BUNDLES)
 	$(BIN)/ruff check host tools test $(wildcard bench)
 	$(BIN)/mypy host/foldcar tools/*.py $(wildcard bench/*.py)
+	$(BIN)/python tools/page_types.py
 
 # Types are checked against the lock's NumPy for Python 3.11, whichever Python .venv has: each NumPy has other types.
 .pio/types/numpy: $(LOCK) | .venv/installed

@@ -10,15 +10,15 @@ from foldcar.notebook_html import image_html
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from foldcar.report.page_data import Experiment
     from foldcar.report.paper_figures import Drawing
+    from foldcar.report.reported_experiment import ReportedExperiment
 
 # Of a picture in a notebook: inches, pixels per inch, number of colours.
 SIZE_IN, DPI, COLOURS = (7.2, 4.0), 110, 64
 
 
 def drawing_of(
-    experiments: "Mapping[str, Experiment]", kinds: Sequence[str], experiment: str | None, caller: str
+    experiments: "Mapping[str, ReportedExperiment]", kinds: Sequence[str], experiment: str | None, caller: str
 ) -> "Drawing":
     """Return the first drawing of one of these kinds of an experiment; None stands for the only one.
 

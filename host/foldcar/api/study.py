@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from foldcar.report.page_data import Experiment
+    from foldcar.report.reported_experiment import ReportedExperiment
 
 T = TypeVar("T")
 
@@ -69,7 +69,7 @@ class Study:
         self.path = checked_path("store", store, "a store").absolute()
         require_store(self.path)
         # What figures show, with and without trials of simulated cars.
-        self._drawn_experiments: dict[bool, Mapping[str, Experiment]] = {}
+        self._drawn_experiments: dict[bool, Mapping[str, ReportedExperiment]] = {}
 
     def __repr__(self) -> str:
         lines = [
@@ -236,7 +236,7 @@ class Study:
         caller: str,
         simulated_trials: bool = False,
     ) -> "Figure":
-        from foldcar.report.page_data import read_experiments
+        from foldcar.report.reported_experiment import read_experiments
 
         checked_experiment(experiment)
         if simulated_trials not in self._drawn_experiments:

@@ -22,7 +22,8 @@ from foldcar.belief.reality import REAL_ONLY, start_deviates
 from foldcar.car.folded_car import folded_columns
 from foldcar.fabrication.assembly.scene_shape import SceneShapes, drawn_body
 from foldcar.figures.scene_data import ground_data
-from foldcar.report.page_data import Experiment
+from foldcar.report.page_types import PageExperiment, Slider, TrialReplay
+from foldcar.report.reported_experiment import ReportedExperiment
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.engines import ENGINES, MUJOCO_ENVIRONMENT, engine_of
 from foldcar.simulation.heights import carsim_heights
@@ -56,7 +57,7 @@ class PageDrives:
     plan: Callable[[int], None] = lambda steps: None
     done: Callable[[int], None] = lambda steps: None
 
-    def add(self, store: Store, experiment: Experiment, shown: dict[str, Any], key: str) -> Blobs:
+    def add(self, store: Store, experiment: ReportedExperiment, shown: PageExperiment, key: str) -> Blobs:
         """Add to an experiment's page data ``shown`` what the page simulates; its blobs' names begin with ``key``.
 
         Raises FoldcarError if the simulator breaks down.
@@ -121,7 +122,7 @@ def why_not(info: ExperimentInfo, drives: StoredDrives) -> str | None:
     return None
 
 
-def sliders() -> list[dict[str, Any]]:
+def sliders() -> list[Slider]:
     """Return the parameters that a page can change, each with its range and its nominal value."""
     rows = []
     for parameter in SLIDERS:
@@ -135,9 +136,15 @@ def sliders() -> list[dict[str, Any]]:
     return [*rows, _slider("supply_resistance_ohm", supply.unit, meaning, supply.nominal, 0.0, MAX_SUPPLY_OHM)]
 
 
-def _slider(name: str, unit: str, meaning: str, nominal: float, low: float, high: float) -> dict[str, Any]:
-    limits = {"low": float(f"{low:.3g}"), "high": float(f"{high:.3g}")}
-    return {"name": name, "unit": unit, "meaning": meaning, "nominal": nominal, **limits}
+def _slider(name: str, unit: str, meaning: str, nominal: float, low: float, high: float) -> Slider:
+    return {
+        "name": name,
+        "unit": unit,
+        "meaning": meaning,
+        "nominal": nominal,
+        "low": float(f"{low:.3g}"),
+        "high": float(f"{high:.3g}"),
+    }
 
 
 def _shown_designs(count: int, recommended: int | None) -> list[int]:
@@ -201,19 +208,15 @@ def _parts(info: ExperimentInfo, parameters: Mapping[str, Any], shapes: SceneSha
     return None if car is None else shapes.add(car)
 
 
-def _trial(store: Store, blobs: Blobs, trial: Trial) -> dict[str, Any]:
+def _trial(store: Store, blobs: Blobs, trial: Trial) -> TrialReplay:
     """Return what is drawn of a trial; its path is a blob of its own."""
     path = trial_path(store, trial)
     if path.rows is not None:
         blobs[f"trial-{trial.id}"] = blob(path.rows.round(4).tolist())
     return {
-        # How many of car and obstacles stood off their planned poses.
         "moved": len(trial.deviations),
-        # Whether the trial has a blob with its path.
         "path": path.rows is not None,
-        # Without a path: rows of time (s), pitch and roll (rad), or None.
-        "attitude": path.attitude,
-        # Without a path: the reason; with a path: None.
+        "attitude": None if path.attitude is None else [list(row) for row in path.attitude],
         "missing": path.missing,
     }
 

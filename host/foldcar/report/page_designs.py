@@ -3,12 +3,13 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal
 
 from numpy.typing import NDArray
 
 from foldcar.evidence.comparison import compare_experiment
 from foldcar.evidence.evidence import Evidence
+from foldcar.report.page_types import Column, DesignTable, Measure, VariedParameter
 from foldcar.statistics import rate
 from foldcar.statistics.gap import OPTIMISTIC, PESSIMISTIC
 from foldcar.statistics.words import label_and_unit
@@ -79,8 +80,8 @@ class DesignColumns:
             bands[index] = value, low, high
         return bands
 
-    def page(self, threshold: float) -> dict[str, Any]:
-        """Return the page's columns, without the measures, as page_data.py describes them."""
+    def page(self, threshold: float, measures: list[Measure]) -> DesignTable:
+        """Return the page's table of designs; ``threshold`` is the success rate of good designs."""
         evidence, family = self.evidence, self.evidence.family
         driven = evidence.belief is not None and evidence.belief.driven
         # Verdicts are about built cars as soon as one was driven, before that and without a belief about simulation.
@@ -90,53 +91,50 @@ class DesignColumns:
         }
         verdicts = {design.label: design.verdict for design in compare_experiment(evidence).designs}
         return {
-            # Indices into the values of each parameter.
             "value": [[values[name][float(design.design[name])] for name in values] for design in family],
             "name": self.names,
             "swept": [design.swept for design in family],
             "runs": evidence.run_counts[:, 1].tolist(),
             "passed": evidence.run_counts[:, 0].tolist(),
             "rate": [round(passed / runs, 6) if runs else None for passed, runs in evidence.run_counts.tolist()],
-            **_ends("", self.run_intervals),
-            # A column for each outcome.
+            "low": _column(self.run_intervals, 0),
+            "high": _column(self.run_intervals, 1),
             "outcomes": evidence.outcome_counts.T.tolist(),
             "trials": evidence.trial_counts[:, 1].tolist(),
             "trials_passed": evidence.trial_counts[:, 0].tolist(),
             "cars": [design.cars for design in family],
-            **_ends("trials_", self.trial_intervals),
-            # Success of a further built car, with low and high.
-            **_bands("belief", self.built),
+            "trials_low": _column(self.trial_intervals, 0),
+            "trials_high": _column(self.trial_intervals, 1),
+            "belief": _column(self.built, 0),
+            "belief_low": _column(self.built, 1),
+            "belief_high": _column(self.built, 2),
             "verdict": [verdict(band, threshold) for band in judged],
-            # How the design's own trials contradict simulation.
             "refuted": [
                 verdicts.get(name) if verdicts.get(name) in (OPTIMISTIC, PESSIMISTIC) else None for name in self.names
             ],
+            "measures": measures,
         }
 
 
-def parameter_columns(evidence: Evidence) -> list[dict[str, Any]]:
+def parameter_columns(evidence: Evidence) -> list[VariedParameter]:
     """Return the parameters that vary, with all values that occur."""
-    columns = []
+    columns: list[VariedParameter] = []
     for name, values in evidence.values.items():
         label, unit = label_and_unit(name)
         columns.append({"name": name, "label": label, "unit": unit, "values": values})
     return columns
 
 
-def verdict(band: Band, threshold: float) -> str | None:
+def verdict(band: Band, threshold: float) -> Literal["good", "bad", "open"] | None:
     """Return "good" or "bad" if the band is on one side of the ``threshold``, else "open"; None without a band."""
     if band is None:
         return None
     _, low, high = band
-    return "good" if low >= threshold else "bad" if high < threshold else "open"
+    if low >= threshold:
+        return "good"
+    return "bad" if high < threshold else "open"
 
 
-def _ends(name: str, intervals: Sequence[Interval]) -> dict[str, list[float | None]]:
-    return {
-        f"{name}{end}": [interval and interval[index] for interval in intervals]
-        for index, end in enumerate(("low", "high"))
-    }
-
-
-def _bands(name: str, bands: Sequence[Band]) -> dict[str, list[float | None]]:
-    return {f"{name}{end}": [band and band[at] for band in bands] for at, end in enumerate(("", "_low", "_high"))}
+def _column(rows: Sequence[tuple[float, ...] | None], index: int) -> Column:
+    """Return the column of the numbers at ``index`` of intervals or bands."""
+    return [None if row is None else row[index] for row in rows]

@@ -1,7 +1,6 @@
 """Effects and importance of parameters, and values of the environment that separate passed from failed runs, as rows."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy
 from threadpoolctl import threadpool_limits
@@ -9,6 +8,7 @@ from threadpoolctl import threadpool_limits
 from foldcar.errors import FoldcarError
 from foldcar.evidence.evidence import Evidence
 from foldcar.report.environment_values import EnvironmentValues
+from foldcar.report.page_types import Cause, CauseBin, ParameterEffect, ParameterImportance
 from foldcar.simulation.results import OUTCOMES
 from foldcar.statistics.effects import Effect, Effects, fit_effects
 from foldcar.statistics.separation import binned, separations
@@ -41,24 +41,24 @@ def read_effects(evidence: Evidence) -> tuple[Effects | None, list[int]]:
         return None, indices
 
 
-def effect_rows(evidence: Evidence, effects: Effects, indices: list[int]) -> list[dict[str, Any]]:
-    """Return a row with the effect of each parameter, as page_data.py describes it."""
-    result = []
+def effect_rows(effects: Effects, indices: list[int]) -> list[ParameterEffect]:
+    """Return a row with the effect of each parameter."""
+    rows: list[ParameterEffect] = []
     for index, parameter in enumerate(indices):
         effect = effects.effect(index)
-        curves = effect.curves.round(DIGITS).tolist() if len(indices) > 1 else []
-        curve_data = {key: getattr(effect, key).round(DIGITS).tolist() for key in ("mean", "low", "high")}
-        result.append(
+        rows.append(
             {
                 "parameter": parameter,
                 "grid": effect.grid.tolist(),
-                **curve_data,
+                "mean": effect.mean.round(DIGITS).tolist(),
+                "low": effect.low.round(DIGITS).tolist(),
+                "high": effect.high.round(DIGITS).tolist(),
                 "level": [round(end, DIGITS) for end in effect.level],
-                "curves": curves,
+                "curves": effect.curves.round(DIGITS).tolist() if len(indices) > 1 else [],
                 "over": combinations_text(effect, len(indices)),
             }
         )
-    return result
+    return rows
 
 
 def combinations_text(effect: Effect, parameters: int) -> str:
@@ -71,34 +71,48 @@ def combinations_text(effect: Effect, parameters: int) -> str:
     return f"mean over the same {number} by the smooth model: hardly any was run at every value"
 
 
-def importance_rows(effects: Effects, indices: Sequence[int]) -> list[dict[str, Any]]:
+def importance_rows(effects: Effects, indices: Sequence[int]) -> list[ParameterImportance]:
     """Return a row with the importance of each parameter, the greatest first; no rows for a single parameter."""
     if len(indices) < 2:
         return []
-    # Empty if success does not vary; then there are no rows.
-    importances = effects.importance()
-    rows = [
-        {"parameter": parameter, **{key: round(getattr(importance, key), DIGITS) for key in ("share", "low", "high")}}
-        for parameter, importance in zip(indices, importances, strict=False)
-    ]
+    rows: list[ParameterImportance] = []
+    # If success does not vary, there are no importances.
+    for parameter, importance in zip(indices, effects.importance(), strict=False):
+        rows.append(
+            {
+                "parameter": parameter,
+                "share": round(importance.share, DIGITS),
+                "low": round(importance.low, DIGITS),
+                "high": round(importance.high, DIGITS),
+            }
+        )
     return sorted(rows, key=lambda row: -row["share"])
 
 
-def cause_rows(evidence: Evidence, values: EnvironmentValues) -> list[dict[str, Any]]:
+def cause_rows(evidence: Evidence, values: EnvironmentValues) -> list[Cause]:
     """Return a row for each value that separates passed from failed runs, the best first, with success over it."""
     if not evidence.info.success_defined:
         return []
     runs = evidence.runs.counted
     passed = runs.outcome == OUTCOMES.index("passed")
-    # Values in the units of readers, for the bins.
-    shown, rows = values.shown, []
+    values_in_readers_units = values.shown
+    rows: list[Cause] = []
     for separation in separations(values.values, runs.design, runs.sample, passed):
         column = values.columns[separation.column]
-        bins = [
-            {"from": float(f"{bin.first:.6g}"), "to": float(f"{bin.last:.6g}"), "runs": bin.runs, "passed": bin.passed}
-            for bin in binned(shown[:, separation.column], runs.sample, passed)
-        ]
-        facts = {"name": column.name, "label": column.label, "unit": column.unit, "rises": separation.difference > 0}
-        shares = {"separation": separation.share, "low": separation.low, "high": separation.high}
-        rows.append({**facts, **{key: round(share, DIGITS) for key, share in shares.items()}, "bins": bins})
+        bins: list[CauseBin] = []
+        for bin in binned(values_in_readers_units[:, separation.column], runs.sample, passed):
+            first, last = float(f"{bin.first:.6g}"), float(f"{bin.last:.6g}")
+            bins.append({"from": first, "to": last, "runs": bin.runs, "passed": bin.passed})
+        rows.append(
+            {
+                "name": column.name,
+                "label": column.label,
+                "unit": column.unit,
+                "separation": round(separation.share, DIGITS),
+                "low": round(separation.low, DIGITS),
+                "high": round(separation.high, DIGITS),
+                "rises": separation.difference > 0,
+                "bins": bins,
+            }
+        )
     return rows

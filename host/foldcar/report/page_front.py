@@ -5,16 +5,16 @@ best. The objectives are computed by :mod:`foldcar.study.search.objectives`.
 """
 
 from collections.abc import Sequence
-from typing import Any
 
 from foldcar.evidence.evidence import Evidence
+from foldcar.report.page_types import FrontPoint, PageObjective, SearchFront
 from foldcar.simulation.results import NUMBERS, OUTCOMES
 from foldcar.study.search.design_simulator import Row
 from foldcar.study.search.objectives import OBJECTIVES, Objective, is_dominated
 
 
-def search_front(evidence: Evidence, areas: Sequence[float | None], fresh: Evidence | None) -> dict[str, Any] | None:
-    """Return the page's ``front`` (page_data.py); None if the experiment is not of a search.
+def search_front(evidence: Evidence, areas: Sequence[float | None], fresh: Evidence | None) -> SearchFront | None:
+    """Return the designs of a search with their objectives; None if the experiment is not of a search.
 
     ``areas`` are the designs' sheet areas (cm²), ``fresh`` is the evidence of the best designs in fresh environments.
     """
@@ -23,7 +23,7 @@ def search_front(evidence: Evidence, areas: Sequence[float | None], fresh: Evide
     if not objectives:
         return None
     tried_rows, fresh_rows = _rows(evidence), _rows(fresh) if fresh is not None else []
-    points = []
+    points: list[FrontPoint] = []
     for index, rows in enumerate(tried_rows):
         fresh_index = None if fresh is None else fresh.index_of(evidence.family[index])
         own_fresh_rows = fresh_rows[fresh_index] if fresh_index is not None else []
@@ -39,7 +39,7 @@ def search_front(evidence: Evidence, areas: Sequence[float | None], fresh: Evide
         losses = [_losses(point["values"], signs) for point in points_alike]
         for point, loss in zip(points_alike, losses, strict=True):
             point["beaten"] = is_dominated(loss, losses)
-    shown = [
+    shown: list[PageObjective] = [
         {"label": objective.meaning, "unit": objective.unit or "%", "better": "more" if objective.largest else "less"}
         for objective in objectives
     ]
@@ -60,7 +60,7 @@ def _rows(evidence: Evidence) -> list[list[Row]]:
 
 def _point(
     index: int, objectives: Sequence[Objective], rows: list[Row], limit_s: float, area_cm2: float | None, fresh: bool
-) -> dict[str, Any]:
+) -> FrontPoint:
     """Return a design's objectives with their intervals, in the units of the page."""
     # (value, low, high) of each objective.
     triples = []

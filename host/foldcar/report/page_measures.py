@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from foldcar.car.folded.weight import film_area_cm2
 from foldcar.car.folded_car import folded_columns
+from foldcar.report.page_types import Measure
 from foldcar.simulation.results import NUMBERS, OUTCOMES
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
@@ -24,11 +25,10 @@ from foldcar.store.tables import BY_NAME, DESIGN
 MAX_FOLDED = 300
 
 
-def measures(
-    store: Store, info: ExperimentInfo, designs: Sequence[Mapping[str, Any]], runs: RunArrays
-) -> list[dict[str, Any]]:
+def measures(store: Store, info: ExperimentInfo, designs: Sequence[Mapping[str, Any]], runs: RunArrays) -> list[Measure]:
     """Return a column for each measure of ``designs``, which begin with the stored ones. Raises StoreError."""
-    number, columns = len(designs), []
+    number = len(designs)
+    columns: list[Measure] = []
     if info.success_defined:
         counted = runs.counted
         passed = counted.outcome == OUTCOMES.index("passed")
@@ -56,7 +56,7 @@ def measures(
     return columns
 
 
-def _measure(key: str, label: str, unit: str, values: NDArray[Any]) -> dict[str, Any]:
+def _measure(key: str, label: str, unit: str, values: NDArray[Any]) -> Measure:
     column = [float(f"{value:.5g}") if numpy.isfinite(value) else None for value in values]
     return {"key": key, "label": label, "unit": unit, "better": "less", "value": column}
 

@@ -1,13 +1,12 @@
 """The realities that page and figures draw, and what the trials have taught about the simulator's unknowns."""
 
-from typing import Any
-
 import numpy
 
 from foldcar.belief.answers import Estimate, Unknown
 from foldcar.belief.priors import NAMES, FloatArray
 from foldcar.evidence.belief import Belief, taught
 from foldcar.evidence.evidence import Evidence
+from foldcar.report.page_types import PageRealities, TaughtUnknown
 
 # Realities that the main chart draws.
 REALITIES = 100
@@ -27,8 +26,8 @@ def drawn_realities(evidence: Evidence) -> tuple[FloatArray, FloatArray] | None:
     return values, columns
 
 
-def page_realities(evidence: Evidence) -> dict[str, Any] | None:
-    """Return the page's ``realities``, as page_data.py describes them; None without a belief."""
+def page_realities(evidence: Evidence) -> PageRealities | None:
+    """Return the realities that the page draws, and what the trials have taught; None without a belief."""
     belief, drawn = evidence.belief, drawn_realities(evidence)
     if belief is None or drawn is None:
         return None
@@ -50,7 +49,7 @@ def other_remarks(belief: Belief | None, remarks: list[str]) -> list[str]:
     return [remark for remark in remarks if remark not in own]
 
 
-def _unknown(unknown: Unknown) -> dict[str, Any]:
+def _unknown(unknown: Unknown) -> TaughtUnknown:
     return {
         "name": unknown.parameter.name,
         "unit": unknown.parameter.unit,

@@ -11,13 +11,13 @@ from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
 
 if TYPE_CHECKING:
-    from foldcar.report.page_data import Experiment
+    from foldcar.report.reported_experiment import ReportedExperiment
 
 # At most so many different messages of failed runs, and skipped cars, are shown.
 SHOWN = 3
 
 
-def remarks(store: Store, experiment: "Experiment") -> list[str]:
+def remarks(store: Store, experiment: "ReportedExperiment") -> list[str]:
     """Return the remarks on an experiment. Raises StoreError."""
     info, evidence = experiment.info, experiment.evidence
     counts = dict(zip(OUTCOMES, evidence.outcome_counts.sum(axis=0).tolist(), strict=True))

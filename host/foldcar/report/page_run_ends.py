@@ -15,6 +15,7 @@ import numpy
 from numpy.typing import NDArray
 
 from foldcar.report.environment_values import objects_of_pieces, read_scenes
+from foldcar.report.page_types import ObstacleRange, RunEnds
 from foldcar.scenes.terrain_kinds import kind_of, reach_m
 from foldcar.simulation.results import NUMBERS, OUTCOMES
 from foldcar.store.info import ExperimentInfo
@@ -66,8 +67,8 @@ class CarExtents:
     side_m: NDArray[Any]
 
 
-def read_run_ends(store: Store, info: ExperimentInfo, runs: RunArrays) -> dict[str, Any] | None:
-    """Return the page's ``ends`` (see page_data.py) of counted ``runs``; None without counted runs. Raises StoreError."""
+def read_run_ends(store: Store, info: ExperimentInfo, runs: RunArrays) -> RunEnds | None:
+    """Return where counted ``runs`` that did not pass ended; None if there are none. Raises StoreError."""
     # Progress towards the goal is meaningless for a car that drives in circles.
     if not info.success_defined or info.yaw_rate_rad_s or not len(runs.design):
         return None
@@ -75,8 +76,8 @@ def read_run_ends(store: Store, info: ExperimentInfo, runs: RunArrays) -> dict[s
     return run_ends(course, read_car_extents(store, info), runs)
 
 
-def run_ends(course: Course, extents: CarExtents, runs: RunArrays) -> dict[str, Any] | None:
-    """Return the page's ``ends`` of counted ``runs``; None if no run that did not pass has a place."""
+def run_ends(course: Course, extents: CarExtents, runs: RunArrays) -> RunEnds | None:
+    """Return where counted ``runs`` that did not pass ended; None if none of them has a place."""
     # How far along the way to the goal each run came.
     progress_m = course.goal_m[runs.sample] - runs.metrics[:, NUMBERS.index("distance_to_target_m")]
     failed = (runs.outcome != OUTCOMES.index("passed")) & ~numpy.isnan(progress_m)
@@ -92,13 +93,17 @@ def run_ends(course: Course, extents: CarExtents, runs: RunArrays) -> dict[str, 
     first, last = math.floor(low_m / step_m), math.floor(high_m / step_m)
     cells = numpy.column_stack([design, outcome, bins - first, met_obstacles(course, extents, place_m, design, sample)])
     cells, counts = numpy.unique(cells, axis=0, return_counts=True)
+    cell_columns = cells.T.tolist()
     return {
         "from_m": round(first * step_m, 6),
         "step_m": step_m,
         "bins": last - first + 1,
         "goal_m": round(goal_m, 4),
         "obstacles": _obstacle_rows(course),
-        **dict(zip(("design", "outcome", "bin", "obstacle"), cells.T.tolist(), strict=True)),
+        "design": cell_columns[0],
+        "outcome": cell_columns[1],
+        "bin": cell_columns[2],
+        "obstacle": cell_columns[3],
         "count": counts.tolist(),
     }
 
@@ -124,7 +129,7 @@ def met_obstacles(
     return obstacles
 
 
-def _obstacle_rows(course: Course) -> list[dict[str, Any]]:
+def _obstacle_rows(course: Course) -> list[ObstacleRange]:
     """Return each obstacle's name, its mean ends (m), and the ends of the range that contains it in most environments."""
     return [
         {

@@ -5,15 +5,17 @@ from pathlib import Path
 from typing import Any
 
 from foldcar.evidence.evidence import Evidence
+from foldcar.report.page_types import OtherSimulation
 from foldcar.simulation.engines import MULTIBODY, engine_title
 from foldcar.simulation.results import OUTCOMES
 from foldcar.statistics.words import count, percent
 from foldcar.store.info import ExperimentInfo
 
 
-def other_simulations(evidence: Evidence, experiments: Sequence[Evidence]) -> list[dict[str, Any]]:
-    """Return the page's ``engines`` (page_data.py): an entry for each other simulation with runs in common."""
-    own_runs, simulations = _passed_runs(evidence), []
+def other_simulations(evidence: Evidence, experiments: Sequence[Evidence]) -> list[OtherSimulation]:
+    """Return an entry for each other simulation that has runs in common with this one."""
+    own_runs = _passed_runs(evidence)
+    simulations: list[OtherSimulation] = []
     for other in experiments:
         if other.info.id == evidence.info.id or _samples(other.info) != _samples(evidence.info):
             continue
@@ -34,8 +36,15 @@ def other_simulations(evidence: Evidence, experiments: Sequence[Evidence]) -> li
             agreement = percent(sum(own == others for own, others in pairs) / len(pairs), 1)
             text += f"; {agreement} of the runs have the same result in both"
         counts = [(0, 0) if index is None else tuple(other.run_counts[index].tolist()) for index in indices]
-        columns = {key: [pair[k] for pair in counts] for k, key in enumerate(("passed", "runs"))}
-        simulations.append({"id": other.info.id, "name": name, **columns, "text": f"{text}."})
+        simulations.append(
+            {
+                "id": other.info.id,
+                "name": name,
+                "passed": [passed for passed, _ in counts],
+                "runs": [runs for _, runs in counts],
+                "text": f"{text}.",
+            }
+        )
     return simulations
 
 

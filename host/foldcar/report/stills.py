@@ -7,7 +7,7 @@ from markupsafe import Markup
 
 from foldcar.car.folded_car import folded_columns
 from foldcar.fabrication.assembly.finished_car import finished_car
-from foldcar.report.page_data import Experiment
+from foldcar.report.reported_experiment import ReportedExperiment
 
 
 @dataclass(frozen=True)
@@ -19,7 +19,7 @@ class Still:
     svg: Markup
 
 
-def stills(experiments: Iterable[Experiment]) -> list[Still]:
+def stills(experiments: Iterable[ReportedExperiment]) -> list[Still]:
     """Return a picture for each experiment with a recommended design that this foldcar can fold."""
     result = []
     for experiment in experiments:

@@ -2,9 +2,8 @@
 
 import os
 import tempfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
 from urllib.parse import quote
 
 from threadpoolctl import threadpool_limits
@@ -15,8 +14,10 @@ from foldcar.figures.page import bundle, web_page
 from foldcar.figures.style import drawing_style
 from foldcar.outputs import check_output_folder
 from foldcar.report.drives import PageDrives, deflated
-from foldcar.report.page_data import page_data, read_experiments
+from foldcar.report.page_data import page_data
+from foldcar.report.page_types import MediaFile, PageData
 from foldcar.report.paper_figures import Drawing, drawings
+from foldcar.report.reported_experiment import read_experiments
 from foldcar.report.stills import stills
 from foldcar.simulation.engines import find_wasm
 from foldcar.store.log_files import referred_file
@@ -34,7 +35,7 @@ def write_report(
     simulated_trials: bool,
     drives: PageDrives,
     thresholds: Sequence[float] = (),
-) -> dict[str, Any]:
+) -> PageData:
     """Write the page and its figures (SVG, PNG, PDF) into ``folder``, replacing those of an earlier report.
 
     ``simulated_trials`` is as in :func:`read_experiments`; ``drives`` adds what the page simulates;
@@ -84,14 +85,14 @@ def write_report(
     return data
 
 
-def other_figures(folder: Path, data: Mapping[str, Any]) -> list[str]:
+def other_figures(folder: Path, data: PageData) -> list[str]:
     """Return the names of the figures in a report's folder that are not of this report, such as an earlier report's."""
     own = {Path(file).stem for experiment in data["experiments"] for _, file in experiment["files"]}
     figures = (file for file in folder.glob("experiment_*") if file.suffix in UNDATED)
     return sorted(file.name for file in figures if file.stem not in own)
 
 
-def _shown_media(store: Store, media: Media, folder: Path) -> dict[str, Any]:
+def _shown_media(store: Store, media: Media, folder: Path) -> MediaFile:
     """Return kind, name and address of a photo or film for a page in ``folder``; no address for a missing file."""
     file = referred_file(store.path, media.file).resolve()
     try:

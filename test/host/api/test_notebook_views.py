@@ -14,7 +14,7 @@ from PIL import Image
 
 import foldcar
 from conftest import STEP_PYRAMIDS
-from foldcar.report import page_data
+from foldcar.report import reported_experiment
 from foldcar.simulation.carsim import Carsim
 from foldcar.study.experiments import read_study
 from foldcar.study.sweep import Sweep
@@ -116,8 +116,8 @@ def test_what_cannot_be_drawn_is_said(study: foldcar.Study) -> None:
 
 def test_pictures_of_a_study_are_of_one_reading(study: foldcar.Study, monkeypatch: pytest.MonkeyPatch) -> None:
     read = []
-    original = page_data.read_experiments
-    monkeypatch.setattr(page_data, "read_experiments", lambda *a, **k: read.append(k) or original(*a, **k))
+    original = reported_experiment.read_experiments
+    monkeypatch.setattr(reported_experiment, "read_experiments", lambda *a, **k: read.append(k) or original(*a, **k))
     fresh = foldcar.Study(study.path)
 
     for _ in range(2):

@@ -16,7 +16,7 @@ import written_study
 from browser import study_of
 from foldcar.cli import app
 from foldcar.outputs import file_name_part
-from foldcar.report.page_data import page_data, read_experiments
+from foldcar.report.page_data import page_data
 from foldcar.report.paper_figures import (
     BLUE,
     GREEN,
@@ -29,6 +29,7 @@ from foldcar.report.paper_figures import (
     error_percent,
     success_colour,
 )
+from foldcar.report.reported_experiment import read_experiments
 from foldcar.store.reader import Store
 from foldcar.store.writer import write_store
 from written_study import add_experiment, add_trials, write_realities, write_study

@@ -11,8 +11,9 @@ import pytest
 from foldcar.evidence.adviser import Selection
 from foldcar.evidence.evidence import Evidence, read_evidence
 from foldcar.evidence.selecting import select, select_evidence
-from foldcar.report.page_data import page_data, read_experiments
+from foldcar.report.page_data import page_data
 from foldcar.report.page_ranges import range_sentences
+from foldcar.report.reported_experiment import read_experiments
 from foldcar.store.measured import write_measured
 from foldcar.store.reader import Store
 from written_study import add_trials, import_trials, write_realities, write_study

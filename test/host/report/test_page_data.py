@@ -11,8 +11,9 @@ import pytest
 from foldcar.api.study import Study
 from foldcar.evidence.comparison import compare
 from foldcar.report import page_data as module
-from foldcar.report.page_data import page_data, read_experiments
+from foldcar.report.page_data import page_data
 from foldcar.report.paper_figures import draw_feasibility
+from foldcar.report.reported_experiment import read_experiments
 from foldcar.simulation.results import OUTCOMES
 from foldcar.statistics.rate import wilson_interval
 from foldcar.store.reader import Store

@@ -1,11 +1,18 @@
-// The study's data as page_data.py describes it, and what charts ask of it.
+// @ts-check
+// An experiment of the page's data (page_types.py), and what charts ask of it.
 
 // The axes of success: of built cars, and of runs.
 export const BELIEF = "success", SIMULATED = "simulated";
 export const isSuccess = key => key === BELIEF || key === SIMULATED;
 
-export class Experiment {
+/** @typedef {import("./page_types").PageExperiment} PageExperiment */
+// So that TypeScript knows the fields that the constructor copies.
+const Fields = /** @type {new () => PageExperiment} */ (/** @type {unknown} */ (Object));
+
+export class Experiment extends Fields {
+  /** @param {PageExperiment} raw */
   constructor(raw) {
+    super();
     Object.assign(this, raw);
     this.count = raw.designs.name.length;
     this.threshold = raw.thresholds[raw.thresholds.length - 1];
@@ -26,7 +33,7 @@ export class Experiment {
     for (let run = 0; run < design.length; run++) {
       this.runAt[design[run] * this.environments + environment[run]] = run;
       this.runsIn[environment[run]] += 1;
-      this.passedIn[environment[run]] += outcome[run] === 0;
+      this.passedIn[environment[run]] += Number(outcome[run] === 0);
     }
   }
 
@@ -44,6 +51,7 @@ function parameterAxis(raw, { name, label, unit, values }, k) {
 
 const successAxis = (key, label, shares) => ({ key, label, unit: "%", values: shares.map(share => (share === null ? null : 100 * share)), better: "more" });
 
+/** @param {import("./page_types").Measure} measure */
 const measureAxis = ({ value, ...named }) => ({ ...named, values: value });
 
 export const hasValues = ({ values }) => values.some(value => value !== null);

@@ -1,0 +1,99 @@
+"""Reads the experiments that a report shows, from an open store: evidence, advice, trials, effects of parameters."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy
+
+from foldcar.evidence.adviser import Selection
+from foldcar.evidence.evidence import Evidence, read_evidence, read_unswept
+from foldcar.evidence.selecting import select_evidence
+from foldcar.evidence.sentences import car_to_take
+from foldcar.report.page_designs import DesignColumns
+from foldcar.report.page_effects import read_effects
+from foldcar.statistics.effects import Effects
+from foldcar.store.info import ExperimentInfo
+from foldcar.store.reader import Store
+from foldcar.store.trial_records import Trial, select_trials
+from foldcar.study.search.design_simulator import fresh_id
+
+# Of the publication's figure 6.
+THRESHOLDS = (0.5, 0.75)
+
+
+@dataclass(frozen=True)
+class ReportedExperiment:
+    """An experiment, prepared for page and figures; ``name`` identifies it on the page.
+
+    ``trials`` are shown. ``effects`` is the smooth model of the parameters with indices ``parameter_indices``, None
+    without one. ``fresh`` is the evidence on a search's best designs in fresh environments.
+    """
+
+    name: str
+    evidence: Evidence
+    selection: Selection
+    trials: Sequence[Trial]
+    thresholds: tuple[float, ...]
+    effects: Effects | None
+    parameter_indices: list[int]
+    fresh: Evidence | None = None
+
+    @property
+    def info(self) -> ExperimentInfo:
+        """The experiment in the store."""
+        return self.evidence.info
+
+    @cached_property
+    def columns(self) -> DesignColumns:
+        """The designs as columns."""
+        return DesignColumns(self.evidence)
+
+    @cached_property
+    def recommended(self) -> int | None:
+        """The index of the design whose car to take, as in :func:`works`, or else of that which passes most runs.
+
+        None without a belief and without a run that counts.
+        """
+        belief, counts = self.evidence.belief, self.evidence.run_counts
+        if belief is not None:
+            owned = car_to_take(belief)
+            row = belief.answers.best if owned is None else belief.answers.cars[owned].design
+            return int(belief.design_indices[row])
+        if not len(counts) or not counts[:, 1].any():
+            return None
+        return int((counts[:, 0] / numpy.maximum(counts[:, 1], 1)).argmax())
+
+
+def read_experiments(
+    store: Store, thresholds: Sequence[float] = (), simulated_trials: bool = False
+) -> list[ReportedExperiment]:
+    """Read the experiments of a store in their order, then those with trials only.
+
+    ``thresholds`` of success are 0 to 1; without any, each experiment has its listing's, or THRESHOLDS.
+    With ``simulated_trials``, trials of simulated cars count as if built cars had driven them. Raises FoldcarError if the
+    store cannot be read.
+    """
+    swept = read_evidence(store, simulated_trials=simulated_trials)
+    # The advice is about the highest threshold.
+    highest_threshold = max(thresholds, default=None)
+    selections = select_evidence(swept, threshold=highest_threshold)
+    by_id = {evidence.info.id: evidence for evidence in swept}
+    unswept = read_unswept(store, simulated_trials)
+    named = [*by_id.items(), *unswept.items()]
+    selections += select_evidence(list(unswept.values()), threshold=highest_threshold)
+    experiments = []
+    for (name, evidence), selection in zip(named, selections, strict=True):
+        info = evidence.info
+        # Trials are not shown beside rates that are expected over realities.
+        trials = [
+            trial
+            for trial in store.trials(info.listed_id)
+            if not info.is_over_realities and (name in by_id or trial.vehicle_type == info.vehicle_type)
+        ]
+        shown, _ = select_trials(trials, simulated_trials)
+        effects, indices = read_effects(evidence)
+        fresh = by_id.get(fresh_id(name)) if info.searched else None
+        good = tuple(sorted(set(thresholds))) or info.thresholds or THRESHOLDS
+        experiments.append(ReportedExperiment(name, evidence, selection, shown, good, effects, indices, fresh))
+    return experiments

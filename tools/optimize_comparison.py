@@ -22,10 +22,10 @@ from foldcar.statistics.stopping import evidence_of_worse
 from foldcar.store.frames import runs_frame
 from foldcar.store.reader import Store
 from foldcar.store.writer import write_store
-from foldcar.study.environments import Environment
-from foldcar.study.experiments import Experiment, Study, read_study
+from foldcar.study.environments import ExperimentEnvironment
+from foldcar.study.experiments import Experiment, ListedStudy, read_study
 from foldcar.study.plan import study_facts
-from foldcar.study.search.design_simulator import Row, Values, open_simulator
+from foldcar.study.search.design_simulator import RunRow, Values, open_simulator
 from foldcar.study.search.objectives import OBJECTIVES
 from foldcar.study.search.proposals import PRUNING_RISK, Proposals
 from foldcar.study.search.search import Plan, batches, searched_study
@@ -45,22 +45,22 @@ SEARCHES = {
 }
 
 
-def swept(study: Study, store: Path, carsim: Carsim, jobs: int) -> dict[Values, list[Row]]:
+def swept(study: ListedStudy, store: Path, carsim: Carsim, jobs: int) -> dict[Values, list[RunRow]]:
     """The rows of every design, by its values."""
     (experiment,) = study.experiments
     Sweep(study, store, carsim, "tools/optimize_comparison.py", realities=0).run(jobs, announce=print)
     with Store.open(store) as opened:
         runs = runs_frame(opened, experiment.id)
-    rows: dict[Values, list[Row]] = {}
+    rows: dict[Values, list[RunRow]] = {}
     columns = [*experiment.family.columns(), "outcome", "elapsed_time_s", "consumed_energy_j"]
     # In the order of samples.
     for *values, outcome, time_s, energy_j in runs[columns].itertuples(index=False):
-        rows.setdefault(tuple(values), []).append(Row(outcome, time_s, energy_j))
+        rows.setdefault(tuple(values), []).append(RunRow(outcome, time_s, energy_j))
     return rows
 
 
 def picks(
-    experiment: Experiment, rows: dict[Values, list[Row]], sampler: str, prune: bool, seed: int
+    experiment: Experiment, rows: dict[Values, list[RunRow]], sampler: str, prune: bool, seed: int
 ) -> Iterator[Values | None]:
     """What a search recommends after each of the budgets; None if it has tried no design in all environments."""
     if sampler == "tpe":
@@ -75,7 +75,7 @@ def picks(
         yield max(designs, key=lambda values: passes(rows[values]), default=None)
 
 
-def searched(experiment: Experiment, rows: dict[Values, list[Row]], prune: bool, seed: int) -> Iterator[Values | None]:
+def searched(experiment: Experiment, rows: dict[Values, list[RunRow]], prune: bool, seed: int) -> Iterator[Values | None]:
     """What `foldcar optimize` recommends after each of the budgets."""
     proposals = Proposals(experiment.family, [SUCCESS], seed)
     for budget in BUDGETS:
@@ -109,10 +109,10 @@ def grid(values: Sequence[Sequence[float]], points: int) -> list[tuple[int, ...]
     return list(itertools.product(*indices))
 
 
-def one_design(proposals: Proposals, rows: list[Row], prune: bool) -> None:
+def one_design(proposals: Proposals, rows: list[RunRow], prune: bool) -> None:
     """Try the proposed design as `foldcar optimize` does."""
     assert SUCCESS.value is not None and OBJECTIVES["time"].value is not None
-    seen: list[Row] = []
+    seen: list[RunRow] = []
     pruned = False
     for batch in batches(len(rows)):
         seen += [rows[k] for k in batch]
@@ -123,13 +123,15 @@ def one_design(proposals: Proposals, rows: list[Row], prune: bool) -> None:
 
 
 def judge(
-    study: Study, fresh: Experiment, designs: set[Values], store: Path, carsim: Carsim, jobs: int
+    study: ListedStudy, fresh: Experiment, designs: set[Values], store: Path, carsim: Carsim, jobs: int
 ) -> dict[Values, float]:
     """The success of each design in the fresh environments."""
     assert SUCCESS.value is not None
     with write_store(store) as writer:
         writer.begin_study(study_facts(study, carsim, "tools/optimize_comparison.py"), carsim.build)
-        with open_simulator(fresh, Environment(fresh), writer, carsim, jobs, lambda runs: None, []) as simulator:
+        with open_simulator(
+            fresh, ExperimentEnvironment(fresh), writer, carsim, jobs, lambda runs: None, []
+        ) as simulator:
             return {
                 design: SUCCESS.value(simulator.rows(design, range(fresh.environments)), 0.0)
                 for design in sorted(designs)
@@ -152,7 +154,7 @@ def print_risk(pairs: int) -> None:
             hard = generator.standard_normal(number)
             strengths = norm.ppf([best_rate] * others + [rate])[:, None] + generator.standard_normal((others + 1, number))
             *other_runs, own_runs = [
-                [Row("passed" if good else "tipped", 1.0, 1.0) for good in row] for row in strengths > hard
+                [RunRow("passed" if good else "tipped", 1.0, 1.0) for good in row] for row in strengths > hard
             ]
             best = max(other_runs, key=passes)
             gain[pair], runs[pair] = passes(own_runs) - passes(best), number
@@ -165,12 +167,12 @@ def print_risk(pairs: int) -> None:
         print("|" + "|".join([f"{number}", f"{rate:g}", f"{others}, {best_rate:g}", *cells]) + "|", flush=True)
 
 
-def passes(rows: list[Row]) -> int:
+def passes(rows: list[RunRow]) -> int:
     """How many runs passed."""
     return sum(bool(row.passed) for row in rows)
 
 
-def of_first(rows: list[Row], seen: int, best: list[Row]) -> tuple[list[float], int, float]:
+def of_first(rows: list[RunRow], seen: int, best: list[RunRow]) -> tuple[list[float], int, float]:
     """What evidence_of_worse takes after so many runs."""
     excess, most_better = SUCCESS.excess(rows[:seen], best, TIMEOUT_S)
     return excess, len(best), most_better

@@ -40,7 +40,7 @@ from foldcar.simulation.engines import MUJOCO, MULTIBODY
 from foldcar.simulation.results import outcome_of
 from foldcar.simulation.runner import RunRequest
 from foldcar.store.writer import canonical_json
-from foldcar.study.environments import Environment
+from foldcar.study.environments import ExperimentEnvironment
 from foldcar.study.experiments import read_study
 
 LISTING = Path(__file__).resolve().parents[1] / "scenarios" / "width_study.json"
@@ -124,7 +124,7 @@ class Bench:
 
     def passed(self, params: Mapping[str, float], seed: int, scenes: int, widths_mm: Sequence[int]) -> Counts:
         """How many of samples 0 to ``scenes`` - 1 of the environment with ``params`` each width passes."""
-        environment = Environment(dataclasses.replace(self.experiment, scenic_params=params, seed=seed))
+        environment = ExperimentEnvironment(dataclasses.replace(self.experiment, scenic_params=params, seed=seed))
         drawn = {str(k): canonical_json(environment.sample(k)) for k in range(scenes)}
         bodies, settings = self._cars(tuple(widths_mm))
         facts = {"build": self._carsim.build, "bodies": bodies, "settings": settings, "scenes": drawn}

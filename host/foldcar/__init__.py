@@ -14,15 +14,15 @@ if TYPE_CHECKING:
 
     from foldcar.api.designs import design
     from foldcar.api.environment import environment
-    from foldcar.api.oracle import Evaluation, Result, evaluate, simulate
+    from foldcar.api.oracle import Evaluation, SimulatedRun, evaluate, simulate
     from foldcar.api.study import Study, sweep
     from foldcar.car.design import Design
     from foldcar.errors import FoldcarError
     from foldcar.statistics.rate import Rate
 
 __all__ = [
-    "Design", "Evaluation", "FoldcarError", "Rate", "Result", "Study", "condition", "design", "environment", "evaluate",
-    "simulate", "sweep",
+    "Design", "Evaluation", "FoldcarError", "Rate", "SimulatedRun", "Study", "condition", "design", "environment",
+    "evaluate", "simulate", "sweep",
 ]  # fmt: skip
 
 _MODULES = {
@@ -30,7 +30,7 @@ _MODULES = {
     "Evaluation": "foldcar.api.oracle",
     "FoldcarError": "foldcar.errors",
     "Rate": "foldcar.statistics.rate",
-    "Result": "foldcar.api.oracle",
+    "SimulatedRun": "foldcar.api.oracle",
     "Study": "foldcar.api.study",
     "design": "foldcar.api.designs",
     "environment": "foldcar.api.environment",

@@ -30,7 +30,7 @@ PATH_COLUMNS = ("t_s", "x_m", "y_m", "z_m", "heading_rad", "pitch_rad", "roll_ra
 
 
 @dataclass(frozen=True)
-class Result:
+class SimulatedRun:
     """The result of a run.
 
     ``metrics`` are numbers by name, as in docs/carsim.md; if the run failed they are None, and ``message`` says why.
@@ -90,7 +90,7 @@ def simulate(
     speed_m_s: float | None = None,
     yaw_rate_rad_s: float = 0.0,
     path_interval_s: float | None = None,
-) -> Result:
+) -> SimulatedRun:
     """Simulate a design in one scene: ``environment(…).scene(k)``, or a scene object of docs/carsim.md.
 
     If ``speed_m_s`` is None, the car drives at full speed. ``path_interval_s`` requests the car's path, with rows at this
@@ -131,7 +131,7 @@ def simulate(
     metrics = {name: answer.get(name) for name in NUMBERS}
     recorded = {name: record["value"] for name, record in answer.get("recorded", {}).items()}
     path = _path_table(with_path.get("path", ()), answer.get("elapsed_time_s", 0)) if path_settings else None
-    return Result(outcome_of(answer), metrics, answer.get("error"), recorded, path)
+    return SimulatedRun(outcome_of(answer), metrics, answer.get("error"), recorded, path)
 
 
 def evaluate(
@@ -228,7 +228,7 @@ def _table(answers: Sequence[Mapping[str, Any]], judged: bool) -> "pandas.DataFr
 
 
 def _path_table(rows: Sequence[Sequence[float]], elapsed_time_s: float) -> "pandas.DataFrame":
-    """Return the rows of a path up to ``elapsed_time_s`` as a table, as in :class:`Result`."""
+    """Return the rows of a path up to ``elapsed_time_s`` as a table, as in :class:`SimulatedRun`."""
     import pandas
 
     hinges = [f"hinge_{i + 1}_rad" for i in range(len(rows[0]) - len(PATH_COLUMNS) if rows else 0)]

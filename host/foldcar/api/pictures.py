@@ -10,7 +10,7 @@ from foldcar.notebook_html import image_html
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from foldcar.report.paper_figures import Drawing
+    from foldcar.report.paper_figures import PaperFigure
     from foldcar.report.reported_experiment import ReportedExperiment
 
 # Of a picture in a notebook: inches, pixels per inch, number of colours.
@@ -19,7 +19,7 @@ SIZE_IN, DPI, COLOURS = (7.2, 4.0), 110, 64
 
 def drawing_of(
     experiments: "Mapping[str, ReportedExperiment]", kinds: Sequence[str], experiment: str | None, caller: str
-) -> "Drawing":
+) -> "PaperFigure":
     """Return the first drawing of one of these kinds of an experiment; None stands for the only one.
 
     Raises FoldcarError if there is no such experiment, or several, or the experiment has no such drawing.
@@ -40,7 +40,7 @@ def drawing_of(
     raise FoldcarError(f"{caller}: experiment {name} has nothing to draw here; its report shows {others}")
 
 
-def drawn(drawing: "Drawing", figure: Any = None) -> "Figure":
+def drawn(drawing: "PaperFigure", figure: Any = None) -> "Figure":
     """Draw into ``figure``, an empty figure; without one, into a new figure of pyplot, which a notebook shows."""
     from foldcar.figures.style import drawing_style
 

@@ -8,8 +8,8 @@ from foldcar.errors import FoldcarError
 from foldcar.simulation.carsim import Carsim
 from foldcar.store.reader import Store
 from foldcar.store.tables import STUDY
-from foldcar.study.environments import Environment
-from foldcar.study.experiments import Experiment, Study, engine_study, read_study
+from foldcar.study.environments import ExperimentEnvironment
+from foldcar.study.experiments import Experiment, ListedStudy, engine_study, read_study
 from foldcar.study.stopping import stopping_rules
 from foldcar.study.sweep import Sweep
 
@@ -36,7 +36,7 @@ def planned_sweep(
     study = read_study(listing, experiment, environments)
     _check_same_study(study, store)
     study = engine_study(study, carsim)
-    environment_of: Callable[[Experiment], Environment] = Environment
+    environment_of: Callable[[Experiment], ExperimentEnvironment] = ExperimentEnvironment
     if reality is not None:
         from foldcar.study.reality_environment import RealityEnvironment, read_reality, study_in_reality
 
@@ -46,7 +46,7 @@ def planned_sweep(
     return Sweep(study, store, carsim, command, environment_of, rules, realities)
 
 
-def _check_same_study(study: Study, store: Path) -> None:
+def _check_same_study(study: ListedStudy, store: Path) -> None:
     """Raise FoldcarError if the store has a study of another listing, whose experiments this sweep might replace."""
     if not store.is_file() or not store.stat().st_size:
         return

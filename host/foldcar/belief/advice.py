@@ -34,7 +34,7 @@ FAILS = 0.05
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class AdvisedStep:
     """Something to do next, and by how much the rate of the recommended design is expected to rise.
 
     ``kind``: *drive* the car with index ``car`` again, *build* a car of the design with index ``design`` (with ``second``
@@ -61,7 +61,7 @@ def steps(
     drive_min: Callable[[int], float],
     measurable: Mapping[str, tuple[float, float]],
     trials: int = AFTERNOON_TRIALS,
-) -> list[Step]:
+) -> list[AdvisedStep]:
     """Return the possible steps, the greatest gain for an hour of work first.
 
     ``build_min`` are the minutes to build a car, ``drive_min`` gives those of one trial of a design (by index).
@@ -70,16 +70,16 @@ def steps(
     """
     view = _View(answers)
     result = [
-        Step("build", view.gain(view.new_car(design, trials)), build_min + trials * drive_min(design),
+        AdvisedStep("build", view.gain(view.new_car(design, trials)), build_min + trials * drive_min(design),
              design=design, second=design in view.driven)
         for design in view.candidates.tolist()
     ]  # fmt: skip
     result += [
-        Step("drive", view.gain(outcomes), trials * drive_min(design), design=design, car=car)
+        AdvisedStep("drive", view.gain(outcomes), trials * drive_min(design), design=design, car=car)
         for car, design, outcomes in view.known_cars(trials)
     ]
     result += [
-        Step("measure", view.gain(view.measured(NAMES.index(name), precision)), minutes, parameter=name)
+        AdvisedStep("measure", view.gain(view.measured(NAMES.index(name), precision)), minutes, parameter=name)
         for name, (minutes, precision) in measurable.items()
     ]
     return sorted(result, key=lambda step: -step.gain_per_hour)

@@ -11,7 +11,7 @@ import numpy
 from scipy.special import expit, gammaln
 
 from foldcar.belief.learning import Learned
-from foldcar.belief.priors import PARAMETERS, FloatArray, Parameter, ScorePrior
+from foldcar.belief.priors import PARAMETERS, FloatArray, ScorePrior, UnknownParameter
 from foldcar.belief.weighing import (
     CAR_SD,
     UNEXPLAINED,
@@ -71,7 +71,7 @@ class Unknown:
     measured value, None if it was not measured; ``wrong`` is the probability that this measurement is wrong.
     """
 
-    parameter: Parameter
+    parameter: UnknownParameter
     before: Estimate
     after: Estimate
     shift: float
@@ -296,6 +296,6 @@ def _sd(values: FloatArray, weights: FloatArray) -> float:
     return float(numpy.sqrt(weights @ (values - mean) ** 2))
 
 
-def _in_unit(parameter: Parameter, scores: Estimate) -> Estimate:
+def _in_unit(parameter: UnknownParameter, scores: Estimate) -> Estimate:
     """Return an estimate of a score in the parameter's unit."""
     return Estimate(*(float(parameter.value(score)) for score in (scores.value, scores.low, scores.high)))

@@ -19,7 +19,7 @@ FloatArray = np.ndarray[Any, np.dtype[np.float64]]
 
 
 @dataclass(frozen=True, slots=True)
-class Parameter:
+class UnknownParameter:
     """A parameter; ``nominal`` is its value in nominal simulation.
 
     ``prior``: ``log-normal`` with median ``middle`` and standard deviation ``sd`` of the logarithm, ``normal``, or
@@ -55,47 +55,47 @@ class Parameter:
 
 
 PARAMETERS = (
-    Parameter(
+    UnknownParameter(
         "friction", "×", "log-normal", 1.0, 0.3, 1.0,
         "friction coefficient of tyres on the ground, relative to the environment's",
         "published coefficients of soft rims on floors are 0.35 to 1, around the environments' 0.6",
     ),
-    Parameter(
+    UnknownParameter(
         "servo_torque", "×", "log-normal", 0.85, 0.3, 1.0,
         "stall torque of all servos, relative to the data sheet's at the nominal supply",
         "torque follows the supply, 4.2 to 6 V for four cells under load and charged; worn and copied servos have half",
     ),
-    Parameter(
+    UnknownParameter(
         "servo_speed", "×", "log-normal", 0.95, 0.15, 1.0,
         "no-load speed of all servos, relative to the data sheet's at the nominal supply",
         "speed follows the supply as torque does, and less the make of the servo",
     ),
-    Parameter(
+    UnknownParameter(
         "obstacle_height", "×", "log-normal", 1.0, 0.2, 1.0,
         "heights and depths of the ground, relative to the environment's",
         "obstacles that were not measured: the published pyramids have no sizes; measured ones would have sd 0.02",
     ),
-    Parameter(
+    UnknownParameter(
         "com_height_m", "m", "normal", 0.01, 0.012, 0.0,
         "height of the centre of mass above the drawn one",
         "where the battery of a car is that was not built from the sheets is not known; on the roof it lifts it by 28 mm",
     ),
-    Parameter(
+    UnknownParameter(
         "track_m", "m", "normal", 0.0, 0.004, 0.0,
         "distance between left and right tyres beyond the drawn one",
         "horns and servos differ by some 1 mm a side; a horn turned round sets its wheel 3 mm further in",
     ),
-    Parameter(
+    UnknownParameter(
         "start_position_sd_m", "m", "half-normal", 0.0, 0.01, 0.0,
         "scatter of the start along and across, one sd, beyond the environment's own",
         "a car put down by hand at a mark",
     ),
-    Parameter(
+    UnknownParameter(
         "start_heading_sd_rad", "rad", "half-normal", 0.0, 0.06, 0.0,
         "scatter of the heading at the start, one sd, beyond the environment's own",
         "a car of 0.2 m that is put down by eye, each end 6 mm off",
     ),
-    Parameter(
+    UnknownParameter(
         "wheel_spread", "×", "log-normal", 1.0, 0.5, 0.0,
         "differences between the wheels of a car, relative to the spreads of `workshop`",
         "data sheets' tolerances as in workshop.json, right within a factor of 2 or so",
@@ -140,7 +140,7 @@ def values_of(scores: FloatArray) -> list[dict[str, float]]:
 
 def parameter_named(
     name: str, value: float, place: str, largest_score: float, with_nominal: bool, others: Iterable[str] = ()
-) -> Parameter:
+) -> UnknownParameter:
     """Return the parameter ``name`` after a check that the score of ``value`` is at most ± ``largest_score``.
 
     ``with_nominal`` also allows the values from there to the nominal one. Raises FoldcarError, which starts with
@@ -205,7 +205,7 @@ def built_priors(vehicle_type: str, from_sheets: bool, supply_ratio: float | Non
     Example: ``built_priors("W_B_W+cells=nimh", from_sheets=True)``
     """
     cells_named = split_type(vehicle_type)[1].cells != DEFAULT_CHOICES.cells
-    servos: tuple[Parameter, ...] = NAMED_CELLS if cells_named else ()
+    servos: tuple[UnknownParameter, ...] = NAMED_CELLS if cells_named else ()
     if supply_ratio is not None:
         source = f"the measured supply, {supply_ratio:.2f} of the design's, and the servos' make and wear"
         servos = tuple(replace(servo, middle=servo.middle * supply_ratio, source=source) for servo in NAMED_CELLS)

@@ -36,7 +36,7 @@ SYSTEM_LIBRARIES = "libgl1 libglib2.0-0 libxcb1"
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class DoctorFinding:
     """One line of the check.
 
     ``state`` is ``ok``, ``missing`` (no study runs without it) or ``absent`` (only the commands in ``text`` need it).
@@ -72,11 +72,13 @@ def doctor(as_json: Json = False) -> None:
         raise typer.Exit(1)
 
 
-def _findings() -> Iterator[Finding]:
+def _findings() -> Iterator[DoctorFinding]:
     """Yield the findings in the order in which they are printed."""
     checkout = source_tree()
     where = f"checkout {checkout}" if checkout is not None else str(PACKAGE)
-    yield Finding("foldcar", "ok", f"{__version__} in {where}; Python {platform.python_version()}, {sys.executable}")
+    yield DoctorFinding(
+        "foldcar", "ok", f"{__version__} in {where}; Python {platform.python_version()}, {sys.executable}"
+    )
     yield _packages()
     yield _scenic()
     yield _simulator(checkout)
@@ -92,23 +94,23 @@ def _findings() -> Iterator[Finding]:
     yield _tool("browser", browser, f"none of {', '.join(BROWSERS)}: only `make test` needs one", "make test")
 
 
-def _tool(name: str, path: str | None, if_absent: str, advice: str) -> Finding:
+def _tool(name: str, path: str | None, if_absent: str, advice: str) -> DoctorFinding:
     """Return the finding on an optional tool: its path or version, or if None the text ``if_absent`` with advice."""
-    return Finding(name, "absent", if_absent, advice) if path is None else Finding(name, "ok", path)
+    return DoctorFinding(name, "absent", if_absent, advice) if path is None else DoctorFinding(name, "ok", path)
 
 
-def _packages() -> Finding:
+def _packages() -> DoctorFinding:
     """Compare installed packages with those that foldcar declares, and find extras that are not installed."""
     from packaging.requirements import Requirement
 
     try:
         declared = [Requirement(text) for text in importlib.metadata.requires("foldcar") or []]
     except importlib.metadata.PackageNotFoundError:
-        return Finding("packages", "missing", "foldcar itself is not installed as a package", REINSTALL)
+        return DoctorFinding("packages", "missing", "foldcar itself is not installed as a package", REINSTALL)
     core = [package for package in declared if package.marker is None or package.marker.evaluate({"extra": ""})]
     mismatches = [text for package in core if (text := _mismatch(package))]
     if mismatches:
-        return Finding("packages", "missing", "; ".join(mismatches), REINSTALL)
+        return DoctorFinding("packages", "missing", "; ".join(mismatches), REINSTALL)
     optional = [package for package in declared if package not in core and package.marker is not None]
     absent_extras = []
     for extra in MODULES:
@@ -117,8 +119,8 @@ def _packages() -> Finding:
             absent_extras.append(extra)
     if absent_extras:
         text = f"as declared, without the extras {', '.join(absent_extras)}: some commands need them"
-        return Finding("packages", "absent", text, extras_command(absent_extras))
-    return Finding("packages", "ok", "as declared, and all extras")
+        return DoctorFinding("packages", "absent", text, extras_command(absent_extras))
+    return DoctorFinding("packages", "ok", "as declared, and all extras")
 
 
 def _mismatch(declared: "Requirement") -> str:
@@ -139,7 +141,7 @@ def _version(package: str) -> str | None:
         return None
 
 
-def _scenic() -> Finding:
+def _scenic() -> DoctorFinding:
     """Check that Scenic can be imported, with the system libraries that it loads."""
     try:
         with warnings.catch_warnings():
@@ -148,11 +150,11 @@ def _scenic() -> Finding:
             import scenic
     except Exception as error:  # a broken library may raise anything
         text = f"cannot be imported: {type(error).__name__}: {error}"
-        return Finding("Scenic", "missing", text, f"{REINSTALL}; also apt-get install {SYSTEM_LIBRARIES}")
-    return Finding("Scenic", "ok", str(importlib.metadata.version(scenic.__name__)))
+        return DoctorFinding("Scenic", "missing", text, f"{REINSTALL}; also apt-get install {SYSTEM_LIBRARIES}")
+    return DoctorFinding("Scenic", "ok", str(importlib.metadata.version(scenic.__name__)))
 
 
-def _simulator(checkout: Path | None) -> Finding:
+def _simulator(checkout: Path | None) -> DoctorFinding:
     """Check that carsim simulates, and measure how fast."""
     from foldcar.simulation.carsim import Carsim
     from foldcar.simulation.engines import BINARY_VARIABLE, is_wasm
@@ -164,10 +166,10 @@ def _simulator(checkout: Path | None) -> Finding:
         advice = "make setup" if checkout is not None else "pip install --force-reinstall foldcar-….whl"
         if os.environ.get(BINARY_VARIABLE):
             advice = f"let {BINARY_VARIABLE} name a carsim, or leave it out"
-        return Finding("carsim", "missing", str(error), advice)
+        return DoctorFinding("carsim", "missing", str(error), advice)
     how = "WebAssembly with Node" if is_wasm(carsim.binary) else "native"
     text = f"{how}, {speedup:.0f} times real time, build {carsim.build}, firmware {carsim.firmware}, {carsim.binary}"
-    return Finding("carsim", "ok", text)
+    return DoctorFinding("carsim", "ok", text)
 
 
 def _speedup(carsim: "Carsim") -> float:
@@ -199,7 +201,7 @@ def _speedup(carsim: "Carsim") -> float:
     return SPEED_RUNS * SPEED_RUN_S / max(1e-3, durations_s[1] - durations_s[0])
 
 
-def _reversed_servos() -> Iterator[Finding]:
+def _reversed_servos() -> Iterator[DoctorFinding]:
     """Yield a finding for each car on USB that has servos which turn the other way than its design says.
 
     A port without a car says nothing here, nor does a car that another program uses.
@@ -215,10 +217,10 @@ def _reversed_servos() -> Iterator[Finding]:
             reversed_names = [name for name, value in values.items() if name.endswith("_REVERSED") and value]
             if reversed_names:
                 text = f"{design or port.path}: {', '.join(reversed_names)} 1: turns the other way than its design says"
-                yield Finding("servos", "ok", text, "if that is wrong: foldcar calibrate-servos")
+                yield DoctorFinding("servos", "ok", text, "if that is wrong: foldcar calibrate-servos")
 
 
-def _simulator_with_mujoco(checkout: Path | None) -> Finding:
+def _simulator_with_mujoco(checkout: Path | None) -> DoctorFinding:
     """Check that carsim with MuJoCo starts."""
     from foldcar.simulation.carsim import Carsim
     from foldcar.simulation.engines import MUJOCO
@@ -227,11 +229,11 @@ def _simulator_with_mujoco(checkout: Path | None) -> Finding:
         carsim = Carsim(engine=MUJOCO)
     except FoldcarError as error:
         advice = "make mujoco" if checkout else "pip install 'foldcar[mujoco]', which needs Python 3.11 or newer"
-        return Finding("MuJoCo", "absent", f"{error}; only --engine mujoco needs it", advice)
-    return Finding("MuJoCo", "ok", f"build {carsim.build}, firmware {carsim.firmware}, {carsim.binary}")
+        return DoctorFinding("MuJoCo", "absent", f"{error}; only --engine mujoco needs it", advice)
+    return DoctorFinding("MuJoCo", "ok", f"build {carsim.build}, firmware {carsim.firmware}, {carsim.binary}")
 
 
-def _writable(name: str, folder: str | None, advice: str) -> Finding:
+def _writable(name: str, folder: str | None, advice: str) -> DoctorFinding:
     """Check that ``folder`` (None: the one for temporary files) can be written."""
     try:
         chosen = Path(folder or tempfile.gettempdir()).absolute()
@@ -239,20 +241,22 @@ def _writable(name: str, folder: str | None, advice: str) -> Finding:
             pass
     except OSError as error:
         where = f"{Path(folder).absolute()}: cannot be written" if folder else "no folder can be written"
-        return Finding(name, "missing", f"{where}: {error.strerror}", advice)
-    return Finding(name, "ok", f"{chosen}: {shutil.disk_usage(chosen).free / 1e9:.1f} GB free")
+        return DoctorFinding(name, "missing", f"{where}: {error.strerror}", advice)
+    return DoctorFinding(name, "ok", f"{chosen}: {shutil.disk_usage(chosen).free / 1e9:.1f} GB free")
 
 
-def _serial_ports() -> Finding:
+def _serial_ports() -> DoctorFinding:
     """Find cars on USB and check that this user may open their ports."""
     from foldcar.link.stream import usb_ports
 
     ports = usb_ports()
     if not ports:
-        return Finding("car on USB", "absent", "no USB serial port", "plug a car in, or let `foldcar link` pose as one")
+        return DoctorFinding(
+            "car on USB", "absent", "no USB serial port", "plug a car in, or let `foldcar link` pose as one"
+        )
     shown = ", ".join(f"{port.path} ({port.description})" for port in ports)
     closed = [port.path for port in ports if not os.access(port.path, os.R_OK | os.W_OK)]
     if closed:
         shown += f": no permission for {', '.join(closed)}"
-        return Finding("car on USB", "absent", shown, "sudo usermod -aG dialout $USER, then log in again")
-    return Finding("car on USB", "ok", shown)
+        return DoctorFinding("car on USB", "absent", shown, "sudo usermod -aG dialout $USER, then log in again")
+    return DoctorFinding("car on USB", "ok", shown)

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from foldcar.car.design import Design
     from foldcar.simulation.carsim import Carsim
     from foldcar.simulation.runner import Runner
-    from foldcar.study.environments import Environment
+    from foldcar.study.environments import ExperimentEnvironment
     from foldcar.study.experiments import Experiment
     from foldcar.study.family import Family
     from foldcar.study.listing import Listing
@@ -29,7 +29,7 @@ class ListedRun:
     carsim: "Carsim"
     experiment: "Experiment"
     design: "Design"
-    environment: "Environment"
+    environment: "ExperimentEnvironment"
     body: dict[str, Any]
     variation: dict[str, Any]
     scene: dict[str, Any]
@@ -79,7 +79,7 @@ def listed_run(
     Raises FoldcarError if the settings leave several designs, or the Scenic program has an error.
     """
     from foldcar.simulation.carsim import Carsim
-    from foldcar.study.environments import Environment
+    from foldcar.study.environments import ExperimentEnvironment
     from foldcar.study.experiments import read_study
 
     (listed_experiment,) = read_study(listing, experiment).experiments
@@ -87,7 +87,7 @@ def listed_run(
     design = listed_experiment.family.narrowed(chosen).single()
     for text in listed_experiment.family.outside(chosen):
         print_note(text)
-    environment = Environment(listed_experiment)
+    environment = ExperimentEnvironment(listed_experiment)
     variation, scene = environment.variation(sample), environment.sample(sample)
     carsim = Carsim(engine=engine)
     run_without_body = ListedRun(carsim, listed_experiment, design, environment, {}, variation, scene, sample)

@@ -14,7 +14,7 @@ from foldcar.errors import FoldcarError
 from foldcar.typed import did_you_mean
 
 if TYPE_CHECKING:
-    from foldcar.link.car import Car
+    from foldcar.link.car import ConnectedCar
 
 params = typer.Typer(
     name="params",
@@ -127,7 +127,7 @@ def _print_parameters(values: Mapping[str, float], *lines: str) -> None:
 
 
 @contextlib.contextmanager
-def _car(port: str | None) -> Iterator["Car"]:
+def _car(port: str | None) -> Iterator["ConnectedCar"]:
     """Yield the car at ``port`` (None: the only port with a board); close the connection at the end of the block."""
     from foldcar.link.car import greeted
     from foldcar.link.stream import choose_port

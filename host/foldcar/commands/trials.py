@@ -92,7 +92,7 @@ def erase_car_logs(
     from foldcar.link.car import greeted
     from foldcar.link.stream import LinkLostError, choose_port
     from foldcar.trials.erasing import erase_stored_logs
-    from foldcar.trials.person import Answers
+    from foldcar.trials.person import PersonAnswers
 
     with greeted(choose_port(port)) as car:
 
@@ -100,7 +100,7 @@ def erase_car_logs(
             with contextlib.suppress(LinkLostError):
                 car.connection.receive(0.0)
 
-        erase_stored_logs(car, store, None if yes else Answers(keep_link_alive))
+        erase_stored_logs(car, store, None if yes else PersonAnswers(keep_link_alive))
 
 
 @trials.command()

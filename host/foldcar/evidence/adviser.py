@@ -7,7 +7,7 @@ the API print it.
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from foldcar.belief.advice import AFTERNOON_TRIALS, MIN_GAIN, Step, steps
+from foldcar.belief.advice import AFTERNOON_TRIALS, MIN_GAIN, AdvisedStep, steps
 from foldcar.belief.priors import MEASURABLE
 from foldcar.evidence.belief import Belief
 from foldcar.evidence.comparison import built_rate
@@ -126,7 +126,7 @@ class Adviser:
             basis=self._basis,
         )
 
-    def _steps(self) -> list[Step]:
+    def _steps(self) -> list[AdvisedStep]:
         """Return the possible steps, the greatest gain for an hour first."""
         belief, info = self.belief, self.evidence.info
         known = belief.measured or {}
@@ -141,7 +141,7 @@ class Adviser:
     def _trial_min(self, row: int) -> float:
         return trial_min(self.belief.designs[row].mean_time_s)
 
-    def _learn(self, first: Step | None, measured: Step | None, gain: float, enough: bool) -> str:
+    def _learn(self, first: AdvisedStep | None, measured: AdvisedStep | None, gain: float, enough: bool) -> str:
         """Return the line on what to do to learn most."""
         if enough:
             return f"Want to learn most? {afternoon(gain)} Stop here, or change the family."
@@ -155,7 +155,7 @@ class Adviser:
         first_text = f"Measure {what} first ({minutes}), because success depends on it"
         return f"Want to learn most? {first_text}. Then {then}. {gained}".strip()
 
-    def _planned(self, step: Step) -> PlannedStep:
+    def _planned(self, step: AdvisedStep) -> PlannedStep:
         """Return a step with its words, rates and costs."""
         belief = self.belief
         text = step_text(belief, step, AFTERNOON_TRIALS)
@@ -169,7 +169,7 @@ class Adviser:
             simulated=design.simulated() if design.runs else None, built=built_rate(belief, step.design),
         )  # fmt: skip
 
-    def _environments(self, step: Step) -> tuple[int, ...]:
+    def _environments(self, step: AdvisedStep) -> tuple[int, ...]:
         """Return the samples to set up: the first ones in which the design was not driven yet."""
         assert step.design is not None
         driven = {trial.sample for trial in self.belief.designs[step.design].trials}

@@ -7,7 +7,7 @@ Verbs follow probability, here and everywhere: a design *reaches* the threshold 
 import numpy
 from numpy.typing import NDArray
 
-from foldcar.belief.advice import MIN_GAIN, Step
+from foldcar.belief.advice import MIN_GAIN, AdvisedStep
 from foldcar.belief.answers import PROBABLY, REACHES, Estimate
 from foldcar.evidence.belief import Belief
 from foldcar.evidence.evidence import Evidence, no_trial_text
@@ -94,7 +94,7 @@ def afternoon(gain: float) -> str:
     return f"This is expected to raise the rate of the recommended design by {count(round(100 * gain), 'point')}."
 
 
-def step_text(belief: Belief, step: Step, trials: int) -> str:
+def step_text(belief: Belief, step: AdvisedStep, trials: int) -> str:
     """Return a step in words, such as ``build 100 mm and drive it 10 times``."""
     if step.kind == "measure":
         return f"measure {measurement(step.parameter)}"

@@ -52,7 +52,7 @@ class CarIdentity:
     scene: str | None
 
 
-class Car:
+class ConnectedCar:
     """A connected car. Create it with :func:`greet`. All methods raise LinkLostError if the link is lost."""
 
     def __init__(self, connection: Connection) -> None:
@@ -250,7 +250,7 @@ class Car:
         )
 
 
-def greet(port: str, timeout_s: float = GREETING_S) -> Car:
+def greet(port: str, timeout_s: float = GREETING_S) -> ConnectedCar:
     """Connect to the car at a port.
 
     Raises NoCarError if no heartbeat of a car arrives within ``timeout_s``, FoldcarError if the port cannot be opened.
@@ -270,11 +270,11 @@ def greet(port: str, timeout_s: float = GREETING_S) -> Car:
     except BaseException:
         connection.close()
         raise
-    return Car(connection)
+    return ConnectedCar(connection)
 
 
 @contextlib.contextmanager
-def greeted(port: str) -> Iterator[Car]:
+def greeted(port: str) -> Iterator[ConnectedCar]:
     """Yield the car at a port; close the connection at the end of the block. Raises as :func:`greet`."""
     car = greet(port)
     try:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from foldcar.errors import FoldcarError
-from foldcar.link.car import ANSWER_S, TRIES, Car
+from foldcar.link.car import ANSWER_S, TRIES, ConnectedCar
 from foldcar.link.connection import CAR_COMPONENT, CAR_SYSTEM
 
 # Bytes per request, 64 packets of 90; lost parts are requested again.
@@ -27,7 +27,7 @@ class StoredLog:
     size_bytes: int
 
 
-def list_logs(car: Car) -> list[StoredLog]:
+def list_logs(car: ConnectedCar) -> list[StoredLog]:
     """Return the logs in the car, oldest first. Raises FoldcarError if the list is incomplete after 20 s."""
     car.connection.status_text = None
     end_s = time.monotonic() + LIST_S
@@ -50,7 +50,7 @@ def list_logs(car: Car) -> list[StoredLog]:
     raise FoldcarError(f"{car.port}: the car does not list its logs{_status_suffix(car)}")
 
 
-def fetch_log(car: Car, log: StoredLog) -> bytes:
+def fetch_log(car: ConnectedCar, log: StoredLog) -> bytes:
     """Return the bytes of a log. Raises FoldcarError if they are incomplete after 120 s.
 
     They are requested in windows of WINDOW_BYTES; after a lost packet, from the first missing byte on.
@@ -78,7 +78,7 @@ def fetch_log(car: Car, log: StoredLog) -> bytes:
     return bytes(content[: log.size_bytes])
 
 
-def erase_logs(car: Car, logs: Sequence[StoredLog]) -> None:
+def erase_logs(car: ConnectedCar, logs: Sequence[StoredLog]) -> None:
     """Erase all logs in the car, which must be ``logs``.
 
     Raises FoldcarError if the car has other logs, for example of a trial since; nothing is erased then. Also raises it if
@@ -93,6 +93,6 @@ def erase_logs(car: Car, logs: Sequence[StoredLog]) -> None:
     raise FoldcarError(f"{car.port}: the car has not erased its logs{_status_suffix(car)}")
 
 
-def _status_suffix(car: Car) -> str:
+def _status_suffix(car: ConnectedCar) -> str:
     """Return the car's status text for an error, because MAVLink's log protocol has no message for a refusal."""
     return f"; it says: {car.connection.status_text}" if car.connection.status_text else ""

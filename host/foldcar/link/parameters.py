@@ -7,7 +7,7 @@ import struct
 import time
 
 from foldcar.errors import FoldcarError
-from foldcar.link.car import ANSWER_S, TRIES, Car
+from foldcar.link.car import ANSWER_S, TRIES, ConnectedCar
 from foldcar.link.connection import CAR_COMPONENT, CAR_SYSTEM
 
 # Time limit for all parameters, and the silence after which missing ones are requested again.
@@ -22,7 +22,7 @@ ANSWERS = ("PARAM_VALUE", "FOLDCAR_PARAM_REFUSED")
 BURST = 4
 
 
-def read_parameters(car: Car) -> dict[str, float]:
+def read_parameters(car: ConnectedCar) -> dict[str, float]:
     """Return all parameters by name, in the car's order. Lost ones are requested again.
 
     Raises FoldcarError if some are missing after 20 s.
@@ -52,7 +52,7 @@ def read_parameters(car: Car) -> dict[str, float]:
     return {names[index]: values[index] for index in sorted(values)}
 
 
-def set_parameter(car: Car, name: str, value: float) -> None:
+def set_parameter(car: ConnectedCar, name: str, value: float) -> None:
     """Set and save one parameter. Raises FoldcarError, with the reason, if the car refuses it or does not answer."""
     if not name.isascii() or not 0 < len(name) <= MAX_NAME_BYTES:
         # A packet would contain only the beginning of a longer name, which may be another parameter's name.

@@ -41,7 +41,7 @@ Read = TypeVar("Read")
 
 
 @dataclass(frozen=True)
-class Column:
+class EnvironmentColumn:
     """A column: its name with the SI unit; its label, unit and scale for readers, who see ``scale`` times the value."""
 
     name: str
@@ -54,7 +54,7 @@ class Column:
 class EnvironmentValues:
     """``values`` (environments, columns) in SI units, NaN if an environment lacks a value or is not sampled yet."""
 
-    columns: tuple[Column, ...]
+    columns: tuple[EnvironmentColumn, ...]
     values: NDArray[Any]
 
     @property
@@ -261,13 +261,13 @@ def _informative(values: NDArray[Any]) -> list[int]:
     return informative
 
 
-def _column(name: str, labels: Mapping[str, str], prefixes: Mapping[str, str]) -> Column:
+def _column(name: str, labels: Mapping[str, str], prefixes: Mapping[str, str]) -> EnvironmentColumn:
     """Return the column of this name.
 
     ``labels`` are those of objects' columns. ``prefixes`` begin the labels of pieces' columns, by piece.
     """
     unit = label_and_unit(name)[1]
-    return Column(name, labels.get(name) or _label(name, prefixes), *READERS_UNITS.get(unit, (unit, 1.0)))
+    return EnvironmentColumn(name, labels.get(name) or _label(name, prefixes), *READERS_UNITS.get(unit, (unit, 1.0)))
 
 
 def _label(name: str, prefixes: Mapping[str, str]) -> str:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from foldcar.evidence.evidence import Evidence
 from foldcar.report.page_types import FrontPoint, PageObjective, SearchFront
 from foldcar.simulation.results import NUMBERS, OUTCOMES
-from foldcar.study.search.design_simulator import Row
+from foldcar.study.search.design_simulator import RunRow
 from foldcar.study.search.objectives import OBJECTIVES, Objective, is_dominated
 
 
@@ -46,20 +46,20 @@ def search_front(evidence: Evidence, areas: Sequence[float | None], fresh: Evide
     return {"objectives": shown, "points": points}
 
 
-def _rows(evidence: Evidence) -> list[list[Row]]:
+def _rows(evidence: Evidence) -> list[list[RunRow]]:
     """Return the runs of each design that count."""
     runs = evidence.runs.counted
-    rows: list[list[Row]] = [[] for _ in evidence.family]
+    rows: list[list[RunRow]] = [[] for _ in evidence.family]
     numbers = (runs.metrics[:, NUMBERS.index(name)].tolist() for name in ("elapsed_time_s", "consumed_energy_j"))
     for design, outcome, time_s, energy_j in zip(runs.design.tolist(), runs.outcome.tolist(), *numbers, strict=True):
         # Rows have None where the arrays have NaN; only NaN differs from itself.
         measured = (None if value != value else value for value in (time_s, energy_j))
-        rows[design].append(Row(OUTCOMES[outcome], *measured))
+        rows[design].append(RunRow(OUTCOMES[outcome], *measured))
     return rows
 
 
 def _point(
-    index: int, objectives: Sequence[Objective], rows: list[Row], limit_s: float, area_cm2: float | None, fresh: bool
+    index: int, objectives: Sequence[Objective], rows: list[RunRow], limit_s: float, area_cm2: float | None, fresh: bool
 ) -> FrontPoint:
     """Return a design's objectives with their intervals, in the units of the page."""
     # (value, low, high) of each objective.

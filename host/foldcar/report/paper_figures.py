@@ -38,7 +38,7 @@ COLUMNS, MAX_NUMBERS = 3, 150
 
 
 @dataclass(frozen=True)
-class Drawing:
+class PaperFigure:
     """A figure: what it shows, the name of its files without suffix, its caption, and the function that draws it.
 
     ``kind`` is *feasibility*, *success*, *outcomes*, *effects* or *map*. ``draw`` takes the keyword ``figure``, an empty
@@ -53,7 +53,7 @@ class Drawing:
 
 def drawings(
     designs: DesignColumns, effects: Effects | None, indices: Sequence[int], thresholds: Sequence[float]
-) -> Iterator[Drawing]:
+) -> Iterator[PaperFigure]:
     """Yield the drawings of an experiment; ``effects`` are of the parameters with ``indices``."""
     start = "experiment_" + file_name_part(designs.evidence.info.id)
     judged, run = designs.evidence.info.success_defined, bool(designs.evidence.outcome_counts.any())
@@ -63,24 +63,26 @@ def drawings(
         if judged:
             caption = f"Success by {label}: what simulation and trials say, with 95 % bands"
             draw = partial(draw_feasibility, designs, thresholds)
-            yield Drawing("feasibility", f"{start}_feasibility_by_{name}", caption, draw)
+            yield PaperFigure("feasibility", f"{start}_feasibility_by_{name}", caption, draw)
         if judged and run:
             caption = f"Mean success by {label} over all environments, with {designs.interval_name} 95 % intervals"
-            yield Drawing("success", f"{start}_success_by_{name}", caption, partial(draw_success, designs, thresholds))
+            yield PaperFigure(
+                "success", f"{start}_success_by_{name}", caption, partial(draw_success, designs, thresholds)
+            )
         if run:
             caption = f"Outcomes by {label}"
-            yield Drawing("outcomes", f"{start}_outcomes_by_{name}", caption, partial(draw_outcomes, designs))
+            yield PaperFigure("outcomes", f"{start}_outcomes_by_{name}", caption, partial(draw_outcomes, designs))
     if len(indices) > 1 and effects is not None:
         caption_start = "Success over each parameter, with 95 % bands of the differences between its values"
         combinations = combinations_text(effects.effect(0), len(indices))
         caption = f"{caption_start}: {combinations}, for the first. Thin: single combinations."
         draw = partial(draw_effects, designs, effects, indices, thresholds)
-        yield Drawing("effects", f"{start}_effects", caption, draw)
+        yield PaperFigure("effects", f"{start}_effects", caption, draw)
         # Without differences between designs no parameter is more important than another.
         two = [row["parameter"] for row in importance_rows(effects, indices)][:2] or list(indices)[:2]
         first, second = (list(designs.evidence.values)[index] for index in two)
         caption_start = f"Success over {label_and_unit(first)[0]} and {label_and_unit(second)[0]} by the smooth model"
-        yield Drawing(
+        yield PaperFigure(
             "map",
             f"{start}_map_by_{first}_and_{second}",
             f"{caption_start}, a mean over the same combinations of the others",

@@ -16,7 +16,7 @@ from foldcar.outputs import check_output_folder
 from foldcar.report.drives import PageDrives, deflated
 from foldcar.report.page_data import page_data
 from foldcar.report.page_types import MediaFile, PageData
-from foldcar.report.paper_figures import Drawing, drawings
+from foldcar.report.paper_figures import PaperFigure, drawings
 from foldcar.report.reported_experiment import read_experiments
 from foldcar.report.stills import stills
 from foldcar.simulation.engines import find_wasm
@@ -50,7 +50,7 @@ def write_report(
         raise FoldcarError(f"{store.path}: contains no runs yet; sweep the listing first")
     data = page_data(store, report_command, experiments)
     blobs: dict[str, str] = {}
-    planned: list[Drawing] = []
+    planned: list[PaperFigure] = []
     for number, (experiment, shown) in enumerate(zip(experiments, data["experiments"], strict=True)):
         with threadpool_limits(1):
             own = list(
@@ -103,7 +103,7 @@ def _shown_media(store: Store, media: Media, folder: Path) -> MediaFile:
     return {"kind": media.kind, "name": file.name, "address": address if file.is_file() else None}
 
 
-def _save_figures(planned: Iterable[Drawing], folder: Path) -> None:
+def _save_figures(planned: Iterable[PaperFigure], folder: Path) -> None:
     with drawing_style(), threadpool_limits(1):
         for drawing in planned:
             figure = drawing.draw()

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from foldcar.statistics.words import count
 from foldcar.store.info import unlike_sides_text
 from foldcar.store.writer import PlannedExperiment
-from foldcar.study.environments import Environment
+from foldcar.study.environments import ExperimentEnvironment
 from foldcar.study.experiments import Experiment
 
 # Number of cars that cannot be built and are announced by name.
@@ -23,7 +23,7 @@ def success_lines(plans: Sequence[PlannedExperiment]) -> Iterator[str]:
         yield f"{noun} {', '.join(names)}: {rule}"
 
 
-def environment_lines(experiment: Experiment, environment: Environment) -> Iterator[str]:
+def environment_lines(experiment: Experiment, environment: ExperimentEnvironment) -> Iterator[str]:
     """Yield a line for each oddity in sample 0 of an environment."""
     for note in environment.notes():
         yield f"experiment {experiment.id}: sample 0: {note}"

@@ -12,7 +12,7 @@ from itertools import islice
 from foldcar.car.body import body_json
 from foldcar.simulation.runner import Runner, RunRequest
 from foldcar.store.writer import canonical_json
-from foldcar.study.environments import Environment
+from foldcar.study.environments import ExperimentEnvironment
 from foldcar.study.experiments import Experiment
 from foldcar.study.family import Family
 from foldcar.study.reality_runs import STAGES, why_no_realities
@@ -28,7 +28,7 @@ EMPTY_BYTES, RUN_BYTES, REALITY_RUN_BYTES = 100_000, 85, 100
 
 
 @dataclass(frozen=True)
-class Estimate:
+class SweepEstimate:
     """The estimate of an experiment.
 
     ``folded`` of the ``designs`` were folded; ``refused`` names those of them that cannot be built, with reasons.
@@ -65,7 +65,7 @@ def fold(family: Family, limit_s: float) -> tuple[Family, float]:
     return family.only(values for _, values in sorted(members)), total_s
 
 
-def estimates(sweep: Sweep, jobs: int) -> list[Estimate]:
+def estimates(sweep: Sweep, jobs: int) -> list[SweepEstimate]:
     """Estimate every experiment with ``jobs`` simulators. Raises FoldcarError if no design of one can be built."""
     return [
         _estimate(sweep, experiment, environment, jobs)
@@ -73,7 +73,7 @@ def estimates(sweep: Sweep, jobs: int) -> list[Estimate]:
     ]
 
 
-def _estimate(sweep: Sweep, experiment: Experiment, environment: Environment, jobs: int) -> Estimate:
+def _estimate(sweep: Sweep, experiment: Experiment, environment: ExperimentEnvironment, jobs: int) -> SweepEstimate:
     """Estimate an experiment from some designs that are folded, scenes that are sampled and runs that are simulated."""
     sampled_family, folding_s = fold(experiment.family, FOLDING_S)
     folded, refused = sampled_family.combinations, tuple(sampled_family.skipped)
@@ -88,7 +88,7 @@ def _estimate(sweep: Sweep, experiment: Experiment, environment: Environment, jo
     if environment.variation(0):
         # Each sample also stores how its cars vary, which is about as long as a scene.
         scene_bytes = 2 * round(_mean_length(scenes))
-    return Estimate(
+    return SweepEstimate(
         experiment=experiment.id,
         designs=experiment.family.combinations,
         folded=folded,
@@ -107,7 +107,7 @@ def _estimate(sweep: Sweep, experiment: Experiment, environment: Environment, jo
     )
 
 
-def _sampled_scenes(experiment: Experiment, environment: Environment) -> tuple[dict[str, str], float]:
+def _sampled_scenes(experiment: Experiment, environment: ExperimentEnvironment) -> tuple[dict[str, str], float]:
     """Return the JSON of some scenes by their sample, and the time to draw one scene (s)."""
     # The first sample compiles the program, which must not count as the time of a sample.
     environment.sample(0)
@@ -119,7 +119,7 @@ def _sampled_scenes(experiment: Experiment, environment: Environment) -> tuple[d
 
 
 def _probes(
-    sweep: Sweep, experiment: Experiment, environment: Environment, family: Family, samples: int
+    sweep: Sweep, experiment: Experiment, environment: ExperimentEnvironment, family: Family, samples: int
 ) -> tuple[dict[str, str], list[RunRequest]]:
     """Return the JSON of the bodies of some designs, and a run of each; the runs use the first ``samples`` samples."""
     table = sweep.carsim.parameter_table()
@@ -153,7 +153,7 @@ def _seconds_of_a_run(
     return max(0.0, probes_s - first_s) / (len(probes) - 1)
 
 
-def _max_realities(sweep: Sweep, experiment: Experiment, environment: Environment) -> int:
+def _max_realities(sweep: Sweep, experiment: Experiment, environment: ExperimentEnvironment) -> int:
     """Return how many runs in other realities the sweep has at most."""
     if why_no_realities(experiment, environment, sweep.realities, environment.dynamic, environment.success):
         return 0

@@ -28,7 +28,7 @@ from foldcar.study.experiments import Experiment
 NOMINAL = "nominal"
 
 
-class Environment:
+class ExperimentEnvironment:
     """The environment of one experiment. All methods raise FoldcarError if the Scenic program has an error."""
 
     def __init__(self, experiment: Experiment) -> None:

@@ -15,7 +15,7 @@ from foldcar.statistics.stopping import StoppingRule
 from foldcar.store.tables import DRAW, SAMPLE
 from foldcar.store.writer import PlannedExperiment, PlannedRun, StoreWriter, canonical_json
 from foldcar.study.chunks import ChunkPool, FinishedRun
-from foldcar.study.environments import Environment
+from foldcar.study.environments import ExperimentEnvironment
 from foldcar.study.reality_runs import RealityCounts
 from foldcar.study.stopping import DesignState, Schedule
 
@@ -74,7 +74,7 @@ class StoredSamples:
     simulation.
     """
 
-    def __init__(self, environment: Environment, writer: StoreWriter, dynamic: bool) -> None:
+    def __init__(self, environment: ExperimentEnvironment, writer: StoreWriter, dynamic: bool) -> None:
         self._environment = environment
         self._writer = writer
         self._dynamic = dynamic
@@ -130,7 +130,7 @@ class ExperimentRuns:
 
     plan: PlannedExperiment
     design_count: int
-    environment: Environment
+    environment: ExperimentEnvironment
     dynamic: bool
     writer: StoreWriter
     pool: ChunkPool[PlannedRun]

@@ -59,7 +59,7 @@ class Experiment:
 
 
 @dataclass(frozen=True)
-class Study:
+class ListedStudy:
     """A listing file: its name as typed, its text, and the selected experiments."""
 
     listing_name: str
@@ -67,7 +67,7 @@ class Study:
     experiments: tuple[Experiment, ...]
 
 
-def read_study(file: Path, experiment: str | None = None, environments: int | None = None) -> Study:
+def read_study(file: Path, experiment: str | None = None, environments: int | None = None) -> ListedStudy:
     """Read the study of a listing, or one experiment of it; ``environments`` overrides the number of samples.
 
     Raises ListingError with all mistakes of the listing, also in parts that were not chosen.
@@ -109,7 +109,7 @@ def read_study(file: Path, experiment: str | None = None, environments: int | No
                 thresholds=params.threshold,
             )
         )
-    return Study(str(file), text, tuple(experiments))
+    return ListedStudy(str(file), text, tuple(experiments))
 
 
 def run_settings(
@@ -146,7 +146,7 @@ def run_settings(
     }
 
 
-def engine_study(study: Study, carsim: "Carsim") -> Study:
+def engine_study(study: ListedStudy, carsim: "Carsim") -> ListedStudy:
     """Return the study with the simulator's engine added to the names of its experiments."""
     named = (replace(experiment, id=engine_id(experiment.id, carsim.engine)) for experiment in study.experiments)
     return replace(study, experiments=tuple(named))

@@ -16,8 +16,8 @@ from foldcar.shown_text import decoded
 from foldcar.simulation.carsim import Carsim
 from foldcar.statistics.stopping import StoppingRule
 from foldcar.store.writer import PlannedExperiment, StoreWriter
-from foldcar.study.environments import Environment
-from foldcar.study.experiments import Experiment, Study
+from foldcar.study.environments import ExperimentEnvironment
+from foldcar.study.experiments import Experiment, ListedStudy
 from foldcar.study.planned_designs import PlannedDesigns
 from foldcar.study.reality_runs import reality_facts, reality_spread, why_no_realities
 from foldcar.version import __version__
@@ -47,7 +47,7 @@ class SearchOptions:
 
 def plan_experiment(
     experiment: Experiment,
-    environment: Environment,
+    environment: ExperimentEnvironment,
     writer: StoreWriter,
     designs: PlannedDesigns,
     options: SweepOptions | SearchOptions,
@@ -101,7 +101,7 @@ def _listed_facts(experiment: Experiment) -> dict[str, Any]:
     }
 
 
-def _program_facts(environment: Environment, writer: StoreWriter, environment_id: int) -> dict[str, Any]:
+def _program_facts(environment: ExperimentEnvironment, writer: StoreWriter, environment_id: int) -> dict[str, Any]:
     """Return what the Scenic program says: when a run has passed, and which terrain objects there are."""
     stored = writer.environment_facts(environment_id)
     # An earlier sweep has stored these facts, so that the program need not be compiled for them.
@@ -114,7 +114,7 @@ def _program_facts(environment: Environment, writer: StoreWriter, environment_id
     }
 
 
-def _environment_facts(environment: Environment) -> dict[str, Any]:
+def _environment_facts(environment: ExperimentEnvironment) -> dict[str, Any]:
     """Return which reality the environment is simulated in, and which files its program has."""
     facts: dict[str, Any] = {"reality": environment.reality}
     if environment.reality:
@@ -127,7 +127,7 @@ def _environment_facts(environment: Environment) -> dict[str, Any]:
 
 def _reality_facts(
     experiment: Experiment,
-    environment: Environment,
+    environment: ExperimentEnvironment,
     writer: StoreWriter,
     program_facts: Mapping[str, Any],
     options: SweepOptions | SearchOptions,
@@ -161,7 +161,7 @@ def _option_facts(options: SweepOptions | SearchOptions) -> dict[str, Any]:
     return facts
 
 
-def study_facts(study: Study, carsim: Carsim, command: str) -> dict[str, str]:
+def study_facts(study: ListedStudy, carsim: Carsim, command: str) -> dict[str, str]:
     """Return what a store keeps of a sweep as a whole: versions, listing, command and time."""
     return {
         "foldcar_version": __version__,

@@ -18,7 +18,7 @@ from foldcar.car.user_modules import components_digest
 from foldcar.scenes.fingerprint import code_digest
 from foldcar.store.designs import StoredDesigns, stored_designs
 from foldcar.store.writer import PlannedDesign
-from foldcar.study.experiments import Experiment, Study
+from foldcar.study.experiments import Experiment, ListedStudy
 
 PACKAGE = Path(__file__).resolve().parents[1]
 # Code and data on which designs depend.
@@ -59,7 +59,7 @@ class PlannedDesigns:
             yield planned_design(self._experiment, design, self._table)
 
 
-def planned_designs(study: Study, store: Path, table: Mapping[str, TableRow]) -> dict[str, PlannedDesigns]:
+def planned_designs(study: ListedStudy, store: Path, table: Mapping[str, TableRow]) -> dict[str, PlannedDesigns]:
     """Return the checked designs of every experiment by its id. Raises FoldcarError."""
     stored = stored_designs(store, [experiment.id for experiment in study.experiments])
     return {

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 from foldcar.belief.priors import built_priors, values_of
 from foldcar.store.info import RANDOM_REALITIES, VARIANT
-from foldcar.study.experiments import Experiment, Study
+from foldcar.study.experiments import Experiment, ListedStudy
 from foldcar.study.reality_draws import draw_sample_scores
 from foldcar.study.reality_environment import ChangedEnvironment, hashed
 from foldcar.study.reality_runs import reality_spread
@@ -46,7 +46,7 @@ class RandomRealities(ChangedEnvironment):
         return values
 
 
-def study_over_realities(study: Study) -> Study:
+def study_over_realities(study: ListedStudy) -> ListedStudy:
     """Return the study with the names of its experiments in random realities: "width (realities)"."""
     renamed = (replace(experiment, id=f"{experiment.id} (realities)") for experiment in study.experiments)
     return replace(study, experiments=tuple(renamed))

@@ -21,8 +21,8 @@ from foldcar.errors import FoldcarError
 from foldcar.scenes.fingerprint import variation_code
 from foldcar.shown_text import shown_line
 from foldcar.simulation.engines import ENGINES, MUJOCO, MUJOCO_ENVIRONMENT
-from foldcar.study.environments import Environment
-from foldcar.study.experiments import Experiment, Study
+from foldcar.study.environments import ExperimentEnvironment
+from foldcar.study.experiments import Experiment, ListedStudy
 from foldcar.study.listing_file import load_listing
 
 # Largest score of a parameter of a reality: beyond it a prior has a mass of 1e-9, and the simulator's limits are near.
@@ -51,7 +51,7 @@ class Reality:
         return f"{self.stem} {self.fingerprint[:NAME_DIGITS]}"
 
 
-class ChangedEnvironment(Environment):
+class ChangedEnvironment(ExperimentEnvironment):
     """An environment in which car and ground differ from design and scene by the simulator's parameters."""
 
     def __init__(self, experiment: Experiment, remedy: str) -> None:
@@ -99,7 +99,7 @@ class RealityEnvironment(ChangedEnvironment):
         return self._reality.values
 
 
-def study_in_reality(study: Study, reality: Reality) -> Study:
+def study_in_reality(study: ListedStudy, reality: Reality) -> ListedStudy:
     """Return the study with the reality's name added to the names of its experiments: "width (reality lab 3f9c01ab)"."""
     renamed = (replace(experiment, id=experiment.id + _suffix(reality)) for experiment in study.experiments)
     return replace(study, experiments=tuple(renamed))

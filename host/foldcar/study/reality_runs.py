@@ -36,7 +36,7 @@ from foldcar.store.reality_runs import (
 from foldcar.store.tables import DESIGN
 from foldcar.store.writer import StoreWriter, canonical_json
 from foldcar.study.chunks import ChunkInputs, ChunkPool, FinishedRun, Simulators, stored_inputs
-from foldcar.study.environments import Environment
+from foldcar.study.environments import ExperimentEnvironment
 from foldcar.study.experiments import Experiment
 from foldcar.study.limits import MAX_REALITIES
 from foldcar.study.reality_draws import draw_runs
@@ -57,7 +57,7 @@ DRAWN_RUNS = 200 * BLOCK
 
 
 def why_no_realities(
-    experiment: Experiment, environment: Environment, requested: int | None, dynamic: bool, success: SuccessRule
+    experiment: Experiment, environment: ExperimentEnvironment, requested: int | None, dynamic: bool, success: SuccessRule
 ) -> str | None:
     """Return why an experiment has no runs in other realities, in a sentence without its end; None if it has.
 

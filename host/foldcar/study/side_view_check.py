@@ -14,7 +14,7 @@ from typing import Any
 import numpy
 
 from foldcar.simulation.carsim import Carsim
-from foldcar.study.environments import Environment
+from foldcar.study.environments import ExperimentEnvironment
 from foldcar.study.experiments import Experiment
 from foldcar.study.planned_designs import planned_design
 
@@ -37,7 +37,7 @@ COMPARED = {
 BEHIND_M = 0.3
 
 
-def side_view_limits(carsim: Carsim, experiment: Experiment, environment: Environment) -> str:
+def side_view_limits(carsim: Carsim, experiment: Experiment, environment: ExperimentEnvironment) -> str:
     """Return what makes the side view invalid: differences between left and right, and a crest that may hold a car.
 
     Returns "" if it is valid. Of the designs and samples only DESIGNS and SAMPLES are checked.
@@ -47,7 +47,7 @@ def side_view_limits(carsim: Carsim, experiment: Experiment, environment: Enviro
 
 
 def _sampled_inputs(
-    carsim: Carsim, experiment: Experiment, environment: Environment
+    carsim: Carsim, experiment: Experiment, environment: ExperimentEnvironment
 ) -> tuple[list[Mapping[str, Any]], list[Mapping[str, Any]]]:
     """Return the bodies of about DESIGNS designs, narrowest track first, and the scenes of the first SAMPLES samples."""
     table = carsim.parameter_table()

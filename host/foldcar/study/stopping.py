@@ -16,7 +16,7 @@ from foldcar.errors import FoldcarError
 from foldcar.statistics.rate import anytime_interval
 from foldcar.statistics.stopping import StoppingRule
 from foldcar.store.designs import DesignCounts
-from foldcar.study.experiments import Experiment, Study
+from foldcar.study.experiments import Experiment, ListedStudy
 
 # Limits of a half-width in percentage points. MAX_POINTS would be reached without a run.
 MAX_POINTS = 50
@@ -40,7 +40,7 @@ class DesignState:
     decided: bool
 
 
-def stopping_rules(until: str, study: Study) -> dict[str, StoppingRule]:
+def stopping_rules(until: str, study: ListedStudy) -> dict[str, StoppingRule]:
     """Parse ``--until`` to the stopping rule of each experiment, by id. Raises FoldcarError.
 
     ``decided`` stands for the experiment's thresholds, ``5pp`` for a half-width of 5 percentage points.

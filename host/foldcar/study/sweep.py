@@ -18,9 +18,9 @@ from foldcar.statistics.stopping import StoppingRule
 from foldcar.store.writer import PlannedExperiment, PlannedRun, StoreWriter, write_store
 from foldcar.study import announcement
 from foldcar.study.chunks import ChunkPool, FinishedRun, Simulators, planned_pool
-from foldcar.study.environments import Environment
+from foldcar.study.environments import ExperimentEnvironment
 from foldcar.study.experiment_runs import ExperimentRuns, Progress, StoredSamples
-from foldcar.study.experiments import Experiment, Study
+from foldcar.study.experiments import Experiment, ListedStudy
 from foldcar.study.plan import SweepOptions, plan_experiment, study_facts
 from foldcar.study.planned_designs import PlannedDesigns, planned_designs
 from foldcar.study.reality_draws import MAX_SCENES
@@ -38,16 +38,16 @@ class Sweep:
     ``realities`` is the number of runs in other realities for each experiment; None lets their error decide.
     """
 
-    study: Study
+    study: ListedStudy
     store: Path
     carsim: Carsim
     command: str
-    environment_of: Callable[[Experiment], Environment] = Environment
+    environment_of: Callable[[Experiment], ExperimentEnvironment] = ExperimentEnvironment
     until: Mapping[str, StoppingRule] = field(default_factory=dict)
     realities: int | None = None
 
     @cached_property
-    def environments(self) -> list[Environment]:
+    def environments(self) -> list[ExperimentEnvironment]:
         """The environments of the study's experiments, in their order."""
         return [self.environment_of(experiment) for experiment in self.study.experiments]
 
@@ -115,7 +115,7 @@ class Sweep:
         }
 
     def _planned(
-        self, experiment: Experiment, environment: Environment, writer: StoreWriter, unlike_sides: str
+        self, experiment: Experiment, environment: ExperimentEnvironment, writer: StoreWriter, unlike_sides: str
     ) -> "_SweptExperiment":
         """Store an experiment with its designs. Raises FoldcarError."""
         rule = self.until.get(experiment.id)
@@ -141,7 +141,7 @@ class _SweptExperiment:
     """
 
     experiment: Experiment
-    environment: Environment
+    environment: ExperimentEnvironment
     plan: PlannedExperiment
     design_count: int
     rule: StoppingRule | None

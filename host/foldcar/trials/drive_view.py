@@ -18,7 +18,7 @@ from rich.table import Table
 from rich.text import Text
 
 from foldcar.car.body import CHANNELS
-from foldcar.link.car import Car
+from foldcar.link.car import ConnectedCar
 from foldcar.shown_console import shown_console
 from foldcar.statistics.words import percent
 
@@ -49,7 +49,7 @@ class DriveView:
         self._thread: threading.Thread | None = None
 
     @contextlib.contextmanager
-    def watching(self, car: Car, last_key: Callable[[], str | None]) -> Iterator[None]:
+    def watching(self, car: ConnectedCar, last_key: Callable[[], str | None]) -> Iterator[None]:
         """Show the drive during the block; ``last_key`` returns the last key pressed or None.
 
         The end of the block does not wait for the terminal; :meth:`wait_for_terminal` does.
@@ -84,7 +84,7 @@ class DriveView:
             return "passed, said by key"
         return "stopped by key" if key in STOPS else None
 
-    def _show(self, car: Car) -> None:
+    def _show(self, car: ConnectedCar) -> None:
         """Show the car's state every REFRESH_S until the drive has ended."""
         announced = False
         # Its own file: while a write to the terminal blocks, it holds the file's lock. A closed terminal is no error.
@@ -107,7 +107,7 @@ class DriveView:
                         remaining_s = max(0.0, self._begun_s + self._countdown_s - time.monotonic())
                         live.update(self._panel(car, remaining_s), refresh=True)
 
-    def _announcement(self, car: Car) -> str | None:
+    def _announcement(self, car: ConnectedCar) -> str | None:
         """Return that the cable can be pulled, when the car itself counts or waits for its button; else None."""
         trial, dialect = car.connection.latest.get("FOLDCAR_TRIAL"), car.dialect
         if trial is None or not trial.flags & dialect.FOLDCAR_TRIAL_FLAGS_UNTETHERED:
@@ -118,7 +118,7 @@ class DriveView:
             return f"Pull the cable now, put the car in its place. Its button starts the {self._countdown_s} s."
         return None
 
-    def _panel(self, car: Car, remaining_s: float) -> Group:
+    def _panel(self, car: ConnectedCar, remaining_s: float) -> Group:
         """Return what is shown: the car's last reported state, its pulses and battery, the quality of the link."""
         latest, link = car.connection.latest, car.connection
         trial, pulses, status = (latest.get(name) for name in ("FOLDCAR_TRIAL", "SERVO_OUTPUT_RAW", "SYS_STATUS"))

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from foldcar.errors import FoldcarError
-from foldcar.link.car import Car, CommandRefusedError
+from foldcar.link.car import CommandRefusedError, ConnectedCar
 from foldcar.link.car_logs import fetch_log, list_logs
 from foldcar.link.stream import LinkLostError
 from foldcar.link.tlog import LogError, merge_records, messages_of, read_tlog, records_of
@@ -51,7 +51,7 @@ class DriveEnd:
 
 
 def drive(
-    car: Car,
+    car: ConnectedCar,
     settings: Mapping[str, Any],
     trial: int,
     countdown_s: int,
@@ -75,7 +75,7 @@ def drive(
 
 
 def _drive_to_end(
-    car: Car,
+    car: ConnectedCar,
     settings: Mapping[str, Any],
     trial: int,
     countdown_s: int,
@@ -133,7 +133,7 @@ def _drive_to_end(
         return DriveEnd(CTRL_C, "aborted", elapsed_s(), FoldcarError("stopped by Ctrl-C"))
 
 
-def _count_down(car: Car, countdown_s: int, view: DriveView) -> str | None:
+def _count_down(car: ConnectedCar, countdown_s: int, view: DriveView) -> str | None:
     """Wait for the countdown; return how it was ended early, or None if it ran out."""
     view.begin()
     now_s = time.monotonic()
@@ -151,13 +151,13 @@ def _count_down(car: Car, countdown_s: int, view: DriveView) -> str | None:
     return None
 
 
-def _has_cable(car: Car) -> bool:
+def _has_cable(car: ConnectedCar) -> bool:
     """Return whether the car is a board, whose cable would disturb an untethered drive. A simulated car has none."""
     design = car.connection.latest.get("FOLDCAR_DESIGN")
     return design is not None and design.hardware == car.dialect.FOLDCAR_HARDWARE_BOARD
 
 
-def _watch(car: Car, trial: int, view: DriveView, end_s: float, must_be_unplugged: bool = False) -> DriveEnd:
+def _watch(car: ConnectedCar, trial: int, view: DriveView, end_s: float, must_be_unplugged: bool = False) -> DriveEnd:
     """Wait for the end of the drive. Raises LinkLostError if the car is silent or does not end.
 
     ``end_s`` is the latest end, by time.monotonic(). A car that ``must_be_unplugged`` is stopped if its wheels start
@@ -196,7 +196,7 @@ def _watch(car: Car, trial: int, view: DriveView, end_s: float, must_be_unplugge
             raise LinkLostError(f"{car.port}: the car does not end trial {trial} at its time limit")
 
 
-def _car_ended(car: Car, message: Any, view: DriveView) -> DriveEnd:
+def _car_ended(car: ConnectedCar, message: Any, view: DriveView) -> DriveEnd:
     """Return how the car ended the drive by itself.
 
     If this program stood still, messages and keys wait. A simulated car's outcome, or a key, then came before the fault.
@@ -217,14 +217,14 @@ def _car_ended(car: Car, message: Any, view: DriveView) -> DriveEnd:
     return DriveEnd(fault, "aborted", elapsed_s, CarFaultError(f"the car stopped: {line}{_pace_hint(car, fault)}"))
 
 
-def _last_truth(car: Car, trial: int) -> Any | None:
+def _last_truth(car: ConnectedCar, trial: int) -> Any | None:
     """Return the next FOLDCAR_TRUTH of a simulated car's trial; None of a built car."""
     if "FOLDCAR_TRUTH" not in car.connection.latest:
         return None
     return car.connection.wait_for(lambda m: m.get_type() == "FOLDCAR_TRUTH" and m.trial_id == trial, TRUTH_S)
 
 
-def _pace_hint(car: Car, message: str) -> str:
+def _pace_hint(car: ConnectedCar, message: str) -> str:
     """Return a hint on --speedup if ``message`` is about late heartbeats of a car that is simulated too fast, else ""."""
     rate = car.connection.clock_rate.value
     if rate < MIN_FAST_RATE or not any(word in message for word in ("heartbeat", "CMD_TIMEOUT")):
@@ -235,7 +235,7 @@ def _pace_hint(car: Car, message: str) -> str:
     )
 
 
-def _simulated_outcome(car: Car, message: Any) -> DriveEnd:
+def _simulated_outcome(car: ConnectedCar, message: Any) -> DriveEnd:
     """Stop a simulated car at the outcome that its simulator reports, and return that."""
     car.stop_trial()
     dialect = car.dialect
@@ -249,7 +249,7 @@ def _simulated_outcome(car: Car, message: Any) -> DriveEnd:
     return DriveEnd(ending, outcome, message.outcome_time)
 
 
-def _stopped_s(car: Car, trial: int) -> float | None:
+def _stopped_s(car: ConnectedCar, trial: int) -> float | None:
     """Stop the trial if the car has not ended it by itself; return its final time (s), None if the car reports none."""
     with contextlib.suppress(CommandRefusedError):
         car.stop_trial()
@@ -257,13 +257,13 @@ def _stopped_s(car: Car, trial: int) -> float | None:
     return _elapsed_s(car, trial)
 
 
-def _elapsed_s(car: Car, trial: int) -> float | None:
+def _elapsed_s(car: ConnectedCar, trial: int) -> float | None:
     """Return the time (s) of the trial that the car reported last, None if it reported another trial."""
     message = car.connection.latest.get("FOLDCAR_TRIAL")
     return message.elapsed_ms / 1000 if message is not None and message.trial_id == trial else None
 
 
-def _stand_still(car: Car) -> None:
+def _stand_still(car: ConnectedCar) -> None:
     """Stop and disarm the car if possible; a car with a fault refuses, but is already at rest."""
 
     def receive_last_messages() -> None:
@@ -275,7 +275,7 @@ def _stand_still(car: Car) -> None:
             action()
 
 
-def collect(car: Car, trial: int, log: Path, tell: Callable[[str], None]) -> DriveEnd:
+def collect(car: ConnectedCar, trial: int, log: Path, tell: Callable[[str], None]) -> DriveEnd:
     """Merge the car's log of ``trial`` into ``log``; return how the drive ended.
 
     ``tell`` is given a line if the car's flash must be waited for.
@@ -310,7 +310,7 @@ def collect(car: Car, trial: int, log: Path, tell: Callable[[str], None]) -> Dri
     )
 
 
-def wait_for_storage(car: Car, tell: Callable[[str], None]) -> Any | None:
+def wait_for_storage(car: ConnectedCar, tell: Callable[[str], None]) -> Any | None:
     """Return the next FOLDCAR_TRIAL after the car's flash is ready for a log; None if it is not ready after STORING_S.
 
     The car stores its last log and then erases space for the next one, also after its start. If this is not done yet,
@@ -328,7 +328,7 @@ def _is_of(message: Any, trial: int) -> bool:
     return bool(message.get_type() == "FOLDCAR_TRIAL" and message.trial_id == trial)
 
 
-def _has_ended(car: Car, message: Any, trial: int) -> bool:
+def _has_ended(car: ConnectedCar, message: Any, trial: int) -> bool:
     return _is_of(message, trial) and not car.is_under_way(message)
 
 

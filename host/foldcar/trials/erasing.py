@@ -8,14 +8,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from foldcar.errors import FoldcarError
-from foldcar.link.car import Car
+from foldcar.link.car import ConnectedCar
 from foldcar.link.car_logs import StoredLog, erase_logs, fetch_log, list_logs
 from foldcar.link.tlog import messages_of, packets_of, records_of
 from foldcar.store.log_files import intact_log
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import Trial
 from foldcar.trials.driving import wait_for_storage
-from foldcar.trials.person import Answers, print_line
+from foldcar.trials.person import PersonAnswers, print_line
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +35,7 @@ class ComparedLog:
         return self.is_empty or self.trial is not None
 
 
-def erase_stored_logs(car: Car, store: Path, answers: Answers | None) -> None:
+def erase_stored_logs(car: ConnectedCar, store: Path, answers: PersonAnswers | None) -> None:
     """Print the logs in the car with their trials in the store; ask, unless ``answers`` is None; erase them.
 
     Raises FoldcarError if a log is not in the store; then nothing is erased.
@@ -62,7 +62,7 @@ def erase_stored_logs(car: Car, store: Path, answers: Answers | None) -> None:
         print_line("erased")
 
 
-def compare_logs(car: Car, logs: Sequence[StoredLog], store: Path) -> list[ComparedLog]:
+def compare_logs(car: ConnectedCar, logs: Sequence[StoredLog], store: Path) -> list[ComparedLog]:
     """Fetch the car's ``logs``, and find the trial of the store that has all packets of each. Raises FoldcarError."""
     with Store.open(store) as reader:
         trials = [trial for trial in reader.trials() if trial.log is not None]

@@ -6,8 +6,8 @@ Input: a car. Output: one line for each fault. A fault stops the car until it is
 from typing import Any
 
 from foldcar.errors import FoldcarError
-from foldcar.link.car import Car
-from foldcar.trials.person import Answers, print_line
+from foldcar.link.car import ConnectedCar
+from foldcar.trials.person import PersonAnswers, print_line
 
 CRASH_REMEDY = "docs/firmware.md says how to find the line; if this happens again, load the firmware with `foldcar flash`"
 # What to do about a fault, by its name in the dialect; the descriptions of those that are not here say it.
@@ -49,7 +49,7 @@ class CarFaultError(FoldcarError):
     """The car has stopped because of a fault; the message says what to do."""
 
 
-def fault_line(car: Car) -> str | None:
+def fault_line(car: ConnectedCar) -> str | None:
     """Return the car's fault as last reported, with its remedy; None if there is no fault.
 
     Example: "Tilted beyond TILT_MAX_RAD for TILT_MS: put the car back on its wheels"
@@ -63,7 +63,7 @@ def fault_line(car: Car) -> str | None:
     return ": ".join(part for part in (text, crash, remedy) if part)
 
 
-def crash_line(car: Car) -> str | None:
+def crash_line(car: ConnectedCar) -> str | None:
     """Request where the car's firmware was when a crash or a watchdog ended its last run; None if it does not know.
 
     Example: "load from a forbidden address (0x00000004) at 0x400d1234 0x400d2342"; the second address is the caller's.
@@ -84,7 +84,7 @@ def crash_text(report: Any) -> str:
     return f"{cause} at {places}" if places else cause
 
 
-def acknowledge_faults(car: Car, answers: Answers | None = None) -> list[str]:
+def acknowledge_faults(car: ConnectedCar, answers: PersonAnswers | None = None) -> list[str]:
     """Acknowledge the car's faults, and return their lines.
 
     With ``answers``, print each and ask first. Raises FoldcarError if the answer is no, and CommandRefusedError if the
@@ -101,7 +101,7 @@ def acknowledge_faults(car: Car, answers: Answers | None = None) -> list[str]:
     return lines
 
 
-def _current_fault(car: Car) -> str | None:
+def _current_fault(car: ConnectedCar) -> str | None:
     """Request the car's state and return its :func:`fault_line`."""
     # Messages that have arrived already are older than the answer.
     car.connection.catch_up()

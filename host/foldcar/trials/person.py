@@ -23,7 +23,7 @@ def print_warning(error: object) -> None:
     print(error, file=sys.stderr, flush=True)
 
 
-class Answers:
+class PersonAnswers:
     """Reads answers as lines or keys. While it waits, it calls ``idle``, which keeps the link to the car alive.
 
     ``waitable`` is a descriptor for `select` that reports keys, or None.

@@ -21,7 +21,7 @@ from foldcar.scenes.obstacles import CAR, Obstacle, footprint
 from foldcar.scenes.terrain_kinds import description
 from foldcar.shown_console import ResultTable, shown_console
 from foldcar.simulation.carsim import Carsim
-from foldcar.trials.person import Answers, print_line
+from foldcar.trials.person import PersonAnswers, print_line
 from foldcar.typed import decimal_number
 
 # Titles of the instructions' columns; x, y and turned are those of the middle. The last column is a description.
@@ -110,7 +110,7 @@ def draw_placement(
 
 
 def ask_deviations(
-    answers: Answers | None, obstacles: Mapping[str, Obstacle], option_texts: list[str] | None
+    answers: PersonAnswers | None, obstacles: Mapping[str, Obstacle], option_texts: list[str] | None
 ) -> dict[str, tuple[float, float, float]]:
     """Return measured deviations (m, m, rad) by name: from ``option_texts`` or, if that is None, as they are typed.
 

@@ -13,7 +13,7 @@ from typing import Any
 from foldcar.car.body import body_json, design_hash
 from foldcar.car.design import Design
 from foldcar.errors import FoldcarError
-from foldcar.link.car import ANSWER_S, Car, CarIdentity, CommandRefusedError, NoCarError, greet
+from foldcar.link.car import ANSWER_S, CarIdentity, CommandRefusedError, ConnectedCar, NoCarError, greet
 from foldcar.link.parameters import equal_float32, read_parameters, set_parameter
 from foldcar.link.stream import SERIAL_PATHS, LinkLostError, choose_port
 from foldcar.scenes.fingerprint import scene_name
@@ -23,7 +23,7 @@ from foldcar.study.family import Family
 from foldcar.trials.driving import DriveEnd, collect
 from foldcar.trials.erasing import erase_stored_logs
 from foldcar.trials.faults import acknowledge_faults, fault_line
-from foldcar.trials.person import Answers, print_line, print_warning
+from foldcar.trials.person import PersonAnswers, print_line, print_warning
 
 SIMULATED_TEXT = "SIMULATED CAR"
 # If nobody is asked: how long to wait for an untethered car after its time limit.
@@ -40,12 +40,12 @@ class PluggedCar:
     """The connection to a car, which may break; ``car`` is None if no car is connected."""
 
     def __init__(self) -> None:
-        self.car: Car | None = None
+        self.car: ConnectedCar | None = None
         self._port = ""
         self._has_fetched_log = False
 
     @property
-    def connected(self) -> Car:
+    def connected(self) -> ConnectedCar:
         """The connected car; a car must be connected."""
         assert self.car is not None
         return self.car
@@ -69,7 +69,7 @@ class PluggedCar:
         self.connect(port)
 
     def collect(
-        self, number: int, log: Path, time_limit_s: float, answers: Answers | None, identity: CarIdentity
+        self, number: int, log: Path, time_limit_s: float, answers: PersonAnswers | None, identity: CarIdentity
     ) -> DriveEnd:
         """Wait until an untethered car is connected again, and merge its log of trial ``number`` into ``log``.
 
@@ -97,7 +97,7 @@ class PluggedCar:
                     return DriveEnd("did not come back", "aborted", None, error)
             time.sleep(1.0)
 
-    def offer_to_erase_logs(self, store: Path, answers: Answers | None) -> None:
+    def offer_to_erase_logs(self, store: Path, answers: PersonAnswers | None) -> None:
         """Ask whether the car's logs are to be erased, if this session has stored one of them.
 
         Without ``answers``, they stay. An error is printed only, because all trials are stored.
@@ -113,7 +113,12 @@ class PluggedCar:
 
 
 def welcome(
-    car: Car, experiment: Experiment, family: Family, carsim: Carsim, answers: Answers | None, any_build: bool
+    car: ConnectedCar,
+    experiment: Experiment,
+    family: Family,
+    carsim: Carsim,
+    answers: PersonAnswers | None,
+    any_build: bool,
 ) -> tuple[CarIdentity, Design]:
     """Print the car's identity and state, and compare its parameters with the design's.
 
@@ -157,7 +162,7 @@ def welcome(
     return identity, design
 
 
-def _servo_battery_text(car: Car, parameters: Mapping[str, float], assumed_v: float) -> str:
+def _servo_battery_text(car: ConnectedCar, parameters: Mapping[str, float], assumed_v: float) -> str:
     """Return the voltage of the servos' battery, on which the speed depends, or that it is assumed."""
     if not parameters.get("SERVO_DIVIDER"):
         return f"battery not measured; the simulation assumes {assumed_v:g} V"
@@ -165,7 +170,7 @@ def _servo_battery_text(car: Car, parameters: Mapping[str, float], assumed_v: fl
     return "battery unreadable: is it switched on?" if volts is None else f"{volts:.2f} V, simulated with {assumed_v:g} V"
 
 
-def require_same_car(car: Car, identity: CarIdentity) -> None:
+def require_same_car(car: ConnectedCar, identity: CarIdentity) -> None:
     """Raise FoldcarError if the car's design or firmware differs from ``identity``."""
     identities = identity, car.identity()
     before, after = ((car_identity.hash, car_identity.build, car_identity.simulated) for car_identity in identities)
@@ -174,7 +179,7 @@ def require_same_car(car: Car, identity: CarIdentity) -> None:
         raise FoldcarError(f"{car.port}: the car has changed from {changed}: start a new session for it")
 
 
-def _end_earlier_trial(car: Car) -> None:
+def _end_earlier_trial(car: ConnectedCar) -> None:
     """Stop a car that still drives after an earlier program was ended, and ask for its current state.
 
     Otherwise it would latch the fault of a silent host at the next long pause, after faults were checked.
@@ -213,7 +218,7 @@ def check_build(identity: CarIdentity, simulated_build: str) -> None:
         )
 
 
-def enter_sample(car: Car, scene: Mapping[str, Any], sample: int, experiment: Experiment) -> None:
+def enter_sample(car: ConnectedCar, scene: Mapping[str, Any], sample: int, experiment: Experiment) -> None:
     """Move a simulated car to the sample with this ``scene``.
 
     Raises FoldcarError if the car has a fault or does not have the scene, NoCarError if it does not answer.

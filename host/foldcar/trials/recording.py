@@ -12,7 +12,7 @@ from foldcar.store.log_files import log_file, sha256_of
 from foldcar.store.trial_records import INTERRUPTED, Ending, ending_without_outcome
 from foldcar.store.trial_writer import TrialWriter
 from foldcar.trials.driving import DriveEnd
-from foldcar.trials.person import Answers, print_line
+from foldcar.trials.person import PersonAnswers, print_line
 
 OUTCOME_KEYS = {
     "p": "passed",
@@ -43,7 +43,7 @@ def store_end(writer: TrialWriter, number: int, end: DriveEnd, log: Path) -> str
 
 def record_outcome(
     writer: TrialWriter, number: int, end: DriveEnd, log: Path, digest: str | None, outcome: str | None,
-    note: str | None, answers: Answers | None, mark: str = "",
+    note: str | None, answers: PersonAnswers | None, mark: str = "",
 ) -> Ending:  # fmt: skip
     """Store the outcome of trial ``number``, whose end is stored; print it, and return what was stored.
 

@@ -10,10 +10,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from foldcar.errors import FoldcarError
-from foldcar.link.car import Car
+from foldcar.link.car import ConnectedCar
 from foldcar.link.parameters import read_parameters, set_parameter
 from foldcar.statistics.words import count
-from foldcar.trials.person import Answers, print_line
+from foldcar.trials.person import PersonAnswers, print_line
 
 # The car ends an output test after PULSE_S; the test is renewed every RENEW_S while the person observes.
 PULSE_S = 1.5
@@ -84,7 +84,7 @@ def _find_edge(direction_at: Callable[[int], int], observed: dict[int, int], min
     return (below + above) / 2
 
 
-def calibrate_outputs(car: Car, outputs: list[int]) -> None:
+def calibrate_outputs(car: ConnectedCar, outputs: list[int]) -> None:
     """Measure the servos of ``outputs`` (empty: all with a wheel) and save the results in the car.
 
     A servo that turns the wrong way is reversed if the person agrees. Raises FoldcarError if an output has no wheel, if
@@ -114,7 +114,7 @@ def calibrate_outputs(car: Car, outputs: list[int]) -> None:
         set_parameter(car, name, value)
         print_line(f"  {name} = {value:g} (was {values[name]:g})")
 
-    answers = Answers(renew)
+    answers = PersonAnswers(renew)
     chosen = outputs or wheels
     print_line("Lift the car so that its wheels turn freely. For each pulse type the direction in which the wheel")
     print_line("would drive the car: (f)orward, (b)ackward, (n)ot at all. Ctrl-C stops the wheel.")
@@ -142,7 +142,11 @@ def calibrate_outputs(car: Car, outputs: list[int]) -> None:
 
 
 def _ask_direction(
-    number: int, values: dict[str, float], ask: Callable[[int], int], answers: Answers, save: Callable[[str, float], None]
+    number: int,
+    values: dict[str, float],
+    ask: Callable[[int], int],
+    answers: PersonAnswers,
+    save: Callable[[str, float], None],
 ) -> int:
     """Return the direction, 1 or -1, in which a servo's wheel drives at MAX_PULSE_US; reverse the servo if it must be.
 

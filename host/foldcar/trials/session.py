@@ -31,14 +31,14 @@ from foldcar.store.log_files import logs_folder, store_folder
 from foldcar.store.trial_records import BUILT, SIMULATED, Ending, TrialDesign
 from foldcar.store.trial_writer import CarFacts, Drive, TrialWriter, write_trials
 from foldcar.store.writer import canonical_json
-from foldcar.study.environments import Environment
+from foldcar.study.environments import ExperimentEnvironment
 from foldcar.study.experiments import read_study
 from foldcar.trials.drive_view import DriveView
 from foldcar.trials.driving import CTRL_C, DRIVES_ON, DriveEnd, drive
 from foldcar.trials.faults import CarFaultError, acknowledge_faults
 from foldcar.trials.media import Arrivals, media_kind
 from foldcar.trials.order import Standing, moves_text, next_sample, standing
-from foldcar.trials.person import IDLE_S, Answers, print_line, print_warning
+from foldcar.trials.person import IDLE_S, PersonAnswers, print_line, print_warning
 from foldcar.trials.placement import ask_deviations, draw_placement, lettered, scene_as_placed, show_placement
 from foldcar.trials.plugged_car import SIMULATED_TEXT, PluggedCar, enter_sample, require_same_car, welcome
 from foldcar.trials.recording import OUTCOME_KEYS, OUTCOME_QUESTION, complete_interrupted, record_outcome, store_end
@@ -108,8 +108,8 @@ class Session:
         # Remarks on chosen values that the sweep's family does not have.
         self.unlisted_values = self._experiment.family.outside(options.settings)
         self._carsim = Carsim()
-        self._environment = Environment(self._experiment)
-        self._answers = Answers(self._idle)
+        self._environment = ExperimentEnvironment(self._experiment)
+        self._answers = PersonAnswers(self._idle)
         self._questions = None if options.yes else self._answers
         self._plugged = PluggedCar()
         # The (sample, hash of the car) whose placement has been drawn.

@@ -4,13 +4,13 @@ import numpy
 import pytest
 
 from foldcar.belief import weighing
-from foldcar.belief.advice import FAILS, Step, steps
+from foldcar.belief.advice import FAILS, AdvisedStep, steps
 from foldcar.belief.answers import Answers, believe
 from foldcar.belief.weighing import Trials
 from hand_learned import DESIGNS, hand_learned
 
 
-def weighed(answers: Answers, **measurable: tuple[float, float]) -> list[Step]:
+def weighed(answers: Answers, **measurable: tuple[float, float]) -> list[AdvisedStep]:
     return steps(answers, 60.0, lambda design: 3.0, measurable)
 
 

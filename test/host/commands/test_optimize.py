@@ -23,7 +23,7 @@ from foldcar.car.proof.check_film import flat_polygons
 from foldcar.simulation.carsim import Carsim
 from foldcar.statistics.stopping import evidence_of_worse
 from foldcar.study.experiments import read_study
-from foldcar.study.search.design_simulator import Row
+from foldcar.study.search.design_simulator import RunRow
 from foldcar.study.search.objectives import OBJECTIVES
 from foldcar.study.search.proposals import Proposals
 from foldcar.study.search.search import Plan, SearchResult, search, searched_study
@@ -172,7 +172,7 @@ def test_the_command_tests_three_designs_in_200_new_environments(
 
 
 def test_objectives_make_failing_at_once_no_gain() -> None:
-    passed, tipped, failed = Row("passed", 2.0, 6.0), Row("tipped", 0.1, 0.2), Row("failed", None, None)
+    passed, tipped, failed = RunRow("passed", 2.0, 6.0), RunRow("tipped", 0.1, 0.2), RunRow("failed", None, None)
     rows = [passed, passed, tipped, failed]
     values = {name: objective.value(rows, 30.0) for name, objective in OBJECTIVES.items() if objective.value is not None}
 
@@ -187,9 +187,9 @@ def test_objectives_make_failing_at_once_no_gain() -> None:
     assert OBJECTIVES["energy"].value is not None and math.isinf(OBJECTIVES["energy"].value([tipped], 30.0))
 
 
-def row(time_s: float | None, energy_j: float = 5.0) -> Row:
+def row(time_s: float | None, energy_j: float = 5.0) -> RunRow:
     """A run that passed in this time; None: it tipped."""
-    return Row("tipped" if time_s is None else "passed", 30.0 if time_s is None else time_s, energy_j)
+    return RunRow("tipped" if time_s is None else "passed", 30.0 if time_s is None else time_s, energy_j)
 
 
 @pytest.mark.parametrize("name", ["success", "time", "energy"])
@@ -206,7 +206,7 @@ def test_the_excess_sums_to_what_a_design_is_worse_than_the_best(name: str) -> N
         assert min(excess) >= -most_better - 1e-9 and sum(objective.excess(pair[1], pair[1], 30.0)[0]) == 0
         apart = best - own_value if objective.largest else own_value - best
         assert math.copysign(1, round(sum(excess), 9)) == math.copysign(1, round(apart, 9))
-    rejected = Row("rejected", None, None)
+    rejected = RunRow("rejected", None, None)
     assert objective.excess([rejected, row(3.0)], [row(3.0), rejected, row(3.0)], 30.0)[0] == [0, 0]
 
 

@@ -13,7 +13,7 @@ import pytest
 
 from foldcar.errors import FoldcarError
 from foldcar.link import car_logs, parameters
-from foldcar.link.car import Car
+from foldcar.link.car import ConnectedCar
 from foldcar.link.car_logs import StoredLog, fetch_log, list_logs
 from foldcar.link.connection import Connection
 from foldcar.link.dialect import load_dialect
@@ -54,7 +54,7 @@ def packet(kind: str, **changed: Any) -> bytes:
 
 
 @contextlib.contextmanager
-def car_that_sends(*packets: bytes, endless: bool = False) -> Iterator[Car]:
+def car_that_sends(*packets: bytes, endless: bool = False) -> Iterator[ConnectedCar]:
     """A car that sends packets once, or again and again."""
     ours, its = socket.socketpair()
     stop = threading.Event()
@@ -71,7 +71,7 @@ def car_that_sends(*packets: bytes, endless: bool = False) -> Iterator[Car]:
     thread.start()
     connection = Connection(Stream("car", ours, ours.recv, ours.send))
     try:
-        yield Car(connection)
+        yield ConnectedCar(connection)
     finally:
         stop.set()
         connection.close()
@@ -164,7 +164,7 @@ def test_texts_of_cars_stay_in_their_line() -> None:
     ],
 )
 def test_what_a_car_repeats_for_ever_ends(
-    monkeypatch: pytest.MonkeyPatch, packets: tuple[bytes, ...], ask: Callable[[Car], object], message: str
+    monkeypatch: pytest.MonkeyPatch, packets: tuple[bytes, ...], ask: Callable[[ConnectedCar], object], message: str
 ) -> None:
     for module, name in ((car_logs, "LIST_S"), (car_logs, "FETCH_S"), (parameters, "LIST_S")):
         monkeypatch.setattr(module, name, 0.5)

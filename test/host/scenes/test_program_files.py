@@ -21,7 +21,7 @@ from foldcar.errors import FoldcarError
 from foldcar.scenes import fingerprint
 from foldcar.scenes.source import open_environment
 from foldcar.simulation.carsim import Carsim
-from foldcar.study.environments import Environment
+from foldcar.study.environments import ExperimentEnvironment
 from foldcar.study.experiments import Experiment, read_study
 from foldcar.study.sweep import Sweep
 from swept_listing import WriteListing, rows, swept
@@ -64,8 +64,8 @@ def friction(program: Path, k: int = 0) -> float:
 
 
 def test_what_is_compiled_is_what_the_fingerprint_is_of(experiment: Experiment) -> None:
-    before = Environment(experiment).fingerprint
-    environment = Environment(experiment)
+    before = ExperimentEnvironment(experiment).fingerprint
+    environment = ExperimentEnvironment(experiment)
     experiment.program.write_text(f"{HEAD}param friction = 0.3\n")
     fingerprint = environment.fingerprint
     experiment.program.write_text(f"{HEAD}param friction = 0.4\n")
@@ -73,7 +73,7 @@ def test_what_is_compiled_is_what_the_fingerprint_is_of(experiment: Experiment) 
     assert environment.sample(1)["friction"] == 0.3
     assert environment.fingerprint == fingerprint != before
     experiment.program.write_text(f"{HEAD}param friction = 0.3\n")
-    assert Environment(experiment).fingerprint == fingerprint
+    assert ExperimentEnvironment(experiment).fingerprint == fingerprint
 
 
 def test_a_program_beside_the_simulation_that_is_edited_during_a_sweep_is_refused(
@@ -283,13 +283,13 @@ def test_what_a_program_reads_is_part_of_its_fingerprint(experiment: Experiment,
     def edited(name: str) -> str:
         text = (folder / name).read_text()
         (folder / name).write_text(text.replace("1", "2"))
-        result = Environment(experiment).fingerprint
+        result = ExperimentEnvironment(experiment).fingerprint
         (folder / name).write_text(text)
         return result
 
-    first = Environment(experiment).fingerprint
+    first = ExperimentEnvironment(experiment).fingerprint
     assert len({first, *map(edited, read)}) == 1 + len(read)
-    assert edited("lib/other.py") == edited("other.txt") == Environment(experiment).fingerprint == first
+    assert edited("lib/other.py") == edited("other.txt") == ExperimentEnvironment(experiment).fingerprint == first
 
 
 def test_the_command_itself_is_no_part_of_the_fingerprint(
@@ -300,7 +300,9 @@ def test_the_command_itself_is_no_part_of_the_fingerprint(
     command = [str(Path(sys.executable).with_name("foldcar")), "sweep", str(listing), "--store", "s.db", "--jobs", "1"]
     subprocess.run(command, cwd=tmp_path, capture_output=True, check=True)
     with contextlib.closing(sqlite3.connect(tmp_path / "s.db")) as store:
-        assert store.execute("SELECT fingerprint FROM environment").fetchall() == [(Environment(experiment).fingerprint,)]
+        assert store.execute("SELECT fingerprint FROM environment").fetchall() == [
+            (ExperimentEnvironment(experiment).fingerprint,)
+        ]
 
 
 def test_a_program_is_not_compiled_if_its_files_and_all_results_are_there(
@@ -314,10 +316,10 @@ def test_a_program_is_not_compiled_if_its_files_and_all_results_are_there(
         program.with_name(name).write_text(str(number))
     listings = [listing, listing.with_name("other.json")]
     listings[1].write_text(listing.read_text().replace('"seed"', '"scenic_params": {"file": "b.txt"}, "seed"'))
-    opened: list[Environment] = []
+    opened: list[ExperimentEnvironment] = []
 
-    def environment_of(experiment: Experiment) -> Environment:
-        opened.append(Environment(experiment))
+    def environment_of(experiment: Experiment) -> ExperimentEnvironment:
+        opened.append(ExperimentEnvironment(experiment))
         return opened[-1]
 
     compilations = [
@@ -390,7 +392,7 @@ def test_files_of_one_name_in_two_folders_are_told_apart(experiment: Experiment,
         for folder, content in zip(folders, contents, strict=True):
             folder.mkdir(exist_ok=True)
             (folder / "h.txt").write_text(content)
-        return Environment(experiment).fingerprint
+        return ExperimentEnvironment(experiment).fingerprint
 
     assert fingerprint_with("0.1", "0.2") != fingerprint_with("0.2", "0.1")
 
@@ -403,11 +405,11 @@ def test_a_byte_order_mark_and_other_line_breaks_make_no_other_environment(
     text = f"from helper import number\n{HEAD}param note = '''a\nb'''\nparam friction = number\nterminate when False\n"
     program.write_text(text)
     helper.write_text("number = 0.4\n")
-    before = Environment(experiment).fingerprint
+    before = ExperimentEnvironment(experiment).fingerprint
     for file in (program, helper):
         file.write_bytes(changed(file.read_bytes()))
 
-    assert Environment(experiment).fingerprint == before
+    assert ExperimentEnvironment(experiment).fingerprint == before
     opened = open_environment(program, {}, 1)
     assert opened.sample(0)["friction"] == 0.4 and opened.success and opened.scenario.params["note"] == "a\nb"
 
@@ -452,4 +454,4 @@ def test_environment_variables_are_no_part_of_an_environment(
 def test_parameters_seed_and_condition_are_part_of_the_fingerprint(experiment: Experiment) -> None:
     changed = replace(experiment, program=STEP_PYRAMIDS)
     changes: list[dict[str, Any]] = [{}, {"seed": 1}, {"scenic_params": {"friction": 0.5}}, {"condition": {"sample": 0}}]
-    assert len({Environment(replace(changed, **change)).fingerprint for change in changes}) == len(changes)
+    assert len({ExperimentEnvironment(replace(changed, **change)).fingerprint for change in changes}) == len(changes)

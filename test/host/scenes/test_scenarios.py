@@ -17,7 +17,7 @@ from foldcar.simulation.heights import carsim_heights
 from foldcar.simulation.runner import CarsimError
 from foldcar.store.info import engine_id
 from foldcar.store.reader import Store
-from foldcar.study.environments import Environment
+from foldcar.study.environments import ExperimentEnvironment
 from foldcar.study.experiments import engine_study, read_study
 from foldcar.study.sweep import Sweep
 
@@ -82,7 +82,7 @@ def test_every_experiment_runs_in_both_engines(name: str, tmp_path: Path) -> Non
     ]
     study = replace(study, experiments=tuple(first))
     # Compiled once for both.
-    environments = {experiment.place: Environment(experiment) for experiment in first}
+    environments = {experiment.place: ExperimentEnvironment(experiment) for experiment in first}
     for carsim in carsims:
         named = engine_study(study, carsim)
         Sweep(named, tmp_path / "s.db", carsim, "", lambda experiment: environments[experiment.place]).run(1)

@@ -21,7 +21,7 @@ from foldcar.simulation.runner import RunRequest
 from foldcar.store.check import check_store
 from foldcar.study import planned_designs
 from foldcar.study.dry_run import fold
-from foldcar.study.environments import Environment
+from foldcar.study.environments import ExperimentEnvironment
 from foldcar.study.experiments import read_study
 from swept_listing import WriteListing, rows, swept
 
@@ -145,7 +145,7 @@ def test_a_sweep_does_with_a_nearby_car_what_carsim_does_with_its_body(
     swept(listing, tmp_path / "s.db", carsim_binary)
 
     (experiment,) = read_study(listing).experiments
-    environment, carsim = Environment(experiment), Carsim(carsim_binary)
+    environment, carsim = ExperimentEnvironment(experiment), Carsim(carsim_binary)
     expected = []
     for design in experiment.family:
         body = body_json(design)

@@ -17,7 +17,7 @@ import pytest
 from foldcar.car.body import car_json, design_hash, design_name
 from foldcar.car.design import compose
 from foldcar.errors import FoldcarError
-from foldcar.link.car import Car
+from foldcar.link.car import ConnectedCar
 from foldcar.link.connection import Connection
 from foldcar.link.dialect import load_dialect
 from foldcar.link.parameters import value_text
@@ -227,7 +227,7 @@ def test_messages_that_come_together_are_all_read() -> None:
 
 def test_every_reason_of_a_refusal_has_words_that_complete_a_sentence() -> None:
     dialect = load_dialect()
-    car = Car(cast(Any, SimpleNamespace(dialect=dialect)))
+    car = ConnectedCar(cast(Any, SimpleNamespace(dialect=dialect)))
     reasons = [value for value, entry in dialect.enums["FOLDCAR_REFUSAL"].items() if "ENUM_END" not in entry.name]
 
     texts = [car.refusal_text(reason) for reason in reasons if reason]

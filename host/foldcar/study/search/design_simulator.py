@@ -13,7 +13,7 @@ from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.results import has_passed
 from foldcar.store.writer import PlannedExperiment, PlannedRun, StoreWriter
 from foldcar.study.chunks import ChunkPool, FinishedRun, Simulators, planned_pool
-from foldcar.study.environments import Environment
+from foldcar.study.environments import ExperimentEnvironment
 from foldcar.study.experiment_runs import StoredSamples
 from foldcar.study.experiments import Experiment
 from foldcar.study.plan import SearchOptions, plan_experiment
@@ -24,7 +24,7 @@ Values = tuple[float, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class RunRow:
     """The stored result of a run; a failed run has no numbers."""
 
     outcome: str
@@ -47,7 +47,7 @@ class DesignSimulator:
     """Simulates designs of one experiment in its environment. Create it with :func:`open_simulator`."""
 
     _experiment: Experiment
-    _environment: Environment
+    _environment: ExperimentEnvironment
     _writer: StoreWriter
     _pool: ChunkPool[PlannedRun]
     _samples: StoredSamples
@@ -57,7 +57,7 @@ class DesignSimulator:
     _plan: PlannedExperiment | None = None
     _positions: dict[Values, int] = field(default_factory=dict)
 
-    def rows(self, values: Values, samples: Sequence[int]) -> list[Row]:
+    def rows(self, values: Values, samples: Sequence[int]) -> list[RunRow]:
         """Return a buildable design's results in these samples, in order; simulate missing ones. Raises FoldcarError."""
         plan, position = self._plan_and_position(values)
         runs: list[PlannedRun] = []
@@ -71,7 +71,7 @@ class DesignSimulator:
         for finished in self._pool.finish():
             self._keep(finished)
         results = [self._writer.result(run) for run in runs]
-        return [Row(result["outcome"], result["elapsed_time_s"], result["consumed_energy_j"]) for result in results]
+        return [RunRow(result["outcome"], result["elapsed_time_s"], result["consumed_energy_j"]) for result in results]
 
     def finish(self, skipped: Sequence[Values] = ()) -> None:
         """Store the designs in the family's order; ``skipped`` are designs that cannot be built."""
@@ -122,7 +122,7 @@ class DesignSimulator:
 @contextlib.contextmanager
 def open_simulator(
     experiment: Experiment,
-    environment: Environment,
+    environment: ExperimentEnvironment,
     writer: StoreWriter,
     carsim: Carsim,
     simulators: Simulators | int,

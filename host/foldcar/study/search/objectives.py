@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from foldcar.statistics.rate import limited_mean, wilson_interval
-from foldcar.study.search.design_simulator import Row
+from foldcar.study.search.design_simulator import RunRow
 
 Interval = tuple[float, float]
 # Number of bootstrap samples.
@@ -20,7 +20,7 @@ RESAMPLES = 2000
 # The objective whose runs are in random realities.
 BUILT = "built"
 # A run that is at least as good as any other.
-PERFECT = Row("passed", 0.0, 0.0)
+PERFECT = RunRow("passed", 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -37,16 +37,16 @@ class Objective:
     unit: str
     largest: bool
     meaning: str
-    value: Callable[[Sequence[Row], float], float] | None
-    interval: Callable[[Sequence[Row], float], Interval] | None
-    run_loss: Callable[[Row, float, float], float] | None
+    value: Callable[[Sequence[RunRow], float], float] | None
+    interval: Callable[[Sequence[RunRow], float], Interval] | None
+    run_loss: Callable[[RunRow, float, float], float] | None
 
     @property
     def heading(self) -> str:
         """The heading of its column in results."""
         return self.meaning if self.name == BUILT else self.name
 
-    def excess(self, rows: Sequence[Row], best: Sequence[Row], limit_s: float) -> tuple[list[float], float]:
+    def excess(self, rows: Sequence[RunRow], best: Sequence[RunRow], limit_s: float) -> tuple[list[float], float]:
         """Return each run's loss minus the best design's loss in the same environment, and the largest advantage.
 
         ``rows`` and ``best`` are in the order of environments and include rejected runs. If one of both losses is
@@ -62,30 +62,30 @@ class Objective:
         return excess, max(finite, default=0.0) - self.run_loss(PERFECT, limit_s, target)
 
 
-def _times_s(rows: Sequence[Row], limit_s: float) -> list[float]:
+def _times_s(rows: Sequence[RunRow], limit_s: float) -> list[float]:
     """Return the times of the runs that passed (s)."""
     return [min(row.elapsed_time_s or 0.0, limit_s) for row in rows if row.passed]
 
 
-def _time(rows: Sequence[Row], limit_s: float) -> float:
+def _time(rows: Sequence[RunRow], limit_s: float) -> float:
     """Return the mean time of the runs (s), where a run that did not pass counts as the time limit."""
     times = _times_s(rows, limit_s)
     return math.fsum([*times, *[limit_s] * (len(rows) - len(times))]) / len(rows)
 
 
-def _time_interval(rows: Sequence[Row], limit_s: float) -> Interval:
+def _time_interval(rows: Sequence[RunRow], limit_s: float) -> Interval:
     """Return the 95 % interval of the mean time (s)."""
     times = _times_s(rows, limit_s)
     return limited_mean(len(times), len(rows), math.fsum(times), math.fsum(time**2 for time in times), limit_s)[1:]
 
 
-def _energy(rows: Sequence[Row], limit_s: float) -> float:
+def _energy(rows: Sequence[RunRow], limit_s: float) -> float:
     """Return the energy drawn in all runs per run that passed (J)."""
     energy_j, passed = _energies(rows).sum(axis=0)
     return float(energy_j / passed) if passed else math.inf
 
 
-def _energy_interval(rows: Sequence[Row], limit_s: float) -> Interval:
+def _energy_interval(rows: Sequence[RunRow], limit_s: float) -> Interval:
     """Return the 95 % interval of :func:`_energy`: percentiles over resampled runs (Efron's bootstrap), fixed seed."""
     # (runs, 2: energy in J, whether the run passed); the objective is the ratio of their totals.
     table = _energies(rows)
@@ -97,24 +97,24 @@ def _energy_interval(rows: Sequence[Row], limit_s: float) -> Interval:
     return float(low), float(high)
 
 
-def _energies(rows: Sequence[Row]) -> Any:
+def _energies(rows: Sequence[RunRow]) -> Any:
     """Return (runs, 2): energy (J) and 1 if the run passed, else 0; a run of unknown energy gets the mean energy."""
     energies_j = [row.consumed_energy_j for row in rows if row.consumed_energy_j is not None]
     mean = math.fsum(energies_j) / len(energies_j) if energies_j else math.inf
     return np.array([(mean if row.consumed_energy_j is None else row.consumed_energy_j, row.passed) for row in rows])
 
 
-def _success(rows: Sequence[Row], limit_s: float) -> float:
+def _success(rows: Sequence[RunRow], limit_s: float) -> float:
     """Return the fraction of the runs that passed."""
     return sum(bool(row.passed) for row in rows) / len(rows)
 
 
-def _success_interval(rows: Sequence[Row], limit_s: float) -> Interval:
+def _success_interval(rows: Sequence[RunRow], limit_s: float) -> Interval:
     """Return the 95 % interval of the success rate."""
     return wilson_interval(sum(bool(row.passed) for row in rows), len(rows))
 
 
-def _success_loss(row: Row, limit_s: float, target: float) -> float:
+def _success_loss(row: RunRow, limit_s: float, target: float) -> float:
     """Return the loss of a run against a success rate."""
     return math.nan if row.passed is None else target - row.passed
 

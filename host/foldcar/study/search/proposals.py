@@ -19,7 +19,7 @@ from optuna.trial import Trial, TrialState
 from foldcar.errors import FoldcarError
 from foldcar.statistics.stopping import evidence_of_worse
 from foldcar.study.family import Family
-from foldcar.study.search.design_simulator import Row, Values
+from foldcar.study.search.design_simulator import RunRow, Values
 from foldcar.study.search.objectives import Objective, is_dominated
 
 # After this many successive proposals of designs that were proposed before, a new design is drawn at random, in at most
@@ -70,7 +70,7 @@ class Proposals:
         self._trial: Trial | None = None
         self._suggested: Values = ()
         # Loss and rows of the best design that was tried in all environments.
-        self._best: tuple[float, Sequence[Row]] | None = None
+        self._best: tuple[float, Sequence[RunRow]] | None = None
         self.tried: list[Tried] = []
         self.unbuildable: dict[Values, str] = {}
 
@@ -99,7 +99,7 @@ class Proposals:
                 seen.add(values)
             repeats += 1
 
-    def is_worse(self, rows: Sequence[Row], limit_s: float) -> bool:
+    def is_worse(self, rows: Sequence[RunRow], limit_s: float) -> bool:
         """Return whether the proposed design is worse than the best design, judged by its ``rows`` so far.
 
         Rows are in the order of environments. The probability that a design is called worse in any check, although over
@@ -122,7 +122,7 @@ class Proposals:
         self._trial.set_constraint(BUILDABLE, 1.0)
         self._study.tell(self._trial, state=TrialState.PRUNED)
 
-    def tell(self, objectives: Sequence[float], rows: Sequence[Row], pruned: bool, mean_time_s: float) -> None:
+    def tell(self, objectives: Sequence[float], rows: Sequence[RunRow], pruned: bool, mean_time_s: float) -> None:
         """Record the result of the proposed design (see Tried); ``rows`` as in :meth:`is_worse`."""
         assert self._trial is not None
         # 0: the constraint is met, the design can be built.

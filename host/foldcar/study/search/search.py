@@ -22,12 +22,12 @@ from foldcar.simulation.results import no_rate_text
 from foldcar.statistics.words import design_text
 from foldcar.store.writer import write_store
 from foldcar.study.chunks import Simulators
-from foldcar.study.environments import Environment
-from foldcar.study.experiments import Experiment, Study
+from foldcar.study.environments import ExperimentEnvironment
+from foldcar.study.experiments import Experiment, ListedStudy
 from foldcar.study.limits import MAX_SEED
 from foldcar.study.plan import study_facts
 from foldcar.study.random_realities import RandomRealities, study_over_realities
-from foldcar.study.search.design_simulator import DesignSimulator, Row, Values, fresh_id, open_simulator
+from foldcar.study.search.design_simulator import DesignSimulator, RunRow, Values, fresh_id, open_simulator
 from foldcar.study.search.objectives import BUILT, OBJECTIVES, Objective
 from foldcar.study.search.proposals import Proposals, Tried
 
@@ -99,7 +99,7 @@ class SearchResult:
         return time.perf_counter() - self.started_s
 
 
-def searched_study(study: Study, plan: Plan) -> Study:
+def searched_study(study: ListedStudy, plan: Plan) -> ListedStudy:
     """Return the study with its only experiment, and the same experiment with the plan's new samples and built cars.
 
     Raises FoldcarError if the study has several experiments.
@@ -119,7 +119,7 @@ def searched_study(study: Study, plan: Plan) -> Study:
 
 
 def search(
-    study: Study,
+    study: ListedStudy,
     plan: Plan,
     store: Path,
     carsim: Carsim,
@@ -133,7 +133,7 @@ def search(
     ``result`` is updated, and ``report`` called, after every step. Raises FoldcarError.
     """
     experiment, fresh = study.experiments
-    environment_of = RandomRealities if plan.over_realities else Environment
+    environment_of = RandomRealities if plan.over_realities else ExperimentEnvironment
     environment = environment_of(experiment)
     _check(experiment, environment, plan)
     names = [objective.name for objective in plan.objectives]
@@ -174,7 +174,7 @@ def _try_designs(
         if values is None:
             result.exhausted = True
             return
-        all_rows: list[Row] = []
+        all_rows: list[RunRow] = []
         pruned = False
         for batch in batches(experiment.environments):
             all_rows += simulator.rows(values, batch)
@@ -205,14 +205,14 @@ def _try_designs(
         report(result)
 
 
-def _value(objective: Objective, experiment: Experiment, values: Values, rows: Sequence[Row]) -> float:
+def _value(objective: Objective, experiment: Experiment, values: Values, rows: Sequence[RunRow]) -> float:
     """Return a design's objective, by its results or, for the area of its sheets, by its pieces."""
     if objective.value is None:
         return film_area_cm2(folded_car(experiment.family.design(values)))
     return objective.value(rows, experiment.timeout_s)
 
 
-def _judged(experiment: Experiment, plan: Plan, tried: Tried, rows: Sequence[Row]) -> Judged:
+def _judged(experiment: Experiment, plan: Plan, tried: Tried, rows: Sequence[RunRow]) -> Judged:
     """Return a design with its objectives in the environments that chose it, and in new ones, which gave ``rows``."""
     # None stands for an objective that is unknown because all runs were rejected.
     objectives = [objective if rows or objective.value is None else None for objective in plan.objectives]
@@ -229,7 +229,7 @@ def _judged(experiment: Experiment, plan: Plan, tried: Tried, rows: Sequence[Row
     )
 
 
-def _counted(rows: Sequence[Row]) -> list[Row]:
+def _counted(rows: Sequence[RunRow]) -> list[RunRow]:
     """Return the rows without rejected runs."""
     return [row for row in rows if row.passed is not None]
 
@@ -240,7 +240,7 @@ def batches(environments: int) -> list[range]:
     return [range(first, min(first + size, environments)) for first in range(0, environments, size)]
 
 
-def _check(experiment: Experiment, environment: Environment, plan: Plan) -> None:
+def _check(experiment: Experiment, environment: ExperimentEnvironment, plan: Plan) -> None:
     """Raise FoldcarError if the plan cannot be carried out for the experiment."""
     if all(objective.value is None for objective in plan.objectives):
         raise FoldcarError(f"--objective sheet-area: needs no simulation; add an objective such as {BUILT}")

@@ -68,7 +68,7 @@ def test_what_is_fitted_is_told_to_the_firmware_and_is_in_parts_and_guide() -> N
     for words in (
         "the legs of 32 (number 9 of the 12) and GND",
         "10 kΩ resistor between the legs of 34 (number 7 of the 16)",
-        "pin 23 of the PCA9685",
+        "pin 23 of the chip",
     ):
         assert words in fitted_text and words not in plain_text
     assert wiring_text(cars[1], "a car").count("|yes|") == 3 and wiring_text(cars[0], "a car").count("|no|") == 3

@@ -119,7 +119,7 @@ def test_everything_is_soldered_once_before_the_lipo_is_in_and_the_guide_ends_wi
     assert soldering < lipo and not any("solder" in text.lower() for text in texts[lipo:])
     assert "cut the + lead of the square 4xAA holder (red) 30 mm from the holder, solder the fuse" in texts[soldering]
     boards = next(n for n, text in enumerate(texts) if text.startswith("Solder the boards"))
-    assert soldering < boards < lipo and "EN and GND, below the HUZZAH32 Feather" in texts[boards]
+    assert soldering < boards < lipo and "legs of EN (number 2 of the 12) and GND (number 4 of the 16)" in texts[boards]
     assert not any("1500 µs" in text for text in texts)
     assert [step.title for step in guide(name)][-3:] == DRIVING
     for word in ("`foldcar flash ", "`foldcar calibrate-servos`", "`foldcar log ", "turns backwards", "CHn_REVERSED"):

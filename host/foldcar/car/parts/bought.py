@@ -204,8 +204,14 @@ class Pins(Data):
 
     def place_of(self, name: str) -> str:
         """Return a pin's name with its place: ``32 (number 9 of the 12)``."""
-        row = next(row for row in (self.long_row, self.short_row) if name in row)
-        return f"{name} (number {row.index(name) + 1} of the {len(row)})"
+        return f"{name} (number {self.number_of(name)} of the {len(self._row_of(name))})"
+
+    def number_of(self, name: str) -> int:
+        """Return a pin's number in its row, counted from the side of USB, from 1."""
+        return self._row_of(name).index(name) + 1
+
+    def _row_of(self, name: str) -> tuple[str, ...]:
+        return next(row for row in (self.long_row, self.short_row) if name in row)
 
 
 class Feather(BoxPart):
@@ -262,7 +268,9 @@ class FeatherWing(BoxPart):
     ``pins`` are the ends of soldered pins below it; those of its male headers are inside the Feather's sockets.
 
     ``plug_top_mm`` is the height of an upright servo plug's top over this board's underside, ``plug_bend_mm`` what its
-    leads need above it. ``outputs`` are the middles of the outputs' pins, from output 0 on.
+    leads need above it. ``outputs`` are the middles of the outputs' pins, from output 0 on. ``output_enable`` are the
+    pads of the net #OE on the board: the end of the resistor ``pull_down`` that is not at ground, and the pin of the
+    ``driver_chip``. ``chip_capacitor`` stands beside that resistor and looks alike.
     """
 
     headers: tuple[Box, Box]
@@ -271,6 +279,10 @@ class FeatherWing(BoxPart):
     pins: tuple[Box, ...]
     outputs: Places
     terminal_block: Box
+    driver_chip: Box
+    pull_down: Box
+    chip_capacitor: Box
+    output_enable: Places
     reset: Box
 
 

@@ -24,7 +24,7 @@ from foldcar.car.leads import leads
 from foldcar.car.parts.catalogue import Catalogue
 from foldcar.fabrication.assembly.guide_pictures import FlatPicture, Step
 from foldcar.fabrication.assembly.operations import operations_of_boards
-from foldcar.fabrication.assembly.wiring import lead_remedy
+from foldcar.fabrication.assembly.wiring import OE_WIRE_AWG, lead_remedy
 from foldcar.figures.page import page_template
 
 # The board switch's pins, as in the wires of components/electronics.py, and the first pin beside EN, at the LiPo.
@@ -147,13 +147,13 @@ def _option_lines(car: FoldedCar) -> Iterator[str]:
         )
         yield (
             f"Find #OE on the {wing}: two small parts lie between the chip PCA9685 and the row of 12 pins. The one "
-            "nearer to USB is a 10 kΩ resistor, and its end nearer to USB is #OE. Measure before you solder, with a multimeter "
-            "and without power: this end is connected with pin 23 of the chip, and the other end with GND. If they are "
-            "not, the board is another one: solder to what is connected with pin 23."
+            "nearer to USB is a 10 kΩ resistor, and its end nearer to USB is #OE. Measure before you solder, with a "
+            "multimeter and without power: this end is connected with pin 23 of the chip, and the other end with GND. If "
+            "they are not, the board is another one: solder to what is connected with pin 23."
         )
         yield (
-            f"Solder {_wire(remedies[f'{feather} {OE_PIN}'])}, 30 AWG, to the leg of {OE_PIN}. Lead it around the edge "
-            f"of the {wing}, solder it to that end of the resistor, and stick it to the wing with adhesive tape."
+            f"Solder {_wire(remedies[f'{feather} {OE_PIN}'])}, {OE_WIRE_AWG} AWG, to the leg of {OE_PIN}. Lead it around "
+            f"the edge of the {wing}, solder it to that end of the resistor, and stick it to the wing with adhesive tape."
         )
 
 

@@ -131,9 +131,9 @@ def test_a_wristband_is_stretched_or_cut(radius_mm: float, words: str, taped_mm:
     ("tyre", "words"),
     [
         ("rubber_band", "Without such a band, cut a strip of 374 x 12 mm."),
-        ("grip_tape", "Its ends meet and do not overlap."),
+        ("grip_tape", "The ends of the strip meet and do not overlap."),
         ("shrink_tube", "Warm it with little heat"),
-        ("silicone_band", "stick double-sided tape around the rim"),
+        ("silicone_band", "Hold a strip with double-sided tape"),
     ],
 )
 def test_the_guide_says_what_to_do_with_each_kind_of_tyre(tyre: str, words: str) -> None:

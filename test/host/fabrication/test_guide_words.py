@@ -14,7 +14,7 @@ from foldcar.car.proof.prove import assembly_steps
 from foldcar.fabrication.assembly.faces import face_poses
 from foldcar.fabrication.assembly.guide_state import AssemblyState
 from foldcar.fabrication.assembly.guide_words import step_lines
-from foldcar.fabrication.assembly.plug_words import BUNDLE_MM
+from foldcar.fabrication.assembly.plug_words import BUNDLE_MM, rests_mm
 from published_cars import car
 
 # A servo's lead: three wires of 1.2 mm side by side.
@@ -125,6 +125,7 @@ def boxes(mount: Mount) -> list[np.ndarray]:
 def test_the_rest_of_a_lead_is_its_length_minus_its_way_and_finds_room_below_its_servo(name: str) -> None:
     folded = car(name)
     text = next(line for line in steps(name)["Plug all wires in"] if "longer than they need to be" in line)
+    assert text.count(" mm") - 1 == len(rests_mm(folded))
     told = {servo: float(rest) for servo, rest in re.findall(r"((?:axle \d |front |rear )\w+ servo) (\d+) mm", text)}
     mounts = {mount.name: mount for mount in folded.mounts}
     wiring = folded.parts.wiring.name

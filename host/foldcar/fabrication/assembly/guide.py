@@ -30,6 +30,7 @@ from foldcar.fabrication.assembly.operations import (
     operations_of_splices,
 )
 from foldcar.fabrication.assembly.parts_list import parts_list
+from foldcar.fabrication.assembly.plug_words import rests_mm
 from foldcar.fabrication.assembly.soldering import soldering_step
 from foldcar.fabrication.assembly.view_page import facts
 from foldcar.fabrication.assembly.wiring import wiring_drawing
@@ -37,6 +38,7 @@ from foldcar.fabrication.patterns.drawing import Sheet
 from foldcar.fabrication.patterns.options import MACHINES
 from foldcar.fabrication.patterns.sheets import CutCar
 from foldcar.figures.page import content_policy, page_template
+from foldcar.statistics.words import count
 
 ABOVE = camera(-90, 90)
 ASLANT = camera(-55, 32)
@@ -68,6 +70,8 @@ def guide_page(
         minutes=minutes,
         parts=folded.parts,
         driver=DRIVER,
+        # One holds the USB cable.
+        ties=count(1 + len(rests_mm(folded)), "cable tie"),
         screws=join_words(sorted({mount.part for mount in folded.mounts if is_screw(folded.parts, mount)})),
         wiring=Markup(wiring_drawing(folded, title)),
     )

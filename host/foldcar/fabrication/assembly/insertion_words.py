@@ -32,25 +32,29 @@ def insertion_lines(step: AssemblyStep, state: AssemblyState) -> list[str]:
     of_first_body = [added for added in step.adds if not step.unit or added.body == step.adds[0].body]
     wires = {mount.name for mount in state.car.mounts if mount.part == state.car.parts.wiring.name}
     parts = [added for added in of_first_body if added.name not in wires]
-    words = _InsertionWords(step, state)
-    instructions = [f"{words.label(part)}: {words.insertion(part)}" for part in parts]
-    counted = [(text, len(list(group))) for text, group in itertools.groupby(instructions)]
-    texts = [f"{count} × {text}" if count > 1 else text for text, count in counted]
+    words, screws = _InsertionWords(step, state), _screws(parts, state)
+    instructions = [(f"{words.label(part)}: {words.insertion(part)}", part in screws) for part in parts]
+    counted = [(text, turned, len(list(group))) for (text, turned), group in itertools.groupby(instructions)]
+    texts = [f"{count} × {text}" if count > 1 else text for text, _, count in counted]
     # The length of the shortest sequence of instructions that, repeated, gives all of them.
     period = next((p for p in range(1, len(texts) + 1) if texts == texts[:p] * (len(texts) // p)), 1)
-    lines = [f"{text[0].upper()}{text[1:]}." for text in texts]
+    turn_line = [_turn_line(screws)] if screws else []
     if 1 < period < len(texts):
-        lines = [f"{len(texts) // period} times: {'; then '.join(texts[:period])}."]
-    return [*lines, *_tool_lines(parts, state)]
+        return [f"{len(texts) // period} times: {'; then '.join(texts[:period])}.", *turn_line]
+    # Screws are turned before the parts that cover them go in.
+    end = max((number for number, (_, turned, _) in enumerate(counted, 1) if turned), default=0)
+    lines = [f"{text[0].upper()}{text[1:]}." for text in texts]
+    return [*lines[:end], *turn_line, *lines[end:]]
 
 
-def _tool_lines(parts: Sequence[AddedPart], state: AssemblyState) -> list[str]:
+def _screws(parts: Sequence[AddedPart], state: AssemblyState) -> list[AddedPart]:
+    return [part for part in parts if part.kind == "mount" and is_screw(state.car.parts, state.mounts[part.name])]
+
+
+def _turn_line(screws: Sequence[AddedPart]) -> str:
     """Return how screws are turned, and how their nuts are held."""
-    screws = [part for part in parts if part.kind == "mount" and is_screw(state.car.parts, state.mounts[part.name])]
-    if not screws:
-        return []
     nuts = any(screw.nut_mm for screw in screws)
-    return [f"Turn the screws with the {DRIVER}{', and hold their nuts with pliers' if nuts else ''}."]
+    return f"Turn the screws with the {DRIVER}{', and hold their nuts with pliers' if nuts else ''}."
 
 
 class _InsertionWords:

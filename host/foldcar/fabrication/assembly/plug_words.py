@@ -37,7 +37,7 @@ def plug_lines(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
         )
         if car.hinges:
             yield "Lead cables between segments through the openings of the caps, with a loop at each hinge."
-        yield from _surplus_lines(car)
+        yield from _rest_lines(car)
     if any(wire.a == car.parts.lipo.name for wire in wires):
         yield (
             f"Turn the {BOARD_SWITCH} off before you plug the {car.parts.lipo.name} in. Compare the lead's red wire with "
@@ -74,14 +74,19 @@ def _connection(car: FoldedCar, wire: Wire) -> str:
 NOTES = {"+": "the voltage for the servos", "-": "ground"}
 
 
-def _surplus_lines(car: FoldedCar) -> Iterator[str]:
-    """Yield where the rest of each servo's lead lies that is longer than its way; nothing if no rest is long."""
+def rests_mm(car: FoldedCar) -> dict[str, float]:
+    """Return the rest (mm) of each servo's lead, beyond what it needs, that is long enough to be tied to a bundle."""
     servos = {axle.servo for axle in car.axles}
-    rests_mm = {lead.start: lead.available_mm - lead.needed_mm for lead in leads(car) if lead.start in servos}
-    long = [f"{name} {math.floor(rest / 10) * 10} mm" for name, rest in rests_mm.items() if rest >= BUNDLE_MM]
-    if long:
+    rests = {lead.start: lead.available_mm - lead.needed_mm for lead in leads(car) if lead.start in servos}
+    return {name: rest for name, rest in rests.items() if rest >= BUNDLE_MM}
+
+
+def _rest_lines(car: FoldedCar) -> Iterator[str]:
+    """Yield where the rests of the servos' leads lie; nothing if none is long."""
+    rests = [f"{name} {math.floor(rest / 10) * 10} mm" for name, rest in rests_mm(car).items()]
+    if rests:
         yield (
-            f"Some leads are longer than they need to be: {join_words(long)}. Fold this rest to and fro in lengths of "
-            f"{BUNDLE_MM:g} mm, tie it with a cable tie or thread, and lay it on the floor below its servo, beside the "
-            "wall: no wheel, lid or battery meets it there."
+            f"Some leads are longer than they need to be: {join_words(rests)}. Fold this rest to and fro in lengths of "
+            f"{BUNDLE_MM:g} mm, and tie it with a cable tie. Lay it on the floor below its servo, beside the wall: no "
+            "wheel, lid or battery meets it there."
         )

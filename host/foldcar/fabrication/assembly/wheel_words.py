@@ -66,10 +66,10 @@ def tyre_lines(car: FoldedCar, unit: str) -> Iterator[str]:
         yield f"Without such a band, cut {other}."
     if tyre.taped_mm(axle.radius_mm):
         yield (
-            "A strip: stick double-sided tape around the rim, and lay the strip on it without stretching it. Its ends "
-            "meet and do not overlap."
+            "Hold a strip with double-sided tape: stick the tape around the rim, and lay the strip on it without "
+            "stretching it. The ends of the strip meet and do not overlap."
         )
     elif tyre.stretch is None and tyre.form == "strip":
-        yield "Its ends meet and do not overlap."
+        yield "The ends of the strip meet and do not overlap."
     elif tyre.form == "tube":
         yield "Warm it with little heat, turning the wheel, until it lies tightly on the rim."

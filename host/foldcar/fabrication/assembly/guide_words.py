@@ -123,7 +123,7 @@ def _shaft_lines(state: AssemblyState) -> Iterator[str]:
         towards = "front" if axle.center_mm[0] > state.mounts[axle.servo].pose[0][3] else "rear"
         ends.setdefault(towards, []).append(axle.servo)
     for towards, servos in ends.items():
-        yield f"Turn the shaft to the {towards} of the car: {join_words(servos)}."
+        yield f"Turn each servo so that its shaft is towards the {towards} of the car: {join_words(servos)}."
 
 
 def _away_from_boards(state: AssemblyState) -> str:
@@ -143,6 +143,13 @@ def _preparation(step: AssemblyStep, state: AssemblyState) -> Iterator[str]:
         yield (
             "Push a servo's lead through its opening, then the servo. Leave the potentiometers of the servos alone: "
             "their neutrals are measured when the car is complete."
+        )
+        yield from _shaft_lines(state)
+    if state.car.parts.horn_screw.name in added_parts:
+        yield "Use those holes of the horn that lie in the slots. Widen a hole that is too small to 1.5 mm."
+        yield (
+            "Tighten a wheel's screws only when the centre screw's head is in the middle of the disc's hole: then the "
+            "wheel runs true."
         )
     if state.car.parts.tyre.name in added_parts:
         yield from tyre_lines(state.car, step.unit)
@@ -175,8 +182,6 @@ def _cut_lengths(car: FoldedCar, step: AssemblyStep, state: AssemblyState) -> It
 def _cautions(car: FoldedCar, step: AssemblyStep, state: AssemblyState) -> Iterator[str]:
     """Yield notes on parts: orientation, fixing, checks."""
     parts = {state.mounts[added.name].part for added in step.adds if added.kind == "mount"}
-    if car.parts.servo.name in parts:
-        yield from _shaft_lines(state)
     sides = {lead.start.removesuffix(" +"): lead.leaves for lead in leads(car)}
     if car.parts.lipo.name in parts:
         side = sides[car.parts.lipo.name]
@@ -202,12 +207,6 @@ def _cautions(car: FoldedCar, step: AssemblyStep, state: AssemblyState) -> Itera
         yield "Stick it to the outside of the lid, the side without print, between the small holes at its corners."
     if car.parts.board_pad.name in parts:
         yield f"The {car.parts.board_pad.name} sticks to film and board, where the radio module covers the board's holes."
-    if car.parts.horn_screw.name in parts:
-        yield "Use those holes of the horn that lie in the slots. Widen a hole that is too small to 1.5 mm."
-        yield (
-            "Before you tighten them, move the wheel until the centre screw's head is in the middle of the disc's hole: "
-            "then the wheel runs true."
-        )
     hinge_strips = {piece.name for piece in car.pieces if any(crease.flexure for crease in piece.creases)}
     if hinge_strips & {added.name for added in step.adds}:
         limits_deg = [(-math.degrees(hinge.min_rad), math.degrees(hinge.max_rad)) for hinge in car.hinges]

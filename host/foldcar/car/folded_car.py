@@ -13,8 +13,9 @@ from foldcar.car.components.assemble import Assembly, assemble, build
 from foldcar.car.components.box_beam import PANELS, flap_end_mm, latch_mm, put_cap, wall_mm
 from foldcar.car.components.bridge import plug_room_mm, usb_height_mm
 from foldcar.car.components.component import ROUNDING, Component, Sub, minimum_text
+from foldcar.car.components.electronics import ElectronicsModule
 from foldcar.car.components.hinge_module import HingeModule, stiffness_n_m_rad
-from foldcar.car.components.module import BrainModule, ElectronicsModule
+from foldcar.car.components.module import BrainModule
 from foldcar.car.components.mounts import (
     ROD_LAYER_MM,
     button_depth_mm,

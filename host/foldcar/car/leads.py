@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foldcar.car.components.bridge import option_resistors
-from foldcar.car.components.mounts import SERVO_SWITCH
+from foldcar.car.components.mounts import BOARD_SWITCH, BUTTON, SERVO_SWITCH
 from foldcar.car.design import DesignError
 from foldcar.car.folded.model import FoldedCar, Mount, Wire
 from foldcar.car.folded.placed import PlacedFace, place
@@ -213,16 +213,18 @@ class _Ways:
         feather, wing = self.parts.feather.name, self.parts.featherwing
         for wire in (wire for wire in self.car.wires if wire.carries == "control"):
             name = wire.a.rpartition(" ")[0]
-            if name in self.mounts:
+            if name in (BOARD_SWITCH, BUTTON):
                 start, body, lift_mm = self._terminals(self.mounts[name]), self.mounts[name].body, self._lift_mm(feather)
             else:
+                # Between the boards: the wing can be laid beside the Feather while that is screwed on.
                 x, y = option_resistors(self.parts).get(wire.a) or self.parts.feather.pin_mm(wire.a.rpartition(" ")[2])
-                start, body, lift_mm = self._below_feather(x, y), self.of_part[feather].body, 0.0
+                start, body, lift_mm = self._below_feather(x, y), self.of_part[feather].body, wing.width_mm.value
             if wire.b.startswith(feather):
                 end = self._below_feather(*self.parts.feather.pin_mm(wire.b.rpartition(" ")[2]))
             else:
-                # The terminal block, or the chip in the middle of the board.
-                at = wing.terminal_block.at_mm if wire.b.endswith("+") else (0.0, 0.0, wing.board_mm.value)
+                # The terminal block, or the pad of #OE that is large enough to be soldered to.
+                enable = (*wing.output_enable.at_mm[0], wing.board_mm.value)
+                at = wing.terminal_block.at_mm if wire.b.endswith("+") else enable
                 end = self._at(wing.name, (*at[:2], at[2] - wing.height_mm.value / 2))
             way = self.way(start, end, body, feather)
             lengths_mm = self._lengths_mm(way, 2 * self.parts.wiring.joint_mm.value + lift_mm)

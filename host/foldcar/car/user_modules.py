@@ -18,8 +18,9 @@ from types import ModuleType
 
 from foldcar.car.components.component import ComponentError
 from foldcar.car.components.composite import Composite
+from foldcar.car.components.electronics import ElectronicsModule
 from foldcar.car.components.hinge_module import HingeModule
-from foldcar.car.components.module import ElectronicsModule, Module
+from foldcar.car.components.module import Module
 from foldcar.car.design_parameters import MODULES, USER_FILES, parameters
 from foldcar.errors import FoldcarError
 from foldcar.read_files import RecordedFiles, file_digest, is_own, only_minimal_variables, recorded_files

@@ -18,9 +18,11 @@ from foldcar.statistics.words import count, percent
 
 if TYPE_CHECKING:
     from foldcar.car.design import Design
+    from foldcar.fabrication.assembly.guide_service import ListedCar
     from foldcar.fabrication.make_car import MadeCar
     from foldcar.fabrication.patterns.options import Options
     from foldcar.study.family import Family
+    from foldcar.study.listing import Listing as ListingData
 
 
 def pattern(
@@ -54,7 +56,7 @@ def pattern(
     from foldcar.outputs import atomic_folder
 
     pattern_options = read_material(material, sheet)
-    families = listed_families(listing, vehicle, settings, every)[1]
+    listing_data, families = listed_families(listing, vehicle, settings, every)
     cars_to_make = (
         list(_cars_to_make(families)) if every else [_CarToMake(families[0].vehicle, "", families[0].single(), ())]
     )
@@ -66,7 +68,8 @@ def pattern(
         for car in _with_progress(cars_to_make):
             words = [*(settings or []), *car.settings]
             command = car_command(listing, car.vehicle, words, pattern_options, components or [])
-            car_files = make_car(car.design, pattern_options, command, larger=sheet is None)
+            listed = listed_car(listing, listing_data, car.vehicle, words, components or [])
+            car_files = make_car(car.design, pattern_options, command, sheet is None, listed)
             for file, content in car_files.files.items():
                 target = folder / car.folder / file
                 target.parent.mkdir(parents=True, exist_ok=True)
@@ -159,6 +162,18 @@ def car_command(
     words += [word for setting in settings for word in ("--set", setting)]
     words += [word for file in components for word in ("--components", file.name)]
     return decoded(shlex.join([*words, *arguments(chosen), "-o", "car"]))
+
+
+def listed_car(
+    listing: Path, data: "ListingData", vehicle: str, settings: Sequence[str], components: Sequence[Path]
+) -> "ListedCar":
+    """Return where a car is listed, with the first experiment of its vehicle, as the guide's commands name it."""
+    from foldcar.fabrication.assembly.guide_service import ListedCar
+
+    experiment = next((name for name, entry in data.experiments.items() if entry.veh_id == vehicle), "")
+    options = [word for setting in settings for word in ("--set", setting)]
+    options += [word for file in components for word in ("--components", file.name)]
+    return ListedCar(listing.name, experiment, tuple(options))
 
 
 def _car_lines(made: "MadeCar", default_sheet: str, output: Path) -> list[str]:

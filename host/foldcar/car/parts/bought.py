@@ -160,11 +160,15 @@ class Cells(Bought):
 class Tyre(Bought):
     """A wheel's tyre; without a ``width_mm`` of its own it is cut to the rim's width. Its cost is a wheel's.
 
-    It is cut from a strip, or from a tube that shrinks. Without a ``friction`` of its own it has the film's.
+    It is a band or a strip, or a tube that shrinks. Without a ``friction`` of its own it has the film's. ``stretch`` is
+    the fraction by which a closed band is longer on its rim than before, None if it is no band. ``inside_mm`` is the
+    length around the inside of a band that is sold in one size only.
     """
 
     form: Literal["strip", "tube"]
     width_mm: Quantity | None
+    stretch: Quantity | None
+    inside_mm: Quantity | None
     friction: Quantity | None
     note: str
 
@@ -172,17 +176,49 @@ class Tyre(Bought):
         """The width that touches the ground (mm), on a rim of that width."""
         return rim_width_mm if self.width_mm is None else min(self.width_mm.value, rim_width_mm)
 
-    def cut(self, radius_mm: float, rim_width_mm: float) -> str:
-        """Return what to cut for a wheel of that outer radius (mm), as text: a strip or a piece of tube with its size.
+    def sizes(self, radius_mm: float, rim_width_mm: float) -> tuple[str, ...]:
+        """Return what to take or to cut for a wheel of that outer radius (mm), as texts: a closed band, a strip, a tube.
 
         A strip is as long as the circumference of the tyre's middle.
         """
         width, thickness = self.running_width_mm(rim_width_mm), self.thickness_mm.value
+        rim_mm = 2 * (radius_mm - thickness)
         if self.form == "tube":
-            min_tube = 2 * (radius_mm - thickness)
-            flat = math.ceil(math.pi * min_tube / 2)
-            return f"{width:g} mm of a tube that is wider than {min_tube:g} mm before it shrinks ({flat} mm flat)"
-        return f"a strip of {round(math.pi * (2 * radius_mm - thickness))} x {width:g} mm"
+            flat = math.ceil(math.pi * rim_mm / 2)
+            return (f"{width:g} mm of a tube that is wider than {rim_mm:g} mm before it shrinks ({flat} mm flat)",)
+        strip = f"a strip of {round(math.pi * (rim_mm + thickness))} x {width:g} mm"
+        stretch = self.closed_stretch(radius_mm)
+        if stretch is None and self.inside_mm is not None:
+            bands = math.ceil(math.pi * (rim_mm + thickness) / self.inside_mm.value)
+            source = "one band, cut open" if bands == 1 else f"{bands} bands, cut open and laid end to end"
+            return (f"{strip}, of {source}",)
+        if stretch is None:
+            return (strip,)
+        on_rim = f"on the rim it is stretched by {100 * stretch:.0f} %"
+        if self.inside_mm is not None:
+            return (f"one closed band as it is: {on_rim}",)
+        inside_mm = math.pi * rim_mm / (1 + stretch)
+        return (
+            f"a closed band {inside_mm / math.pi:.0f} mm in inside diameter ({inside_mm / 2:.0f} mm long when it lies "
+            f"flat), {width:g} mm wide, {thickness:g} mm thick: {on_rim}",
+            strip,
+        )
+
+    def closed_stretch(self, radius_mm: float) -> float | None:
+        """The fraction by which a closed band is stretched on a wheel of that outer radius; None if no band fits."""
+        if self.stretch is None or self.inside_mm is None:
+            return None if self.stretch is None else self.stretch.value
+        stretch = 2 * math.pi * (radius_mm - self.thickness_mm.value) / self.inside_mm.value - 1
+        return stretch if self.stretch.min_value <= stretch <= self.stretch.max_value else None
+
+    def taped_mm(self, radius_mm: float) -> float:
+        """The length of tape (mm) that holds the tyre on a wheel of that outer radius if it is cut from a strip, else 0.
+
+        A strip with an adhesive of its own, and a closed band of one size that fits, need none.
+        """
+        has_to_be_closed = self.inside_mm is not None and self.closed_stretch(radius_mm) is not None
+        needs_tape = self.stretch is not None and not has_to_be_closed
+        return 2 * math.pi * (radius_mm - self.thickness_mm.value) if needs_tape else 0.0
 
     def mass_kg(self, radius_mm: float, rim_width_mm: float) -> float:
         """The mass of a ring of that outer radius (kg)."""
@@ -204,8 +240,14 @@ class Pins(Data):
 
     def place_of(self, name: str) -> str:
         """Return a pin's name with its place: ``32 (number 9 of the 12)``."""
-        row = next(row for row in (self.long_row, self.short_row) if name in row)
-        return f"{name} (number {row.index(name) + 1} of the {len(row)})"
+        return f"{name} (number {self.number_of(name)} of the {len(self._row_of(name))})"
+
+    def number_of(self, name: str) -> int:
+        """Return a pin's number in its row, counted from the side of USB, from 1."""
+        return self._row_of(name).index(name) + 1
+
+    def _row_of(self, name: str) -> tuple[str, ...]:
+        return next(row for row in (self.long_row, self.short_row) if name in row)
 
 
 class Feather(BoxPart):
@@ -262,7 +304,9 @@ class FeatherWing(BoxPart):
     ``pins`` are the ends of soldered pins below it; those of its male headers are inside the Feather's sockets.
 
     ``plug_top_mm`` is the height of an upright servo plug's top over this board's underside, ``plug_bend_mm`` what its
-    leads need above it. ``outputs`` are the middles of the outputs' pins, from output 0 on.
+    leads need above it. ``outputs`` are the middles of the outputs' pins, from output 0 on. ``output_enable`` are the
+    pads of the net #OE on the board: the end of the resistor ``pull_down`` that is not at ground, and the pin of the
+    ``driver_chip``. ``chip_capacitor`` stands beside that resistor and looks alike.
     """
 
     headers: tuple[Box, Box]
@@ -271,6 +315,10 @@ class FeatherWing(BoxPart):
     pins: tuple[Box, ...]
     outputs: Places
     terminal_block: Box
+    driver_chip: Box
+    pull_down: Box
+    chip_capacitor: Box
+    output_enable: Places
     reset: Box
 
 

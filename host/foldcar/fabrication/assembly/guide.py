@@ -14,10 +14,11 @@ from foldcar.fabrication.assembly.drawing import Drawing
 from foldcar.fabrication.assembly.facets import film_shape
 from foldcar.fabrication.assembly.finished_car import finished_car
 from foldcar.fabrication.assembly.guide_pictures import Step, join_marks, service_picture, step_pictures
-from foldcar.fabrication.assembly.guide_service import driving_steps, service_lines
+from foldcar.fabrication.assembly.guide_service import ListedCar, driving_steps, service_lines
 from foldcar.fabrication.assembly.guide_state import AssemblyState
-from foldcar.fabrication.assembly.guide_words import DRIVER, join_words, number_ranges, step_lines
+from foldcar.fabrication.assembly.guide_words import step_lines
 from foldcar.fabrication.assembly.hidden_surfaces import camera
+from foldcar.fabrication.assembly.insertion_words import DRIVER, join_words, number_ranges
 from foldcar.fabrication.assembly.operations import (
     is_screw,
     is_wound,
@@ -29,6 +30,7 @@ from foldcar.fabrication.assembly.operations import (
     operations_of_splices,
 )
 from foldcar.fabrication.assembly.parts_list import parts_list
+from foldcar.fabrication.assembly.plug_words import rests_mm
 from foldcar.fabrication.assembly.soldering import soldering_step
 from foldcar.fabrication.assembly.view_page import facts
 from foldcar.fabrication.assembly.wiring import wiring_drawing
@@ -36,35 +38,46 @@ from foldcar.fabrication.patterns.drawing import Sheet
 from foldcar.fabrication.patterns.options import MACHINES
 from foldcar.fabrication.patterns.sheets import CutCar
 from foldcar.figures.page import content_policy, page_template
+from foldcar.statistics.words import count
 
 ABOVE = camera(-90, 90)
 ASLANT = camera(-55, 32)
 # Long pieces are turned along the picture's wider side.
 UPRIGHT = 1.3
+UNLISTED = ListedCar()
 
 
-def guide_page(folded: FoldedCar, cut: CutCar, machine: str, title: str, sheets: Sequence[Sheet] = ()) -> str:
+def guide_page(
+    folded: FoldedCar,
+    cut: CutCar,
+    machine: str,
+    title: str,
+    sheets: Sequence[Sheet] = (),
+    listed: ListedCar = UNLISTED,
+) -> str:
     """Return the page of a car that is cut from these sheets on a machine of that name."""
     lines = service_lines(folded, service_steps(folded))
     return page_template("foldcar.fabrication.assembly", "guide.html").render(
         title=title,
         policy=content_policy(),
         facts=facts(folded, sheets),
-        rows=parts_list(folded, sheets),
+        rows=parts_list(folded, sheets, cut),
         finished=finished_car(folded, "The finished car"),
-        steps=build_steps(folded, cut, machine),
+        steps=build_steps(folded, cut, machine, listed),
         upkeep=Step("Open, charge, connect, reset", lines, service_picture(folded)),
         done=operations(folded, cut),
         kinds=kinds(),
         minutes=minutes,
         parts=folded.parts,
         driver=DRIVER,
+        # One holds the USB cable.
+        ties=count(1 + len(rests_mm(folded)), "cable tie"),
         screws=join_words(sorted({mount.part for mount in folded.mounts if is_screw(folded.parts, mount)})),
         wiring=Markup(wiring_drawing(folded, title)),
     )
 
 
-def build_steps(folded: FoldedCar, cut: CutCar, machine: str) -> list[Step]:
+def build_steps(folded: FoldedCar, cut: CutCar, machine: str, listed: ListedCar = UNLISTED) -> list[Step]:
     """Return all steps, from cutting on a machine of that name to a car that has driven a metre."""
     all_steps = [cutting_step(cut, machine), *splice_steps(folded, cut)]
     state = AssemblyState(folded)
@@ -76,7 +89,7 @@ def build_steps(folded: FoldedCar, cut: CutCar, machine: str) -> list[Step]:
         repeated = len(state.unit_bodies(step.unit)) if step.unit else 1
         title = f"{step.title} ({repeated} times)" if repeated > 1 else step.title
         all_steps.append(Step(title, lines, step_pictures(step, state, step.title), step_operations))
-    return [*all_steps, *(Step(title, lines) for title, lines in driving_steps(folded))]
+    return [*all_steps, *(Step(title, lines) for title, lines in driving_steps(folded, listed))]
 
 
 def cutting_step(cut: CutCar, machine: str) -> Step:
@@ -117,9 +130,9 @@ def splice_steps(folded: FoldedCar, cut: CutCar) -> Iterator[Step]:
         new = {join.number for join in cut.car.joins if join.piece_a in names and join.number not in whole_numbers}
         times = f", {piece.count} times" if piece.count > 1 else ""
         lines.append(
-            f"The {piece.label} is cut as {join_words([part.label for part in parts])}{times}: fold each tab and tape it "
-            f"to the printed side of the panel with the same number, join {number_ranges(new)}. "
-            "From now on it is one piece."
+            f"The {piece.label} is cut as {join_words([part.label for part in parts])}{times}. Fold each tab and tape it "
+            "to the printed side of the panel with the same number, so that the tab lies inside the car: join "
+            f"{number_ranges(new)}. From now on it is one piece."
         )
         for part in parts:
             marks = [mark for mark in join_marks(cut.car, part, np.eye(4), 0.5) if int(mark.text) in new]

@@ -67,6 +67,13 @@ class Step:
     done: Operations = field(default_factory=Operations)
 
     @property
+    def layout(self) -> str:
+        """The classes that lay out text and pictures on the page: a flat picture has the whole width."""
+        if any(isinstance(picture, FlatPicture) for picture in self.pictures):
+            return " flat"
+        return "" if len(self.pictures) == 1 else " two"
+
+    @property
     def effort(self) -> str:
         """The step's operations and their time as text; "" without operations."""
         counts = [f"{count} {name}" for name, count in self.done.named()]

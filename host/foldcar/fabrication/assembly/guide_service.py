@@ -3,13 +3,48 @@
 Input: a FoldedCar and its proved service steps. Output: lines of text.
 """
 
+import shlex
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 from foldcar.car.components.mounts import BOARD_SWITCH, SERVO_SWITCH
 from foldcar.car.folded.model import FoldedCar, Mount
 from foldcar.car.parts.catalogue import Catalogue
 from foldcar.car.proof.step import AssemblyStep
-from foldcar.fabrication.assembly.guide_words import insert_cells_line, join_words, number_ranges
+from foldcar.fabrication.assembly.guide_words import insert_cells_line
+from foldcar.fabrication.assembly.insertion_words import join_words, number_ranges
+from foldcar.shown_text import decoded
+
+
+@dataclass(frozen=True, slots=True)
+class ListedCar:
+    """Where a car is listed: its listing's file name, an experiment that drives it, and the options that choose it.
+
+    ``listing`` and ``experiment`` are "" if they are not known.
+    """
+
+    listing: str = ""
+    experiment: str = ""
+    options: tuple[str, ...] = ()
+
+    @property
+    def flash_command(self) -> str:
+        """The command that loads firmware and design onto the car's board."""
+        words = ["foldcar", "flash", self.listing or "LISTING", "--experiment", self.experiment or "ID", *self.options]
+        return decoded(shlex.join(words))
+
+    @property
+    def explanation(self) -> str:
+        """What stands for a name in the command that is not known; "" if all are."""
+        folder = "Run it in the folder of the listing."
+        if not self.listing:
+            return f"LISTING is the file in which this car is listed, ID one of its experiments that drives it. {folder}"
+        if not self.experiment:
+            return (
+                f"ID is the name of an experiment that drives this car. {self.listing} has none yet: add one, as "
+                f"docs/listing.md says. {folder}"
+            )
+        return folder
 
 
 def service_lines(car: FoldedCar, steps: Sequence[AssemblyStep]) -> tuple[str, ...]:
@@ -57,16 +92,16 @@ def _change_cells_line(parts: Catalogue, holder: str) -> str:
     return f"Change cells: switch off, take the {holder} {where}, and charge its cells in their own charger."
 
 
-def driving_steps(car: FoldedCar) -> Iterator[tuple[str, tuple[str, ...]]]:
+def driving_steps(car: FoldedCar, listed: ListedCar) -> Iterator[tuple[str, tuple[str, ...]]]:
     """Yield titles and lines of the steps after the assembly: firmware, neutrals, one metre."""
     feather = car.parts.feather.name
     yield (
         "Load the firmware",
         (
             *([insert_cells_line(car.parts)] if car.parts.battery_place == "roof" else []),
-            f"Open the {BOARD_SWITCH}; the {SERVO_SWITCH} stays off. Connect the {feather} to the computer with a USB "
-            "cable that carries data, and run `foldcar flash LISTING "
-            "--experiment ID` with the listing and experiment of this car. It loads the firmware and the car's design.",
+            f"Open the {BOARD_SWITCH}. Leave the {SERVO_SWITCH} off. Connect the {feather} to the computer with a USB "
+            "cable that carries data.",
+            f"Run `{listed.flash_command}`. It loads the firmware and the car's design. {listed.explanation}",
             "If no board is found, try another cable, and open the board switch; `foldcar doctor` says what is missing.",
             *_cable_lines(),
         ),
@@ -88,7 +123,8 @@ def driving_steps(car: FoldedCar) -> Iterator[tuple[str, tuple[str, ...]]]:
         (
             "Put the car on a smooth floor with 2 m free in front of it, and keep a finger near the servo switch.",
             'Describe one metre of floor as the tutorial "A first car" does (docs/first_car.md), and run `foldcar log '
-            "metre.json --experiment metre --store study.db --car NAME`: it checks the car, counts down and drives.",
+            "metre.json --experiment metre --store study.db --car NAME`: it checks the car, counts down and drives. NAME "
+            "is a name that you give to this car.",
             "The car turns aside: repeat `foldcar calibrate-servos`, look for a wheel that rubs. It stops at once: the "
             "cells are empty or the log's last line says why.",
             "Without a cable: add `--untethered`. foldcar says when to pull the cable; the board's red light, seen "

@@ -12,7 +12,7 @@ from importlib.resources import files
 
 from pydantic import TypeAdapter
 
-from foldcar.car.components.bridge import option_resistors
+from foldcar.car.components.bridge import DIVIDER_UPPER, option_resistors
 from foldcar.car.components.mounts import BOARD_SWITCH, BUTTON, SERVO_SWITCH
 from foldcar.car.folded.model import Crease, FoldedCar, Join, Mount, Piece, Wire
 from foldcar.car.leads import leads
@@ -121,6 +121,23 @@ def operations_of_boards(car: FoldedCar) -> Operations:
     return Operations(joint=2 * rows + SERVO_PINS * len(parts.featherwing.outputs.at_mm) + TERMINALS + wires)
 
 
+def joints_at_wires(car: FoldedCar) -> int:
+    """Return the number of joints from a wire to a wire, a switch or a resistor, which are insulated with tube."""
+    at_switches = sum(_joints_of(car, step) for step in assembly_steps(car))
+    return at_switches + any(wire.a == DIVIDER_UPPER for wire in car.wires)
+
+
+def joints(car: FoldedCar) -> int:
+    """Return the number of all joints that are soldered."""
+    return operations_of_boards(car).joint + sum(_joints_of(car, step) for step in assembly_steps(car))
+
+
+def repetitions(car: FoldedCar, join: Join) -> int:
+    """Return how often a join is made: once for each wheel that has its piece, or once if it is not of a wheel."""
+    wheels = {axle.wheel for axle in car.axles}
+    return len({placed.body for placed in car.placed if placed.piece == join.piece_a and placed.body in wheels}) or 1
+
+
 def operations_of_sheets(cut: CutCar) -> Operations:
     """Return the operations that take every piece out of its sheet, and the waste out of all openings."""
     openings = sum(piece.count * (len(piece.outline.interiors) + len(piece.circles)) for piece in cut.pieces)
@@ -137,7 +154,7 @@ def operations_of_splices(car: FoldedCar, cut: CutCar) -> Operations:
 
     extra_folds = count_folds(cut.car.pieces) - count_folds(car.pieces)
     return Operations(
-        fold=max(extra_folds, 0), tape=sum(_repetitions(cut.car, join) for join in new_joins if join.kind in TAPED)
+        fold=max(extra_folds, 0), tape=sum(repetitions(cut.car, join) for join in new_joins if join.kind in TAPED)
     )
 
 
@@ -151,7 +168,7 @@ def operations_by_step(car: FoldedCar) -> list[tuple[AssemblyStep, Operations]]:
     for step in assembly_steps(car):
         folded_pieces = [pieces[name] for name in step.folds]
         # A join of a wheel occurs once for each wheel that has its pieces.
-        joins = [join for join in car.joins if join.number in step.joins for _ in range(_repetitions(car, join))]
+        joins = [join for join in car.joins if join.number in step.joins for _ in range(repetitions(car, join))]
         parts = [mounts[added.name] for added in step.adds if added.kind == "mount"]
         # A cap with a switch is put in as a unit. Taping its tabs is its only operation, as for a cap without a switch.
         taped = {name for join in joins if join.kind == "tab" for name in (join.piece_a, join.piece_b)}
@@ -161,7 +178,7 @@ def operations_by_step(car: FoldedCar) -> list[tuple[AssemblyStep, Operations]]:
             wind=sum(piece.count for piece in folded_pieces if is_wound(piece)),
             tape=sum(join.kind in TAPED for join in joins) + sum(mount.part == car.parts.lipo.name for mount in parts),
             tongue=sum(join.kind in PUSHED for join in joins),
-            turn=sum(_repetitions(car, join) for join in disc_turns(car, step)),
+            turn=sum(repetitions(car, join) for join in disc_turns(car, step)),
             part=sum(not is_screw(car.parts, mount) and mount.part != car.parts.wiring.name for mount in parts)
             + sum(added.kind == "unit" and added.name not in taped for added in step.adds),
             screw=sum(is_screw(car.parts, mount) for mount in parts),
@@ -204,12 +221,15 @@ def soldered_in(car: FoldedCar, step: AssemblyStep) -> list[Wire]:
 
 
 def _joints_of(car: FoldedCar, step: AssemblyStep) -> int:
-    """Return the number of joints of a switch: one for each wire at it, two for the fuse, one for each longer lead."""
+    """Return the number of joints of a switch: one for each wire at it, and those of the battery's leads.
+
+    In the + lead these are two at the fuse and one to the wire at the switch; a - lead that is too short has one.
+    """
     wires = soldered_in(car, step)
     if not any(wire.a.startswith(SERVO_SWITCH) for wire in wires):
         return len(wires)
-    longer = sum(lead.kind == "solder" and lead.missing_mm > 0 for lead in leads(car))
-    return len(wires) + 2 + longer
+    longer = any(lead.kind == "solder" and lead.start.endswith("-") and lead.missing_mm > 0 for lead in leads(car))
+    return len(wires) + 3 + longer
 
 
 def _added_parts(car: FoldedCar, step: AssemblyStep) -> set[str]:
@@ -243,12 +263,6 @@ def is_screw(parts: Catalogue, mount: Mount) -> bool:
 
 def _hand_folds(piece: Piece) -> list[Crease]:
     return [c for c in piece.creases if c.angle_rad and not c.flexure and not c.bend]
-
-
-def _repetitions(car: FoldedCar, join: Join) -> int:
-    """Return how often a join is made: once for each wheel that has its piece, or once if it is not of a wheel."""
-    wheels = {axle.wheel for axle in car.axles}
-    return len({placed.body for placed in car.placed if placed.piece == join.piece_a and placed.body in wheels}) or 1
 
 
 def _on_wheels(car: FoldedCar) -> set[str]:

@@ -9,7 +9,7 @@ import io
 import json
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from importlib.resources import files
 from typing import Any
@@ -26,37 +26,18 @@ from foldcar.car.parts.quantity import Bought
 from foldcar.car.proof.plan import plan_assembly
 from foldcar.car.supply import fresh_cells_warning, supply
 from foldcar.fabrication.assembly.faces import piece_area_mm2
+from foldcar.fabrication.assembly.materials import material_rows
 from foldcar.fabrication.assembly.operations import Operations, is_wound, kinds, minutes
-from foldcar.fabrication.assembly.wiring import optional_parts, wire_length_mm
+from foldcar.fabrication.assembly.row import Row
+from foldcar.fabrication.assembly.wiring import OE_WIRE_AWG, optional_parts, wire_length_mm
 from foldcar.fabrication.patterns.drawing import Sheet
+from foldcar.fabrication.patterns.sheets import CutCar
 from foldcar.figures.page import page_template
 from foldcar.shown_text import spreadsheet_cell
 from foldcar.statistics.words import count
 
 # Cells in a holder.
 CELLS = 4
-
-
-@dataclass(frozen=True, slots=True)
-class Row:
-    """One line: a quantity of a part with its total mass and cost; the cost is None if it is unknown.
-
-    ``product`` is a maker's number or a standard, "" where any maker's part will do, ``search`` what to search shops for.
-    """
-
-    name: str
-    quantity: float
-    unit: str
-    mass_kg: float
-    cost_usd: float | None
-    note: str = ""
-    product: str = ""
-    search: str = ""
-
-    @property
-    def dollars(self) -> str:
-        """The cost as text, "" if unknown."""
-        return "" if self.cost_usd is None else f"{self.cost_usd:.2f}"
 
 
 @cache
@@ -67,11 +48,15 @@ def shopping() -> dict[str, Any]:
     return table
 
 
-def parts_list(folded: FoldedCar, sheets: Sequence[Sheet] = ()) -> tuple[Row, ...]:
-    """Return all rows of the bill of materials: film, then bought parts, each with what to order and to search for."""
+def parts_list(folded: FoldedCar, sheets: Sequence[Sheet] = (), cut: CutCar | None = None) -> tuple[Row, ...]:
+    """Return all rows of the bill of materials, each with what to order and to search for.
+
+    Film comes first, then bought parts, then tape, tube and solder. ``cut`` has the pieces that were split, which need
+    more tape.
+    """
     order_table = shopping()["parts"]
     rows = []
-    for row in (*_film_rows(folded, sheets), *_bought_rows(folded)):
+    for row in (*_film_rows(folded, sheets), *_bought_rows(folded), *material_rows(folded, cut)):
         product, search = order_table.get(row.name, ("", row.search))
         rows.append(replace(row, product=product, search=search))
     return tuple(rows)
@@ -87,12 +72,18 @@ def total_cost_usd(rows: tuple[Row, ...]) -> float:
     return sum(row.cost_usd or 0.0 for row in rows)
 
 
-def parts_list_text(folded: FoldedCar, title: str, sheets: Sequence[Sheet] = (), done: Operations | None = None) -> str:
+def parts_list_text(
+    folded: FoldedCar,
+    title: str,
+    sheets: Sequence[Sheet] = (),
+    done: Operations | None = None,
+    cut: CutCar | None = None,
+) -> str:
     """Return the parts list as Markdown: parts to buy, pieces to cut, the worst case of every fit.
 
     ``done`` are the operations by hand; if they are given, the work follows.
     """
-    rows = parts_list(folded, sheets)
+    rows = parts_list(folded, sheets, cut)
     return page_template("foldcar.fabrication.assembly", "parts.md").render(
         title=title,
         rows=rows,
@@ -120,12 +111,12 @@ def _folds(piece: Piece) -> str:
     return f"{creased}{hinge}"
 
 
-def parts_list_csv(folded: FoldedCar, sheets: Sequence[Sheet] = ()) -> str:
+def parts_list_csv(folded: FoldedCar, sheets: Sequence[Sheet] = (), cut: CutCar | None = None) -> str:
     """Return the rows as CSV for a spreadsheet; mass in grams, cost in US dollars."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(["part", "quantity", "unit", "mass_g", "cost_usd", "product", "search", "note"])
-    for row in parts_list(folded, sheets):
+    for row in parts_list(folded, sheets, cut):
         mass = f"{row.mass_kg * 1e3:.3f}"
         cells = [row.name, f"{row.quantity:g}", row.unit, mass, row.dollars, row.product, row.search, row.note]
         writer.writerow(map(spreadsheet_cell, cells))
@@ -187,9 +178,12 @@ def _with_wire(folded: FoldedCar, row: Row) -> Row:
     wiring, car_leads = folded.parts.wiring, leads(folded)
     extra_cost_usd = extra_wire_m(car_leads, wiring) * wiring.wire_usd_m.value
     gauge = supply(folded).gauge
-    length_mm = sum(wire_length_mm(lead) for lead in car_leads if lead.kind != "plug")
+    thin_mm = sum(wire_length_mm(lead) for lead in car_leads if lead.end.endswith("#OE"))
+    length_mm = sum(wire_length_mm(lead) for lead in car_leads if lead.kind != "plug") - thin_mm
     wire_text = f"{length_mm} mm of wire, {gauge.awg} AWG ({gauge.area_mm2:g} mm²)"
-    note = f"{wire_text}, solder, heat-shrink: see the wiring"
+    if thin_mm:
+        wire_text += f", and {thin_mm} mm, {OE_WIRE_AWG} AWG"
+    note = f"{wire_text}: see the wiring"
     return replace(row, cost_usd=(row.cost_usd or 0.0) + extra_cost_usd, note=note)
 
 
@@ -203,21 +197,21 @@ def _cost(part: Bought | None, number: int, folded: FoldedCar) -> tuple[float | 
         return number * part.cost_usd.value, f"the servos' is marked {currents.switch_a:g} A or more: {reason}"
     if part.cost_usd.value == 0:
         return 0.0, "comes with the servos"
-    note = f"{part.note}: {tyre_cut(folded)}" if isinstance(part, Tyre) else ""
+    note = f"{part.note}; {tyre_sizes(folded)}" if isinstance(part, Tyre) else ""
     if part in (folded.parts.axle_rod, folded.parts.axle_tube):
         lengths = {f"{mount.size_mm[2]:.1f}" for mount in folded.mounts if mount.part == part.name}
         note = f"cut to {' and '.join(sorted(lengths, key=float))} mm"
     return number * part.cost_usd.value, note
 
 
-def tyre_cut(folded: FoldedCar, wheel_unit: str = "") -> str:
-    """Return what to cut for the tyres of all wheels, or of one unit: "a strip of 374 x 12 mm for each"."""
-    cuts = {axle.unit: folded.parts.tyre.cut(axle.radius_mm, axle.tyre_width_mm) for axle in folded.axles}
-    if wheel_unit:
-        return f"{cuts[wheel_unit]} for each"
-    if len(set(cuts.values())) == 1:
-        return f"{next(iter(cuts.values()))} for each"
-    return "; ".join(f"{cut} for each {unit}" for unit, cut in cuts.items())
+def tyre_sizes(folded: FoldedCar) -> str:
+    """Return what to take or to cut for the tyres of all wheels: "a strip of 374 x 12 mm for each"."""
+    sizes = {
+        axle.unit: "; or ".join(folded.parts.tyre.sizes(axle.radius_mm, axle.tyre_width_mm)) for axle in folded.axles
+    }
+    if len(set(sizes.values())) == 1:
+        return f"for each {next(iter(sizes.values()))}"
+    return "; ".join(f"for each {unit} {text}" for unit, text in sizes.items())
 
 
 def _balance(folded: FoldedCar) -> dict[str, Any] | None:

@@ -5,29 +5,64 @@ are bought apart, the wing's pins, servo blocks and terminal block lie in its ba
 """
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 from markupsafe import Markup
 
-from foldcar.car.components.bridge import BUTTON_PIN, DIVIDER_LOWER, DIVIDER_PIN, DIVIDER_UPPER, OE_PIN, OE_PULL_UP
+from foldcar.car.components.bridge import (
+    BUTTON_PIN,
+    DIVIDER_LOWER,
+    DIVIDER_PIN,
+    DIVIDER_UPPER,
+    OE_PIN,
+    OE_PULL_UP,
+    option_resistors,
+)
 from foldcar.car.components.mounts import BOARD_SWITCH, BUTTON
-from foldcar.car.folded.model import FoldedCar
+from foldcar.car.folded.model import FoldedCar, Point
 from foldcar.car.leads import leads
+from foldcar.car.parts.catalogue import Catalogue
 from foldcar.fabrication.assembly.guide_pictures import FlatPicture, Step
 from foldcar.fabrication.assembly.operations import operations_of_boards
-from foldcar.fabrication.assembly.wiring import lead_remedy
+from foldcar.fabrication.assembly.wiring import OE_WIRE_AWG, lead_remedy
 from foldcar.figures.page import page_template
+
+# The board switch's pins, as in the wires of components/electronics.py, and the first pin beside EN, at the LiPo.
+ENABLE_PIN, GROUND_PIN, SUPPLY_PIN, LIPO_PIN = "EN", "GND", "3V", "BAT"
+# The pins to which each option's wires and resistors are soldered.
+PINS_OF_OPTIONS = {"button": (BUTTON_PIN,), "divider": (DIVIDER_PIN,), "oe_wire": (OE_PIN, SUPPLY_PIN)}
+# The pins at the ends of each resistor, the end nearer to USB first; "" where a wire goes on.
+PINS_OF_RESISTORS = {
+    DIVIDER_LOWER: (GROUND_PIN, DIVIDER_PIN),
+    DIVIDER_UPPER: (DIVIDER_PIN, ""),
+    OE_PULL_UP: (SUPPLY_PIN, OE_PIN),
+}
+RED, BLACK, BLUE = "#c2272d", "#222222", "#0072b2"
+
+
+@dataclass(frozen=True, slots=True)
+class _Resistor:
+    """A resistor below the Feather: its middle in the board's frame (mm), and the pins at its ends."""
+
+    name: str
+    at_mm: Point
+    pins: tuple[str, str]
 
 
 def soldering_step(car: FoldedCar) -> Step:
     """Return the step that solders the boards of a car."""
     parts = car.parts
-    template = page_template("foldcar.fabrication.assembly", "boards.svg")
-    # The pins at which wires are soldered, each with the colour of its wire in the picture.
-    wired = {"EN": "#c2272d", "GND": "#222222"}
-    for option, pins in (("button", (BUTTON_PIN,)), ("divider", (DIVIDER_PIN,)), ("oe_wire", (OE_PIN, "3V"))):
-        if getattr(parts, option) == "fitted":
-            wired |= dict.fromkeys(pins, "#0072b2")
-    picture = template.render(feather=parts.feather, wing=parts.featherwing, headers=parts.headers, wired=wired, zip=zip)
+    picture = page_template("foldcar.fabrication.assembly", "boards.svg").render(
+        feather=parts.feather,
+        wing=parts.featherwing,
+        headers=parts.headers,
+        wired=wired_pins(parts),
+        resistors=[_Resistor(name, at, PINS_OF_RESISTORS[name]) for name, at in option_resistors(parts).items()],
+        resistor_mm=parts.resistor.size_mm,
+        enable_mm=parts.featherwing.output_enable.at_mm[0] if parts.oe_wire == "fitted" else None,
+        chip_pin_mm=parts.featherwing.output_enable.at_mm[1],
+        zip=zip,
+    )
     return Step(
         "Solder the boards",
         tuple(_lines(car)),
@@ -36,63 +71,90 @@ def soldering_step(car: FoldedCar) -> Step:
     )
 
 
+def wired_pins(parts: Catalogue) -> dict[str, str]:
+    """Return the Feather's pins to which wires or resistors are soldered, each with its colour in the picture."""
+    wired = {ENABLE_PIN: RED, GROUND_PIN: BLACK}
+    for option, pins in PINS_OF_OPTIONS.items():
+        if getattr(parts, option) == "fitted":
+            wired |= dict.fromkeys(pins, BLUE)
+    return wired
+
+
 def _lines(car: FoldedCar) -> Iterator[str]:
-    parts, remedies = car.parts, {lead.start: lead_remedy(lead) for lead in leads(car)}
+    """Yield the instructions: sockets, pins and blocks, the wires below the Feather, the checks."""
+    parts = car.parts
     at = parts.feather.pins.place_of
     feather, wing, headers, pins = parts.feather.name, parts.featherwing.name, parts.headers, parts.feather.pins
     long_row, short_row = len(pins.long_row), len(pins.short_row)
     depth_mm = headers.leg_mm.max_value - parts.feather.board_mm.value
     yield (
-        f"The {feather}: put the {headers.name} on its upper side, and solder their {long_row + short_row} legs from "
-        f"below. They end at most {depth_mm:.1f} mm below the board: cut longer ones. Never use stacking headers: their "
-        "legs would reach "
-        "the LiPo."
+        f"Put the {headers.name} on the upper side of the {feather}. Turn both over, and solder the "
+        f"{long_row + short_row} legs from below. The legs end at most {depth_mm:.1f} mm below the board: cut longer "
+        "ones. Never use stacking headers: their legs would reach the LiPo."
     )
     yield (
-        f"The {wing}: break its strip of pins into {long_row} and {short_row}. Put their long ends into the "
-        f"{feather}'s sockets, lay the wing on the short ends, and solder them from above: so they stand straight."
+        f"Break the pins of the {wing} into a row of {long_row} and a row of {short_row}. Put their long ends into the "
+        f"sockets of the {feather}. Lay the wing on the short ends, and solder them from above: so they stand straight."
     )
     yield (
-        "Take the wing off. Put both servo blocks and the terminal block on its upper side, the blocks' long pins up, "
-        "the terminal block's mouths to the edge. Hold them with tape, turn the wing over, and solder one pin of each; "
-        "look whether they stand straight; solder the others."
+        "Take the wing off. Put both servo blocks and the terminal block on its upper side. The blocks' long pins stand "
+        "up, the terminal block's mouths look to the edge. Hold them with adhesive tape, turn the wing over, and solder "
+        "one pin of each. Look whether they stand straight; then solder the other pins."
     )
     yield (
-        f"Solder the free ends of the {BOARD_SWITCH}'s wires to the legs of EN and GND, below the {feather}: EN is the "
-        "second of the 12 pins, GND the fourth of the 16, counted from USB. It does not matter which of the two wires is "
-        "which. Cover the car below with cardboard."
+        f"Cover the car with cardboard. Turn the {feather} over about its long edge, so that USB stays on the left: "
+        "now both rows are mirrored, as the picture from below shows."
     )
+    yield (
+        f"Solder the free ends of the {BOARD_SWITCH}'s wires to the legs of {at(ENABLE_PIN)} and {at(GROUND_PIN)}. Pins "
+        "count from USB. It does not matter which of the two wires is which."
+    )
+    yield from _option_lines(car)
+    yield (
+        "Look at every joint: it does not touch its neighbour. Measure with a multimeter: EN and GND are connected while "
+        f"the {BOARD_SWITCH} is closed (I), and not while it is open. EN is never connected with {at(LIPO_PIN)}."
+    )
+    yield (
+        f'Open the {BOARD_SWITCH}. Plug the {feather} into the computer, and load the firmware as "Load the firmware" '
+        "below says: a board that does not answer is easy to change now."
+    )
+
+
+def _option_lines(car: FoldedCar) -> Iterator[str]:
+    """Yield the instructions for the wires and resistors of the options that the car has."""
+    parts, remedies = car.parts, {lead.start: lead_remedy(lead) for lead in leads(car)}
+    at, feather, wing = parts.feather.pins.place_of, parts.feather.name, parts.featherwing.name
     if parts.button == "fitted":
         yield (
-            f"Solder the free ends of the {BUTTON}'s wires to the legs of {at(BUTTON_PIN)} and GND, in the same way: "
-            "twist what "
-            "goes to GND together first."
+            f"Solder the free ends of the {BUTTON}'s wires to the legs of {at(BUTTON_PIN)} and {at(GROUND_PIN)}. If "
+            "several wires go to one leg, twist their ends together first."
         )
     if parts.divider == "fitted":
         yield (
-            f"Below the {feather}, flat against the board, insulating sleeve over all bare leads: solder the "
-            f"{DIVIDER_LOWER} "
-            f"between the legs of {at(DIVIDER_PIN)} and GND, and one end of the {DIVIDER_UPPER} to the leg of "
-            f"{DIVIDER_PIN}. Solder "
-            f"{_wire(remedies[DIVIDER_UPPER])} to its other end; it goes into + of the terminal block, with the wire "
-            "that is there. More than 3.3 V at the pin would damage it: measure both resistors first."
+            f"Measure both resistors first: more than 3.3 V at {DIVIDER_PIN} would damage the board. Push insulating "
+            f"sleeve over their leads, and lay them flat against the underside. Solder the {DIVIDER_LOWER} between the "
+            f"legs of {at(DIVIDER_PIN)} and {at(GROUND_PIN)}, and one end of the {DIVIDER_UPPER} to the leg of "
+            f"{DIVIDER_PIN}."
+        )
+        yield (
+            f"Solder {_wire(remedies[DIVIDER_UPPER])} to the other end of the {DIVIDER_UPPER}, with heat-shrink tube "
+            "over the joint. The wire goes into + of the terminal block later, beside the wire of the servo switch."
         )
     if parts.oe_wire == "fitted":
         yield (
-            f"Below the {feather}: solder the {OE_PULL_UP}, in insulating sleeve, between the legs of {at(OE_PIN)} and "
-            f"{at('3V')}. Solder "
-            f"{_wire(remedies[f'{feather} {OE_PIN}'])} to the leg of {OE_PIN}, lead it around the edge of the {wing}, "
-            "and solder it to #OE: pin 23 of the PCA9685, or that end of its 10 kΩ resistor to ground, which is larger. "
-            "Take thin wire (30 AWG) and tape it to the board."
+            f"Push insulating sleeve over the leads of the {OE_PULL_UP}, and solder it between the legs of {at(OE_PIN)} "
+            f"and {at(SUPPLY_PIN)}."
         )
-    yield (
-        f"Look at every joint: it does not touch its neighbour. With a multimeter: EN and GND are connected while the "
-        f"{BOARD_SWITCH} is closed (I) and not while it is open, and EN is never connected with BAT, the first of the 12."
-    )
-    yield (
-        f'Plug the {feather} into the computer and load the firmware, as "Load the firmware" below says: a board '
-        f"that does not answer is easy to change now. The {BOARD_SWITCH} must be open."
-    )
+        yield (
+            f"Find #OE on the {wing}: two small parts lie between the chip PCA9685 and the row of 12 pins. The one "
+            "nearer to USB is a 10 kΩ resistor, and its end nearer to USB is #OE. Measure before you solder, with a "
+            "multimeter and without power: this end is connected with pin 23 of the chip, and the other end with GND. If "
+            "they are not, the board is another one: solder to what is connected with pin 23."
+        )
+        yield (
+            f"Solder {_wire(remedies[f'{feather} {OE_PIN}'])}, {OE_WIRE_AWG} AWG, to the leg of {OE_PIN}. Lead it around "
+            f"the edge of the {wing}, solder it to that end of the resistor, and stick it to the wing with adhesive tape."
+        )
 
 
 def _wire(remedy: str) -> str:

@@ -4,8 +4,6 @@ Input: an AssemblyStep. Output: lines of text. Wires are soldered before a switc
 heat bends.
 """
 
-from collections.abc import Iterator
-
 from foldcar.car.components.mounts import BOARD_SWITCH, BUTTON, SERVO_SWITCH
 from foldcar.car.folded.model import FoldedCar
 from foldcar.car.leads import leads
@@ -16,41 +14,43 @@ from foldcar.fabrication.assembly.wiring import lead_remedy, wire_length_mm
 
 # The fuse protects what is behind it: it is soldered near the holder, where a hand still holds the short end.
 FUSE_FROM_HOLDER_MM = 30
+# The lead of the holder is soldered to a piece of wire at the switch, away from the film, also if it is long enough.
+LEAST_WIRE_MM = 30
+TUBE = (
+    "Push heat-shrink tube over each wire before you solder it. Shrink it over the joint with a hot-air gun or a lighter."
+)
 
 
-def switch_lines(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
-    """Yield the instructions for soldering a switch, while no battery is in the car."""
+def switch_lines(car: FoldedCar, step: AssemblyStep) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return what is done before a switch goes in, while no battery is in the car, and after; nothing in other steps."""
     if not soldered_in(car, step):
-        return
+        return (), ()
     (switch,) = (added.name for added in step.adds)
-    remedies = {lead.start: lead_remedy(lead) for lead in leads(car)}
     gauge = f"{supply(car).gauge.awg} AWG"
+    lead_of = {lead.start: lead for lead in leads(car)}
+    if switch == SERVO_SWITCH:
+        free_mm = wire_length_mm(lead_of[f"{SERVO_SWITCH} 2"])
+        wires = f"{_towards_holder_mm(car)} mm and {free_mm} mm of red wire, {gauge}"
+    else:
+        lengths_mm = [wire_length_mm(lead_of[f"{switch} {terminal}"]) for terminal in (1, 2)]
+        wires = f"{lengths_mm[0]} mm and {lengths_mm[1]} mm of black wire, {gauge}"
+    before = f"Cut {wires}. Solder them to the terminals of the {switch}, away from the film.", TUBE
     if switch == BUTTON:
-        yield (
-            f"Before: cut {_wires(remedies, BUTTON)}, {gauge}, black, and solder them to its terminals, away from the "
-            "film, "
-            "with heat-shrink tube over the joints. Then push the button through from the printed side, and screw its "
-            "nut on "
-            "from outside."
-        )
-        return
+        return before, ("Screw the button's nut on from outside.",)
+    return before, (_position_line(car, switch), *(_fuse_lines(car) if switch == SERVO_SWITCH else ()))
+
+
+def _position_line(car: FoldedCar, switch: str) -> str:
+    """Return how a switch is pressed in, on which side of its cap it lies, and which end points where."""
     cap = _cap_of(car, switch)
     up = next(join.number for join in car.joins if join.kind == "tuck" and cap in (join.piece_a, join.piece_b))
-    side = f"As seen from outside, with join {up} up, the {switch} is on the {_side_of(switch, car)}"
-    push = "Then push the wires through the opening from the front, and press the switch in until its barbs hold"
+    mark, effect = "I", ""
     if switch == BOARD_SWITCH:
-        yield (
-            f"Before: cut {_wires(remedies, switch)}, {gauge}, black, and solder them to its terminals, away from the "
-            "film, "
-            f"with heat-shrink tube over the joints. {push}."
-        )
-        yield (
-            f"{side}, its end marked O to the right. Closed (I), it turns the board off: so both switches are on with "
-            "the right "
-            "end pressed."
-        )
-        return
-    yield from _servo_switch_lines(car, remedies, f"{push}. {side}, its end marked I to the right.")
+        mark, effect = "O", " Closed (I), it turns the board off: so both switches are on with the right end pressed."
+    return (
+        "Push the wires through the opening first, and press the switch in until its barbs hold. As seen from outside, "
+        f"with join {up} up, the {switch} is on the {_side_of(switch, car)}, its end marked {mark} to the right.{effect}"
+    )
 
 
 def _cap_of(car: FoldedCar, switch: str) -> str:
@@ -59,38 +59,26 @@ def _cap_of(car: FoldedCar, switch: str) -> str:
     return next(piece.name for piece in car.pieces if any(own.name == hole for face in piece.faces for own in face.holes))
 
 
-# The lead of the holder is soldered to a piece of wire at the switch, away from the film, also if it is long enough.
-LEAST_WIRE_MM = 30
-
-
-def _servo_switch_lines(car: FoldedCar, remedies: dict[str, str], push: str) -> Iterator[str]:
-    """Yield the instructions for soldering the servos' switch and the fuse; ``push`` is how the switch goes in."""
-    battery = car.parts.battery.name
+def _towards_holder_mm(car: FoldedCar) -> int:
+    """Return the length (mm) of the wire from the switch to the lead of the battery's holder."""
     lead_of = {lead.start: lead for lead in leads(car)}
-    towards_holder_mm = max(LEAST_WIRE_MM, wire_length_mm(lead_of[f"{battery} +"]))
-    yield (
-        f"Before: cut {towards_holder_mm} mm and {wire_length_mm(lead_of[f'{SERVO_SWITCH} 2'])} mm of red wire, "
-        f"{supply(car).gauge.awg} AWG, and solder them to its terminals, away from the film. Push heat-shrink tube over "
-        "each "
-        "wire first, here and below, and shrink it over the joint with a hot-air gun or a lighter."
-    )
-    yield push
-    yield (
-        f"Solder now, before the {car.parts.lipo.name} is in the car and with no cells in the holder, the film covered "
-        "with "
-        f"cardboard: cut the + lead of the {battery} (red) {FUSE_FROM_HOLDER_MM} mm from the holder, solder the fuse, "
-        f"{supply(car).fuse_a:g} A, between both ends, and the end of the lead to the wire of {towards_holder_mm} mm. "
-        "Tube goes "
-        "over all three joints. Mark the other wire, which stays free, with +."
-    )
-    if remedies.get(f"{battery} -"):
-        yield f"The - lead of the {battery} (black): {remedies[f'{battery} -']}."
+    return max(LEAST_WIRE_MM, wire_length_mm(lead_of[f"{car.parts.battery.name} +"]))
 
 
-def _wires(remedies: dict[str, str], name: str) -> str:
-    """Return "195 mm and 220 mm of wire": the lengths of the two wires of a switch or the button."""
-    first, second = (remedies[f"{name} {terminal}"].removeprefix("cut ") for terminal in (1, 2))
-    return f"{first.removesuffix(' of wire')} and {second}"
+def _fuse_lines(car: FoldedCar) -> tuple[str, ...]:
+    """Return the instructions for soldering the fuse and the leads of the battery's holder."""
+    battery = car.parts.battery.name
+    lines = [
+        f"Solder now, before the {car.parts.lipo.name} is in the car and with no cells in the holder. Cover the film "
+        "with cardboard.",
+        f"First cut the + lead of the {battery} (red) {FUSE_FROM_HOLDER_MM} mm from the holder. Then solder the fuse, "
+        f"{supply(car).fuse_a:g} A, between both ends, and the end of the lead to the wire of {_towards_holder_mm(car)} "
+        "mm. Heat-shrink tube goes over all three joints. Mark the other wire, which stays free, with +.",
+    ]
+    remedy = lead_remedy({lead.start: lead for lead in leads(car)}[f"{battery} -"])
+    if remedy:
+        lines.append(f"The - lead of the {battery} (black): {remedy}, with heat-shrink tube over the joint.")
+    return tuple(lines)
 
 
 def _side_of(switch: str, car: FoldedCar) -> str:

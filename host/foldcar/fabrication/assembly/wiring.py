@@ -18,6 +18,8 @@ from foldcar.figures.page import page_template
 # floats, against the wing's 10 kΩ to ground. The chip needs 0.7 of its supply.
 OE_PULL_UP_OHM = 2200.0
 OE_PULL_DOWN_OHM, LOGIC_V, OE_OFF_SHARE = 10e3, 3.3, 0.7
+# Thin wire does not tear the pad off.
+OE_WIRE_AWG = 30
 # Two optional resistors from the servos' battery to an analogue pin. Four fresh alkaline cells have the highest voltage.
 DIVIDER_UPPER_OHM, DIVIDER_LOWER_OHM, HIGHEST_SERVO_V = 20e3, 10e3, 6.4
 CARRIES = {"signal": "signal", "supply": "supply", "stack": "plugged together", "usb": "USB", "control": "control"}

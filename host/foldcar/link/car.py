@@ -6,6 +6,7 @@ count by which the car recognises retries. A refused command raises CommandRefus
 
 import contextlib
 import math
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -23,6 +24,8 @@ from foldcar.link.stream import LinkLostError
 
 # Longest waits: for a car's first heartbeat, and for an answer before the request is repeated, at most TRIES times.
 GREETING_S = 5.0
+# How long a port that closes at once is tried again (s).
+BUSY_S = 2.0
 ANSWER_S = 0.6
 TRIES = 5
 OTHER_FIRMWARE = "it may have other firmware: `foldcar flash` loads foldcar's"
@@ -251,10 +254,24 @@ class ConnectedCar:
 
 
 def greet(port: str, timeout_s: float = GREETING_S) -> ConnectedCar:
-    """Connect to the car at a port.
+    """Connect to the car at a port, and wait for its heartbeat.
 
     Raises NoCarError if no heartbeat of a car arrives within ``timeout_s``, FoldcarError if the port cannot be opened.
     """
+    busy_until_s = time.monotonic() + BUSY_S
+    while True:
+        try:
+            return _greet_once(port, timeout_s)
+        except LinkLostError as error:
+            # A program that has just ended may still hold the car.
+            if time.monotonic() > busy_until_s:
+                message = "it closed the connection at once; another program may be using the car"
+                raise NoCarError(f"{port}: {message}") from error
+            time.sleep(0.1)
+
+
+def _greet_once(port: str, timeout_s: float) -> ConnectedCar:
+    """Connect to a car as :func:`greet`. Raises LinkLostError if the connection is closed before a heartbeat arrives."""
     connection = connect(port)
     dialect = connection.dialect
     try:
@@ -264,9 +281,6 @@ def greet(port: str, timeout_s: float = GREETING_S) -> ConnectedCar:
             raise NoCarError(f"{port}: not a car: it sent {received} for {timeout_s:g} s; {OTHER_FIRMWARE}")
         if heartbeat.type != dialect.MAV_TYPE_GROUND_ROVER or heartbeat.autopilot != dialect.MAV_AUTOPILOT_GENERIC:
             raise NoCarError(f"{port}: another MAVLink device (type {heartbeat.type}), not a foldcar; {OTHER_FIRMWARE}")
-    except LinkLostError as error:
-        connection.close()
-        raise NoCarError(f"{port}: it closed the connection at once; another program may be using the car") from error
     except BaseException:
         connection.close()
         raise

@@ -285,7 +285,7 @@ def test_a_file_outside_of_the_folder_of_a_user_module_is_refused(
         ("from far_helper import OFFSET\n", helper),
         # Loaded before, so it is not read again.
         ("import far_helper\n", helper),
-        (f"OFFSET = open({str(data)!r}).read()\n", data),
+        (f"with open({str(data)!r}) as file:\n    OFFSET = file.read()\n", data),
     ):
         file.write_text(head + TAIL)
 

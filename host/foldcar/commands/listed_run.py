@@ -95,7 +95,7 @@ def listed_run(
 
 
 @dataclass(frozen=True)
-class SimulatedRun:
+class RunInput:
     """The input of a run, as docs/carsim.md describes it."""
 
     label: str
@@ -132,10 +132,10 @@ class SimulatedRun:
         return [row for row in with_path["path"] if row[0] <= answer["elapsed_time_s"]]
 
 
-def simulated_run(listed: ListedRun) -> tuple[SimulatedRun, dict[str, Any]]:
+def simulated_run(listed: ListedRun) -> tuple[RunInput, dict[str, Any]]:
     """Simulate a listed run; return its input and the runner's answer. Raises FoldcarError."""
     settings = listed.experiment.settings(listed.design, listed.body, listed.carsim.parameter_table())
-    run = SimulatedRun(listed.name, listed.body, listed.scene, settings, listed.sample, listed.variation)
+    run = RunInput(listed.name, listed.body, listed.scene, settings, listed.sample, listed.variation)
     with listed.environment.runner(listed.carsim, listed.environment.dynamic) as runner:
         return run, run.simulate(runner)
 

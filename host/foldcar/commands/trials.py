@@ -118,7 +118,7 @@ def replay(
     \b
     Example: foldcar trials replay study.db 7 --plot pair.png
     """
-    from foldcar.commands.listed_run import SimulatedRun
+    from foldcar.commands.listed_run import RunInput
     from foldcar.commands.tables import STANDING_TEXTS, seconds_text
     from foldcar.link.log_features import log_features
     from foldcar.simulation.carsim import Carsim
@@ -136,7 +136,7 @@ def replay(
         raise FoldcarError(f"{store}: trial {number} was imported without a scene and cannot be simulated")
     # The dynamic parts of a Scenic program are not simulated.
     body, settings, scene = map(json.loads, drive)
-    answer = SimulatedRun(f"trial {number}", body, scene, settings, 0).simulate(carsim, path_interval_s=PATH_INTERVAL_S)
+    answer = RunInput(f"trial {number}", body, scene, settings, 0).simulate(carsim, path_interval_s=PATH_INTERVAL_S)
     outcome, simulated_s = outcome_of(answer), answer.get("elapsed_time_s")
     if not trial.completed:
         verdict = "not compared: the trial was aborted"

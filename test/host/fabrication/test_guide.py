@@ -18,7 +18,7 @@ from foldcar.car.proof.prove import assembly_steps
 from foldcar.car.proof.step import AddedPart
 from foldcar.fabrication.assembly.facets import merge_shapes
 from foldcar.fabrication.assembly.guide import build_steps, guide_page
-from foldcar.fabrication.assembly.guide_pictures import Scene, Step, is_hidden, service_picture
+from foldcar.fabrication.assembly.guide_pictures import Step, StepPicture, is_hidden, service_picture
 from foldcar.fabrication.assembly.guide_state import AssemblyState
 from foldcar.fabrication.assembly.hidden_surfaces import camera, visible_facets
 from foldcar.fabrication.patterns.options import options
@@ -139,7 +139,7 @@ def test_nuts_are_drawn_apart_on_the_side_from_which_they_are_proved_to_come() -
     mounts, state, drawn = {mount.name: mount for mount in folded.mounts}, AssemblyState(folded), 0
     for step in assembly_steps(folded):
         state.advance(step)
-        shape = Scene(step, state).shape
+        shape = StepPicture(step, state).shape
         for added in (add for add in step.adds if add.nut_mm):
             screw = mounts[added.name]
             axis = np.array(screw.pose)[:3, 2]

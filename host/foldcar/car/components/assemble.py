@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from foldcar.car.components.component import Component, ComponentError
 from foldcar.car.components.fuse import Fused, fuse, propagate_poses
-from foldcar.car.components.shape import Edge, Graph, Link, Shape
+from foldcar.car.components.shape import Edge, EdgeJoin, Graph, Shape
 from foldcar.car.folded.model import (
     IDENTITY,
     Axle,
@@ -48,7 +48,7 @@ class Assembly:
 class Seam(NamedTuple):
     """Edges ``a`` and ``b`` of two fused faces (first atom's path, index) that meet, b's length, one of their links."""
 
-    link: Link
+    link: EdgeJoin
     a: Edge
     b: Edge
     length_mm: float

@@ -15,7 +15,7 @@ from foldcar.car.components.module import BrainModule, Module
 ENDS = ("front", "rear")
 
 
-class Link(NamedTuple):
+class CompositePart(NamedTuple):
     """A module of a composite; ``root`` if the composite names it as the one that carries the electronics."""
 
     module: Module | HingeModule
@@ -34,15 +34,15 @@ class Composite(Component):
     connections: ClassVar[Sequence[tuple[str, str]]] = ()
     root: ClassVar[str] = ""
 
-    def modules(self) -> Iterator[Link]:
+    def modules(self) -> Iterator[CompositePart]:
         """Yield the modules, also of nested composites, front to back. Raises ComponentError if they are not a chain."""
         for name in self._order():
             child = self.children[name]
             if isinstance(child, Composite):
                 # The root of a nested composite is the root here only if that composite is named as the root.
-                yield from (Link(link.module, name == self.root and link.root) for link in child.modules())
+                yield from (CompositePart(link.module, name == self.root and link.root) for link in child.modules())
             elif isinstance(child, Module | HingeModule):
-                yield Link(child, name == self.root)
+                yield CompositePart(child, name == self.root)
             else:
                 raise ComponentError(child.path, f"is a {type(child).__name__}, not a module, a hinge or a composite")
 

@@ -11,7 +11,7 @@ from typing import NamedTuple, TypeVar
 
 from foldcar.car.components.component import ComponentError
 from foldcar.car.components.shape import Atom, Edge, Graph
-from foldcar.car.folded.model import IDENTITY, Face, Hole, Mark, Point, Pose, ToolClearance
+from foldcar.car.folded.model import IDENTITY, Face, Hole, Point, Pose, PrintedOutline, ToolClearance
 from foldcar.car.folded.pose import across_crease, apply, compose
 
 Key = TypeVar("Key")
@@ -84,11 +84,11 @@ def _fused(graph: Graph, poses: dict[str, Pose], tags: dict[Edge, object], inner
     corners = [i for i in range(len(ring)) if not _is_collinear(ring, tags, i)]
     # Edge n of the outline starts at corner n. Edges of the ring before the first corner continue the last edge.
     edges = {edge: (sum(corner <= i for corner in corners) - 1) % len(corners) for i, (edge, _) in enumerate(ring)}
-    holes, marks, clearances = list[Hole](), list[Mark](), list[ToolClearance]()
+    holes, marks, clearances = list[Hole](), list[PrintedOutline](), list[ToolClearance]()
     for path, pose in poses.items():
         atom = graph.atoms[path]
         holes += atom.holes if pose is IDENTITY else (_moved(hole, pose) for hole in atom.holes)
-        marks += (Mark(mark.name, tuple(_flat(pose, at) for at in mark.outline_mm)) for mark in atom.marks)
+        marks += (PrintedOutline(mark.name, tuple(_flat(pose, at) for at in mark.outline_mm)) for mark in atom.marks)
         clearances += (replace(clearance, pose=compose(pose, clearance.pose)) for clearance in atom.clearances)
     outline = tuple(ring[i][1] for i in corners)
     face = Face(first.path, outline, tuple(holes), first.role, tuple(marks), tuple(clearances))

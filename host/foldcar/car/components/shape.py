@@ -11,7 +11,19 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from foldcar.car.components.component import ComponentError
-from foldcar.car.folded.model import Axle, Hole, HoleKind, JoinKind, Mark, Mount, Point, Pose, Solid, ToolClearance, Wire
+from foldcar.car.folded.model import (
+    Axle,
+    Hole,
+    HoleKind,
+    JoinKind,
+    Mount,
+    Point,
+    Pose,
+    PrintedOutline,
+    Solid,
+    ToolClearance,
+    Wire,
+)
 from foldcar.car.folded.pose import side as ends_of
 from foldcar.car.folded.pose import translation
 from foldcar.car.folded.weight import area_mm2
@@ -35,12 +47,12 @@ class Atom:
     thickness_mm: float
     body: str
     holes: list[Hole] = field(default_factory=list)
-    marks: list[Mark] = field(default_factory=list)
+    marks: list[PrintedOutline] = field(default_factory=list)
     clearances: list[ToolClearance] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
-class Link:
+class EdgeJoin:
     """Two edges (face path, index) that meet at ``angle_rad``; a tab grows from edge ``b`` and is glued at edge ``a``.
 
     ``depth_mm`` and ``inset_mm`` describe a tab (see Shape.connect), ``min_rad`` and ``max_rad`` a hinge.
@@ -57,7 +69,7 @@ class Link:
 
 
 @dataclass(frozen=True)
-class Placement:
+class FacePose:
     """A face's pose in the frame of the face ``on``, onto which it may be laminated."""
 
     face: str
@@ -88,8 +100,8 @@ class Graph:
     """
 
     atoms: dict[str, Atom] = field(default_factory=dict)
-    links: list[Link] = field(default_factory=list)
-    placements: list[Placement] = field(default_factory=list)
+    links: list[EdgeJoin] = field(default_factory=list)
+    placements: list[FacePose] = field(default_factory=list)
     contacts: list[Contact] = field(default_factory=list)
     mounts: list[Mount] = field(default_factory=list)
     axles: list[tuple[str, Axle]] = field(default_factory=list)
@@ -198,11 +210,11 @@ class Shape:
                 message = f"is connected to {path} and {self.graph.linked[edge]}"
                 raise ComponentError(self.graph.edge_path(edge), message)
             self.graph.linked[edge] = path
-        self.graph.links.append(Link(kind, first, second, math.radians(angle_deg), depth_mm, *limits_rad, inset_mm))
+        self.graph.links.append(EdgeJoin(kind, first, second, math.radians(angle_deg), depth_mm, *limits_rad, inset_mm))
 
     def place(self, face: str, on: str, pose: Pose, laminated: bool = False) -> None:
         """Set a face's pose in the frame of the face ``on``; if ``laminated``, it is also glued onto that face."""
-        self.graph.placements.append(Placement(self._face(face), self._face(on), pose, laminated))
+        self.graph.placements.append(FacePose(self._face(face), self._face(on), pose, laminated))
 
     def layer(self, name: str, on: str, outline_mm: Sequence[Point], at_mm: Point, piece: str, level: int = 1) -> None:
         """Add a layer of film, a new face, glued onto ``on`` with its origin at ``at_mm`` there; levels count from 1."""
@@ -238,7 +250,7 @@ class Shape:
 
     def mark(self, face: str, name: str, outline_mm: Sequence[Point]) -> None:
         """Print an outline, counter-clockwise, with a name in it on a face."""
-        self.graph.atoms[self._face(face)].marks.append(Mark(name, tuple(outline_mm)))
+        self.graph.atoms[self._face(face)].marks.append(PrintedOutline(name, tuple(outline_mm)))
 
     def box(self, part: str, name: str, on: str, pose: Pose, size_mm: tuple[float, float, float],
             mass_kg: float, holes: Sequence[str] = (), solids: Sequence[Solid] = (),

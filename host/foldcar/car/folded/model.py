@@ -32,7 +32,7 @@ class Hole:
 
 
 @dataclass(frozen=True, slots=True)
-class Mark:
+class PrintedOutline:
     """An outline on the printed side, counter-clockwise in the face's frame: the place of ``name``, or an arrow."""
 
     name: str
@@ -50,7 +50,7 @@ class Face:
     outline_mm: tuple[Point, ...]
     holes: tuple[Hole, ...] = ()
     role: Literal["panel", "tab", "rim"] = "panel"
-    marks: tuple[Mark, ...] = ()
+    marks: tuple[PrintedOutline, ...] = ()
     clearances: tuple["ToolClearance", ...] = ()
 
 

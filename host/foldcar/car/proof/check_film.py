@@ -18,7 +18,7 @@ from foldcar.car.folded.placed import Bodies, Finding, PlacedFace, polygon
 from foldcar.car.folded.pose import edge, folded, hinge_motion
 from foldcar.car.proof.blocks import Blocks, first_obstacle, merge_blocks
 from foldcar.car.proof.roles import roles_of
-from foldcar.car.proof.scene import Scene, Stage, title
+from foldcar.car.proof.scene import CarSolids, Stage, title
 
 # Without a grid, an edge that two faces share up to rounding can make GEOS return its wrong side.
 GRID_MM = 1e-6
@@ -98,7 +98,7 @@ def check_film_apart(car: FoldedCar) -> Iterator[Finding]:
     The other hinges are flat then. Hinge strips bend at the limits and are not checked there.
     """
     roles = roles_of(car)
-    scene, stage = Scene(roles, tongues=True), Stage(roles, {name: roles.all_folded(name) for name in roles.pieces})
+    scene, stage = CarSolids(roles, tongues=True), Stage(roles, {name: roles.all_folded(name) for name in roles.pieces})
     # Beside a bend, which is modelled as an edge, thick film reaches into its neighbour.
     bends = [(piece.name, c.parent.face, c.child.face) for piece in car.pieces for c in piece.creases if c.bend]
     joined = scene.ignored(("tab", "lap")) | {(title(name, a), title(name, b)) for name, a, b in bends}

@@ -24,7 +24,7 @@ from foldcar.car.proof.blocks import (
 )
 from foldcar.car.proof.plan import plan_assembly, plan_service
 from foldcar.car.proof.roles import Lid, roles_of
-from foldcar.car.proof.scene import Scene, Stage, title
+from foldcar.car.proof.scene import CarSolids, Stage, title
 from foldcar.car.proof.step import AddedPart, AssemblyStep, Folds, PartKey, ToolUse, Vector
 
 CAR = ("", "")
@@ -61,7 +61,7 @@ class _Prover:
 
     def __init__(self, car: FoldedCar) -> None:
         self.car, self.roles = car, roles_of(car)
-        self.scene = Scene(self.roles)
+        self.scene = CarSolids(self.roles)
         self.joined = self.scene.ignored()
         self.stage = Stage(self.roles, {})
         # Solids in the car (CAR), and in units by the unit's name and body.

@@ -87,7 +87,7 @@ def title(piece: str, face: str) -> str:
     return f"{piece}: {face}"
 
 
-class Scene:
+class CarSolids:
     """Solids of one car. Without ``tongues``, a tongue is cut off where it is in its slot."""
 
     def __init__(self, roles: Roles, tongues: bool = False) -> None:

@@ -15,7 +15,7 @@ import shapely
 from markupsafe import Markup
 from shapely.geometry.base import BaseGeometry
 
-from foldcar.fabrication.assembly.facets import Shape
+from foldcar.fabrication.assembly.facets import PictureContent
 from foldcar.fabrication.assembly.hidden_surfaces import Camera, Vector, VisibleFacet, visible_facets
 
 # RGB (0 to 255) of the printed and the other side.
@@ -48,7 +48,7 @@ MARKS_APART = 0.036
 
 
 @dataclass(frozen=True)
-class Mark:
+class DrawnText:
     """A short text at a point of the facet ``key``, drawn if that point is visible."""
 
     text: str
@@ -72,10 +72,10 @@ class Drawing:
     ``enlarged`` scales the marks, for pictures that are shown small; facets with keys in ``faded`` are paler.
     """
 
-    shape: Shape
+    shape: PictureContent
     view: Camera
     title: str
-    marks: Sequence[Mark] = ()
+    marks: Sequence[DrawnText] = ()
     enlarged: float = 1.0
     faded: Collection[str] = ()
     arrows: Sequence[Arrow] = ()
@@ -132,7 +132,7 @@ def _face(seen: VisibleFacet, size: float, faded: bool) -> str:
     )
 
 
-def _lines(shape: Shape, seen: Sequence[VisibleFacet], view: Camera, size: float) -> list[str]:
+def _lines(shape: PictureContent, seen: Sequence[VisibleFacet], view: Camera, size: float) -> list[str]:
     """Return the visible parts of edges and creases as stroked paths, one for each kind of line.
 
     A line is visible where it lies in, or within EDGE_SLACK_MM of, a visible region of one of its facets. ``size`` is
@@ -169,7 +169,7 @@ def _lines(shape: Shape, seen: Sequence[VisibleFacet], view: Camera, size: float
     return elements
 
 
-def _marks(marks: Sequence[Mark], seen: Sequence[VisibleFacet], view: Camera, size: float) -> list[str]:
+def _marks(marks: Sequence[DrawnText], seen: Sequence[VisibleFacet], view: Camera, size: float) -> list[str]:
     """Return the numbers of joins on visible faces, in circles, moved apart where they would overlap."""
     regions = {visible_facet.facet.key: visible_facet.region for visible_facet in seen}
     elements: list[str] = []

@@ -35,17 +35,17 @@ class EdgeLine:
 
 
 @dataclass(frozen=True)
-class Shape:
+class PictureContent:
     """The content of one picture: facets and their lines."""
 
     facets: tuple[Facet, ...]
     lines: tuple[EdgeLine, ...]
 
 
-def merge_shapes(shapes: Iterable[Shape]) -> Shape:
+def merge_shapes(shapes: Iterable[PictureContent]) -> PictureContent:
     """Merge several shapes to one; their keys must differ."""
     facets, lines = zip(*((shape.facets, shape.lines) for shape in shapes), strict=True)
-    return Shape(tuple(itertools.chain(*facets)), tuple(itertools.chain(*lines)))
+    return PictureContent(tuple(itertools.chain(*facets)), tuple(itertools.chain(*lines)))
 
 
 def film_shape(
@@ -55,7 +55,7 @@ def film_shape(
     prefix: str = "",
     tabs: bool = True,
     creases: bool = True,
-) -> Shape:
+) -> PictureContent:
     """Return the shape of one copy of a piece, folded by ``fraction``, its root face at ``pose``.
 
     Keys of facets are ``prefix`` and the face's name. With ``creases`` folds are drawn as folds, else as edges; without
@@ -81,10 +81,10 @@ def film_shape(
                 if kind is not None:
                     keys = (key, *(prefix + other for other in others))
                     lines.append(EdgeLine(keys, ends, kind if creases else "cut"))
-    return Shape(tuple(facets), tuple(lines))
+    return PictureContent(tuple(facets), tuple(lines))
 
 
-def mount_shape(mount: Mount, pose: Matrix | None = None) -> Shape:
+def mount_shape(mount: Mount, pose: Matrix | None = None) -> PictureContent:
     """Return the shape of a bought part, its solids or its box, at ``pose``, which is its pose in the car by default."""
     pose = np.array(mount.pose) if pose is None else pose
     facets, lines = [], []
@@ -99,7 +99,7 @@ def mount_shape(mount: Mount, pose: Matrix | None = None) -> Shape:
             # The sides of a cylinder meet smoothly, without edges; its two ends come first.
             if kind == "box" or side < CYLINDER_ENDS:
                 lines += [EdgeLine((facets[-1].key,), ends, "cut") for ring in rings for ends in _edges(ring)]
-    return Shape(tuple(facets), tuple(lines))
+    return PictureContent(tuple(facets), tuple(lines))
 
 
 def _edges(ring: Vector) -> Vector:

@@ -4,7 +4,7 @@ import numpy as np
 
 from foldcar.car.folded.model import FoldedCar
 from foldcar.fabrication.assembly.drawing import Drawing
-from foldcar.fabrication.assembly.facets import Shape, film_shape, merge_shapes, mount_shape
+from foldcar.fabrication.assembly.facets import PictureContent, film_shape, merge_shapes, mount_shape
 from foldcar.fabrication.assembly.guide_state import facet_key_prefix
 from foldcar.fabrication.assembly.hidden_surfaces import Camera, camera
 
@@ -16,7 +16,7 @@ def finished_car(folded: FoldedCar, title: str) -> Drawing:
     return Drawing(_closed_shape(folded, FROM_FRONT), FROM_FRONT, title, caption="the finished car")
 
 
-def _closed_shape(folded: FoldedCar, view: Camera) -> Shape:
+def _closed_shape(folded: FoldedCar, view: Camera) -> PictureContent:
     """Return the shape of the closed car from outside: film without tabs, servos, and parts that stick out.
 
     Film is left out where its printed side faces the camera, because that side is inside the car.
@@ -27,7 +27,7 @@ def _closed_shape(folded: FoldedCar, view: Camera) -> Shape:
         prefix = facet_key_prefix(placed)
         film = film_shape(pieces[placed.piece], np.array(placed.pose), 1.0, prefix, tabs=False, creases=False)
         facets = tuple(facet for facet in film.facets if facet.normal @ view.toward < 0)
-        shapes.append(Shape(facets, film.lines))
+        shapes.append(PictureContent(facets, film.lines))
     driving = {axle.servo for axle in folded.axles if axle.driven}
     parts = folded.parts
     outer = {part.name for part in (parts.tyre, parts.switch, parts.axle_rod, parts.axle_tube, parts.axle_cap)}

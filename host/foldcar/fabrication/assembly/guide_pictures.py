@@ -18,9 +18,9 @@ from foldcar.car.parts.bought import Screw, Spacer
 from foldcar.car.proof.prove import assembly_steps, service_steps
 from foldcar.car.proof.roles import roles_of
 from foldcar.car.proof.step import AddedPart, AssemblyStep
-from foldcar.fabrication.assembly.drawing import Arrow, Drawing, Mark
+from foldcar.fabrication.assembly.drawing import Arrow, Drawing, DrawnText
 from foldcar.fabrication.assembly.faces import Fraction, Matrix, face_poses, glued_offset_mm, moved
-from foldcar.fabrication.assembly.facets import Shape, merge_shapes, shank_and_nut
+from foldcar.fabrication.assembly.facets import PictureContent, merge_shapes, shank_and_nut
 from foldcar.fabrication.assembly.guide_service import reached_part
 from foldcar.fabrication.assembly.guide_state import AssemblyState, Part, facet_key_prefix
 from foldcar.fabrication.assembly.hidden_surfaces import Camera, Vector, camera
@@ -82,7 +82,7 @@ class Step:
 
 def step_pictures(step: AssemblyStep, state: AssemblyState, title: str) -> tuple[Drawing, ...]:
     """Return the pictures of one step, one from each side that parts come from."""
-    scene = Scene(step, state)
+    scene = StepPicture(step, state)
     return tuple(
         Drawing(scene.shape, view, title, scene.marks, 1.0, scene.faded, scene.arrows_in(view), caption)
         for view, caption in _views(scene)
@@ -143,7 +143,7 @@ def _opening_arrows(car: FoldedCar, state: AssemblyState) -> list[Arrow]:
     return arrows
 
 
-def _views(scene: "Scene") -> list[tuple[Camera, str]]:
+def _views(scene: "StepPicture") -> list[tuple[Camera, str]]:
     """Return the cameras and captions of a scene's pictures, so that every new part is seen from where it comes."""
     if scene.outward is not None:
         azimuth_deg = 35 if scene.outward[1] > 0 else -35
@@ -171,7 +171,7 @@ class _DisplacedPart:
     shift_mm: Vector
 
 
-class Scene:
+class StepPicture:
     """``shape``, ``faded`` keys, ``arrows`` and ``marks`` of a step; ``sides`` are directions that large parts come from.
 
     ``outward`` is the direction away from the car, if the step puts a wheel together.
@@ -185,7 +185,7 @@ class Scene:
         self.outward = None if axle is None else np.array([0.0, 1.0 if axle.side == "left" else -1.0, 0.0])
         self.sides: list[Vector] = []
         self.arrows: list[Arrow] = []
-        self.marks: list[Mark] = []
+        self.marks: list[DrawnText] = []
         self._displaced: list[_DisplacedPart] = []
         # Units of several bodies, such as wheels, are alike: the first is drawn.
         added_parts = [added for added in step.adds if not step.unit or added.body == body]
@@ -209,7 +209,7 @@ class Scene:
         arrows = [(arrow, arrow.points_mm[0] - arrow.points_mm[-1]) for arrow in self.arrows]
         return [arrow for arrow, back in arrows if back @ view.toward > -BEHIND * np.linalg.norm(back)]
 
-    def _show_added(self, added: AddedPart) -> list[Shape]:
+    def _show_added(self, added: AddedPart) -> list[PictureContent]:
         """Return the shapes of the parts of ``added``, drawn at a distance from their places; a nut, from its screw."""
         parts = self.state.parts_of(added)
         if added.nut_mm:
@@ -221,7 +221,7 @@ class Scene:
             return [*self._show_apart(added, [shank]), *self._show_apart(nut_added, [nut])]
         return self._show_apart(added, parts)
 
-    def _show_apart(self, added: AddedPart, parts: Sequence[Part]) -> list[Shape]:
+    def _show_apart(self, added: AddedPart, parts: Sequence[Part]) -> list[PictureContent]:
         """Return the shapes of ``parts`` before their insertion; add an arrow along their path, and their marks.
 
         A part behind an earlier one, in the direction they come from, stands farther out by the earlier one's shift.
@@ -303,7 +303,7 @@ def is_hidden(state: AssemblyState, part: Part) -> bool:
     return isinstance(part, Mount) and part.part in names
 
 
-def points(shapes: Sequence[Shape]) -> Vector:
+def points(shapes: Sequence[PictureContent]) -> Vector:
     """Return the corners of all facets' outlines, (n, 3)."""
     return np.concatenate([facet.rings_mm[0] for shape in shapes for facet in shape.facets])
 
@@ -312,14 +312,14 @@ def _box_area_mm2(outline_mm: Sequence[tuple[float, float]]) -> float:
     return float(np.prod(np.ptp(np.array(outline_mm), axis=0)))
 
 
-def join_marks(folded: FoldedCar, piece: Piece, pose: Matrix, fraction: Fraction, prefix: str = "") -> list[Mark]:
+def join_marks(folded: FoldedCar, piece: Piece, pose: Matrix, fraction: Fraction, prefix: str = "") -> list[DrawnText]:
     """Return marks with the numbers of all joins of one copy of a piece, whose root face is at ``pose``.
 
     The teeth around a rim share one join, whose number is written once on the strip and once on the disc.
     """
     poses = {name: pose @ face_pose for name, face_pose in face_poses(piece, fraction).items()}
     offsets = glued_offset_mm(piece, fraction)
-    candidates_by_id: dict[tuple[int, str], list[Mark]] = {}
+    candidates_by_id: dict[tuple[int, str], list[DrawnText]] = {}
     for join in folded.joins:
         for side in ("a", "b"):
             if (join.piece_a if side == "a" else join.piece_b) != piece.name:
@@ -330,15 +330,15 @@ def join_marks(folded: FoldedCar, piece: Piece, pose: Matrix, fraction: Fraction
             face, point_mm = face_and_point
             mark_id = (join.number, side if join.kind in ("rim", "laminate") else f"{side} {face}")
             position = moved(poses[face], np.array([[*point_mm, offsets.get(face, 0.0)]]))[0]
-            candidates_by_id.setdefault(mark_id, []).append(Mark(str(join.number), position, prefix + face))
-    marks: list[Mark] = []
+            candidates_by_id.setdefault(mark_id, []).append(DrawnText(str(join.number), position, prefix + face))
+    marks: list[DrawnText] = []
     # Numbers with one place come first. Of the teeth around a rim, the one farthest from all other numbers is taken.
     for candidates in sorted(candidates_by_id.values(), key=len):
         marks.append(max(candidates, key=lambda mark: round(_min_distance_mm(mark, marks), 3)))
     return marks
 
 
-def _min_distance_mm(mark: Mark, others: list[Mark]) -> float:
+def _min_distance_mm(mark: DrawnText, others: list[DrawnText]) -> float:
     return min((float(np.linalg.norm(mark.at_mm - other.at_mm)) for other in others), default=0.0)
 
 

@@ -11,7 +11,7 @@ from foldcar.car.proof.roles import roles_of
 from foldcar.car.proof.scene import Stage
 from foldcar.car.proof.step import AddedPart, AssemblyStep, Folds
 from foldcar.fabrication.assembly.faces import Matrix
-from foldcar.fabrication.assembly.facets import Shape, film_shape, mount_shape
+from foldcar.fabrication.assembly.facets import PictureContent, film_shape, mount_shape
 from foldcar.fabrication.assembly.hidden_surfaces import Vector
 
 Part = PlacedPiece | Mount
@@ -30,7 +30,7 @@ class AssemblyState:
         self.stage = self.previous_stage = Stage(self.roles, {})
         self.in_place: list[Part] = []
         self._units: dict[tuple[str, str], list[Part]] = {}
-        self._shapes: dict[object, Shape] = {}
+        self._shapes: dict[object, PictureContent] = {}
 
     def close_folds(self, folds: Folds) -> None:
         """Fold creases: ``folds`` has the fraction of each crease's angle, by piece and crease."""
@@ -74,7 +74,7 @@ class AssemblyState:
         """Return the pose of a mount, or of a piece's root face."""
         return np.array(self.stage.mount(part) if isinstance(part, Mount) else self.stage.root(part))
 
-    def shape(self, part: Part, shift_mm: Vector | None = None, creases: bool = False) -> Shape:
+    def shape(self, part: Part, shift_mm: Vector | None = None, creases: bool = False) -> PictureContent:
         """Return a part's facets and lines as it is folded now, moved by ``shift_mm`` (3,).
 
         With ``creases`` the folds of a piece are drawn as folds, else as edges.

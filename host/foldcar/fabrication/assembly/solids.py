@@ -32,7 +32,7 @@ SHELL_SHRINKING = 1e-4
 
 
 @dataclass(frozen=True)
-class Solid:
+class PartMesh:
     """A part's name, material, and mesh in the car's frame (mm)."""
 
     name: str
@@ -57,25 +57,25 @@ def film_mesh(piece: Piece) -> "Trimesh":
     return mesh
 
 
-def film_solids(folded: FoldedCar) -> list[Solid]:
+def film_solids(folded: FoldedCar) -> list[PartMesh]:
     """Return every copy of every piece of film, folded."""
     pieces = {piece.name: (piece, film_mesh(piece)) for piece in folded.pieces}
     solids = []
     for placed in folded.placed:
         piece, mesh = pieces[placed.piece]
         name = piece.name if piece.count == 1 else f"{piece.name} {placed.copy + 1}"
-        solids.append(Solid(f"{name} ({placed.body})", "film", mesh.copy().apply_transform(np.array(placed.pose))))
+        solids.append(PartMesh(f"{name} ({placed.body})", "film", mesh.copy().apply_transform(np.array(placed.pose))))
     return solids
 
 
-def mount_solid(mount: Mount) -> Solid:
+def mount_solid(mount: Mount) -> PartMesh:
     """Return a bought part's box."""
     from trimesh.creation import box
 
-    return Solid(mount.name, mount_material(mount), box(mount.size_mm, np.array(mount.pose)))
+    return PartMesh(mount.name, mount_material(mount), box(mount.size_mm, np.array(mount.pose)))
 
 
-def stl_bytes(solids: Sequence[Solid]) -> bytes:
+def stl_bytes(solids: Sequence[PartMesh]) -> bytes:
     """Return a binary STL file of all solids (mm). Its closed shells are shrunk slightly, so that they do not touch."""
     from trimesh.exchange.stl import export_stl
     from trimesh.util import concatenate
@@ -87,7 +87,7 @@ def stl_bytes(solids: Sequence[Solid]) -> bytes:
     return content
 
 
-def obj_files(solids: Sequence[Solid], name: str) -> dict[str, bytes]:
+def obj_files(solids: Sequence[PartMesh], name: str) -> dict[str, bytes]:
     """Return NAME.obj with an object for each solid, and NAME.mtl with their materials."""
     import trimesh
     from trimesh.exchange.obj import export_obj

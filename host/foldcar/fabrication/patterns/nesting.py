@@ -47,7 +47,7 @@ class NestingError(FoldcarError):
 
 
 @dataclass(frozen=True, slots=True)
-class Placement:
+class NestedCopy:
     """The sheet of a copy and its motion from the piece's frame onto it."""
 
     sheet: int
@@ -61,7 +61,7 @@ class Nest:
     ``titles`` and ``boxes`` are the motions of each sheet's title and box, None where there is no room for it.
     """
 
-    placements: tuple[tuple[Placement, ...], ...]
+    placements: tuple[tuple[NestedCopy, ...], ...]
     titles: tuple[Motion | None, ...]
     boxes: tuple[Motion | None, ...]
 
@@ -236,9 +236,9 @@ def nest(
             raise NestingError(too_large_message(name, outline, size_mm, margin_mm))
     best = _search_layout(area, title, turns, _first_orders(pieces), _min_sheets(area, pieces))
     sheet_order = sorted(range(len(best.sheets)), key=lambda k: (best.sheets[k] is best.last, k))
-    placements: list[list[Placement]] = [[] for _ in pieces]
+    placements: list[list[NestedCopy]] = [[] for _ in pieces]
     for index, sheet, motion in best.copies:
-        placements[index].append(Placement(sheet_order.index(sheet), motion))
+        placements[index].append(NestedCopy(sheet_order.index(sheet), motion))
     boxes = tuple(best.sheets[k].place(box) for k in sheet_order)
     return Nest(tuple(map(tuple, placements)), tuple(best.titles[k] for k in sheet_order), boxes)
 

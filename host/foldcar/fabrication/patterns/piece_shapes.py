@@ -139,7 +139,7 @@ def _spaced_cuts(start: float, end: float, cut_mm: float, bridge_mm: float) -> I
 
 
 @dataclass(frozen=True, slots=True)
-class Film:
+class NarrowestFilm:
     """The narrowest film of a piece (mm), and what it lies between."""
 
     width_mm: float
@@ -168,7 +168,7 @@ def fold_cuts(flat: FlatPiece, options: Options) -> tuple[tuple[Fold, tuple[Cut,
     )
 
 
-def narrowest_film(flat: FlatPiece, options: Options) -> Film | None:
+def narrowest_film(flat: FlatPiece, options: Options) -> NarrowestFilm | None:
     """Return the narrowest film between two cuts; None for a piece with one cut.
 
     Outlines and openings are cut beside their line, in the waste, so that the film keeps its width. Slits and dashes are
@@ -190,7 +190,7 @@ def narrowest_film(flat: FlatPiece, options: Options) -> Film | None:
                 continue
             width = distance - losses[i] - losses[k]
             if narrowest is None or width < narrowest.width_mm:
-                narrowest = Film(width, (names[k], names[i]))
+                narrowest = NarrowestFilm(width, (names[k], names[i]))
     return narrowest
 
 

@@ -13,14 +13,14 @@ import segno
 from shapely.geometry import Polygon
 
 from foldcar.car.folded.model import FoldedCar
-from foldcar.car.parts.bought import Film as SoldFilm
+from foldcar.car.parts.bought import Film
 from foldcar.car.parts.catalogue import film_of
 from foldcar.fabrication.patterns.drawing import LAYERS, Motion, Path, Point, Shape, Sheet
 from foldcar.fabrication.patterns.flat_piece import FlatPiece, flat_piece, moved_to_origin
 from foldcar.fabrication.patterns.labels import join_marks, text_strokes
 from foldcar.fabrication.patterns.nesting import NestingError, nest
 from foldcar.fabrication.patterns.options import MACHINES, TORN_FILM_MM, OptionError, Options
-from foldcar.fabrication.patterns.piece_shapes import Film, narrowest_film, outer_cut, piece_shapes
+from foldcar.fabrication.patterns.piece_shapes import NarrowestFilm, narrowest_film, outer_cut, piece_shapes
 from foldcar.fabrication.patterns.sheet_fit import all_fit, suggest_sheet
 from foldcar.fabrication.patterns.splitting import split_to_fit
 
@@ -119,7 +119,7 @@ class Pattern:
     sheets: tuple[Sheet, ...]
     warnings: tuple[str, ...]
     options: Options
-    film: SoldFilm
+    film: Film
     least_film_mm: float
     torn: tuple[str, ...] = ()
 
@@ -198,7 +198,7 @@ def pattern_of(cut: CutCar, options: Options, title: str, command: str = "") -> 
     return Pattern(title, cut.pieces, sheets, (*narrow, *unmarked), options, cut.car.parts.film, min_width_mm, torn)
 
 
-def _narrow(film: Film) -> str:
+def _narrow(film: NarrowestFilm) -> str:
     return f"only {film.width_mm:.2f} mm of film between {film.between[0]} and {film.between[1]}: it may tear"
 
 

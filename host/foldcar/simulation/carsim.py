@@ -53,6 +53,7 @@ class CarsimLimits:
 class Carsim:
     """A simulator program. Its methods may be called from several threads at once.
 
+    ``build`` identifies everything that results depend on, and ``firmware`` the firmware, as a built car reports it.
     ``engine`` is the engine's name and version, "" for multibody; ``build`` contains it. ``command`` starts the program:
     its file, and the options that choose the engine.
     """
@@ -60,19 +61,21 @@ class Carsim:
     def __init__(self, binary: Path | None = None, engine: str = MULTIBODY) -> None:
         """Find carsim, or take ``binary``, and ask it for its build, firmware and engine. Raises CarsimError."""
         self.binary = binary if binary is not None else find_carsim(engine)
-        self.command = (*program_command(self.binary), *(ENGINES[engine].options if binary is None else ()))
+        # A binary that the caller names has one engine; no option chooses it.
+        engine_options = ENGINES[engine].options if binary is None else ()
+        self.command = (*program_command(self.binary), *engine_options)
         self._running: set[subprocess.Popen[str]] = set()
         self._stops = 0
         self._limits: CarsimLimits | None = None
-        # `build` identifies everything that results depend on, `firmware` the firmware, as a built car reports it.
-        self.build, self.firmware, self.engine = self._ask(
+        self.build, self.firmware, reported_engine = self._ask(
             "--version",
             lambda output: (str(output["build"]), str(output["firmware"]), str(output["engine"])),
             "is not carsim (`--version` does not print its build)",
         )
-        # The default engine has no name in stores; results of another engine must not count as those of the same build.
-        self.engine = "" if self.engine == MULTIBODY else self.engine
+        # The default engine has no name in stores.
+        self.engine = "" if reported_engine == MULTIBODY else reported_engine
         if self.engine:
+            # Results of another engine must not count as those of this build.
             self.build += f" {self.engine}"
         if binary is None and engine_title(self.engine) != ENGINES[engine].title:
             raise CarsimError(f"{self.binary}: its engine is {self.engine or 'multibody'}, not {engine}")
@@ -99,16 +102,18 @@ class Carsim:
             numbers = {path: (float(low), float(high)) for path, (low, high) in output["input"].items()}
             return CarsimLimits(numbers, TrialRules(**output["trial"]))
 
-        self._limits = self._limits or self._ask("limits", read, "`carsim limits` printed no limits")
+        if self._limits is None:
+            self._limits = self._ask("limits", read, "`carsim limits` printed no limits")
         return self._limits
 
     def run(
         self, bodies: Mapping[str, str], scenes: Mapping[str, str], requests: Sequence[RunRequest]
     ) -> list[dict[str, Any]]:
-        """Return answers to ``requests`` in order. ``bodies`` and ``scenes`` map ids to JSON objects as text.
+        """Simulate the requested runs and return their answers, in order.
 
-        If a signal kills a process, its current run is retried alone in a new process. If that is killed, too, the run
-        has failed. Raises CarsimError if the simulator refuses its input or ends with another error, and after `stop`.
+        ``bodies`` and ``scenes`` map ids to JSON objects as text. If a signal kills the process, its current run is
+        repeated alone in a new process. If that is killed, too, the run has failed. Raises CarsimError if the simulator
+        refuses its input or ends with another error, and after `stop`.
         """
         answers: list[dict[str, Any]] = []
         stops = self._stops
@@ -116,14 +121,17 @@ class Carsim:
             batch_answers, death = self._batch(bodies, scenes, requests[len(answers) :], stops)
             answers += batch_answers
             if death:
-                request = requests[len(answers)]
-                body, scene = {request.body: bodies[request.body]}, {request.scene: scenes[request.scene]}
-                retried, death = self._batch(body, scene, [request], stops)
-                answers += retried or [{"error": f"the simulation crashed ({death})"}]
+                interrupted = requests[len(answers)]
+                body = {interrupted.body: bodies[interrupted.body]}
+                scene = {interrupted.scene: scenes[interrupted.scene]}
+                repeated_answers, second_death = self._batch(body, scene, [interrupted], stops)
+                if second_death:
+                    repeated_answers = [{"error": f"the simulation crashed ({second_death})"}]
+                answers += repeated_answers
         return answers
 
     def answers(self, lines: Sequence[str]) -> list[dict[str, Any]]:
-        """Return the answers of ``carsim batch`` to lines of its input. Raises CarsimError if any answer is an error."""
+        """Send lines to ``carsim batch`` and return its answers. Raises CarsimError if any answer is an error."""
         process = self._output(["batch"], lines, self._stops)
         try:
             answers: list[dict[str, Any]] = [json.loads(line) for line in process.stdout.splitlines()]
@@ -176,11 +184,10 @@ class Carsim:
                 index = 0 if len(requests) == 1 else error["run"]
                 label = requests[int(index)].label if index is not None else f"line {error['line']}"
                 raise InputRefusedError(self.binary, label, str(error["message"]))
-            is_valid = answer["outcome"] in results.NATIVE_OUTCOMES and all(
-                math.isfinite(answer[metric.name])
-                for metric in results.METRICS
-                if answer[metric.name] is not None or not metric.optional
-            )
+            is_valid = answer["outcome"] in results.NATIVE_OUTCOMES
+            for metric in results.METRICS:
+                if answer[metric.name] is not None or not metric.optional:
+                    is_valid = is_valid and math.isfinite(answer[metric.name])
         except (ValueError, TypeError, KeyError, IndexError) as error:
             raise CarsimError(f"{self.binary}: its answer is not a result: {line[:80]}") from error
         if not is_valid:
@@ -229,12 +236,15 @@ class Carsim:
 
 
 def input_line(kind: str, name: str, object_text: str) -> str:
-    """Return a line of `carsim batch`'s input: an object of that ``kind`` from its JSON text, with the id ``name``.
+    """Return a line of `carsim batch`'s input: a JSON object of that ``kind``, with the id ``name``.
+
+    Example: input_line("body", "w95", '{"track_m": 0.1}') is '{"body": {"id": "w95", "track_m": 0.1}}'
 
     The id is inserted into the text, because parsing a body takes longer than simulating some runs.
     """
-    rest = object_text.lstrip()[1:]
-    return f'{{"{kind}": {{"id": {json.dumps(name)}{"" if rest.lstrip() == "}" else ", "}{rest}}}'
+    after_brace = object_text.lstrip()[1:]
+    separator = "" if after_brace.lstrip() == "}" else ", "
+    return f'{{"{kind}": {{"id": {json.dumps(name)}{separator}{after_brace}}}'
 
 
 def run_line(name: str, request: RunRequest) -> str:
@@ -265,12 +275,16 @@ class PulseTrain:
 
 def ask_pulses(carsim: Carsim, settings: Sequence[Mapping[str, Any]]) -> list[PulseTrain]:
     """Return the pulses that the firmware sends with each of the settings, in order."""
-    keys = ("speed_m_s", "yaw_rate_rad_s", "time_limit_s", "parameters")
-    pulse_settings = [{key: setting[key] for key in keys if key in setting} for setting in settings]
-    lines = [json.dumps({"pulses": {"id": str(index), **setting}}) for index, setting in enumerate(pulse_settings)]
+    lines = []
+    for index, setting in enumerate(settings):
+        question = {"id": str(index)}
+        for key in ("speed_m_s", "yaw_rate_rad_s", "time_limit_s", "parameters"):
+            if key in setting:
+                question[key] = setting[key]
+        lines.append(json.dumps({"pulses": question}))
     trains = []
     for answer in carsim.answers(lines):
-        # A row is a time (s) and the widths (µs) from then on.
-        rows = answer["changes"]
-        trains.append(PulseTrain(tuple(row[0] for row in rows), tuple(tuple(row[1:]) for row in rows)))
+        times_s = tuple(time_s for time_s, *_ in answer["changes"])
+        widths_us = tuple(tuple(widths) for _, *widths in answer["changes"])
+        trains.append(PulseTrain(times_s, widths_us))
     return trains

@@ -50,9 +50,13 @@ ENGINES = {
 
 
 def engine_title(reported: str) -> str:
-    """Return a reported engine's title, without the version: "MuJoCo, half step" for "MuJoCo 4.0.0, half step"."""
-    name, *choices = reported.split(", ")
-    return ", ".join([name.partition(" ")[0], *choices])
+    """Return the title of an engine that carsim has reported, which is its name without the version.
+
+    Example: engine_title("MuJoCo 4.0.0, half step") is "MuJoCo, half step"
+    """
+    name_and_version, *options = reported.split(", ")
+    name = name_and_version.partition(" ")[0]
+    return ", ".join([name, *options])
 
 
 def engine_of(reported: str) -> str:
@@ -65,9 +69,11 @@ def engine_of(reported: str) -> str:
 
 
 def find_carsim(engine: str = MULTIBODY) -> Path:
-    """Return the program file with this engine: the one that its variable names, else the wheel's, else the checkout's.
+    """Return the file of the program with this engine.
 
-    Without a native program it is carsim.wasm; `program_command` starts either. Raises CarsimError if no program exists.
+    It is the one that the engine's environment variable names, else that of the wheel, else that of the checkout. If
+    there is no native program, it is carsim.wasm; `program_command` starts either. Raises CarsimError if no program
+    exists.
     """
     chosen = ENGINES[engine]
     is_mujoco = chosen.environment == MUJOCO_ENVIRONMENT
@@ -98,10 +104,14 @@ def find_carsim(engine: str = MULTIBODY) -> Path:
 
 def find_wasm() -> Path | None:
     """Return carsim.wasm of the wheel or of the checkout; None if it was not built."""
-    project = source_tree()
     packaged = packaged_program(WASM)
-    built = project / ".pio" / "wasm" / WASM if project else None
-    return packaged or (built if built is not None and built.is_file() else None)
+    if packaged is not None:
+        return packaged
+    project = source_tree()
+    if project is None:
+        return None
+    built = project / ".pio" / "wasm" / WASM
+    return built if built.is_file() else None
 
 
 def is_wasm(program: Path) -> bool:
@@ -111,7 +121,9 @@ def is_wasm(program: Path) -> bool:
 
 def program_command(program: Path) -> tuple[str, ...]:
     """Return the command that starts a simulator. Raises CarsimError if it needs Node, and Node is missing."""
-    return (_node(), str(NODE_SCRIPT), str(program)) if is_wasm(program) else (str(program),)
+    if is_wasm(program):
+        return (_node(), str(NODE_SCRIPT), str(program))
+    return (str(program),)
 
 
 def _node() -> str:

@@ -12,9 +12,9 @@ from foldcar.simulation.runner import CarsimError
 # The outcomes that carsim reports, best first; "terminated": the Scenic program ended the run.
 NATIVE_OUTCOMES = ("passed", "tipped", "stuck", "off_course", "timeout", "fault", "terminated")
 
+PASSED = "passed"
 # A run that violated a requirement of the Scenic program. Scenic discards such simulations: they say nothing about the
 # design and count in no rate.
-PASSED = "passed"
 REJECTED = "rejected"
 FAILED = "failed"
 
@@ -61,8 +61,10 @@ def outcome_of(answer: Mapping[str, Any]) -> str:
 
 
 def has_passed(outcome: str) -> bool | None:
-    """Return whether a run with that outcome passed; None if it was rejected. Failed runs did not pass."""
-    return None if outcome == REJECTED else outcome == PASSED
+    """Return whether a run with that outcome passed; None if it was rejected, which counts in no rate."""
+    if outcome == REJECTED:
+        return None
+    return outcome == PASSED
 
 
 def no_rate_text(runs: int) -> str:

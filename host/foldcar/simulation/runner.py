@@ -12,6 +12,8 @@ from foldcar.errors import FoldcarError
 
 # Interval between the rows of a path that is drawn.
 PATH_INTERVAL_S = 0.02
+# Number of characters of a program's message that an error shows.
+MAX_MESSAGE_LENGTH = 200
 
 
 class CarsimError(FoldcarError):
@@ -44,8 +46,10 @@ class RunRequest:
     @property
     def keys(self) -> str:
         """The settings, and the reality if it is not nominal, as the JSON object of carsim's run line."""
-        is_nominal = self.reality.strip() in ("", "{}")
-        return self.settings if is_nominal else f'{{"reality": {self.reality}, {self.settings.lstrip()[1:]}'
+        if self.reality.strip() in ("", "{}"):
+            return self.settings
+        settings_after_brace = self.settings.lstrip()[1:]
+        return f'{{"reality": {self.reality}, {settings_after_brace}'
 
 
 class Runner(Protocol):
@@ -67,13 +71,17 @@ class Runner(Protocol):
 
 
 def process_ending(return_code: int, messages: str = "") -> str:
-    """Return how a process ended: ``killed by SIGSEGV`` or ``exit code 3``, with the last of its messages in brackets.
+    """Describe how a process ended, with the last line of its ``messages`` (its standard error).
 
-    ``return_code`` is negative for a signal, as in subprocess; ``messages`` is its standard error.
+    ``return_code`` is negative for a signal, as in subprocess.
+
+    Example: process_ending(-11) is "killed by SIGSEGV", process_ending(3, "no memory") is "exit code 3 (no memory)"
     """
     ending = f"exit code {return_code}" if return_code >= 0 else f"killed by {_signal_name(-return_code)}"
-    last_line = (messages.strip().splitlines() or [""])[-1][:200]
-    return f"{ending} ({last_line})" if last_line else ending
+    lines = messages.strip().splitlines()
+    if not lines:
+        return ending
+    return f"{ending} ({lines[-1][:MAX_MESSAGE_LENGTH]})"
 
 
 def _signal_name(number: int) -> str:
@@ -89,18 +97,18 @@ T = TypeVar("T")
 def side_by_side(calls: Iterable[Callable[[], T]], jobs: int, stop: Callable[[], None]) -> Iterator[T]:
     """Run ``calls`` in threads, ``jobs`` at a time, and yield their results in order.
 
-    If a call fails, ``stop`` is called to stop the others. ``calls`` is read in the caller's thread, one call ahead for
-    each simulator, so that few texts are in memory, and no simulator is idle.
+    If a call fails, ``stop`` is called, which must make the running calls fail, too.
     """
     pool = ThreadPoolExecutor(jobs, thread_name_prefix="carsim")
-    waiting: deque[Future[T]] = deque()
+    submitted: deque[Future[T]] = deque()
     try:
         for call in calls:
-            waiting.append(pool.submit(call))
-            if len(waiting) == 2 * jobs:
-                yield waiting.popleft().result()
-        while waiting:
-            yield waiting.popleft().result()
+            submitted.append(pool.submit(call))
+            # One call waits for each that runs, so no thread is idle. More would only take memory.
+            if len(submitted) == 2 * jobs:
+                yield submitted.popleft().result()
+        while submitted:
+            yield submitted.popleft().result()
     except BaseException:
         stop()
         raise

@@ -10,7 +10,7 @@ import json
 import os
 import shutil
 import sqlite3
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -88,6 +88,16 @@ UNKNOWN_IF_IMPORTED = (
 )  # fmt: skip
 
 
+def _taken_reality_facts(facts: dict[str, Any]) -> dict[str, Any]:
+    """Remove the facts on runs in other realities from an experiment's facts, and return them."""
+    return {name: facts.pop(name) for name in REALITY_FACTS if name in facts}
+
+
+def _changes(corrections: Iterable[Row]) -> set[tuple[Any, ...]]:
+    """Return what corrections change; their own numbers and that of the trial differ between stores."""
+    return {tuple(correction[name] for name in CHANGE) for correction in corrections}
+
+
 class Merge:
     """Adds stores to the store ``merged``, one after another. ``logs`` maps the logs to copy to their new files."""
 
@@ -119,69 +129,94 @@ class Merge:
         self._stores.append(path)
         self._source = source
         self._numbers = {table.name: {} for table in tables}
-        designs = dict(self._connection.execute(DESIGN_COUNTS).fetchall())
+        earlier_design_counts = dict(self._connection.execute(DESIGN_COUNTS).fetchall())
         for table in tables:
             order = ("position",) if table is EXPERIMENT else table.order or table.key
-            # Experiments are identified by name, which stays; all other references are numbers of rows, which change.
-            referring = ((column.name, column.refers or REFERENCES.get(column.name)) for column in table.columns)
-            references = {name: referred for name, referred in referring if referred not in (None, EXPERIMENT.name)}
             for row in read_rows(path, source, table, f"ORDER BY {', '.join(order)}"):
-                # A run's key in the added store, before its numbers are replaced by those of the new store: its recorded
-                # values are looked up by this key.
-                source_key = tuple(map(row.get, RUN.key))
-                for name, referred in references.items():
-                    if row[name] is not None:
-                        row[name] = self._numbers[referred][row[name]]
-                if table is EXPERIMENT:
-                    self._add_experiment(row)
-                elif table is TRIAL:
-                    self._add_trial(path, row)
-                elif table is MEDIA:
-                    file = reference(self._merged, referred_file(path, row["file"]))
-                    self._insert(MEDIA, {**row, "file": file}, "OR IGNORE")
-                elif table is not CORRECTION:
-                    self._add_row(table, row, source_key)
-                else:
-                    # The numbers of corrections differ between stores.
-                    existing = [{**correction, "id": row["id"]} for correction in self._corrections(row["trial_id"])]
-                    if row not in existing:
-                        self._add_numbered(CORRECTION, row)
+                self._add_source_row(path, table, row)
         # A store with more or fewer designs of an experiment contradicts none of its single rows.
-        for name, count in source.execute(DESIGN_COUNTS):
-            if designs.get(name, count) != count:
-                self._raise_difference(EXPERIMENT, {"id": name}, "designs", count, designs[name])
+        for experiment, count in source.execute(DESIGN_COUNTS):
+            earlier_count = earlier_design_counts.get(experiment, count)
+            if earlier_count != count:
+                self._raise_difference(EXPERIMENT, {"id": experiment}, "designs", count, earlier_count)
+
+    def _add_source_row(self, path: Path, table: Table, row: Row) -> None:
+        """Add a row of the store at ``path``, whose numbers are still those of that store."""
+        # The recorded values of a run are looked up in the added store by the run's key there.
+        source_key = tuple(row.get(name) for name in RUN.key)
+        self._renumber(table, row)
+        if table is EXPERIMENT:
+            self._add_experiment(row)
+        elif table is TRIAL:
+            self._add_trial(path, row)
+        elif table is CORRECTION:
+            self._add_correction(row)
+        elif table is MEDIA:
+            file = reference(self._merged, referred_file(path, row["file"]))
+            self._insert(MEDIA, {**row, "file": file}, "OR IGNORE")
+        else:
+            self._add_row(table, row, source_key)
+
+    def _renumber(self, table: Table, row: Row) -> None:
+        """Replace the numbers of other rows, to which a row refers, by their numbers in the merged store."""
+        for column in table.columns:
+            referred_table = column.refers or REFERENCES.get(column.name)
+            # An experiment is referred to by its name, which stays.
+            if referred_table in (None, EXPERIMENT.name) or row[column.name] is None:
+                continue
+            row[column.name] = self._numbers[referred_table][row[column.name]]
+
+    def _add_correction(self, row: Row) -> None:
+        """Add a correction of a trial, unless the merged store has an equal one."""
+        for existing in self._corrections(row["trial_id"]):
+            # The numbers of corrections differ between stores.
+            if {**existing, "id": row["id"]} == row:
+                return
+        self._add_numbered(CORRECTION, row)
 
     def _add_row(self, table: Table, row: Row, source_key: tuple[Any, ...]) -> None:
         """Add a row that is not identified by its number; if it already exists, it must be equal.
 
         ``source_key`` is a run's key in the store that is being added.
         """
-        number = row.get("id")
+        source_number = row.get("id")
         # A table with a unique column, such as a hash, identifies its rows by that; numbers are those of the new store.
         if table.unique:
             row["id"] = self._last[table.name] + 1
-        key = (table.unique,) if table.unique else table.key
         if self._insert(table, row, "OR IGNORE"):
             self._last[table.name] += 1
+        elif table is STUDY:
+            self._keep_earliest_creation(row)
         else:
-            where = " AND ".join(f"{name} = ?" for name in key)
-            (existing,) = self._merged_rows(table, f"WHERE {where}", *map(row.get, key))
-            if table is STUDY:
-                # Keep the facts of the first store, and the earliest time of creation.
-                if row["key"] == "created_utc" and row["value"] < existing["value"]:
-                    self._insert(STUDY, row, "OR REPLACE")
-                return
-            # Of two stores, one may lack what the other knows.
-            name = MAY_BE_UNKNOWN.get(table.name, "")
-            if name and None in (row[name], existing[name]):
-                existing[name] = row[name] = existing[name] if row[name] is None else row[name]
-                self._insert(table, existing, "OR REPLACE")
-            row["id"] = existing.get("id")
-            self._compare(table, row, existing)
+            self._unite(table, row)
             if table is RUN:
                 self._compare_recorded(row, source_key)
-        if number is not None:
-            self._numbers[table.name][number] = row["id"]
+        if source_number is not None:
+            self._numbers[table.name][source_number] = row["id"]
+
+    def _keep_earliest_creation(self, row: Row) -> None:
+        """Keep the facts of the first store, but the earliest time of creation."""
+        (existing,) = self._merged_rows(STUDY, "WHERE key = ?", row["key"])
+        if row["key"] == "created_utc" and row["value"] < existing["value"]:
+            self._insert(STUDY, row, "OR REPLACE")
+
+    def _unite(self, table: Table, row: Row) -> None:
+        """Compare a row with the merged row of its key, and give it that row's number. Raises StoreError if they differ.
+
+        One of them may lack a value that the other has; the merged row then gets it.
+        """
+        key = (table.unique,) if table.unique else table.key
+        where = " AND ".join(f"{name} = ?" for name in key)
+        (existing,) = self._merged_rows(table, f"WHERE {where}", *(row[name] for name in key))
+        if table.name in MAY_BE_UNKNOWN:
+            name = MAY_BE_UNKNOWN[table.name]
+            if existing[name] is None and row[name] is not None:
+                existing[name] = row[name]
+                self._insert(table, existing, "OR REPLACE")
+            elif row[name] is None:
+                row[name] = existing[name]
+        row["id"] = existing.get("id")
+        self._compare(table, row, existing)
 
     def _compare(self, table: Table, row: Row, existing: Row) -> None:
         """Raise StoreError if a row differs from the merged store's row of the same key."""
@@ -213,10 +248,10 @@ class Merge:
         self._insert(table, {**row, "id": self._last[table.name]})
 
     def _add_experiment(self, row: Row) -> None:
-        """Add an experiment, or compare it with the merged one of its name.
+        """Add an experiment, or compare it with the merged experiment of its name.
 
-        These may differ in the number of environments and in that of runs in other realities, of which the larger is
-        kept, and in the end of their sweeps.
+        They may differ in three things: the number of environments and the number of runs in other realities, of which
+        the larger one is kept, and whether their sweeps have ended. Raises StoreError if they differ in anything else.
         """
         facts = json.loads(row["facts"])
         self._ended.setdefault(row["id"], set()).add(facts.pop(ENDED, None))
@@ -226,45 +261,51 @@ class Merge:
         (existing,) = self._merged_rows(EXPERIMENT, "WHERE id = ?", row["id"])
         existing_facts = json.loads(existing["facts"])
         existing_facts.pop(ENDED, None)
-        reality_facts = max(
-            ({name: side.pop(name) for name in REALITY_FACTS if name in side} for side in (existing_facts, facts)),
-            key=lambda side: side.get("realities", 0),
-        )
-        columns = {name: (row[name], existing[name]) for name in SAME_COLUMNS}
+        reality_facts, existing_reality_facts = _taken_reality_facts(facts), _taken_reality_facts(existing_facts)
+        if reality_facts.get("realities", 0) <= existing_reality_facts.get("realities", 0):
+            reality_facts = existing_reality_facts
+        for name in SAME_COLUMNS:
+            if row[name] != existing[name]:
+                self._raise_difference(EXPERIMENT, row, name, row[name], existing[name])
         for name in sorted(facts.keys() | existing_facts.keys()):
-            columns[name] = facts.get(name), existing_facts.get(name)
-        for name, (value, before) in columns.items():
-            if value != before:
-                self._raise_difference(EXPERIMENT, row, name, value, before)
-        environments = max(row["environments"], existing["environments"])
-        kept_facts = json.dumps({**existing_facts, **reality_facts})
-        self._insert(EXPERIMENT, {**existing, "environments": environments, "facts": kept_facts}, "OR REPLACE")
+            if facts.get(name) != existing_facts.get(name):
+                self._raise_difference(EXPERIMENT, row, name, facts.get(name), existing_facts.get(name))
+        merged_row = {
+            **existing,
+            "environments": max(row["environments"], existing["environments"]),
+            "facts": json.dumps({**existing_facts, **reality_facts}),
+        }
+        self._insert(EXPERIMENT, merged_row, "OR REPLACE")
 
     def _add_trial(self, path: Path, row: Row) -> None:
-        """Add a trial with its log. Of two copies with the same UUID, keep the one that was completed or corrected later.
+        """Add a trial with its log, unless the merged store has a newer copy of the trial, with the same UUID.
 
-        A copy is newer if the other one is still running, or has only a part of its corrections.
+        A copy is newer if the other one is still running, or has only a part of its corrections. Raises StoreError if
+        neither copy is newer and they differ.
         """
         if row["log"] is not None:
             row["log"] = self._log(path, row)
-        existing = next(iter(self._merged_rows(TRIAL, "WHERE uuid = ?", row["uuid"])), None)
-        if existing is None:
+        copies = self._merged_rows(TRIAL, "WHERE uuid = ?", row["uuid"])
+        if not copies:
             self._add_numbered(TRIAL, row)
             return
+        (existing,) = copies
         self._numbers[TRIAL.name][row["id"]] = existing["id"]
         row = {**row, "id": existing["id"]}
         for name in UNKNOWN_IF_IMPORTED:
-            row[name] = existing[name] = existing[name] if row[name] is None else row[name]
+            if row[name] is None:
+                row[name] = existing[name]
+            existing[name] = row[name]
         # A table may write a number in another way, and shortens spaces.
         for name, meaning in (("design", json.loads), ("deviations", json.loads), ("note", str.split)):
             if meaning(row[name]) == meaning(existing[name]):
                 row[name] = existing[name]
         of_trial = "WHERE trial_id = (SELECT id FROM trial WHERE uuid = ?)"
-        source_corrections = read_rows(path, self._source, CORRECTION, of_trial, row["uuid"])
-        new = [tuple(map(correction.get, CHANGE)) for correction in source_corrections]
-        old = [tuple(map(correction.get, CHANGE)) for correction in self._corrections(existing["id"])]
-        is_newer = existing["ending"] == RUNNING or (len(new) > len(old) and set(old) <= set(new))
-        is_older = row["ending"] == RUNNING or (len(old) > len(new) and set(new) <= set(old))
+        corrections = _changes(read_rows(path, self._source, CORRECTION, of_trial, row["uuid"]))
+        existing_corrections = _changes(self._corrections(existing["id"]))
+        # A trial is never corrected twice in the same way at the same time, so a proper subset is a part.
+        is_newer = existing["ending"] == RUNNING or existing_corrections < corrections
+        is_older = row["ending"] == RUNNING or corrections < existing_corrections
         if not is_newer and not is_older:
             self._compare(TRIAL, row, existing)
         self._insert(TRIAL, row if is_newer else existing, "OR REPLACE")

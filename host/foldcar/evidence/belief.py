@@ -22,10 +22,9 @@ from foldcar.statistics.words import count, percent, points_text
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.measured import measured_values
 from foldcar.store.reader import Store
-from foldcar.store.reality_runs import read_reality_runs
 from foldcar.store.stored_drives import read_drives
 from foldcar.store.trial_records import Trial
-from foldcar.study.reality_runs import MIN_LEARNED, offered_runs
+from foldcar.study.reality_runs import MIN_LEARNED, offered_runs, planned_reality_runs
 
 # The time grows with the number of cars: of more cars, those with most trials count.
 MAX_CARS = 60
@@ -188,7 +187,7 @@ def learned_rate(store: Store, info: ExperimentInfo) -> Learned | None:
         return None
 
     def read() -> Learned | None:
-        runs = read_reality_runs(store, info.id)
+        runs = planned_reality_runs(store, info.id, info.variation_seed, info.environments)
         if len(runs) < MIN_LEARNED:
             return None
         designs = numpy.array(

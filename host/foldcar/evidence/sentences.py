@@ -134,10 +134,16 @@ def _reaching_in_simulation(evidence: Evidence, threshold: float) -> str:
     if not reach.any():
         if not passed.sum():
             return "no run passed"
-        best = int(numpy.where(simulated, passed / runs, -1).argmax())
+        rates = numpy.where(simulated, passed / runs, -1)
+        best = int(rates.argmax())
         best_rate = percent_below(passed[best] / runs[best], threshold)
         if len(evidence.family) == 1:
             return f"the design does not reach {limit}; it passes {best_rate}"
+        tied = int((rates == rates[best]).sum())
+        if tied == simulated.sum() and tied > 1:
+            return f"no design reaches {limit}; each passes {best_rate}"
+        if tied > 1:
+            return f"no design reaches {limit}; the best {tied:,} pass {best_rate}"
         named = "" if simulated.sum() == 1 else f", {evidence.family[best].label},"
         return f"no design reaches {limit}; the best{named} passes {best_rate}"
     low = [

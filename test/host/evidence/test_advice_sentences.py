@@ -58,6 +58,8 @@ def study(store: Callable[..., Path]) -> Studied:
         ({75.0: 0, 95.0: 0}, "no run passed."),
         ({75.0: 12}, "the design does not reach 75 %; it passes 60 %."),
         ({75.0: 12, 95.0: 2}, "no design reaches 75 %; the best, 75 mm, passes 60 %."),
+        ({75.0: 12, 85.0: 12, 95.0: 2}, "no design reaches 75 %; the best 2 pass 60 %."),
+        ({75.0: 12, 85.0: 12}, "no design reaches 75 %; each passes 60 %."),
         ({75.0: 17, 95.0: 17}, "each of 2 designs reaches 75 %, none with 95 % confidence"),
         (dict.fromkeys((75.0, 80.0, 85.0, 90.0, 95.0), 20) | {115.0: 4}, "75 to 95 mm reach 75 % with 95 % confidence"),
         ({75.0: 4, 95.0: 20, 115.0: 4}, "95 mm reaches 75 %"),

@@ -30,7 +30,7 @@ from foldcar.belief.weighing import Trials
 from foldcar.errors import FoldcarError
 from foldcar.installation import usable_processors
 from foldcar.store.reader import Store
-from foldcar.store.reality_runs import read_reality_runs
+from foldcar.study.reality_runs import planned_reality_runs
 
 ROOT = Path(__file__).resolve().parent.parent
 # An ordinary workshop: every unknown has its prior's median. The last reality lies outside what the priors contain: the
@@ -84,7 +84,9 @@ def learned_rate(folder: Path) -> tuple[Learned, Rates]:
         designs = np.array([[float(design["width_mm"])] for design in store.designs(experiment).values()])
         counts = store.design_counts(experiment)
         nominal = NominalRuns(NOMINAL_SCORES, np.array(counts.passed, float), np.array(counts.counted, float))
-        return learn(read_reality_runs(store, experiment), designs, nominal), designs
+        info = store.info().experiments[experiment]
+        runs = planned_reality_runs(store, experiment, info.variation_seed, info.environments)
+        return learn(runs, designs, nominal), designs
 
 
 def driven(random: np.random.Generator, rate: float, trials: int) -> int:

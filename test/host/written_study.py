@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy
 
-from foldcar.belief.priors import MAX_SCORE, NAMES
+from foldcar.belief.priors import NAMES
 from foldcar.simulation.results import NUMBERS
-from foldcar.store.reality_runs import BLOCK, CHECK
 from foldcar.store.tables import DESIGN, EXPERIMENT, SAMPLE
 from foldcar.store.trial_writer import CarFacts, Drive, Ending, TrialDesign, write_trials
 from foldcar.store.writer import PlannedDesign, PlannedExperiment, StoreWriter, write_store
+from foldcar.study.reality_draws import draw_runs
 
 BUILD = "build-7"
 FACTS = {
@@ -176,24 +176,22 @@ def write_realities(
             writer._update(EXPERIMENT, {**row, "facts": json.dumps(facts)})
         spread = writer.spread(f"realities of {experiment}")
         designs = list(writer.rows(DESIGN, "WHERE experiment = ? ORDER BY position", experiment))
-        scenes = list(writer.rows(SAMPLE, "WHERE environment_id = ?", row["environment_id"]))
+        of_environment = "WHERE environment_id = ? ORDER BY sample"
+        scenes = [sample["scene_id"] for sample in writer.rows(SAMPLE, of_environment, row["environment_id"])]
+        drawn = draw_runs(facts["variation_seed"], range(number), len(designs), row["environments"])
         rows = []
-        for block in range(number):
-            # The first runs of a block share reality and design.
-            if block % BLOCK >= CHECK or block % BLOCK == 0:
-                scores = random.standard_normal(len(NAMES)).clip(-MAX_SCORE, MAX_SCORE)
-                design = designs[random.integers(len(designs))]
-            scene = scenes[random.integers(len(scenes))]
+        for run, (scores, index, sample) in enumerate(zip(drawn.scores, drawn.design, drawn.sample, strict=True)):
+            design = designs[index]
             odds = log_odds(dict(zip(NAMES, scores.tolist(), strict=True)), json.loads(design["parameters"]))
-            odds += scene_log_odds(scene["sample"])
+            odds += scene_log_odds(int(sample))
             rows.append(
                 {
                     "build_id": row["build_id"],
                     "spread_id": spread,
                     "body_id": design["body_id"],
                     "settings_id": design["settings_id"],
-                    "scene_id": scene["scene_id"],
-                    "number": block,
+                    "scene_id": scenes[sample],
+                    "number": run,
                     "scores": json.dumps(scores.tolist()),
                     "passed": int(random.random() < 1 / (1 + math.exp(-odds))),
                 }

@@ -109,7 +109,8 @@ def _lines(experiment: Mapping[str, Any]) -> Iterator[str]:
     yield from experiment["remarks"]
     number = len(experiment["designs"]["name"])
     if number > MAX_DESIGNS:
-        yield f"The table has the best {MAX_DESIGNS} of {number:,} designs; `foldcar export` writes all runs."
+        which = "best" if experiment["judged"] else "first"
+        yield f"The table has the {which} {MAX_DESIGNS} of {number:,} designs; `foldcar export` writes all runs."
 
 
 def _table(experiment: Mapping[str, Any]) -> "ResultTable":
@@ -124,9 +125,7 @@ def _table(experiment: Mapping[str, Any]) -> "ResultTable":
     titles = ["runs", "passed %", "95 % interval", *trial_titles, "built cars %"]
     outcome_titles = [experiment["outcome_labels"][code] for code in outcome_codes]
     table = ResultTable("design", *titles, *outcome_titles, left=("design",))
-    # The belief is the expected success rate of built cars, 0 to 1, or None.
-    best_first = sorted(range(len(designs["name"])), key=lambda i: -(designs["belief"][i] or 0))
-    for i in best_first[:MAX_DESIGNS]:
+    for i in _best_first(experiment)[:MAX_DESIGNS]:
         cells = [str(designs["runs"][i]), *_rate(experiment, i)]
         if driven:
             trials = designs["trials"][i]
@@ -136,6 +135,16 @@ def _table(experiment: Mapping[str, Any]) -> "ResultTable":
         cells.append("-" if built[0] is None else "{} ({}–{})".format(*map(percent_number, built)))
         table.add_row(designs["name"][i], *cells, *(str(designs["outcomes"][code][i]) for code in outcome_codes))
     return table
+
+
+def _best_first(experiment: Mapping[str, Any]) -> list[int]:
+    """Return the indices of the designs: by success of built cars, then in simulation, unknown ones last."""
+    designs = experiment["designs"]
+    # Rates are 0 to 1; None without a belief about the design, or without runs.
+    rates = [designs["belief"], *([designs["rate"]] if experiment["judged"] else [])]
+    return sorted(
+        range(len(designs["name"])), key=lambda i: [-1 if rate[i] is None else rate[i] for rate in rates], reverse=True
+    )
 
 
 def _rate(experiment: Mapping[str, Any], index: int) -> tuple[str, str]:

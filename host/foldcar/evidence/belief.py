@@ -18,14 +18,13 @@ from foldcar.belief.priors import NAMES, built_priors, measured_priors
 from foldcar.belief.weighing import SCENE_TRUST, Trials
 from foldcar.evidence.design_evidence import DesignEvidence
 from foldcar.evidence.supply import measured_supply
-from foldcar.statistics.words import count, percent, points_text
+from foldcar.statistics.words import count, estimate_text, percent, points_text
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.measured import measured_values
 from foldcar.store.reader import Store
-from foldcar.store.reality_runs import read_reality_runs
 from foldcar.store.stored_drives import read_drives
 from foldcar.store.trial_records import Trial
-from foldcar.study.reality_runs import MIN_LEARNED, offered_runs
+from foldcar.study.reality_runs import MIN_LEARNED, offered_runs, planned_reality_runs
 
 # The time grows with the number of cars: of more cars, those with most trials count.
 MAX_CARS = 60
@@ -130,9 +129,7 @@ def _taught(unknown: Unknown) -> str:
     parameter, after, before = unknown.parameter, unknown.after, unknown.before
     # Lengths are a few millimetres.
     factor, unit = {"×": (1.0, "times what is simulated"), "m": (1000.0, "mm")}.get(parameter.unit, (1.0, parameter.unit))
-    now, earlier = (
-        f"{factor * part.value:.2f} ({factor * part.low:.2g} to {factor * part.high:.2g})" for part in (after, before)
-    )
+    now, earlier = (estimate_text(factor * part.value, factor * part.low, factor * part.high) for part in (after, before))
     direction = "higher" if after.value > before.value else "lower"
     if abs(unknown.shift) < MOVED:
         return f"The trials narrow {parameter.name} to {now} {unit}; before them it was {earlier}."
@@ -188,7 +185,7 @@ def learned_rate(store: Store, info: ExperimentInfo) -> Learned | None:
         return None
 
     def read() -> Learned | None:
-        runs = read_reality_runs(store, info.id)
+        runs = planned_reality_runs(store, info.id, info.variation_seed, info.environments)
         if len(runs) < MIN_LEARNED:
             return None
         designs = numpy.array(

@@ -4,6 +4,8 @@ Verbs follow probability, here and everywhere: a design *reaches* the threshold 
 *probably* with at least PROBABLY. The *best* design is the one with the highest expected rate of built cars.
 """
 
+from dataclasses import dataclass
+
 import numpy
 from numpy.typing import NDArray
 
@@ -58,8 +60,7 @@ def reaching(belief: Belief, evidence: Evidence, threshold: float) -> str:
         parts = []
         for chosen, adverb in ((known, ""), (probable, "probably ")):
             if chosen.any():
-                verb = "reaches" if _is_singular(chosen) else "reach"
-                parts.append(f"{_names(belief, evidence, chosen)} {adverb}{verb} {limit}")
+                parts.append(f"{_names(belief, evidence, chosen, f'{adverb}reach')} {limit}")
         return f"{_capital('; '.join(parts))}."
     best = int(chances.argmax())
     if chances[best] < UNLIKELY:
@@ -133,10 +134,16 @@ def _reaching_in_simulation(evidence: Evidence, threshold: float) -> str:
     if not reach.any():
         if not passed.sum():
             return "no run passed"
-        best = int(numpy.where(simulated, passed / runs, -1).argmax())
+        rates = numpy.where(simulated, passed / runs, -1)
+        best = int(rates.argmax())
         best_rate = percent_below(passed[best] / runs[best], threshold)
         if len(evidence.family) == 1:
             return f"the design does not reach {limit}; it passes {best_rate}"
+        tied = int((rates == rates[best]).sum())
+        if tied == simulated.sum() and tied > 1:
+            return f"no design reaches {limit}; each passes {best_rate}"
+        if tied > 1:
+            return f"no design reaches {limit}; the best {tied:,} pass {best_rate}"
         named = "" if simulated.sum() == 1 else f", {evidence.family[best].label},"
         return f"no design reaches {limit}; the best{named} passes {best_rate}"
     low = [
@@ -144,31 +151,54 @@ def _reaching_in_simulation(evidence: Evidence, threshold: float) -> str:
         for design, (p, n) in zip(evidence.family, counts.tolist(), strict=True)
     ]
     confident = reach & (numpy.array(low) >= threshold)
-    verb = "reaches" if _is_singular(reach) else "reach"
-    text = f"{_family_names(evidence, reach)} {verb} {limit}"
+    counted = _Counted(simulated, "designs with runs")
+    text = f"{_with_verb(_family_names(evidence, reach, counted), reach, 'reach')} {limit}"
     if (confident == reach).all():
         return f"{text} with 95 % confidence"
     if not confident.any():
         return f"{text}, {'but not' if len(reach) == 1 else 'none'} with 95 % confidence"
-    return f"{text}, {_family_names(evidence, confident)} with 95 % confidence each"
+    return f"{text}, {_family_names(evidence, confident, counted)} with 95 % confidence each"
 
 
-def _names(belief: Belief, evidence: Evidence, chosen: NDArray[numpy.bool_]) -> str:
-    """Name the designs of the belief in the mask ``chosen`` (n,)."""
-    in_family = numpy.zeros(len(evidence.family), bool)
-    in_family[belief.design_indices[chosen]] = True
-    return _family_names(evidence, in_family)
+@dataclass(frozen=True)
+class _Counted:
+    """The designs of the family (n,) that a sentence is about, with what they are called if they are not all of it."""
+
+    mask: NDArray[numpy.bool_]
+    noun: str
+
+    def count(self, chosen: int | None = None) -> str:
+        """Return ``6 designs`` or ``6 designs with runs``, or ``3 of 6 designs``."""
+        number = f"{int(self.mask.sum()):,} {'designs' if self.mask.all() else self.noun}"
+        return number if chosen is None else f"{chosen:,} of {number}"
 
 
-def _family_names(evidence: Evidence, chosen: NDArray[numpy.bool_]) -> str:
-    """Name the designs of the family in the mask ``chosen`` (n,): ranges if one parameter varies, else their number."""
+def _names(belief: Belief, evidence: Evidence, chosen: NDArray[numpy.bool_], verb: str) -> str:
+    """Name the designs of the belief in the mask ``chosen`` (n,), with the verb."""
+    in_family, believed = numpy.zeros((2, len(evidence.family)), bool)
+    in_family[belief.design_indices[chosen]] = believed[belief.design_indices] = True
+    counted = _Counted(believed, "designs within the swept ranges")
+    return _with_verb(_family_names(evidence, in_family, counted), in_family, verb)
+
+
+def _with_verb(names: str, chosen: NDArray[numpy.bool_], verb: str) -> str:
+    """Return names of the designs in the mask ``chosen`` with the verb, singular after one of them or "each of …"."""
+    singular = chosen.sum() == 1 or names.startswith("each of ")
+    return f"{names} {verb}{'es' if singular else ''}"
+
+
+def _family_names(evidence: Evidence, chosen: NDArray[numpy.bool_], counted: _Counted) -> str:
+    """Name the designs of the family in the mask ``chosen`` (n,): ranges if one parameter varies, else their number.
+
+    ``counted`` designs are those that could have been chosen.
+    """
     number, total = int(chosen.sum()), len(chosen)
     if total == 1:
         return "the design"
-    if number == total:
-        return f"each of {total:,} designs"
+    if number == total or (number > 1 and number == counted.mask.sum() and len(evidence.parameters) != 1):
+        return f"each of {counted.count()}"
     if len(evidence.parameters) != 1:
-        return evidence.family[int(chosen.argmax())].label if number == 1 else f"{number:,} of {total:,} designs"
+        return evidence.family[int(chosen.argmax())].label if number == 1 else counted.count(number)
     (name,) = evidence.parameters
     all_values = numpy.array([float(design.design[name]) for design in evidence.family])
     order = numpy.argsort(all_values, kind="stable")
@@ -179,11 +209,6 @@ def _family_names(evidence: Evidence, chosen: NDArray[numpy.bool_]) -> str:
         if is_chosen[group[0]]:
             ranges.append(span_text(name, float(values[group[0]]), float(values[group[-1]])))
     return listed(ranges)
-
-
-def _is_singular(chosen: NDArray[numpy.bool_]) -> bool:
-    """Return whether the verb after the names is singular."""
-    return bool(chosen.sum() == 1 or chosen.all())
 
 
 def _capital(text: str) -> str:

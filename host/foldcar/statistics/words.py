@@ -119,9 +119,12 @@ def listed(names: Iterable[str]) -> str:
 
 
 def estimate_text(value: float, low: float, high: float) -> str:
-    """Return an estimate with its interval: ``1.2 (0.8 to 1.7)``. Below 1 % of the interval's length it is 0."""
+    """Return an estimate with its interval: ``1.2 (0.8 to 1.73)``. Below 1 % of the interval's length it is 0.
+
+    All have three digits, as on the page: with two, 0.98 (0.94 to 1.03) would end at 1.
+    """
     shown = value if abs(value) >= (high - low) / 100 else 0.0
-    return f"{shown:.3g} ({low:.2g} to {high:.2g})"
+    return f"{shown:.3g} ({low:.3g} to {high:.3g})"
 
 
 def count(number: int, noun: str) -> str:

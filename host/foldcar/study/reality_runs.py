@@ -156,6 +156,25 @@ def missing_runs(store: ReadableStore, keys: RealityKeys, seed: int, samples: in
                 yield run
 
 
+def planned_reality_runs(store: ReadableStore, experiment: str, seed: int, samples: int) -> RealityRuns:
+    """Return the stored runs of ``experiment`` in other realities that its latest sweep planned. Raises StoreError.
+
+    ``seed`` is that of its variation, ``samples`` its number of samples. A store may have more runs of the same designs
+    and scenes: those of another experiment, or of an earlier family, which drew another design or scene by a number. What
+    is learned must not depend on them.
+    """
+    keys, runs = reality_keys(store, experiment), read_reality_runs(store, experiment)
+    if keys is None or not len(runs):
+        return runs
+    drawn = draw_runs(seed, range(int(runs.number[-1]) + 1), len(keys.designs), samples)
+    # Designs may have equal bodies, and samples equal scenes, so ids are compared. Scenes that are not stored have none.
+    design_ids = np.array(keys.designs)
+    scene_ids = np.array([keys.scenes.get(sample, 0) for sample in range(samples)])
+    own_design = (design_ids[drawn.design[runs.number]] == design_ids[runs.design]).all(axis=1)
+    own_scene = scene_ids[drawn.sample[runs.number]] == scene_ids[runs.sample]
+    return runs.taken(own_design & own_scene)
+
+
 def missing_realities(store: Store, info: ExperimentInfo) -> int:
     """Return how many of an experiment's planned runs in other realities are not stored."""
     keys = reality_keys(store, info.id)
@@ -249,8 +268,9 @@ class RealitySimulation:
         parameters = [json.loads(row["parameters"]) for row in rows]
         varied = list(self.experiment.family.varied)
         designs = np.array([[design[name] for name in varied] for design in parameters], dtype=float)
-        runs, counts = read_reality_runs(self.writer, self.experiment.id), self.writer.design_counts(self.experiment.id)
-        return learning_error(runs, designs, self.experiment.variation, counts)
+        experiment = self.experiment
+        runs = planned_reality_runs(self.writer, experiment.id, experiment.variation_seed, experiment.environments)
+        return learning_error(runs, designs, experiment.variation, self.writer.design_counts(experiment.id))
 
     def _inputs(self, runs: Sequence[RealityRun]) -> ChunkInputs:
         """Look up the simulator's input of runs, and draw their realities."""

@@ -213,6 +213,24 @@ def test_the_map_has_the_rates_of_the_designs_and_the_effects_their_means(tmp_pa
     assert mean.get_ydata() == pytest.approx(100 * shares.mean(axis=1), abs=8)
 
 
+@pytest.mark.parametrize("judged", [True, False])
+def test_the_table_of_a_large_family_has_its_best_designs_if_success_is_defined(judged: bool, tmp_path: Path) -> None:
+    widths = [float(width) for width in range(60, 140)]
+    # Nothing is said of built cars. A design passes in as many of 20 samples as its width is above 100 mm, at most 20.
+    store = write_study(
+        tmp_path / "s.db", {"width_mm": widths}, 20,
+        lambda design, sample: "passed" if sample < design["width_mm"] - 100 else "stuck", success_defined=judged,
+    )  # fmt: skip
+
+    code, shown = report(store, "-o", tmp_path / "report")
+
+    assert code == 0 and f"The table has the {'best' if judged else 'first'} 60 of 80 designs" in shown
+    shown_widths = [float(width) for width in re.findall(r"^(\d+) mm +20 ", shown, re.MULTILINE)]
+    # Equal designs in the order of the family.
+    best_first = sorted(widths, key=lambda width: -min(20, max(0, width - 100)))
+    assert shown_widths == (best_first if judged else widths)[:60]
+
+
 def test_designs_that_all_pass_have_their_figures(tmp_path: Path) -> None:
     varied = {"width_mm": (80.0, 100.0), "radius_mm": (40.0, 50.0)}
     with Store.open(write_study(tmp_path / "s.db", varied, 20, lambda design, sample: "passed")) as store:

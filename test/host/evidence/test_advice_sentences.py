@@ -59,6 +59,8 @@ def study(store: Callable[..., Path]) -> Studied:
         ({75.0: 0, 95.0: 0}, "no run passed."),
         ({75.0: 12}, "the design does not reach 75 %; it passes 60 %."),
         ({75.0: 12, 95.0: 2}, "no design reaches 75 %; the best, 75 mm, passes 60 %."),
+        ({75.0: 12, 85.0: 12, 95.0: 2}, "no design reaches 75 %; the best 2 pass 60 %."),
+        ({75.0: 12, 85.0: 12}, "no design reaches 75 %; each passes 60 %."),
         ({75.0: 17, 95.0: 17}, "each of 2 designs reaches 75 %, none with 95 % confidence"),
         (dict.fromkeys((75.0, 80.0, 85.0, 90.0, 95.0), 20) | {115.0: 4}, "75 to 95 mm reach 75 % with 95 % confidence"),
         ({75.0: 4, 95.0: 20, 115.0: 4}, "95 mm reaches 75 %"),
@@ -94,6 +96,47 @@ def test_runs_that_a_rule_may_have_ended_need_their_own_interval_for_confidence(
     assert "the design reaches 69 % with 95 % confidence" in study({75.0: 18}, thresholds=[0.69]).works
     stopped = study({75.0: 18}, thresholds=[0.69], until=rule)
     assert "the design reaches 69 %, but not with 95 % confidence" in stopped.works
+
+
+PLANE = {"width_mm": [75.0, 95.0], "radius_mm": [40.0, 50.0, 60.0]}
+
+
+@pytest.mark.parametrize(
+    ("least_mm", "message"), [(50, "4 of 6 designs with runs reach"), (40, "each of 6 designs with")]
+)
+def test_a_driven_design_without_runs_is_not_counted_among_those_of_simulation(
+    least_mm: float, message: str, tmp_path: Path
+) -> None:
+    """The runs are of another build of carsim, so that the driven design cannot be simulated now."""
+    path = write_study(
+        tmp_path / "s.db", PLANE, SAMPLES, lambda design, sample: "passed" if design["radius_mm"] >= least_mm else "stuck"
+    )
+    import_trials(path, [({"width_mm": 85.0, "radius_mm": 55.0}, None, "passed")] * 3)
+
+    (selection,) = advise(path)
+
+    assert f"In simulation {message}" in selection.works
+    assert "Trials that passed: 3 of 3 at width 85 mm, radius 55 mm." in selection.works
+
+
+@pytest.mark.parametrize(
+    ("driven", "message"),
+    [
+        ({"width_mm": 85.0, "radius_mm": 55.0}, "Each of 7 designs reaches 75 %"),
+        ({"width_mm": 145.0, "radius_mm": 55.0}, "Each of 6 designs within the swept ranges reaches 75 %"),
+    ],
+)
+def test_a_design_beyond_the_swept_ranges_is_not_counted_among_those_that_may_reach_the_threshold(
+    driven: Mapping[str, float], message: str, tmp_path: Path
+) -> None:
+    path = write_study(tmp_path / "s.db", PLANE, SAMPLES, lambda design, sample: "passed")
+    write_realities(path, lambda scores, design: 8.0)
+    swept = [{"width_mm": 75.0, "radius_mm": 40.0}, {"width_mm": 95.0, "radius_mm": 60.0}]
+    import_trials(path, [(design, None, "passed") for design in [driven, *swept] for _ in range(40)], cars=4)
+
+    (selection,) = advise(path)
+
+    assert message in selection.works, selection.works
 
 
 @pytest.mark.filterwarnings("error")

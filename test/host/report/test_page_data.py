@@ -155,8 +155,8 @@ def test_realities_are_drawn_by_their_weights(tmp_path: Path) -> None:
     for realities in (before, after):
         frictions = [values[realities["names"].index("friction")] for values in realities["values"]]
         rates = [rates[1] for rates in realities["rates"]]
-        # An error that no unknown explains is in the rates, too.
-        assert numpy.corrcoef(numpy.log(frictions), rates)[0, 1] > 0.4
+        # An error that no unknown explains is in the rates, too. The correlation of 100 realities has an error of 0.09.
+        assert numpy.corrcoef(numpy.log(frictions), rates)[0, 1] > 0.3
     mean_before, mean_after = (numpy.mean(realities["rates"], axis=0) for realities in (before, after))
     assert (mean_after < 0.4 * mean_before).all()
     (unknown,) = (unknown for unknown in after["unknowns"] if unknown["name"] == "friction")

@@ -152,6 +152,20 @@ def test_the_unknown_that_matters_most_comes_first(study: Path) -> None:
     assert errors == []
 
 
+def test_the_pictures_of_each_unknown_say_at_which_values_the_others_were(study: Path) -> None:
+    """A slider that moves on changes neither the pictures nor their heading."""
+    heading = "document.querySelector('#whatif-single h3').textContent"
+    first = f"Success of 95 mm over each unknown, in {SAMPLES} environments, the others as simulated"
+    with opened(study / "report", "design=95+mm") as tab:
+        ready(tab).ask("document.getElementById('marginals').click()")
+        assert tab.ask(heading) == first
+        set_slider(tab, "friction", 0.7)
+        assert tab.ask(heading) == first
+        friction = tab.ask("document.querySelector('input[aria-label^=\"friction\"]').getAttribute('aria-valuetext')")
+        tab.ask("document.getElementById('marginals').click()")
+        assert tab.ask(heading) == f"{first}, except friction {friction}"
+
+
 def test_what_a_page_cannot_simulate_is_said(study: Path, tmp_path: Path) -> None:
     listing: Any = json.loads((study / "l.json").read_text())
     listing["experiments"]["1"]["params"]["environments"] = 1

@@ -65,7 +65,14 @@ def test_what_rounds_to_0_has_no_sign() -> None:
 
 
 def test_an_estimate_that_is_0_beside_its_interval_is_shown_as_0() -> None:
-    assert estimate_text(1.16e-5, -0.00734, 0.00741) == "0 (-0.0073 to 0.0074)"
-    assert estimate_text(-2.3e-7, -0.00734, 0.00741) == "0 (-0.0073 to 0.0074)"
-    assert estimate_text(0.00606, -0.0112, 0.0321) == "0.00606 (-0.011 to 0.032)"
+    assert estimate_text(1.16e-5, -0.00734, 0.00741) == "0 (-0.00734 to 0.00741)"
+    assert estimate_text(-2.3e-7, -0.00734, 0.00741) == "0 (-0.00734 to 0.00741)"
+    assert estimate_text(0.00606, -0.0112, 0.0321) == "0.00606 (-0.0112 to 0.0321)"
     assert estimate_text(1.0, 0.58, 1.7) == "1 (0.58 to 1.7)"
+
+
+def test_the_ends_of_an_interval_are_as_exact_as_its_estimate() -> None:
+    """With two digits, these intervals would end at the value itself, or at the 1 that they contain."""
+    assert estimate_text(1.126, 1.0132, 1.1717) == "1.13 (1.01 to 1.17)"
+    assert estimate_text(0.98, 0.9356, 1.0304) == "0.98 (0.936 to 1.03)"
+    assert estimate_text(1.03, 0.9773, 1.0774) == "1.03 (0.977 to 1.08)"

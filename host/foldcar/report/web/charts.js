@@ -97,7 +97,7 @@ export class Chart {
     if (caption) caption.after(this.place);
     else figure.prepend(this.place);
     figure.append(chartButtons(this, paperColours));
-    if (table) figure.append(tableBehind(table));
+    if (table) figure.append((this.behind = tableBehind(table)));
     this.renderer = renderer;
     this.handlers = [];
     this.width = this.place.clientWidth;
@@ -117,6 +117,7 @@ export class Chart {
   // always: although it is not in sight.
   draw(always = false) {
     if (this.disposed) return;
+    if (this.behind) fillTable(this.behind, this.table);
     const theme = colours(), { height, ...option } = this.option(theme, this.place.clientWidth);
     if (height) this.place.style.height = `${height}px`;
     this.stale = !always && !isNear(this);
@@ -159,16 +160,19 @@ export class Chart {
   }
 }
 
-// A table that is made when it is opened.
+// A table that is made when it is opened. A chart fills its own anew with each drawing.
 export function tableBehind(table, title = "as a table") {
   const details = make("details", { class: "behind" }, make("summary", { text: title }));
-  details.addEventListener("toggle", () => {
-    if (!details.open) return;
-    details.querySelector("div")?.remove();
-    const { head, rows } = table();
-    details.append(make("div", { class: "wide" }, plainTable(head, rows)));
-  });
+  details.addEventListener("toggle", () => fillTable(details, table));
   return details;
+}
+
+// An equal table stays, and with it what is marked in it.
+function fillTable(details, table) {
+  if (!details.open) return;
+  const { head, rows } = table(), filled = plainTable(head, rows), place = details.querySelector("div");
+  if (!place) details.append(make("div", { class: "wide" }, filled));
+  else if (!place.firstChild.isEqualNode(filled)) place.replaceChildren(filled);
 }
 
 export function plainTable(head, rows) {

@@ -58,11 +58,11 @@ export const hasValues = ({ values }) => values.some(value => value !== null);
 
 export const withUnit = ({ label, unit }) => (unit ? `${label} (${unit})` : label);
 
-// 0.875 as "88 %".
-// Only 0 is 0 %, and only 1 is 100 %.
+// 0.875 as "88 %", as in statistics/words.py. Only 0 is 0 %, and only 1 is 100 %.
 export function percent(share) {
   if (share === null || share === undefined) return "–";
-  const whole = Math.round(100 * share);
+  // Python rounds a half to the even number.
+  const up = Math.round(100 * share), whole = up - 100 * share === 0.5 && up % 2 ? up - 1 : up;
   return `${whole === 0 && share > 0 ? "<1" : whole === 100 && share < 1 ? ">99" : whole} %`;
 }
 

@@ -48,7 +48,7 @@ export class WhatIf {
     const [unit, scale] = shownUnit(slider.unit), label = unknownLabel(name), step = (high - low) / 200;
     const range = make("input", { type: "range", min: low, max: high, step, value: nominal, "aria-label": `${label} (${unit})`, title: meaning });
     const output = make("output");
-    const show = () => { output.textContent = `${number(scale * this.values[name])} ${unit}`; range.setAttribute("aria-valuetext", output.textContent); };
+    const show = () => { output.textContent = this.shown(slider); range.setAttribute("aria-valuetext", output.textContent); };
     range.addEventListener("input", () => { this.values[name] = snapped(slider, Number(range.value), step); show(); this.changed(); });
     this.fields.set(name, { range, show });
     show();
@@ -57,6 +57,12 @@ export class WhatIf {
     const mark = make("i", { class: "nominal", style: `left:${percentOf(nominal)}%`, title: `as simulated: ${number(scale * nominal)} ${unit}` });
     const marks = make("span", { class: "marks" }, ...bars, mark);
     return make("label", { class: "slider" }, make("span", { text: label }), make("span", { class: "track" }, range, marks), output);
+  }
+
+  // A slider's value with its unit.
+  shown({ name, unit }) {
+    const [symbol, scale] = shownUnit(unit);
+    return `${number(scale * this.values[name])} ${symbol}`;
   }
 
   // What is known of an unknown: [kind, [low, median, high]], the most recent last.
@@ -244,7 +250,10 @@ export class WhatIf {
     const { e, drives } = this.model, design = this.model.design ?? e.leader ?? drives.designs[0], place = byId("whatif-single"), environments = drives.environments.slice(0, STEP_ENVIRONMENTS), base = { ...this.values };
     const curves = this.sliders.map(slider => ({ ...slider, likely: this.spans(slider.name).at(-1)?.[1] ?? null, at: Array.from({ length: STEPS }, (_, k) => slider.low + (slider.high - slider.low) * k / (STEPS - 1)), passed: new Uint32Array(STEPS) }));
     const bar = make("progress", { max: "1" }), pictures = make("div", { class: "multiples" });
-    place.replaceChildren(make("h3", { text: `Success of ${e.designs.name[design]} over each unknown, in ${environments.length} environments` }), bar, pictures);
+    // The sliders may move on; the pictures stay those of these values.
+    const set = this.different.map(slider => `${unknownLabel(slider.name)} ${this.shown(slider)}`);
+    const others = `the others as simulated${set.length ? `, except ${set.join(", ")}` : ""}`;
+    place.replaceChildren(make("h3", { text: `Success of ${e.designs.name[design]} over each unknown, in ${environments.length} environments, ${others}` }), bar, pictures);
     let done = 0;
     const all = curves.length * STEPS * environments.length;
     await Promise.all(curves.flatMap(curve => curve.at.flatMap((value, k) => environments.map(async environment => {

@@ -23,6 +23,8 @@ from foldcar.car.supply import stall_current_a
 from foldcar.errors import FoldcarError
 
 MM = 1e-3
+# The fraction of the supply's voltage that may drop at its resistance; the simulator's limit is one half.
+MAX_VOLTAGE_DROP = 0.499
 
 
 def body_json(design: Design) -> dict[str, Any]:
@@ -31,32 +33,40 @@ def body_json(design: Design) -> dict[str, Any]:
     Raises DesignError if the design cannot be compiled.
     """
     car = folded_car(design)
-    # Wheels of one unit are alike: the first one's mass is that of all. In reverse, it overwrites the others.
-    first_wheels = {axle.unit: axle.wheel for axle in reversed(car.axles)}
-    wheel_kg = {unit: body_properties(car, wheel).mass_kg for unit, wheel in first_wheels.items()}
-    # The first two axles are those of a left and a right wheel.
+    # All wheels of a unit are alike, so one wheel of each unit is weighed.
+    wheel_mass_by_unit: dict[str, float] = {}
+    for axle in car.axles:
+        if axle.unit not in wheel_mass_by_unit:
+            wheel_mass_by_unit[axle.unit] = body_properties(car, axle.wheel).mass_kg
+    # The first two axles are those of the front left and the front right wheel.
+    left_axle, right_axle = car.axles[:2]
     body = {
         "segments": [_segment_json(design, car, index) for index in range(len(design.segments))],
         "hinges": [_hinge_json(hinge, car.parts.film) for hinge in car.hinges],
-        "track_m": (car.axles[0].center_mm[1] - car.axles[1].center_mm[1]) * MM,
-        "wheels": [_wheel_json(axle, wheel_kg[axle.unit], car.parts) for axle in car.axles],
+        "track_m": (left_axle.center_mm[1] - right_axle.center_mm[1]) * MM,
+        "wheels": [_wheel_json(axle, wheel_mass_by_unit[axle.unit], car.parts) for axle in car.axles],
         "supply_v": car.parts.cells.supply_v.value,
     }
-    if (resistance_ohm := car.parts.cells.supply_resistance_ohm.value) > 0:
+    resistance_ohm = car.parts.cells.supply_resistance_ohm.value
+    if resistance_ohm > 0:
         body["supply_resistance_ohm"] = min(resistance_ohm, _max_resistance_ohm(car))
     rounded: dict[str, Any] = json.loads(json.dumps(body), parse_float=lambda digits: _rounded(float(digits)))
     return rounded
 
 
 def _max_resistance_ohm(car: FoldedCar) -> float:
-    """The simulator's limit, at which the voltage of the cells halves if all servos stall."""
-    return _rounded(0.499 * car.parts.cells.supply_v.value / stall_current_a(car))
+    """Return the largest resistance of the supply that the simulator accepts (ohm).
+
+    If all servos stall, such a supply has little more than half of its voltage.
+    """
+    return _rounded(MAX_VOLTAGE_DROP * car.parts.cells.supply_v.value / stall_current_a(car))
 
 
 def full_speed_m_s(design: Design) -> float:
-    """The design's maximum speed (m/s): no-load wheel speed at the supply voltage times the smallest driven radius."""
+    """Return the speed of the design without load (m/s): the servo speed times the smallest radius of a driven wheel."""
     line = design.parts.servo.at_voltage(design.parts.cells.supply_v.value)
-    return _rounded(line.no_load_speed_rad_s * min(design.of(i, "radius") for i in design.driven_modules) * MM)
+    min_radius_mm = min(design.of(module, "radius") for module in design.driven_modules)
+    return _rounded(line.no_load_speed_rad_s * min_radius_mm * MM)
 
 
 def _segment_json(design: Design, car: FoldedCar, index: int) -> dict[str, Any]:
@@ -76,14 +86,14 @@ def _segment_json(design: Design, car: FoldedCar, index: int) -> dict[str, Any]:
         "roll_inertia_kg_m2": properties.inertia_kg_m2[0, 0],
         "pitch_inertia_kg_m2": properties.inertia_kg_m2[1, 1],
         "yaw_inertia_kg_m2": properties.inertia_kg_m2[2, 2],
-        # Grip is a contact's friction coefficient relative to that of a tyre.
+        # The grip is the friction of the film divided by the friction of the default tyre.
         "grip": car.parts.film.friction.value / catalogue().tyre_friction.value,
     }
 
 
 def _hinge_json(hinge: HingeJoint, film: Film) -> dict[str, Any]:
     """Return a hinge as carsim's input."""
-    # A loss factor is damping times angular frequency over stiffness, at the frequency of its measurement.
+    # The loss factor of the film is (damping × angular frequency / stiffness) at the frequency at which it was measured.
     damping = film.loss_factor.value * hinge.stiffness_n_m_rad / (2 * math.pi * film.loss_frequency_hz.value)
     return {
         "x_m": hinge.center_mm[0] * MM,
@@ -128,12 +138,13 @@ def _wheel_json(axle: Axle, mass_kg: float, parts: Catalogue) -> dict[str, Any]:
 
 
 def driven_wheels(body: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    """The wheels of a body that have a servo."""
+    """Return the wheels of a body that have a servo."""
     return [wheel for wheel in body["wheels"] if "servo" in wheel]
 
 
 def _rounded(value: float) -> float:
-    """Round to nine significant digits; adding zero turns -0.0, which cancelling terms may leave, into 0.0."""
+    """Round to nine significant digits."""
+    # Terms that cancel may leave -0.0. Adding zero turns it into 0.0.
     return float(f"{value:.9g}") + 0.0
 
 
@@ -146,9 +157,14 @@ FIXED_ENDINGS = ("_SIDE", "_DIRECTION")
 
 
 def car_json(design: Design) -> dict[str, Any]:
-    """The content of car.json: lengths in m, masses in kg, servo channels counted from 1."""
+    """Return the content of car.json: lengths in m, masses in kg, servo channels counted from 1."""
     body = body_json(design)
     masses_kg = [part["mass_kg"] for part in (*body["segments"], *body["wheels"])]
+    parameters = {
+        name: value
+        for name, value in firmware_parameters(design, body).items()
+        if name not in FIXED and not name.endswith(FIXED_ENDINGS)
+    }
     return {
         "format": FORMAT,
         "name": design_name(design),
@@ -157,23 +173,22 @@ def car_json(design: Design) -> dict[str, Any]:
         "length_m": design.length_mm / 1000,
         "width_m": design.width_mm / 1000,
         "mass_kg": round(sum(masses_kg), 4),
-        "parameters": {
-            name: value
-            for name, value in firmware_parameters(design, body).items()
-            if name not in FIXED and not name.endswith(FIXED_ENDINGS)
-        },
+        "parameters": parameters,
     }
 
 
 def design_name(design: Design) -> str:
-    """A readable name: modules, width × length and wheels' radii in mm, at most 32 bytes of UTF-8."""
+    """Return a name for people: modules, width × length and wheel radii in mm, at most 32 bytes of UTF-8.
+
+    Example: "W_B_W 95x200 r60"
+    """
     radii = ",".join(dict.fromkeys(f"{radius:g}" for radius in design.radii_mm))
     text = f"{design.composition} {design.width_mm:g}x{design.length_mm:g} r{radii}"
     return text.encode()[:MAX_NAME_BYTES].decode(errors="ignore")
 
 
 def design_hash(design: Design) -> str:
-    """The first 16 hexadecimal digits of the SHA-256 of type, parameters and wiring; they identify the design."""
+    """Return the 16 hexadecimal digits that identify a design: a hash of its type, parameters and wiring (SHA-256)."""
     return _hash(design, body_json(design))
 
 
@@ -183,7 +198,7 @@ def _hash(design: Design, body: Mapping[str, Any]) -> str:
 
 
 def _firmware_geometry(body: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what the firmware needs to know of the body: radius and positions of driven wheels."""
+    """Return what the firmware needs to know about the body: the track, and the driven wheels with their positions."""
     wheels = [
         {
             "channel": wheel["channel"] + 1,
@@ -197,11 +212,15 @@ def _firmware_geometry(body: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _min_radius_m(body: Mapping[str, Any]) -> float:
-    """The radius (m) for the firmware's wheel speeds: the smallest driven wheel's, so that no wheel turns faster."""
+    """Return the radius of the smallest driven wheel (m).
+
+    The firmware computes wheel speeds with it, so that no wheel has to turn faster than its servo can.
+    """
     return min(float(wheel["radius_m"]) for wheel in driven_wheels(body))
 
 
-# What tells the firmware that a car has an option: the parameter and its value. The divider has 20 and 10 kΩ.
+# For each option of a car: the firmware's parameter that says that the car has it, and the parameter's value. The
+# voltage divider has 20 kΩ and 10 kΩ, so the battery has three times the measured voltage.
 OPTION_PARAMETERS = (("button", "BUTTON_WIRED", 1.0), ("divider", "SERVO_DIVIDER", 3.0), ("oe_wire", "OE_WIRED", 1.0))
 
 # Values of CHn_SIDE.
@@ -221,12 +240,13 @@ class TableRow:
 
 
 def firmware_parameters(design: Design, body: Mapping[str, Any] | None = None) -> dict[str, float]:
-    """The firmware's parameter values for this car; ``body`` is its body_json, if known already.
+    """Return the values of the firmware's parameters for this car.
 
-    Channels count from 1 in parameter names and from 0 in the body.
+    ``body`` is the design's body_json; it is computed if it is None. Channels count from 1 in the names of parameters,
+    and from 0 in the body.
     """
     body = body_json(design) if body is None else body
-    wheels = {wheel["channel"]: wheel for wheel in driven_wheels(body)}
+    wheel_by_channel = {wheel["channel"]: wheel for wheel in driven_wheels(body)}
     radius_m = _min_radius_m(body)
     values: dict[str, float] = {
         "WHEEL_RADIUS_M": radius_m,
@@ -235,22 +255,25 @@ def firmware_parameters(design: Design, body: Mapping[str, Any] | None = None) -
         **{name: value for option, name, value in OPTION_PARAMETERS if getattr(design.parts, option) == "fitted"},
     }
     for channel in range(CHANNELS):
-        prefix, wheel = f"CH{channel + 1}", wheels.get(channel)
+        prefix = f"CH{channel + 1}"
+        wheel = wheel_by_channel.get(channel)
         if wheel is None:
             values[f"{prefix}_SIDE"] = SIDES["unused"]
             continue
         servo = wheel["servo"]
         span_us = servo["saturation_us"] - servo["deadband_us"]
         values[f"{prefix}_SIDE"] = SIDES[wheel["side"]]
-        values |= {f"{prefix}_{key.upper()}": servo[key] for key in ("direction", "neutral_us", "deadband_us")}
-        # A larger wheel turns more slowly, so that all roll at one speed.
+        values[f"{prefix}_DIRECTION"] = servo["direction"]
+        values[f"{prefix}_NEUTRAL_US"] = servo["neutral_us"]
+        values[f"{prefix}_DEADBAND_US"] = servo["deadband_us"]
+        # A larger wheel turns more slowly, so that all wheels roll at the same speed.
         speed_ratio = radius_m / wheel["radius_m"]
         values[f"{prefix}_GAIN_US"] = _rounded(speed_ratio * span_us / servo["no_load_speed_rad_s"])
     return values
 
 
 def check_parameters(values: Mapping[str, float], table: Mapping[str, TableRow]) -> None:
-    """Raise FoldcarError if the table lacks a parameter or its limits exclude the value."""
+    """Raise FoldcarError if a parameter is not in the firmware's table, or its value is outside the limits there."""
     for name, value in values.items():
         row = table.get(name)
         if row is None:

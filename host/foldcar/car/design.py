@@ -95,7 +95,8 @@ class Design:
     @property
     def title(self) -> str:
         """The car in a line: its type, shared values, values that a composite sets, and axles without servos."""
-        return " ".join([self.type, *(f"{key}={value:g}" for key, value in self.values.items() if _is_of_car(key))])
+        texts = [f"{key}={value:g}" for key, value in self.values.items() if _is_of_car(key)]
+        return " ".join([self.type, *texts])
 
     @property
     def columns(self) -> dict[str, float]:
@@ -227,11 +228,14 @@ def modules_of(type_string: str) -> tuple[str, ...]:
 
 
 def _module_values(letter: str, place: str, values: Mapping[str, float], parts: Catalogue) -> list[ModuleValues]:
-    """Return the values of the module at a place, or of a composite's modules.
+    """Return the values of the module at a place; for a composite, those of each of its modules.
 
-    Each is the value of the place (``W2.radius``), else of the letter (``W.radius``), else the shared one (``radius``).
+    The value of the place (``W2.radius``) counts most, then that of the letter (``W.radius``), then the shared one
+    (``radius``).
     """
-    kind, keys = MODULES[letter], dict[str, str]()
+    kind = MODULES[letter]
+    # The key of the design that sets a parameter, by the parameter's name.
+    keys: dict[str, str] = {}
     for parameter in kind.parameters:
         candidates = (f"{place}.{parameter.name}", f"{letter}.{parameter.name}", parameter.name)
         key = next((key for key in candidates if key in values), None)
@@ -241,10 +245,12 @@ def _module_values(letter: str, place: str, values: Mapping[str, float], parts: 
     if not issubclass(kind, Composite):
         defaults = {option.name: option.default_with(parts) for option in kind.parameters if option.optional}
         return [ModuleValues(kind, defaults | own_values, keys)]
-    return [
-        ModuleValues(type(module), {p.name: module[p.name] for p in module.parameters}, module.keys, root)
-        for module, root in kind(own_values, place, parts=parts, keys=keys).modules()
-    ]
+    composite = kind(own_values, place, parts=parts, keys=keys)
+    module_values = []
+    for module, is_root in composite.modules():
+        values_of_module = {parameter.name: module[parameter.name] for parameter in module.parameters}
+        module_values.append(ModuleValues(type(module), values_of_module, module.keys, is_root))
+    return module_values
 
 
 def compose(type_string: str, values: Mapping[str, float], choices: PartChoices | None = None) -> Design:
@@ -266,7 +272,10 @@ def compose(type_string: str, values: Mapping[str, float], choices: PartChoices 
 
 
 def compose_columns(type_string: str, columns: Mapping[str, float | str]) -> Design:
-    """Return the design of a row of results, as of ``{"width_mm": 95}``. Raises DesignError for another column."""
+    """Return the design whose parameters are given by the columns of results, such as ``{"width_mm": 95}``.
+
+    Raises DesignError for a column that is no parameter.
+    """
     values = {}
     for column, value in columns.items():
         key = key_of(column)
@@ -303,15 +312,16 @@ def _complete_values(
 
 
 def _unknown_key_message(type_string: str, letters: Sequence[str], key: str, parameter_keys: Iterable[str]) -> str:
-    """Return the message for a key of the design that sets no parameter of the car."""
-    group, _, name = key.partition(".")
-    place = PLACE.fullmatch(group)
+    """Return the message for a key that sets no parameter of the car, such as ``W3.radius`` of a car with two W."""
+    module_name, _, parameter_name = key.partition(".")
+    place = PLACE.fullmatch(module_name)
     if place is not None and place[1] in letters:
-        of_letter = find_parameter(place[1], name)
-        if int(place[2]) > letters.count(place[1]):
-            return f"{type_string} has {letters.count(place[1])} modules {place[1]}"
-        if of_letter is not None and of_letter.declared.uniform:
-            return f"the whole car has one value of it: set {of_letter.key}"
+        letter, number = place[1], int(place[2])
+        if number > letters.count(letter):
+            return f"{type_string} has {letters.count(letter)} modules {letter}"
+        parameter = find_parameter(letter, parameter_name)
+        if parameter is not None and parameter.declared.uniform:
+            return f"the whole car has one value of it: set {parameter.key}"
     return f"{type_string} has no such parameter; it has {', '.join(parameter_keys)}"
 
 

@@ -237,12 +237,20 @@ def _hinges(frame: Assembly, parts: Catalogue) -> list[HingeJoint]:
             a, b = (apply(pose, *end) for end in edge(faces, crease.parent))
             x, y, z = ((p + q) / 2 for p, q in zip(a, b, strict=True))
             number = int(placed.body.removeprefix("segment"))
-            # The part of the strip that bends: both halves, from the crease to the glue.
-            length = 2 * (max(p[0] for p in faces[crease.parent.face].outline_mm) - parts.assembly.hinge_glue_mm.value)
-            width = abs(a[1] - b[1]) + parts.film_mm
-            stiffness = stiffness_n_m_rad(width, piece.thickness_mm, length, parts.film)
-            bodies, limits = (f"segment{number}", f"segment{number + 1}"), (crease.min_rad, crease.max_rad)
-            hinges.append(HingeJoint(*bodies, (x, y, z), stiffness, *limits))
+            # The strip bends in both halves, from the crease to the glue.
+            half_length_mm = max(point[0] for point in faces[crease.parent.face].outline_mm)
+            bending_length_mm = 2 * (half_length_mm - parts.assembly.hinge_glue_mm.value)
+            width_mm = abs(a[1] - b[1]) + parts.film_mm
+            hinges.append(
+                HingeJoint(
+                    front=f"segment{number}",
+                    rear=f"segment{number + 1}",
+                    center_mm=(x, y, z),
+                    stiffness_n_m_rad=stiffness_n_m_rad(width_mm, piece.thickness_mm, bending_length_mm, parts.film),
+                    min_rad=crease.min_rad,
+                    max_rad=crease.max_rad,
+                )
+            )
     return sorted(hinges, key=lambda hinge: -hinge.center_mm[0])
 
 
@@ -255,13 +263,14 @@ MIN_FOLD_MM = 1.0
 
 
 def switch_cap(design: Design) -> str:
-    """Return the name of the outer cap that carries the switch.
+    """Return the name of the cap at an end of the car that carries the switches.
 
-    It is the cap nearer to the electronics, except a cap on the module of the electronics itself.
+    The cap that is nearer to the electronics gets them. If the electronics are in the first or the last module, there is
+    no room at that end, and the cap at the other end gets the switches.
     """
-    index, last = design.electronics, len(design.modules) - 1
-    # In the first module the electronics take the rear cap, in the last one the front cap, else the nearer one.
-    in_front = index > 0 and (index == last or index <= last - index)
+    electronics, last = design.electronics, len(design.modules) - 1
+    is_nearer_to_front = electronics <= last - electronics
+    in_front = electronics > 0 and (electronics == last or is_nearer_to_front)
     return "front cap 1" if in_front else f"rear cap {len(design.segments)}"
 
 
@@ -271,14 +280,16 @@ def button_cap(design: Design) -> str:
 
 
 def _depth_behind_mm(design: Design, cap: str) -> float:
-    """Return how far (mm) switches or button reach into the car behind a cap; 0 behind a cap without them."""
+    """Return how far (mm) switches or the button reach into the car behind a cap; 0 if the cap has none of them."""
     if cap == switch_cap(design):
         return switch_depth_mm(design.parts)
-    return button_depth_mm(design.parts) if cap == button_cap(design) and design.parts.button == "fitted" else 0.0
+    if cap == button_cap(design) and design.parts.button == "fitted":
+        return button_depth_mm(design.parts)
+    return 0.0
 
 
 def settings_from_car(design: Design, module: int) -> dict[str, float]:
-    """Return the values, by name, that a module, not a hinge, gets from its place in the car."""
+    """Return the values that a module gets from its place in the car, by name; the module is not a hinge."""
     settings = _flap_settings(design, module)
     if module in design.wheel_modules:
         # Only a module that is a segment of its own has a cap at its inner end.
@@ -333,7 +344,8 @@ def _free_floor_mm(design: Design, module: int, step: int) -> float:
         if i in design.wheel_modules:
             driven = design.of(i, "driven")
             long_reach, short_reach = servo_reach_mm(design.parts) if driven else (ROD_LAYER_MM, ROD_LAYER_MM)
-            # A servo's long side points forward if ``towards_middle`` is 1: towards this module if it equals ``step``.
+            # A servo's long side points forward if `_towards_middle` is 1. If that is the direction to this module, the
+            # long side reaches towards it.
             reach = long_reach if _towards_middle(design, i) == step else short_reach
             return free_mm + design.length_of(i) / 2 - reach
         if design.modules[i] != BrainModule.letter:

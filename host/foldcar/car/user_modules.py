@@ -48,9 +48,8 @@ def load_components(file: Path) -> list[str]:
     except SyntaxError as error:
         raise FoldcarError(f"{file}:{error.lineno}: {error.msg}") from error
     except (Exception, SystemExit) as error:
-        # The lines of the file in the traceback: the last one is named; without any, line 1.
-        lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename) == path]
-        raise FoldcarError(f"{file}:{(lines or [1])[-1] or 1}: {type(error).__name__}: {error}") from error
+        line = _last_line(error, path) or 1
+        raise FoldcarError(f"{file}:{line}: {type(error).__name__}: {error}") from error
     for outside in _outside_files(module, recorded, path.parent):
         raise FoldcarError(
             f"--components {file}: reads {outside}, which is outside its folder; put that file beside it, so that both "
@@ -63,7 +62,7 @@ def load_components(file: Path) -> list[str]:
     sys.modules[module.__name__] = module
     for kind in kinds:
         for reason in _rejections(kind):
-            raise FoldcarError(f"{file}:{inspect.getsourcelines(kind)[1]}: {kind.__name__}{reason}")
+            raise FoldcarError(f"{file}:{_first_line(kind)}: {kind.__name__}{reason}")
         MODULES[kind.letter] = kind
         parameters.cache_clear()
         _check(file, kind)
@@ -113,12 +112,20 @@ def _check(file: Path, kind: type[Module] | type[Composite]) -> None:
     except (Exception, SystemExit) as error:
         del MODULES[kind.letter]
         parameters.cache_clear()
-        # The lines of the file in the traceback: the last one is named, or the first one of the class.
-        lines = [
-            frame.lineno for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename) == file.resolve()
-        ]
+        line = _last_line(error, file.resolve()) or _first_line(kind)
         text = str(error) if isinstance(error, FoldcarError) else f"{type(error).__name__}: {error}"
-        raise FoldcarError(f"{file}:{(lines or [inspect.getsourcelines(kind)[1]])[-1]}: {text}") from error
+        raise FoldcarError(f"{file}:{line}: {text}") from error
+
+
+def _last_line(error: BaseException, file: Path) -> int | None:
+    """Return the line of a file at which it raised the exception, or called what raised it; None if it did not."""
+    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename) == file]
+    return lines[-1] if lines else None
+
+
+def _first_line(kind: type) -> int:
+    """Return the line at which the definition of a class begins."""
+    return inspect.getsourcelines(kind)[1]
 
 
 def _rejections(kind: type[Module] | type[Composite]) -> Iterator[str]:
@@ -133,11 +140,12 @@ def _rejections(kind: type[Module] | type[Composite]) -> Iterator[str]:
         yield f': letter "{letter}" is already used by {MODULES[letter].__name__}'
     if issubclass(kind, ElectronicsModule):
         yield ": derives from the class that carries the electronics; derive it from Module"
-    by_key = {key: parameter.declared for key, parameter in parameters().items()}
+    declared_by_key = {key: parameter.declared for key, parameter in parameters().items()}
     for parameter in kind.parameters:
-        of_car = by_key.get(parameter.name, parameter)
-        # A parameter that all beams share is the car's, so its declaration must be the same. A composite may set other
-        # values of its modules, even uniform ones.
+        of_car = declared_by_key.get(parameter.name, parameter)
+        # A shared parameter belongs to the whole car, so each module must declare it in the same way. The same holds
+        # for a uniform parameter of a module. A composite may give its modules other values, also of uniform
+        # parameters.
         if of_car != parameter and (parameter.shared or (of_car.uniform and issubclass(kind, Module))):
             yield f': its parameter "{parameter.name}" must be declared like that of the whole car'
 

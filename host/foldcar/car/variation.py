@@ -43,10 +43,10 @@ def workshop() -> dict[str, Spread]:
 
 
 def spread_named(name_or_object: Any, place: str) -> Mapping[str, float]:
-    """Parse the standard deviations by name that a listing sets at ``place``.
+    """Return the standard deviations, by name, that a listing has at ``place``.
 
-    ``"workshop"`` is the defaults; ``{"from": "workshop", "supply_v": 0.4}`` changes those named. Raises FoldcarError for
-    unknown names or values that are not numbers within the limits.
+    ``"workshop"`` stands for the defaults, and ``{"from": "workshop", "supply_v": 0.4}`` changes one of them. Raises
+    FoldcarError for an unknown name, and for a value that is not a number within its limits.
     """
     changes = dict(name_or_object) if isinstance(name_or_object, Mapping) else {"from": name_or_object}
     if "from" not in changes:
@@ -75,18 +75,22 @@ def named_car(name: str) -> str:
 
 
 def draw(spread: Mapping[str, float], seed: int, sample: int | str) -> dict[str, Any]:
-    """Draw the differences between the built car of ``sample`` and its design, which depend on the arguments only.
+    """Draw how the built car of a sample differs from its design, for each quantity of the ``spread``.
 
-    Each name has its own random stream, so that its standardised draws do not depend on the other spreads.
+    ``spread`` has standard deviations by name. The result depends on the arguments only. Each name has a random stream of
+    its own, so its draws do not change if the listing adds another quantity.
     """
     variation: dict[str, Any] = {}
     for name, sd in spread.items():
         quantity = workshop()[name]
         stream = random.Random(f"{seed}/{sample}/{name}")
         count = CHANNELS if quantity.per == "wheel" else 1
-        draws = [sd * max(-CUT_OFF, min(CUT_OFF, stream.gauss(0, 1))) for _ in range(count)]
-        # A half-normal quantity is the magnitude of a vector, such as an eccentricity, of random direction.
+        draws = []
+        for _ in range(count):
+            standard_normal = stream.gauss(0, 1)
+            draws.append(sd * max(-CUT_OFF, min(CUT_OFF, standard_normal)))
         if quantity.distribution == "half-normal":
+            # The quantity is the magnitude of a vector, such as an eccentricity, whose direction is random.
             draws = [abs(value) for value in draws]
             variation[phase_name(name)] = [stream.uniform(0, 2 * math.pi) for _ in range(count)]
         variation[name] = draws if quantity.per == "wheel" else draws[0]
@@ -94,7 +98,10 @@ def draw(spread: Mapping[str, float], seed: int, sample: int | str) -> dict[str,
 
 
 def phase_name(name: str) -> str:
-    """The key, in a draw, of the direction of a half-normal spread: ``eccentricity_m`` → ``eccentricity_phase_rad``."""
+    """Return the key under which a draw has the direction of a half-normal quantity.
+
+    Example: phase_name("eccentricity_m") is "eccentricity_phase_rad"
+    """
     return name.removesuffix("_m") + "_phase_rad"
 
 

@@ -104,34 +104,45 @@ class BoxBeam(Component):
                 self._add_latch(shape, end)
 
     def _add_lid(self, shape: Shape, fold_starts: Mapping[str, float]) -> None:
-        """Add the lid with its latches' notches; it is narrower than the floor by wall, flap and their clearance.
+        """Add the lid, with a notch for each latch. The flap hangs at its far edge, inside the right wall.
 
-        ``fold_starts`` are the distances (mm) from each end of the beam to the fold of the flap.
+        ``fold_starts`` are the distances (mm) from each end of the beam to the fold of the flap. The outline goes
+        counter-clockwise, and a point has the name of the edge that starts at it.
         """
         assembly, film = self.parts.assembly, self.parts.film_mm
-        length, (notch_length, depth) = self["length"], latch_mm(self.parts)
-        width, gap = wall_mm(self["width"], self.parts) - film - assembly.flap_gap_mm.value, assembly.grip_gap_mm.value
+        length = self["length"]
+        # The lid is narrower than the floor, because wall and flap lie beside it.
+        width = wall_mm(self["width"], self.parts) - film - assembly.flap_gap_mm.value
+        fold_front, fold_rear = length - fold_starts["front"], fold_starts["rear"]
         points: dict[str, Point] = {"near": (0.0, 0.0), "front": (length, 0.0)}
         if self["flap_front"]:
             points["far front"] = (length, width)
-        # Counter-clockwise along the far edge: the front latch's notch, the flap's fold, the rear notch. x is the end of
-        # the fold beside a notch.
-        for end, x in (("front", length - fold_starts["front"]), ("rear", fold_starts["rear"])):
-            if end == "rear":
-                points["far"] = (length - fold_starts["front"], width)
-            if self[f"latch_{end}"]:
-                # In the direction of -x: the notch's sides and, between its corners, the edge of the pull tab.
-                notch_end = x + (notch_length if end == "front" else 0.0)
-                notch_start = notch_end - notch_length
-                bottom = width - depth - self[f"pull_{end}"] * assembly.grip_mm.value
-                points |= {f"{end} side": (notch_end, width), f"{end} corner": (notch_end, bottom)}
-                if self[f"pull_{end}"]:
-                    points |= {f"{end} grip": (notch_end - gap, bottom), f"{end} corner 2": (notch_start + gap, bottom)}
-                points[f"{end} side 2"] = (notch_start, bottom)
+        if self["latch_front"]:
+            notch_length, _ = latch_mm(self.parts)
+            points |= self._notch("front", fold_front + notch_length, width)
+        points["far"] = (fold_front, width)
+        if self["latch_rear"]:
+            points |= self._notch("rear", fold_rear, width)
         if self["flap_rear"]:
             points["far rear"] = (self["flap_rear"], width)
         points["rear"] = (0.0, width)
         shape.face("lid", points)
+
+    def _notch(self, end: str, front_x: float, lid_width: float) -> dict[str, Point]:
+        """Return the points of a notch in the lid, from its front side at ``front_x`` (mm) to its rear side.
+
+        If the pull tab is at this end, it grows from the edge between the notch's corners.
+        """
+        assembly = self.parts.assembly
+        notch_length, depth = latch_mm(self.parts)
+        rear_x = front_x - notch_length
+        bottom = lid_width - depth - self[f"pull_{end}"] * assembly.grip_mm.value
+        points: dict[str, Point] = {f"{end} side": (front_x, lid_width), f"{end} corner": (front_x, bottom)}
+        if self[f"pull_{end}"]:
+            gap = assembly.grip_gap_mm.value
+            points |= {f"{end} grip": (front_x - gap, bottom), f"{end} corner 2": (rear_x + gap, bottom)}
+        points[f"{end} side 2"] = (rear_x, bottom)
+        return points
 
     def _add_flap(self, shape: Shape, fold_starts: Mapping[str, float]) -> None:
         """Add the flap with its latches' levers at the fold's edge and the edges of their tongues at the other.

@@ -32,58 +32,66 @@ class Fused(NamedTuple):
 
 
 def fuse(graph: Graph) -> dict[str, Fused]:
-    """Return the fused faces by the path of their first atom: each is a group of atoms that rigid links connect.
+    """Unite the faces of a graph that rigid links connect; return the united faces by the path of their first atom.
 
-    Edges between atoms disappear. Collinear edges become one if their tags are equal: the link's kind, angle and depth,
-    which of its ends the edge is, and the face at the other end.
-
-    Raises ComponentError if a group's outline is not one polygon.
+    An *atom* is a face as one component has made it. Edges between two atoms of a group disappear. Raises ComponentError
+    if the outline of a group is not one polygon.
     """
-    steps: dict[str, list[tuple[str, Pose]]] = defaultdict(list)
+    rigid_links = [link for link in graph.links if link.kind == "rigid"]
+    # For each atom: the atoms that rigid links connect it with, and their poses in its frame.
+    neighbours: dict[str, list[tuple[str, Pose]]] = defaultdict(list)
     inner_edges: set[Edge] = set()
-    for link in (link for link in graph.links if link.kind == "rigid"):
+    for link in rigid_links:
         inner_edges.update((link.a, link.b))
-        for edge, opposite in ((link.a, link.b), (link.b, link.a)):
-            steps[edge[0]].append((opposite[0], across_crease(graph.ends_mm(edge), graph.ends_mm(opposite), 0.0)))
+        for edge, opposite_edge in ((link.a, link.b), (link.b, link.a)):
+            pose = across_crease(graph.ends_mm(edge), graph.ends_mm(opposite_edge), 0.0)
+            atom, opposite_atom = edge[0], opposite_edge[0]
+            neighbours[atom].append((opposite_atom, pose))
     poses_by_first: dict[str, dict[str, Pose]] = {}
     first_of_atom: dict[str, str] = {}
     for path in graph.atoms:
         if path not in first_of_atom:
-            poses_by_first[path] = propagate_poses(path, IDENTITY, steps)
+            poses_by_first[path] = propagate_poses(path, IDENTITY, neighbours)
             first_of_atom |= dict.fromkeys(poses_by_first[path], path)
+    # Two edges in a line become one edge if they are linked in the same way to the same face: if their tags are equal.
     tags: dict[Edge, object] = {}
-    for link in (link for link in graph.links if link.kind != "rigid"):
-        kind = (link.kind, link.angle_rad, link.depth_mm)
-        tags[link.a] = (*kind, "a", first_of_atom[link.b[0]])
-        tags[link.b] = (*kind, "b", first_of_atom[link.a[0]])
+    for link in graph.links:
+        if link.kind != "rigid":
+            kind = (link.kind, link.angle_rad, link.depth_mm)
+            tags[link.a] = (*kind, "a", first_of_atom[link.b[0]])
+            tags[link.b] = (*kind, "b", first_of_atom[link.a[0]])
     return {first: _fused(graph, poses, tags, inner_edges) for first, poses in poses_by_first.items()}
 
 
 def propagate_poses(start: Key, pose: Pose, steps: Mapping[Key, list[tuple[Key, Pose]]]) -> dict[Key, Pose]:
-    """Return the poses of all nodes that can be reached from ``start``, which has ``pose``, nearest first.
+    """Return the poses of ``start``, whose ``pose`` is given, and of all nodes that can be reached from it.
 
-    ``steps`` has each node's neighbours with their poses in the node's frame.
+    ``steps`` has the neighbours of each node, with their poses in the frame of the node. Near nodes come first.
     """
-    poses, queue = {start: pose}, [start]
-    for current in queue:
-        for neighbour, step in steps.get(current, ()):
+    poses = {start: pose}
+    queue = [start]
+    for node in queue:
+        for neighbour, pose_in_node in steps.get(node, ()):
             if neighbour not in poses:
-                poses[neighbour] = compose(poses[current], step)
+                poses[neighbour] = compose(poses[node], pose_in_node)
                 queue.append(neighbour)
     return poses
 
 
 def _fused(graph: Graph, poses: dict[str, Pose], tags: dict[Edge, object], inner: set[Edge]) -> Fused:
-    """Return the face made of the atoms with these poses in the first atom's frame.
+    """Unite the atoms with these poses in the frame of the first atom.
 
-    ``inner`` edges lie between two atoms and disappear. Neighbouring collinear edges become one edge if their ``tags``
-    are equal: the same kind of link to the same face.
+    ``inner`` edges lie between two atoms and disappear. Neighbouring edges in a line become one edge if their ``tags``
+    are equal.
     """
     first = graph.atoms[next(iter(poses))]
     ring = _ring(graph, poses, inner)
-    corners = [i for i in range(len(ring)) if not _is_collinear(ring, tags, i)]
+    corners = [index for index in range(len(ring)) if not _is_collinear(ring, tags, index)]
     # Edge n of the outline starts at corner n. Edges of the ring before the first corner continue the last edge.
-    edges = {edge: (sum(corner <= i for corner in corners) - 1) % len(corners) for i, (edge, _) in enumerate(ring)}
+    edges: dict[Edge, int] = {}
+    for index, (edge, _) in enumerate(ring):
+        corners_until_here = sum(corner <= index for corner in corners)
+        edges[edge] = (corners_until_here - 1) % len(corners)
     holes, marks, clearances = list[Hole](), list[PrintedOutline](), list[ToolClearance]()
     for path, pose in poses.items():
         atom = graph.atoms[path]
@@ -96,9 +104,9 @@ def _fused(graph: Graph, poses: dict[str, Pose], tags: dict[Edge, object], inner
 
 
 def _ring(graph: Graph, poses: dict[str, Pose], inner_edges: set[Edge]) -> list[tuple[Edge, Point]]:
-    """Return the atoms' outer edges in the order of the fused outline, each with its start point (mm).
+    """Return the outer edges of the atoms in the order in which they follow each other, each with its start (mm).
 
-    ``inner_edges`` lie between two atoms. Each outer edge is followed by the one that starts where it ends.
+    ``inner_edges`` lie between two atoms and are left out. Raises ComponentError if the outer edges form no single ring.
     """
     first = next(iter(poses))
     if len(poses) == 1:
@@ -125,12 +133,16 @@ def _ring(graph: Graph, poses: dict[str, Pose], inner_edges: set[Edge]) -> list[
 
 
 def _is_collinear(ring: list[tuple[Edge, Point]], tags: dict[Edge, object], i: int) -> bool:
-    """Whether the edges before and after point i are collinear and have equal tags."""
-    if tags.get(ring[i - 1][0]) != tags.get(ring[i][0]):
+    """Whether the edges before and after point ``i`` of the ring lie in a line and have equal tags."""
+    edge_before, point_before = ring[i - 1]
+    edge_after, point = ring[i]
+    _, point_after = ring[(i + 1) % len(ring)]
+    if tags.get(edge_before) != tags.get(edge_after):
         return False
-    a, b, c = ring[i - 1][1], ring[i][1], ring[(i + 1) % len(ring)][1]
-    ux, uy, vx, vy = b[0] - a[0], b[1] - a[1], c[0] - b[0], c[1] - b[1]
-    return abs(ux * vy - uy * vx) <= GRID_MM * math.hypot(ux, uy) * math.hypot(vx, vy) and ux * vx + uy * vy > 0
+    ux, uy = point[0] - point_before[0], point[1] - point_before[1]
+    vx, vy = point_after[0] - point[0], point_after[1] - point[1]
+    cross, dot = ux * vy - uy * vx, ux * vx + uy * vy
+    return abs(cross) <= GRID_MM * math.hypot(ux, uy) * math.hypot(vx, vy) and dot > 0
 
 
 def _moved(hole: Hole, pose: Pose) -> Hole:

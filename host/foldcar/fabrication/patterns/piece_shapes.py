@@ -52,7 +52,10 @@ def piece_shapes(
 
 
 def cut_shapes(flat: FlatPiece, kerf_mm: float) -> list[Shape]:
-    """Return the cuts of outline, openings and slits, offset by half a kerf so that the piece has its nominal size."""
+    """Return the cuts of a piece: its outline, openings and slits.
+
+    The cuts of outline and openings are moved by half a kerf into the waste, so that the piece has its nominal size.
+    """
     half = kerf_mm / 2
     shapes: list[Shape] = [Circle("CUT_INNER", centre, diameter / 2 - half) for centre, diameter in flat.circles]
     shapes += [Path("CUT_INNER", slit) for slit in flat.slits]
@@ -65,7 +68,7 @@ def cut_shapes(flat: FlatPiece, kerf_mm: float) -> list[Shape]:
 
 
 def outer_cut(flat: FlatPiece, kerf_mm: float) -> Polygon:
-    """The polygon along which the piece is cut out."""
+    """Return the polygon along which the piece is cut out: its outline, grown by half a kerf."""
     outer = Polygon(flat.outline.exterior)
     return outer.buffer(kerf_mm / 2, join_style="mitre", mitre_limit=3) if kerf_mm else outer
 
@@ -77,7 +80,7 @@ def _path(layer: LayerName, points: Iterable[tuple[float, ...]]) -> Path:
 def _folds(flat: FlatPiece, options: Options) -> Iterator[Shape]:
     """Yield score lines or dashes of folds, and a line on the label layer for each fold without either."""
     for fold in flat.folds:
-        # A flexure is neither cut nor scored, which would weaken it; a line on the label layer shows its place.
+        # A cut or a score would weaken a flexure. So a line on the label layer shows its place.
         if fold.kind == "flexure":
             yield Path("LABEL", (fold.a, fold.b))
         elif options.fold == "score":
@@ -93,24 +96,31 @@ def dashes(
 ) -> list[Cut]:
     """Return the dashes to cut along the fold from ``a`` to ``b``: as many as fit, with equal bridges between them.
 
-    A finished cut, kerf included, is ``cut_mm`` long, a bridge at least ``bridge_mm``. Cuts keep out of ``occupied``,
-    which is other cuts with the film around them; without it the fold begins and ends with a bridge. A short fold has a
-    shorter cut, a tiny fold no cut.
+    A finished cut is ``cut_mm`` long, kerf included, and a bridge is at least ``bridge_mm`` long. Cuts keep out of
+    ``occupied``: other cuts, with the film around them. Without it, the fold begins and ends with a bridge. A short fold
+    has one shorter cut, and a tiny fold has no cut.
     """
     length = math.dist(a, b)
 
-    def at(distance: float) -> Point:
+    def point_at(distance: float) -> Point:
         fraction = distance / length
         return a[0] + fraction * (b[0] - a[0]), a[1] + fraction * (b[1] - a[1])
 
-    free = [(bridge_mm, length - bridge_mm)] if occupied is None else list(_free_intervals(a, b, occupied))
-    cuts = [cut for start, end in free for cut in _spaced_cuts(start, end, cut_mm, bridge_mm)]
+    free_intervals = [(bridge_mm, length - bridge_mm)]
+    if occupied is not None:
+        free_intervals = list(_free_intervals(a, b, occupied))
+    cuts: list[tuple[float, float]] = []
+    for start, end in free_intervals:
+        cuts += _spaced_cuts(start, end, cut_mm, bridge_mm)
     half = length * SHORT_FOLD_FRACTION / 2
     if not cuts and 2 * half >= MIN_FOLD_CUT_MM:
         cuts = [(length / 2 - half, length / 2 + half)]
-    # A beam or blade cuts half a kerf beyond both ends of its path, so the path is shorter than the cut.
-    trims = ((start, end, min(kerf_mm, (end - start) / 2) / 2) for start, end in cuts)
-    return [(at(start + trim), at(end - trim)) for start, end, trim in trims]
+    paths = []
+    for start, end in cuts:
+        # A beam or blade cuts half a kerf beyond both ends of its path, so the path is shorter than the cut.
+        trim = min(kerf_mm, (end - start) / 2) / 2
+        paths.append((point_at(start + trim), point_at(end - trim)))
+    return paths
 
 
 def _free_intervals(a: Point, b: Point, occupied: BaseGeometry) -> Iterator[tuple[float, float]]:
@@ -122,9 +132,10 @@ def _free_intervals(a: Point, b: Point, occupied: BaseGeometry) -> Iterator[tupl
 
 
 def _spaced_cuts(start: float, end: float, cut_mm: float, bridge_mm: float) -> Iterator[tuple[float, float]]:
-    """Yield as many cuts (start, end) as fit into an interval (mm along a fold), evenly spaced from end to end.
+    """Yield as many cuts as fit into an interval of a fold, evenly spaced from end to end.
 
-    If only one fits, it is in the middle, and shortened to the interval; below MIN_CUT_MM it is left out.
+    A cut is its start and end, in mm along the fold. If only one cut fits, it lies in the middle and is not longer than
+    the interval. A cut shorter than MIN_CUT_MM is left out.
     """
     length = end - start
     count = math.floor((length + bridge_mm) / (cut_mm + bridge_mm) + 1e-9)
@@ -152,20 +163,24 @@ class NarrowestFilm:
 
 
 def fold_cuts(flat: FlatPiece, options: Options) -> tuple[tuple[Fold, tuple[Cut, ...]], ...]:
-    """Return the folds with their dashes, which keep ``MIN_FILM_MM`` from all other cuts; () if folds are scored.
+    """Return each fold with its dashes; () if folds are scored.
 
-    Flexures are left out, because a hinge's strip stays uncut.
+    The dashes stay at least ``MIN_FILM_MM`` away from all other cuts. A flexure, which is the strip of a hinge, is not
+    cut, so it is left out.
     """
     if options.fold != "dash":
         return ()
-    lines = [flat.outline.boundary, *(hole for _, hole in _openings(flat)), *(LineString(slit) for slit in flat.slits)]
-    occupied = shapely.union_all(lines).buffer(MIN_FILM_MM + options.kerf_mm / 2, quad_segs=16)
+    openings = [opening for _, opening in _openings(flat)]
+    slits = [LineString(slit) for slit in flat.slits]
+    other_cuts = shapely.union_all([flat.outline.boundary, *openings, *slits])
+    occupied = other_cuts.buffer(MIN_FILM_MM + options.kerf_mm / 2, quad_segs=16)
     shapely.prepare(occupied)
-    return tuple(
-        (fold, tuple(dashes(fold.a, fold.b, options.dash_cut_mm, options.dash_bridge_mm, options.kerf_mm, occupied)))
-        for fold in flat.folds
-        if fold.kind != "flexure"
-    )
+    folds_with_cuts = []
+    for fold in flat.folds:
+        if fold.kind != "flexure":
+            cuts = dashes(fold.a, fold.b, options.dash_cut_mm, options.dash_bridge_mm, options.kerf_mm, occupied)
+            folds_with_cuts.append((fold, tuple(cuts)))
+    return tuple(folds_with_cuts)
 
 
 def narrowest_film(flat: FlatPiece, options: Options) -> NarrowestFilm | None:

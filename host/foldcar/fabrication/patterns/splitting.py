@@ -6,6 +6,7 @@ labelled "1 of 3" and so on.
 
 import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -23,76 +24,91 @@ NOTCH_MM = 1.0
 
 
 def split_to_fit(car: FoldedCar, options: Options) -> FoldedCar:
-    """Return the car with pieces that are too large split; its ``placed`` still name the whole pieces."""
+    """Return the car with each piece split that is too large for a sheet.
+
+    Only ``pieces`` and ``joins`` of the car change. Its ``placed`` pieces keep the names of the whole pieces.
+    """
     pieces: list[Piece] = []
     joins = list(car.joins)
-    numbers = itertools.count(max((join.number for join in joins), default=0) + 1)
-    depth = car.parts.assembly.lap_flap_mm.value
+    last_number = max((join.number for join in joins), default=0)
+    numbers = itertools.count(last_number + 1)
     for piece in car.pieces:
-        parts, new_joins = _split_pieces(piece, options, numbers, depth)
+        parts, new_joins = _split_pieces(piece, options, numbers, car.parts.assembly.lap_flap_mm.value)
         pieces += parts
         if new_joins:
-            part_of_face = {face.name: part.name for part in parts for face in part.faces}
-            joins = [
-                replace(
-                    join,
-                    piece_a=part_of_face[join.a.face] if join.piece_a == piece.name else join.piece_a,
-                    piece_b=part_of_face[join.b.face] if join.piece_b == piece.name else join.piece_b,
-                )
-                for join in (*joins, *new_joins)
-            ]
+            joins = [_with_parts(join, piece, parts) for join in (*joins, *new_joins)]
     return replace(car, pieces=tuple(pieces), joins=tuple(joins))
+
+
+def _with_parts(join: Join, piece: Piece, parts: Sequence[Piece]) -> Join:
+    """Return a join that names the parts of a piece that was split, in place of the whole piece."""
+    part_of_face = {face.name: part.name for part in parts for face in part.faces}
+    piece_a = part_of_face[join.a.face] if join.piece_a == piece.name else join.piece_a
+    piece_b = part_of_face[join.b.face] if join.piece_b == piece.name else join.piece_b
+    return replace(join, piece_a=piece_a, piece_b=piece_b)
 
 
 def _split_pieces(
     piece: Piece, options: Options, numbers: "itertools.count[int]", depth_mm: float
 ) -> tuple[list[Piece], list[Join]]:
-    """Split a piece with tabs of that depth; return its numbered parts and the joins between them.
+    """Split a piece until all its parts fit on the sheet; return the parts, and the joins between them.
 
-    If the piece fits, or splitting does not help, return the whole piece and no joins.
+    Two parts are joined by a tab of ``depth_mm``; ``numbers`` gives the numbers of the joins. If the piece fits, or if
+    splitting does not help, the result is the whole piece and no joins.
     """
-    waiting = [piece]
-    done: list[Piece] = []
-    # Each join by the child face of the fold that the join replaces.
-    joins: dict[str, Join] = {}
-    while waiting:
-        part = waiting.pop(0)
+    parts_to_check = [piece]
+    parts: list[Piece] = []
+    # A join stands in place of a fold. Its key is the child face of this fold.
+    join_by_child: dict[str, Join] = {}
+    while parts_to_check:
+        part = parts_to_check.pop(0)
         crease = None if _fits(part, options) else _best_crease(part, options, depth_mm)
         if crease is None:
-            done.append(part)
+            parts.append(part)
             continue
-        root_part, child_part = _cut_along(part, crease, depth_mm)
-        waiting += [root_part, child_part]
-        tab_edge = EdgeRef(_tab_name(crease), 0)
-        length_mm = _length_mm(part, crease)
-        # split_to_fit replaces the whole piece's name by those of the parts.
-        joins[crease.child.face] = Join(next(numbers), "tab", piece.name, tab_edge, piece.name, crease.child, length_mm)
-    if len(done) == 1 or not all(_fits(part, options) for part in done):
+        parts_to_check += _cut_along(part, crease, depth_mm)
+        # The join names the whole piece; split_to_fit replaces this by the names of the parts.
+        join_by_child[crease.child.face] = Join(
+            number=next(numbers),
+            kind="tab",
+            piece_a=piece.name,
+            a=EdgeRef(_tab_name(crease), 0),
+            piece_b=piece.name,
+            b=crease.child,
+            length_mm=_length_mm(part, crease),
+        )
+    if len(parts) == 1 or not all(_fits(part, options) for part in parts):
         return [piece], []
-    numbered = [
-        replace(part, name=f"{piece.name}, part {i}", label=f"{piece.label or piece.name}, {i} of {len(done)}")
-        for i, part in enumerate(done, 1)
-    ]
-    # The first face of a part that was split off is the child of its fold.
-    return numbered, [joins[part.faces[0].name] for part in done if part.faces[0].name in joins]
+    numbered_parts = []
+    joins = []
+    for number, part in enumerate(parts, 1):
+        label = f"{piece.label or piece.name}, {number} of {len(parts)}"
+        numbered_parts.append(replace(part, name=f"{piece.name}, part {number}", label=label))
+        # The first face of a part that was split off is the child of the fold that was cut.
+        first_face = part.faces[0].name
+        if first_face in join_by_child:
+            joins.append(join_by_child[first_face])
+    return numbered_parts, joins
 
 
 def _best_crease(piece: Piece, options: Options, depth_mm: float) -> Crease | None:
-    """Return the fold between panels along which to split the piece; None if it has none.
+    """Return the fold along which to split the piece; None if no fold lies between two panels.
 
-    It is the fold whose larger part exceeds the sheet least; of equal ones, the one whose larger part is smallest.
+    The parts should exceed the sheet as little as possible. If two folds are equal in this, the one whose larger part is
+    smaller is better.
     """
-    roles = {face.name: face.role for face in piece.faces}
+    role_by_face = {face.name: face.role for face in piece.faces}
     best_crease: Crease | None = None
     best_cost = (math.inf, math.inf)
     for crease in piece.creases:
-        if crease.flexure or {roles[crease.parent.face], roles[crease.child.face]} != {"panel"}:
+        is_between_panels = role_by_face[crease.parent.face] == role_by_face[crease.child.face] == "panel"
+        if crease.flexure or not is_between_panels:
             continue
         parts = _cut_along(piece, crease, depth_mm)
         excess_mm = max(_excess_mm(part, options) for part in parts)
-        sizes_mm = [sum(_extent_mm(part, options)) for part in parts]
-        cost = (round(excess_mm, 3), round(max(sizes_mm), 3))
-        # Of folds with the same cost the first is kept.
+        larger_size_mm = max(sum(_extent_mm(part, options)) for part in parts)
+        cost = (round(excess_mm, 3), round(larger_size_mm, 3))
+        # If two folds have the same cost, the first one is kept.
         if cost < best_cost:
             best_cost, best_crease = cost, crease
     return best_crease

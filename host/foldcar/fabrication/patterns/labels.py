@@ -60,8 +60,8 @@ def label_paths(
 ) -> tuple[list[Path], list[str]]:
     """Return the strokes of a piece's name and of its numbers, and the texts for which there is no room.
 
-    Each text takes the first place where its box lies in free film; then its surroundings are no longer free. Texts are
-    upright after the piece is turned by ``quarter_turns`` · 90°.
+    A text is written at the first place where its box lies in free film. After that, the film around the box is not free
+    any more. Texts are upright when the piece has been turned by ``quarter_turns`` · 90° on its sheet.
     """
     turn = quarter_turns * math.pi / 2
     line_shapes: list[BaseGeometry] = [LineString([f.a, f.b]) for f in flat.folds]
@@ -92,7 +92,10 @@ def label_paths(
 
 @dataclass(frozen=True, slots=True)
 class _Place:
-    """A place for a text: its box is centred on ``point`` or, with ``inward``, touches it on that side."""
+    """A place for a text along ``angle`` (rad). Its box is centred on ``point``.
+
+    With ``inward``, a unit vector, the box lies on that side of the point and touches it.
+    """
 
     point: Point
     angle: float
@@ -102,9 +105,9 @@ class _Place:
 def _first_fit(
     free: BaseGeometry, text: str, places: list[_Place], heights: tuple[float, ...]
 ) -> tuple[list[Path], Polygon] | None:
-    """Return the strokes and the box of a text at the first place, and with the largest of ``heights`` (mm), that fits.
+    """Return the strokes and the box of a text at the first of ``places`` at which it fits; None if it fits nowhere.
 
-    None if it does not fit anywhere.
+    The text has the largest of ``heights`` (mm) with which it fits anywhere.
     """
     if free.is_empty or not places:
         return None
@@ -118,7 +121,7 @@ def _first_fit(
         # The start of the base line, relative to the centre of the box.
         origin = -width / 2, -height / 2 + height * DESCENT / 2
 
-        # The defaults bind the values of this height: a function in a loop would see those of the last.
+        # The defaults keep the values of this height; without them, the function would use those of the last height.
         def placed(points: Sequence[Point], i: slice, at: Points = centres, origin: Point = origin) -> Points:
             """Return points of the text, (m, 2), turned and moved to the places with these indices: (n, m, 2)."""
             u, v = (np.array(points) + origin).T
@@ -181,9 +184,9 @@ def _in_faces(flat: FlatPiece, turn: float) -> list[_Place]:
 
 
 def join_marks(piece: FlatPiece, car: FoldedCar, unsplit_car: FoldedCar) -> Iterator[EdgeMark]:
-    """Yield the numbers of all joins of the piece, and the names of parts laid onto it.
+    """Yield what is to be written on a piece: the numbers of its joins, and the names of parts that are laid onto it.
 
-    ``car`` has pieces split to fit the sheets, ``unsplit_car`` has whole pieces, as they are placed in the car.
+    The pieces of ``car`` are split to fit the sheets. Those of ``unsplit_car`` are whole, as they are placed in the car.
     """
     faces = {face.name: face for face in piece.faces}
     done: set[tuple[int, str]] = set()
@@ -192,7 +195,7 @@ def join_marks(piece: FlatPiece, car: FoldedCar, unsplit_car: FoldedCar) -> Iter
         for name, ref, slot in ((join.piece_a, join.a, None), (join.piece_b, join.b, join.slot)):
             if name != piece.name or ref.face not in faces:
                 continue
-            # A laminate's base is marked along the outline of the part laid onto it.
+            # On the lower face of two layers, the number stands along the outline of the layer that is laid onto it.
             if join.kind == "laminate" and ref is join.b:
                 if (join.number, ref.face) not in done:
                     layers = _edges_under_layers(faces[ref.face], join, unsplit_car)
@@ -209,7 +212,7 @@ def join_marks(piece: FlatPiece, car: FoldedCar, unsplit_car: FoldedCar) -> Iter
                 done.add((join.number, ref.face))
                 yield EdgeMark(str(join.number), tuple(edges))
     for (number, _), edges in edges_around_rim.items():
-        # The sort keeps the order of edges with the same slant, so those half way round come first.
+        # The list begins with the edges half way round. Sorting keeps this order among edges with the same slant.
         half = len(edges) // 2
         yield EdgeMark(str(number), tuple(sorted((*edges[half:], *edges[:half]), key=_slant)[:PLACES]))
     for name, outline in (laid_part for face in piece.faces for laid_part in face.laid.items()):
@@ -220,9 +223,9 @@ def join_marks(piece: FlatPiece, car: FoldedCar, unsplit_car: FoldedCar) -> Iter
 
 
 def _edges_under_layers(face: FlatFace, join: Join, unsplit_car: FoldedCar) -> Iterator[tuple[Edge, ...]]:
-    """Yield the edges beside which a laminating join's number stands on the lower face, for each layer laid on it.
+    """Yield, for each layer that is laid onto a face, the edges beside which the number of the join may stand.
 
-    They are the edges of holes of the face under the layer or, without holes, of the layer's outline.
+    These are the edges of the face's holes under the layer. If there are none, they are the edges of the layer's outline.
     """
     # The names of the whole pieces, without the number of a part.
     upper_piece, lower_piece = (name.partition(PART)[0] for name in (join.piece_a, join.piece_b))
@@ -254,9 +257,9 @@ def _edges_under_layers(face: FlatFace, join: Join, unsplit_car: FoldedCar) -> I
 
 @lru_cache(maxsize=256)
 def _layers(car: FoldedCar, piece_a: str, face_a: str, piece_b: str, face_b: str) -> tuple[shapely.Polygon, ...]:
-    """Return the outlines (mm) of the faces of ``piece_a`` that are laminated onto ``face_b``, in its frame.
+    """Return the outlines (mm) of the faces of ``piece_a`` that lie as layers on ``face_b``, in the frame of ``face_b``.
 
-    Faces at the same place count once.
+    Of several layers at the same place, one is returned.
     """
     placed = [face for faces in placed_faces(car).values() for face in faces if face.piece.name in (piece_a, piece_b)]
     lower_face = next(face for face in placed if (face.piece.name, face.face.name) == (piece_b, face_b))
@@ -273,9 +276,10 @@ def _layers(car: FoldedCar, piece_a: str, face_a: str, piece_b: str, face_b: str
 
 
 def _edges(face: FlatFace, ref: EdgeRef, join: Join, slot: str | None) -> list[Edge]:
-    """Return the edges beside which a join's number may be written, with the film on their left.
+    """Return the edges beside which the number of a join may be written; the film is on their left.
 
-    They are those of the slot, of the holes by which layers are aligned, or the joined edge ``ref``.
+    These are the edges of the slot, if the join has one; of the holes by which layers are aligned, if the join connects
+    layers; and else the joined edge ``ref``.
     """
     if slot is not None and slot in face.holes:
         return list(face.holes[slot])
@@ -290,7 +294,10 @@ def _edges(face: FlatFace, ref: EdgeRef, join: Join, slot: str | None) -> list[E
 
 
 def _slant(edge: Edge) -> float:
-    """Deviation of an edge from the x and y directions: numbers beside an edge along x or y (0) are easiest to read."""
+    """Return how much an edge deviates from the directions x and y; 0 for an edge along x or y.
+
+    Numbers beside an edge with a small slant are easy to read.
+    """
     (ax, ay), (bx, by) = edge
     return round(min(abs(bx - ax), abs(by - ay)) / (abs(bx - ax) + abs(by - ay)), 3)
 

@@ -83,17 +83,24 @@ def title_shapes(lines: Sequence[str]) -> list[Shape]:
 
 
 def modules(text: str) -> tuple[tuple[bool, ...], ...]:
-    """Return the QR code's rows from the top, dark modules true: the smallest version, with its best correction."""
-    return tuple(tuple(map(bool, row)) for row in segno.make(text, error="l", micro=False).matrix)
+    """Return the rows of the QR code of a text, from the top; a dark module is True.
+
+    The code has the smallest version that holds the text, and the best correction of errors of this version.
+    """
+    code = segno.make(text, error="l", micro=False)
+    return tuple(tuple(bool(module) for module in row) for row in code.matrix)
 
 
 def code_size_mm(text: str) -> float:
-    """The side (mm) of the QR code with the blank around it."""
+    """Return the side length (mm) of the QR code, with the blank border around it."""
     return (len(modules(text)) + 2 * QUIET_MODULES) * MODULE_MM
 
 
 def code_shapes(text: str) -> list[Shape]:
-    """Draw the QR code as horizontal lines, one for each run of dark modules; its blank's corner is at the origin."""
+    """Draw the QR code as horizontal lines, one for each run of dark modules.
+
+    The lower left corner of its blank border is at the origin.
+    """
     rows = modules(text)
     shapes: list[Shape] = []
     for row_number, row in enumerate(reversed(rows)):
@@ -149,7 +156,7 @@ class CutCar:
 
 
 def cut_car(folded: FoldedCar, options: Options) -> CutCar:
-    """Return the car's pieces, split to fit the sheet as far as possible.
+    """Return the flat pieces of a car; pieces that are too large for the sheet are split if that helps.
 
     Raises OptionError if the machine does not cut the car's film.
     """
@@ -161,22 +168,24 @@ def cut_car(folded: FoldedCar, options: Options) -> CutCar:
     wheel_pieces = {placed.piece for placed in car.placed if placed.body.startswith("wheel")}
     pieces = []
     for flat in (flat_piece(piece, options) for piece in car.pieces):
-        # Discs stay around their centres.
+        # The origin of a disc is its centre; other pieces are moved so that their lower left corner is the origin.
         is_disc = flat.name in wheel_pieces and not flat.bends
         pieces.append(flat if is_disc else moved_to_origin(flat))
     return CutCar(car, tuple(pieces), folded)
 
 
 def enlarge_sheet(folded: FoldedCar, options: Options) -> Options:
-    """Return the options with the machine's smallest sheet, from the given one on, on which every piece fits.
+    """Return the options with a larger sheet, if a piece does not fit on the sheet of ``options``.
 
-    If the pieces fit on no sheet of the machine, the options are returned unchanged.
+    The sheet is the smallest one of the machine on which every piece fits. If there is none, the options are returned
+    unchanged.
     """
-    names = MACHINES[options.machine].sheets
-    for name in names[names.index(options.sheet) :]:
-        other = replace(options, sheet=name)
-        if all_fit([outer_cut(piece, other.kerf_mm) for piece in cut_car(folded, other).pieces], other):
-            return other
+    sheets = MACHINES[options.machine].sheets
+    for sheet in sheets[sheets.index(options.sheet) :]:
+        larger = replace(options, sheet=sheet)
+        outlines = [outer_cut(piece, larger.kerf_mm) for piece in cut_car(folded, larger).pieces]
+        if all_fit(outlines, larger):
+            return larger
     return options
 
 
@@ -187,27 +196,46 @@ def pattern(folded: FoldedCar, options: Options, title: str, command: str = "") 
 
 def pattern_of(cut: CutCar, options: Options, title: str, command: str = "") -> Pattern:
     """Return the sheets of a car whose pieces are split already. Raises NestingError if a piece does not fit."""
-    films = {piece.label: film for piece in cut.pieces if (film := narrowest_film(piece, options)) is not None}
-    narrow = [f"{label}: {_narrow(film)}" for label, film in films.items() if film.narrow]
+    narrow_warnings, torn_findings = [], []
+    min_width_mm = math.inf
+    for piece in cut.pieces:
+        film = narrowest_film(piece, options)
+        if film is None:
+            continue
+        min_width_mm = min(min_width_mm, film.width_mm)
+        if film.narrow:
+            narrow_warnings.append(f"{piece.label}: {_narrow_text(film)}")
+        if film.width_mm < TORN_FILM_MM:
+            torn_findings.append(f"{piece.label}: {_narrow_text(film)}")
     try:
-        sheets, unmarked = _lay_out(cut, options, title, command)
+        sheets, room_warnings = _lay_out(cut, options, title, command)
     except NestingError as error:
         raise NestingError(f"{error}; {_suggested_sheet(cut.car, options)}") from error
-    min_width_mm = min((film.width_mm for film in films.values()), default=math.inf)
-    torn = tuple(f"{label}: {_narrow(film)}" for label, film in films.items() if film.width_mm < TORN_FILM_MM)
-    return Pattern(title, cut.pieces, sheets, (*narrow, *unmarked), options, cut.car.parts.film, min_width_mm, torn)
+    return Pattern(
+        title=title,
+        pieces=cut.pieces,
+        sheets=sheets,
+        warnings=(*narrow_warnings, *room_warnings),
+        options=options,
+        film=cut.car.parts.film,
+        least_film_mm=min_width_mm,
+        torn=tuple(torn_findings),
+    )
 
 
-def _narrow(film: NarrowestFilm) -> str:
+def _narrow_text(film: NarrowestFilm) -> str:
     return f"only {film.width_mm:.2f} mm of film between {film.between[0]} and {film.between[1]}: it may tear"
 
 
 def _suggested_sheet(car: FoldedCar, options: Options) -> str:
-    def outlines(other: Options) -> list[Polygon]:
-        return [outer_cut(piece, other.kerf_mm) for piece in cut_car(car, other).pieces]
+    """Return a sentence on the sheet that would be large enough."""
+
+    def fits_on(other: Options) -> bool:
+        outlines: list[Polygon] = [outer_cut(piece, other.kerf_mm) for piece in cut_car(car, other).pieces]
+        return all_fit(outlines, other)
 
     unsplit_outlines = [outer_cut(flat_piece(piece, options), options.kerf_mm) for piece in car.pieces]
-    return suggest_sheet(lambda other: all_fit(outlines(other), other), unsplit_outlines, options)
+    return suggest_sheet(fits_on, unsplit_outlines, options)
 
 
 def _lay_out(cut: CutCar, options: Options, title: str, command: str) -> tuple[tuple[Sheet, ...], list[str]]:
@@ -262,13 +290,17 @@ def _lay_out(cut: CutCar, options: Options, title: str, command: str) -> tuple[t
 
 
 def _title_lines(title: str, number: str, film: str, command: str, options: Options) -> list[str]:
+    """Return the lines of a sheet's title: the car, the sheet's number, film and machine, and the command."""
     width, height = options.sheet_size_mm
     machine = f"{film}, {options.machine}, {width:g} x {height:g} mm, kerf {options.kerf_mm:g}, {BAR}"
-    return wrapped([f"{title}, sheet {number}", machine, *([command] if command else [])])
+    texts = [f"{title}, sheet {number}", machine]
+    if command:
+        texts.append(command)
+    return wrapped(texts)
 
 
 def rounded(shapes: Iterable[Shape]) -> Iterable[Shape]:
-    """The shapes with coordinates rounded to 1 µm, as in the files."""
+    """Yield the shapes with coordinates that are rounded to 1 µm, as in the files."""
     for shape in shapes:
         if isinstance(shape, Path):
             yield Path(shape.layer, tuple(_round(p) for p in shape.points_mm), shape.closed)

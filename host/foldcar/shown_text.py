@@ -25,7 +25,7 @@ def shown(text: str) -> str:
 
 
 def breaks_line(name: str) -> bool:
-    """Whether a name would end the line in which it is printed; other control characters are escaped there."""
+    """Return whether a name would end the line in which it is printed; other control characters are escaped there."""
     return bool(name) and name.splitlines() != [name]
 
 

@@ -60,7 +60,7 @@ class ThreadedPort:
                     self._theirs.sendall(data)
 
     def fileno(self) -> int:
-        """The file descriptor for `select`."""
+        """Return the file descriptor for `select`."""
         return self._ours.fileno()
 
     def take(self, size: int) -> bytes:
@@ -109,7 +109,7 @@ class TypedInput:
         return os.read(INPUT, 4096) if is_typed else None
 
     def _pressed_within(self, wait_s: float) -> bool:
-        """Whether a key is pressed within that time in Windows' console, for which nothing waits."""
+        """Return whether a key is pressed within that time in Windows' console, for which nothing waits."""
         end_s = time.monotonic() + wait_s
         while not self._console.kbhit():
             if time.monotonic() >= end_s:

@@ -133,7 +133,7 @@ class Design:
         return self.of(0, "height")
 
     def of(self, module: int, name: str) -> float:
-        """The value of a parameter of the module with that index (mm, degrees): ``design.of(0, "radius")``."""
+        """Return the value of a parameter of the module with that index (mm, degrees): ``design.of(0, "radius")``."""
         return self.of_modules[module].values[name]
 
     @property
@@ -185,16 +185,16 @@ class Design:
         return tuple(segments)
 
     def segment_at(self, module: int) -> int:
-        """The index of the segment to which the module with index ``module`` belongs."""
+        """Return the index of the segment to which the module with index ``module`` belongs."""
         return self.modules[:module].count(HINGE)
 
     def segment_of(self, module: int) -> Segment:
-        """The segment to which the module with index ``module`` belongs."""
+        """Return the segment to which the module with index ``module`` belongs."""
         return self.segments[self.segment_at(module)]
 
 
 def _is_of_car(key: str) -> bool:
-    """Whether the parameter is shown in the car's title: it is shared, a switch, or of a composite."""
+    """Return whether the parameter is shown in the car's title: it is shared, a switch, or of a composite."""
     parameter = parameter_of(key)
     if parameter is None:
         return False

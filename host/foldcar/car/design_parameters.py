@@ -93,19 +93,19 @@ def key_of(column: str) -> str | None:
 
 
 def places_of(letters: Sequence[str]) -> list[str]:
-    """The places of a car's modules, front to back: ``places_of(("W", "B", "W"))`` is ``["W1", "B1", "W2"]``."""
+    """Return the places of a car's modules, front to back: ``places_of(("W", "B", "W"))`` is ``["W1", "B1", "W2"]``."""
     return [f"{letter}{letters[: i + 1].count(letter)}" for i, letter in enumerate(letters)]
 
 
 def place_keys(key: str, letters: Sequence[str]) -> list[str]:
-    """The keys of a parameter's places in a car: of ``radius`` in W_B_W ``W1.radius`` and ``W2.radius``."""
+    """Return the keys of a parameter's places in a car: of ``radius`` in W_B_W ``W1.radius`` and ``W2.radius``."""
     parameter = parameters()[key]
     places = places_of([letter for letter in letters if letter in parameter.modules])
     return [] if parameter.declared.uniform else [f"{place}.{parameter.declared.name}" for place in sorted(places)]
 
 
 def names_in(group: str) -> list[str]:
-    """The parameter names that ``group`` (``common``, a module letter or a place) may set."""
+    """Return the parameter names that ``group`` (``common``, a module letter or a place) may set."""
     names = {parameter.declared.name for parameter in parameters().values()}
     return sorted(name for name in names if find_parameter(group, name) is not None)
 

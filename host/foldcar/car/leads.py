@@ -61,12 +61,15 @@ def leads(car: FoldedCar) -> tuple[Lead, ...]:
 
 
 def stock_wire_mm(leads_of_car: Iterable[Lead]) -> float:
-    """The length of wire (mm) cut from stock: the switches' wires and the wire that lengthens the battery's leads."""
+    """Return the length of wire (mm) that is cut from stock.
+
+    This is the wire of the switches, and the wire that lengthens the leads of the battery.
+    """
     return sum(lead.missing_mm for lead in leads_of_car if lead.kind != "plug")
 
 
 def extra_wire_m(leads_of_car: Iterable[Lead], wiring: PartData) -> float:
-    """The length of wire (m) beyond the length that is included in the wiring's mass and cost."""
+    """Return the length of wire (m) beyond the length that is included in the wiring's mass and cost."""
     return max(0.0, stock_wire_mm(leads_of_car) - wiring.wire_mm.value) / 1000
 
 
@@ -101,7 +104,7 @@ def with_extensions(car: FoldedCar) -> FoldedCar:
 
 
 def _extended_mm(car: FoldedCar, lead_mm: float, extension: Bought) -> float:
-    """The minimum length (mm) of a lead that is plugged into an extension."""
+    """Return the minimum length (mm) of a lead that is plugged into an extension."""
     return lead_mm + extension.length_mm.min_value - car.parts.plugs.servo.inserted_mm.value
 
 
@@ -118,12 +121,12 @@ def _joint(car: FoldedCar, servo: Mount, extension: Bought) -> Mount:
 
 
 def _segments(car: FoldedCar) -> dict[str, list[PlacedFace]]:
-    """The faces of the segments, by body."""
+    """Return the faces of the segments, by body."""
     return place(car, {placed.body for placed in car.placed if placed.body.startswith("segment")})
 
 
 def _height_mm(faces: Iterable[PlacedFace], name: str) -> float:
-    """The greatest height of a beam's face of that name (mm)."""
+    """Return the greatest height of a beam's face of that name (mm)."""
     return max(float(face.corners_mm[:, 2].max()) for face in faces if face.face.name == name)
 
 
@@ -231,15 +234,15 @@ class _Ways:
             yield Lead(wire.a, wire.b, "wire", *lengths_mm, available_mm=0.0)
 
     def _below_feather(self, x: float, y: float) -> Points:
-        """A point at the underside of the Feather."""
+        """Return a point at the underside of the Feather."""
         return self._at(self.parts.feather.name, (x, y, -self.parts.feather.height_mm.value / 2))
 
     def _terminals(self, switch: Mount) -> Points:
-        """The inner end of a switch, where its terminals are."""
+        """Return the inner end of a switch, where its terminals are."""
         return np.array(apply(switch.pose, 0.0, 0.0, -switch.size_mm[2] / 2))
 
     def _lift_mm(self, part: str) -> float:
-        """The height (mm) by which a part is lifted out of the car, above its walls."""
+        """Return the height (mm) by which a part is lifted out of the car, above its walls."""
         mount = self.of_part[part]
         return max(0.0, _height_mm(self.bodies[mount.body], "left") - mount.pose[2][3] + mount.size_mm[2] / 2)
 

@@ -78,7 +78,7 @@ def load_components(file: Path) -> list[str]:
 
 
 def _identifies_module(file: Path, folder: Path) -> bool:
-    """Whether the content of a file that was read is part of a user's module in ``folder``."""
+    """Return whether the content of a file that was read is part of a user's module in ``folder``."""
     return is_own(file.absolute(), folder)
 
 

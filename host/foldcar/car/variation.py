@@ -37,7 +37,7 @@ class Spread(Data):
 
 @cache
 def workshop() -> dict[str, Spread]:
-    """Every spread by name, with its default standard deviation."""
+    """Return every spread by name, with its default standard deviation."""
     text = files("foldcar.car").joinpath("workshop.json").read_text(encoding="utf-8")
     return TypeAdapter(dict[str, Spread]).validate_python(json.loads(text)["spreads"])
 

@@ -165,7 +165,7 @@ class _Pieces:
         self.tabs.sort(key=lambda tab: self.seams.index(tab[1]))
 
     def local(self, first: str) -> Pose:
-        """The pose of a fused face in its piece."""
+        """Return the pose of a fused face in its piece."""
         return self.sheets[self.piece_of[first]][first]
 
     def _ends(self, edge: Edge) -> tuple[Point, Point]:
@@ -175,7 +175,7 @@ class _Pieces:
         return EdgeRef(self.names[edge[0]], edge[1])
 
     def pieces(self) -> list[Piece]:
-        """The pieces with their faces, creases and tabs."""
+        """Return the pieces with their faces, creases and tabs."""
         return [self._piece(index, sheet) for index, sheet in enumerate(self.sheets)]
 
     def _piece(self, index: int, sheet: dict[str, Pose]) -> Piece:

@@ -49,11 +49,11 @@ class Parameter:
         return not self.unit
 
     def default_with(self, parts: Catalogue) -> float:
-        """The default with these parts."""
+        """Return the default with these parts."""
         return float(self.default(parts) if callable(self.default) else self.default)
 
     def minimum_with(self, parts: Catalogue) -> float:
-        """The minimum with these parts."""
+        """Return the minimum with these parts."""
         return float(self.minimum(parts) if callable(self.minimum) else self.minimum)
 
     def limit_error(self, value: float, parts: Catalogue) -> str | None:
@@ -144,7 +144,7 @@ class Component:
             self.children[sub.name] = child
 
     def subcomponents(self) -> Sequence[Sub]:
-        """The subcomponents; none by default."""
+        """Return the subcomponents; none by default."""
         return ()
 
     def sub(self, name: str, kind: "type[Component]", inherit: str = "", **settings: str | float) -> Sub:
@@ -169,13 +169,13 @@ class Component:
         """Make the component's faces and connect them; its subcomponents are built before."""
 
     def __getitem__(self, name: str) -> float:
-        """A parameter's value in its unit."""
+        """Return a parameter's value in its unit."""
         if name not in self.values:
             raise ComponentError(self.path, f'has no parameter "{name}"; it has {", ".join(self.values) or "none"}')
         return self.values[name]
 
     def parameter_error(self, name: str, message: str) -> ComponentError:
-        """A ComponentError whose cause is the parameter ``name``."""
+        """Return a ComponentError whose cause is the parameter ``name``."""
         return ComponentError(self._under(name), message, self.keys.get(name))
 
     def _under(self, name: str) -> str:

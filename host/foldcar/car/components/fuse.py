@@ -133,7 +133,7 @@ def _ring(graph: Graph, poses: dict[str, Pose], inner_edges: set[Edge]) -> list[
 
 
 def _is_collinear(ring: list[tuple[Edge, Point]], tags: dict[Edge, object], i: int) -> bool:
-    """Whether the edges before and after point ``i`` of the ring lie in a line and have equal tags."""
+    """Return whether the edges before and after point ``i`` of the ring lie in a line and have equal tags."""
     edge_before, point_before = ring[i - 1]
     edge_after, point = ring[i]
     _, point_after = ring[(i + 1) % len(ring)]

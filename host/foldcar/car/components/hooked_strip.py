@@ -198,7 +198,7 @@ def build_rim(shape: Shape, size: WheelSize) -> None:
 
 
 def first_facet_pose(size: WheelSize, strip: int) -> Pose:
-    """The pose in the wheel's frame of the first facet of a strip, whose middle lies at the strip's first tie."""
+    """Return the pose in the wheel's frame of the first facet of a strip, whose middle lies at the strip's first tie."""
     # x along the circle, y along the axle, z towards it.
     axes: Pose = ((0.0, 0.0, -1.0, 0.0), (0.0, 1.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
     turn = compose(rotation("y", -size.tie_angles_rad[strip * size.ties]), axes)

@@ -37,7 +37,7 @@ class Module(Component):
     )
 
     def subcomponents(self) -> Sequence[Sub]:
-        """The beam; a subclass adds to it with ``(*super().subcomponents(), Sub(…))``."""
+        """Return the beam; a subclass adds to it with ``(*super().subcomponents(), Sub(…))``."""
         return (Sub("beam", BoxBeam, self.values),)
 
 

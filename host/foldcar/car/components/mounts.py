@@ -267,7 +267,7 @@ def put_caster(shape: Shape, name: str, floor: str, at_mm: Point) -> None:
 def cylinder(
     diameter_mm: float, low_mm: float, high_mm: float, x_mm: float = 0.0, y_mm: float = 0.0, bore_mm: float = 0.0
 ) -> Solid:
-    """A cylinder along z between two heights, with a bore along its axis."""
+    """Return a cylinder along z between two heights, with a bore along its axis."""
     pose = translation(x_mm, y_mm, (low_mm + high_mm) / 2)
     bores = ((0.0, 0.0, bore_mm),) if bore_mm else ()
     return Solid("cylinder", (diameter_mm, diameter_mm, high_mm - low_mm), pose, bores)

@@ -110,11 +110,11 @@ class Graph:
     linked: dict[Edge, str] = field(default_factory=dict)
 
     def edge_path(self, edge: Edge) -> str:
-        """The readable path of an edge: face path and edge name."""
+        """Return the readable path of an edge: face path and edge name."""
         return f"{edge[0]}.{self.atoms[edge[0]].edges[edge[1]]}"
 
     def ends_mm(self, edge: Edge) -> tuple[Point, Point]:
-        """The ends of an edge in its face's frame (mm)."""
+        """Return the ends of an edge in its face's frame (mm)."""
         return ends_of(self.atoms[edge[0]].outline_mm, edge[1])
 
 
@@ -280,17 +280,17 @@ class Shape:
         self.graph.origin = (self._face(face), pose)
 
     def body_of(self, face: str) -> str:
-        """The rigid body of a face."""
+        """Return the rigid body of a face."""
         return self.graph.atoms[self._face(face)].body
 
     def face_size_mm(self, face: str) -> Point:
-        """The extent of a face's outline along x and y (mm)."""
+        """Return the extent of a face's outline along x and y (mm)."""
         outline = self.graph.atoms[self._face(face)].outline_mm
         xs, ys = zip(*outline, strict=True)
         return (max(xs) - min(xs), max(ys) - min(ys))
 
     def edges(self, face: str) -> tuple[str, ...]:
-        """The names of a face's edges."""
+        """Return the names of a face's edges."""
         return self.graph.atoms[self._face(face)].edges
 
     def _hole(self, face: str, hole: Hole) -> str:
@@ -298,7 +298,7 @@ class Shape:
         return hole.name
 
     def path(self, name: str) -> str:
-        """The full path of a face, hole or part of this component."""
+        """Return the full path of a face, hole or part of this component."""
         return f"{self.name}.{name}" if self.name else name
 
     def _face(self, name: str) -> str:
@@ -317,7 +317,7 @@ class Shape:
 
 
 def rectangle_around(center_mm: Point, length_mm: float, width_mm: float) -> tuple[Point, ...]:
-    """The corners of a rectangle around a point, its length along x, counter-clockwise."""
+    """Return the corners of a rectangle around a point, its length along x, counter-clockwise."""
     (x, y), a, b = center_mm, length_mm / 2, width_mm / 2
     return ((x - a, y - b), (x + a, y - b), (x + a, y + b), (x - a, y + b))
 

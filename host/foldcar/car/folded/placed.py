@@ -46,7 +46,7 @@ class PlacedFace:
         return self.in_car(self.face.outline_mm)
 
     def edge_mm(self, index: int) -> NDArray[np.float64]:
-        """The ends of an edge of the outline in the car's frame, (2, 3), in mm."""
+        """Return the ends of an edge of the outline in the car's frame, (2, 3), in mm."""
         return self.corners_mm[[index, (index + 1) % len(self.corners_mm)]]
 
     @property
@@ -70,7 +70,7 @@ Bodies = Mapping[str, Sequence[PlacedFace]]
 
 
 def polygon(face: Face) -> shapely.Polygon:
-    """A face's outline with its holes (mm); an invalid outline, which check_flat reports, is made valid."""
+    """Return a face's outline with its holes (mm); an invalid outline, which check_flat reports, is made valid."""
     shape = shapely.Polygon(face.outline_mm, [hole.outline_mm for hole in face.holes])
     return shape if shape.is_valid else shape.buffer(0)
 

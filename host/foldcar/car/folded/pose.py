@@ -7,12 +7,12 @@ from foldcar.car.folded.model import IDENTITY, EdgeRef, Face, HingeJoint, Piece,
 
 
 def translation(x_mm: float, y_mm: float, z_mm: float) -> Pose:
-    """The pose of a translation."""
+    """Return the pose of a translation."""
     return ((1.0, 0.0, 0.0, x_mm), (0.0, 1.0, 0.0, y_mm), (0.0, 0.0, 1.0, z_mm), (0.0, 0.0, 0.0, 1.0))
 
 
 def rotation(axis: str, angle_rad: float) -> Pose:
-    """The pose of a right-handed rotation about ``axis``: x, y or z."""
+    """Return the pose of a right-handed rotation about ``axis``: x, y or z."""
     c, s = _cos_sin(angle_rad)
     if axis == "x":
         rows = ((1.0, 0.0, 0.0), (0.0, c, -s), (0.0, s, c))
@@ -48,7 +48,7 @@ def inverse(pose: Pose) -> Pose:
 
 
 def apply(pose: Pose, x_mm: float, y_mm: float, z_mm: float = 0.0) -> tuple[float, float, float]:
-    """The image of a point (mm)."""
+    """Return the image of a point (mm)."""
     x, y, z = (a * x_mm + b * y_mm + c * z_mm + d for a, b, c, d in pose[:3])
     return (x, y, z)
 
@@ -103,12 +103,12 @@ def folded(piece: Piece, fraction: float | Mapping[str, float] = 1.0) -> dict[st
 
 
 def edge(faces: Mapping[str, Face], reference: EdgeRef) -> tuple[Point, Point]:
-    """The ends of an edge (mm) in its face's frame."""
+    """Return the ends of an edge (mm) in its face's frame."""
     return side(faces[reference.face].outline_mm, reference.index)
 
 
 def side(outline_mm: Sequence[Point], index: int) -> tuple[Point, Point]:
-    """The ends of edge ``index`` of an outline (mm)."""
+    """Return the ends of edge ``index`` of an outline (mm)."""
     return outline_mm[index], outline_mm[(index + 1) % len(outline_mm)]
 
 

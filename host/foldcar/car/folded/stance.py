@@ -25,12 +25,12 @@ class Stance:
     origin_mm: float
 
     def height_mm(self, x_mm: float, z_mm: float) -> float:
-        """The height over the ground of a point of the car's frame (mm): ``stance.height_mm(0, -25)``."""
+        """Return the height over the ground of a point of the car's frame (mm): ``stance.height_mm(0, -25)``."""
         return x_mm * math.sin(self.pitch_rad) + z_mm * math.cos(self.pitch_rad) + self.origin_mm
 
 
 def center_mm(car: FoldedCar) -> tuple[float, float, float]:
-    """The centre of mass of the whole car in its frame (mm)."""
+    """Return the centre of mass of the whole car in its frame (mm)."""
     bodies = sorted({placed.body for placed in car.placed})
     x, y, z = (assemble(body_properties(car, body) for body in bodies).center_m * 1e3).tolist()
     return x, y, z

@@ -31,7 +31,7 @@ class MassProperties:
 
 
 def assemble(bodies: Iterable[MassProperties]) -> MassProperties:
-    """The mass properties of the bodies as one rigid body (parallel-axis theorem)."""
+    """Return the mass properties of the bodies as one rigid body (parallel-axis theorem)."""
     parts = list(bodies)
     mass_kg = sum(part.mass_kg for part in parts)
     center = np.sum([part.mass_kg * part.center_m for part in parts], axis=0) / mass_kg
@@ -90,7 +90,7 @@ def film_area_cm2(car: FoldedCar) -> float:
 
 
 def area_mm2(outline: Sequence[Point]) -> float:
-    """The signed area of a polygon (mm²), positive if it runs counter-clockwise (shoelace formula)."""
+    """Return the signed area of a polygon (mm²), positive if it runs counter-clockwise (shoelace formula)."""
     x0, y0 = outline[-1]
     doubled = 0.0
     for x1, y1 in outline:

@@ -173,7 +173,7 @@ class Tyre(Bought):
     note: str
 
     def running_width_mm(self, rim_width_mm: float) -> float:
-        """The width that touches the ground (mm), on a rim of that width."""
+        """Return the width that touches the ground (mm), on a rim of that width."""
         return rim_width_mm if self.width_mm is None else min(self.width_mm.value, rim_width_mm)
 
     def sizes(self, radius_mm: float, rim_width_mm: float) -> tuple[str, ...]:
@@ -205,23 +205,28 @@ class Tyre(Bought):
         )
 
     def closed_stretch(self, radius_mm: float) -> float | None:
-        """The fraction by which a closed band is stretched on a wheel of that outer radius; None if no band fits."""
-        if self.stretch is None or self.inside_mm is None:
-            return None if self.stretch is None else self.stretch.value
-        stretch = 2 * math.pi * (radius_mm - self.thickness_mm.value) / self.inside_mm.value - 1
+        """Return by which fraction a closed band is stretched on a wheel of that outer radius; None if no band fits."""
+        if self.stretch is None:
+            return None
+        if self.inside_mm is None:
+            return self.stretch.value
+        rim_length_mm = 2 * math.pi * (radius_mm - self.thickness_mm.value)
+        stretch = rim_length_mm / self.inside_mm.value - 1
         return stretch if self.stretch.min_value <= stretch <= self.stretch.max_value else None
 
     def taped_mm(self, radius_mm: float) -> float:
-        """The length of tape (mm) that holds the tyre on a wheel of that outer radius if it is cut from a strip, else 0.
+        """Return the length of tape (mm) that holds the tyre on a wheel of that outer radius.
 
-        A strip with an adhesive of its own, and a closed band of one size that fits, need none.
+        A tyre that is cut from a strip needs tape. A strip with an adhesive of its own needs none, and neither does a
+        closed band of one size that fits.
         """
-        has_to_be_closed = self.inside_mm is not None and self.closed_stretch(radius_mm) is not None
-        needs_tape = self.stretch is not None and not has_to_be_closed
-        return 2 * math.pi * (radius_mm - self.thickness_mm.value) if needs_tape else 0.0
+        is_closed_band = self.inside_mm is not None and self.closed_stretch(radius_mm) is not None
+        if self.stretch is None or is_closed_band:
+            return 0.0
+        return 2 * math.pi * (radius_mm - self.thickness_mm.value)
 
     def mass_kg(self, radius_mm: float, rim_width_mm: float) -> float:
-        """The mass of a ring of that outer radius (kg)."""
+        """Return the mass of a ring of that outer radius (kg)."""
         area_mm2 = math.pi * (radius_mm**2 - (radius_mm - self.thickness_mm.value) ** 2)
         width_mm = rim_width_mm if self.width_mm is None else self.width_mm.value
         return area_mm2 * width_mm * 1e-9 * self.density_kg_m3.value

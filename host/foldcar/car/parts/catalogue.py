@@ -170,7 +170,7 @@ class Catalogue(Data):
 
 
 def catalogue() -> Catalogue:
-    """The catalogue of the default choices."""
+    """Return the catalogue of the default choices."""
     return catalogue_of(DEFAULT_CHOICES)
 
 

@@ -51,7 +51,7 @@ class Blocks:
         return high
 
     def part(self, i: int) -> Points:
-        """The corners of solid ``i``, (n, 3)."""
+        """Return the corners of solid ``i``, (n, 3)."""
         return self.corners_mm[self.starts[i] : self.starts[i + 1] if i + 1 < len(self.titles) else None]
 
     @cached_property
@@ -96,12 +96,12 @@ def merge_blocks(groups: Iterable[Blocks]) -> Blocks:
 
 
 def hull(points: Points) -> fcl.CollisionObject:
-    """The convex hull of points (mm)."""
+    """Return the convex hull of points (mm)."""
     return fcl.CollisionObject(fcl.Convex(np.ascontiguousarray(points), 1, _NO_FACES))
 
 
 def plate(shape: shapely.Geometry, thickness_mm: float, title: str) -> Blocks:
-    """A flat shape as a plate around the plane z = 0."""
+    """Return a flat shape as a plate around the plane z = 0."""
     half = thickness_mm / 2 - SKIN_MM
     flat = [np.array(part) for part in convex_parts(shape.buffer(-SKIN_MM, join_style="mitre"))]
     solids = (np.column_stack([np.repeat(part, 2, axis=0), np.tile((-half, half), len(part))]) for part in flat)
@@ -109,7 +109,7 @@ def plate(shape: shapely.Geometry, thickness_mm: float, title: str) -> Blocks:
 
 
 def convex_parts(shape: shapely.Geometry) -> list[Points]:
-    """The corners of convex polygons that make up a shape: its triangles."""
+    """Return the corners of convex polygons that make up a shape: its triangles."""
     polygons = [part for part in shapely.get_parts(shape) if part.geom_type == "Polygon" and part.area > MIN_SIZE_MM**2]
     triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(shapely.MultiPolygon(polygons)))
     return [shapely.get_coordinates(triangle)[:-1] for triangle in triangles]
@@ -130,19 +130,19 @@ def solid_blocks(solid: Solid, title: str) -> Blocks:
 
 
 def clearance_blocks(clearance: ToolClearance, title: str) -> Blocks:
-    """The cylinder that must be free, in its part's frame."""
+    """Return the cylinder that must be free, in its part's frame."""
     corners = prism(clearance.diameter_mm / 2 - SKIN_MM, SKIN_MM, clearance.length_mm)
     return blocks_of([corners], title).moved(clearance.pose)
 
 
 def box(size_mm: tuple[float, float, float]) -> Points:
-    """The corners of a box around the origin, (8, 3)."""
+    """Return the corners of a box around the origin, (8, 3)."""
     half = np.maximum(np.array(size_mm) / 2 - SKIN_MM, MIN_SIZE_MM)
     return np.array(list(itertools.product((-1, 1), repeat=3))) * half
 
 
 def prism(radius_mm: float, low_mm: float, high_mm: float) -> Points:
-    """The corners of a cylinder along z; the prism has the cylinder's section area."""
+    """Return the corners of a cylinder along z; the prism has the cylinder's section area."""
     radius = max(radius_mm, MIN_SIZE_MM) * math.sqrt(2 * math.pi / SIDES / math.sin(2 * math.pi / SIDES))
     turns = 2 * math.pi * np.arange(SIDES) / SIDES
     circle = np.column_stack([radius * np.cos(turns), radius * np.sin(turns)])

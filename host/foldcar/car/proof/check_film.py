@@ -36,7 +36,7 @@ def check_flat(piece: Piece, hole_to_fold_mm: float) -> Iterator[Finding]:
 
 
 def flat_polygons(piece: Piece) -> dict[str, shapely.Polygon]:
-    """The faces in the flat layout (mm), by name."""
+    """Return the faces in the flat layout (mm), by name."""
     poses = folded(piece, 0.0)
     flat = {}
     for face in piece.faces:

@@ -171,7 +171,7 @@ class _Prover:
         return [(added.kind, added.name, added.copy)]
 
     def _is_bent(self, added: AddedPart) -> bool:
-        """Whether a part is laid out, wound or stretched, so that it has no straight insertion path."""
+        """Return whether a part is laid out, wound or stretched, so that it has no straight insertion path."""
         if added.kind == "piece":
             return added.name in self.roles.bases or self.roles.is_wound(added.name)
         if added.kind == "unit":
@@ -212,7 +212,7 @@ class _Prover:
         return replace(added, way_mm=insertion_paths[0], nut_mm=insertion_paths[1])
 
     def _plugs_onto(self, mount: Mount, present: Mapping[PartKey, Blocks]) -> bool:
-        """Whether a mount is a board that is plugged onto a board in place, header on header."""
+        """Return whether a mount is a board that is plugged onto a board in place, header on header."""
         boards = self.roles.board_names
         names = {self.roles.mounts[name].part for kind, name, _ in present if kind == "mount"}
         return mount.part in boards and bool(names & (boards - {mount.part}))

@@ -34,7 +34,7 @@ class Host(NamedTuple):
 
 @lru_cache(maxsize=16)
 def roles_of(car: FoldedCar) -> "Roles":
-    """The roles in a car."""
+    """Return the roles in a car."""
     return Roles(car)
 
 
@@ -64,7 +64,7 @@ class Roles:
         self.board_names = {car.parts.feather.name, car.parts.featherwing.name}
 
     def placed(self, body: str) -> list[PlacedPiece]:
-        """The copies of pieces in a body."""
+        """Return the copies of pieces in a body."""
         return [copy for copy in self.car.placed if copy.body == body]
 
     def non_base_copies(self) -> Iterator[PlacedPiece]:
@@ -91,7 +91,7 @@ class Roles:
         return None
 
     def mount_host(self, mount: Mount) -> Host | None:
-        """The piece and its face that a mount is fixed to; None for a mount that is not fixed to any."""
+        """Return the piece and its face that a mount is fixed to; None for a mount that is not fixed to any."""
         candidates = (*([self.base[mount.body]] if mount.body in self.base else []), *self.placed(mount.body))
         hosts = [Host(copy, mount.face) for copy in candidates if mount.face in self.finished[copy.piece]]
         # Both caps of a segment have a face of the same name: that with the mount's hole is meant.
@@ -103,7 +103,7 @@ class Roles:
         return {hole.name for face in piece.faces if face.name == host.face for hole in face.holes}
 
     def is_on_lid(self, mount: Mount) -> bool:
-        """Whether a mount lies on the outer side of a lid."""
+        """Return whether a mount lies on the outer side of a lid."""
         host = self.mount_host(mount)
         on_beam = self._on_beam(host, mount.body)
         if host is None or on_beam is None or self.is_fastener(mount):
@@ -122,7 +122,7 @@ class Roles:
         return host
 
     def pose_of(self, copy: PlacedPiece, face: str) -> Pose:
-        """The pose of a face in the finished car."""
+        """Return the pose of a face in the finished car."""
         return compose(copy.pose, self.finished[copy.piece][face])
 
     def all_folded(self, piece: str) -> dict[str, float]:
@@ -130,36 +130,36 @@ class Roles:
         return {crease.name: 1.0 for crease in self.pieces[piece].creases}
 
     def joined(self, piece: str) -> list[Join]:
-        """The joins of a piece with others."""
+        """Return the joins of a piece with others."""
         return [j for j in self.car.joins if (j.piece_a == piece) != (j.piece_b == piece)]
 
     def is_layer(self, copy: PlacedPiece) -> bool:
-        """Whether a copy is of a flat piece whose only joins are laminations."""
+        """Return whether a copy is of a flat piece whose only joins are laminations."""
         return not self.pieces[copy.piece].creases and {j.kind for j in self.joined(copy.piece)} == {"laminate"}
 
     def is_connector(self, copy: PlacedPiece) -> bool:
-        """Whether a copy joins segments or is fixed to other pieces than beams: hinge strips, stops."""
+        """Return whether a copy joins segments or is fixed to other pieces than beams: hinge strips, stops."""
         if any(crease.flexure for crease in self.pieces[copy.piece].creases):
             return True
         partners = {j.piece_b if j.piece_a == copy.piece else j.piece_a for j in self.joined(copy.piece)}
         return bool(partners) and not partners & self.bases
 
     def is_wound(self, piece: str) -> bool:
-        """Whether a piece is wound around discs, into whose edges it hooks."""
+        """Return whether a piece is wound around discs, into whose edges it hooks."""
         return any(join.kind == "rim" and join.piece_a == piece for join in self.joined(piece))
 
     def carried(self, copy: PlacedPiece) -> list[Mount]:
-        """The mounts on the faces of a piece that are not on its beam."""
+        """Return the mounts on the faces of a piece that are not on its beam."""
         own_faces = {face.name for face in self.pieces[copy.piece].faces}
         base = {face.name for face in self.pieces[self.base[copy.body].piece].faces} if copy.body in self.base else set()
         return [m for m in self.car.mounts if m.body == copy.body and m.face in own_faces - base]
 
     def is_carrier(self, copy: PlacedPiece) -> bool:
-        """Whether a copy carries boards, which are screwed to it before it goes in."""
+        """Return whether a copy carries boards, which are screwed to it before it goes in."""
         return any(mount.part in self.board_names for mount in self.carried(copy))
 
     def is_fastener(self, mount: Mount) -> bool:
-        """Whether a mount is a screw, with its nut."""
+        """Return whether a mount is a screw, with its nut."""
         return mount.part in self.fastener_names
 
     def _held_by(self, screw: Mount) -> list[Mount]:
@@ -188,7 +188,7 @@ class Roles:
         return tuple(part for _, part in sorted(passed, key=lambda height_and_part: -height_and_part[0]))
 
     def from_outside(self, mount: Mount, clearance: ToolClearance) -> bool:
-        """Whether a tool reaches the mount while the lid is shut.
+        """Return whether a tool reaches the mount while the lid is shut.
 
         That is so if its clearance starts outside the segment's box, or leaves it through another side than the top.
         """
@@ -204,7 +204,7 @@ class Roles:
         return bool(not inside or (end < low).any() or (end > high)[:2].any())
 
     def _lies_on(self, copy: PlacedPiece, other: PlacedPiece, name: str) -> bool:
-        """Whether a piece lies on a face of another one."""
+        """Return whether a piece lies on a face of another one."""
         to_face = compose(inverse(self.pose_of(other, name)), copy.pose)
         middle = polygon(self.pieces[copy.piece].faces[0]).representative_point()
         x, y, z = apply(to_face, middle.x, middle.y)
@@ -249,7 +249,7 @@ def lid_of(car: FoldedCar, base: Piece) -> Lid:
 
 
 def stands_in(screw: Mount, solid: Solid, other: Mount, bored: Solid) -> bool:
-    """Whether a cylinder of one part, a screw's shank, stands in a bore of a solid of another part."""
+    """Return whether a cylinder of one part, a screw's shank, stands in a bore of a solid of another part."""
     if solid.kind != "cylinder" or not bored.bores:
         return False
     to_bored = np.array(compose(inverse(compose(other.pose, bored.pose)), screw.pose, solid.pose))

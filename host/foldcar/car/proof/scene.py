@@ -37,20 +37,20 @@ class Stage:
         return Stage(self.roles, {**self.folds, **changed})
 
     def root(self, copy: PlacedPiece) -> Pose:
-        """The pose of the first face of a copy of a piece."""
+        """Return the pose of the first face of a copy of a piece."""
         return compose(self._shift(self.roles.host(copy)), copy.pose)
 
     def faces(self, copy: PlacedPiece) -> dict[str, Pose]:
-        """The poses of the faces of a copy of a piece."""
+        """Return the poses of the faces of a copy of a piece."""
         root = self.root(copy)
         return {face: compose(root, pose) for face, pose in self._folded(copy.piece).items()}
 
     def mount(self, mount: Mount) -> Pose:
-        """The pose of a mount."""
+        """Return the pose of a mount."""
         return compose(self._shift(self.roles.mount_host(mount)), mount.pose)
 
     def poses(self, key: PartKey) -> dict[str, Pose]:
-        """The poses of a piece's faces by their names, or the pose of a mount by its name."""
+        """Return the poses of a piece's faces by their names, or the pose of a mount by its name."""
         kind, name, copy = key
         if kind == "piece":
             return self.faces(self.roles.copies[name, copy])
@@ -83,7 +83,7 @@ BEHIND_MM = 1.0
 
 
 def title(piece: str, face: str) -> str:
-    """The name of a face in findings."""
+    """Return the name of a face in findings."""
     return f"{piece}: {face}"
 
 

@@ -83,6 +83,6 @@ def piece_area_mm2(piece: Piece) -> float:
 
 
 def mount_material(mount: Mount) -> Material:
-    """The material of a bought part."""
+    """Return the material of a bought part."""
     name = mount.part.lower()
     return next((material for word, material in MATERIAL_OF.items() if word in name), "other")

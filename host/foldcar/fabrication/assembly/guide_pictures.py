@@ -298,7 +298,7 @@ class StepPicture:
 
 
 def is_hidden(state: AssemblyState, part: Part) -> bool:
-    """Whether the part is a screw or a spacer, which later steps do not draw."""
+    """Return whether the part is a screw or a spacer, which later steps do not draw."""
     names = {entry.name for _, entry in state.car.parts if isinstance(entry, Screw | Spacer)}
     return isinstance(part, Mount) and part.part in names
 

@@ -118,7 +118,7 @@ class _InsertionWords:
         return "put it on" if self.host is not None else "put it in"
 
     def _is_layer(self, added: AddedPart) -> bool:
-        """Whether a piece of the step becomes a layer on another piece."""
+        """Return whether a piece of the step becomes a layer on another piece."""
         return added.kind == "piece" and any(join.piece_a == added.name for join in self._laminates())
 
     def _laminates(self) -> list[Join]:

@@ -238,7 +238,7 @@ def _added_parts(car: FoldedCar, step: AssemblyStep) -> set[str]:
 
 
 def is_wound(piece: Piece) -> bool:
-    """Whether the piece is a strip that is wound into a ring."""
+    """Return whether the piece is a strip that is wound into a ring."""
     return any(crease.bend for crease in piece.creases)
 
 
@@ -257,7 +257,7 @@ def disc_turns(car: FoldedCar, step: AssemblyStep) -> list[Join]:
 
 
 def is_screw(parts: Catalogue, mount: Mount) -> bool:
-    """Whether the part is a screw, with or without a nut."""
+    """Return whether the part is a screw, with or without a nut."""
     return mount.part in {part.name for _, part in parts if isinstance(part, Screw)}
 
 
@@ -266,7 +266,7 @@ def _hand_folds(piece: Piece) -> list[Crease]:
 
 
 def _on_wheels(car: FoldedCar) -> set[str]:
-    """The pieces of wheels."""
+    """Return the pieces of wheels."""
     wheels = {axle.wheel for axle in car.axles}
     return {placed.piece for placed in car.placed if placed.body in wheels}
 

@@ -63,12 +63,12 @@ def parts_list(folded: FoldedCar, sheets: Sequence[Sheet] = (), cut: CutCar | No
 
 
 def total_mass_kg(rows: tuple[Row, ...]) -> float:
-    """The car's mass (kg)."""
+    """Return the car's mass (kg)."""
     return sum(row.mass_kg for row in rows)
 
 
 def total_cost_usd(rows: tuple[Row, ...]) -> float:
-    """The car's cost (US dollars)."""
+    """Return the car's cost (US dollars)."""
     return sum(row.cost_usd or 0.0 for row in rows)
 
 

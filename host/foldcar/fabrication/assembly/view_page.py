@@ -150,7 +150,7 @@ def _piece(piece: Piece, steps: ViewSteps, glued: set[tuple[str, str]]) -> dict[
 
 
 def _is_smooth(crease: Crease, faces: dict[str, Face]) -> bool:
-    """Whether the crease is invisible: a rim bends smoothly between its facets."""
+    """Return whether the crease is invisible: a rim bends smoothly between its facets."""
     return crease.bend or (faces[crease.parent.face].role == "rim" and faces[crease.child.face].role == "rim")
 
 

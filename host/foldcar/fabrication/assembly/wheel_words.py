@@ -14,7 +14,7 @@ from foldcar.fabrication.assembly.operations import disc_turns, is_wound
 
 
 def is_rim_lock(car: FoldedCar, join: Join) -> bool:
-    """Whether a join is a lock of a wound strip."""
+    """Return whether a join is a lock of a wound strip."""
     return join.kind == "lock" and is_wound(next(piece for piece in car.pieces if piece.name == join.piece_a))
 
 

@@ -84,7 +84,7 @@ class Path:
         return sum(math.dist(a, b) for a, b in self.segments)
 
     def moved(self, motion: "Motion") -> "Path":
-        """The line after a motion."""
+        """Return the line after a motion."""
         return replace(self, points_mm=tuple(motion.apply(p) for p in self.points_mm))
 
 
@@ -102,7 +102,7 @@ class Circle:
         return 2 * math.pi * self.radius_mm
 
     def moved(self, motion: "Motion") -> "Circle":
-        """The circle after a motion."""
+        """Return the circle after a motion."""
         return replace(self, center_mm=motion.apply(self.center_mm))
 
 
@@ -117,7 +117,7 @@ class Motion:
     shift_mm: Point = (0.0, 0.0)
 
     def apply(self, point: Point) -> Point:
-        """The image of ``point`` (mm)."""
+        """Return the image of ``point`` (mm)."""
         x, y = point
         for _ in range(self.quarter_turns % 4):
             x, y = -y, x

@@ -160,7 +160,7 @@ def bend_deduction_mm(angle_rad: float, thickness_mm: float, options: Options) -
 
 
 def _saved_mm(crease: Crease, thickness_mm: float, options: Options) -> float:
-    """The bend deduction (mm) of a fold; a smooth bend's facets are as long as the film's middle."""
+    """Return the bend deduction (mm) of a fold; a smooth bend's facets are as long as the film's middle."""
     return 0.0 if crease.bend else bend_deduction_mm(crease.angle_rad, thickness_mm, options)
 
 

@@ -133,7 +133,7 @@ class _Area:
         return mask
 
     def motion(self, turned: _RotatedPiece, row: int, column: int) -> Motion:
-        """The motion of a piece whose first cell is at that row and column."""
+        """Return the motion of a piece whose first cell is at that row and column."""
         x = self.margin_mm + column * CELL_MM - turned.corner_mm[0]
         y = self.margin_mm + row * CELL_MM - turned.corner_mm[1]
         return Motion(turned.turn, (x, y))

@@ -10,7 +10,7 @@ from foldcar.fabrication.patterns.options import MACHINES, MAX_SHEET_MM, Options
 
 
 def fits(extent_mm: tuple[float, float], size_mm: tuple[float, float], margin_mm: float) -> bool:
-    """Whether a box of that extent fits into a sheet without its margins, upright or turned by 90°."""
+    """Return whether a box of that extent fits into a sheet without its margins, upright or turned by 90°."""
     low, high = sorted(extent_mm)
     usable_low, usable_high = sorted(side - 2 * margin_mm for side in size_mm)
     return low <= usable_low + 1e-6 and high <= usable_high + 1e-6
@@ -46,7 +46,7 @@ def suggest_sheet(is_enough: Callable[[Options], bool], outlines: Iterable[Polyg
 
 
 def all_fit(outlines: Sequence[Polygon], options: Options) -> bool:
-    """Whether each of the outlines (mm) fits on a sheet."""
+    """Return whether each of the outlines (mm) fits on a sheet."""
     bounds = (outline.bounds for outline in outlines)
     return all(fits((x1 - x0, y1 - y0), options.sheet_size_mm, options.margin_mm) for x0, y0, x1, y1 in bounds)
 

@@ -58,7 +58,7 @@ class DrawnText:
 
 @dataclass(frozen=True)
 class Arrow:
-    """The path of a part or a tool through points, (n, 3) in mm, drawn over everything; ``text`` stands at its start."""
+    """The path of a part or a tool: points (n, 3) in mm. It is drawn over everything, and ``text`` stands at its start."""
 
     points_mm: Vector
     kind: Literal["way", "tool"] = "way"
@@ -67,9 +67,10 @@ class Arrow:
 
 @dataclass(frozen=True)
 class Drawing:
-    """One picture, which is drawn when its SVG is read.
+    """One picture. It is drawn when its SVG is read.
 
-    ``enlarged`` scales the marks, for pictures that are shown small; facets with keys in ``faded`` are paler.
+    ``enlarged`` scales the marks of a picture that is shown small. Facets whose keys are in ``faded`` are drawn
+    paler.
     """
 
     shape: PictureContent
@@ -133,10 +134,10 @@ def _face(seen: VisibleFacet, size: float, faded: bool) -> str:
 
 
 def _lines(shape: PictureContent, seen: Sequence[VisibleFacet], view: Camera, size: float) -> list[str]:
-    """Return the visible parts of edges and creases as stroked paths, one for each kind of line.
+    """Return the visible parts of edges and creases as stroked paths, one path for each kind of line.
 
-    A line is visible where it lies in, or within EDGE_SLACK_MM of, a visible region of one of its facets. ``size`` is
-    the picture's larger side (mm).
+    A line is visible where it lies in a visible region of one of its facets, or not farther than EDGE_SLACK_MM from
+    it. ``size`` is the larger side of the picture (mm).
     """
     visible = {visible_facet.facet.key: visible_facet for visible_facet in seen}
     # Edges of the same kind and facets are cut at once, which is faster.
@@ -170,7 +171,7 @@ def _lines(shape: PictureContent, seen: Sequence[VisibleFacet], view: Camera, si
 
 
 def _marks(marks: Sequence[DrawnText], seen: Sequence[VisibleFacet], view: Camera, size: float) -> list[str]:
-    """Return the numbers of joins on visible faces, in circles, moved apart where they would overlap."""
+    """Return the numbers of joins on visible faces, in circles. Circles that would overlap are moved apart."""
     regions = {visible_facet.facet.key: visible_facet.region for visible_facet in seen}
     elements: list[str] = []
     placed: list[Vector] = []
@@ -192,9 +193,10 @@ def _marks(marks: Sequence[DrawnText], seen: Sequence[VisibleFacet], view: Camer
 
 
 def _moved_clear(point: Vector, placed: Sequence[Vector], min_distance: float) -> Vector:
-    """Return the point (2,), moved to the minimum distance from the nearest of the points that are already placed.
+    """Move a point (2,) away from the points that are already placed, until it has the minimum distance from each.
 
-    Another point may be too near then, so this is repeated, at most once for each point.
+    The point is moved away from the nearest of them. Then it may be too near to another one, so this is repeated, at
+    most once for each point.
     """
     for _ in placed:
         nearest = min(placed, key=lambda other: float(np.linalg.norm(point - other)))
@@ -207,7 +209,7 @@ def _moved_clear(point: Vector, placed: Sequence[Vector], min_distance: float) -
 
 
 def _arrow(arrow: Arrow, view: Camera, size: float) -> str:
-    """Return the SVG of an arrow with a white edge, visible on any colour; "" if it is too short in the picture."""
+    """Return the SVG of an arrow, which has a white edge so that it is visible on any colour; "" for a very short arrow."""
     points = view.flat(arrow.points_mm)
     colour, width = ARROWS[arrow.kind]
     # Lengths are fractions of the picture's larger side, so that arrows look alike in all pictures.

@@ -38,9 +38,10 @@ def moved(pose: Matrix, points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def glued_offset_mm(piece: Piece, fraction: Fraction = 1.0) -> dict[str, float]:
-    """Return the offset (mm) of each tab along its normal when it is taped to the inside of another face, by tab.
+    """Return how far (mm) each tab that is taped to another face is moved along its normal, by the name of the tab.
 
-    A folded tab would lie in that face's plane; it is moved inwards by the film's thickness, times the fold's fraction.
+    A folded tab would lie in the plane of the other face. It is moved inwards by the thickness of the film, times the
+    fraction to which its fold is closed.
     """
     tabs = {face.name for face in piece.faces if face.role == "tab"}
     offsets = {}
@@ -51,15 +52,18 @@ def glued_offset_mm(piece: Piece, fraction: Fraction = 1.0) -> dict[str, float]:
 
 
 def face_points(face: Face) -> tuple[NDArray[np.float64], list[int]]:
-    """Return the points (n, 2) of the outline, then of the holes, and the end index of each of these rings."""
+    """Return all points of a face, (n, 2): those of its outline, then those of its holes; and where each of these
+    rings ends.
+    """
     rings = [np.array(ring, dtype=np.float64) for ring in (face.outline_mm, *(hole.outline_mm for hole in face.holes))]
     return np.concatenate(rings), list(np.cumsum([len(ring) for ring in rings]))
 
 
 def face_triangles(face: Face) -> NDArray[np.int64]:
-    """Triangulate a face: return indices (m, 3) into ``face_points``, counter-clockwise seen from the printed side.
+    """Cut a face into triangles; return the indices of their corners, (m, 3), in the points of :func:`face_points`.
 
-    Every point is a corner of a triangle, even inside a straight edge, because neighbouring faces share it.
+    Corners run counter-clockwise as seen from the printed side. Every point of the face is a corner of a triangle,
+    even if it lies inside a straight edge, because a neighbouring face shares it.
     """
     # The outline's points end at the first of `ends`, those of each hole at the next.
     points, ends = face_points(face)
@@ -77,7 +81,7 @@ def face_triangles(face: Face) -> NDArray[np.int64]:
 
 
 def piece_area_mm2(piece: Piece) -> float:
-    """Area of film in one copy of the piece (mm²)."""
+    """Return the area of film in one copy of the piece (mm²)."""
     outlines = [(face.outline_mm, [hole.outline_mm for hole in face.holes]) for face in piece.faces]
     return sum(abs(area_mm2(outer)) - sum(abs(area_mm2(hole)) for hole in holes) for outer, holes in outlines)
 

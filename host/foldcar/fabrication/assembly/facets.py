@@ -27,7 +27,7 @@ LineKind = Literal["cut", "mountain", "valley", "flat"]
 
 @dataclass(frozen=True)
 class EdgeLine:
-    """A line along the edge of one facet or, for a fold, of two; it is drawn where one of them is visible."""
+    """A line along an edge of a facet, or along the fold between two facets. It is drawn where one of them is visible."""
 
     keys: tuple[str, ...]
     ends_mm: Vector
@@ -56,10 +56,10 @@ def film_shape(
     tabs: bool = True,
     creases: bool = True,
 ) -> PictureContent:
-    """Return the shape of one copy of a piece, folded by ``fraction``, its root face at ``pose``.
+    """Return what is drawn of one copy of a piece of film, whose root face is at ``pose``.
 
-    Keys of facets are ``prefix`` and the face's name. With ``creases`` folds are drawn as folds, else as edges; without
-    ``tabs`` faces with that role are left out.
+    Its folds are closed by ``fraction``. The key of a facet is ``prefix`` and the name of its face. With ``creases``,
+    folds are drawn as folds, else as edges. Without ``tabs``, tabs are left out.
     """
     poses = {name: pose @ local_pose for name, local_pose in face_poses(piece, fraction).items()}
     facets, lines = [], []
@@ -85,7 +85,10 @@ def film_shape(
 
 
 def mount_shape(mount: Mount, pose: Matrix | None = None) -> PictureContent:
-    """Return the shape of a bought part, its solids or its box, at ``pose``, which is its pose in the car by default."""
+    """Return what is drawn of a bought part: its solids or, if it has none, its box.
+
+    ``pose`` is its place in the car by default.
+    """
     pose = np.array(mount.pose) if pose is None else pose
     facets, lines = [], []
     # A part of so many solids, all alike, is a ring, such as a tyre.
@@ -108,14 +111,14 @@ def _edges(ring: Vector) -> Vector:
 
 
 def shank_and_nut(screw: Mount) -> tuple[Mount, Mount]:
-    """Split a screw of head, shank and nut into head with shank, and its nut, which gets a name of its own."""
+    """Split a screw into two parts: head with shank, and its nut, which gets a name of its own."""
     return replace(screw, solids=screw.solids[:2]), replace(screw, name=f"{NUT_OF}{screw.name}", solids=screw.solids[2:])
 
 
 def _ring(mount: Mount, pose: Matrix) -> Iterator[tuple[tuple[Vector, ...], Vector]]:
-    """Yield the two faces and the facets of the outer side of a ring, such as a tyre, each as (rings, normal).
+    """Yield the facets of a ring, such as a tyre, each as (rings, normal): its two faces, then its outer side.
 
-    The ring fills the mount's box, around its z axis, and is as thick as the first of its solids.
+    The ring fills the box of the mount, around its z axis. It is as thick as the first of the mount's solids.
     """
     circle = _circle(RING_SIDES)
     outer_mm, half = mount.size_mm[0] / 2, mount.size_mm[2] / 2
@@ -142,7 +145,7 @@ def _side(low: Vector, high: Vector, i: int) -> Vector:
 
 
 def _sides(solid: Solid, pose: Matrix) -> Iterator[tuple[tuple[Vector], Vector]]:
-    """Yield the sides of a box or cylinder, each as ((its corners (n, 3),), normal); a cylinder's two ends come first."""
+    """Yield the sides of a box or a cylinder, each as (rings, normal). The two ends of a cylinder come first."""
     half = np.array(solid.size_mm) / 2
     if solid.kind == "box":
         for axis in range(3):
@@ -170,9 +173,10 @@ def _hole_ring(hole: Hole) -> Vector:
 
 
 def _folded_edges(piece: Piece, shown: set[str]) -> dict[tuple[str, int], tuple[LineKind | None, tuple[str, ...]]]:
-    """Return (kind of line, other faces) of edges that two shown faces share, by (face, index of its edge).
+    """Find the edges that two shown faces share; return for each (face, edge) its kind of line and the other face.
 
-    The line is drawn once, at the parent's edge: the kind is None for the child's edge, and for smooth bends.
+    The line is drawn only once, at the edge of the parent. So the kind is None for the edge of the child, and also
+    for smooth bends.
     """
     edges: dict[tuple[str, int], tuple[LineKind | None, tuple[str, ...]]] = {}
     for crease in piece.creases:

@@ -51,7 +51,7 @@ BESIDE_EDGE_MM = 7.0
 
 @dataclass(frozen=True, slots=True)
 class FlatPicture:
-    """A picture that is no view of the car: its SVG, and the words below it."""
+    """A picture that is no view of the car, such as a wiring diagram: its SVG, and the words below it."""
 
     svg: Markup
     caption: str
@@ -68,7 +68,7 @@ class Step:
 
     @property
     def layout(self) -> str:
-        """The classes that lay out text and pictures on the page: a flat picture has the whole width."""
+        """The classes of the page that lay out text and pictures; a flat picture takes the whole width."""
         if any(isinstance(picture, FlatPicture) for picture in self.pictures):
             return " flat"
         return "" if len(self.pictures) == 1 else " two"
@@ -90,7 +90,7 @@ def step_pictures(step: AssemblyStep, state: AssemblyState, title: str) -> tuple
 
 
 def service_picture(car: FoldedCar) -> tuple[Drawing, ...]:
-    """Return pictures of the finished car: how its lids open, and, with open lids, what plugs and fingers reach."""
+    """Return pictures of the finished car: how its lids open, and what plugs and fingers reach when they are open."""
     state = AssemblyState(car)
     for step in assembly_steps(car):
         state.advance(step)
@@ -123,7 +123,7 @@ def service_picture(car: FoldedCar) -> tuple[Drawing, ...]:
 
 
 def _opening_arrows(car: FoldedCar, state: AssemblyState) -> list[Arrow]:
-    """Return arrows where fingers push the lids' levers outwards, and where they lift the lids by their pull tabs."""
+    """Return arrows that show how to open the lids: fingers push the levers outwards, and lift the lids by the pull tabs."""
     arrows: list[Arrow] = []
     for name, lid in sorted(roles_of(car).lids.items()):
         copy = next(copy for copy in car.placed if copy.piece == name)
@@ -144,7 +144,7 @@ def _opening_arrows(car: FoldedCar, state: AssemblyState) -> list[Arrow]:
 
 
 def _views(scene: "StepPicture") -> list[tuple[Camera, str]]:
-    """Return the cameras and captions of a scene's pictures, so that every new part is seen from where it comes."""
+    """Return the cameras and captions of the pictures of a step. Each new part is seen from the side that it comes from."""
     if scene.outward is not None:
         azimuth_deg = 35 if scene.outward[1] > 0 else -35
         return [(camera(azimuth_deg, elevation_deg=18), "seen from its outer side")]
@@ -172,9 +172,10 @@ class _DisplacedPart:
 
 
 class StepPicture:
-    """``shape``, ``faded`` keys, ``arrows`` and ``marks`` of a step; ``sides`` are directions that large parts come from.
+    """What the pictures of a step show: the ``shape`` with ``faded`` keys, ``arrows`` and ``marks``.
 
-    ``outward`` is the direction away from the car, if the step puts a wheel together.
+    ``sides`` are the directions that large parts come from. ``outward`` is the direction away from the car, if the
+    step puts a wheel together.
     """
 
     def __init__(self, step: AssemblyStep, state: AssemblyState) -> None:
@@ -205,12 +206,14 @@ class StepPicture:
         self.shape = merge_shapes([*old_shapes, *new_shapes])
 
     def arrows_in(self, view: Camera) -> list[Arrow]:
-        """Return the arrows whose parts come from the camera's side, or across the picture, not from behind it."""
+        """Return the arrows of parts that come from the camera's side or across the picture, not from behind it."""
         arrows = [(arrow, arrow.points_mm[0] - arrow.points_mm[-1]) for arrow in self.arrows]
         return [arrow for arrow, back in arrows if back @ view.toward > -BEHIND * np.linalg.norm(back)]
 
     def _show_added(self, added: AddedPart) -> list[PictureContent]:
-        """Return the shapes of the parts of ``added``, drawn at a distance from their places; a nut, from its screw."""
+        """Return the shapes of the parts of ``added``, drawn at a distance from their places; a nut at a distance
+        from its screw.
+        """
         parts = self.state.parts_of(added)
         if added.nut_mm:
             (screw,) = parts
@@ -222,9 +225,10 @@ class StepPicture:
         return self._show_apart(added, parts)
 
     def _show_apart(self, added: AddedPart, parts: Sequence[Part]) -> list[PictureContent]:
-        """Return the shapes of ``parts`` before their insertion; add an arrow along their path, and their marks.
+        """Return the shapes of ``parts`` before they are put in, and add an arrow along their path, and their marks.
 
-        A part behind an earlier one, in the direction they come from, stands farther out by the earlier one's shift.
+        A part may be hidden by an earlier one that comes from the same direction. So it stands farther out, by the
+        shift of the earlier one.
         """
         corners_mm = points([self.state.shape(part) for part in parts])
         box = np.stack([corners_mm.min(axis=0), corners_mm.max(axis=0)])
@@ -245,10 +249,11 @@ class StepPicture:
         return [self.state.shape(part, shift, creases=not moves) for part in parts]
 
     def _shift_of_obstacle(self, box: Vector, out: Vector) -> Vector:
-        """Return the largest shift (3,) of displaced parts that a box moving along ``out`` would meet; 0 without any.
+        """Return the largest shift (3,) of the displaced parts that a box would meet on its way ``out``; 0 if it
+        meets none.
 
-        ``box`` is (2, 3): its minimum and maximum (mm). A part is in the way if it was displaced in about the same
-        direction and overlaps the box across that direction.
+        ``box`` is (2, 3): its minimum and maximum (mm). A displaced part is in the way if it was moved in about the
+        same direction, and if it overlaps the box across that direction.
         """
         across = np.abs(out) < ACROSS
         shifts = [np.zeros(3)]
@@ -259,9 +264,11 @@ class StepPicture:
         return max(shifts, key=lambda shift: float(shift @ out))
 
     def _moves(self, added: AddedPart, box: Vector) -> list[Vector]:
-        """Return the moves of the insertion path, shortened for the picture; the first is long enough to be seen.
+        """Return the moves of a part's insertion path, shortened for the picture.
 
-        A strip that is wound around a wheel has no path: it is drawn to come from outside along the radius.
+        The first one is long enough to be seen.
+
+        A strip that is wound around a wheel has no path. It is drawn as if it came from outside, along the radius.
         """
         moves = [np.array(move) for move in added.way_mm if np.linalg.norm(move) > 0]
         if not moves and self.axle_mm is not None and added.kind == "piece" and is_wound(self.state.pieces[added.name]):
@@ -280,7 +287,7 @@ class StepPicture:
         return added.kind == "mount" and is_screw(self.state.car.parts, self.state.mounts[added.name])
 
     def _add_fold_arrows(self, part: PlacedPiece) -> None:
-        """Add arrows for the largest faces that the step's folds move, from where they were to where they are."""
+        """Add arrows for the largest faces that the folds of the step move, from where they were to where they are."""
         before = self.state.face_centres(part, self.state.previous_stage)
         after = self.state.face_centres(part, self.state.stage)
         faces = sorted(self.state.pieces[part.piece].faces, key=lambda face: -_box_area_mm2(face.outline_mm))
@@ -315,7 +322,7 @@ def _box_area_mm2(outline_mm: Sequence[tuple[float, float]]) -> float:
 def join_marks(folded: FoldedCar, piece: Piece, pose: Matrix, fraction: Fraction, prefix: str = "") -> list[DrawnText]:
     """Return marks with the numbers of all joins of one copy of a piece, whose root face is at ``pose``.
 
-    The teeth around a rim share one join, whose number is written once on the strip and once on the disc.
+    All teeth around a rim belong to one join. Its number is written once on the strip and once on the disc.
     """
     poses = {name: pose @ face_pose for name, face_pose in face_poses(piece, fraction).items()}
     offsets = glued_offset_mm(piece, fraction)
@@ -343,9 +350,10 @@ def _min_distance_mm(mark: DrawnText, others: list[DrawnText]) -> float:
 
 
 def _number_place(join: Join, piece: Piece, side: str) -> tuple[str, Vector] | None:
-    """Return the face, and the point (2,) in its frame (mm), where a join's number stands on side "a" or "b".
+    """Return where the number of a join stands on its side "a" or "b": the face, and the point (2,) in its frame (mm).
 
-    The point is inside the film: on a tab, beside a slot, or beside the joined edge. None if this side has no number.
+    The point is inside the film: on a tab, beside a slot, or beside the joined edge. The result is None if this side
+    has no number.
     """
     faces = {face.name: face for face in piece.faces}
     reference = join.a if side == "a" else join.b

@@ -18,7 +18,7 @@ from foldcar.shown_text import decoded
 
 @dataclass(frozen=True, slots=True)
 class ListedCar:
-    """Where a car is listed: its listing's file name, an experiment that drives it, and the options that choose it.
+    """Where a car is listed: the file name of its listing, an experiment that drives it, and the options that choose it.
 
     ``listing`` and ``experiment`` are "" if they are not known.
     """
@@ -35,7 +35,7 @@ class ListedCar:
 
     @property
     def explanation(self) -> str:
-        """What stands for a name in the command that is not known; "" if all are."""
+        """What stands for a name in the command that is not known; "" if all names are known."""
         folder = "Run it in the folder of the listing."
         if not self.listing:
             return f"LISTING is the file in which this car is listed, ID one of its experiments that drives it. {folder}"
@@ -48,7 +48,7 @@ class ListedCar:
 
 
 def service_lines(car: FoldedCar, steps: Sequence[AssemblyStep]) -> tuple[str, ...]:
-    """Return how the finished car is opened, charged, connected and reset; ``steps`` are the proved service steps."""
+    """Return how the finished car is opened, charged, connected and reset. ``steps`` are the proved steps of service."""
     parts = car.parts
     mounts = {mount.name: mount for mount in car.mounts}
     opening_step = next((number for number, step in enumerate(steps) if step.folds), None)
@@ -136,7 +136,7 @@ def driving_steps(car: FoldedCar, listed: ListedCar) -> Iterator[tuple[str, tupl
 
 
 def _cable_lines() -> Iterator[str]:
-    """Yield how the USB cable is led, so that it meets no wheel."""
+    """Yield how to lead the USB cable, so that it touches no wheel."""
     yield (
         "The cable leaves between two wheels. Lead it up along the left wall and over the roof, with a loop at the "
         "plug that does not pull. Hold it with the cable tie in the two slots above USB; pull the "

@@ -18,10 +18,12 @@ Part = PlacedPiece | Mount
 
 
 class AssemblyState:
-    """The car after some steps of its assembly, at first after none; ``advance`` goes one step on.
+    """The car after some steps of its assembly.
 
-    ``previous_stage`` has the folds before the last step. ``_units`` has the parts of each unit, such as a wheel, which
-    is assembled apart from the car, by (unit, body).
+    At first it is the car before the first step; ``advance`` goes one step on.
+
+    ``previous_stage`` has the folds before the last step. ``_units`` has the parts of each unit, by (unit, body); a
+    unit, such as a wheel, is put together outside the car.
     """
 
     def __init__(self, car: FoldedCar) -> None:
@@ -33,7 +35,7 @@ class AssemblyState:
         self._shapes: dict[object, PictureContent] = {}
 
     def close_folds(self, folds: Folds) -> None:
-        """Fold creases: ``folds`` has the fraction of each crease's angle, by piece and crease."""
+        """Close folds. ``folds`` has the fraction to which each is closed, by piece and crease."""
         self.previous_stage, self.stage = self.stage, self.stage.closed(folds)
 
     @property
@@ -49,7 +51,7 @@ class AssemblyState:
             target.extend(self.parts_of(added))
 
     def parts_of(self, added: AddedPart) -> list[Part]:
-        """Return what ``added`` brings in: the parts of a unit, a mount, or the copy of a piece."""
+        """Return the parts that ``added`` brings in: those of a unit, a mount, or the copy of a piece."""
         if added.kind == "unit":
             return list(self._units.get((added.name, added.body), []))
         if added.kind == "mount":
@@ -65,7 +67,7 @@ class AssemblyState:
         return list(self._units.get((name, body), []))
 
     def face_centres(self, placed: PlacedPiece, stage: Stage) -> dict[str, Vector]:
-        """Return the centre of each face of a copy at a stage of folding, by face: (3,) in the car's frame, mm."""
+        """Return the centre of each face of a copy at a stage of folding: (3,) in the car's frame (mm), by face."""
         poses = stage.faces(placed)
         centres_mm = {face.name: np.mean(face.outline_mm, axis=0) for face in self.pieces[placed.piece].faces}
         return {name: np.array(apply(poses[name], *centre_mm)) for name, centre_mm in centres_mm.items()}

@@ -40,7 +40,7 @@ def step_lines(step: AssemblyStep, state: AssemblyState) -> tuple[str, ...]:
 
 
 def _bridge_lines(step: AssemblyStep) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return what is done before the bridge goes in, and after; nothing in a step without it."""
+    """Return what is done before the bridge goes in, and what is done after; nothing for a step without the bridge."""
     if not any(added.kind == "unit" and added.name == "bridge" for added in step.adds):
         return (), ()
     before = (
@@ -57,7 +57,7 @@ def _bridge_lines(step: AssemblyStep) -> tuple[tuple[str, ...], tuple[str, ...]]
 
 
 def _fold_lines(step: AssemblyStep, state: AssemblyState) -> Iterator[str]:
-    """Yield the instructions for folding: which pieces, how many folds, in which direction.
+    """Yield the instructions for folding: which pieces, how many folds, and in which direction.
 
     Pieces with the same folds share one line.
     """
@@ -117,7 +117,10 @@ def _join_lines(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
 
 
 def _shaft_lines(state: AssemblyState) -> Iterator[str]:
-    """Yield to which end of the car the servos' shafts, each at one end of its servo, lie, and how their leads go."""
+    """Yield to which end of the car the shaft of each servo points, and where the leads go.
+
+    The shaft is at one end of a servo.
+    """
     ends: dict[str, list[str]] = {}
     for axle in (axle for axle in state.car.axles if axle.driven):
         towards = "front" if axle.center_mm[0] > state.mounts[axle.servo].pose[0][3] else "rear"
@@ -180,7 +183,7 @@ def _cut_lengths(car: FoldedCar, step: AssemblyStep, state: AssemblyState) -> It
 
 
 def _cautions(car: FoldedCar, step: AssemblyStep, state: AssemblyState) -> Iterator[str]:
-    """Yield notes on parts: orientation, fixing, checks."""
+    """Yield what to look out for with the parts of a step: which way round they go, how they are fixed, what to check."""
     parts = {state.mounts[added.name].part for added in step.adds if added.kind == "mount"}
     sides = {lead.start.removesuffix(" +"): lead.leaves for lead in leads(car)}
     if car.parts.lipo.name in parts:

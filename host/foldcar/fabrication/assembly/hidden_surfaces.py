@@ -27,9 +27,12 @@ Vector = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Facet:
-    """A flat polygon: ``rings_mm[0]`` is the outline (n, 3), the others are holes; the points run in any direction.
+    """A flat polygon.
 
-    ``key`` identifies it. ``closed``: it is the outside of a solid, so that its back is never visible.
+    ``rings_mm[0]`` is its outline (n, 3), the others are its holes; the points may run in any direction.
+
+    ``key`` identifies it. If it is ``closed``, it is a part of the outside of a solid, so that its back is never
+    visible.
     """
 
     key: str
@@ -41,7 +44,7 @@ class Facet:
 
 @dataclass(frozen=True)
 class Camera:
-    """A parallel projection; ``right``, ``up`` and ``toward`` (to the camera) are orthonormal (3,) vectors."""
+    """A parallel projection. ``right``, ``up`` and ``toward``, which points to the camera, are orthonormal vectors (3,)."""
 
     right: Vector
     up: Vector
@@ -54,9 +57,10 @@ class Camera:
 
 @dataclass(frozen=True)
 class VisibleFacet:
-    """A facet and its visible ``region`` on the picture, which is ``whole`` if nothing of it is hidden.
+    """A facet, and the ``region`` of the picture in which it is visible.
 
-    ``lit`` is its brightness from 0 to 1; ``front`` if its normal points to the camera.
+    The region is ``whole`` if nothing of the facet is hidden. ``lit`` is its brightness from 0 to 1. ``front`` is
+    whether its normal points to the camera.
     """
 
     facet: Facet
@@ -67,7 +71,7 @@ class VisibleFacet:
 
 
 def camera(azimuth_deg: float, elevation_deg: float) -> Camera:
-    """Return the camera in this direction: azimuth counter-clockwise from +x, elevation above the horizon."""
+    """Return the camera that looks from this direction: azimuth counter-clockwise from +x, elevation above the horizon."""
     a, e = math.radians(azimuth_deg), math.radians(elevation_deg)
     toward = np.array([math.cos(a) * math.cos(e), math.sin(a) * math.cos(e), math.sin(e)])
     right = np.array([-math.sin(a), math.cos(a), 0.0])
@@ -75,10 +79,10 @@ def camera(azimuth_deg: float, elevation_deg: float) -> Camera:
 
 
 def visible_facets(facets: Sequence[Facet], view: Camera) -> list[VisibleFacet]:
-    """Return the facets that are at least partly visible, farthest first.
+    """Return the facets that are at least partly visible, the farthest first.
 
-    All facets are projected to polygons on the picture plane; each keeps its polygon minus the regions of facets that
-    are nearer there.
+    Each facet is projected onto the picture plane. Its region is the projected polygon without the regions of facets
+    that are nearer there.
     """
     facets = [facet for facet in facets if not facet.closed or facet.normal @ view.toward > 0]
     rings = [ring for facet in facets for ring in facet.rings_mm]

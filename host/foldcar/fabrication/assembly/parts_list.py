@@ -42,17 +42,19 @@ CELLS = 4
 
 @cache
 def shopping() -> dict[str, Any]:
-    """Return the table of what to order: ``parts`` by name, each with product and search term; what ``prices`` are."""
+    """Return what to order, as the catalogue's table: product and search term by the name of the part, and what
+    prices are.
+    """
     text = files("foldcar.fabrication.assembly").joinpath("shopping.json").read_text(encoding="utf-8")
     table: dict[str, Any] = json.loads(text)
     return table
 
 
 def parts_list(folded: FoldedCar, sheets: Sequence[Sheet] = (), cut: CutCar | None = None) -> tuple[Row, ...]:
-    """Return all rows of the bill of materials, each with what to order and to search for.
+    """Return all rows of the bill of materials: film first, then bought parts, then tape, tube and solder.
 
-    Film comes first, then bought parts, then tape, tube and solder. ``cut`` has the pieces that were split, which need
-    more tape.
+    Each row says what to order and which words to search for. ``cut`` has the pieces that were split, which need more
+    tape.
     """
     order_table = shopping()["parts"]
     rows = []
@@ -188,7 +190,7 @@ def _with_wire(folded: FoldedCar, row: Row) -> Row:
 
 
 def _cost(part: Bought | None, number: int, folded: FoldedCar) -> tuple[float | None, str]:
-    """Return the cost of ``number`` parts and a note. The catalogue may lack a part of a user's module (None)."""
+    """Return the cost of ``number`` parts, and a note. The cost is None for a part of a user's module without a price."""
     if part is None:
         return None, "no price known"
     if part is folded.parts.switch:
@@ -205,7 +207,10 @@ def _cost(part: Bought | None, number: int, folded: FoldedCar) -> tuple[float | 
 
 
 def tyre_sizes(folded: FoldedCar) -> str:
-    """Return what to take or to cut for the tyres of all wheels: "a strip of 374 x 12 mm for each"."""
+    """Return what to buy or to cut for the tyres of all wheels.
+
+    Example: "a strip of 374 x 12 mm for each"
+    """
     sizes = {
         axle.unit: "; or ".join(folded.parts.tyre.sizes(axle.radius_mm, axle.tyre_width_mm)) for axle in folded.axles
     }
@@ -215,7 +220,7 @@ def tyre_sizes(folded: FoldedCar) -> str:
 
 
 def _balance(folded: FoldedCar) -> dict[str, Any] | None:
-    """Return where the centre of mass is, and its maximum shift (mm) by inaccurate placement; None without axles."""
+    """Return where the centre of mass is, and how far (mm) it moves if parts are placed inaccurately; None without axles."""
     if not folded.axles:
         return None
     x, _, z = center_mm(folded)

@@ -75,14 +75,14 @@ NOTES = {"+": "the voltage for the servos", "-": "ground"}
 
 
 def rests_mm(car: FoldedCar) -> dict[str, float]:
-    """Return the rest (mm) of each servo's lead, beyond what it needs, that is long enough to be tied to a bundle."""
+    """Return how much of each servo's lead is left over (mm), by servo. A short rest, which needs no bundle, is left out."""
     servos = {axle.servo for axle in car.axles}
     rests = {lead.start: lead.available_mm - lead.needed_mm for lead in leads(car) if lead.start in servos}
     return {name: rest for name, rest in rests.items() if rest >= BUNDLE_MM}
 
 
 def _rest_lines(car: FoldedCar) -> Iterator[str]:
-    """Yield where the rests of the servos' leads lie; nothing if none is long."""
+    """Yield where the rests of the servos' leads lie; nothing if no rest is long."""
     rests = [f"{name} {math.floor(rest / 10) * 10} mm" for name, rest in rests_mm(car).items()]
     if rests:
         yield (

@@ -5,9 +5,11 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One line: a quantity of a part with its total mass and cost; the cost is None if it is unknown.
+    """A line of the bill of materials: a quantity of a part, with its total mass and cost; the cost is None if it
+    is unknown.
 
-    ``product`` is a maker's number or a standard, "" where any maker's part will do, ``search`` what to search shops for.
+    ``product`` is the number of a maker or a standard; it is "" where the part of any maker will do. ``search`` is
+    what to search shops for.
     """
 
     name: str

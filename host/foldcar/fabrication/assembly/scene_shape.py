@@ -95,9 +95,10 @@ def _rows(pose: Any) -> list[float]:
 
 
 def _beyond_hinge(folded: FoldedCar, placed: PlacedPiece, piece: Piece) -> dict[str, str]:
-    """Return the body of each face of a hinge's strip that moves with the segment at the strip's other end, by face.
+    """Return, for each face of a hinge's strip, the segment with which it moves if that is not the strip's own segment.
 
-    Other pieces have none. The hinge is the one nearest to the strip's flexure.
+    The result has the name of the segment's body by the name of the face. It is empty for pieces that are no strip of
+    a hinge. The hinge is the one nearest to the flexure of the strip.
     """
     crease = next((crease for crease in piece.creases if crease.flexure), None)
     if crease is None or not folded.hinges:
@@ -115,7 +116,7 @@ def _beyond_hinge(folded: FoldedCar, placed: PlacedPiece, piece: Piece) -> dict[
 
 
 def _solids(mount: Mount) -> list[dict[str, Any]]:
-    """Return the solids that show a mount: none if it is small, a ring if it has too many, its box if it has none."""
+    """Return the solids that show a mount: none if it is small, a ring if it has very many, its box if it has none."""
     if max(mount.size_mm) < MIN_PART_MM:
         return []
     shapes = [(solid.kind, solid.size_mm, np.array(solid.pose)) for solid in mount.solids]
@@ -142,9 +143,10 @@ def recorded_run(
     heights: Heights,
     message: str,
 ) -> dict[str, Any]:
-    """Return the object that run.js reads: a car, the ground, and its path.
+    """Return the object that run.js reads: a car, the ground, and the path of the car.
 
-    ``answer`` is the run's result, ``path`` its rows of states (docs/carsim.md). ``message`` says which run it is.
+    ``answer`` is the result of the run, and ``path`` has its rows of states (docs/carsim.md). ``message`` says which
+    run it is.
     """
     head, content = ground_data(scene, heights)
     shapes = SceneShapes()
@@ -161,7 +163,7 @@ def recorded_run(
 
 
 def drawn_body(body: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the geometry of a car's body of docs/carsim.md, for drawing."""
+    """Return what is drawn of a car's body: the shapes and places of its parts, from the body object of docs/carsim.md."""
     return {
         "track_m": body["track_m"],
         "segments": _columns(body["segments"], "x_m", "length_m", "width_m", "height_m", "center_z_m"),

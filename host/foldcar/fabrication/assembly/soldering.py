@@ -42,7 +42,7 @@ RED, BLACK, BLUE = "#c2272d", "#222222", "#0072b2"
 
 @dataclass(frozen=True, slots=True)
 class _Resistor:
-    """A resistor below the Feather: its middle in the board's frame (mm), and the pins at its ends."""
+    """A resistor below the Feather: the middle of it in the frame of the board (mm), and the pins at its ends."""
 
     name: str
     at_mm: Point
@@ -158,5 +158,5 @@ def _option_lines(car: FoldedCar) -> Iterator[str]:
 
 
 def _wire(remedy: str) -> str:
-    """Return "75 mm of wire" of the instruction to cut it."""
+    """Return the words for a piece of wire in the instruction to cut it, such as "75 mm of wire"."""
     return remedy.removeprefix("cut ")

@@ -22,7 +22,10 @@ TUBE = (
 
 
 def switch_lines(car: FoldedCar, step: AssemblyStep) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return what is done before a switch goes in, while no battery is in the car, and after; nothing in other steps."""
+    """Return what is done before a switch goes in, and what is done after it; nothing for a step without a switch.
+
+    All this is done while no battery is in the car.
+    """
     if not soldered_in(car, step):
         return (), ()
     (switch,) = (added.name for added in step.adds)
@@ -41,7 +44,7 @@ def switch_lines(car: FoldedCar, step: AssemblyStep) -> tuple[tuple[str, ...], t
 
 
 def _position_line(car: FoldedCar, switch: str) -> str:
-    """Return how a switch is pressed in, on which side of its cap it lies, and which end points where."""
+    """Return how a switch is pressed in, on which side of its cap it lies, and where its ends point."""
     cap = _cap_of(car, switch)
     up = next(join.number for join in car.joins if join.kind == "tuck" and cap in (join.piece_a, join.piece_b))
     mark, effect = "I", ""
@@ -82,7 +85,10 @@ def _fuse_lines(car: FoldedCar) -> tuple[str, ...]:
 
 
 def _side_of(switch: str, car: FoldedCar) -> str:
-    """Return on which side a switch is as seen from outside: y of the car points left to somebody who looks forwards."""
+    """Return on which side a switch lies, as seen from outside.
+
+    The car's y points to the left of somebody who looks forward.
+    """
     mount = next(mount for mount in car.mounts if mount.name == switch)
     looks_forwards = mount.pose[0][3] < 0
     return "left" if (mount.pose[1][3] > 0) == looks_forwards else "right"

@@ -34,7 +34,7 @@ GAP_MM = 12.0
 
 
 def view_page(folded: FoldedCar, title: str, run: Mapping[str, Any] | None = None) -> str:
-    """Return the page's text. ``run`` is the object that run.js reads."""
+    """Return the page as text. ``run`` is the object that run.js reads."""
     data = {"car": view_data(folded), "run": run}
     return web_page(PACKAGE, "view", title=title, facts=facts(folded), run=run, data=data)
 
@@ -98,7 +98,9 @@ def view_data(folded: FoldedCar) -> dict[str, Any]:
 
 
 def _part(body: str, pose: Pose, steps: ViewSteps, key: Part) -> dict[str, Any]:
-    """Return what the page needs of every part: its body and pose, and its motions in the steps and the exploded view."""
+    """Return what the page needs of every part: its body and pose, and how it moves in the steps and in the
+    exploded view.
+    """
     # A part that no step adds is in the car from the first step on.
     ways = steps.ways.get(key, [(1, (), 0.0, 1.0)])
     exploded = steps.exploded.get(key, (0.0, 0.0, 0.0))
@@ -106,9 +108,9 @@ def _part(body: str, pose: Pose, steps: ViewSteps, key: Part) -> dict[str, Any]:
 
 
 def _piece(piece: Piece, steps: ViewSteps, glued: set[tuple[str, str]]) -> dict[str, Any]:
-    """Return a piece for the page: for each face its triangles, its smooth and uncut edges, and its fold, if any.
+    """Return a piece for the page: for each face its triangles, its smooth and uncut edges, and its fold, if it has one.
 
-    ``glued`` has the (piece, face) of tabs, which the page lifts off the face that they are taped to.
+    ``glued`` has the (piece, face) of the tabs. The page lifts a tab off the face that it is taped to.
     """
     face_index = {face.name: i for i, face in enumerate(piece.faces)}
     faces = {face.name: face for face in piece.faces}
@@ -155,11 +157,11 @@ def _is_smooth(crease: Crease, faces: dict[str, Face]) -> bool:
 
 
 def _shared_edges(piece: Piece, faces: dict[str, Face]) -> tuple[dict[str, set[int]], dict[str, list[tuple[int, str]]]]:
-    """Return, by face, the indices of its edges that are not cut, and the points that it shares over smooth bends.
+    """Return, by face, which of its edges are not cut, and which points it shares over smooth bends.
 
-    Such a point is (index, face beyond the bend).
-
-    A fold's longer edge is cut where it goes beyond the shorter one, so it counts as uncut only if both are equal.
+    Edges are given by their indices, and a shared point is (index, face beyond the bend). Where the two edges of a
+    fold differ in length, the longer one is cut beyond the shorter one. So an edge counts as uncut only if both are
+    equal.
     """
     uncut: dict[str, set[int]] = {name: set() for name in faces}
     smooth: dict[str, list[tuple[int, str]]] = {name: [] for name in faces}
@@ -194,7 +196,7 @@ def _flat_extent(piece: Piece) -> tuple[float, float, float, float]:
 
 
 def _ground_mm(folded: FoldedCar) -> float:
-    """z of the floor under the car (mm)."""
+    """Return z of the floor under the car (mm)."""
     return min((axle.center_mm[2] - axle.radius_mm for axle in folded.axles), default=-50.0)
 
 
@@ -204,7 +206,7 @@ def _numbers(pose: Pose) -> list[float]:
 
 @dataclass
 class _Row:
-    """A row of rectangles along x; the first ``occupied_mm`` of it are taken."""
+    """A row of rectangles along x. The first ``occupied_mm`` of the row are taken."""
 
     low_y_mm: float
     height_mm: float
@@ -212,11 +214,11 @@ class _Row:
 
 
 def arrange_in_rows(extents: list[tuple[float, float, float, float]]) -> list[list[float]]:
-    """Arrange rectangles without overlap in rows around the centre; return the poses [x, y, turn] of their frames.
+    """Arrange rectangles in rows around the centre, without overlap; return the poses [x, y, turn] of their frames.
 
-    A rectangle is (minimum x, minimum y, size along x, size along y) in its own frame (mm); turns are in rad. Rectangles
-    longer along y than along x are turned by 90°, so that rows are low. The highest rectangles are placed first, each in
-    the first row with room.
+    A rectangle is (minimum x, minimum y, size along x, size along y) in its own frame (mm); turns are in rad. A
+    rectangle that is longer along y is turned by 90°, so that rows are low. The highest rectangles are placed first,
+    each in the first row with room.
     """
     sizes = [(max(dx, dy) + GAP_MM, min(dx, dy) + GAP_MM) for _, _, dx, dy in extents]
     # The rows together should be about square. They cannot be filled completely, so the side is larger than the areas'.

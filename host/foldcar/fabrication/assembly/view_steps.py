@@ -32,11 +32,12 @@ SAME_MM = 1.0
 
 @dataclass
 class ViewSteps:
-    """The steps of the view. ``ways`` has a part's motions out, by the step that adds the part or its unit.
+    """What the view shows in each step.
 
-    ``closing`` has (step, fraction) pairs by crease, which is (piece, name). ``exploded`` is a part's displacement in
-    the exploded view (mm), ``rides`` the piece and face that a part moves with. ``bases`` are the beams by body, ``lids``
-    the creases that open the car, by piece.
+    ``ways`` has how a part moves out, by the step that adds the part or its unit. ``closing`` has pairs of step and
+    fraction by crease, which is (piece, name). ``exploded`` is how far a part is moved in the exploded view (mm), and
+    ``rides`` is the piece and the face that a part moves with. ``bases`` are the beams by body. ``lids`` are the
+    creases that open the car, by piece.
     """
 
     titles: list[str]
@@ -51,7 +52,8 @@ class ViewSteps:
 def view_steps(folded: FoldedCar) -> ViewSteps:
     """Return what the steps of the car's guide do to every part and crease.
 
-    A part or crease that no step names is in place, and folded, from the first step on.
+    A part that no step adds is in the car from the first step on. A crease that no step names is folded from the
+    first step on.
     """
     steps = assembly_steps(folded)
     roles = roles_of(folded)
@@ -117,10 +119,10 @@ def _axis_out(folded: FoldedCar, body: str) -> Vector:
 def _exploded(
     steps: ViewSteps, folded: FoldedCar, item_of: dict[Part, PlacedPiece | Mount]
 ) -> Iterator[tuple[Part, Vector]]:
-    """Yield each part's displacement (mm) in the exploded view, in the direction of its way out.
+    """Yield how far each part is moved in the exploded view (mm), in the direction in which it comes out of the car.
 
-    Parts of a body with the same direction are ranked by how far out they are; each rank goes NEXT_MM farther. A part
-    without a way goes outwards along the axle if it is of a wheel, else up.
+    Parts of a body that come out in the same direction are ranked by how far out they are, and each rank goes NEXT_MM
+    farther. A part without a way out goes outwards along the axle if it belongs to a wheel, else upwards.
     """
     # By body and rounded direction, the parts with their depth along the direction and the shift of their units.
     groups: dict[tuple[str, tuple[int, ...]], list[tuple[float, Part, NDArray[np.float64]]]] = {}

@@ -14,12 +14,12 @@ from foldcar.fabrication.assembly.operations import disc_turns, is_wound
 
 
 def is_rim_lock(car: FoldedCar, join: Join) -> bool:
-    """Return whether a join is a lock of a wound strip."""
+    """Return whether a join is a lock of a strip that is wound around a wheel."""
     return join.kind == "lock" and is_wound(next(piece for piece in car.pieces if piece.name == join.piece_a))
 
 
 def wheel_join_lines(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
-    """Yield the instructions for a wheel's joins: the hub's hooks, the rim's hooks and the rim's tongues."""
+    """Yield the instructions for the joins of a wheel: the hooks of the hub, the hooks of the rim, and the rim's tongues."""
     joins = [join for join in car.joins if join.number in step.joins]
     labels = {piece.name: piece.label for piece in car.pieces}
     axle_of_piece = {placed.piece: axle for axle in car.axles for placed in car.placed if placed.body == axle.wheel}
@@ -30,7 +30,7 @@ def wheel_join_lines(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
             f"Drop the hub's hooks into the slots of the {labels[join.piece_b]}. Turn the disc against the hub until "
             f"they hold: clockwise, as seen from its unprinted side, by about {angle_deg:.0f}°: join {join.number}."
         )
-        yield "Of its positions take that in which, when it holds, the notches of both discs are in line."
+        yield "The disc fits in several positions. Take the one in which the notches of both discs are in line when it holds."
     hooks = {join.number for join in joins if join.kind == "rim"}
     if hooks:
         yield (
@@ -51,7 +51,10 @@ def wheel_join_lines(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
 
 
 def _ends(join: Join, labels: dict[str, str]) -> str:
-    """Return which strip's end lies on which at a lock of the rim: "the wheel rim 2 on the wheel rim 1 at join 20"."""
+    """Return which end of a strip lies on which other end, where the rim is locked.
+
+    Example: "the wheel rim 2 on the wheel rim 1 at join 20"
+    """
     upper, lower = labels[join.piece_a], labels[join.piece_b]
     return f"the {upper} on {'itself' if upper == lower else f'the {lower}'} at join {join.number}"
 

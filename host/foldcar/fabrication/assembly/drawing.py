@@ -58,7 +58,10 @@ class DrawnText:
 
 @dataclass(frozen=True)
 class Arrow:
-    """The path of a part or a tool: points (n, 3) in mm. It is drawn over everything, and ``text`` stands at its start."""
+    """The path of a part or a tool: points (n, 3) in mm.
+
+    It is drawn over everything, and ``text`` stands at its start.
+    """
 
     points_mm: Vector
     kind: Literal["way", "tool"] = "way"
@@ -209,7 +212,10 @@ def _moved_clear(point: Vector, placed: Sequence[Vector], min_distance: float) -
 
 
 def _arrow(arrow: Arrow, view: Camera, size: float) -> str:
-    """Return the SVG of an arrow, which has a white edge so that it is visible on any colour; "" for a very short arrow."""
+    """Return the SVG of an arrow, which has a white edge so that it is visible on any colour.
+
+    "" for a very short arrow.
+    """
     points = view.flat(arrow.points_mm)
     colour, width = ARROWS[arrow.kind]
     # Lengths are fractions of the picture's larger side, so that arrows look alike in all pictures.

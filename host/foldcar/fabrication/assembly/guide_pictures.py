@@ -123,7 +123,9 @@ def service_picture(car: FoldedCar) -> tuple[Drawing, ...]:
 
 
 def _opening_arrows(car: FoldedCar, state: AssemblyState) -> list[Arrow]:
-    """Return arrows that show how to open the lids: fingers push the levers outwards, and lift the lids by the pull tabs."""
+    """Return arrows that show how to open the lids: fingers push the levers outwards, and lift the lids by the pull
+    tabs.
+    """
     arrows: list[Arrow] = []
     for name, lid in sorted(roles_of(car).lids.items()):
         copy = next(copy for copy in car.placed if copy.piece == name)
@@ -144,7 +146,10 @@ def _opening_arrows(car: FoldedCar, state: AssemblyState) -> list[Arrow]:
 
 
 def _views(scene: "StepPicture") -> list[tuple[Camera, str]]:
-    """Return the cameras and captions of the pictures of a step. Each new part is seen from the side that it comes from."""
+    """Return the cameras and captions of the pictures of a step.
+
+    Each new part is seen from the side that it comes from.
+    """
     if scene.outward is not None:
         azimuth_deg = 35 if scene.outward[1] > 0 else -35
         return [(camera(azimuth_deg, elevation_deg=18), "seen from its outer side")]

@@ -44,7 +44,10 @@ class Facet:
 
 @dataclass(frozen=True)
 class Camera:
-    """A parallel projection. ``right``, ``up`` and ``toward``, which points to the camera, are orthonormal vectors (3,)."""
+    """A parallel projection.
+
+    ``right``, ``up`` and ``toward``, which points to the camera, are orthonormal vectors (3,).
+    """
 
     right: Vector
     up: Vector
@@ -71,7 +74,9 @@ class VisibleFacet:
 
 
 def camera(azimuth_deg: float, elevation_deg: float) -> Camera:
-    """Return the camera that looks from this direction: azimuth counter-clockwise from +x, elevation above the horizon."""
+    """Return the camera that looks from this direction: azimuth counter-clockwise from +x, elevation above the
+    horizon.
+    """
     a, e = math.radians(azimuth_deg), math.radians(elevation_deg)
     toward = np.array([math.cos(a) * math.cos(e), math.sin(a) * math.cos(e), math.sin(e)])
     right = np.array([-math.sin(a), math.cos(a), 0.0])

@@ -220,7 +220,10 @@ def tyre_sizes(folded: FoldedCar) -> str:
 
 
 def _balance(folded: FoldedCar) -> dict[str, Any] | None:
-    """Return where the centre of mass is, and how far (mm) it moves if parts are placed inaccurately; None without axles."""
+    """Return where the centre of mass is, and how far (mm) it moves if parts are placed inaccurately.
+
+    None without axles.
+    """
     if not folded.axles:
         return None
     x, _, z = center_mm(folded)

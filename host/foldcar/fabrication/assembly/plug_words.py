@@ -75,7 +75,10 @@ NOTES = {"+": "the voltage for the servos", "-": "ground"}
 
 
 def rests_mm(car: FoldedCar) -> dict[str, float]:
-    """Return how much of each servo's lead is left over (mm), by servo. A short rest, which needs no bundle, is left out."""
+    """Return how much of each servo's lead is left over (mm), by servo.
+
+    A short rest, which needs no bundle, is left out.
+    """
     servos = {axle.servo for axle in car.axles}
     rests = {lead.start: lead.available_mm - lead.needed_mm for lead in leads(car) if lead.start in servos}
     return {name: rest for name, rest in rests.items() if rest >= BUNDLE_MM}

@@ -163,7 +163,9 @@ def recorded_run(
 
 
 def drawn_body(body: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what is drawn of a car's body: the shapes and places of its parts, from the body object of docs/carsim.md."""
+    """Return what is drawn of a car's body: the shapes and places of its parts, from the body object of
+    docs/carsim.md.
+    """
     return {
         "track_m": body["track_m"],
         "segments": _columns(body["segments"], "x_m", "length_m", "width_m", "height_m", "center_z_m"),

@@ -19,7 +19,9 @@ def is_rim_lock(car: FoldedCar, join: Join) -> bool:
 
 
 def wheel_join_lines(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
-    """Yield the instructions for the joins of a wheel: the hooks of the hub, the hooks of the rim, and the rim's tongues."""
+    """Yield the instructions for the joins of a wheel: the hooks of the hub, the hooks of the rim, and the rim's
+    tongues.
+    """
     joins = [join for join in car.joins if join.number in step.joins]
     labels = {piece.name: piece.label for piece in car.pieces}
     axle_of_piece = {placed.piece: axle for axle in car.axles for placed in car.placed if placed.body == axle.wheel}
@@ -30,7 +32,7 @@ def wheel_join_lines(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
             f"Drop the hub's hooks into the slots of the {labels[join.piece_b]}. Turn the disc against the hub until "
             f"they hold: clockwise, as seen from its unprinted side, by about {angle_deg:.0f}°: join {join.number}."
         )
-        yield "The disc fits in several positions. Take the one in which the notches of both discs are in line when it holds."
+        yield "Several positions are possible: take the one in which the notches of both discs are in line when it holds."
     hooks = {join.number for join in joins if join.kind == "rim"}
     if hooks:
         yield (

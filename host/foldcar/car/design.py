@@ -157,7 +157,7 @@ class Design:
         return sum(self.length_of(i) for i in range(len(self.modules)))
 
     def length_of(self, module: int) -> float:
-        """Length of the module with that index (mm)."""
+        """Return length of the module with that index (mm)."""
         return self.of(module, "length")
 
     @property

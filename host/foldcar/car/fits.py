@@ -21,7 +21,7 @@ ROUNDING_MM = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """``nominal_mm`` is the nominal clearance; ``parts_mm`` and ``cutter_mm`` are the most that tolerances reduce it."""
+    """The room of a part: ``nominal_mm``, and by how much the tolerances of parts and cutter reduce it at most."""
 
     name: str
     nominal_mm: float
@@ -43,7 +43,7 @@ def check_fits(car: FoldedCar) -> Iterator[Finding]:
 
 
 def fits(car: FoldedCar) -> tuple[Fit, ...]:
-    """Return the fits of a car; of several with the same name the tightest one."""
+    """Return the fits of a car. If several have the same name, the tightest one is returned."""
     parts, bodies = car.parts, place(car)
     holes = {hole.name: hole for piece in car.pieces for face in piece.faces for hole in face.holes}
     last_names = {name: name.rpartition(".")[2] for name in holes}
@@ -74,7 +74,7 @@ def _fit_between_cuts(name: str, room_mm: float, part: Quantity, parts: Catalogu
 
 
 def _hole_fits(name: str, hole: Hole, parts: Catalogue) -> Iterator[Fit]:
-    """Yield the fits that a hole's name determines: wheel screws in their slots towards the axle, rods, the USB plug."""
+    """Yield the fits that follow from the name of a hole: wheel screws in their slots, rods, the USB plug."""
     cut = parts.assembly.cut_mm.value
     if name.startswith("horn screw"):
         # The slot points to the axle, which is the face's origin.
@@ -128,7 +128,7 @@ def _feather_pin_fit(parts: Catalogue) -> Fit:
 
 
 def _switch_fits(opening: Hole, car: FoldedCar) -> Iterator[Fit]:
-    """Yield the fits of the switch: body in slot, barbs behind film and tape of panel and layers with this slot."""
+    """Yield the fits of the switch: its body in the slot, and its barbs behind the film and tape of panel and layers."""
     switch, film, tape = car.parts.switch, car.parts.film.thickness_mm, car.parts.assembly.tape_mm
     slot = _size(opening)
     for slot_mm, part in zip(slot, (switch.body_length_mm, switch.body_width_mm), strict=True):
@@ -145,7 +145,7 @@ def _switch_fits(opening: Hole, car: FoldedCar) -> Iterator[Fit]:
 
 
 def _lipo_fits(mount: Mount, faces: list[PlacedFace], parts: Catalogue) -> Iterator[Fit]:
-    """Yield the fits of the LiPo, which lies in its outline below the bridge, between the bridge's flange and feet."""
+    """Yield the fits of the LiPo, which lies in its outline below the bridge, between the flange and the feet."""
     lipo, film = parts.lipo, parts.film_mm
     placement, cut = parts.assembly.placement_mm.value, parts.assembly.cut_mm.value
     bridge = {face.face.name: face.corners_mm for face in faces if face.piece.name == "bridge"}
@@ -163,7 +163,7 @@ def _lipo_fits(mount: Mount, faces: list[PlacedFace], parts: Catalogue) -> Itera
 
 
 def _fits_under_lid(mount: Mount, faces: list[PlacedFace], parts: Catalogue) -> Iterator[Fit]:
-    """Yield the fit of the FeatherWing below the lid, or those of the battery below the lid and between the walls."""
+    """Yield the fit of the FeatherWing below the lid, or of the battery below the lid and between the walls."""
     wing, battery, film, cuts = parts.featherwing, parts.battery, parts.film_mm, 2 * parts.assembly.cut_mm.value
     walls = np.concatenate([face.corners_mm for face in faces if face.face.role == "panel"])
     # The latches' levers, parts of the flap, stand higher than the lid.

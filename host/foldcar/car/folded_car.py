@@ -38,7 +38,7 @@ from foldcar.errors import FoldcarError
 
 
 class Car(Component):
-    """The component of a whole car without its wheels. Its values are the design's, by key."""
+    """The component of a whole car without its wheels. Its values are those of the design, by key."""
 
     def __init__(self, design: Design) -> None:
         self.design = design
@@ -95,9 +95,9 @@ def folded_car(design: Design) -> FoldedCar:
 
 
 def folded_columns(vehicle_type: str, columns: Mapping[str, float | str]) -> FoldedCar | None:
-    """Return the folded car of a row of results, as of ``{"width_mm": 95}``; None if this foldcar cannot fold it.
+    """Return the folded car whose parameters are given by the columns of results, such as ``{"width_mm": 95}``.
 
-    Then the file of its components is missing, or has changed since.
+    The result is None if this foldcar cannot fold it, because the file of its components is missing or has changed.
     """
     try:
         return folded_car(compose_columns(vehicle_type, columns))
@@ -199,7 +199,7 @@ def wheel_units(design: Design) -> dict[WheelValues, list[int]]:
 
 
 def _unit_title(design: Design, modules: Sequence[int]) -> str:
-    """Return the name of these modules' wheels: ``wheel`` if all are alike, ``rear wheel``, ``axle 2 wheel``."""
+    """Return the name of the wheels of these modules: ``wheel`` if all are alike, else such as ``rear wheel``."""
     all_modules = design.wheel_modules
     if len(modules) == len(all_modules):
         return "wheel"
@@ -210,7 +210,7 @@ def _unit_title(design: Design, modules: Sequence[int]) -> str:
 
 
 def _named(wheel: Assembly, unit: str) -> Assembly:
-    """Return the assembly of a wheel with the unit's title in the names of its pieces: ``rear wheel hub``."""
+    """Return the pieces and parts of a wheel, with the title of its unit in their names: ``rear wheel hub``."""
     names = {piece.name: unit + piece.name.removeprefix("wheel") for piece in wheel.pieces}
     pieces = (replace(piece, name=names[piece.name], label=names[piece.name]) for piece in wheel.pieces)
     placed = (replace(copy, piece=names[copy.piece]) for copy in wheel.placed)
@@ -224,7 +224,7 @@ def _wheel(values: WheelValues, choices: PartChoices) -> Assembly:
 
 
 def _hinges(frame: Assembly, parts: Catalogue) -> list[HingeJoint]:
-    """Return the hinge joint of every flexure, front to back: at the middle of its crease, in the car's frame."""
+    """Return the joint of every hinge, front to back. It lies at the middle of the crease, in the car's frame."""
     pieces = {piece.name: piece for piece in frame.pieces}
     hinges = []
     for placed in frame.placed:
@@ -316,8 +316,9 @@ def _towards_middle(design: Design, module: int) -> float:
 def _flap_settings(design: Design, module: int) -> dict[str, float]:
     """Return the settings of a module's flap: ``flap_END`` (mm), ``latch_END`` and ``pull_END`` (0 or 1) of both ends.
 
-    The flap stops ``flap_END`` short of the module's end if the segment ends there with a cap; elsewhere it is 0.
-    A long segment has a latch at each end, a short one at the end with the longer module. One latch has the pull tab.
+    If the segment ends with a cap at that end, the flap stops ``flap_END`` before it; elsewhere ``flap_END`` is 0. A
+    long segment has a latch at each end, a short one has a latch at the end with the longer module. One latch has the
+    pull tab.
     """
     segment, length = design.segment_of(module), design.length_of(module)
     flap_end, (notch, _) = flap_end_mm(design.parts), latch_mm(design.parts)
@@ -338,7 +339,10 @@ def _flap_settings(design: Design, module: int) -> dict[str, float]:
 
 
 def _free_floor_mm(design: Design, module: int, step: int) -> float:
-    """Return the free floor (mm) before (``step`` -1) or behind (1) a module, up to a servo, cap tab or switch."""
+    """Return how much floor (mm) is free before (``step`` -1) or behind (``step`` 1) a module.
+
+    It ends at a servo, at the tab of a cap, or at a switch.
+    """
     free_mm, i = 0.0, module + step
     while i in design.segment_of(module).modules:
         if i in design.wheel_modules:
@@ -358,7 +362,7 @@ def _free_floor_mm(design: Design, module: int, step: int) -> float:
 
 
 def _between_tyres(design: Design, module: int) -> tuple[float, float]:
-    """Return the minimum and maximum x (mm from the module's rear) at which a USB plug clears the tyres next to it.
+    """Return the range of x (mm from the rear of the module) in which a USB plug does not touch the tyres beside it.
 
     Seen from the side, plug and tyre are circles, which must be a gap apart.
     """

@@ -30,11 +30,11 @@ SIDES = (("rear", "front"), ("right", "left"))
 
 @dataclass(frozen=True, slots=True)
 class Lead:
-    """A lead: ``way_mm`` from ``start`` to ``end``, ``needed_mm`` with slack and joints, ``available_mm`` at least.
+    """A lead from ``start`` to ``end``. Its way is ``way_mm`` long; with slack and joints it needs ``needed_mm``.
 
-    ``kind`` decides what is done if it is too short. A servo's "plug" lead gets an extension, a "solder" lead is
-    lengthened; a "wire" is cut from stock and has no length of its own. ``leaves`` is the side of a battery at which its
-    leads lie.
+    ``available_mm`` is the least length that the part's data promise. ``kind`` says what is done if this is too
+    short: a "plug" lead of a servo gets an extension, and a "solder" lead is lengthened. A "wire" is cut from stock
+    and has no length of its own. ``leaves`` is the side of a battery at which its leads lie.
     """
 
     start: str
@@ -76,7 +76,7 @@ def extra_wire_m(leads_of_car: Iterable[Lead], wiring: PartData) -> float:
 def with_extensions(car: FoldedCar) -> FoldedCar:
     """Return the car with an extension for each servo whose lead is too short, and with the mass of all its wire.
 
-    Each is the shortest extension that is long enough. Raises DesignError if even the longest one is too short.
+    Each extension is the shortest that is long enough. Raises DesignError if even the longest one is too short.
     """
     extensions, mounts = car.parts.extensions.sold, {mount.name: mount for mount in car.mounts}
     servos, car_leads = {axle.servo for axle in car.axles if axle.driven}, leads(car)
@@ -109,7 +109,10 @@ def _extended_mm(car: FoldedCar, lead_mm: float, extension: Bought) -> float:
 
 
 def _joint(car: FoldedCar, servo: Mount, extension: Bought) -> Mount:
-    """Return the mount of an extension's socket with the servo's plug, on the floor under the servo, beside its wall."""
+    """Return the socket of an extension with the plug of the servo in it.
+
+    It lies on the floor, below the servo and beside the wall of the servo.
+    """
     parts, film, extensions = car.parts, car.parts.film_mm, car.parts.extensions
     size = (extensions.joint_length_mm.value, extensions.joint_width_mm.value, extensions.joint_height_mm.value)
     # z of the servo's frame points inwards; its ears lie on the wall's outside.
@@ -181,7 +184,7 @@ class _Ways:
         return Lead(lipo.name, f"{feather.name} JST", "plug", *lengths_mm, available, leaves=side)
 
     def supply(self) -> Iterator[Lead]:
-        """Yield the battery's leads, + to the switch and - to the terminal block, and the wire between these two."""
+        """Yield the leads of the battery, + to the switch and - to the terminal block, and the wire between these two."""
         parts, wing = self.parts, self.parts.featherwing
         battery, switch = self.of_part[parts.battery.name], self.mounts[SERVO_SWITCH]
         joint, available = parts.wiring.joint_mm.value, parts.battery.lead_length_mm.min_value
@@ -212,7 +215,10 @@ class _Ways:
         yield Lead(f"{SERVO_SWITCH} 2", f"{wing.name} terminal +", "wire", *lengths_mm, available_mm=0.0)
 
     def controls(self) -> Iterator[Lead]:
-        """Yield the wires of board switch and options, which are soldered beside the open car, the boards lifted out."""
+        """Yield the wires of the board switch and of the options.
+
+        They are soldered beside the open car, while the boards are lifted out.
+        """
         feather, wing = self.parts.feather.name, self.parts.featherwing
         for wire in (wire for wire in self.car.wires if wire.carries == "control"):
             name = wire.a.rpartition(" ")[0]
@@ -259,10 +265,10 @@ class _Ways:
         return np.array(apply(self.of_part[part].pose, *point))
 
     def way(self, start: Points, end: Points, body: str, part: str) -> tuple[float, int]:
-        """Return the length (mm) of a lead's way and the number of hinges that it passes.
+        """Return the length (mm) of the way of a lead, and the number of hinges that it passes.
 
-        The lead goes from a point in ``body`` to a point at ``part``, at each hinge through the slits of the caps. Within
-        a segment it runs along the car's axes, so the differences of x, y and z add up.
+        The lead goes from a point in ``body`` to a point at ``part``. At a hinge it goes through the slits of the
+        caps. Within a segment it runs along the axes of the car, so the differences of x, y and z add up.
         """
         first, last = (int(name.removeprefix("segment")) for name in (body, self.of_part[part].body))
         position = self._inside(start, body)

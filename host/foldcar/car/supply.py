@@ -20,7 +20,10 @@ CAPACITOR_UF = 100
 
 @dataclass(frozen=True, slots=True)
 class Supply:
-    """Currents (A) of ``servos`` servos together, and what bears them; ``switch_a`` is the mark to ask for."""
+    """The currents (A) of all servos of a car together, and the switch, fuse and wire that bear them.
+
+    ``switch_a`` is the current that must be marked on the switch.
+    """
 
     servos: int
     stall_a: float

@@ -11,7 +11,10 @@ from typing import Any
 
 
 def identifier(text: str) -> str:
-    """Replace other characters in ``text``; a hash then distinguishes it from texts that become the same."""
+    """Return a text with only letters, digits and underscores.
+
+    A hash distinguishes it from texts that would become the same.
+    """
     plain = re.sub("[^A-Za-z0-9]+", "_", text)
     return plain if plain == text else f"{plain}_{hashlib.sha256(text.encode()).hexdigest()[:8]}"
 
@@ -40,13 +43,13 @@ def segment_name(index: int) -> str:
 
 
 def main_segment(body: Mapping[str, Any]) -> int:
-    """Return the index of the segment over the car's origin, or else of the nearest."""
+    """Return the index of the segment over the origin of the car; if there is none, that of the nearest segment."""
     distances = [max(0.0, abs(s["x_m"]) - s["length_m"] / 2) for s in body["segments"]]
     return distances.index(min(distances))
 
 
 def wheel_name(wheel: Mapping[str, Any]) -> str:
-    """Return the name of a wheel by its channel: its servo's output, if it has a servo."""
+    """Return the name of a wheel by its channel, which is the output of its servo if it has one."""
     return f"wheel{wheel['channel']}"
 
 

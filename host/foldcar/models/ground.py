@@ -68,10 +68,11 @@ def smooth_bounds_m(scene: Mapping[str, Any]) -> tuple[float, float, float, floa
 def smooth_ground(
     scene: Mapping[str, Any], heights: Heights, spacings_m: Sequence[float] = SPACINGS_M
 ) -> HeightGrid | None:
-    """Return the grid of the scene's smooth ground, or None without smooth ground.
+    """Return a grid of the heights of a scene's smooth ground; None if the scene has none.
 
-    Its spacing is the coarsest of ``spacings_m`` with an error within ERROR_M at the cells' centres, else the finest.
-    Raises FoldcarError if even the coarsest grid has more than MAX_POINTS points.
+    The grid has the largest spacing of ``spacings_m`` whose error at the centres of cells is at most ERROR_M; if
+    there is none, it has the smallest spacing. Raises FoldcarError if even the coarsest grid has more than MAX_POINTS
+    points.
     """
     bounds = smooth_bounds_m(scene)
     if bounds is None:
@@ -102,7 +103,10 @@ def smooth_ground(
 
 @dataclass(frozen=True)
 class _Part:
-    """A rectangle of the car's frame (m): a tyre of that radius about (``x_m``, ``z_m``), or a flat belly at ``z_m``."""
+    """A part of the car that may touch the ground: a rectangle of the car's frame (m).
+
+    It is a tyre of that radius about (``x_m``, ``z_m``), or a flat belly at ``z_m``.
+    """
 
     x_m: float
     y_m: float
@@ -120,9 +124,10 @@ class _Part:
 
 
 def start_height_m(body: Mapping[str, Any], scene: Mapping[str, Any], grid: HeightGrid | None) -> float:
-    """Return the height (m) of the car's frame at the scene's start: just above contact of any part with the ground.
+    """Return the height (m) of the car's frame at the start of the scene: just above the contact of any part with
+    the ground.
 
-    The highest ground over the underside of each part is found at points of its footprint.
+    The highest ground below each part is found at points of its footprint.
     """
     start, min_height = scene["start"], -math.inf
     cos, sin = math.cos(start["heading_rad"]), math.sin(start["heading_rad"])
@@ -181,7 +186,7 @@ def _block_top(block: Mapping[str, Any], x: Floats, y: Floats) -> Floats:
 def _grid_top(grid: HeightGrid | None, x: Floats, y: Floats) -> Floats:
     """Return the heights (m) of the grid at points x, y; 0 on the level floor around it.
 
-    In a cell it is the higher of both ways to split the cell into two triangles, because engines differ in them.
+    A cell can be split into two triangles in two ways, and engines differ in them. The higher height of both counts.
     """
     if grid is None:
         return numpy.zeros_like(x)

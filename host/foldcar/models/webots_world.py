@@ -136,7 +136,7 @@ def _solid(name: str, seen: Node, bounds: Node, **place: Any) -> Node:
 def _looking() -> tuple[float, float, float, float]:
     """Return the rotation (axis, angle in rad) of a viewpoint at EYE_M that looks at LOOKS_AT_M.
 
-    It turns the axes x forward, y left, z up to those of the viewpoint.
+    It turns the axes x forward, y left, z up into those of the viewpoint.
     """
     forward = numpy.subtract(LOOKS_AT_M, EYE_M)
     forward = forward / numpy.linalg.norm(forward)
@@ -156,7 +156,8 @@ def controller_program() -> str:
 def controller_drive(body: Mapping[str, Any], pulses: PulseTrain, settling_s: float) -> str:
     """Return the controller's JSON file: the motors, and at which times their fractions of full speed change.
 
-    A row is the time (s) and each motor's fraction, null without a pulse. The car first stands for ``settling_s``.
+    A row has a time (s) and the fraction of each motor, which is null without a pulse. The car first stands for
+    ``settling_s``.
     """
     rows: list[list[float | None]] = []
     for t_s, widths_us in zip(pulses.times_s, pulses.widths_us, strict=True):
@@ -171,7 +172,9 @@ def controller_drive(body: Mapping[str, Any], pulses: PulseTrain, settling_s: fl
 
 
 def drive_fraction(servo: Mapping[str, float], pulse_us: float) -> float | None:
-    """Return a servo's fraction of full speed, positive forward, for a pulse; None without a pulse (no torque)."""
+    """Return the fraction of full speed that a pulse gives, positive forward; None without a pulse, which gives no
+    torque.
+    """
     if pulse_us <= 0:
         return None
     offset_us = servo["direction"] * (pulse_us - servo["neutral_us"])

@@ -46,7 +46,9 @@ class Assembly:
 
 
 class Seam(NamedTuple):
-    """Edges ``a`` and ``b`` of two fused faces (first atom's path, index) that meet, b's length, one of their links."""
+    """Two edges of fused faces that meet: ``a`` and ``b``, each as (path of the first atom, index); the length of
+    b; a link.
+    """
 
     link: EdgeJoin
     a: Edge
@@ -75,9 +77,10 @@ def build(component: Component, graph: Graph | None = None) -> Graph:
 
 
 def assemble(graph: Graph) -> Assembly:
-    """Return the graph's assembly, posed from the face that ``graph.origin`` names, or else from the first face.
+    """Return the assembly of a graph.
 
-    Raises ComponentError for a loop of folds or a face that is joined to nothing.
+    The pose of the face that ``graph.origin`` names is known, by default that of the first face; all others follow
+    from it. Raises ComponentError for a loop of folds, or for a face that is joined to nothing.
     """
     builder = _Pieces(graph)
     roots = builder.root_poses()
@@ -101,10 +104,10 @@ def assemble(graph: Graph) -> Assembly:
 
 
 def _seams(graph: Graph, fused: dict[str, Fused], owner: dict[str, str]) -> Iterator[Seam]:
-    """Yield one seam for each pair of edges of fused faces that links connect. ``owner`` is each atom's fused face.
+    """Yield one seam for each pair of edges of fused faces that links connect.
 
-    Several links between atoms can lie on the same pair of fused edges. Raises ComponentError if the two edges
-    of a seam differ in length.
+    ``owner`` is the fused face of each atom. Several links between atoms can lie on the same pair of fused edges.
+    Raises ComponentError if the two edges of a seam differ in length.
     """
     yielded = set()
     for link in (link for link in graph.links if link.kind != "rigid"):
@@ -122,9 +125,9 @@ def _seams(graph: Graph, fused: dict[str, Fused], owner: dict[str, str]) -> Iter
 class _Pieces:
     """The pieces of a graph. A fused face is known by the path of its first atom.
 
-    ``sheets``: for each piece its fused faces, parents before children, with their poses in the first face's frame.
-    ``piece_of``: the index of a fused face's piece. ``tabs``: they grow from edge b of a seam, and are glued to the face
-    of edge a, in that face's plane.
+    ``sheets`` has the fused faces of each piece, parents before children, with their poses in the frame of the first
+    face. ``piece_of`` is the index of the piece of a fused face. ``tabs`` are the seams with a tab: the tab grows
+    from edge b, and is glued to the face of edge a, in the plane of that face.
     """
 
     def __init__(self, graph: Graph) -> None:
@@ -201,10 +204,11 @@ class _Pieces:
         return Piece(label, label, (*faces, *(face for face, _ in own_tabs)), folds, root.thickness_mm)
 
     def root_poses(self) -> list[Pose]:
-        """Return the pose of each piece's first face in the car.
+        """Return the pose of the first face of each piece in the car.
 
-        Placements and tabs give poses of pieces relative to each other. They are followed from the piece with the face
-        ``graph.origin``, whose pose is known, to all others. Raises ComponentError for a piece that is not reached.
+        Placements and tabs give poses of pieces relative to each other. They are followed from the piece with the
+        face ``graph.origin``, whose pose is known, to all others. Raises ComponentError for a piece that is not
+        reached.
         """
         neighbours: dict[int, list[tuple[int, Pose]]] = defaultdict(list)
 
@@ -237,7 +241,8 @@ class _Pieces:
     def joins(self) -> Iterator[IndexedJoin]:
         """Yield the joins of tabs, of laminated layers, and of contacts between faces whose poses are known already.
 
-        Joins of one seam get the same number: edges that tuck into the same edge, and all hooks of a strip in a disc.
+        Joins of one seam get the same number. For example, these are edges that tuck into the same edge, and all
+        hooks of a strip in one disc.
         """
         for i, (face, (_, a, b, length)) in enumerate(self.tabs):
             kind: JoinKind = "lap" if self.piece_of[a[0]] == self.piece_of[b[0]] else "tab"
@@ -274,7 +279,7 @@ def _tab(name: str, seam: Seam) -> Face:
 
 
 def _titles(labels: list[str]) -> list[str]:
-    """Return the labels, with " 1", " 2", … appended to those that occur more than once."""
+    """Return the labels. To a label that occurs more than once, " 1", " 2", … are appended."""
     counts, seen = Counter(labels), Counter[str]()
     numbered = []
     for label in labels:
@@ -286,10 +291,10 @@ def _titles(labels: list[str]) -> list[str]:
 def _merge_equal_pieces(
     pieces: list[Piece], places: list[tuple[str, Pose]], indexed_joins: list[IndexedJoin]
 ) -> tuple[list[Piece], list[PlacedPiece], list[Join]]:
-    """Merge equal pieces to one with a count; return distinct pieces, their placed copies and the numbered joins.
+    """Merge equal pieces to one piece with a count; return the pieces, their placed copies, and the numbered joins.
 
-    Only pieces whose only joins are laminations onto others are merged. ``places`` are (body, pose) of the pieces. Joins
-    are numbered from 1; those of one seam share a number.
+    Pieces are merged only if all their joins are laminations onto others. ``places`` are the (body, pose) of the
+    pieces. Joins are numbered from 1, and those of one seam share a number.
     """
     unmergeable = {join.b[0] for join in indexed_joins} | {join.a[0] for join in indexed_joins if join.kind != "laminate"}
     distinct: list[Piece] = []
@@ -311,7 +316,10 @@ def _merge_equal_pieces(
         copies[index] += 1
 
     def named_end(index: int, ref: EdgeRef) -> tuple[str, EdgeRef]:
-        """Return a piece's name and an edge with its face's name; a merged piece has the names of the piece kept."""
+        """Return one end of a join: the name of a piece, and an edge with the name of its face.
+
+        For a piece that was merged with an equal one, these are the names of the piece that was kept.
+        """
         face = [face.name for face in pieces[index].faces].index(ref.face)
         piece = distinct[index_of[index]]
         return piece.name, EdgeRef(piece.faces[face].name, ref.index)

@@ -22,7 +22,10 @@ from foldcar.car.parts.catalogue import Catalogue
 
 
 def _min_height_mm(parts: Catalogue) -> float:
-    """Return the minimum outer height (mm): the boards' stack over the floor, or a servo's layer between two flaps."""
+    """Return the minimum outer height (mm).
+
+    The body must be high enough for the boards over the floor, and for the layer of a servo between two flaps.
+    """
     film, assembly = parts.film_mm, parts.assembly
     boards = stack_height_mm(parts) + film / 2
     if parts.battery_place == "roof":
@@ -34,7 +37,10 @@ def _min_height_mm(parts: Catalogue) -> float:
 
 
 def _min_width_mm(parts: Catalogue) -> float:
-    """Return the minimum outer width (mm): the boards on their bridge, or two servos with their undersides together."""
+    """Return the minimum outer width (mm).
+
+    The body must be wide enough for the boards on their bridge, and for two servos whose undersides touch.
+    """
     assembly, film = parts.assembly, parts.film_mm
     _, right = span_mm(parts)
     # The lid's flap goes down between the boards and the right wall.
@@ -58,33 +64,36 @@ LEVER_OVER_MM = 1.0
 
 
 def wall_mm(outer_mm: float, parts: Catalogue) -> float:
-    """Distance between the middle surfaces of two opposite walls (mm): the outer dimension less one film thickness."""
+    """Return the distance between the middles of two opposite walls (mm): the outer dimension minus the film's thickness."""
     return outer_mm - parts.film_mm
 
 
 def flap_end_mm(parts: Catalogue) -> float:
-    """Distance of a flap from the middle of an end cap (mm): the cap's tab and a clearance."""
+    """Return distance of a flap from the middle of an end cap (mm): the cap's tab and a clearance."""
     return parts.assembly.cap_tab_mm.value + 2 * parts.assembly.slot_clearance_mm.value
 
 
 def latch_mm(parts: Catalogue) -> Point:
-    """Length of a latch's notch along the lid and its depth across it (mm), without a pull tab."""
+    """Return the length of a latch's notch along the lid, and its depth across the lid (mm), without a pull tab."""
     assembly = parts.assembly
     gap = assembly.grip_gap_mm.value
     return assembly.lock_mm.value + LEVER_OVER_MM + 2 * gap, assembly.grip_mm.value + gap
 
 
 class BoxBeam(Component):
-    """Three walls, a lid and its flap with up to two latches, at the ``front`` and at the ``rear``.
+    """Three walls, a lid and its flap with up to two latches, one at the ``front`` and one at the ``rear``.
 
-    The car sets for each END: ``flap_END``, the flap's distance (mm) from that end, which keeps it clear of a cap's tabs;
-    ``latch_END``, 1 if there is a latch; ``pull_END``, 1 if the lid's pull tab is beside it.
+    The car sets three values for each END. ``flap_END`` is the distance (mm) of the flap from that end, which keeps
+    it clear of the tabs of a cap. ``latch_END`` is 1 if there is a latch. ``pull_END`` is 1 if the pull tab of the
+    lid is beside it.
     """
 
     parameters = (LENGTH, WIDTH, HEIGHT)
 
     def build(self, shape: Shape) -> None:
-        """Add the floor, the two walls folded up from it, the lid folded from the left wall, flap and latches."""
+        """Add the floor, the two walls that are folded up from it, the lid that is folded from the left wall, flap
+        and latches.
+        """
         length = self["length"]
         width, height = wall_mm(self["width"], self.parts), wall_mm(self["height"], self.parts)
         for name, size in (("floor", width), ("right", height), ("left", height)):
@@ -145,11 +154,13 @@ class BoxBeam(Component):
         return points
 
     def _add_flap(self, shape: Shape, fold_starts: Mapping[str, float]) -> None:
-        """Add the flap with its latches' levers at the fold's edge and the edges of their tongues at the other.
+        """Add the flap.
 
-        ``fold_starts`` are the distances (mm) of the fold's ends from the beam's ends. The origin is the fold's rear end,
-        x runs forwards, y downwards. Points have the names of the edges that start at them. A lever stands up, at
-        negative y, in the middle of its notch; its upper corners are cut off by 1 mm.
+        For each latch it has a lever at the edge of its fold, and the edge of a tongue at its lower edge.
+
+        ``fold_starts`` are the distances (mm) of the ends of the fold from the ends of the beam. The origin is the
+        rear end of the fold; x runs forward and y down. A point has the name of the edge that starts at it. A lever
+        stands up, at negative y, in the middle of its notch. Its upper corners are cut off by 1 mm.
         """
         assembly = self.parts.assembly
         fold_length = self["length"] - sum(fold_starts.values())
@@ -173,10 +184,11 @@ class BoxBeam(Component):
         shape.face("flap", {"near": (0.0, 0.0), **front, **rear})
 
     def _add_latch(self, shape: Shape, end: str) -> None:
-        """Add the latch at an end: a tongue at the flap's lower edge, folded outwards through a slot of the right wall.
+        """Add the latch at an end: a tongue at the lower edge of the flap, folded outwards through a slot of the
+        right wall.
 
-        The flap hangs down inside the wall. Its lever, above, is pushed outwards to draw the tongue in. Require free
-        space for the finger that does this, and add the pull tab if it is set for this end.
+        The flap hangs down inside the wall. If its lever, above, is pushed outwards, the tongue is drawn in. The
+        finger that pushes it needs free space. The pull tab is added, too, if it is set for this end.
         """
         assembly, film = self.parts.assembly, self.parts.film_mm
         width, play, (notch, _) = assembly.lock_mm.value, assembly.slot_clearance_mm.value, latch_mm(self.parts)
@@ -211,7 +223,7 @@ class BoxBeam(Component):
 
 
 def _tongue_outline(width_mm: float, reach_mm: float) -> dict[str, Point]:
-    """Return the outline of a tongue with its corners cut off, folded along its first edge."""
+    """Return the outline of a tongue that is folded along its first edge; its other corners are cut off."""
     corner = min(1.0, reach_mm / 2)
     return {"near": (0.0, 0.0), "1": (width_mm, 0.0), "tip": (width_mm - corner, reach_mm), "3": (corner, reach_mm)}
 
@@ -220,7 +232,7 @@ ARROW_MM, MIN_ARROW_MM, ARROW_WIDTH_MM = 24.0, 16.0, 9.0
 
 
 def _mark_front(shape: Shape, floor: str) -> None:
-    """Mark a floor with an arrow to the front, behind the cap's tab, if the floor is long enough for the word in it."""
+    """Print an arrow to the front on a floor, behind the tab of the cap, if the floor is long enough for its word."""
     length, width = shape.face_size_mm(floor)
     tip, y, half = length - flap_end_mm(shape.parts) - 2.0, width / 2, ARROW_WIDTH_MM / 2
     start = max(2.0, tip - ARROW_MM)
@@ -235,15 +247,19 @@ OPPOSITE = {"left": "right", "right": "left", "floor": "floor", "lid": "lid"}
 
 
 def cap_inset_mm(parts: Catalogue) -> float:
-    """Distance (mm) of a cap's edges from the walls' middle surfaces: film and clearance, so that its tabs fit inside."""
+    """Return distance (mm) of a cap's edges from the walls' middle surfaces: film and clearance, so that its tabs fit
+    inside.
+    """
     return parts.film_mm + parts.assembly.cap_clearance_mm.value
 
 
 def put_cap(shape: Shape, cap: str, end: str, module: str, outer_mm: Point, slit_mm: float) -> None:
-    """Tape a cap into the ``end`` (front or rear) of the beam of ``module``; cut a cable slit ``slit_mm`` long, if not 0.
+    """Tape a cap into the ``end`` (front or rear) of the beam of ``module``; with ``slit_mm`` > 0 it has a cable
+    slit so long.
 
-    Faces ``CAP.cap``, seen from inside, with edges near (floor), front, far (lid) and rear, and ``CAP.flange``, under the
-    lid. x points right on a front cap and left on a rear cap. ``outer_mm`` is the body's width and height.
+    The face ``CAP.cap`` is seen from inside, with the edges near (floor), front, far (lid) and rear. ``CAP.flange``
+    lies under the lid. x points right on a front cap and left on a rear cap. ``outer_mm`` is the width and height of
+    the body.
     """
     parts, assembly, inset = shape.parts, shape.parts.assembly, cap_inset_mm(shape.parts)
     width, height = (wall_mm(size, parts) - 2 * inset for size in outer_mm)

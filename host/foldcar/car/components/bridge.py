@@ -27,7 +27,7 @@ FOOT_CLEARANCE_MM = 0.5
 
 
 def half_width_mm(parts: Catalogue) -> float:
-    """Half of the bridge's length along the car (mm), with room for the boards and film around their screws."""
+    """Return half of the bridge's length along the car (mm), with room for the boards and film around their screws."""
     feather, assembly = parts.feather, parts.assembly
     screw_offset = max(abs(y) for _, y in feather.free_holes(parts.board_screw))
     hole_margin = assembly.screw_hole_mm.value / 2 + assembly.fold_distance_mm.value
@@ -35,25 +35,28 @@ def half_width_mm(parts: Catalogue) -> float:
 
 
 def shelf_height_mm(parts: Catalogue) -> float:
-    """Height of the shelf's middle surface over that of the floor (mm): the LiPo and the screws' heads below it."""
+    """Return how high (mm) the middle of the shelf's film is above that of the floor.
+
+    The LiPo and screw heads lie below it.
+    """
     return parts.film_mm + parts.lipo.height_mm.value + parts.assembly.shelf_clearance_mm.value
 
 
 def usb_height_mm(parts: Catalogue) -> float:
-    """Height of the USB socket's middle over the floor's middle surface (mm)."""
+    """Return height of the USB socket's middle over the floor's middle surface (mm)."""
     on_shelf = parts.film_mm / 2 + parts.spacer.length_mm.value
     return shelf_height_mm(parts) + on_shelf + parts.feather.usb.at_mm[2]
 
 
 def stack_height_mm(parts: Catalogue) -> float:
-    """Height from the floor's middle surface to the bends of the leads over the servos' plugs (mm)."""
+    """Return height from the floor's middle surface to the bends of the leads over the servos' plugs (mm)."""
     feather, wing = parts.feather, parts.featherwing
     boards = feather.board_mm.value + wing.gap_mm.value + wing.plug_top_mm.value + wing.plug_bend_mm.value
     return shelf_height_mm(parts) + parts.film_mm / 2 + parts.spacer.length_mm.value + boards
 
 
 def span_mm(parts: Catalogue) -> tuple[float, float]:
-    """Distances of the bridge's ends from the boards' middle (mm): on the side of USB, and on the other."""
+    """Return distances of the bridge's ends from the boards' middle (mm): on the side of USB, and on the other."""
     assembly = parts.assembly
     at_wall = mouth_mm(parts) + assembly.usb_inside_mm.value - assembly.bridge_gap_mm.value
     return at_wall, parts.feather.length_mm.value / 2 + assembly.bridge_gap_mm.value
@@ -68,8 +71,9 @@ def middle_mm(parts: Catalogue, y_mm: float) -> float:
 def put_bridge(shape: Shape, floor: str, x_mm: float, y_mm: float, side: int) -> None:
     """Add the bridge that carries the boards over the LiPo, and the boards on it, to the face ``floor``.
 
-    The boards' middle is at (x, y), USB towards +y. Faces are ``bridge.shelf`` (x forward, origin at its right rear
-    corner), a leg and a foot on each side, and ``bridge.flange`` at the front edge (``side`` 1) or the rear one (-1).
+    The middle of the boards is at (x, y), with USB towards +y. The faces are ``bridge.shelf`` (x forward, its origin
+    at its right rear corner), a leg and a foot on each side, and ``bridge.flange``, at the front edge if ``side`` is
+    1 and at the rear edge if it is -1.
     """
     parts, assembly, film = shape.parts, shape.parts.assembly, shape.parts.film_mm
     half_length, (_, right_span), shelf_z = half_width_mm(parts), span_mm(parts), shelf_height_mm(parts)
@@ -101,10 +105,10 @@ def put_bridge(shape: Shape, floor: str, x_mm: float, y_mm: float, side: int) ->
 
 
 def _add_boards_with_fasteners(shape: Shape, shelf: str, middle: tuple[float, float]) -> None:
-    """Add the boards on the shelf: spacers and screws at the Feather's free holes, a foam pad under its other end.
+    """Add the boards on the shelf: spacers and screws at two holes of the Feather, a foam pad under its other end.
 
-    ``middle`` is the boards' middle on the shelf. The radio module covers the other holes in part. The pad is pressed to
-    the spacers' height.
+    ``middle`` is the middle of the boards on the shelf. There are no screws at the other holes, because the radio
+    module covers them in part. The pad is pressed to the height of the spacers.
     """
     parts, film = shape.parts, shape.parts.film_mm
     feather, spacer = parts.feather, parts.spacer
@@ -127,7 +131,7 @@ def _add_boards_with_fasteners(shape: Shape, shelf: str, middle: tuple[float, fl
 
 
 def option_resistors(parts: Catalogue) -> dict[str, Point]:
-    """Return x and y (mm), in the Feather's frame, of the middle of each resistor below it, by its value as text."""
+    """Return the middle (x, y) of each resistor below the Feather, in the Feather's frame (mm), by its value as text."""
     feather, length = parts.feather, parts.resistor.length_mm.value
     resistors: dict[str, Point] = {}
     if parts.divider == "fitted":
@@ -142,18 +146,18 @@ def option_resistors(parts: Catalogue) -> dict[str, Point]:
 
 
 def mouth_mm(parts: Catalogue) -> float:
-    """Distance of the USB socket's mouth from the middle of its board (mm)."""
+    """Return distance of the USB socket's mouth from the middle of its board (mm)."""
     usb = parts.feather.usb
     return usb.size_mm[0] / 2 - usb.at_mm[0]
 
 
 def plug_room_mm(plug: PartData) -> float:
-    """Diameter of the cylinder (mm) that the largest plug of this kind passes through."""
+    """Return diameter of the cylinder (mm) that the largest plug of this kind passes through."""
     return math.hypot(plug.width_mm.max_value, plug.thickness_mm.max_value)
 
 
 def _put_boards(shape: Shape, on: str, under: Pose, holes: Sequence[str]) -> None:
-    """Add the Feather and the wing with the servos' plugs; ``under`` is the Feather's pose in the face ``on``."""
+    """Add the Feather and the wing with the plugs of the servos; ``under`` is the pose of the Feather in the face ``on``."""
     parts, feather, wing = shape.parts, shape.parts.feather, shape.parts.featherwing
 
     def plug(name: str, pose: Pose) -> ToolClearance:
@@ -203,9 +207,10 @@ def _put_board(
     shape: Shape, board: Feather | FeatherWing, on: str, under: Pose, boxes: Sequence[Box],
     clearances: Sequence[ToolClearance], holes: Sequence[str], pins: Sequence[Box] = (),
 ) -> None:  # fmt: skip
-    """Add a board on the face ``on``; ``under`` is the pose of the middle of its underside, the board's frame.
+    """Add a board on the face ``on``; ``under`` is the pose of the middle of its underside, which is the board's frame.
 
-    ``boxes``, weightless ``pins`` and ``clearances`` are in the board's frame; ``holes`` are those of its screws.
+    ``boxes``, weightless ``pins`` and ``clearances`` are in the frame of the board. ``holes`` are those of its
+    screws.
     """
     length, width, height = board.size_mm
     # From the frame of the mount, the middle of its box, to the board's frame, on its underside.

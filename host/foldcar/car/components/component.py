@@ -88,7 +88,7 @@ def maximum_text(limit: float) -> str:
 
 
 class ComponentError(FoldcarError):
-    """A component that cannot be made. ``key`` is the outermost parameter that sets the value at fault, or None."""
+    """A component that cannot be made. ``key`` is the parameter of the design that sets the wrong value, or None."""
 
     def __init__(self, path: str, message: str, key: str | None = None) -> None:
         super().__init__(f"{path}: {message}" if path else message)
@@ -97,9 +97,10 @@ class ComponentError(FoldcarError):
 
 @dataclass(frozen=True)
 class Sub:
-    """A subcomponent of class ``kind`` with these values; ``body`` names its rigid body, by default the parent's.
+    """A subcomponent of class ``kind`` with these values. ``body`` names its rigid body, by default that of the parent.
 
-    ``keys`` maps a value's name to the parent's parameter that sets it, where the two names differ.
+    A parent's parameter may set a value under another name. ``keys`` then has the name of the parent's parameter by
+    the name of the value.
     """
 
     name: str
@@ -110,9 +111,9 @@ class Sub:
 
 
 class Component:
-    """The base class of all that is folded, cut or bought: subclasses declare parameters and override ``build``.
+    """The base class of all that is folded, cut or bought. Subclasses declare parameters and override ``build``.
 
-    ``parts`` are the chosen parts, those of the whole car. A parent may give values beside parameters.
+    ``parts`` are the parts that the whole car uses. A parent may also give values that are no parameters.
     """
 
     parameters: tuple[Parameter, ...] = ()
@@ -150,9 +151,10 @@ class Component:
     def sub(self, name: str, kind: "type[Component]", inherit: str = "", **settings: str | float) -> Sub:
         """Return a subcomponent whose parameters are inherited, set, or left at their defaults.
 
-        ``inherit`` names parameters that have the same name here, separated by blanks. In ``settings`` a string names the
-        parameter here that sets it, a number or boolean is the value:
-        ``self.sub("car", WheelModule, "width height", length="wheel_length", driven=False)``.
+        ``inherit`` names the parameters that have the same name here, separated by blanks. In ``settings``, a string
+        names the parameter here that sets the value; a number or a boolean is the value itself.
+
+        Example: ``self.sub("car", WheelModule, "width height", length="wheel_length", driven=False)``
         """
         # Parameter of the subcomponent -> parameter of this component.
         inherited = {parameter: parameter for parameter in inherit.split()}

@@ -16,17 +16,17 @@ ENDS = ("front", "rear")
 
 
 class CompositePart(NamedTuple):
-    """A module of a composite; ``root`` if the composite names it as the one that carries the electronics."""
+    """A module of a composite. ``root`` is whether the composite names it as the one that carries the electronics."""
 
     module: Module | HingeModule
     root: bool
 
 
 class Composite(Component):
-    """Connected modules; ``connections`` are the ends that meet: ``("car.rear", "brain.front")``.
+    """Connected modules. ``connections`` are the pairs of ends that meet, such as ``("car.rear", "brain.front")``.
 
-    ``root`` is the name of the subcomponent with the module B that carries the electronics. By default it is the car's
-    first B.
+    ``root`` is the name of the subcomponent with the module B that carries the electronics. By default it is the
+    first B of the car.
     """
 
     letter: ClassVar[str]
@@ -35,7 +35,10 @@ class Composite(Component):
     root: ClassVar[str] = ""
 
     def modules(self) -> Iterator[CompositePart]:
-        """Yield the modules, also of nested composites, front to back. Raises ComponentError if they are not a chain."""
+        """Yield the modules from front to back, also those of nested composites.
+
+        Raises ComponentError if they form no chain.
+        """
         for name in self._order():
             child = self.children[name]
             if isinstance(child, Composite):
@@ -54,10 +57,7 @@ class Composite(Component):
             raise ComponentError(self.path, f'root "{self.root}" is not one module B, nor a composite whose root is one')
 
     def _order(self) -> list[str]:
-        """Return the names of the subcomponents, front to back.
-
-        Raises ComponentError if the connections do not make them one chain.
-        """
+        """Return the names of the subcomponents from front to back. Raises ComponentError if they do not form one chain."""
         module_behind: dict[str, str] = {}
         for connection in self.connections:
             ends = {end: name for name, end in map(self._end, connection)}
@@ -79,7 +79,7 @@ class Composite(Component):
         return chains[0]
 
     def _end(self, place: str) -> tuple[str, str]:
-        """Split ``car.rear`` into name and end. Raises ComponentError if either is unknown."""
+        """Split an end such as ``car.rear`` into name and end. Raises ComponentError if one of them is unknown."""
         name, _, end = place.rpartition(".")
         if name not in self.children or end not in ENDS:
             names = ", ".join(self.children)

@@ -81,10 +81,11 @@ class ElectronicsModule(BrainModule):
         shape.graph.wires += _power_wires(parts)
 
     def _cut_usb_opening(self, shape: Shape, x: float) -> None:
-        """Cut the left wall's openings for USB plug and light, and above it two slots for a tie that holds the cable.
+        """Cut the openings of the left wall: for the USB plug, for the light, and two slots for the cable's tie
+        above them.
 
-        ``x`` is the boards' middle. The light is beside the socket, where a plug hides it from straight ahead: through a
-        window beside the plug it is seen aslant, from the front.
+        ``x`` is the middle of the boards. The light is beside the socket, where a plug hides it from straight ahead.
+        So its window lies beside the plug, and one sees the light aslant from the front.
         """
         parts, assembly, z = self.parts, self.parts.assembly, usb_height_mm(self.parts)
         hole = plug_room_mm(parts.plugs.usb) + 2 * (parts.feather.usb.tolerance + assembly.slot_clearance_mm.value)
@@ -99,9 +100,9 @@ class ElectronicsModule(BrainModule):
             shape.rectangular_hole("beam.left", name, "slit", middle, tie / 2, tie)
 
     def _place_battery(self, shape: Shape, layout: Layout, boards_y: float) -> None:
-        """Add pad and battery on the floor or the roof, as far across the car as needed to balance the boards.
+        """Add pad and battery on the floor or on the roof, so far to one side of the car that they balance the boards.
 
-        ``boards_y`` is y of the boards' middle; the walls limit the battery's y.
+        ``boards_y`` is y of the middle of the boards. The walls limit y of the battery.
         """
         parts, film, across = self.parts, self.parts.film_mm, wall_mm(self["width"], self.parts)
         battery, pad = parts.battery, parts.pad
@@ -136,9 +137,11 @@ class ElectronicsModule(BrainModule):
             z += height
 
     def _place_on_roof(self, shape: Shape, x: float, y: float) -> None:
-        """Add pad and battery on the lid's unprinted side, their middle at ``x`` and as near to ``y`` as its folds allow.
+        """Add pad and battery on the unprinted side of the lid, their middle at ``x``, and as near to ``y`` as its
+        folds allow.
 
-        Holes at their corners show their places on both sides. The lid's y runs from the left wall, its z into the car.
+        Holes at the corners show their place on both sides. The lid's y runs from the left wall, and its z points
+        into the car.
         """
         parts, assembly, film = self.parts, self.parts.assembly, self.parts.film_mm
         battery, corner = parts.battery, assembly.corner_hole_mm.value
@@ -164,10 +167,10 @@ class ElectronicsModule(BrainModule):
                     shape.round_hole("beam.lid", f"{part.name} corner {i}", "mark", (x + dx, y + dy), corner)
 
     def _cut_lead_hole(self, shape: Shape, end_mm: float) -> Point:
-        """Cut a hole for the battery's leads into the lid, in front of the battery on the roof and near the left wall.
+        """Cut a hole into the lid for the battery's leads, in front of the battery and near the left wall; return
+        its middle.
 
-        Returns its middle. Raises ComponentError if the module is too short for battery, lead hole, latch and fingers at
-        the pull tab.
+        Raises ComponentError if the module is too short for battery, hole, latch, and fingers at the pull tab.
         """
         battery, assembly = self.parts.battery, self.parts.assembly
         hole, edge = assembly.lead_hole_mm.value, assembly.fold_distance_mm.value
@@ -187,8 +190,8 @@ class ElectronicsModule(BrainModule):
     def _layouts(self) -> Iterator[Layout]:
         """Yield the possible layouts, also those for which the module is too short.
 
-        Along x the parts are in the order LiPo, boards, battery (``side`` is 1), or the reverse (``side`` is -1). A
-        battery on the floor lies along or across the car, as far as the floor is wide enough.
+        If ``side`` is 1, the order along x is LiPo, boards, battery; if it is -1, the order is reversed. A battery on
+        the floor lies along or across the car, if the floor is wide enough for that.
         """
         parts, length = self.parts, self["length"]
         # The battery's length along x (0 on the roof), ``side`` and ``turned`` of each layout.
@@ -211,9 +214,9 @@ class ElectronicsModule(BrainModule):
             yield Layout(low, high, side, turned, boards_middle, lipo_middle, battery_middle)
 
     def _floor_variants(self) -> list[tuple[float, int, bool]]:
-        """Return the ways to lay a battery on the floor: its length along x (mm), ``side``, whether it is turned.
+        """Return the ways to lay a battery on the floor, each as (length along x in mm, ``side``, whether it is turned).
 
-        If ``side`` is 1, the battery is in front of the boards; if -1, behind them.
+        If ``side`` is 1, the battery is in front of the boards; if it is -1, behind them.
         """
         battery, floor_mm = self.parts.battery, self["width"] - 2 * self.parts.film_mm
         orientations = ((battery.width_mm, battery.length_mm, True), (battery.length_mm, battery.width_mm, False))
@@ -225,9 +228,9 @@ class ElectronicsModule(BrainModule):
         ]
 
     def _lipo_end_mm(self) -> float:
-        """Return the distance along x from the boards' middle to the LiPo's far side.
+        """Return the distance along x from the middle of the boards to the far side of the LiPo (mm).
 
-        The bridge's flange comes down beside the LiPo, which may lie anywhere within its outline.
+        The flange of the bridge comes down beside the LiPo, which may lie anywhere within its outline.
         """
         assembly, lipo = self.parts.assembly, self.parts.lipo.width_mm
         gap_mm = assembly.placement_mm.value + lipo.tolerance / 2 + assembly.slot_clearance_mm.value
@@ -235,7 +238,7 @@ class ElectronicsModule(BrainModule):
 
     @property
     def layout(self) -> Layout:
-        """The fitting layout with the boards nearest to the middle. Raises ComponentError if none fits."""
+        """The layout that fits, with the boards nearest to the middle of the module. Raises ComponentError if none fits."""
         battery, length, layouts = self.parts.battery, self["length"], list(self._layouts())
         if not layouts:
             min_width_part = min(size.max_value for size in (battery.length_mm, battery.width_mm))
@@ -287,5 +290,5 @@ def _option_wires(parts: Catalogue) -> list[Wire]:
 
 
 def _too_small(value: float, needed: float, what: str) -> str:
-    """Return the message for a size below what ``what`` needs (mm), rounded up to 0.1 mm."""
+    """Return the message for a size that is smaller than ``what`` needs (mm); the need is rounded up to 0.1 mm."""
     return f"{value:g} is below the minimum {math.ceil((needed - ROUNDING) * 10) / 10:g} ({what})"

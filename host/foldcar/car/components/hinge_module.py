@@ -24,7 +24,7 @@ FOLD_DOWN_DEG = 60
 
 
 def _length_mm(parts: Catalogue) -> float:
-    """Return the default length: 6 mm, or more if the film needs it to bend by the default angle."""
+    """Return the default length (mm): 6 mm, or more if the film needs it to bend by the default angle."""
     return max(6.0, math.ceil(parts.film.least_bend_radius_mm.value * math.radians(FOLD_DOWN_DEG)))
 
 
@@ -37,13 +37,15 @@ GLUE_SHARE = 0.45
 
 
 def stiffness_n_m_rad(width_mm: float, thickness_mm: float, length_mm: float, film: Film) -> float:
-    """Rotational stiffness of the strip (N m/rad), an Euler-Bernoulli beam bent to a circular arc: E w t³ / 12 l."""
+    """Return the rotational stiffness of the strip (N m/rad): an Euler-Bernoulli beam that is bent to a circular
+    arc, E w t³ / 12 l.
+    """
     second_moment_m4 = width_mm * thickness_mm**3 / 12 * 1e-12
     return film.youngs_modulus_pa.value * second_moment_m4 / (length_mm * 1e-3)
 
 
 class HingeModule(Component):
-    """Two half strips with a flexure between them; :meth:`join` glues them under the floors."""
+    """Two half strips with a flexure between them; :meth:`join` glues the halves under the floors of two segments."""
 
     letter = "H"
     title = "hinge: a strip of film that lets the segments before and after it pitch against each other"
@@ -64,9 +66,10 @@ class HingeModule(Component):
     )  # fmt: skip
 
     def build(self, shape: Shape) -> None:
-        """Add faces ``front half`` and ``rear half``, y to the left, the flexure at their common edge, and the stop.
+        """Add the faces ``front half`` and ``rear half`` (y to the left), the flexure at their common edge, and the stop.
 
-        Raises ComponentError if ``fold_up`` exceeds the angle where the lids meet, or the strip would bend too sharply.
+        Raises ComponentError if ``fold_up`` is larger than the angle at which the lids meet, or if the strip would
+        have to bend too sharply.
         """
         # The segments turn about the middle of the strip.
         max_fold_up_deg = math.degrees(2 * math.atan2(self["length"] / 2, wall_mm(self["height"], self.parts)))
@@ -102,10 +105,10 @@ class HingeModule(Component):
                 shape.connect(f"{name}.far", f"{following}.near", "fold", 90)
 
     def join(self, shape: Shape, hinge: str, modules: tuple[str, str], caps: tuple[str, str]) -> None:
-        """Glue the strip under the floors of the modules before and behind, and the stop onto the cap before the gap.
+        """Glue the strip under the floors of the modules before and behind it, and the stop onto the cap before the gap.
 
-        ``hinge`` is this component's path, ``modules`` and ``caps`` are those in front of and behind the gap. The
-        strip determines the pose of everything behind it.
+        ``hinge`` is the path of this component. ``modules`` and ``caps`` are those in front of and behind the gap.
+        The pose of everything behind the strip follows from it.
         """
         film, (front, rear) = self.parts.film_mm, modules
         strip_z_mm, glue_mm = -(film + self["thickness"]) / 2, self.parts.assembly.hinge_glue_mm.value
@@ -124,13 +127,16 @@ class HingeModule(Component):
             shape.place(f"{hinge}.glue 1", f"{caps[0]}.cap", compose(stop_pose, rotation("y", math.pi)), laminated=True)
 
     def _stop_mm(self) -> float:
-        """Depth of the stop (mm) from the front segment's cap, with which it meets the other cap at the upper limit."""
+        """Return how deep (mm) the stop is.
+
+        It stands on the cap of the front segment and meets the other cap at the upper limit.
+        """
         half, up = self["length"] / 2, math.radians(self["fold_up"])
         gap = half + half / math.cos(up) - (wall_mm(self["height"], self.parts) - STOP_FROM_LID_MM) * math.tan(up)
         # Less the film: half a thickness each of cap and stop at the contact, and of cap and flap at the glued end.
         return gap - 2 * self.parts.film_mm
 
     def _web_mm(self) -> float:
-        """Height of the stop (mm), which ends above the slit for cables."""
+        """Return height of the stop (mm), which ends above the slit for cables."""
         slit = self.parts.assembly.cable_slit_mm.value
         return min(STOP_WEB_MM, wall_mm(self["height"], self.parts) / 2 - slit / 2 - STOP_FROM_LID_MM - 1)

@@ -50,7 +50,9 @@ PLAY_MM = 0.1
 
 
 class WheelSize:
-    """A wheel of rolling ``radius_mm``, tyre included, ``width_mm`` from outside to outside of its discs."""
+    """The sizes of a wheel, from its rolling ``radius_mm`` with tyre and its ``width_mm`` from outside to outside
+    of the discs.
+    """
 
     def __init__(self, radius_mm: float, width_mm: float, parts: Catalogue) -> None:
         self.radius_mm, self.width_mm, self.film_mm = radius_mm, width_mm, parts.film_mm
@@ -89,25 +91,28 @@ class WheelSize:
 
 
 def wheel_screws_mm(horn: Horn) -> tuple[Point, Point]:
-    """Return the two holes that hold the wheel, the farthest from each other: points of the horn's frame."""
+    """Return the two holes that hold the wheel, which are the farthest from each other: points of the horn's frame."""
     holes = horn.wheel_screws.at_mm
     return max(((a, b) for a in holes for b in holes), key=lambda pair: (math.dist(*pair), pair[0]))
 
 
 def access_radius_mm(parts: Catalogue) -> float:
-    """Radius of a hole through which a driver reaches all screws of the horn."""
+    """Return radius of a hole through which a driver reaches all screws of the horn."""
     reach = max(math.hypot(*at) for at in wheel_screws_mm(parts.horn))
     play = max(0.5, parts.horn.wheel_screws.tolerance)
     return reach + max(parts.tools.driver_diameter_mm.value, parts.horn_screw.head_diameter_mm.value) / 2 + play
 
 
 def hub_mm(parts: Catalogue) -> float:
-    """Distance of the hub's walls from the axle (mm), which leaves film between their slots and the driver's hole."""
+    """Return the distance of the hub's walls from the axle (mm).
+
+    It leaves film between their slots and the driver's hole.
+    """
     return access_radius_mm(parts) + BRIDGE_MM + PLAY_MM + parts.film_mm / 2
 
 
 def min_radius_mm(parts: Catalogue) -> float:
-    """Minimum rolling radius of a wheel: hub, film to the rim's notches, tyre; rounded up to 0.1 mm."""
+    """Return minimum rolling radius of a wheel: hub, film to the rim's notches, tyre; rounded up to 0.1 mm."""
     corner = hub_mm(parts) / math.cos(WALL_RAD / 2)
     least = corner + MIN_WEB_MM + 2 * parts.film_mm + parts.tyre.thickness_mm.value
     return math.ceil(10 * least - 1e-9) / 10
@@ -119,7 +124,7 @@ TAPER_MM = 1.0
 
 
 class Hook(NamedTuple):
-    """A neck that passes through a disc over ``reach_mm``, and a head wider than the neck to the left, right or both."""
+    """A neck and a head. The neck passes through a disc over ``reach_mm``; the head is wider, to the left, right or both."""
 
     neck_mm: float
     left_mm: float
@@ -127,11 +132,11 @@ class Hook(NamedTuple):
     reach_mm: float
 
     def path(self, side: str, x: float, y: float) -> dict[str, Point]:
-        """Return the hook as the part of a facet's outline that replaces the middle of the edge ``side``.
+        """Return the hook as a part of the outline of a facet, where it replaces the middle of the edge ``side``.
 
-        ``side`` is ``inner`` or ``outer``. The neck begins at (``x``, ``y``), and the hook points away from the facet.
-        The points run counter-clockwise around the facet; each has the name of the edge that starts at it. The edge at
-        the hook's tip is ``inner tip`` or ``outer tip``.
+        ``side`` is ``inner`` or ``outer``. The neck begins at (``x``, ``y``), and the hook points away from the
+        facet. The points run counter-clockwise around the facet, and each has the name of the edge that starts at it.
+        The edge at the tip of the hook is ``inner tip`` or ``outer tip``.
         """
         direction = -1 if side == "inner" else 1
         head_y, tip_y = y + direction * self.reach_mm, y + direction * (self.reach_mm + DEPTH_MM)
@@ -157,9 +162,9 @@ def facet(
 ) -> dict[str, Point]:
     """Return the outline of a facet with the names of its edges, counter-clockwise from the origin.
 
-    Edges ``next`` and ``last`` lie at x = length and 0, ``inner`` and ``outer`` at y = 0 and width. ``hooks`` (for the
-    inner and the outer disc) stand in the middles of the latter. With ``base_mm``, the middle of ``last`` is an edge
-    ``base`` of that length, from which a tongue grows.
+    The edges ``next`` and ``last`` lie at x = length and x = 0, the edges ``inner`` and ``outer`` at y = 0 and y =
+    width. ``hooks``, one for the inner and one for the outer disc, stand in the middles of the latter two. With
+    ``base_mm``, a tongue grows from the middle of ``last``; there the edge is called ``base`` and has that length.
     """
     outline = {"inner": (0.0, 0.0)}
     if hooks[0] is not None:
@@ -198,7 +203,7 @@ def build_rim(shape: Shape, size: WheelSize) -> None:
 
 
 def first_facet_pose(size: WheelSize, strip: int) -> Pose:
-    """Return the pose in the wheel's frame of the first facet of a strip, whose middle lies at the strip's first tie."""
+    """Return the pose of a strip's first facet in the frame of the wheel; the middle of the facet lies at the first tie."""
     # x along the circle, y along the axle, z towards it.
     axes: Pose = ((0.0, 0.0, -1.0, 0.0), (0.0, 1.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
     turn = compose(rotation("y", -size.tie_angles_rad[strip * size.ties]), axes)
@@ -208,7 +213,7 @@ def first_facet_pose(size: WheelSize, strip: int) -> Pose:
 def _add_strip(shape: Shape, size: WheelSize, strip: int, count: int) -> None:
     """Add one strip of the wheel's rim: ``count`` facets, with hooks that hold the discs at each tie.
 
-    A tongue at its first facet and a slot in its last one join the strips to a ring.
+    A tongue at the first facet and a slot in the last one join the strips to a ring.
     """
     length_mm, width_mm, turn_deg = size.facet_mm, size.between_mm, math.degrees(size.turn_rad)
     dip_deg = math.degrees(size.turn_rad - size.slope_rad)
@@ -233,10 +238,12 @@ def _tongue_width_mm(size: WheelSize) -> tuple[float, float]:
 
 
 def _slot_outline(size: WheelSize) -> list[Point]:
-    """Return the slot in the last facet's frame: narrow where the tongue passes, wide where its head is put in.
+    """Return the outline of the slot in the last facet.
 
-    From ``right`` to ``middle`` it is narrow, to ``left`` wide. x runs towards the next strip, whose tongue comes back
-    over the facet in the direction of -x.
+    It is narrow where the tongue passes, and wide where its head goes in.
+
+    The slot is narrow from ``right`` to ``middle`` and wide from there to ``left``. x runs towards the next strip,
+    whose tongue comes back over the facet in the direction of -x.
     """
     overlap, distance_mm = _start_mm(size)
     # The part through the slot descends from above the facet to the same distance below it; this is its extent along x.
@@ -253,22 +260,24 @@ def _slot_outline(size: WheelSize) -> list[Point]:
 
 
 def _through_mm(size: WheelSize) -> float:
-    """Length of the tongue's part that leads from one side of the facet to the other."""
+    """Return the length (mm) of the part of the tongue that leads from one side of the facet to the other."""
     return max(THROUGH_MM, THROUGH_FILMS * size.film_mm)
 
 
 def _start_mm(size: WheelSize) -> tuple[float, float]:
-    """Overlap (mm) of the next strip's start along the last facet, and distance of the strip's tongue from that facet."""
+    """Return overlap (mm) of the next strip's start along the last facet, and distance of the strip's tongue from
+    that facet.
+    """
     slope, film = size.slope_rad, size.film_mm
     shift = size.facet_mm * (math.cos(slope) - math.cos(size.turn_rad))
     return shift * math.cos(slope) - film * math.sin(slope), shift * math.sin(slope) + film * math.cos(slope)
 
 
 def _add_tongue(shape: Shape, size: WheelSize, strip: int) -> None:
-    """Add the tongue by which a rim strip is joined to the strip before it, with that strip's slot.
+    """Add the tongue that joins a strip of the rim to the strip before it, and the slot in that strip.
 
-    It has three faces: ``out`` lies parallel to the facet under it, ``through`` goes through that facet's slot, and
-    ``head``, wider than the slot, holds behind it.
+    The tongue has three faces. ``out`` lies parallel to the facet under it, ``through`` goes through the slot of that
+    facet, and ``head``, which is wider than the slot, holds behind it.
     """
     width, spread = _tongue_width_mm(size)
     for name, length in (("out", OUTSIDE_MM), ("through", _through_mm(size))):
@@ -299,9 +308,10 @@ EVEN_MM = 0.02
 
 
 def build_hub(shape: Shape, size: WheelSize) -> None:
-    """Add the hub: a layer on the inner disc with walls folded up, whose hooks lock into slots of the outer disc.
+    """Add the hub: a layer on the inner disc whose walls are folded up, with hooks that lock into slots of the
+    outer disc.
 
-    Faces ``hub`` and ``wall 1`` …; the slots are cut into the face ``outer``.
+    The faces are ``hub`` and ``wall 1`` …; the slots are cut into the face ``outer``.
     """
     shape.face("hub", _hub_outline(size), piece="wheel hub")
     shape.place("hub", "inner", translation(0, 0, size.film_mm), laminated=True)
@@ -317,13 +327,13 @@ def build_hub(shape: Shape, size: WheelSize) -> None:
 
 
 def turn_rad(size: WheelSize) -> float:
-    """Angle (rad) by which the outer disc is turned relative to the hub until the hooks hold."""
+    """Return angle (rad) by which the outer disc is turned relative to the hub until the hooks hold."""
     inside = size.hub_mm - size.film_mm / 2
     return math.atan((WALL_NECK_MM / 2 + WALL_HOOK_MM) / inside) - math.atan(WALL_NECK_MM / 2 / inside)
 
 
 def _hub_outline(size: WheelSize) -> dict[str, Point]:
-    """Return the outline of the hub's layer: a circle with a straight edge ``wall 1`` … for each wall."""
+    """Return the outline of the hub's layer: a circle with a straight edge ``wall 1``, ``wall 2``, … for each wall."""
     radius, half_wall = size.hub_mm / math.cos(WALL_RAD / 2), WALL_RAD / 2
     arc_rad = 2 * math.pi / WALLS - WALL_RAD
     steps = math.ceil(arc_rad / 2 / math.acos(1 - EVEN_MM / radius))
@@ -335,9 +345,9 @@ def _hub_outline(size: WheelSize) -> dict[str, Point]:
 
 
 def _wall_slot_outline(size: WheelSize, angle_rad: float) -> list[Point]:
-    """Return the outline of a slot in the outer disc: an arc around the axle, in which a hook turns into its lock.
+    """Return the outline of a slot in the outer disc: an arc around the axle, along which a hook turns into its lock.
 
-    ``angle_rad`` is the direction of the hook before it turns; the hook points clockwise.
+    ``angle_rad`` is the direction of the hook before it turns. The hook points clockwise.
     """
     inner_radius = size.hub_mm - size.film_mm / 2 - PLAY_MM
     outer_radius = math.hypot(size.hub_mm + size.film_mm / 2, WALL_NECK_MM / 2 + WALL_HOOK_MM) + size.clearance_mm

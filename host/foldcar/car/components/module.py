@@ -42,7 +42,7 @@ class Module(Component):
 
 
 def _min_wheel_module_mm(parts: Catalogue) -> float:
-    """Minimum length (mm): on both sides of the axis, the farther screw hole and its distance from the fold."""
+    """Return minimum length (mm): on both sides of the axis, the farther screw hole and its distance from the fold."""
     servo = parts.servo
     reach = servo.length_mm.value / 2 - servo.axis_from_end_mm.value + screw_end_mm(parts)
     return 2 * (reach + parts.assembly.fold_distance_mm.value)

@@ -20,7 +20,9 @@ ARC_STEPS = 24
 
 
 def servo_reach_mm(parts: Catalogue) -> tuple[float, float]:
-    """Distance (mm) from the axis to the end of the servo's layer or nut, on its long side and on its short side."""
+    """Return distance (mm) from the axis to the end of the servo's layer or nut, on its long side and on its short
+    side.
+    """
     servo, nut = parts.servo, parts.screw.nut_width_mm
     axis_offset = servo.length_mm.value / 2 - servo.axis_from_end_mm.value
     nut_corner = 0.0 if nut is None else nut.value / 3**0.5
@@ -29,12 +31,12 @@ def servo_reach_mm(parts: Catalogue) -> tuple[float, float]:
 
 
 def doubler_length_mm(parts: Catalogue) -> float:
-    """Length (mm) of the second layer of film behind a servo, which reaches past the notches."""
+    """Return length (mm) of the second layer of film behind a servo, which reaches past the notches."""
     return 2 * (screw_end_mm(parts) + parts.assembly.doubler_margin_mm.value)
 
 
 def screw_end_mm(parts: Catalogue) -> float:
-    """Distance (mm) from the middle of the opening to the outer end of a screw's notch.
+    """Return distance (mm) from the middle of the opening to the outer end of a screw's notch.
 
     The notch has room for servos whose screws are farther apart; for screws that are nearer the servo's own slots do.
     """
@@ -42,7 +44,7 @@ def screw_end_mm(parts: Catalogue) -> float:
 
 
 def min_doubler_mm(parts: Catalogue) -> float:
-    """Minimum height (mm) of the second layer of film behind a servo."""
+    """Return minimum height (mm) of the second layer of film behind a servo."""
     margins = parts.assembly.opening_clearance_mm.value + parts.assembly.doubler_margin_mm.value
     return parts.servo.width_mm.max_value + 2 * margins
 
@@ -80,12 +82,12 @@ ROD_LAYER_MM = 10.0
 
 
 def rod_hole_mm(parts: Catalogue) -> float:
-    """Diameter of a hole in a wall (mm) that the thickest rod passes."""
+    """Return diameter of a hole in a wall (mm) that the thickest rod passes."""
     return parts.axle_rod.diameter_mm.max_value + 2 * parts.assembly.cut_mm.value
 
 
 def wheel_hole_mm(parts: Catalogue) -> float:
-    """Diameter of the holes of a wheel (mm) that turns on the rod."""
+    """Return diameter of the holes of a wheel (mm) that turns on the rod."""
     return rod_hole_mm(parts) + parts.axle_rod.play_mm.value
 
 
@@ -164,7 +166,7 @@ def _cut_servo_opening(shape: Shape, face: str, name: str, x: float, y: float) -
 
 
 def switch_depth_mm(parts: Catalogue) -> float:
-    """Depth (mm) of the switch inside the panel."""
+    """Return depth (mm) of the switch inside the panel."""
     switch = parts.switch
     return switch.height_mm.value - switch.rocker_height_mm.value - switch.bezel_height_mm.value
 
@@ -223,7 +225,7 @@ BUTTON = "button"
 
 
 def button_depth_mm(parts: Catalogue) -> float:
-    """Depth (mm) of the button inside the panel."""
+    """Return depth (mm) of the button inside the panel."""
     return parts.push_button.height_mm.value - parts.push_button.front_mm.value
 
 

@@ -53,7 +53,9 @@ class Atom:
 
 @dataclass(frozen=True)
 class EdgeJoin:
-    """Two edges (face path, index) that meet at ``angle_rad``; a tab grows from edge ``b`` and is glued at edge ``a``.
+    """Two edges that meet at ``angle_rad``, each as (path of the face, index).
+
+    A tab grows from ``b`` and is glued at ``a``.
 
     ``depth_mm`` and ``inset_mm`` describe a tab (see Shape.connect), ``min_rad`` and ``max_rad`` a hinge.
     """
@@ -70,7 +72,7 @@ class EdgeJoin:
 
 @dataclass(frozen=True)
 class FacePose:
-    """A face's pose in the frame of the face ``on``, onto which it may be laminated."""
+    """The pose of a face in the frame of the face ``on``; the face may also be laminated onto it."""
 
     face: str
     on: str
@@ -80,9 +82,9 @@ class FacePose:
 
 @dataclass(frozen=True)
 class Contact:
-    """A join between faces whose poses other links and placements determine: of two edges, or of an edge and b's face.
+    """A join between faces whose poses are known from other links: of two edges, or of an edge and the face of b.
 
-    ``slot`` is the hole of b's face that the tongue with tip ``a`` goes through.
+    ``slot`` is the hole in the face of b through which a tongue goes, whose tip is ``a``.
     """
 
     kind: JoinKind
@@ -93,10 +95,10 @@ class Contact:
 
 @dataclass
 class Graph:
-    """Everything that the components of a tree have built; ``origin`` is a face and its pose in the car.
+    """Everything that the components of a car have built. ``origin`` is a face and its pose in the car.
 
-    A mount is given in the frame of its ``face``, an axle in the frame of the face named with it. ``linked`` maps an
-    edge to the path of the edge that it is linked to.
+    A mount is given in the frame of its ``face``, an axle in the frame of the face that is named with it. ``linked``
+    has, for each edge that is linked, the path of the edge that it is linked to.
     """
 
     atoms: dict[str, Atom] = field(default_factory=dict)
@@ -134,10 +136,13 @@ class Shape:
         self, name: str, outline_mm: Sequence[Point] | Mapping[str, Point], *, piece: str = "",
         role: Literal["panel", "tab", "rim"] = "panel", thickness_mm: float | None = None, body: str = "",
     ) -> None:  # fmt: skip
-        """Add a polygon, counter-clockwise. Keys of ``outline_mm`` name the edges that begin there; default "0", "1", …
+        """Add a polygon, counter-clockwise.
 
-        ``piece`` names the piece whose root this face becomes, ``body`` its rigid body, by default the component's.
-        Raises ComponentError for a second face of that name or an outline that runs clockwise.
+        The keys of ``outline_mm`` name the edges that begin there; by default "0", "1", …
+
+        If the face is the root of a piece, ``piece`` is the name of that piece. ``body`` is its rigid body, by
+        default that of the component. Raises ComponentError for a second face of that name, and for an outline that
+        runs clockwise.
         """
         path = self.path(name)
         if path in self.graph.atoms:
@@ -154,7 +159,10 @@ class Shape:
         self, name: str, length_mm: float, width_mm: float, *, piece: str = "", thickness_mm: float | None = None,
         body: str = "",
     ) -> None:  # fmt: skip
-        """Add a face, x from 0 to length, y from 0 to width; edges near (y = 0), front (x = length), far and rear."""
+        """Add a rectangle, x from 0 to length and y from 0 to width.
+
+        Its edges are near (y = 0), front (x = length), far, rear.
+        """
         corners = ((0.0, 0.0), (length_mm, 0.0), (length_mm, width_mm), (0.0, width_mm))
         outline = dict(zip(("near", "front", "far", "rear"), corners, strict=True))
         self.face(name, outline, piece=piece, thickness_mm=thickness_mm, body=body)
@@ -173,7 +181,7 @@ class Shape:
         return self._hole(face, Hole(self.path(name), kind, outline, diameter_mm, center_mm))
 
     def slotted_hole(self, face: str, name: str, kind: HoleKind, start_mm: Point, end_mm: Point, width_mm: float) -> str:
-        """Cut a slot with round ends about two points, or a circle if they coincide, and return its full name."""
+        """Cut a slot with round ends about two points, and return its full name. If the points coincide, it is a circle."""
         (x0, y0), (x1, y1) = start_mm, end_mm
         if start_mm == end_mm:
             return self.round_hole(face, name, kind, start_mm, width_mm)
@@ -194,9 +202,9 @@ class Shape:
     ) -> None:  # fmt: skip
         """Join two edges of equal length by a fold or bend of that angle, rigidly, by a hinge, or by a tab.
 
-        A tab grows from edge ``b`` and is glued at edge ``a``; it is ``depth_mm`` deep. It lies ``inset_mm`` above the
-        face it is glued to, and its edge is shorter by twice this. ``limits_rad`` is a hinge's range. Raises
-        ComponentError if the lengths differ or an edge is joined already.
+        A tab grows from edge ``b`` and is glued at edge ``a``. It is ``depth_mm`` deep. It lies ``inset_mm`` above
+        the face that it is glued to, and its edge is shorter by twice this. ``limits_rad`` is the range of a hinge.
+        Raises ComponentError if the lengths differ, or if an edge is joined already.
         """
         first, second = self._edge(a), self._edge(b)
         lengths = [math.dist(*self.graph.ends_mm(edge)) for edge in (first, second)]
@@ -217,16 +225,19 @@ class Shape:
         self.graph.placements.append(FacePose(self._face(face), self._face(on), pose, laminated))
 
     def layer(self, name: str, on: str, outline_mm: Sequence[Point], at_mm: Point, piece: str, level: int = 1) -> None:
-        """Add a layer of film, a new face, glued onto ``on`` with its origin at ``at_mm`` there; levels count from 1."""
+        """Add a layer of film, glued onto ``on`` with its origin at ``at_mm`` there.
+
+        It is a new face; levels count from 1.
+        """
         self.face(name, outline_mm, piece=piece, body=self.body_of(on))
         self.place(name, on, translation(*at_mm, level * self.parts.film_mm), laminated=True)
 
     def touch(self, kind: JoinKind, a: str, b: str, slot: str | None = None) -> None:
-        """Join edges or faces whose poses folds and placements determine.
+        """Join edges or faces whose poses are known from folds and placements. ``kind`` says how:
 
-        tuck: edge ``a`` lies loosely inside edge ``b``. rim: the neck behind edge ``a`` lies in a notch, whose bottom is
-        edge ``b``. laminate: face ``a`` is glued onto face ``b``. lock, tab_slot: the tongue whose tip is edge ``a``
-        goes through the hole ``slot`` of face ``b``; a lock can be opened again.
+        tuck: edge ``a`` lies loosely inside edge ``b``. rim: the neck behind edge ``a`` lies in a notch, whose bottom
+        is edge ``b``. laminate: face ``a`` is glued onto face ``b``. lock, tab_slot: the tongue with tip ``a`` goes
+        through the hole ``slot`` of face ``b``; a lock can be opened again.
         """
         first = (self._face(a), 0) if kind == "laminate" else self._edge(a)
         second = self._edge(b) if kind in ("tuck", "rim") else (self._face(b), 0)
@@ -238,9 +249,9 @@ class Shape:
 
     def part(self, part: BoxPart, on: str, center_mm: tuple[float, float, float], *, turned: bool = False,
              marked: bool = False) -> None:  # fmt: skip
-        """Add a bought part of the catalogue, its height along the face's z; ``turned`` puts its length along y.
+        """Add a bought part of the catalogue, its height along z of the face. ``turned`` puts its length along y.
 
-        If it is ``marked``, its outline is printed on the face as the place to lay it.
+        If it is ``marked``, its outline is printed on the face, to show where to lay it.
         """
         length, width, height = part.size_mm
         size = (width, length, height) if turned else part.size_mm
@@ -265,7 +276,7 @@ class Shape:
 
     def axle(self, on: str, servo: str, side: Literal["left", "right"], center_mm: tuple[float, float, float],
              radius_mm: float, tyre_width_mm: float) -> None:  # fmt: skip
-        """Add a wheel with its centre (mm) in the frame of the face ``on``, driven by ``servo``, or free if it is ""."""
+        """Add a wheel with its centre (mm) in the frame of the face ``on``. ``servo`` drives it; with "" it turns freely."""
         face = self._face(on)
         # Servos turn counter-clockwise above neutral, so those on the right turn backwards. The car names the wheel and
         # numbers the channel later.
@@ -276,7 +287,7 @@ class Shape:
         self.graph.axles.append((face, axle))
 
     def begin_at(self, face: str, pose: Pose) -> None:
-        """Set the pose of one face in the car; those of all other faces follow from the joins."""
+        """Set the pose of one face in the car. The poses of all other faces follow from the joins."""
         self.graph.origin = (self._face(face), pose)
 
     def body_of(self, face: str) -> str:
@@ -323,5 +334,5 @@ def rectangle_around(center_mm: Point, length_mm: float, width_mm: float) -> tup
 
 
 def on_circle(radius_mm: float, angles_rad: Iterable[float], center_mm: Point = (0.0, 0.0)) -> list[Point]:
-    """Points of a circle in these directions."""
+    """Return the points of a circle in these directions."""
     return [(center_mm[0] + radius_mm * math.cos(at), center_mm[1] + radius_mm * math.sin(at)) for at in angles_rad]

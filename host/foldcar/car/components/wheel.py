@@ -46,12 +46,14 @@ DRIVEN = Parameter(
 
 
 class Wheel(Component):
-    """Two discs, a hub and a rim; the servo's horn is screwed to the inner disc, or a rod passes all of them."""
+    """Two discs, a hub and a rim. The servo's horn is screwed to the inner disc; a wheel without a servo turns on a rod."""
 
     parameters = (RADIUS, TYRE_WIDTH, DRIVEN)
 
     def build(self, shape: Shape) -> None:
-        """Add faces ``inner``, ``outer``, ``hub``, ``wall 1`` … and ``rim 0 0`` …, horn or rod holes, and the tyre."""
+        """Add the faces ``inner``, ``outer``, ``hub``, ``wall 1`` … and ``rim 0 0`` …, the holes for horn or rod,
+        and the tyre.
+        """
         size = WheelSize(self["radius"], self["tire_thickness"], self.parts)
         # The discs are drawn as seen from inside the wheel.
         for name, mirror in (("inner", -1), ("outer", 1)):
@@ -79,7 +81,7 @@ class Wheel(Component):
         shape.begin_at("inner", poses["inner"])
 
     def _cut_holes(self, shape: Shape, size: WheelSize) -> None:
-        """Cut holes for the horn's screws into inner disc and hub, and the hole for the driver into the outer disc."""
+        """Cut the holes for the horn's screws into inner disc and hub, and the hole for the driver into the outer disc."""
         assembly, horn = self.parts.assembly, self.parts.horn
         for face in ("inner", "hub"):
             shape.round_hole(face, f"{face}.hub", "axle", (0, 0), horn.recess_diameter_mm.value)
@@ -96,10 +98,10 @@ class Wheel(Component):
 
 
 def _disc_outline(size: WheelSize, mirror: int) -> dict[str, Point]:
-    """Return the outline of a disc with a notch for each tie, by the names of the edges that start at its points.
+    """Return the outline of a disc with a notch for each tie; a point has the name of the edge that starts at it.
 
-    The bottom of notch i is the edge ``notch i``. ``mirror`` is -1 if directions in the wheel's frame run clockwise in
-    the disc's, else 1.
+    The bottom of notch i is the edge ``notch i``. ``mirror`` is -1 if directions in the frame of the wheel run
+    clockwise in the frame of the disc, else 1.
     """
     radius, (notch_half, notch_bottom) = size.disc_radius_mm, size.notch_mm
     notch_angle = math.asin(notch_half / radius)
@@ -122,7 +124,7 @@ TYRE_BOXES = 48
 
 
 def _add_horn(shape: Shape, size: WheelSize) -> None:
-    """Mount the horn on the inner disc's side towards the car, screws from outside."""
+    """Mount the horn on the side of the inner disc that faces the car, with screws from outside."""
     horn, parts = shape.parts.horn, shape.parts
     film_bottom = -size.film_mm / 2
     x0, y0, x1, y1 = horn.extent_mm
@@ -138,7 +140,7 @@ def _add_horn(shape: Shape, size: WheelSize) -> None:
 
 
 def _horn_solids(parts: Catalogue, center: tuple[float, float, float]) -> list[Solid]:
-    """Return the horn's hub and its arms or disc as solids, in the frame of its box, whose middle is at ``center``."""
+    """Return the hub of the horn, and its arms or disc, as solids in the frame of its box, whose middle is at ``center``."""
     horn, screw_mm = parts.horn, parts.horn_screw.diameter_mm.value
     x, y, _ = center
     height, arm_height, recess = horn.height_mm.value, horn.thickness_mm.value, horn.recess_depth_mm.value

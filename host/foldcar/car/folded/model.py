@@ -174,7 +174,7 @@ class Mount:
         return self.solids or (Solid("box", self.size_mm, IDENTITY),)
 
     def half_mm(self, axis: int) -> float:
-        """Half of its box along an axis of the car (mm)."""
+        """Return half of its box along an axis of the car (mm)."""
         return sum(abs(self.pose[axis][k]) * self.size_mm[k] for k in range(3)) / 2
 
 

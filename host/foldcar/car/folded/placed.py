@@ -55,13 +55,13 @@ class PlacedFace:
         return self.matrix[:3, 2]
 
     def in_car(self, points: Iterable[Point]) -> NDArray[np.float64]:
-        """Points (x, y) of the face's plane in the car's frame, (n, 3), in mm."""
+        """Return points (x, y) of the face's plane in the car's frame, (n, 3), in mm."""
         flat = np.array(list(points), dtype=np.float64)
         moved: NDArray[np.float64] = flat @ self.matrix[:3, :2].T + self.matrix[:3, 3]
         return moved
 
     def in_face(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Points of the car, (n, 3) in mm, in the face's frame: z is their height above the face."""
+        """Return points of the car, (n, 3) in mm, in the face's frame: z is their height above the face."""
         return (points - self.matrix[:3, 3]) @ self.matrix[:3, :3]
 
 
@@ -76,9 +76,9 @@ def polygon(face: Face) -> shapely.Polygon:
 
 
 def place(car: FoldedCar, bodies: Collection[str] = ()) -> dict[str, list[PlacedFace]]:
-    """Return the placed faces of ``bodies``, by body; by default of every segment and the first wheel of each unit.
+    """Return the placed faces of ``bodies``, by body. By default these are all segments and the first wheel of each unit.
 
-    A face beyond a flexure belongs to the segment behind.
+    A face beyond a flexure belongs to the segment behind it.
     """
     pieces = {piece.name: piece for piece in car.pieces}
     rear_of_front = {hinge.front: hinge.rear for hinge in car.hinges}

@@ -37,7 +37,7 @@ def compose(*poses: Pose) -> Pose:
 
 
 def inverse(pose: Pose) -> Pose:
-    """Return the inverse of a rigid motion: of p → R p + t it is p → Rᵀ p - Rᵀ t."""
+    """Return the inverse of a rigid motion. The inverse of p → R p + t is p → Rᵀ p - Rᵀ t."""
     (a, b, c, x), (d, e, f, y), (g, h, i, z), _ = pose
     return (
         (a, d, g, -(a * x + d * y + g * z)),
@@ -54,10 +54,10 @@ def apply(pose: Pose, x_mm: float, y_mm: float, z_mm: float = 0.0) -> tuple[floa
 
 
 def across_crease(parent: tuple[Point, Point], child: tuple[Point, Point], angle_rad: float) -> Pose:
-    """Return the child's pose in the parent's frame if it is folded by the angle about their common edge.
+    """Return the pose of a child face in the frame of its parent, if it is folded by the angle about their common edge.
 
-    Each edge is given by its ends (mm) in the counter-clockwise order of its own face; the edges run in opposite
-    directions, and their midpoints coincide.
+    Each edge is given by its ends (mm), in the counter-clockwise order of its own face. So the two edges run in
+    opposite directions. Their midpoints coincide.
     """
     length = math.dist(*parent)
     dx, dy = (parent[1][0] - parent[0][0]) / length, (parent[1][1] - parent[0][1]) / length
@@ -82,16 +82,16 @@ def across_crease(parent: tuple[Point, Point], child: tuple[Point, Point], angle
 
 
 def _cos_sin(angle_rad: float) -> tuple[float, float]:
-    """Cosine and sine; exact for quarter turns, so that coplanar faces stay exactly coplanar."""
+    """Return cosine and sine. They are exact for quarter turns, so that coplanar faces stay exactly coplanar."""
     c, s = math.cos(angle_rad), math.sin(angle_rad)
     return (float(round(c)), float(round(s))) if abs(c * s) < 1e-12 else (c, s)
 
 
 def folded(piece: Piece, fraction: float | Mapping[str, float] = 1.0) -> dict[str, Pose]:
-    """Return the poses of a piece's faces by name, in the frame of its first face.
+    """Return the poses of the faces of a piece, by name, in the frame of its first face.
 
-    ``fraction`` of the fold angles goes from 0 (flat) to 1 (assembled): one number for all creases, or one for each by
-    name, 0 for those not named.
+    ``fraction`` says how far the folds are closed, from 0 (flat) to 1 (assembled). It is one number for all creases,
+    or a number by the name of the crease; creases that are not named have 0.
     """
     faces = {face.name: face for face in piece.faces}
     poses = {piece.faces[0].name: IDENTITY}
@@ -113,6 +113,6 @@ def side(outline_mm: Sequence[Point], index: int) -> tuple[Point, Point]:
 
 
 def hinge_motion(hinge: HingeJoint, angle_rad: float) -> Pose:
-    """Return the rear segment's motion in the front segment's frame (mm); a positive angle is the front nose up."""
+    """Return the motion of the rear segment in the frame of the front segment (mm) if the hinge bends by an angle (rad)."""
     x, y, z = hinge.center_mm
     return compose(translation(x, y, z), rotation("y", angle_rad), translation(-x, -y, -z))

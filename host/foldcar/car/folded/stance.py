@@ -46,10 +46,10 @@ def stance(car: FoldedCar) -> Stance:
 
 
 def standing(wheels_mm: Sequence[Point], center_mm: Point) -> Stance:
-    """Return the stable stance: of all in which no wheel is below the ground, that with the lowest centre of mass.
+    """Return the stable stance: the one with the lowest centre of mass, if no wheel is below the ground.
 
-    ``wheels_mm`` are (x, radius), ``center_mm`` is (x, z). The car stands on two axles or, if its centre of mass is below
-    the axles, may hang from a single one with the centre of mass below that axle.
+    ``wheels_mm`` are (x, radius), and ``center_mm`` is (x, z). The car stands on two axles. If its centre of mass is
+    below the axles, it may also hang from a single axle, with the centre of mass below that axle.
     """
     x, z = center_mm
     # Level on the largest wheels no wheel is below the ground, so there is always a stance.

@@ -20,9 +20,9 @@ MM = 1e-3
 
 @dataclass(frozen=True)
 class MassProperties:
-    """Mass properties of a rigid body in the car's axes.
+    """Mass properties of a rigid body in the axes of the car.
 
-    ``center_m`` is the (3,) centre of mass, ``inertia_kg_m2`` the (3, 3) tensor about it.
+    ``center_m`` (3,) is the centre of mass, and ``inertia_kg_m2`` (3, 3) is the tensor about it.
     """
 
     mass_kg: float
@@ -43,13 +43,19 @@ def assemble(bodies: Iterable[MassProperties]) -> MassProperties:
 
 
 def body_properties(car: FoldedCar, body: str) -> MassProperties:
-    """Mass properties of film and parts of ``segment0`` … or ``wheel0`` …, hinges flat (SI units, car's frame)."""
+    """Return the mass properties of the film and the parts of a body (``segment0`` … or ``wheel0`` …), hinges flat.
+
+    They are in SI units, in the frame of the car.
+    """
     film = (plate_properties(face, car.parts.film) for face in place(car, (body,))[body])
     return assemble([*film, *(mount_properties(mount) for mount in car.mounts if mount.body == body)])
 
 
 def mount_properties(mount: Mount) -> MassProperties:
-    """Mass properties of a part of uniform density, made of its solids or its box (SI units, car's frame)."""
+    """Return the mass properties of a part of uniform density (SI units, in the frame of the car).
+
+    The part is made of its solids or, if it has none, of its box.
+    """
     volumes = [
         0.0 if solid.weightless else math.prod(solid.size_mm) * (math.pi / 4 if solid.kind == "cylinder" else 1.0)
         for solid in mount.shape
@@ -71,9 +77,9 @@ def mount_properties(mount: Mount) -> MassProperties:
 
 
 def max_placement_shift_mm(car: FoldedCar) -> float:
-    """Return the maximum shift (mm) of the centre of mass along the floor by inaccurate placement of parts.
+    """Return how far (mm) the centre of mass may move along the floor because parts are placed by eye.
 
-    Parts with a printed outline, or with holes that mark their corners, are placed by eye.
+    These are the parts with a printed outline, or with holes that mark their corners.
     """
     faces = [face for piece in car.pieces for face in piece.faces]
     marked = {mark.name for face in faces for mark in face.marks}
@@ -100,7 +106,7 @@ def area_mm2(outline: Sequence[Point]) -> float:
 
 
 def plate_properties(placed: PlacedFace, film: Film) -> MassProperties:
-    """Mass properties of a face as a plate of uniform thickness (SI units, car's frame)."""
+    """Return the mass properties of a face as a plate of uniform thickness (SI units, in the frame of the car)."""
     face, thickness_mm = placed.face, placed.piece.thickness_mm
     moments = _moments(face.outline_mm) - sum((_moments(hole.outline_mm) for hole in face.holes), np.zeros(6))
     area, first_x, first_y, xx, yy, xy = moments

@@ -32,7 +32,7 @@ Points = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Blocks:
-    """Convex solids: all corners, (n, 3) in mm; the index of each solid's first corner; each solid's title."""
+    """Convex solids: the corners of all of them, (n, 3) in mm; the index of the first corner of each; the title of each."""
 
     corners_mm: Points
     starts: NDArray[np.intp]
@@ -116,7 +116,7 @@ def convex_parts(shape: shapely.Geometry) -> list[Points]:
 
 
 def solid_blocks(solid: Solid, title: str) -> Blocks:
-    """Return a box or cylinder in its part's frame; one with bores is cut into several convex solids."""
+    """Return a box or a cylinder in the frame of its part. A solid with bores is cut into several convex solids."""
     x, y, z = solid.size_mm
     corners = box((x, y, z)) if solid.kind == "box" else prism(x / 2 - SKIN_MM, -z / 2 + SKIN_MM, z / 2 - SKIN_MM)
     if not solid.bores:
@@ -158,10 +158,10 @@ AXES: tuple[Vector, ...] = ((0, 0, 1), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1,
 
 @dataclass(frozen=True)
 class ExitPath:
-    """A path out as straight moves; without a path ``moves_mm`` is None.
+    """A path out, as straight moves. If there is none, ``moves_mm`` is None.
 
-    ``obstacles`` are (direction, title) of what the moving solids met in each direction that was tried. ``overlapped``
-    is the title of a solid that they overlap before they move.
+    ``obstacles`` has, for each direction that was tried, the direction and the title of what the moving solids met.
+    ``overlapped`` is the title of a solid that they overlap before they move.
     """
 
     moves_mm: tuple[Vector, ...] | None
@@ -182,7 +182,8 @@ def first_obstacle(
 
 
 def swept_obstacle(start: Blocks, end: Blocks, standing: Blocks, ignored: Ignored = NOTHING) -> str | None:
-    """Return the title of the nearest standing solid that solids hit on their way from ``start`` to ``end``, or None.
+    """Return the title of the nearest standing solid that solids meet on their way from ``start`` to ``end``; None
+    if none.
 
     Each solid sweeps the convex hull of its corners at both positions.
     """
@@ -221,11 +222,12 @@ def _near(low: Points, high: Points, standing: Blocks) -> NDArray[np.intp]:
 def find_exit_path(
     moving: Blocks, standing: Blocks, own_axes: Iterable[Vector] = (), ignored: Ignored = NOTHING, only_own: bool = False
 ) -> ExitPath:
-    """Find a path of one or two straight moves that takes solids out of the standing ones.
+    """Find one or two straight moves that take solids out of the standing ones.
 
-    Directions are the car's axes and ``own_axes``, those of the part. Single moves are tried first, the shortest first;
-    a move upwards counts half, because parts are best put in from above. Pairs of moves follow, in the order of the
-    first move's length. With ``only_own`` only single moves along ``own_axes`` are tried.
+    The directions that are tried are the axes of the car and ``own_axes``, which are the axes of the part. Single
+    moves are tried first, the shortest first. A move upwards counts half, because parts are best put in from above.
+    Then pairs of moves are tried, those with a short first move first. With ``only_own``, only single moves along
+    ``own_axes`` are tried.
     """
     overlapped = first_obstacle(moving, standing, ignored=ignored)
     if overlapped is not None:
@@ -281,6 +283,6 @@ def _out(moving: Blocks, standing: Blocks, direction: Vector) -> Vector:
 
 
 def vector(values: NDArray[np.float64]) -> Vector:
-    """Return the (3,) numbers of an array, zeros without a sign."""
+    """Return the numbers of an array (3,). A zero has no sign."""
     x, y, z = (float(value) + 0.0 for value in values)
     return (x, y, z)

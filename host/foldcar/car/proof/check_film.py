@@ -150,10 +150,11 @@ def check_joins(car: FoldedCar, bodies: Bodies) -> Iterator[Finding]:
 
 
 def _gap_mm(join: Join, a: PlacedFace, b: PlacedFace) -> float:
-    """Return the gap (mm) between two joined edges: the larger distance of their ends, in either direction of the edges.
+    """Return the gap (mm) between two joined edges: the larger of the distances between their ends.
 
-    A tab may be narrower than its wall and lies one film inside it. So its gap is the largest distance of its ends from
-    the line of the wall's edge, in the wall's plane.
+    The edges may run in the same direction or in opposite directions. A tab may be narrower than its wall, and it
+    lies one film inside the wall. So its gap is the largest distance of its ends from the line of the wall's edge,
+    measured in the plane of the wall.
     """
     first, second = a.edge_mm(join.a.index), b.edge_mm(join.b.index)
     if join.kind == "tab":
@@ -163,7 +164,7 @@ def _gap_mm(join: Join, a: PlacedFace, b: PlacedFace) -> float:
 
 
 def _check_tab(join: Join, a: PlacedFace, b: PlacedFace) -> Iterator[Finding]:
-    """Yield findings on a tab: edges that do not meet, a tab that stands off its face or reaches beyond it."""
+    """Yield findings about a tab: its edge does not meet the other edge, or it stands off its face or reaches beyond it."""
     place = f"join {join.number}: {a.title} on {b.title}"
     gap = _gap_mm(join, a, b)
     if gap > CLOSURE_MM:

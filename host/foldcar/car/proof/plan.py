@@ -68,7 +68,7 @@ class Building:
             self.steps.append(AssemblyStep(title, folds, adds, joins, tool_uses, unit))
 
     def with_screws(self, mounts: Sequence[Mount]) -> list[Mount]:
-        """Return the mounts that are not in place yet, each screw after the last of the parts that it holds."""
+        """Return the mounts that are not in place yet. A screw follows the last of the parts that it holds."""
         remaining = [mount for mount in mounts if mount.name not in self.parts]
         screws: dict[str, list[Mount]] = {}
         for screw in (m for m in self.roles.car.mounts if self.roles.is_fastener(m) and m.name not in self.parts):
@@ -78,7 +78,7 @@ class Building:
         return [part for mount in remaining for part in (mount, *screws.get(mount.name, ()))]
 
     def _joins(self, flat: bool, unit: str) -> tuple[int, ...]:
-        """Return the joins that can be made now: all copies of both pieces are in the car (or the unit) and folded.
+        """Return the joins that can be made now: all copies of both pieces are in place and folded.
 
         Layers are laminated while they are flat. Joins of the lid are made later.
         """
@@ -122,9 +122,10 @@ def _plan_shutting(roles: Roles, building: Building) -> None:
 
 
 def _plan_segments(roles: Roles, building: Building) -> None:
-    """Add the steps of beams, their layers and walls, servos, rods, caps and connectors of segments.
+    """Add the steps that build the segments: beams with their layers and walls, servos, rods, caps and connectors.
 
-    Layers are taped onto flat pieces: a cap or connector with layers is a unit, assembled outside the car.
+    Layers are taped onto flat pieces. So a cap or a connector with layers is a unit, which is put together outside
+    the car.
     """
     copies = list(roles.non_base_copies())
     bases = [roles.base[body] for body in roles.bodies]
@@ -167,7 +168,7 @@ def _unit_name(roles: Roles, piece: PlacedPiece) -> str:
 
 
 def _plan_inside(roles: Roles, building: Building) -> None:
-    """Add the steps of the carriers with their boards, of the parts under them, and of other parts."""
+    """Add the steps of the carriers with their boards, of the parts under them, and of other parts inside."""
     car, wheels = roles.car, set(roles.wheels)
     carriers = [other for other in roles.non_base_copies() if roles.is_carrier(other)]
     carried = [m for carrier in carriers for m in roles.carried(carrier) if not roles.is_fastener(m)]
@@ -232,9 +233,10 @@ def _plan_wheels(roles: Roles, building: Building, unit: str, wheels: Sequence[s
 
 @lru_cache(maxsize=16)
 def plan_service(car: FoldedCar) -> tuple[AssemblyStep, ...]:
-    """Return the steps of service: first those with the lid shut, then opening it, then those with the lid open.
+    """Return the steps of service: first those with the lid shut, then the one that opens it, then those with the
+    lid open.
 
-    The parts in a step's ``adds`` are taken out of the car. Their insertion paths are not computed yet.
+    ``adds`` of a step are the parts that are taken out of the car. Their paths are not computed yet.
     """
     roles = roles_of(car)
     with_lid_shut: list[AssemblyStep] = []

@@ -69,7 +69,10 @@ class _Prover:
         self.findings: list[Finding] = []
 
     def step(self, number: str, step: AssemblyStep) -> AssemblyStep:
-        """Prove one step, carry it out, and return it with the insertion paths. ``number`` names it in findings."""
+        """Prove one step, carry it out, and return it with the insertion paths of its parts.
+
+        Findings name it by ``number``.
+        """
         place = f"{number}, {step.title}"
         self._fold(place, step)
         proved: list[AddedPart] = []
@@ -95,7 +98,7 @@ class _Prover:
     def check_lead_order(self, planned_steps: Sequence[AssemblyStep]) -> None:
         """Add a finding if the leads of a battery on the lid are soldered before they pass through the lid.
 
-        They are soldered to the switch and the wires, so these must come after the battery.
+        The leads are soldered to the switch and to wires, so these must be added after the battery.
         """
         numbers = {added.name: n for n, step in enumerate(planned_steps, 1) for added in step.adds}
         parts = self.car.parts
@@ -108,10 +111,11 @@ class _Prover:
                 self._add_finding(place, message)
 
     def service_step(self, number: str, step: AssemblyStep) -> AssemblyStep:
-        """Prove one step of service: tools reach what they use, folds open, parts come out; return it with their paths.
+        """Prove one step of service, and return it with the paths of its parts.
 
-        A lid opens on the path on which it was shut; with a part on the lid this is checked again, because the wheels
-        were added after it was shut. Parts that are taken out stay out.
+        Tools must reach what they use, folds must open, and parts must come out; parts that are taken out stay out. A
+        lid opens on the path on which it was shut. If a part is on the lid, this is checked again, because the wheels
+        were added after the lid was shut.
         """
         place = f"{number}, {step.title}"
         self._check_tool_uses(place, step.tool_uses, CAR)
@@ -135,7 +139,7 @@ class _Prover:
         return vector(b @ a.T @ np.array(move))
 
     def _fold(self, place: str, step: AssemblyStep) -> None:
-        """Close the step's folds; add a finding if a face that swings collides with its own piece or others in place."""
+        """Close the folds of a step. Add a finding if a face that swings meets its own piece or other parts in place."""
         for name, fractions in step.folds.items():
             earlier_fractions = self.stage.folds.get(name, {})
             lid = self.roles.lids.get(name)
@@ -150,7 +154,7 @@ class _Prover:
         self._close(step.folds)
 
     def _check_lid(self, place: str, name: str, action: str) -> None:
-        """Add a finding if the lid of a beam, or parts on it, meet others between open and shut."""
+        """Add a finding if the lid of a beam, or a part on it, meets other parts on its way between open and shut."""
         angles = {crease.name: crease.angle_rad for crease in self.roles.pieces[name].creases}
         path = list(_closing(self.roles.lids[name], angles))
         self._check_swing(place, name, f"the lid of {name} does not {action}", path)
@@ -179,9 +183,10 @@ class _Prover:
         return self.roles.mounts[added.name].part in (self.car.parts.wiring.name, self.car.parts.tyre.name)
 
     def _with_insertion_path(self, place: str, added: AddedPart, present: Mapping[PartKey, Blocks]) -> AddedPart:
-        """Return the part with its insertion path, the reverse of its path out of the parts that are ``present``.
+        """Return the part with its insertion path, which is its path out of the ``present`` parts, backwards.
 
-        A screw's nut has a path of its own. Without a path the part keeps an empty one, and a finding is added.
+        The nut of a screw has a path of its own. If there is no path out, a finding is added, and the path stays
+        empty.
         """
         moving = merge_blocks(self._solid(key) for key in self._part_keys(added))
         standing = merge_blocks(present.values())
@@ -218,9 +223,9 @@ class _Prover:
         return mount.part in boards and bool(names & (boards - {mount.part}))
 
     def _screw_ways(self, screw: Mount, standing: Blocks, own_axes: Sequence[Vector]) -> tuple[ExitPath, ExitPath | None]:
-        """Return the exit paths of a screw along the driver's axis, and of its nut, if it has one.
+        """Return how a screw comes out along the axis of the driver, and how its nut comes out, if it has one.
 
-        The nut moves along the axis until it is off the shank, then takes any path out.
+        The nut moves along the axis until it is off the shank. Then it may take any path out.
         """
         head, *nuts = self.scene.screw(screw, self.stage)
         axis = np.array(compose(self.stage.mount(screw), screw.clearances[0].pose))[:3, 2]
@@ -258,10 +263,10 @@ class _Prover:
                 self._add_finding(place, f"{name} has no room for its {clearance.tool}: {obstacle} is in the way")
 
     def _check_swing(self, place: str, name: str, failure: str, path: Sequence[Mapping[str, float]]) -> None:
-        """Add a finding if faces of a piece, or parts on them, collide while its creases close along ``path``.
+        """Add a finding if faces of a piece, or parts on them, meet others while its creases close along ``path``.
 
-        ``path`` has the closed fraction of each crease, step by step. The solids swept between successive steps must be
-        free of all that stands still.
+        ``path`` has the closed fraction of each crease, step by step. The solids that are swept from one step to the
+        next must be free of all that stands still.
         """
         stages = [self.stage.closed({name: fractions}) for fractions in path]
         first, last = stages[0], stages[-1]
@@ -289,10 +294,10 @@ class _Prover:
 
 
 def _closing(lid: Lid, angles_rad: Mapping[str, float]) -> Iterator[dict[str, float]]:
-    """Yield the fractions of the lid's folds, step by step, while it closes.
+    """Yield how far the folds of a lid are closed, step by step, while it shuts: fractions by crease.
 
-    First the flap is bent inwards. While the lid turns down, the flap is bent further, by the lid's own angle up to half
-    of the way, and back to upright over the second half, so that it passes the wall.
+    First the flap is bent inwards. Over the first half of the way, while the lid turns down, the flap is bent
+    further, by the angle of the lid. Over the second half it is bent back until it is upright. So it passes the wall.
     """
     hinge, *flaps = lid.creases
     if not flaps:
@@ -308,7 +313,7 @@ def _closing(lid: Lid, angles_rad: Mapping[str, float]) -> Iterator[dict[str, fl
 
 
 def _failure_message(path: ExitPath) -> str:
-    """Return why a part does not fit, or what it meets along each way out."""
+    """Return why a part does not come out, or what it meets in each direction."""
     if path.overlapped:
         return f"does not fit: at its place it runs into {path.overlapped}"
     obstacles = []
@@ -327,5 +332,5 @@ def assembly_steps(car: FoldedCar) -> tuple[AssemblyStep, ...]:
 
 
 def service_steps(car: FoldedCar) -> tuple[AssemblyStep, ...]:
-    """Return the steps of service: plugs and buttons are reached, the lid is opened, the battery changed."""
+    """Return the steps of service: plugs and buttons are reached, the lid is opened, and the battery is changed."""
     return prove(car).service

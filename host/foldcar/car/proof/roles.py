@@ -26,7 +26,7 @@ LAYER_MM = 1.5
 
 
 class Host(NamedTuple):
-    """What a part is fixed to: a copy of a piece, and the face of it."""
+    """What something is fixed to: a copy of a piece, and the face of it."""
 
     piece: PlacedPiece
     face: str
@@ -73,9 +73,10 @@ class Roles:
             yield from (copy for copy in self.placed(body) if copy is not self.base[body])
 
     def _host(self, copy: PlacedPiece) -> Host | None:
-        """Return the piece and face that a copy is glued to and moves with; None for a body's base or a loose piece.
+        """Return the piece and the face to which a copy is glued and with which it moves.
 
-        The base is preferred. A layer moves with the face that it lies on; other pieces never move with a layer.
+        The base of the body is preferred. A layer moves with the face that it lies on, and other pieces never move
+        with a layer. The result is None for the base of a body, and for a loose piece.
         """
         base = self.base.get(copy.body)
         if base is None or copy is base:
@@ -91,7 +92,7 @@ class Roles:
         return None
 
     def mount_host(self, mount: Mount) -> Host | None:
-        """Return the piece and its face that a mount is fixed to; None for a mount that is not fixed to any."""
+        """Return the piece and the face that a mount is fixed to; None for a mount that is fixed to none."""
         candidates = (*([self.base[mount.body]] if mount.body in self.base else []), *self.placed(mount.body))
         hosts = [Host(copy, mount.face) for copy in candidates if mount.face in self.finished[copy.piece]]
         # Both caps of a segment have a face of the same name: that with the mount's hole is meant.
@@ -138,7 +139,10 @@ class Roles:
         return not self.pieces[copy.piece].creases and {j.kind for j in self.joined(copy.piece)} == {"laminate"}
 
     def is_connector(self, copy: PlacedPiece) -> bool:
-        """Return whether a copy joins segments or is fixed to other pieces than beams: hinge strips, stops."""
+        """Return whether a copy joins segments, or is fixed to other pieces than beams.
+
+        These are hinge strips and their stops.
+        """
         if any(crease.flexure for crease in self.pieces[copy.piece].creases):
             return True
         partners = {j.piece_b if j.piece_a == copy.piece else j.piece_a for j in self.joined(copy.piece)}
@@ -149,7 +153,7 @@ class Roles:
         return any(join.kind == "rim" and join.piece_a == piece for join in self.joined(piece))
 
     def carried(self, copy: PlacedPiece) -> list[Mount]:
-        """Return the mounts on the faces of a piece that are not on its beam."""
+        """Return the mounts on a piece that are on faces of its own, not on faces that its beam has, too."""
         own_faces = {face.name for face in self.pieces[copy.piece].faces}
         base = {face.name for face in self.pieces[self.base[copy.body].piece].faces} if copy.body in self.base else set()
         return [m for m in self.car.mounts if m.body == copy.body and m.face in own_faces - base]
@@ -168,7 +172,7 @@ class Roles:
         return [m for m in others if any(stands_in(screw, a, m, b) for a in screw.solids for b in m.solids)]
 
     def passed_by(self, screw: Mount) -> tuple[PartKey, ...]:
-        """Return the parts with bores and the pieces that a screw's shank passes through, in order from its head."""
+        """Return what the shank of a screw passes through, in order from its head: parts with bores, and pieces."""
         # The second of a screw's solids is its shank.
         shank = screw.solids[1]
         to_shank = inverse(compose(screw.pose, shank.pose))
@@ -190,7 +194,8 @@ class Roles:
     def from_outside(self, mount: Mount, clearance: ToolClearance) -> bool:
         """Return whether a tool reaches the mount while the lid is shut.
 
-        That is so if its clearance starts outside the segment's box, or leaves it through another side than the top.
+        This is so if its clearance starts outside the box of the segment, or if it leaves the box through another
+        side than the top.
         """
         base = self.base.get(mount.body)
         if base is None:
@@ -218,8 +223,9 @@ GLUED = frozenset({"lap", "tab", "rim", "laminate"})
 
 @dataclass(frozen=True)
 class Lid:
-    """The part of a beam that opens: its faces, the folds that open it (its hinge first), and the joins that shut it.
+    """The part of a beam that opens.
 
+    ``creases`` are the folds that open it, its hinge first. ``joins`` are the numbers of the joins that shut it.
     ``gripped`` are the faces that fingers press or hold to open it.
     """
 
@@ -230,7 +236,10 @@ class Lid:
 
 
 def lid_of(car: FoldedCar, base: Piece) -> Lid:
-    """Return the lid of a beam: its face ``lid`` and all faces that hang on it; an empty lid if the beam has no lock."""
+    """Return the lid of a beam: its face ``lid`` and all faces that hang on it.
+
+    The lid of a beam without a lock is empty.
+    """
     locked = any(join.kind == "lock" and join.piece_a == join.piece_b == base.name for join in car.joins)
     moving = {face.name for face in base.faces if locked and face.name.rpartition(".")[2] == "lid"}
     for crease in base.creases:

@@ -22,7 +22,7 @@ from foldcar.car.proof.step import Folds, PartKey, ToolUse
 
 
 class Stage:
-    """The car with its folds closed by fractions, by piece and crease.
+    """The car while some of its folds are closed. ``folds`` has the fraction of each, by piece and crease.
 
     A part follows the face that it is fixed to. The root face of a beam stays where it is in the finished car.
     """
@@ -57,9 +57,10 @@ class Stage:
         return {name: self.mount(self.roles.mounts[name])}
 
     def _shift(self, host: Host | None) -> Pose:
-        """Return the motion, in the car's frame, of a face from its pose in the finished car to its pose at this stage.
+        """Return how a face has moved from its pose in the finished car to its pose at this stage, as a motion in
+        the car's frame.
 
-        A host is a copy of a piece and its face on which something is fixed. None moves nothing.
+        ``host`` is a copy of a piece, and the face of it on which something is fixed. None moves nothing.
         """
         if host is None:
             return IDENTITY
@@ -88,7 +89,7 @@ def title(piece: str, face: str) -> str:
 
 
 class CarSolids:
-    """Solids of one car. Without ``tongues``, a tongue is cut off where it is in its slot."""
+    """The solids of one car. Without ``tongues``, a tongue is cut off where it is inside its slot."""
 
     def __init__(self, roles: Roles, tongues: bool = False) -> None:
         self.roles = roles
@@ -107,7 +108,7 @@ class CarSolids:
     def solid(self, key: PartKey, stage: Stage) -> Blocks:
         """Return the solids of a copy of a piece, or of a mount; none for loose wires.
 
-        The last result for each part is reused while the part has not moved.
+        As long as a part has not moved, its last result is used again.
         """
         poses, (kind, name, _) = stage.poses(key), key
         if key not in self._last or self._last[key][0] != poses:
@@ -126,7 +127,9 @@ class CarSolids:
         return [merge_blocks(solids[:2]), *solids[2:]]
 
     def clearance(self, tool_use: ToolUse, stage: Stage) -> tuple[ToolClearance, Blocks]:
-        """Return the clearance that a tool use needs, and its cylinder with the title of the part that is reached."""
+        """Return the clearance that a tool needs, and its cylinder, whose title is that of the part that the tool
+        reaches.
+        """
         if not tool_use.piece:
             mount = self.roles.mounts[tool_use.name]
             clearance, name, pose = mount.clearances[tool_use.index], mount.name, stage.mount(mount)
@@ -137,13 +140,17 @@ class CarSolids:
         return clearance, clearance_blocks(clearance, name).moved(pose)
 
     def ignored(self, kinds: Collection[JoinKind] = ("tab", "lap", "rim")) -> Ignored:
-        """Return the pairs of joined faces, which may overlap: a tab is modelled in or on the plane it is glued to."""
+        """Return the pairs of joined faces, which may overlap: in the model, a tab lies in or on the plane it is
+        glued to.
+        """
         glued = (join for join in self.roles.car.joins if join.kind in kinds)
         ends = [(title(join.piece_a, join.a.face), title(join.piece_b, join.b.face)) for join in glued]
         return frozenset(ends) | {(b, a) for a, b in ends}
 
     def _build_face(self, name: str, face_name: str) -> Blocks:
-        """Return a face's solids in its own frame, without its tongues and the strips that bend at its folds."""
+        """Return the solids of a face in its own frame, without its tongues, and without the strips that bend at
+        its folds.
+        """
         piece, face = self.roles.pieces[name], self.roles.faces[name][face_name]
         folds = (ref for c in piece.creases if not c.bend for ref in (c.parent, c.child) if ref.face == face_name)
         lines = (shapely.LineString(side(face.outline_mm, ref.index)) for ref in folds)
@@ -154,11 +161,12 @@ class CarSolids:
         return plate(shape, piece.thickness_mm, title(name, face_name))
 
     def _through(self, join: Join) -> Iterator[tuple[str, shapely.Geometry]]:
-        """Yield (face, region) of a tongue's piece: the part of each face, in its frame, that is in the slot of a join.
+        """Yield, for each face of a piece with a tongue, the part of it that is in the slot of a join: (name of
+        the face, region).
 
-        The region is the band of the face from the near side of the slot's film to just behind the tongue's tip. All
-        faces of the piece are cut, because several tongues may share a slot. Of a piece that locks into itself, only the
-        tongue's face is cut, because the slot is in another face of it.
+        The region is a band of the face, from the near side of the slotted film to just behind the tip of the tongue.
+        All faces of the piece are cut, because several tongues may share a slot. If a piece locks into itself, only
+        the face of the tongue is cut, because the slot is in another face of the piece.
         """
         roles, piece = self.roles, self.roles.pieces[join.piece_a]
         tip = np.mean(edge(roles.faces[join.piece_a], join.a), axis=0)
@@ -180,7 +188,7 @@ class CarSolids:
 
 
 def _band(slope: NDArray[np.float64], offset: float, low: float, high: float) -> shapely.Geometry:
-    """Return the band of the plane (mm) where low ≤ slope · point + offset ≤ high, as a long rectangle."""
+    """Return the band of a plane (mm) in which low ≤ slope · point + offset ≤ high, as a long rectangle."""
     steepness = float(np.linalg.norm(slope))
     direction = slope / steepness
     half_length = np.array((-direction[1], direction[0])) * FAR_MM

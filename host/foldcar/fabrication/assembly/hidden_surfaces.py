@@ -113,9 +113,10 @@ def visible_facets(facets: Sequence[Facet], view: Camera) -> list[VisibleFacet]:
 
 
 def _hidden(shapes: NDArray[np.object_], planes: Vector) -> dict[int, list[BaseGeometry]]:
-    """Return the regions that hide each outline, by its number: nearer outlines, or the parts in which they are nearer.
+    """Return, for each outline by its number, the regions that hide it: nearer outlines, or the nearer parts of them.
 
-    Outlines that are completely covered are left out. ``planes``, (n, 3), are the depths of the faces (see ``_depth``).
+    Outlines that are completely hidden are left out. ``planes``, (n, 3), are the depths of the faces (see
+    ``_depth``).
     """
     behind, ahead, wholly = _overlapping(shapes, planes)
     # A face completely behind another one is invisible, and hides nothing that the other one does not hide.
@@ -133,11 +134,12 @@ def _hidden(shapes: NDArray[np.object_], planes: Vector) -> dict[int, list[BaseG
 def _overlapping(
     shapes: NDArray[np.object_], planes: Vector
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.bool_]]:
-    """Return n pairs of overlapping outlines; the first is behind the second in a part of their region.
+    """Return the pairs of outlines that overlap, where the first one is behind the second one in a part of their region.
 
-    The three arrays (n,) are the index of the outline behind, that of the outline ahead, and whether it is ahead
-    everywhere. ``planes`` (faces, 3) are c, a, b of the depth c + a u + b v. Depths differ linearly over the picture, so
-    over the common region the difference lies between its minimum and maximum at either outline's corners.
+    The three arrays (n,) are the index of the outline behind, the index of the outline ahead, and whether that is
+    ahead everywhere. ``planes`` (faces, 3) are c, a, b of the depth c + a u + b v. Depths differ linearly over the
+    picture. So over the common region, the difference lies between its minimum and its maximum at the corners of the
+    region's box.
     """
     shapely.prepare(shapes)
     behind, ahead = STRtree(shapes).query(shapes, predicate="intersects")
@@ -157,7 +159,10 @@ def _overlapping(
 
 
 def _depth(facet: Facet, view: Camera) -> Vector:
-    """Return (c, a, b): the facet's depth at the picture's point (u, v) is c + a u + b v; larger is nearer."""
+    """Return (c, a, b) of a facet: its depth at the point (u, v) of the picture is c + a u + b v.
+
+    A larger depth is nearer.
+    """
     normal = facet.normal
     slope = normal @ view.toward
     a, b = -(normal @ view.right) / slope, -(normal @ view.up) / slope
@@ -166,9 +171,9 @@ def _depth(facet: Facet, view: Camera) -> Vector:
 
 
 def _nearer_part(region: BaseGeometry, lead_plane: Vector) -> BaseGeometry:
-    """Return the part of a region in which one face is nearer than another by more than TOUCHING_MM.
+    """Return the part of a region in which one face is nearer than another one, by more than TOUCHING_MM.
 
-    ``lead_plane`` (c, a, b) is the difference of their depths: c + a u + b v at the picture's point (u, v).
+    ``lead_plane`` is (c, a, b): the difference of their depths at the point (u, v) of the picture is c + a u + b v.
     """
     constant, gradient = lead_plane[0], lead_plane[1:]
     corners = shapely.get_coordinates(region)

@@ -25,9 +25,9 @@ PARALLEL = 0.9
 
 
 def insertion_lines(step: AssemblyStep, state: AssemblyState) -> list[str]:
-    """Return the instructions for inserting the step's parts, in their order; repetitions are counted, not written.
+    """Return the instructions for putting in the parts of a step, in their order. Repetitions are counted, not written.
 
-    In a step that builds a unit for several bodies, the first body stands for all. Wires have lines of their own.
+    If a step builds a unit for several bodies, the first body stands for all. Wires have lines of their own.
     """
     of_first_body = [added for added in step.adds if not step.unit or added.body == step.adds[0].body]
     wires = {mount.name for mount in state.car.mounts if mount.part == state.car.parts.wiring.name}
@@ -58,7 +58,7 @@ def _turn_line(screws: Sequence[AddedPart]) -> str:
 
 
 class _InsertionWords:
-    """The words on the parts of a step. ``host`` is the piece that lies flat, onto which the step puts its parts."""
+    """The words about the parts of a step. ``host`` is the piece that lies flat, onto which the step puts its parts."""
 
     def __init__(self, step: AssemblyStep, state: AssemblyState) -> None:
         self.step, self.state = step, state
@@ -104,7 +104,10 @@ class _InsertionWords:
         return "tube" if tyre.form == "tube" else "tape" if tyre.stretch is None else "band"
 
     def _verb(self, added: AddedPart, on_wheel: bool) -> str:
-        """Return what the hand does: by the last move, parts go down into the car, on top of others, or sideways."""
+        """Return what the hand does with a part.
+
+        The last move decides: it goes down into the car, on top of others, or sideways.
+        """
         last = added.way_mm[-1]
         axis = int(np.argmax(np.abs(last)))
         if len(added.way_mm) > 1:
@@ -125,7 +128,7 @@ class _InsertionWords:
         return [join for join in self.state.car.joins if join.number in self.step.joins and join.kind == "laminate"]
 
     def _layer(self, added: AddedPart) -> str:
-        """Return onto which side of which piece a layer is laid, and which of its own sides is up then."""
+        """Return onto which side of which piece a layer is laid, and which side of the layer is up then."""
         (copy,) = (part for part in self.state.parts_of(added) if isinstance(part, PlacedPiece))
         meetings = []
         for join in (join for join in self._laminates() if join.piece_a == added.name):
@@ -150,7 +153,7 @@ class _InsertionWords:
         return x, y, z
 
     def _film_side(self, added: AddedPart) -> str:
-        """Return the side of the host's film on which a part comes: "printed side" or "unprinted side"."""
+        """Return from which side of the host's film a part comes: "printed side" or "unprinted side"."""
         if self.host is None:
             return "printed side"
         return "printed side" if np.dot(added.way_mm[-1], self._normal(self.host)) < 0 else "unprinted side"
@@ -174,7 +177,10 @@ class _InsertionWords:
         return f", its printed side {'inside' if inwards > 0 else 'outside'}"
 
     def _screw(self, screw: AddedPart) -> str:
-        """Return from which side a screw comes and what it passes; then its nut, or else the part that holds it."""
+        """Return from which side a screw comes and what it passes.
+
+        Then name its nut or, without one, the part that holds it.
+        """
         state = self.state
         labels = {("mount", name): mount.part for name, mount in state.mounts.items()}
         labels |= {("piece", name): NUMBER.sub("", piece.label) for name, piece in state.pieces.items()}
@@ -189,9 +195,11 @@ class _InsertionWords:
         return f"push it in {self._directions(screw, screw.way_mm)}{through}{into}{nut}"
 
     def _directions(self, added: AddedPart, moves: Sequence[Vector]) -> str:
-        """Return from which sides a part comes along its moves (3,), as in ``from above, then from the left``.
+        """Return from which sides a part comes along its moves (3,).
 
-        Along y the sides are those of the wheel if it goes into a unit, such as a wheel, else of the car.
+        Along y the sides are those of the wheel if the part goes into a unit, such as a wheel, else those of the car.
+
+        Example: ``from above, then from the left``
         """
         # y of the part's wheel, or of the mount: a part that moves towards y = 0 comes from outside.
         axle = next((axle for axle in self.state.car.axles if axle.wheel == added.body), None)

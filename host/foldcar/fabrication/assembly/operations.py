@@ -32,7 +32,7 @@ PLUGGED = ("signal", "supply", "stack")
 
 
 class Kind(Quantity):
-    """A kind of operation: seconds of practised work for each; its name in singular and plural."""
+    """A kind of operation: how many seconds it takes with practice, and its name in singular and plural."""
 
     one: str = ""
     many: str = ""
@@ -40,7 +40,9 @@ class Kind(Quantity):
 
 @cache
 def kinds() -> dict[str, Kind]:
-    """Return the kinds by the fields of Operations, and ``pace``: the time of a first build over practised work."""
+    """Return the kinds by the fields of Operations, and ``pace``, the time of a first build divided by that with
+    practice.
+    """
     text = files("foldcar.fabrication.assembly").joinpath("operations.json").read_text(encoding="utf-8")
     return TypeAdapter(dict[str, Kind]).validate_json(text)
 
@@ -69,14 +71,20 @@ class Operations:
 
     @property
     def total(self) -> int:
-        """The number of all operations except weeding, which is listed separately: a laser's openings fall out."""
+        """The number of all operations, without weeding.
+
+        Weeding is listed separately, because a laser's openings fall out.
+        """
         return sum(self.counts.values()) - self.weed
 
     def __add__(self, other: "Operations") -> "Operations":
         return Operations(**{kind: count + other.counts[kind] for kind, count in self.counts.items()})
 
     def named(self, *excluded: str) -> list[tuple[str, int]]:
-        """Return (name, count) of each kind that occurs, except the ``excluded`` kinds; the name is plural if needed."""
+        """Return (name, count) of each kind that occurs, without the ``excluded`` kinds.
+
+        The name is in the plural if needed.
+        """
         present = {kind: count for kind, count in self.counts.items() if count and kind not in excluded}
         return [(kinds()[kind].one if count == 1 else kinds()[kind].many, count) for kind, count in present.items()]
 
@@ -91,9 +99,9 @@ class Operations:
 
     @property
     def minutes_between(self) -> tuple[float, float]:
-        """The estimate's interval, minimum and maximum (min).
+        """The interval of the estimate: minimum and maximum (min).
 
-        Tolerances of the pace and of every kind's seconds are independent errors, so their squares add up.
+        The tolerances of the pace and of the seconds of each kind are independent errors, so their squares add up.
         """
         # Without any operation the errors are 0 too, and 0 / inf is 0.
         pace, seconds = kinds()["pace"], self._seconds or math.inf
@@ -109,7 +117,9 @@ def operations(car: FoldedCar, cut: CutCar) -> Operations:
 
 
 def operations_of_boards(car: FoldedCar) -> Operations:
-    """Return the operations that solder the boards: rows of pins on both, the wing's blocks, their switch's wires."""
+    """Return the operations that solder the boards: rows of pins on both, the blocks of the wing, the wires of
+    their switch.
+    """
     parts, boards = car.parts, {mount.part for mount in car.mounts}
     if not {parts.feather.name, parts.featherwing.name} <= boards:
         return Operations()
@@ -133,7 +143,7 @@ def joints(car: FoldedCar) -> int:
 
 
 def repetitions(car: FoldedCar, join: Join) -> int:
-    """Return how often a join is made: once for each wheel that has its piece, or once if it is not of a wheel."""
+    """Return how often a join is made: once, or once for each wheel that has its piece."""
     wheels = {axle.wheel for axle in car.axles}
     return len({placed.body for placed in car.placed if placed.piece == join.piece_a and placed.body in wheels}) or 1
 
@@ -195,17 +205,18 @@ def operations_by_step(car: FoldedCar) -> list[tuple[AssemblyStep, Operations]]:
 def folds_of_step(step: AssemblyStep, fractions_before: Mapping[str, Mapping[str, float]], piece: Piece) -> list[Crease]:
     """Return the creases of one copy of ``piece`` that a step folds by hand.
 
-    ``fractions_before`` has the fraction of each fold before the step, by piece and crease. A crease with the fraction 0
-    in the step is folded once, and left open.
+    ``fractions_before`` has how far each fold was closed before the step, by piece and crease. A crease that the step
+    sets to 0 is folded once and left open.
     """
     current, wanted = fractions_before.get(piece.name, {}), step.folds.get(piece.name, {})
     return [c for c in _hand_folds(piece) if c.name in wanted and wanted[c.name] != current.get(c.name)]
 
 
 def plugs_in(car: FoldedCar, step: AssemblyStep) -> list[Wire]:
-    """Return the wires plugged in during a step: the boards' stack with the upper board, all others with the wiring.
+    """Return the wires that are plugged in during a step.
 
-    Wires that end at a switch are left out: they are soldered (see ``soldered_in``).
+    Those between the boards are plugged in with the upper board, all others with the wiring. Wires that end at a
+    switch are left out, because they are soldered (see ``soldered_in``).
     """
     added_parts = _added_parts(car, step)
     wires = [wire for wire in car.wires if wire.carries in PLUGGED and not wire.b.startswith(SERVO_SWITCH)]
@@ -215,15 +226,16 @@ def plugs_in(car: FoldedCar, step: AssemblyStep) -> list[Wire]:
 
 
 def soldered_in(car: FoldedCar, step: AssemblyStep) -> list[Wire]:
-    """Return the wires soldered during a step: those of a switch or the button, in the step that adds it."""
+    """Return the wires that are soldered during a step: those of a switch or the button, in the step that adds it."""
     switches = tuple({SERVO_SWITCH, BOARD_SWITCH, BUTTON} & {added.name for added in step.adds})
     return [wire for wire in car.wires if wire.a.startswith(switches) or wire.b.startswith(switches)]
 
 
 def _joints_of(car: FoldedCar, step: AssemblyStep) -> int:
-    """Return the number of joints of a switch: one for each wire at it, and those of the battery's leads.
+    """Return the number of joints of a switch: one for each of its wires, and those of the battery's leads.
 
-    In the + lead these are two at the fuse and one to the wire at the switch; a - lead that is too short has one.
+    The + lead has three joints: two at the fuse, and one to the wire of the switch. A - lead that is too short has
+    one.
     """
     wires = soldered_in(car, step)
     if not any(wire.a.startswith(SERVO_SWITCH) for wire in wires):
@@ -245,8 +257,8 @@ def is_wound(piece: Piece) -> bool:
 def disc_turns(car: FoldedCar, step: AssemblyStep) -> list[Join]:
     """Return one join for each disc that is turned in a step.
 
-    The hooks of a wheel's hub are put through the slots of a disc. Then the disc is turned, which locks all of them at
-    once. Discs are a wheel's pieces without creases.
+    The hooks of a wheel's hub are put through the slots of a disc, and then the disc is turned, which locks all hooks
+    at once. The discs are the pieces of a wheel without creases.
     """
     discs = {piece.name for piece in car.pieces if not piece.creases} & _on_wheels(car)
     joins: dict[str, Join] = {}

@@ -46,7 +46,8 @@ def stance(car: FoldedCar) -> Stance:
 
 
 def standing(wheels_mm: Sequence[Point], center_mm: Point) -> Stance:
-    """Return the stable stance: the one with the lowest centre of mass, if no wheel is below the ground.
+    """Return the stable stance: of all stances in which no wheel is below the ground, the one with the lowest
+    centre of mass.
 
     ``wheels_mm`` are (x, radius), and ``center_mm`` is (x, z). The car stands on two axles. If its centre of mass is
     below the axles, it may also hang from a single axle, with the centre of mass below that axle.

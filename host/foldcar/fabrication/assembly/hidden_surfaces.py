@@ -138,8 +138,8 @@ def _overlapping(
 
     The three arrays (n,) are the index of the outline behind, the index of the outline ahead, and whether that is
     ahead everywhere. ``planes`` (faces, 3) are c, a, b of the depth c + a u + b v. Depths differ linearly over the
-    picture. So over the common region, the difference lies between its minimum and its maximum at the corners of the
-    region's box.
+    picture. So over the common region, the difference lies between its minimum and its maximum at the corners of
+    either outline.
     """
     shapely.prepare(shapes)
     behind, ahead = STRtree(shapes).query(shapes, predicate="intersects")

@@ -64,7 +64,9 @@ LEVER_OVER_MM = 1.0
 
 
 def wall_mm(outer_mm: float, parts: Catalogue) -> float:
-    """Return the distance between the middles of two opposite walls (mm): the outer dimension minus the film's thickness."""
+    """Return the distance between the middles of two opposite walls (mm): the outer dimension minus the film's
+    thickness.
+    """
     return outer_mm - parts.film_mm
 
 

@@ -157,7 +157,10 @@ def plug_room_mm(plug: PartData) -> float:
 
 
 def _put_boards(shape: Shape, on: str, under: Pose, holes: Sequence[str]) -> None:
-    """Add the Feather and the wing with the plugs of the servos; ``under`` is the pose of the Feather in the face ``on``."""
+    """Add the Feather and the wing with the plugs of the servos.
+
+    ``under`` is the pose of the Feather in the face ``on``.
+    """
     parts, feather, wing = shape.parts, shape.parts.feather, shape.parts.featherwing
 
     def plug(name: str, pose: Pose) -> ToolClearance:

@@ -57,7 +57,10 @@ class Composite(Component):
             raise ComponentError(self.path, f'root "{self.root}" is not one module B, nor a composite whose root is one')
 
     def _order(self) -> list[str]:
-        """Return the names of the subcomponents from front to back. Raises ComponentError if they do not form one chain."""
+        """Return the names of the subcomponents from front to back.
+
+        Raises ComponentError if they do not form one chain.
+        """
         module_behind: dict[str, str] = {}
         for connection in self.connections:
             ends = {end: name for name, end in map(self._end, connection)}

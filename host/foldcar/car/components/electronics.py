@@ -238,7 +238,10 @@ class ElectronicsModule(BrainModule):
 
     @property
     def layout(self) -> Layout:
-        """The layout that fits, with the boards nearest to the middle of the module. Raises ComponentError if none fits."""
+        """The layout that fits, with the boards nearest to the middle of the module.
+
+        Raises ComponentError if none fits.
+        """
         battery, length, layouts = self.parts.battery, self["length"], list(self._layouts())
         if not layouts:
             min_width_part = min(size.max_value for size in (battery.length_mm, battery.width_mm))

@@ -124,7 +124,10 @@ TAPER_MM = 1.0
 
 
 class Hook(NamedTuple):
-    """A neck and a head. The neck passes through a disc over ``reach_mm``; the head is wider, to the left, right or both."""
+    """A neck and a head.
+
+    The neck passes through a disc over ``reach_mm``; the head is wider, to the left, right or both.
+    """
 
     neck_mm: float
     left_mm: float
@@ -203,7 +206,10 @@ def build_rim(shape: Shape, size: WheelSize) -> None:
 
 
 def first_facet_pose(size: WheelSize, strip: int) -> Pose:
-    """Return the pose of a strip's first facet in the frame of the wheel; the middle of the facet lies at the first tie."""
+    """Return the pose of a strip's first facet in the frame of the wheel.
+
+    The middle of the facet lies at the first tie.
+    """
     # x along the circle, y along the axle, z towards it.
     axes: Pose = ((0.0, 0.0, -1.0, 0.0), (0.0, 1.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
     turn = compose(rotation("y", -size.tie_angles_rad[strip * size.ties]), axes)

@@ -181,7 +181,10 @@ class Shape:
         return self._hole(face, Hole(self.path(name), kind, outline, diameter_mm, center_mm))
 
     def slotted_hole(self, face: str, name: str, kind: HoleKind, start_mm: Point, end_mm: Point, width_mm: float) -> str:
-        """Cut a slot with round ends about two points, and return its full name. If the points coincide, it is a circle."""
+        """Cut a slot with round ends about two points, and return its full name.
+
+        If the points coincide, it is a circle.
+        """
         (x0, y0), (x1, y1) = start_mm, end_mm
         if start_mm == end_mm:
             return self.round_hole(face, name, kind, start_mm, width_mm)
@@ -276,7 +279,10 @@ class Shape:
 
     def axle(self, on: str, servo: str, side: Literal["left", "right"], center_mm: tuple[float, float, float],
              radius_mm: float, tyre_width_mm: float) -> None:  # fmt: skip
-        """Add a wheel with its centre (mm) in the frame of the face ``on``. ``servo`` drives it; with "" it turns freely."""
+        """Add a wheel with its centre (mm) in the frame of the face ``on``.
+
+        ``servo`` drives it; with "" it turns freely.
+        """
         face = self._face(on)
         # Servos turn counter-clockwise above neutral, so those on the right turn backwards. The car names the wheel and
         # numbers the channel later.

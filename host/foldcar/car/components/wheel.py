@@ -46,7 +46,10 @@ DRIVEN = Parameter(
 
 
 class Wheel(Component):
-    """Two discs, a hub and a rim. The servo's horn is screwed to the inner disc; a wheel without a servo turns on a rod."""
+    """Two discs, a hub and a rim.
+
+    The servo's horn is screwed to the inner disc; a wheel without a servo turns on a rod.
+    """
 
     parameters = (RADIUS, TYRE_WIDTH, DRIVEN)
 
@@ -81,7 +84,9 @@ class Wheel(Component):
         shape.begin_at("inner", poses["inner"])
 
     def _cut_holes(self, shape: Shape, size: WheelSize) -> None:
-        """Cut the holes for the horn's screws into inner disc and hub, and the hole for the driver into the outer disc."""
+        """Cut the holes for the horn's screws into inner disc and hub, and the hole for the driver into the outer
+        disc.
+        """
         assembly, horn = self.parts.assembly, self.parts.horn
         for face in ("inner", "hub"):
             shape.round_hole(face, f"{face}.hub", "axle", (0, 0), horn.recess_diameter_mm.value)
@@ -140,7 +145,9 @@ def _add_horn(shape: Shape, size: WheelSize) -> None:
 
 
 def _horn_solids(parts: Catalogue, center: tuple[float, float, float]) -> list[Solid]:
-    """Return the hub of the horn, and its arms or disc, as solids in the frame of its box, whose middle is at ``center``."""
+    """Return the hub of the horn, and its arms or disc, as solids in the frame of its box, whose middle is at
+    ``center``.
+    """
     horn, screw_mm = parts.horn, parts.horn_screw.diameter_mm.value
     x, y, _ = center
     height, arm_height, recess = horn.height_mm.value, horn.thickness_mm.value, horn.recess_depth_mm.value

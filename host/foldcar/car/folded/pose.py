@@ -113,6 +113,8 @@ def side(outline_mm: Sequence[Point], index: int) -> tuple[Point, Point]:
 
 
 def hinge_motion(hinge: HingeJoint, angle_rad: float) -> Pose:
-    """Return the motion of the rear segment in the frame of the front segment (mm) if the hinge bends by an angle (rad)."""
+    """Return the motion of the rear segment in the frame of the front segment (mm) if the hinge bends by an angle
+    (rad).
+    """
     x, y, z = hinge.center_mm
     return compose(translation(x, y, z), rotation("y", angle_rad), translation(-x, -y, -z))

@@ -32,7 +32,10 @@ Points = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Blocks:
-    """Convex solids: the corners of all of them, (n, 3) in mm; the index of the first corner of each; the title of each."""
+    """Convex solids: the corners of all of them, (n, 3) in mm.
+
+    The index of the first corner of each; the title of each.
+    """
 
     corners_mm: Points
     starts: NDArray[np.intp]

@@ -164,7 +164,9 @@ def _gap_mm(join: Join, a: PlacedFace, b: PlacedFace) -> float:
 
 
 def _check_tab(join: Join, a: PlacedFace, b: PlacedFace) -> Iterator[Finding]:
-    """Yield findings about a tab: its edge does not meet the other edge, or it stands off its face or reaches beyond it."""
+    """Yield findings about a tab: its edge does not meet the other edge, or it stands off its face or reaches beyond
+    it.
+    """
     place = f"join {join.number}: {a.title} on {b.title}"
     gap = _gap_mm(join, a, b)
     if gap > CLOSURE_MM:

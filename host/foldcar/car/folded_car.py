@@ -8,6 +8,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
+from itertools import pairwise
 
 from foldcar.car.components.assemble import Assembly, assemble, build
 from foldcar.car.components.box_beam import PANELS, flap_end_mm, latch_mm, put_cap, wall_mm
@@ -46,47 +47,71 @@ class Car(Component):
         super().__init__(design.values, parts=design.parts)
 
     def subcomponents(self) -> Sequence[Sub]:
-        """Modules from front to back."""
+        """Return the modules from front to back."""
         subs = []
-        for i, own in enumerate(self.design.of_modules):
-            kind: type[Component] = ElectronicsModule if i == self.design.electronics else own.kind
-            settings = {} if kind is HingeModule else settings_from_car(self.design, i)
-            body = f"segment{self.design.segment_at(i)}"
-            subs.append(Sub(self.names[i], kind, {**own.values, **settings}, own.keys, body))
+        for index, module in enumerate(self.design.of_modules):
+            kind: type[Component] = ElectronicsModule if index == self.design.electronics else module.kind
+            values = dict(module.values)
+            if kind is not HingeModule:
+                values |= settings_from_car(self.design, index)
+            body = f"segment{self.design.segment_at(index)}"
+            subs.append(Sub(self.names[index], kind, values, module.keys, body))
         return subs
 
     def build(self, shape: Shape) -> None:
         """Fuse neighbouring beams, close the segments' ends with caps, glue on the hinges."""
-        letters = self.design.modules
-        for i, (front_module, rear_module) in enumerate(zip(self.names, self.names[1:], strict=False)):
-            if HINGE not in letters[i : i + 2]:
-                for panel in PANELS:
-                    shape.connect(f"{front_module}.beam.{panel}.rear", f"{rear_module}.beam.{panel}.front", "rigid")
+        self._fuse_beams(shape)
+        self._put_caps(shape)
+        self._put_switches(shape)
+        self._join_hinges(shape)
         outer_mm = self.design.width_mm, self.design.height_mm
-        for number, segment in enumerate(self.design.segments, 1):
-            for end, module in (("front", segment.modules[0]), ("rear", segment.modules[-1])):
-                is_outer = module == (0 if end == "front" else len(self.names) - 1)
-                slit_mm = 0.0 if is_outer else self.parts.assembly.cable_slit_length_mm.value
-                put_cap(shape, f"{end} cap {number}", end, self.names[module], outer_mm, slit_mm)
-        cap = f"{switch_cap(self.design)}.cap"
-        width, height = shape.face_size_mm(cap)
-        put_switches(shape, cap, (width / 2, height / 2))
-        if self.parts.button == "fitted":
-            width, height = shape.face_size_mm(f"{button_cap(self.design)}.cap")
-            put_button(shape, f"{button_cap(self.design)}.cap", (width / 2, height / 2))
-        for i, name in enumerate(self.names):
-            hinge = self.children[name]
-            if isinstance(hinge, HingeModule):
-                # Segments count from 0, from the front; caps from 1.
-                front_segment = self.design.segment_at(i)
-                caps = (f"rear cap {front_segment + 1}", f"front cap {front_segment + 2}")
-                hinge.join(shape, name, (self.names[i - 1], self.names[i + 1]), caps)
         # The car's frame: x forwards from the middle of its length, y to the left from its plane of symmetry, z upwards
         # from the middle of its height, where the axles are. The floor's frame starts at the rear right corner of the
         # first (front) module's floor.
         across, up = (wall_mm(size, self.parts) for size in outer_mm)
         rear_of_first = self.design.length_mm / 2 - self.design.length_of(0)
         shape.begin_at(f"{self.names[0]}.beam.floor", translation(rear_of_first, -across / 2, -up / 2))
+
+    def _fuse_beams(self, shape: Shape) -> None:
+        """Connect the beams of neighbouring modules rigidly, except where a hinge lies between them."""
+        letters = self.design.modules
+        for index, (front_module, rear_module) in enumerate(pairwise(self.names)):
+            if HINGE in letters[index : index + 2]:
+                continue
+            for panel in PANELS:
+                shape.connect(f"{front_module}.beam.{panel}.rear", f"{rear_module}.beam.{panel}.front", "rigid")
+
+    def _put_caps(self, shape: Shape) -> None:
+        """Close both ends of each segment with a cap. The caps at a hinge have a slit for the cables."""
+        outer_mm = self.design.width_mm, self.design.height_mm
+        last_module = len(self.names) - 1
+        for number, segment in enumerate(self.design.segments, 1):
+            for end, module, outer_module in (
+                ("front", segment.modules[0], 0),
+                ("rear", segment.modules[-1], last_module),
+            ):
+                slit_mm = 0.0 if module == outer_module else self.parts.assembly.cable_slit_length_mm.value
+                put_cap(shape, f"{end} cap {number}", end, self.names[module], outer_mm, slit_mm)
+
+    def _put_switches(self, shape: Shape) -> None:
+        """Mount the switches in the middle of their cap, and the button, if the car has one, in the other cap."""
+        cap = f"{switch_cap(self.design)}.cap"
+        width, height = shape.face_size_mm(cap)
+        put_switches(shape, cap, (width / 2, height / 2))
+        if self.parts.button == "fitted":
+            cap = f"{button_cap(self.design)}.cap"
+            width, height = shape.face_size_mm(cap)
+            put_button(shape, cap, (width / 2, height / 2))
+
+    def _join_hinges(self, shape: Shape) -> None:
+        """Glue each hinge under the modules and onto the caps beside it."""
+        for index, name in enumerate(self.names):
+            hinge = self.children[name]
+            if isinstance(hinge, HingeModule):
+                # Segments count from 0, from the front; caps from 1.
+                front_segment = self.design.segment_at(index)
+                caps = (f"rear cap {front_segment + 1}", f"front cap {front_segment + 2}")
+                hinge.join(shape, name, (self.names[index - 1], self.names[index + 1]), caps)
 
 
 def folded_car(design: Design) -> FoldedCar:

@@ -241,21 +241,38 @@ def plan_service(car: FoldedCar) -> tuple[AssemblyStep, ...]:
     roles = roles_of(car)
     with_lid_shut: list[AssemblyStep] = []
     with_lid_open: list[AssemblyStep] = []
-    for mount in (m for m in car.mounts if not roles.is_fastener(m)):
-        for i, clearance in enumerate(mount.clearances):
-            outside = roles.from_outside(mount, clearance)
-            action = f"{USES[clearance.tool]} {mount.name}, the lid {'shut' if outside else 'open'}"
-            (with_lid_shut if outside else with_lid_open).append(
-                AssemblyStep(action, folds={}, adds=(), joins=(), tool_uses=(ToolUse(mount.name, i),))
-            )
-    folds = {name: dict.fromkeys(lid.creases, 0.0) for name, lid in sorted(roles.lids.items()) if lid.creases}
-    for mount in (m for m in car.mounts if m.part == car.parts.battery.name):
-        on_lid = roles.is_on_lid(mount)
-        title = f"Take {mount.name} {'off' if on_lid else 'out'}"
-        (with_lid_shut if on_lid else with_lid_open).append(
-            AssemblyStep(title, folds={}, adds=(AddedPart("mount", mount.name, 0, mount.body),), joins=())
-        )
-    gripped = [(name, face) for name in folds for face in roles.lids[name].gripped]
-    grips = tuple(ToolUse(face.name, i, name) for name, face in gripped for i in range(len(face.clearances)))
-    opening = [AssemblyStep(OPEN, folds, adds=(), joins=(), tool_uses=grips)] if folds else []
-    return (*with_lid_shut, *opening, *with_lid_open)
+    for mount in car.mounts:
+        if roles.is_fastener(mount):
+            continue
+        for index, clearance in enumerate(mount.clearances):
+            action = f"{USES[clearance.tool]} {mount.name}"
+            tool_uses = (ToolUse(mount.name, index),)
+            if roles.from_outside(mount, clearance):
+                title = f"{action}, the lid shut"
+                with_lid_shut.append(AssemblyStep(title, folds={}, adds=(), joins=(), tool_uses=tool_uses))
+            else:
+                title = f"{action}, the lid open"
+                with_lid_open.append(AssemblyStep(title, folds={}, adds=(), joins=(), tool_uses=tool_uses))
+    for mount in car.mounts:
+        if mount.part != car.parts.battery.name:
+            continue
+        battery = (AddedPart("mount", mount.name, 0, mount.body),)
+        if roles.is_on_lid(mount):
+            with_lid_shut.append(AssemblyStep(f"Take {mount.name} off", folds={}, adds=battery, joins=()))
+        else:
+            with_lid_open.append(AssemblyStep(f"Take {mount.name} out", folds={}, adds=battery, joins=()))
+    return (*with_lid_shut, *_plan_opening(roles), *with_lid_open)
+
+
+def _plan_opening(roles: Roles) -> list[AssemblyStep]:
+    """Return the step in which fingers open the lids; no step for a car without lids."""
+    open_folds: dict[str, dict[str, float]] = {}
+    grips: list[ToolUse] = []
+    for name, lid in sorted(roles.lids.items()):
+        if lid.creases:
+            open_folds[name] = dict.fromkeys(lid.creases, 0.0)
+            for face in lid.gripped:
+                grips += [ToolUse(face.name, index, name) for index in range(len(face.clearances))]
+    if not open_folds:
+        return []
+    return [AssemblyStep(OPEN, open_folds, adds=(), joins=(), tool_uses=tuple(grips))]

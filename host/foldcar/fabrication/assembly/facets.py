@@ -180,8 +180,16 @@ def _folded_edges(piece: Piece, shown: set[str]) -> dict[tuple[str, int], tuple[
     """
     edges: dict[tuple[str, int], tuple[LineKind | None, tuple[str, ...]]] = {}
     for crease in piece.creases:
-        if {crease.parent.face, crease.child.face} <= shown:
-            kind: LineKind = "valley" if crease.angle_rad > 0 else "mountain" if crease.angle_rad < 0 else "flat"
-            edges[crease.parent.face, crease.parent.index] = (None if crease.bend else kind, (crease.child.face,))
-            edges[crease.child.face, crease.child.index] = (None, ())
+        parent, child = crease.parent, crease.child
+        if parent.face in shown and child.face in shown:
+            kind = None if crease.bend else _fold_kind(crease.angle_rad)
+            edges[parent.face, parent.index] = (kind, (child.face,))
+            edges[child.face, child.index] = (None, ())
     return edges
+
+
+def _fold_kind(angle_rad: float) -> LineKind:
+    """Return how the fold of that angle is drawn."""
+    if angle_rad > 0:
+        return "valley"
+    return "mountain" if angle_rad < 0 else "flat"

@@ -7,7 +7,7 @@ film in the car is counted. Output: rows, and texts of them, with parts in the o
 import csv
 import io
 import json
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cache
@@ -21,7 +21,7 @@ from foldcar.car.folded.stance import center_mm, stance
 from foldcar.car.folded.weight import max_placement_shift_mm
 from foldcar.car.leads import extra_wire_m, leads
 from foldcar.car.parts.bought import Tyre
-from foldcar.car.parts.catalogue import film_of
+from foldcar.car.parts.catalogue import Catalogue, film_of
 from foldcar.car.parts.quantity import Bought
 from foldcar.car.proof.plan import plan_assembly
 from foldcar.car.supply import fresh_cells_warning, supply
@@ -145,34 +145,55 @@ def _film_rows(folded: FoldedCar, sheets: Sequence[Sheet]) -> Iterator[Row]:
 
 def _bought_rows(folded: FoldedCar) -> list[Row]:
     """Return a row for each kind of bought part, in the order of assembly."""
-    parts_by_name = {part.name: part for part in folded.parts.bought}
-    mounts = {mount.name: mount for mount in folded.mounts}
-    counts: dict[str, int] = Counter(mount.part for mount in folded.mounts)
-    masses: dict[str, float] = {}
-    for mount in folded.mounts:
-        masses[mount.part] = masses.get(mount.part, 0.0) + mount.mass_kg
-    order = [mounts[add.name].part for step in plan_assembly(folded) for add in step.adds if add.kind == "mount"]
-    counts = {name: counts[name] for name in dict.fromkeys([*order, *counts])}
-    rows = []
-    for name, number in counts.items():
-        cost_usd, note = _cost(parts_by_name.get(name), number, folded)
-        row = Row(name, number, "", masses[name], cost_usd, note)
-        rows.append(_with_wire(folded, row) if name == folded.parts.wiring.name else row)
     catalogue = folded.parts
-    if boards := counts.get(catalogue.featherwing.name, 0):
-        note = "soldered to the Feather; in its mass"
-        rows.append(Row(catalogue.headers.name, boards, "", 0.0, boards * catalogue.headers.cost_usd.value, note))
-        note = f"{supply(folded).fuse_a:g} A, soldered into the battery's + lead; in the wires' mass"
-        rows.append(Row(catalogue.fuse.name, boards, "", 0.0, boards * catalogue.fuse.cost_usd.value, note))
-        if resistors := option_resistors(catalogue):
-            cost_usd = len(resistors) * catalogue.resistor.cost_usd.value
-            note = f"{', '.join(sorted(resistors))}, 1 %; below the Feather, in the wires' mass"
-            rows.append(Row(catalogue.resistor.name, len(resistors), "", 0.0, cost_usd, note))
-    if holders := counts.get(catalogue.battery.name, 0):
+    part_by_name = {part.name: part for part in catalogue.bought}
+    numbers: Counter[str] = Counter()
+    masses_kg: defaultdict[str, float] = defaultdict(float)
+    for mount in folded.mounts:
+        numbers[mount.part] += 1
+        masses_kg[mount.part] += mount.mass_kg
+    rows = []
+    for name in _names_in_order(folded):
+        cost_usd, note = _cost(part_by_name.get(name), numbers[name], folded)
+        row = Row(name, numbers[name], "", masses_kg[name], cost_usd, note)
+        rows.append(_with_wire(folded, row) if name == catalogue.wiring.name else row)
+    rows += _board_rows(folded, numbers[catalogue.featherwing.name])
+    rows += _cell_rows(catalogue, numbers[catalogue.battery.name])
+    return rows
+
+
+def _names_in_order(folded: FoldedCar) -> list[str]:
+    """Return the names of the bought parts, in the order in which the assembly adds them; then those it does not add."""
+    part_of_mount = {mount.name: mount.part for mount in folded.mounts}
+    names: dict[str, None] = {}
+    for step in plan_assembly(folded):
+        names |= dict.fromkeys(part_of_mount[added.name] for added in step.adds if added.kind == "mount")
+    names |= dict.fromkeys(mount.part for mount in folded.mounts)
+    return list(names)
+
+
+def _board_rows(folded: FoldedCar, boards: int) -> Iterator[Row]:
+    """Yield the rows of what is soldered to the boards and to the battery's lead; nothing for a car without boards."""
+    if not boards:
+        return
+    catalogue = folded.parts
+    note = "soldered to the Feather; in its mass"
+    yield Row(catalogue.headers.name, boards, "", 0.0, boards * catalogue.headers.cost_usd.value, note)
+    note = f"{supply(folded).fuse_a:g} A, soldered into the battery's + lead; in the wires' mass"
+    yield Row(catalogue.fuse.name, boards, "", 0.0, boards * catalogue.fuse.cost_usd.value, note)
+    resistors = option_resistors(catalogue)
+    if resistors:
+        cost_usd = len(resistors) * catalogue.resistor.cost_usd.value
+        note = f"{', '.join(sorted(resistors))}, 1 %; below the Feather, in the wires' mass"
+        yield Row(catalogue.resistor.name, len(resistors), "", 0.0, cost_usd, note)
+
+
+def _cell_rows(catalogue: Catalogue, holders: int) -> Iterator[Row]:
+    """Yield the row of the cells in the battery's holder; nothing for a car without a holder."""
+    if holders:
         warning = ", not alkaline" if "NiMH" in catalogue.cells.cell else ""
         note = f"four in the holder, with a charger; in its mass{warning}"
-        rows.append(Row(catalogue.cells.cell, CELLS * holders, "", 0.0, holders * catalogue.cells.cost_usd.value, note))
-    return rows
+        yield Row(catalogue.cells.cell, CELLS * holders, "", 0.0, holders * catalogue.cells.cost_usd.value, note)
 
 
 def _with_wire(folded: FoldedCar, row: Row) -> Row:

@@ -184,13 +184,12 @@ class Carsim:
                 index = 0 if len(requests) == 1 else error["run"]
                 label = requests[int(index)].label if index is not None else f"line {error['line']}"
                 raise InputRefusedError(self.binary, label, str(error["message"]))
-            is_valid = answer["outcome"] in results.NATIVE_OUTCOMES
-            for metric in results.METRICS:
-                if answer[metric.name] is not None or not metric.optional:
-                    is_valid = is_valid and math.isfinite(answer[metric.name])
+            is_possible = answer["outcome"] in results.NATIVE_OUTCOMES and all(
+                _is_possible(answer[metric.name], metric.optional) for metric in results.METRICS
+            )
         except (ValueError, TypeError, KeyError, IndexError) as error:
             raise CarsimError(f"{self.binary}: its answer is not a result: {line[:80]}") from error
-        if not is_valid:
+        if not is_possible:
             raise CarsimError(f"{self.binary}: its answer is an impossible result: {line[:200]}")
         return {key: value for key, value in answer.items() if key != "run"}
 
@@ -233,6 +232,13 @@ class Carsim:
         if self._stops != stops:
             raise CarsimError(f"{self.binary}: stopped")
         return subprocess.CompletedProcess(command, process.returncode, output, messages)
+
+
+def _is_possible(number: float | None, is_optional: bool) -> bool:
+    """Return whether a result may contain this number; only optional numbers may be missing (None)."""
+    if number is None:
+        return is_optional
+    return math.isfinite(number)
 
 
 def input_line(kind: str, name: str, object_text: str) -> str:

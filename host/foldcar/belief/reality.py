@@ -20,7 +20,7 @@ GROUND_FACTORS = ("friction", "obstacle_height")
 
 @dataclass(frozen=True, slots=True)
 class RealParameter:
-    """A parameter of realities, from ``least`` to ``largest``; ``nominal`` is its value in nominal simulation."""
+    """A parameter of realities from ``least`` to ``largest``; ``nominal`` is what the simulator has without it."""
 
     unit: str
     nominal: float
@@ -44,31 +44,27 @@ def drawn_reality(
 ) -> dict[str, Any]:
     """Return how car and ground of a drive differ from design and scene, as ``reality`` in a run line of carsim.
 
-    ``values`` are the simulator's parameters by name. ``listed`` are the standard deviations between built cars in the
-    listing, by name; ``wheel_spread``, if in ``values``, replaces those of wheels. The number ``drive`` selects the
-    random start, and ``car`` the random differences of the car.
+    ``values`` are the simulator's parameters by name. ``listed`` are the listing's spreads by name; ``wheel_spread``, if
+    in ``values``, replaces those of wheels. The number ``drive`` selects the random start, ``car`` the car's differences.
     """
-    sd_by_name = dict(listed)
+    spread = dict(listed)
     if "wheel_spread" in values:
         for name, quantity in workshop().items():
             if quantity.per == "wheel":
-                sd_by_name[name] = values["wheel_spread"] * quantity.sd
-    reality = draw(sd_by_name, seed, car)
+                spread[name] = values["wheel_spread"] * quantity.sd
+    reality = draw(spread, seed, car)
     for name in ("servo_torque", "servo_speed"):
-        # A reality has the relative difference of each servo, 0 for the design's value; ``values`` has factors.
-        differences = reality.get(name, [0.0] * CHANNELS)
-        reality[name] = [values[name] * (1 + difference) - 1 for difference in differences]
+        # A reality has relative differences, 0 for the design's value; ``values`` has factors.
+        reality[name] = [values[name] * (1 + deviation) - 1 for deviation in reality.get(name, [0.0] * CHANNELS)]
     reality["com_z_m"] = reality.get("com_z_m", 0.0) + values["com_height_m"]
     reality["track_m"] = values["track_m"]
     for name in REAL_ONLY.keys() & values.keys():
-        # The listing may also have drawn a difference, to which this one is added.
+        # The listing's own spread may have drawn a difference, to which this one is added.
         reality[name] = reality.get(name, 0.0) + values[name]
-    for name in GROUND_FACTORS:
-        reality[name] = values[name]
-    deviates = start_deviates(seed, drive)
-    for name in ("start_x_m", "start_y_m"):
-        reality[name] = values["start_position_sd_m"] * deviates[name]
-    reality["start_heading_rad"] = values["start_heading_sd_rad"] * deviates["start_heading_rad"]
+    reality |= {name: values[name] for name in GROUND_FACTORS}
+    for name, deviate in start_deviates(seed, drive).items():
+        sd = values["start_heading_sd_rad" if name == "start_heading_rad" else "start_position_sd_m"]
+        reality[name] = sd * deviate
     return reality
 
 

@@ -247,7 +247,8 @@ def _evidence(
     evidence = Evidence(info, tuple(with_trials), runs, None, (), simulated, uncounted)
     belief = None
     if resimulation is not None:
-        belief = read_belief(store, info, evidence.family, [t for t in trials if t.completed], bool(simulated))
+        completed_trials = [trial for trial in trials if trial.completed]
+        belief = read_belief(store, info, evidence.family, completed_trials, bool(simulated))
     if info.success_defined:
         sentences += remarks.cars_of_designs(with_trials)
         sentences += remarks.pairs(with_trials) if resimulation is not None else []
@@ -258,6 +259,7 @@ def _evidence(
 
 
 def _design_of(trials: Sequence[Trial]) -> tuple[str, Mapping[str, float]]:
+    """Return vehicle type and parameters of the design that the trials share."""
     return trials[0].vehicle_type, trials[0].design
 
 

@@ -7,7 +7,7 @@ gradient: Frazier, Powell and Dayanik 2008, doi:10.1137/070693424). The highest 
 half of the draws chooses the design, and the other half says how good it is.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -31,6 +31,12 @@ MAX_CARS = 12
 MIN_GAIN = 0.01
 # A design fails almost surely if its rate is below FAILS with a probability of 97.5 %: it is no step.
 FAILS = 0.05
+# Rates are kept this far from 0 and 1, where log-odds are infinite.
+MIN_RATE = 1e-9
+# The weight of the mean rate beside the chance to be best, so small that it only orders designs of the same chance.
+TIE_BREAK = 1e-3
+# Steps are valued with the same random numbers each time.
+RESAMPLING_SEED = 13
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,82 +74,109 @@ def steps(
     ``measurable`` has the minutes and the precision (standard deviation of the score) of each measurement that was not
     made yet, by the parameter's name. ``trials`` is the number of trials that a car drives.
     """
-    view = _View(answers)
-    result = [
-        AdvisedStep("build", view.gain(view.new_car(design, trials)), build_min + trials * drive_min(design),
-             design=design, second=design in view.driven)
-        for design in view.candidates.tolist()
-    ]  # fmt: skip
-    result += [
-        AdvisedStep("drive", view.gain(outcomes), trials * drive_min(design), design=design, car=car)
-        for car, design, outcomes in view.known_cars(trials)
-    ]
-    result += [
-        AdvisedStep("measure", view.gain(view.measured(NAMES.index(name), precision)), minutes, parameter=name)
-        for name, (minutes, precision) in measurable.items()
-    ]
-    return sorted(result, key=lambda step: -step.gain_per_hour)
+    valuation = _Valuation(answers)
+    advised_steps = []
+    for design in valuation.candidates.tolist():
+        gain = valuation.gain(valuation.new_car_outcomes(design, trials))
+        minutes = build_min + trials * drive_min(design)
+        second = design in valuation.driven_designs
+        advised_steps.append(AdvisedStep("build", gain, minutes, design=design, second=second))
+    for car, outcomes in valuation.driven_car_outcomes(trials).items():
+        design = int(answers.trials.design[car])
+        minutes = trials * drive_min(design)
+        advised_steps.append(AdvisedStep("drive", valuation.gain(outcomes), minutes, design=design, car=car))
+    for name, (minutes, precision) in measurable.items():
+        gain = valuation.gain(valuation.measurement_results(NAMES.index(name), precision))
+        advised_steps.append(AdvisedStep("measure", gain, minutes, parameter=name))
+    return sorted(advised_steps, key=lambda step: -step.gain_per_hour)
 
 
-class _View:
-    """The draws with which steps are valued: STEP_DRAWS of equal weight."""
+class _Valuation:
+    """Values steps on STEP_DRAWS draws of equal weight.
+
+    A draw is a possible reality: in each, every design has another success rate.
+    """
 
     def __init__(self, answers: Answers) -> None:
         self._answers = answers
-        random = numpy.random.default_rng(13)
+        random = numpy.random.default_rng(RESAMPLING_SEED)
         weights = answers.draws.weights
         # Systematic resampling has less noise than independent choices.
         positions = (numpy.arange(STEP_DRAWS) + random.random()) / STEP_DRAWS
-        self._chosen = numpy.searchsorted(numpy.cumsum(weights), positions).clip(max=len(weights) - 1)
-        self._rates = answers.rates[self._chosen]
-        self._log_odds = logit(self._rates.clip(1e-9, 1 - 1e-9))
-        self._car_sd = answers.draws.car_sd[self._chosen][:, None]
-        # Neighbours in this order are alike, so both halves represent all draws.
-        self._halves = slice(0, None, 2), slice(1, None, 2)
-        self._now = self._cross_fitted(numpy.ones((STEP_DRAWS, 1)))
-        self.driven = set(answers.trials.driven.tolist())
+        self._draw_indices = numpy.searchsorted(numpy.cumsum(weights), positions).clip(max=len(weights) - 1)
+        self._rates = answers.rates[self._draw_indices]
+        self._log_odds = logit(self._rates.clip(MIN_RATE, 1 - MIN_RATE))
+        self._car_sd = answers.draws.car_sd[self._draw_indices][:, None]
+        # With no new result, the expected rate is the one of now.
+        self._rate_now = self._expected_rate(numpy.ones((STEP_DRAWS, 1)))
+        self.driven_designs = set(answers.trials.driven.tolist())
 
     @property
     def candidates(self) -> NDArray[Any]:
-        """The designs that may be worth building: not those that fail almost surely, at most MAX_CANDIDATES."""
-        high = numpy.quantile(self._rates, 0.975, axis=0)
-        alive = numpy.flatnonzero(high >= FAILS)
-        # Thompson's chance, and the mean rate as a tie-break.
-        worth = self._answers.best_chances[alive] + 1e-3 * self._rates[:, alive].mean(axis=0)
-        return alive[numpy.argsort(-worth, kind="stable")[:MAX_CANDIDATES]]
+        """The indices of at most MAX_CANDIDATES designs that may be worth building, the most promising first.
+
+        Designs that fail almost surely are left out.
+        """
+        high_rates = numpy.quantile(self._rates, 0.975, axis=0)
+        may_pass = numpy.flatnonzero(high_rates >= FAILS)
+        # The chance to be the best design; designs with the same chance are ordered by their mean rate.
+        mean_rates = self._rates[:, may_pass].mean(axis=0)
+        promise = self._answers.best_chances[may_pass] + TIE_BREAK * mean_rates
+        most_promising = numpy.argsort(-promise, kind="stable")[:MAX_CANDIDATES]
+        return may_pass[most_promising]
 
     def gain(self, outcomes: FloatArray) -> float:
-        """Return the gain of a step whose results have the probabilities ``outcomes`` (draws, results) in each draw."""
-        return max(0.0, self._cross_fitted(outcomes) - self._now)
+        """Return the gain of a step, a rate of 0 to 1; ``outcomes`` (draws, results) are its results' probabilities."""
+        return max(0.0, self._expected_rate(outcomes) - self._rate_now)
 
-    def _cross_fitted(self, outcomes: FloatArray) -> float:
-        """Return the expected rate of the design that is recommended after one of the ``outcomes`` (draws, results)."""
-        # (results, designs) for each half: the sum over draws of the probability of the result times the rate.
-        first, second = (outcomes[half].T @ self._rates[half] for half in self._halves)
-        results = numpy.arange(len(first))
-        by_other = first[results, second.argmax(axis=1)].sum() + second[results, first.argmax(axis=1)].sum()
-        return float(by_other / len(self._rates))
+    def _expected_rate(self, outcomes: FloatArray) -> float:
+        """Return the expected rate of the design that is recommended once the result of a step is known.
 
-    def new_car(self, design: int, trials: int) -> FloatArray:
+        ``outcomes`` (draws, results) are the probabilities of the step's results in each draw.
+        """
+        # Neighbouring draws are alike, so both halves represent all draws.
+        even, odd = slice(0, None, 2), slice(1, None, 2)
+        # For each result and design, the sum over draws of the result's probability times the rate.
+        even_rates = outcomes[even].T @ self._rates[even]
+        odd_rates = outcomes[odd].T @ self._rates[odd]
+        # Each half chooses a design for each result, and the other half says how good the design is.
+        results = numpy.arange(outcomes.shape[1])
+        chosen_by_odd = even_rates[results, odd_rates.argmax(axis=1)].sum()
+        chosen_by_even = odd_rates[results, even_rates.argmax(axis=1)].sum()
+        return float((chosen_by_odd + chosen_by_even) / len(self._rates))
+
+    def new_car_outcomes(self, design: int, trials: int) -> FloatArray:
         """Return the probabilities (draws, trials + 1) that a new car of the design passes 0, 1, … of ``trials``."""
         centre = centre_of_cars(self._log_odds[:, [design]], self._car_sd)
-        return _counts(centre + self._car_sd * NODES, numpy.broadcast_to(NODE_WEIGHTS, (1, len(NODES))), trials)
+        car_log_odds = centre + self._car_sd * NODES
+        return _pass_count_probabilities(car_log_odds, NODE_WEIGHTS[None], trials)
 
-    def known_cars(self, trials: int) -> Iterable[tuple[int, int, FloatArray]]:
-        """Yield for each car that drove its index, its design, and probabilities as :meth:`new_car`."""
+    def driven_car_outcomes(self, trials: int) -> dict[int, FloatArray]:
+        """Return the probabilities as in :meth:`new_car_outcomes` of cars that drove already, by the car's index.
+
+        Of more than MAX_CARS cars, those with the highest rates are taken.
+        """
         if not self._answers.driven:
-            return
-        by_node, of_car = self._answers.draws.car_log_likelihood(self._answers.trials)
-        best = sorted(range(len(self._answers.cars)), key=lambda car: -self._answers.cars[car].rate.value)[:MAX_CARS]
-        for car in best:
-            design = int(self._answers.trials.design[car])
-            logs = by_node[self._chosen, car]
+            return {}
+        log_likelihoods, car_log_odds = self._answers.draws.car_log_likelihood(self._answers.trials)
+        cars = self._answers.cars
+        best_cars = sorted(range(len(cars)), key=lambda car: -cars[car].rate.value)[:MAX_CARS]
+        outcomes = {}
+        for car in best_cars:
+            # (draws, nodes); the car's own trials make some of its possible log-odds more probable than others.
+            logs = log_likelihoods[self._draw_indices, car]
             weights = numpy.exp(logs - logs.max(axis=1, keepdims=True)) * NODE_WEIGHTS
-            yield car, design, _counts(of_car[self._chosen, car], weights / weights.sum(axis=1, keepdims=True), trials)
+            weights = weights / weights.sum(axis=1, keepdims=True)
+            outcomes[car] = _pass_count_probabilities(car_log_odds[self._draw_indices, car], weights, trials)
+        return outcomes
 
-    def measured(self, parameter: int, precision: float) -> FloatArray:
-        """Return the probabilities (draws, RESULTS) of results of a measurement, whose ``precision`` is a score's sd."""
-        scores = self._answers.draws.scores[self._chosen, parameter]
+    def measurement_results(self, parameter: int, precision: float) -> FloatArray:
+        """Return the probabilities (draws, RESULTS) of possible results of measuring the parameter with this index.
+
+        ``precision`` is the standard deviation of the measured score.
+        """
+        scores = self._answers.draws.scores[self._draw_indices, parameter]
+        # The results are the midpoints of equally probable parts of the scores' distribution.
         results = numpy.quantile(scores, (numpy.arange(RESULTS) + 0.5) / RESULTS)
         # Neighbouring results must overlap, or each draw would have a result of its own.
         width = max(precision, float(numpy.ptp(results)) / RESULTS)
@@ -151,9 +184,13 @@ class _View:
         return numpy.asarray(density / density.sum(axis=1, keepdims=True))
 
 
-def _counts(log_odds: FloatArray, weights: FloatArray, trials: int) -> FloatArray:
-    """Return probabilities (draws, trials + 1) of counts, for cars with ``log_odds`` (draws, nodes) of ``weights``."""
+def _pass_count_probabilities(log_odds: FloatArray, weights: FloatArray, trials: int) -> FloatArray:
+    """Return the probabilities (draws, trials + 1) that a car passes 0, 1, … of ``trials``.
+
+    The car's log-odds of passing have the values ``log_odds`` (draws, nodes) with the probabilities ``weights`` (draws or
+    1, nodes).
+    """
     passed = numpy.arange(trials + 1)
-    all_failed = -trials * numpy.logaddexp(0, log_odds)
-    logs = log_binomials(trials) + all_failed[:, :, None] + passed * log_odds[:, :, None]
-    return numpy.asarray((numpy.exp(logs) * weights[:, :, None]).sum(axis=1))
+    log_all_failed = -trials * numpy.logaddexp(0, log_odds)
+    log_probabilities = log_binomials(trials) + log_all_failed[:, :, None] + passed * log_odds[:, :, None]
+    return numpy.asarray((numpy.exp(log_probabilities) * weights[:, :, None]).sum(axis=1))

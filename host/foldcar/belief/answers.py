@@ -4,7 +4,7 @@ Every answer is a weighted mean or a weighted quantile over the same draws, so a
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy
@@ -26,6 +26,8 @@ from foldcar.belief.weighing import (
 
 # All intervals contain the value with this probability.
 CONFIDENCE = 0.95
+# The probabilities of a value below the lower end and below the upper end of an interval.
+INTERVAL = (1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2
 # A design *reaches* a threshold if its chance is at least REACHES, *probably* if it is at least PROBABLY.
 REACHES, PROBABLY = 0.975, 0.8
 # An unknown has moved if its median has moved by this many standard deviations of the prior, and is narrowed if this
@@ -38,6 +40,10 @@ SURPRISE = 0.025
 # Leaving out a design's trials must leave this many effective draws.
 MIN_EFFECTIVE_WITHOUT = 300
 SURPRISE_DRAWS = 4_000
+# Two thirds of a normal distribution lie within this many standard deviations.
+TWO_THIRDS_SD = 0.97
+# The same random numbers each time, so that the same trials give the same answers.
+SURPRISE_SEED, REALITIES_SEED = 5, 3
 # Of more driven designs, those with most trials are compared with the others.
 MAX_COMPARED = 8
 
@@ -150,33 +156,51 @@ class Answers:
             return []
         rates = estimates(self.draws.car_rates(self.trials), self.draws.weights)
         cars = len(self.trials.design)
-        passed = numpy.bincount(self.trials.car, self.trials.passed, minlength=cars).astype(int).tolist()
-        counted = numpy.bincount(self.trials.car, self.trials.counted, minlength=cars).astype(int).tolist()
-        columns = zip(self.trials.design.tolist(), self.trials.names, passed, counted, rates, strict=True)
-        return [CarAnswer(*column) for column in columns]
+        # A car has several groups of trials, one for each scene.
+        passed = numpy.bincount(self.trials.car, self.trials.passed, minlength=cars)
+        counted = numpy.bincount(self.trials.car, self.trials.counted, minlength=cars)
+        return [
+            CarAnswer(
+                design=int(self.trials.design[car]),
+                name=self.trials.names[car],
+                passed=int(passed[car]),
+                counted=int(counted[car]),
+                rate=rates[car],
+            )
+            for car in range(cars)
+        ]
 
     @cached_property
     def unknowns(self) -> list[Unknown]:
         """What the trials have taught about each of PARAMETERS."""
-        known, measured, result = self.draws.prior.known, self.draws.prior.measured, []
-        for index, parameter in enumerate(PARAMETERS):
-            before, after = (_central(draws.scores[:, index], draws.weights) for draws in (self.before, self.draws))
-            sd_before, sd_after = (_sd(draws.scores[:, index], draws.weights) for draws in (self.before, self.draws))
-            value = float(parameter.value(known[index].mean)) if index in measured else None
-            wrong = float(self.draws.weights @ self.draws.wrong[:, index]) if index in measured else 0.0
-            result.append(
-                Unknown(
-                    parameter, _in_unit(parameter, before), _in_unit(parameter, after),
-                    (after.value - before.value) / max(sd_before, 1e-9), 1 - (sd_after / max(sd_before, 1e-9)) ** 2,
-                    value, wrong,
-                )
-            )  # fmt: skip
-        return result
+        return [self._unknown(index, parameter) for index, parameter in enumerate(PARAMETERS)]
+
+    def _unknown(self, index: int, parameter: UnknownParameter) -> Unknown:
+        """Return what the trials have taught about a parameter; ``index`` is its index in PARAMETERS."""
+        scores_before, scores_after = self.before.scores[:, index], self.draws.scores[:, index]
+        before = _median_estimate(scores_before, self.before.weights)
+        after = _median_estimate(scores_after, self.draws.weights)
+        # Not 0, because it divides.
+        sd_before = max(_sd(scores_before, self.before.weights), 1e-9)
+        sd_after = _sd(scores_after, self.draws.weights)
+        measured, wrong = None, 0.0
+        if index in self.draws.prior.measured:
+            measured = float(parameter.value(self.draws.prior.known[index].mean))
+            wrong = float(self.draws.weights @ self.draws.wrong[:, index])
+        return Unknown(
+            parameter,
+            before=_in_unit(parameter, before),
+            after=_in_unit(parameter, after),
+            shift=(after.value - before.value) / sd_before,
+            narrowed=1 - (sd_after / sd_before) ** 2,
+            measured=measured,
+            wrong=wrong,
+        )
 
     @cached_property
     def unexplained(self) -> tuple[float, float]:
         """The median size of the unexplained error (log-odds) before and after the trials."""
-        return UNEXPLAINED, _central(self.draws.size, self.draws.weights).value
+        return UNEXPLAINED, _median_estimate(self.draws.size, self.draws.weights).value
 
     @property
     def grown(self) -> bool:
@@ -187,48 +211,59 @@ class Answers:
     @cached_property
     def car_sd(self) -> tuple[float, float]:
         """By how much cars of a design differ (log-odds, median) before and after the trials."""
-        return CAR_SD, _central(self.draws.car_sd, self.draws.weights).value
+        return CAR_SD, _median_estimate(self.draws.car_sd, self.draws.weights).value
 
     def single_cars(self, design: int) -> tuple[float, float]:
-        """Return the interval that contains the own rate of two of three further cars of a design, at the median draw."""
+        """Return the interval (low, high) that contains the success rates of two of three further cars of a design."""
         log_odds = self.draws.log_odds(numpy.array([design]))[:, 0]
-        car_sd = self.car_sd[1]
-        centre = centre_of_cars(numpy.asarray(_central(log_odds, self.draws.weights).value), car_sd)
-        # Two thirds of a normal distribution lie within 0.97 standard deviations.
-        return float(expit(centre - 0.97 * car_sd)), float(expit(centre + 0.97 * car_sd))
+        median_log_odds = _median_estimate(log_odds, self.draws.weights).value
+        _, car_sd = self.car_sd
+        centre = centre_of_cars(numpy.asarray(median_log_odds), car_sd)
+        half_width = TWO_THIRDS_SD * car_sd
+        return float(expit(centre - half_width)), float(expit(centre + half_width))
 
     @cached_property
     def surprises(self) -> list[Surprise]:
-        """The driven designs whose trials are unlike what the trials of all other designs say."""
-        result = []
-        most = sorted(self.trials.driven.tolist(), key=lambda design: -self.trials.counts_of(design)[1])[:MAX_COMPARED]
-        for design in sorted(most) if len(self.trials.driven) > 1 else []:
-            log_odds, car_sd, weights = self._without(design)
-            random = numpy.random.default_rng(5)
-            chosen = random.choice(len(weights), SURPRISE_DRAWS, p=weights)
+        """The driven designs whose trials are unlike what the trials of all other designs lead one to expect."""
+        if len(self.trials.driven) < 2:
+            return []
+        by_trials = sorted(self.trials.driven.tolist(), key=lambda design: -self.trials.counts_of(design)[1])
+        surprises = []
+        for design in sorted(by_trials[:MAX_COMPARED]):
             passed, counted = self.trials.counts_of(design)
-            totals = numpy.zeros(SURPRISE_DRAWS)
-            for car in numpy.flatnonzero(self.trials.design == design):
-                # Another car of the design drives as often.
-                centre = centre_of_cars(log_odds[chosen], car_sd[chosen])
-                of_car = centre + car_sd[chosen] * random.standard_normal(SURPRISE_DRAWS)
-                totals += random.binomial(int(self.trials.counted[self.trials.car == car].sum()), expit(of_car))
-            if min((totals <= passed).mean(), (totals >= passed).mean()) < SURPRISE:
-                low, high = numpy.quantile(totals / counted, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2]).tolist()
-                expected = Estimate(float(totals.mean()) / counted, low, high)
-                result.append(Surprise(design, passed, counted, expected))
-        return result
+            expected_passed = self._passed_by_other_designs(design)
+            as_few, as_many = (expected_passed <= passed).mean(), (expected_passed >= passed).mean()
+            if min(as_few, as_many) < SURPRISE:
+                low, high = numpy.quantile(expected_passed / counted, INTERVAL).tolist()
+                expected = Estimate(float(expected_passed.mean()) / counted, low, high)
+                surprises.append(Surprise(design, passed, counted, expected))
+        return surprises
 
-    def _without(self, design: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return log-odds (n,) of a design, the cars' standard deviations (n,) and weights (n,) without its trials."""
-        draws, others = self.draws, self.trials.without(design)
-        own = draws.log_likelihood_of_cars(self.trials)[:, self.trials.design == design].sum(axis=1)
-        weights = normalised(numpy.log(draws.weights + 1e-300) - own)
-        if effective_number(weights) < MIN_EFFECTIVE_WITHOUT:
-            # The draws stand where the left-out trials are; others must be drawn.
-            draws = weigh(draws.prior, others)
-            weights = draws.weights
-        return draws.log_odds(numpy.array([design]))[:, 0], draws.car_sd, weights
+    def _passed_by_other_designs(self, design: int) -> FloatArray:
+        """Draw how many trials of a design pass (SURPRISE_DRAWS,) by what all other designs' trials have taught."""
+        draws = self._draws_without(design)
+        random = numpy.random.default_rng(SURPRISE_SEED)
+        chosen = random.choice(len(draws.weights), SURPRISE_DRAWS, p=draws.weights)
+        log_odds = draws.log_odds(numpy.array([design]))[chosen, 0]
+        car_sd = draws.car_sd[chosen]
+        passed = numpy.zeros(SURPRISE_DRAWS)
+        # Other cars of the design drive as often as those that drove.
+        for car in numpy.flatnonzero(self.trials.design == design):
+            trials_of_car = int(self.trials.counted[self.trials.car == car].sum())
+            car_log_odds = centre_of_cars(log_odds, car_sd) + car_sd * random.standard_normal(SURPRISE_DRAWS)
+            passed += random.binomial(trials_of_car, expit(car_log_odds))
+        return passed
+
+    def _draws_without(self, design: int) -> Draws:
+        """Return draws that are weighed by the trials of all other designs."""
+        log_likelihoods = self.draws.log_likelihood_of_cars(self.trials)
+        of_design = log_likelihoods[:, self.trials.design == design].sum(axis=1)
+        # A tiny number is added, because the logarithm of 0 is infinite.
+        weights = normalised(numpy.log(self.draws.weights + 1e-300) - of_design)
+        if effective_number(weights) >= MIN_EFFECTIVE_WITHOUT:
+            return replace(self.draws, weights=weights)
+        # The draws lie where the left-out trials are probable, so others must be drawn.
+        return weigh(self.draws.prior, self.trials.without(design))
 
     def realities(self, number: int) -> tuple[FloatArray, FloatArray]:
         """Return ``number`` realities drawn by their weights: their values and rates.
@@ -237,11 +272,12 @@ class Answers:
         the unexplained errors of each design alone, so that neighbouring designs have similar rates.
         """
         weights = self.draws.weights
-        chosen = numpy.random.default_rng(3).choice(len(weights), number, p=weights)
-        drawn = Draws(self.draws.prior, self.draws.driven, self.draws.normal[chosen], weights[chosen])
-        designs = numpy.arange(len(drawn.prior.designs))
-        log_odds = drawn.prior.log_odds(drawn.scores, designs) + drawn.unexplained(designs)
-        values = [parameter.value(drawn.scores[:, i]) for i, parameter in enumerate(PARAMETERS)]
+        chosen = numpy.random.default_rng(REALITIES_SEED).choice(len(weights), number, p=weights)
+        chosen_draws = replace(self.draws, normal=self.draws.normal[chosen], weights=weights[chosen])
+        scores = chosen_draws.scores
+        designs = numpy.arange(len(chosen_draws.prior.designs))
+        log_odds = chosen_draws.prior.log_odds(scores, designs) + chosen_draws.unexplained(designs)
+        values = [parameter.value(scores[:, index]) for index, parameter in enumerate(PARAMETERS)]
         return numpy.column_stack(values), numpy.asarray(expit(log_odds))
 
 
@@ -259,22 +295,23 @@ def believe(
     ``offsets`` (d,) are the designs' own differences from the learned log-odds.
     """
     prior = Prior(learned, designs, known or {}, frozenset(measured), offsets)
-    none = Trials.of_counts([])
-    before = weigh(prior, none)
-    return Answers(before, weigh(prior, trials) if len(trials.car) else before, trials)
+    before = weigh(prior, Trials.of_counts([]))
+    has_trials = len(trials.car) > 0
+    after = weigh(prior, trials) if has_trials else before
+    return Answers(before, after, trials)
 
 
 def estimates(values: FloatArray, weights: FloatArray) -> list[Estimate]:
     """Return the weighted mean and interval of each column of ``values`` (n, columns)."""
-    order = numpy.argsort(values, axis=0)
-    cumulated = numpy.cumsum(weights[order], axis=0)
     means = weights @ values
-    result = []
+    order = numpy.argsort(values, axis=0)
+    cumulated_weights = numpy.cumsum(weights[order], axis=0)
+    column_estimates = []
     for column in range(values.shape[1]):
-        at = numpy.searchsorted(cumulated[:, column], [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2])
-        low, high = values[order[at.clip(max=len(values) - 1), column], column]
-        result.append(Estimate(float(means[column]), float(low), float(high)))
-    return result
+        positions = numpy.searchsorted(cumulated_weights[:, column], INTERVAL).clip(max=len(values) - 1)
+        low, high = values[order[positions, column], column]
+        column_estimates.append(Estimate(float(means[column]), float(low), float(high)))
+    return column_estimates
 
 
 def log_binomials(counted: int) -> FloatArray:
@@ -283,19 +320,26 @@ def log_binomials(counted: int) -> FloatArray:
     return numpy.asarray(gammaln(counted + 1) - gammaln(passed + 1) - gammaln(counted - passed + 1))
 
 
-def _central(values: FloatArray, weights: FloatArray) -> Estimate:
+def _median_estimate(values: FloatArray, weights: FloatArray) -> Estimate:
     """Return the weighted median of ``values`` (n,) with its interval."""
     order = numpy.argsort(values)
-    at = numpy.searchsorted(numpy.cumsum(weights[order]), [(1 - CONFIDENCE) / 2, 0.5, (1 + CONFIDENCE) / 2])
-    low, middle, high = values[order[at.clip(max=len(values) - 1)]].tolist()
-    return Estimate(middle, low, high)
+    cumulated_weights = numpy.cumsum(weights[order])
+    low_end, high_end = INTERVAL
+    positions = numpy.searchsorted(cumulated_weights, [low_end, 0.5, high_end]).clip(max=len(values) - 1)
+    low, median, high = values[order[positions]].tolist()
+    return Estimate(median, low, high)
 
 
 def _sd(values: FloatArray, weights: FloatArray) -> float:
+    """Return the weighted standard deviation of ``values`` (n,)."""
     mean = weights @ values
     return float(numpy.sqrt(weights @ (values - mean) ** 2))
 
 
 def _in_unit(parameter: UnknownParameter, scores: Estimate) -> Estimate:
-    """Return an estimate of a score in the parameter's unit."""
-    return Estimate(*(float(parameter.value(score)) for score in (scores.value, scores.low, scores.high)))
+    """Convert an estimate of a parameter's score to the parameter's unit."""
+    return Estimate(
+        value=float(parameter.value(scores.value)),
+        low=float(parameter.value(scores.low)),
+        high=float(parameter.value(scores.high)),
+    )

@@ -43,6 +43,8 @@ DESIGN_VARIANCE, NOMINAL_TRUST = 0.3, 0.25
 # Log-odds beyond these were not learned from any run: rates of 0.2 % and 99.8 %.
 MAX_LOG_ODDS = 6.0
 WHEEL_SPREAD = "wheel_spread"
+# Rounded means: sqrt(2 / pi) of a half-normal variable of scale 1, exp(0.5² / 2) of the log-normal wheel spread.
+HALF_NORMAL_MEAN, WHEEL_SPREAD_MEAN = 0.8, 1.1
 # Variance of logistic noise relative to a normal one, squared: (16 sqrt(3) / 15 pi)^2 (Zeger, Liang and Albert 1988,
 # doi:10.2307/2531734). A mean of logistic functions over a normal offset of variance v is nearly a logistic function
 # whose log-odds are divided by sqrt(1 + SLOPE v).
@@ -77,18 +79,23 @@ class Learned:
         """
         scores = _shaped(scores)
         quadratics = _quadratics(scores)
-        a, products = self.coefficients[: quadratics.shape[1]], self.coefficients[quadratics.shape[1] :]
-        on_designs = products.reshape(1 + scores.shape[1], -1) @ self._design_features(designs).T
-        result = (quadratics @ a)[:, None] + _with_constant(scores) @ on_designs
-        variance = float(numpy.var(list(self.scene_offsets.values()))) if self.scene_offsets else 0.0
-        result /= numpy.sqrt(1 + SLOPE * variance)
-        return numpy.asarray(numpy.clip(result, -MAX_LOG_ODDS, MAX_LOG_ODDS))
+        # The two kinds of coefficients are a and G in the file's head.
+        of_quadratics = self.coefficients[: quadratics.shape[1]]
+        of_products = self.coefficients[quadratics.shape[1] :].reshape(1 + scores.shape[1], -1)
+        score_effects = of_products @ self._design_features(designs).T
+        log_odds = (quadratics @ of_quadratics)[:, None] + _with_constant(scores) @ score_effects
+        scene_variance = 0.0
+        if self.scene_offsets:
+            scene_variance = float(numpy.var(list(self.scene_offsets.values())))
+        log_odds /= numpy.sqrt(1 + SLOPE * scene_variance)
+        return numpy.asarray(numpy.clip(log_odds, -MAX_LOG_ODDS, MAX_LOG_ODDS))
 
     def unit(self, designs: FloatArray) -> FloatArray:
         """Return design parameters scaled to 0 to 1 over the family."""
         return (numpy.asarray(designs, float) - self.low) / self.span
 
     def _design_features(self, designs: FloatArray) -> FloatArray:
+        """Return the features (d, features) of designs (d, parameters), g(x) in the file's head."""
         return _design_features(self.unit(designs), self.centres, self.length)
 
 
@@ -104,8 +111,9 @@ class NominalRuns:
 def nominal_runs(variation: Collection[str], counts: DesignCounts) -> NominalRuns:
     """Return the nominal runs of an experiment's designs; ``variation`` has the names of what varies between cars."""
     scores = numpy.array(NOMINAL_SCORES)
-    if any(quantity.per == "wheel" and name in variation for name, quantity in workshop().items()):
-        # The listing's wheels differ as those of the workshop.
+    wheel_quantities = {name for name, quantity in workshop().items() if quantity.per == "wheel"}
+    if wheel_quantities.intersection(variation):
+        # The listing's wheels differ as those of the workshop, which is the score 0.
         scores[NAMES.index(WHEEL_SPREAD)] = 0.0
     return NominalRuns(scores, numpy.array(counts.passed, float), numpy.array(counts.counted, float))
 
@@ -113,23 +121,23 @@ def nominal_runs(variation: Collection[str], counts: DesignCounts) -> NominalRun
 def learn(runs: RealityRuns, designs: FloatArray, nominal: NominalRuns | None = None) -> Learned:
     """Learn the success rate from runs; ``designs`` (designs, parameters) are the parameters of the family's designs.
 
-    Raises FoldcarError without runs.
+    The first CHECK of every BLOCK runs are a check group: they share reality and design. The error is measured on these
+    groups with a function that was learned from all other runs. Raises FoldcarError without runs.
     """
     runs = runs.taken(numpy.isfinite(runs.passed))
     if not len(runs):
         raise FoldcarError("there are no runs in other realities to learn from")
     low, span = designs.min(axis=0), numpy.ptp(designs, axis=0)
+    # A parameter that does not vary must not divide by 0.
     span = numpy.where(span > 0, span, 1.0)
-    unit = (designs - low) / span
-    centres = _spread_out(unit)
-    empty = Learned(low, span, centres, _spacing(centres), numpy.zeros(0))
-    checked = runs.number % BLOCK < CHECK
-    if not checked.any() or checked.all():
-        error = None
-    else:
-        without_checks = _learned(empty, runs.taken(~checked), designs, nominal)
-        error = _check_error(without_checks, runs.taken(checked), designs)
-    learned = _learned(empty, runs, designs, nominal)
+    centres = _distant_designs((designs - low) / span)
+    unlearned = Learned(low, span, centres, _mean_spacing(centres), numpy.zeros(0))
+    error = None
+    in_check_group = runs.number % BLOCK < CHECK
+    if in_check_group.any() and not in_check_group.all():
+        without_checks = _fit_coefficients(unlearned, runs.taken(~in_check_group), designs, nominal)
+        error = _check_error(without_checks, runs.taken(in_check_group), designs)
+    learned = _fit_coefficients(unlearned, runs, designs, nominal)
     return replace(learned, error=error, design_offsets=_design_offsets(learned, runs, designs, nominal))
 
 
@@ -153,32 +161,41 @@ def _rates_of_runs(learned: Learned, runs: RealityRuns, designs: FloatArray) -> 
     """Return the learned success rate (n,) of each run."""
     rates = numpy.empty(len(runs))
     for design in numpy.unique(runs.design).tolist():
-        of_design = runs.design == design
-        rates[of_design] = expit(learned.log_odds(runs.scores[of_design], designs[[design]])[:, 0])
+        is_of_design = runs.design == design
+        log_odds = learned.log_odds(runs.scores[is_of_design], designs[[design]])
+        rates[is_of_design] = expit(log_odds[:, 0])
     return rates
 
 
-def _learned(empty: Learned, runs: RealityRuns, designs: FloatArray, nominal: NominalRuns | None) -> Learned:
-    """Learn the smooth function from all ``runs`` and the ``nominal`` ones; all else is that of ``empty``."""
-    of_designs = empty._design_features(designs)
-    features = _features(_shaped(runs.scores), of_designs[runs.design])
-    samples, scene = numpy.unique(runs.sample, return_inverse=True)
-    variances = numpy.full(features.shape[1] + len(samples), COEFFICIENT_VARIANCE)
-    variances[features.shape[1] :] = SCENE_VARIANCE
-    in_scene = (scene[:, None] == numpy.arange(len(samples))).astype(float)
-    table, passed, counted = numpy.hstack([features, in_scene]), runs.passed, numpy.ones(len(runs))
+def _fit_coefficients(unlearned: Learned, runs: RealityRuns, designs: FloatArray, nominal: NominalRuns | None) -> Learned:
+    """Return ``unlearned`` with the coefficients and scene offsets that fit the ``runs`` and the ``nominal`` runs.
+
+    ``designs`` (designs, parameters) are those of the family.
+    """
+    design_features = unlearned._design_features(designs)
+    features = _features(_shaped(runs.scores), design_features[runs.design])
+    # A column for each scene, which is 1 for the runs in it.
+    samples, scene_of_run = numpy.unique(runs.sample, return_inverse=True)
+    is_in_scene = (scene_of_run[:, None] == numpy.arange(len(samples))).astype(float)
+    table = numpy.hstack([features, is_in_scene])
+    passed, counted = runs.passed, numpy.ones(len(runs))
     if nominal is not None:
         # One row for each design; it is of no scene, because all scenes were simulated.
-        simulated = nominal.counted > 0
-        rows = _features(_shaped(numpy.tile(nominal.scores, (int(simulated.sum()), 1))), of_designs[simulated])
-        table = numpy.vstack([table, numpy.hstack([rows, numpy.zeros((len(rows), len(samples)))])])
-        weights = numpy.minimum(NOMINAL_RUNS, nominal.counted[simulated])
-        passed = numpy.concatenate([passed, weights * nominal.passed[simulated] / nominal.counted[simulated]])
+        has_runs = nominal.counted > 0
+        scores = numpy.tile(nominal.scores, (int(has_runs.sum()), 1))
+        nominal_features = _features(_shaped(scores), design_features[has_runs])
+        no_scene = numpy.zeros((len(nominal_features), len(samples)))
+        table = numpy.vstack([table, numpy.hstack([nominal_features, no_scene])])
+        weights = numpy.minimum(NOMINAL_RUNS, nominal.counted[has_runs])
+        passed = numpy.concatenate([passed, weights * nominal.passed[has_runs] / nominal.counted[has_runs]])
         counted = numpy.concatenate([counted, weights])
+    number = features.shape[1]
+    variances = numpy.repeat([COEFFICIENT_VARIANCE, SCENE_VARIANCE], [number, len(samples)])
     coefficients = penalised_logistic(table, passed, counted, variances)
-    offsets = coefficients[features.shape[1] :]
-    scene_offsets = dict(zip(samples.tolist(), (offsets - offsets.mean()).tolist(), strict=True))
-    return replace(empty, coefficients=coefficients[: features.shape[1]], scene_offsets=scene_offsets, runs=len(runs))
+    offsets = coefficients[number:]
+    centred_offsets = offsets - offsets.mean()
+    scene_offsets = dict(zip(samples.tolist(), centred_offsets.tolist(), strict=True))
+    return replace(unlearned, coefficients=coefficients[:number], scene_offsets=scene_offsets, runs=len(runs))
 
 
 def penalised_logistic(
@@ -197,10 +214,12 @@ def penalised_logistic(
         curvature = features.T @ (features * (counted * rates * (1 - rates))[:, None])
         curvature[numpy.diag_indices(len(coefficients))] += 1 / variances
         step = numpy.linalg.solve(curvature, gradient)
+        new_objective = _objective(features, passed, counted, variances, coefficients + step)
         # A full step may overshoot; a shorter one never does, if it is short enough.
-        while (reached := _objective(features, passed, counted, variances, coefficients + step)) < objective - TOLERANCE:
+        while new_objective < objective - TOLERANCE:
             step = step / 2
-        coefficients, objective = coefficients + step, reached
+            new_objective = _objective(features, passed, counted, variances, coefficients + step)
+        coefficients, objective = coefficients + step, new_objective
         if numpy.abs(step).max() < TOLERANCE:
             break
     return coefficients
@@ -209,9 +228,10 @@ def penalised_logistic(
 def _objective(
     features: FloatArray, passed: FloatArray, counted: FloatArray, variances: FloatArray, coefficients: FloatArray
 ) -> float:
-    """Return the penalised log-likelihood."""
+    """Return the penalised log-likelihood that :func:`penalised_logistic` maximises."""
     log_odds = features @ coefficients
-    return float(passed @ log_odds - counted @ numpy.logaddexp(0, log_odds) - (coefficients**2 / variances).sum() / 2)
+    penalty = (coefficients**2 / variances).sum() / 2
+    return float(passed @ log_odds - counted @ numpy.logaddexp(0, log_odds) - penalty)
 
 
 def _check_error(learned: Learned, checks: RealityRuns, designs: FloatArray) -> float | None:
@@ -220,18 +240,19 @@ def _check_error(learned: Learned, checks: RealityRuns, designs: FloatArray) -> 
     The squared difference between the learned rate and the fraction of a group that passed has the variance of counting
     in it, p (1 - p) / n, which is estimated without bias by k/n (1 - k/n) / (n - 1) and subtracted.
     """
-    names = numpy.stack([checks.number // BLOCK, checks.design])
-    _, first, group = numpy.unique(names, axis=1, return_index=True, return_inverse=True)
+    block_and_design = numpy.stack([checks.number // BLOCK, checks.design])
+    _, first_run, group = numpy.unique(block_and_design, axis=1, return_index=True, return_inverse=True)
     counted = numpy.bincount(group.ravel()).astype(float)
-    fractions = numpy.bincount(group.ravel(), checks.passed) / counted
-    several = counted > 1
-    if not several.any():
+    passed_fractions = numpy.bincount(group.ravel(), checks.passed) / counted
+    has_several = counted > 1
+    if not has_several.any():
         return None
     # All runs of a group have the same learned rate.
-    rates = _rates_of_runs(learned, checks.taken(first), designs)
-    squares = (rates - fractions)[several] ** 2
-    counting = (fractions * (1 - fractions))[several] / (counted[several] - 1)
-    return float(numpy.sqrt(max(0.0, (squares - counting).mean())))
+    learned_rates = _rates_of_runs(learned, checks.taken(first_run), designs)
+    squared_differences = (learned_rates - passed_fractions)[has_several] ** 2
+    counting_variances = (passed_fractions * (1 - passed_fractions))[has_several] / (counted[has_several] - 1)
+    mean_square_error = (squared_differences - counting_variances).mean()
+    return float(numpy.sqrt(max(0.0, mean_square_error)))
 
 
 def _features(scores: FloatArray, design_features: FloatArray) -> FloatArray:
@@ -241,18 +262,21 @@ def _features(scores: FloatArray, design_features: FloatArray) -> FloatArray:
 
 
 def _shaped(scores: FloatArray) -> FloatArray:
-    """Return scores (n, parameters) in which those of spreads are replaced by the spreads, nearly of mean 0."""
-    result = numpy.array(scores, dtype=float)
+    """Return scores (n, parameters) in which the scores of spreads are replaced by the spreads themselves.
+
+    The spreads are shifted, so that their mean is nearly 0 as that of scores.
+    """
+    shaped_scores = numpy.array(scores, dtype=float)
     for index, parameter in enumerate(PARAMETERS):
         if parameter.prior == "half-normal":
-            # The mean of a half-normal variable of scale 1 is 0.8.
-            result[:, index] = parameter.value(result[:, index]) / parameter.sd - 0.8
+            shaped_scores[:, index] = parameter.value(shaped_scores[:, index]) / parameter.sd - HALF_NORMAL_MEAN
         elif parameter.name == WHEEL_SPREAD:
-            result[:, index] = parameter.value(result[:, index]) - 1.1
-    return result
+            shaped_scores[:, index] = parameter.value(shaped_scores[:, index]) - WHEEL_SPREAD_MEAN
+    return shaped_scores
 
 
 def _with_constant(values: FloatArray) -> FloatArray:
+    """Return values (n, m) with a column of ones before them (n, 1 + m)."""
     return numpy.hstack([numpy.ones((len(values), 1)), values])
 
 
@@ -270,19 +294,28 @@ def _design_features(unit: FloatArray, centres: FloatArray, length: float) -> Fl
     return numpy.hstack([_with_constant(centred), _quadratics(centred), bumps])
 
 
-def _spread_out(unit: FloatArray) -> FloatArray:
-    """Return designs that are far from each other: from the middle on, always the one farthest from the others."""
+def _distant_designs(unit: FloatArray) -> FloatArray:
+    """Return some of the designs ``unit`` (designs, parameters) that are far from each other.
+
+    The first is the one nearest to the mean. Each further one is the one farthest from those chosen before.
+    """
     designs = numpy.unique(unit, axis=0)
     number = min(len(designs), BUMPS_PER_PARAMETER * unit.shape[1], MAX_BUMPS)
-    chosen = [int(((designs - designs.mean(axis=0)) ** 2).sum(axis=1).argmin())]
-    distances = ((designs - designs[chosen[0]]) ** 2).sum(axis=1)
+
+    def squared_distances(point: FloatArray) -> FloatArray:
+        return numpy.asarray(((designs - point) ** 2).sum(axis=1))
+
+    chosen = [int(squared_distances(designs.mean(axis=0)).argmin())]
+    # The squared distance of each design to the nearest chosen one.
+    nearest = squared_distances(designs[chosen[0]])
     while len(chosen) < number:
-        chosen.append(int(distances.argmax()))
-        distances = numpy.minimum(distances, ((designs - designs[chosen[-1]]) ** 2).sum(axis=1))
+        farthest = int(nearest.argmax())
+        chosen.append(farthest)
+        nearest = numpy.minimum(nearest, squared_distances(designs[farthest]))
     return designs[chosen]
 
 
-def _spacing(centres: FloatArray) -> float:
+def _mean_spacing(centres: FloatArray) -> float:
     """Return the mean distance of the bumps' centres to their nearest neighbours; 1 for a single one."""
     if len(centres) < 2:
         return 1.0

@@ -134,8 +134,12 @@ NOMINAL_SCORES = np.clip([parameter.score(parameter.nominal) for parameter in PA
 
 def values_of(scores: FloatArray) -> list[dict[str, float]]:
     """Return the parameters' values by name for each row of scores (n, parameters), rounded to six digits."""
-    columns = np.column_stack([parameter.value(scores[:, i]) for i, parameter in enumerate(PARAMETERS)])
-    return [{name: float(f"{value:.6g}") for name, value in zip(NAMES, row, strict=True)} for row in columns]
+    columns = [parameter.value(scores[:, index]) for index, parameter in enumerate(PARAMETERS)]
+    values_by_name = []
+    for row in np.column_stack(columns):
+        rounded = [float(f"{value:.6g}") for value in row]
+        values_by_name.append(dict(zip(NAMES, rounded, strict=True)))
+    return values_by_name
 
 
 def parameter_named(
@@ -144,20 +148,21 @@ def parameter_named(
     """Return the parameter ``name`` after a check that the score of ``value`` is at most ± ``largest_score``.
 
     ``with_nominal`` also allows the values from there to the nominal one. Raises FoldcarError, which starts with
-    ``place`` and names the limits. ``others`` are further known names, for the message about an unknown name.
+    ``place`` and names the limits. ``others`` are further valid names, for the message about an unknown name.
     """
     if name not in NAMES:
-        known = [*NAMES, *others]
-        raise FoldcarError(f'{place}: unknown parameter "{name}"{did_you_mean(name, known)}; known: {", ".join(known)}')
-    result = PARAMETERS[NAMES.index(name)]
+        valid_names = [*NAMES, *others]
+        suggestion = did_you_mean(name, valid_names)
+        raise FoldcarError(f'{place}: unknown parameter "{name}"{suggestion}; known: {", ".join(valid_names)}')
+    parameter = PARAMETERS[NAMES.index(name)]
     # A half-normal parameter is a standard deviation, which may be 0.
-    low = 0.0 if result.prior == "half-normal" else float(result.value(-largest_score))
-    high = float(result.value(largest_score))
+    low = 0.0 if parameter.prior == "half-normal" else float(parameter.value(-largest_score))
+    high = float(parameter.value(largest_score))
     if with_nominal:
-        low, high = min(low, result.nominal), max(high, result.nominal)
+        low, high = min(low, parameter.nominal), max(high, parameter.nominal)
     if not low <= value <= high:
-        raise FoldcarError(f"{place}: {value:g} is outside {low:.3g} to {high:.3g} ({result.unit})")
-    return result
+        raise FoldcarError(f"{place}: {value:g} is outside {low:.3g} to {high:.3g} ({parameter.unit})")
+    return parameter
 
 
 class ScorePrior(NamedTuple):
@@ -172,7 +177,11 @@ class ScorePrior(NamedTuple):
 
 
 def measured_value(text: str, place: str) -> tuple[str, float]:
-    """Parse a measured value, NAME=VALUE, to name and value. Raises FoldcarError, which starts with ``place``."""
+    """Parse the text NAME=VALUE and return name and value.
+
+    Raises FoldcarError, which starts with ``place``, if the text has another form, the name is unknown, or the value is
+    outside the parameter's limits.
+    """
     name, _, number = (part.strip() for part in text.partition("="))
     try:
         value = decimal_number(number)
@@ -190,10 +199,10 @@ def measured_priors(measured: Mapping[str, float], place: str) -> dict[int, Scor
     priors = {}
     for name, value in measured.items():
         parameter = parameter_named(name, value, f"{place} {name}", MAX_SCORE, with_nominal=False)
-        # A standard deviation of 0 (half-normal) has the score minus infinity.
-        priors[NAMES.index(name)] = ScorePrior(
-            max(-MAX_SCORE, parameter.score(value)), MEASURABLE.get(name, OTHER_PRECISION), "measured"
-        )
+        # The score of a half-normal parameter that was measured as 0 is minus infinity.
+        score = max(-MAX_SCORE, parameter.score(value))
+        precision = MEASURABLE.get(name, OTHER_PRECISION)
+        priors[NAMES.index(name)] = ScorePrior(score, precision, "measured")
     return priors
 
 
@@ -204,16 +213,20 @@ def built_priors(vehicle_type: str, from_sheets: bool, supply_ratio: float | Non
     measured ``supply_ratio``, the supply's voltage divided by the design's, torque and speed of the servos grow with it.
     Example: ``built_priors("W_B_W+cells=nimh", from_sheets=True)``
     """
-    cells_named = split_type(vehicle_type)[1].cells != DEFAULT_CHOICES.cells
-    servos: tuple[UnknownParameter, ...] = NAMED_CELLS if cells_named else ()
+    _, part_choices = split_type(vehicle_type)
+    narrowed_parameters: list[UnknownParameter] = []
     if supply_ratio is not None:
         source = f"the measured supply, {supply_ratio:.2f} of the design's, and the servos' make and wear"
-        servos = tuple(replace(servo, middle=servo.middle * supply_ratio, source=source) for servo in NAMED_CELLS)
-    narrowed = (*servos, *((SHEETS_COM_HEIGHT,) if from_sheets else ()))
+        for parameter in NAMED_CELLS:
+            narrowed_parameters.append(replace(parameter, middle=parameter.middle * supply_ratio, source=source))
+    elif part_choices.cells != DEFAULT_CHOICES.cells:
+        narrowed_parameters += NAMED_CELLS
+    if from_sheets:
+        narrowed_parameters.append(SHEETS_COM_HEIGHT)
     priors = {}
-    for parameter in narrowed:
-        index = NAMES.index(parameter.name)
+    for narrowed in narrowed_parameters:
+        index = NAMES.index(narrowed.name)
         wide = PARAMETERS[index]
         # The narrow prior's middle and deviation, as scores of the wide one.
-        priors[index] = ScorePrior(wide.score(parameter.middle), parameter.sd / wide.sd, parameter.source)
+        priors[index] = ScorePrior(wide.score(narrowed.middle), narrowed.sd / wide.sd, narrowed.source)
     return priors

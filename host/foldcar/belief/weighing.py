@@ -15,7 +15,7 @@ those of Cotter et al. 2013, doi:10.1214/13-STS421), so that there are always en
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -32,6 +32,8 @@ MAX_DRAWS, MIN_DRAWS, MAX_NUMBERS = 30_000, 2_000, 10_000_000
 MIN_EFFECTIVE, MOVED_DRAWS = 1_000, 4_000
 # Steps towards the trials' weights keep this fraction of the draws effective; then each draw is moved MOVES times.
 KEPT, MOVES, MAX_STEPS = 0.5, 8, 60
+# How far a draw is moved at first, and at least: the standard deviation of the new random part, up to 1.
+FIRST_STRIDE, MIN_STRIDE = 0.5, 0.02
 # Size of the unexplained error in log-odds: median, and standard deviation of its logarithm, which gives a heavy tail.
 UNEXPLAINED, UNEXPLAINED_LOG_SD = 0.6, 0.95
 # Variances of its common, smooth and own part, relative to the size; the own part has a size of its own.
@@ -48,6 +50,9 @@ WRONG = 0.05
 NOMINAL_CHANCE, NEAR = 0.3, 0.3
 # The fraction of the difference between scenes, as simulated, that is applied to trials in known scenes.
 SCENE_TRUST = 0.5
+# The same random numbers each time: for own errors of designs that were not driven, and for rates of cars.
+OWN_ERROR_SEED, CAR_SEED = 7, 11
+# A normal distribution is represented by 9 values with probabilities (Gauss-Hermite quadrature).
 NODES, NODE_WEIGHTS = numpy.polynomial.hermite_e.hermegauss(9)
 NODE_WEIGHTS = NODE_WEIGHTS / NODE_WEIGHTS.sum()
 
@@ -71,12 +76,15 @@ class Trials:
     @classmethod
     def of_counts(cls, counts: Sequence[tuple[int, int, int]]) -> "Trials":
         """Return the trials of one car for each tuple (design, passed, counted), in average scenes."""
-        design, passed, counted = (numpy.array(column) for column in zip(*counts, strict=True)) if counts else [[]] * 3
-        cars = numpy.arange(len(counts))
+        cars = len(counts)
         return cls(
-            numpy.asarray(design, int), (None,) * len(counts), cars, numpy.asarray(passed, float),
-            numpy.asarray(counted, float), numpy.zeros(len(counts)),
-        )  # fmt: skip
+            design=numpy.array([design for design, _, _ in counts], int),
+            names=(None,) * cars,
+            car=numpy.arange(cars),
+            passed=numpy.array([passed for _, passed, _ in counts], float),
+            counted=numpy.array([counted for _, _, counted in counts], float),
+            easier=numpy.zeros(cars),
+        )
 
     @property
     def driven(self) -> NDArray[Any]:
@@ -84,20 +92,25 @@ class Trials:
         return numpy.unique(self.design)
 
     def without(self, design: int) -> "Trials":
-        """Return the trials of all other designs."""
-        kept = self.design != design
-        groups = kept[self.car]
-        numbers = numpy.cumsum(kept) - 1
-        names = tuple(name for name, is_kept in zip(self.names, kept.tolist(), strict=True) if is_kept)
+        """Return the trials of all other designs; their cars are numbered anew."""
+        is_other_car = self.design != design
+        is_other_group = is_other_car[self.car]
+        new_index_of_car = numpy.cumsum(is_other_car) - 1
         return Trials(
-            self.design[kept], names, numbers[self.car[groups]], self.passed[groups], self.counted[groups],
-            self.easier[groups],
-        )  # fmt: skip
+            design=self.design[is_other_car],
+            names=tuple(self.names[car] for car in numpy.flatnonzero(is_other_car)),
+            car=new_index_of_car[self.car[is_other_group]],
+            passed=self.passed[is_other_group],
+            counted=self.counted[is_other_group],
+            easier=self.easier[is_other_group],
+        )
 
     def counts_of(self, design: int) -> tuple[int, int]:
         """Return how many trials of a design passed, and how many there are."""
-        of_design = self.design[self.car] == design if len(self.car) else numpy.zeros(0, bool)
-        return int(self.passed[of_design].sum()), int(self.counted[of_design].sum())
+        if not len(self.car):
+            return 0, 0
+        is_of_design = self.design[self.car] == design
+        return int(self.passed[is_of_design].sum()), int(self.counted[is_of_design].sum())
 
 
 @dataclass(frozen=True)
@@ -128,15 +141,18 @@ class Prior:
         2007). The frequencies are evenly spread over its spectrum by an additive recurrence.
         """
         parameters = self.designs.shape[1]
+        # The solution of root ** (parameters + 2) = root + 1, whose powers are far from fractions, by iteration.
         root = 2.0
         for _ in range(50):
-            # The solution of root ** (parameters + 2) = root + 1, whose powers are far from fractions.
             root = (1 + root) ** (1 / (parameters + 2))
         steps = root ** -numpy.arange(1.0, parameters + 2)
+        # Points (waves, 1 + parameters) that are evenly spread over a cube of side 1.
         points = (0.5 + numpy.arange(1, WAVES // 2 + 1)[:, None] * steps) % 1
-        # The spectrum of the Matern covariance of smoothness 5/2 is Student's t distribution with 5 degrees of freedom.
-        scale = numpy.sqrt(5 / chdtri(5, points[:, 0])) / (LENGTH * numpy.sqrt(max(parameters, 1)))
-        return numpy.asarray(ndtri(points[:, 1:]).T * scale)
+        # The spectrum of the Matern covariance of smoothness 5/2 is Student's t distribution with 5 degrees of freedom:
+        # a normal variable divided by the root of a chi-square variable over 5.
+        normal, chi_square = ndtri(points[:, 1:]), chdtri(5, points[:, 0])
+        scale = numpy.sqrt(5 / chi_square) / (LENGTH * numpy.sqrt(max(parameters, 1)))
+        return numpy.asarray(normal.T * scale)
 
     def smooth_columns(self, designs: FloatArray) -> FloatArray:
         """Return the waves (WAVES, d) at designs (d, parameters)."""
@@ -171,20 +187,23 @@ class Draws:
     @cached_property
     def wrong(self) -> NDArray[numpy.bool_]:
         """Whether the value measured of each parameter (n, parameters) is wrong; False where nothing was measured."""
-        result = numpy.asarray(ndtr(self.normal[:, _WRONG]) < WRONG)
-        result[:, [i for i in range(len(PARAMETERS)) if i not in self.prior.measured]] = False
-        return result
+        is_wrong = numpy.asarray(ndtr(self.normal[:, _WRONG]) < WRONG)
+        for index in range(len(PARAMETERS)):
+            if index not in self.prior.measured:
+                is_wrong[:, index] = False
+        return is_wrong
 
     @cached_property
     def scores(self) -> FloatArray:
         """The realities' scores (n, parameters)."""
-        free = self.normal[:, _SCORES]
-        near = ndtr(self.normal[:, [_NEAR]]) < NOMINAL_CHANCE
-        result = numpy.where(near, NOMINAL_SCORES + NEAR * (free - NOMINAL_SCORES), free)
-        for index, known in self.prior.known.items():
-            narrowed = known.mean + known.sd * free[:, index]
-            result[:, index] = numpy.where(self.wrong[:, index], result[:, index], narrowed)
-        return numpy.clip(result, -MAX_SCORE, MAX_SCORE)
+        normal_scores = self.normal[:, _SCORES]
+        near_scores = NOMINAL_SCORES + NEAR * (normal_scores - NOMINAL_SCORES)
+        is_near_nominal = ndtr(self.normal[:, [_NEAR]]) < NOMINAL_CHANCE
+        scores = numpy.where(is_near_nominal, near_scores, normal_scores)
+        for index, prior in self.prior.known.items():
+            narrowed = prior.mean + prior.sd * normal_scores[:, index]
+            scores[:, index] = numpy.where(self.wrong[:, index], scores[:, index], narrowed)
+        return numpy.clip(scores, -MAX_SCORE, MAX_SCORE)
 
     @cached_property
     def size(self) -> FloatArray:
@@ -198,8 +217,9 @@ class Draws:
 
     @cached_property
     def _own_size(self) -> FloatArray:
-        own = UNEXPLAINED * numpy.exp(UNEXPLAINED_LOG_SD * self.normal[:, _OWN_SIZE])
-        return numpy.asarray(numpy.sqrt(OWN) * own)
+        """The standard deviation (n,) of the part of the unexplained error that each design has alone, in log-odds."""
+        own_size = UNEXPLAINED * numpy.exp(UNEXPLAINED_LOG_SD * self.normal[:, _OWN_SIZE])
+        return numpy.asarray(numpy.sqrt(OWN) * own_size)
 
     def unexplained(self, designs: NDArray[Any]) -> FloatArray:
         """Return the unexplained error (n, d) of the designs with these indices, without the parts of each alone."""
@@ -209,27 +229,30 @@ class Draws:
 
     def log_odds(self, designs: NDArray[Any]) -> FloatArray:
         """Return the log-odds (n, d) that a random car of each design (by index) passes in a random scene."""
-        result = self.prior.log_odds(self.scores, designs) + self.unexplained(designs)
-        own = numpy.random.default_rng(7).standard_normal(result.shape)
-        columns = {int(design): _SMOOTH.stop + i for i, design in enumerate(self.driven)}
+        log_odds = self.prior.log_odds(self.scores, designs) + self.unexplained(designs)
+        # Only driven designs have a column for their own error. The own errors of others are drawn here.
+        own_errors = numpy.random.default_rng(OWN_ERROR_SEED).standard_normal(log_odds.shape)
+        driven_designs = self.driven.tolist()
         for column, design in enumerate(designs.tolist()):
-            if design in columns:
-                own[:, column] = self.normal[:, columns[design]]
-        return result + self._own_size[:, None] * own
+            if design in driven_designs:
+                own_errors[:, column] = self.normal[:, _SMOOTH.stop + driven_designs.index(design)]
+        return log_odds + self._own_size[:, None] * own_errors
 
     def car_log_likelihood(self, trials: Trials) -> tuple[FloatArray, FloatArray]:
-        """Return log probabilities (n, cars, nodes) of each car's trials at nodes of its offset; and its log-odds."""
-        log_odds = self.log_odds(self.driven)[:, numpy.searchsorted(self.driven, trials.design)]
-        centre = centre_of_cars(log_odds, self.car_sd[:, None])
-        # (n, cars, nodes)
-        of_car = centre[:, :, None] + self.car_sd[:, None, None] * NODES
-        result = numpy.zeros(of_car.shape)
-        for car, passed, counted, easier in zip(
-            trials.car.tolist(), trials.passed.tolist(), trials.counted.tolist(), trials.easier.tolist(), strict=True
-        ):
-            at = of_car[:, car] + easier
-            result[:, car] += passed * at - counted * numpy.logaddexp(0, at)
-        return result, of_car
+        """Return the log probability of each car's trials for certain log-odds of the car, and these log-odds.
+
+        Both have the shape (n, cars, nodes). A car's log-odds of passing are normally distributed around those of its
+        design. The nodes are values of this distribution, with the probabilities NODE_WEIGHTS.
+        """
+        design_log_odds = self.log_odds(self.driven)[:, numpy.searchsorted(self.driven, trials.design)]
+        centre = centre_of_cars(design_log_odds, self.car_sd[:, None])
+        car_log_odds = centre[:, :, None] + self.car_sd[:, None, None] * NODES
+        log_likelihood = numpy.zeros(car_log_odds.shape)
+        for group, car in enumerate(trials.car.tolist()):
+            log_odds = car_log_odds[:, car] + float(trials.easier[group])
+            passed, counted = float(trials.passed[group]), float(trials.counted[group])
+            log_likelihood[:, car] += passed * log_odds - counted * numpy.logaddexp(0, log_odds)
+        return log_likelihood, car_log_odds
 
     def log_likelihood(self, trials: Trials) -> FloatArray:
         """Return the log probability (n,) that each draw gives to the trials."""
@@ -238,17 +261,20 @@ class Draws:
     def log_likelihood_of_cars(self, trials: Trials) -> FloatArray:
         """Return the log probability (n, cars) that each draw gives to the trials of each car."""
         by_node, _ = self.car_log_likelihood(trials)
-        top = by_node.max(axis=2, keepdims=True)
-        return numpy.asarray(top[..., 0] + numpy.log(numpy.exp(by_node - top) @ NODE_WEIGHTS))
+        # The greatest term is taken out of the sum, because exp of large negative numbers is 0.
+        greatest = by_node.max(axis=2, keepdims=True)
+        return numpy.asarray(greatest[..., 0] + numpy.log(numpy.exp(by_node - greatest) @ NODE_WEIGHTS))
 
     def car_rates(self, trials: Trials) -> FloatArray:
         """Return the rate (n, cars) of each car that drove, given its own trials, under each draw."""
-        by_node, of_car = self.car_log_likelihood(trials)
-        probability = numpy.exp(by_node - by_node.max(axis=2, keepdims=True)) * NODE_WEIGHTS
-        cumulated = probability.cumsum(axis=2) / probability.sum(axis=2, keepdims=True)
-        drawn = numpy.random.default_rng(11).random((*cumulated.shape[:2], 1))
-        node = (cumulated < drawn).sum(axis=2).clip(max=len(NODES) - 1)
-        return numpy.asarray(expit(numpy.take_along_axis(of_car, node[:, :, None], axis=2)[..., 0]))
+        by_node, car_log_odds = self.car_log_likelihood(trials)
+        probabilities = numpy.exp(by_node - by_node.max(axis=2, keepdims=True)) * NODE_WEIGHTS
+        cumulated = probabilities.cumsum(axis=2) / probabilities.sum(axis=2, keepdims=True)
+        # One node is drawn for each draw and car: the first one whose cumulated probability is not below a random number.
+        thresholds = numpy.random.default_rng(CAR_SEED).random((*cumulated.shape[:2], 1))
+        nodes = (cumulated < thresholds).sum(axis=2).clip(max=len(NODES) - 1)
+        drawn_log_odds = numpy.take_along_axis(car_log_odds, nodes[:, :, None], axis=2)[..., 0]
+        return numpy.asarray(expit(drawn_log_odds))
 
 
 def weigh(prior: Prior, trials: Trials, seed: int = 1) -> Draws:
@@ -257,19 +283,24 @@ def weigh(prior: Prior, trials: Trials, seed: int = 1) -> Draws:
     Without trials all draws have the same weight.
     """
     random = numpy.random.default_rng(seed)
-    width = max(1, len(prior.designs), len(NODES) * len(trials.design))
-    number = int(numpy.clip(MAX_NUMBERS // width, MIN_DRAWS, MAX_DRAWS))
+    numbers_of_draw = max(1, len(prior.designs), len(NODES) * len(trials.design))
+    number = int(numpy.clip(MAX_NUMBERS // numbers_of_draw, MIN_DRAWS, MAX_DRAWS))
     normal = random.standard_normal((number, _SMOOTH.stop + len(trials.driven)))
-    draws = Draws(prior, trials.driven, normal, numpy.full(number, 1 / number))
+    draws = Draws(prior, trials.driven, normal, _equal_weights(number))
     if not len(trials.car):
         return draws
-    likelihood = draws.log_likelihood(trials)
-    weighed = Draws(prior, trials.driven, normal, normalised(likelihood))
-    if weighed.effective >= MIN_EFFECTIVE:
-        return weighed
-    equal = numpy.full(min(number, MOVED_DRAWS), 1 / min(number, MOVED_DRAWS))
-    few = Draws(prior, trials.driven, normal[:MOVED_DRAWS], equal)
-    return _moved(few, trials, likelihood[:MOVED_DRAWS], random)
+    log_likelihood = draws.log_likelihood(trials)
+    weighed_draws = Draws(prior, trials.driven, normal, normalised(log_likelihood))
+    if weighed_draws.effective >= MIN_EFFECTIVE:
+        return weighed_draws
+    moved_number = min(number, MOVED_DRAWS)
+    unmoved_draws = Draws(prior, trials.driven, normal[:moved_number], _equal_weights(moved_number))
+    return _moved(unmoved_draws, trials, log_likelihood[:moved_number], random)
+
+
+def _equal_weights(number: int) -> FloatArray:
+    """Return ``number`` equal weights with the sum 1."""
+    return numpy.full(number, 1 / number)
 
 
 def effective_number(weights: FloatArray) -> float:
@@ -288,40 +319,51 @@ def normalised(log_weights: FloatArray) -> FloatArray:
     return numpy.asarray(weights / weights.sum())
 
 
-def _moved(draws: Draws, trials: Trials, likelihood: FloatArray, random: numpy.random.Generator) -> Draws:
-    """Return draws of equal weight: resampled and moved, while the trials' weight grows from 0 to 1."""
-    number, power, stride = len(likelihood), 0.0, 0.5
+def _moved(draws: Draws, trials: Trials, log_likelihood: FloatArray, random: numpy.random.Generator) -> Draws:
+    """Return draws of equal weight: resampled and moved, while the power of the likelihood grows from 0 to 1.
+
+    ``log_likelihood`` (n,) is the log probability that each of the draws gives to the trials.
+    """
+    number, power, stride = len(log_likelihood), 0.0, FIRST_STRIDE
     for _ in range(MAX_STEPS):
-        step = _largest_step(likelihood, 1 - power)
+        step = _largest_step(log_likelihood, 1 - power)
         power += step
-        chosen = random.choice(number, number, p=normalised(step * likelihood))
-        draws, likelihood = Draws(draws.prior, draws.driven, draws.normal[chosen], draws.weights), likelihood[chosen]
+        chosen = random.choice(number, number, p=normalised(step * log_likelihood))
+        draws = replace(draws, normal=draws.normal[chosen])
+        log_likelihood = log_likelihood[chosen]
         for _ in range(MOVES):
             # This proposal leaves the standard normal distribution unchanged, so the likelihood alone decides.
-            proposed = numpy.sqrt(1 - stride**2) * draws.normal + stride * random.standard_normal(draws.normal.shape)
-            new = Draws(draws.prior, draws.driven, proposed, draws.weights)
-            new_likelihood = new.log_likelihood(trials)
-            taken = numpy.log(random.random(number)) < power * (new_likelihood - likelihood)
-            normal = numpy.where(taken[:, None], proposed, draws.normal)
-            draws = Draws(draws.prior, draws.driven, normal, draws.weights)
-            likelihood = numpy.where(taken, new_likelihood, likelihood)
+            noise = random.standard_normal(draws.normal.shape)
+            proposed = replace(draws, normal=numpy.sqrt(1 - stride**2) * draws.normal + stride * noise)
+            proposed_log_likelihood = proposed.log_likelihood(trials)
+            log_ratio = power * (proposed_log_likelihood - log_likelihood)
+            is_accepted = numpy.log(random.random(number)) < log_ratio
+            draws = replace(draws, normal=numpy.where(is_accepted[:, None], proposed.normal, draws.normal))
+            log_likelihood = numpy.where(is_accepted, proposed_log_likelihood, log_likelihood)
             # Strides that are accepted about every fourth time explore fastest.
-            stride = float(numpy.clip(stride * (1.2 if taken.mean() > 0.25 else 0.8), 0.02, 1.0))
+            change = 1.2 if is_accepted.mean() > 0.25 else 0.8
+            stride = float(numpy.clip(stride * change, MIN_STRIDE, 1.0))
         if power >= 1:
             break
     return draws
 
 
-def _largest_step(likelihood: FloatArray, limit: float) -> float:
+def _largest_step(log_likelihood: FloatArray, limit: float) -> float:
     """Return the largest power, at most ``limit``, of the likelihood that keeps the fraction KEPT of draws effective."""
 
-    def effective(power: float) -> float:
-        return effective_number(normalised(power * likelihood))
+    def keeps_enough(power: float) -> bool:
+        weights = normalised(power * log_likelihood)
+        return effective_number(weights) >= KEPT * len(log_likelihood)
 
-    if effective(limit) >= KEPT * len(likelihood):
+    if keeps_enough(limit):
         return limit
     low, high = 0.0, limit
+    # 40 bisections are exact to 1e-12.
     for _ in range(40):
         middle = (low + high) / 2
-        low, high = (middle, high) if effective(middle) >= KEPT * len(likelihood) else (low, middle)
+        if keeps_enough(middle):
+            low = middle
+        else:
+            high = middle
+    # Not 0, so that the power always grows.
     return max(low, 1e-6)

@@ -85,10 +85,13 @@ class Selection:
         return "\n".join([f"Experiment {self.info.id}:", *filter(None, lines)])
 
     def _repr_html_(self) -> str:
-        head = ("step", "gain, points", "time")
+        html = lines_html([f"Experiment {self.info.id}", self.works, self.learn, self.grounds])
         rows = [(step.text, f"{100 * step.gain:.1f}", duration_text(60 * step.minutes)) for step in self.steps]
-        lines = lines_html([f"Experiment {self.info.id}", self.works, self.learn, self.grounds])
-        return lines + (table_html(head, rows) if rows else "") + (self.picture() if self.picture else "")
+        if rows:
+            html += table_html(("step", "gain, points", "time"), rows)
+        if self.picture is not None:
+            html += self.picture()
+        return html
 
 
 @dataclass(frozen=True)
@@ -100,25 +103,33 @@ class Adviser:
     threshold: float
 
     def selection(self) -> Selection:
-        """Return the advice."""
+        """Return the advice: which car to take, what to do to learn most, and the steps that a person can choose from.
+
+        A *step* is to build a car and drive it, to drive a built car again, or to measure something. The *gain* of a
+        step is by how much the success rate of the recommended design is expected to rise (0 to 1).
+        """
         belief = self.belief
-        weighed = self._steps()
-        of_trials = [step for step in weighed if step.kind != "measure"]
-        first = of_trials[0] if of_trials else None
-        measured = next((step for step in weighed if step.kind == "measure" and step.gain >= MIN_MEASURED_GAIN), None)
-        if measured is not None and first is not None and measured.gain_per_hour < first.gain_per_hour:
-            measured = None
-        gain = max((step.gain for step in of_trials), default=0.0)
+        possible_steps = self._possible_steps()
+        drive_steps = [step for step in possible_steps if step.kind != "measure"]
+        best_drive_step = drive_steps[0] if drive_steps else None
+        measure_step = self._worthwhile_measurement(possible_steps, best_drive_step)
+        gain = max((step.gain for step in drive_steps), default=0.0)
         enough = belief.driven and gain < MIN_GAIN
-        ordered = [step for step in (measured, *of_trials) if step is not None]
+        planned_steps: tuple[PlannedStep, ...] = ()
+        environments: tuple[int, ...] = ()
+        if not enough:
+            shown_steps = drive_steps if measure_step is None else [measure_step, *drive_steps]
+            planned_steps = tuple(self._planned(step) for step in shown_steps[:SHOWN_STEPS])
+            if best_drive_step is not None:
+                environments = self._environments(best_drive_step)
         return Selection(
             self.evidence.info,
             self.threshold,
             works=works(belief, self.evidence, self.threshold),
-            learn=self._learn(first, measured, gain, enough),
+            learn=self._learn(best_drive_step, measure_step, gain, enough),
             grounds=grounds(self.evidence, self.threshold),
-            steps=() if enough else tuple(map(self._planned, ordered[:SHOWN_STEPS])),
-            environments=() if enough or first is None else self._environments(first),
+            steps=planned_steps,
+            environments=environments,
             enough=enough,
             leader=belief.designs[belief.answers.best].design,
             gain=gain,
@@ -126,61 +137,86 @@ class Adviser:
             basis=self._basis,
         )
 
-    def _steps(self) -> list[AdvisedStep]:
-        """Return the possible steps, the greatest gain for an hour first."""
-        belief, info = self.belief, self.evidence.info
-        known = belief.measured or {}
-        measurable = {
-            name: (MEASURE_MIN[name], precision)
-            for name, precision in MEASURABLE.items()
+    def _possible_steps(self) -> list[AdvisedStep]:
+        """Return the steps that a person could do next, the greatest gain for an hour of work first."""
+        belief = self.belief
+        measured_names = belief.measured or {}
+        # The minutes of work and the precision of each measurement, by the parameter's name.
+        measurable = {}
+        for name, precision in MEASURABLE.items():
             # Only obstacles can be measured before a car is built.
-            if name not in known and (belief.driven or name == "obstacle_height")
-        }
-        return steps(belief.answers, car_min(info.vehicle_type), self._trial_min, measurable)
+            if name not in measured_names and (belief.driven or name == "obstacle_height"):
+                measurable[name] = MEASURE_MIN[name], precision
+        return steps(belief.answers, car_min(self.evidence.info.vehicle_type), self._trial_min, measurable)
 
-    def _trial_min(self, row: int) -> float:
-        return trial_min(self.belief.designs[row].mean_time_s)
+    @staticmethod
+    def _worthwhile_measurement(
+        possible_steps: list[AdvisedStep], best_drive_step: AdvisedStep | None
+    ) -> AdvisedStep | None:
+        """Return the first measurement with enough gain; None if driving gains more for an hour of work."""
+        for step in possible_steps:
+            if step.kind == "measure" and step.gain >= MIN_MEASURED_GAIN:
+                if best_drive_step is not None and step.gain_per_hour < best_drive_step.gain_per_hour:
+                    return None
+                return step
+        return None
 
-    def _learn(self, first: AdvisedStep | None, measured: AdvisedStep | None, gain: float, enough: bool) -> str:
-        """Return the line on what to do to learn most."""
+    def _trial_min(self, design_index: int) -> float:
+        """Return the minutes of a trial of a design; ``design_index`` counts the designs of the belief."""
+        return trial_min(self.belief.designs[design_index].mean_time_s)
+
+    def _learn(self, drive_step: AdvisedStep | None, measure_step: AdvisedStep | None, gain: float, enough: bool) -> str:
+        """Return the line on what to do to learn most.
+
+        ``drive_step`` is the best step with trials, None if no design works. ``measure_step`` is a measurement to make
+        before it, or None. ``enough`` is whether another afternoon with the expected ``gain`` (0 to 1) is not worth it.
+        """
+        question = "Want to learn most?"
         if enough:
-            return f"Want to learn most? {afternoon(gain)} Stop here, or change the family."
-        if first is None:
-            return "Want to learn most? Change the family: in simulation and in all realities no design works."
-        then = step_text(self.belief, first, AFTERNOON_TRIALS)
-        gained = afternoon(gain) if self.belief.driven else "So far nothing has tested the simulation."
-        if measured is None:
-            return f"Want to learn most? {then[0].upper()}{then[1:]}. {gained}".strip()
-        what, minutes = measurement(measured.parameter), f"{measured.minutes:.0f} minutes"
-        first_text = f"Measure {what} first ({minutes}), because success depends on it"
-        return f"Want to learn most? {first_text}. Then {then}. {gained}".strip()
+            return f"{question} {afternoon(gain)} Stop here, or change the family."
+        if drive_step is None:
+            return f"{question} Change the family: in simulation and in all realities no design works."
+        drive_text = step_text(self.belief, drive_step, AFTERNOON_TRIALS)
+        gain_text = afternoon(gain) if self.belief.driven else "So far nothing has tested the simulation."
+        if measure_step is None:
+            return f"{question} {drive_text[0].upper()}{drive_text[1:]}. {gain_text}"
+        quantity = measurement(measure_step.parameter)
+        measure_text = f"Measure {quantity} first ({measure_step.minutes:.0f} minutes), because success depends on it"
+        return f"{question} {measure_text}. Then {drive_text}. {gain_text}"
 
     def _planned(self, step: AdvisedStep) -> PlannedStep:
-        """Return a step with its words, rates and costs."""
-        belief = self.belief
-        text = step_text(belief, step, AFTERNOON_TRIALS)
+        """Return a step with its words, its costs, and the success rates of its design."""
+        text = step_text(self.belief, step, AFTERNOON_TRIALS)
         minutes = max(1, round(step.minutes))
         if step.design is None:
             return PlannedStep(step.kind, text, step.gain, minutes, parameter=step.parameter)
-        design = belief.designs[step.design]
+        design = self.belief.designs[step.design]
         return PlannedStep(
-            step.kind, text, step.gain, minutes, design.label, design.design, trials=AFTERNOON_TRIALS,
+            kind=step.kind,
+            text=text,
+            gain=step.gain,
+            minutes=minutes,
+            label=design.label,
+            design=design.design,
+            trials=AFTERNOON_TRIALS,
             sheets=sheets_of(design) if step.kind == "build" else 0,
-            simulated=design.simulated() if design.runs else None, built=built_rate(belief, step.design),
-        )  # fmt: skip
+            simulated=design.simulated() if design.runs else None,
+            built=built_rate(self.belief, step.design),
+        )
 
     def _environments(self, step: AdvisedStep) -> tuple[int, ...]:
-        """Return the samples to set up: the first ones in which the design was not driven yet."""
+        """Return the numbers of the environments to set up: the first ones in which the design was not driven yet."""
         assert step.design is not None
-        driven = {trial.sample for trial in self.belief.designs[step.design].trials}
-        fresh = (sample for sample in range(self.evidence.info.environments) if sample not in driven)
-        return tuple(sample for sample, _ in zip(fresh, range(AFTERNOON_TRIALS), strict=False))
+        driven_samples = {trial.sample for trial in self.belief.designs[step.design].trials}
+        fresh_samples = [sample for sample in range(self.evidence.info.environments) if sample not in driven_samples]
+        return tuple(fresh_samples[:AFTERNOON_TRIALS])
 
     @property
     def _basis(self) -> str:
-        """The assumptions behind sheets and minutes, as a sentence."""
+        """The sentences on what the numbers of sheets and minutes assume."""
+        car_minutes = car_min(self.evidence.info.vehicle_type)
         return (
             f"Sheets are an estimate: 12 x 12 inch, of which the pieces fill {percent(FILLING)}. Minutes assume "
-            f"{car_min(self.evidence.info.vehicle_type):.0f} min to cut and build a car (without loading the firmware), "
+            f"{car_minutes:.0f} min to cut and build a car (without loading the firmware), "
             f"{PLACING_MIN:g} min to place a trial, and the time that simulation drives."
         )

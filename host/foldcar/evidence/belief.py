@@ -6,17 +6,17 @@
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from foldcar.belief.answers import MOVED, Answers, Unknown, believe
+from foldcar.belief.answers import MOVED, Answers, Estimate, Unknown, believe
 from foldcar.belief.learning import Learned, learn, nominal_runs
 from foldcar.belief.priors import NAMES, built_priors, measured_priors
 from foldcar.belief.weighing import SCENE_TRUST, Trials
-from foldcar.evidence.design_evidence import DesignEvidence
+from foldcar.evidence.design_evidence import Design, DesignEvidence, PairedTrial
 from foldcar.evidence.supply import measured_supply
 from foldcar.statistics.words import count, estimate_text, percent, points_text
 from foldcar.store.info import ExperimentInfo
@@ -28,6 +28,22 @@ from foldcar.study.reality_runs import MIN_LEARNED, offered_runs, planned_realit
 
 # The time grows with the number of cars: of more cars, those with most trials count.
 MAX_CARS = 60
+# A measurement is doubted if it is more probably wrong than right.
+DOUBTED_MEASUREMENT = 0.5
+
+
+class DrivenCar(NamedTuple):
+    """A built car with trials: the index of its design in the belief, and its name, None if it has none."""
+
+    design_index: int
+    name: str | None
+
+
+class TrialGroup(NamedTuple):
+    """The trials of one car in one scene: the index of the car, and the sample, None if unknown."""
+
+    car_index: int
+    sample: int | None
 
 
 @dataclass(frozen=True)
@@ -56,7 +72,10 @@ class Belief:
 
     def row_of(self, design: DesignEvidence) -> int | None:
         """Return the index of a design in the belief; None if it is not about this design."""
-        return next((row for row, own in enumerate(self.designs) if own is design or own.label == design.label), None)
+        for row, own_design in enumerate(self.designs):
+            if own_design is design or own_design.label == design.label:
+                return row
+        return None
 
     def remarks(self) -> list[str]:
         """Return sentences on how far to trust the belief, and on what the trials have taught."""
@@ -69,36 +88,42 @@ class Belief:
         ]
 
     def _car_remarks(self) -> list[str]:
-        """Return a sentence on how much cars of one design differ, if several cars of a design drove."""
+        """Return a sentence on how much cars of one design differ; an empty list if only one car of each design drove."""
         trials = self.answers.trials
-        if len(trials.design) == len(trials.driven):
+        driven_cars, driven_designs = len(trials.design), len(trials.driven)
+        if driven_cars == driven_designs:
             return []
-        before, after = self.answers.car_sd
-        low, high = self.answers.single_cars(self.answers.best)
+        assumed_sd, learned_sd = self.answers.car_sd
+        best = self.answers.best
+        low, high = self.answers.single_cars(best)
         return [
-            f"Cars of one design differ by {after:.1f} in log-odds, by the trials of several cars; {before:.1f} was "
-            f"assumed. So two of three further cars of {self.labels[self.answers.best]} pass between {percent(low)} and "
+            f"Cars of one design differ by {learned_sd:.1f} in log-odds, by the trials of several cars; {assumed_sd:.1f} "
+            f"was assumed. So two of three further cars of {self.labels[best]} pass between {percent(low)} and "
             f"{percent(high)} of their trials."
         ]
 
     def _learning_remarks(self) -> list[str]:
+        """Return a sentence on the error of the learned success rate; an empty list if more runs would not reduce it."""
         learned = self.answers.learned
-        more = offered_runs(learned.runs, learned.error)
-        if more is None or learned.error is None:
+        advised_runs = offered_runs(learned.runs, learned.error)
+        if advised_runs is None or learned.error is None:
             return []
         return [
             f"The success rate was learned from {learned.runs:,} runs in other realities with a typical error of "
-            f"{points_text(learned.error)}: `foldcar sweep --realities {more}` "
-            "makes it smaller."
+            f"{points_text(learned.error)}: `foldcar sweep --realities {advised_runs}` makes it smaller."
         ]
 
     def _surprise_remarks(self) -> list[str]:
-        return [
-            f"{surprise.passed} of {count(surprise.counted, 'trial')} passed at {self.labels[surprise.design]}. The "
-            f"trials of all other designs lead one to expect {percent(surprise.expected.low)} to "
-            f"{percent(surprise.expected.high)}. Check this car, its trials and the designs beside it."
-            for surprise in self.answers.surprises
-        ]
+        """Return a sentence on each design whose trials contradict what all other trials lead one to expect."""
+        sentences = []
+        for surprise in self.answers.surprises:
+            expected = surprise.expected
+            sentences.append(
+                f"{surprise.passed} of {count(surprise.counted, 'trial')} passed at {self.labels[surprise.design]}. The "
+                f"trials of all other designs lead one to expect {percent(expected.low)} to {percent(expected.high)}. "
+                "Check this car, its trials and the designs beside it."
+            )
+        return sentences
 
 
 def taught(answers: Answers) -> list[str]:
@@ -107,33 +132,42 @@ def taught(answers: Answers) -> list[str]:
         return []
     sentences = []
     for unknown in sorted(answers.unknowns, key=lambda unknown: -abs(unknown.shift)):
-        name, unit = unknown.parameter.name, unknown.parameter.unit
-        if unknown.measured is not None and unknown.wrong >= 0.5:
+        parameter = unknown.parameter
+        if unknown.measured is not None and unknown.wrong >= DOUBTED_MEASUREMENT:
             sentences.append(
-                f"The measurement of {name} may be wrong: the trials contradict {unknown.measured:.3g} {unit} "
-                f"with a probability of {percent(unknown.wrong)}. Measure it again."
+                f"The measurement of {parameter.name} may be wrong: the trials contradict {unknown.measured:.3g} "
+                f"{parameter.unit} with a probability of {percent(unknown.wrong)}. Measure it again."
             )
         elif unknown.taught and unknown.measured is None:
-            sentences.append(_taught(unknown))
+            sentences.append(_change_text(unknown))
     if answers.grown:
+        error_before, error_after = answers.unexplained
         sentences.append(
-            "No reality explains the trials well: the unexplained error had to grow from "
-            f"{answers.unexplained[0]:.1f} to {answers.unexplained[1]:.1f} in log-odds. Something is wrong that is not "
-            "among the unknowns."
+            f"No reality explains the trials well: the unexplained error had to grow from {error_before:.1f} to "
+            f"{error_after:.1f} in log-odds. Something is wrong that is not among the unknowns."
         )
     return sentences
 
 
-def _taught(unknown: Unknown) -> str:
-    """Return a sentence on an unknown that the trials have moved or narrowed."""
-    parameter, after, before = unknown.parameter, unknown.after, unknown.before
-    # Lengths are a few millimetres.
-    factor, unit = {"×": (1.0, "times what is simulated"), "m": (1000.0, "mm")}.get(parameter.unit, (1.0, parameter.unit))
-    now, earlier = (estimate_text(factor * part.value, factor * part.low, factor * part.high) for part in (after, before))
-    direction = "higher" if after.value > before.value else "lower"
+def _change_text(unknown: Unknown) -> str:
+    """Return a sentence on how the trials have moved or narrowed an unknown parameter of the simulator."""
+    name, unit, factor = unknown.parameter.name, unknown.parameter.unit, 1.0
+    if unit == "×":
+        unit = "times what is simulated"
+    elif unit == "m":
+        # The lengths among the unknowns are a few millimetres.
+        unit, factor = "mm", 1000.0
+    before_text = _scaled_text(unknown.before, factor)
+    after_text = _scaled_text(unknown.after, factor)
     if abs(unknown.shift) < MOVED:
-        return f"The trials narrow {parameter.name} to {now} {unit}; before them it was {earlier}."
-    return f"By the trials, {parameter.name} is probably {direction} than assumed: {now} {unit}; before them {earlier}."
+        return f"The trials narrow {name} to {after_text} {unit}; before them it was {before_text}."
+    direction = "higher" if unknown.after.value > unknown.before.value else "lower"
+    return f"By the trials, {name} is probably {direction} than assumed: {after_text} {unit}; before them {before_text}."
+
+
+def _scaled_text(estimate: Estimate, factor: float) -> str:
+    """Return an estimate and its interval, multiplied by ``factor``, such as ``0.85 (0.7 to 1)``."""
+    return estimate_text(factor * estimate.value, factor * estimate.low, factor * estimate.high)
 
 
 def read_belief(
@@ -147,36 +181,51 @@ def read_belief(
     learned = learned_rate(store, info)
     if learned is None:
         return None
-    limits = {name: (min(values), max(values)) for name, values in info.varied.items()}
-    inside = [
-        index
-        for index, design in enumerate(family)
-        if all(low <= float(design.design[name]) <= high for name, (low, high) in limits.items())
-    ]
-    designs = [family[index] for index in inside]
-    parameters = numpy.array([[float(design.design[name]) for name in info.varied] for design in designs])
+    design_indices = _indices_within_swept_ranges(info, family)
+    designs = [family[index] for index in design_indices]
     # A car that `foldcar log` drove has reported the hash of its design, so it was built from the sheets. How other cars
     # were built is unknown, and a simulated car may have any centre of mass.
     from_sheets = not simulated and all(trial.source is None and trial.design_hash for trial in trials)
     drives = read_drives(store, info.id)
-    supply = measured_supply(store.path, [] if simulated else trials, drives.value("body", drives.bodies[0]))
-    known = built_priors(info.vehicle_type, from_sheets, supply.ratio)
+    first_body = drives.value("body", drives.bodies[0])
+    supply = measured_supply(store.path, [] if simulated else trials, first_body)
     notes = [] if supply.note is None else [supply.note]
-    if len({(design.label, trial.car_name) for design in designs for trial in design.trials}) > MAX_CARS:
+    cars = {(design.label, trial.car_name) for design in designs for trial in design.trials}
+    if len(cars) > MAX_CARS:
         notes.append(f"Of the cars that drove, the {MAX_CARS} with most trials count.")
     measured = measured_values(store, info.listed_id)
-    known |= measured_priors(measured, f"{store.path}: measured value")
-    parameters = parameters.reshape(len(designs), -1)
+    priors = built_priors(info.vehicle_type, from_sheets, supply.ratio)
+    priors |= measured_priors(measured, f"{store.path}: measured value")
     # The swept designs, from which the rate was learned, come first in the family.
     swept = len(learned.design_offsets)
-    offsets = numpy.array([learned.design_offsets[index] if index < swept else 0.0 for index in inside])
+    offsets = [learned.design_offsets[index] if index < swept else 0.0 for index in design_indices]
     # The matrices are so small that threads would only wait for each other.
     with threadpool_limits(1):
         answers = believe(
-            learned, parameters, _trials(designs, learned), known, [NAMES.index(name) for name in measured],
-            offsets,
-        )  # fmt: skip
-    return Belief(tuple(designs), numpy.array(inside, int), answers, tuple(notes), measured)
+            learned,
+            _varied_values(info, [design.design for design in designs]),
+            _trials(designs, learned),
+            priors,
+            [NAMES.index(name) for name in measured],
+            numpy.array(offsets),
+        )
+    return Belief(tuple(designs), numpy.array(design_indices, int), answers, tuple(notes), measured)
+
+
+def _indices_within_swept_ranges(info: ExperimentInfo, family: Sequence[DesignEvidence]) -> list[int]:
+    """Return the indices of the designs whose varied parameters all lie between the lowest and highest swept values."""
+    indices = []
+    for index, design in enumerate(family):
+        if all(min(values) <= float(design.design[name]) <= max(values) for name, values in info.varied.items()):
+            indices.append(index)
+    return indices
+
+
+def _varied_values(info: ExperimentInfo, designs: Sequence[Design]) -> NDArray[Any]:
+    """Return the values of the varied parameters of each design (designs, varied parameters)."""
+    rows = [[float(design[name]) for name in info.varied] for design in designs]
+    # Without varied parameters, each row is empty.
+    return numpy.array(rows).reshape(len(designs), -1)
 
 
 def learned_rate(store: Store, info: ExperimentInfo) -> Learned | None:
@@ -188,42 +237,48 @@ def learned_rate(store: Store, info: ExperimentInfo) -> Learned | None:
         runs = planned_reality_runs(store, info.id, info.variation_seed, info.environments)
         if len(runs) < MIN_LEARNED:
             return None
-        designs = numpy.array(
-            [[float(design[name]) for name in info.varied] for design in store.designs(info.id).values()]
-        )
+        designs = list(store.designs(info.id).values())
         nominal = nominal_runs(info.variation, store.design_counts(info.id))
         with threadpool_limits(1):
-            return learn(runs, designs.reshape(len(designs), -1), nominal)
+            return learn(runs, _varied_values(info, designs), nominal)
 
     return store.once(("learned", info.id), read)
 
 
 def _trials(designs: Sequence[DesignEvidence], learned: Learned) -> Trials:
-    """Return the designs' trials, grouped by car and scene."""
-    driven = [((row, trial.car_name), trial) for row, design in enumerate(designs) for trial in design.trials]
-    trials_of_car = Counter(car for car, _ in driven)
-    most = {car for car, _ in trials_of_car.most_common(MAX_CARS)}
-    cars = {car: index for index, car in enumerate(car for car in trials_of_car if car in most)}
-    passed: Counter[tuple[int, int | None]] = Counter()
-    counted: Counter[tuple[int, int | None]] = Counter()
-    for car, trial in driven:
-        if car in cars:
-            passed[cars[car], trial.sample] += trial.passed
-            counted[cars[car], trial.sample] += 1
+    """Return the designs' trials, grouped by car and scene; of more than MAX_CARS cars, those with most trials."""
+    drives: list[tuple[DrivenCar, PairedTrial]] = []
+    for design_index, design in enumerate(designs):
+        drives += [(DrivenCar(design_index, trial.car_name), trial) for trial in design.trials]
+    trials_of_car = Counter(car for car, _ in drives)
+    chosen_cars = {car for car, _ in trials_of_car.most_common(MAX_CARS)}
+    cars = [car for car in trials_of_car if car in chosen_cars]
+    index_by_car = {car: index for index, car in enumerate(cars)}
+    passed: Counter[TrialGroup] = Counter()
+    counted: Counter[TrialGroup] = Counter()
+    for car, trial in drives:
+        if car in chosen_cars:
+            group = TrialGroup(index_by_car[car], trial.sample)
+            passed[group] += trial.passed
+            counted[group] += 1
     groups = list(counted)
-    easier = [SCENE_TRUST * learned.scene_offsets.get(sample, 0.0) if sample is not None else 0.0 for _, sample in groups]
+    easier = []
+    for group in groups:
+        # An unknown scene counts as an average one.
+        scene_offset = 0.0 if group.sample is None else learned.scene_offsets.get(group.sample, 0.0)
+        easier.append(SCENE_TRUST * scene_offset)
     return Trials(
-        numpy.array([row for row, _ in cars], int),
-        tuple(name for _, name in cars),
-        numpy.array([car for car, _ in groups], int),
-        numpy.array([passed[group] for group in groups], float),
-        numpy.array([counted[group] for group in groups], float),
-        numpy.array(easier, float),
+        design=numpy.array([car.design_index for car in cars], int),
+        names=tuple(car.name for car in cars),
+        car=numpy.array([group.car_index for group in groups], int),
+        passed=numpy.array([passed[group] for group in groups], float),
+        counted=numpy.array([counted[group] for group in groups], float),
+        easier=numpy.array(easier, float),
     )
 
 
 def why_no_belief(info: ExperimentInfo) -> str:
-    """Return a sentence on why nothing is said of built cars, or not more than the rates say."""
+    """Return a sentence on why there is no belief about built cars."""
     if info.is_over_realities:
         return f"Trials do not change these rates: sweep experiment {info.listed_id} to learn from trials."
     if info.no_realities:

@@ -5,8 +5,9 @@ A gap is the rate of a further built car by all trials, minus the rate of the de
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy
 
@@ -40,6 +41,10 @@ from foldcar.store.trial_records import Trial
 CONFIDENCE = 0.95
 # Rates that differ by at most this (0 to 1) agree: they lead to the same choice of cars.
 MARGIN = 0.15
+# Both parameters of the beta distribution that is Jeffreys' prior of a success rate.
+JEFFREYS = 0.5
+# The draws of simulated rates are the same each time.
+GAP_SEED = 17
 
 
 @dataclass(frozen=True)
@@ -108,6 +113,16 @@ class ExperimentComparison:
     unknowns: tuple[Unknown, ...] = ()
 
 
+class ComparisonRow(NamedTuple):
+    """A row of the printed comparison: a design with its rates in simulation and in trials, all as texts."""
+
+    experiment: str
+    design: str
+    simulation: str
+    trials: str
+    verdict: str
+
+
 @dataclass(frozen=True, repr=False)
 class Comparison:
     """A store's comparison; print it to read it.
@@ -123,26 +138,41 @@ class Comparison:
     picture: Callable[[], str] | None = field(default=None, compare=False)
 
     def __repr__(self) -> str:
-        lines = [
-            f"  experiment {experiment}, {design}: {simulated} in simulation, {driven} in trials; {verdict}"
-            for experiment, design, simulated, driven, verdict in self._rows()
-        ]
-        return "\n".join([self.sentence, *lines, *self.unswept])
+        lines = [self.sentence]
+        for row in self._rows():
+            rates = f"{row.simulation} in simulation, {row.trials} in trials"
+            lines.append(f"  experiment {row.experiment}, {row.design}: {rates}; {row.verdict}")
+        return "\n".join([*lines, *self.unswept])
 
     def _repr_html_(self) -> str:
-        rows = list(self._rows())
-        table = table_html(("experiment", "design", "simulation", "trials", "verdict"), rows) if rows else ""
-        return lines_html([self.sentence, *self.unswept]) + table + (self.picture() if self.picture else "")
+        html = lines_html([self.sentence, *self.unswept])
+        rows = self._rows()
+        if rows:
+            html += table_html(ComparisonRow._fields, rows)
+        if self.picture is not None:
+            html += self.picture()
+        return html
 
-    def _rows(self) -> Iterator[tuple[str, str, str, str, str]]:
-        """Yield experiment, name, rate in simulation, rate of trials and verdict of each design with trials."""
+    def _rows(self) -> list[ComparisonRow]:
+        """Return a row for each design with trials."""
+        rows = []
         for experiment in self.experiments:
             for design in experiment.designs:
-                simulated, driven = (
-                    "no rate" if rate is None else rate_text(rate.value, rate.low, rate.high)
-                    for rate in (design.simulated, design.driven)
+                rows.append(
+                    ComparisonRow(
+                        experiment=experiment.info.id,
+                        design=design.label,
+                        simulation=_rate_or_none_text(design.simulated),
+                        trials=_rate_or_none_text(design.driven),
+                        verdict=design.verdict or "nothing to compare",
+                    )
                 )
-                yield experiment.info.id, design.label, simulated, driven, design.verdict or "nothing to compare"
+        return rows
+
+
+def _rate_or_none_text(rate: Rate | None) -> str:
+    """Return a success rate with its interval in words, or "no rate"."""
+    return "no rate" if rate is None else rate_text(rate.value, rate.low, rate.high)
 
 
 def compare(
@@ -164,134 +194,165 @@ def compare(
 def compare_evidence(evidence: Sequence[Evidence], unswept: Sequence[Trial] = (), margin: float = MARGIN) -> Comparison:
     """Compare as :func:`compare` does, given evidence; ``unswept`` are trials of experiments that were not swept."""
     experiments = tuple(compare_experiment(experiment, margin) for experiment in evidence)
-    sentences = tuple(
-        f"Experiment {name} was not swept: {count(number, 'trial')} without runs."
-        for name, number in Counter(trial.experiment for trial in unswept).items()
+    unswept_counts = Counter(trial.experiment for trial in unswept)
+    unswept_sentences = tuple(
+        f"Experiment {name} was not swept: {count(trials, 'trial')} without runs."
+        for name, trials in unswept_counts.items()
     )
-    simulated = next(filter(None, map(simulated_text, evidence)), "")
-    return Comparison(experiments, sentences, margin, f"{simulated}{_overall(experiments)}")
+    sentence = _overall(experiments)
+    # The warning is the same for all experiments, and is shown once.
+    warnings = [simulated_text(experiment) for experiment in evidence if experiment.simulated_trials]
+    if warnings:
+        sentence = f"{warnings[0]}{sentence}"
+    return Comparison(experiments, unswept_sentences, margin, sentence)
 
 
 def compare_experiment(evidence: Evidence, margin: float = MARGIN) -> ExperimentComparison:
     """Compare the trials of one experiment with its runs, as :func:`compare` does."""
-    info, driven, remarks, belief = evidence.info, evidence.driven, evidence.remarks, evidence.belief
-    if not info.success_defined:
-        reason = "success is undefined in this environment, so that there is no rate to compare; only outcomes are shown."
-        rows = tuple(DesignComparison(design, design.driven(CONFIDENCE)) for design in driven)
-        return ExperimentComparison(info, rows, f"Nothing to compare: {reason}", remarks)
-    compared = tuple(_compare_design(design, belief, margin) for design in driven)
-    with_runs = [design for design in driven if design.runs]
-    if info.is_over_realities:
-        reason = f"rates are expected over realities, before any trial. Sweep experiment {info.listed_id} to compare."
+    info, remarks, belief = evidence.info, evidence.remarks, evidence.belief
+    driven_designs = evidence.driven
+    if info.success_defined:
+        compared = tuple(_compare_design(design, belief, margin) for design in driven_designs)
+    else:
+        compared = tuple(DesignComparison(design, design.driven(CONFIDENCE)) for design in driven_designs)
+    reason = _why_not_comparable(evidence)
+    if reason is not None:
         return ExperimentComparison(info, compared, f"Nothing to compare: {reason}", remarks)
-    if not with_runs:
-        reason = (
-            "no design has both runs and trials."
-            if driven
-            else f"{no_trial_text(evidence, 'there are no trials of built cars yet')}. `foldcar select` says which cars "
-            "to build."
-        )
-        return ExperimentComparison(info, compared, f"Nothing to compare: {reason}", remarks)
+    with_runs = [design for design in driven_designs if design.runs]
     ranks = rank_agreement(
         [design.runs_passed / design.runs for design in with_runs],
         [design.trials_passed / len(design.trials) for design in with_runs],
     )
-    gaps = [design for design in compared if design.gap is not None]
-    if belief is None or not gaps:
-        sentence = f"{_counts(compared)} {why_no_belief(info)}"
+    designs_with_gap = [design.evidence for design in compared if design.gap is not None]
+    if belief is None or not designs_with_gap:
+        sentence = f"{_counts_text(compared)} {why_no_belief(info)}"
         return ExperimentComparison(info, compared, sentence, remarks, ranks)
-    mean = _gap(belief, [design.evidence for design in gaps])
-    verdict, sentence = _verdict(compared, mean, margin, info.simulation)
-    return ExperimentComparison(info, compared, sentence, remarks, ranks, mean, verdict, tuple(belief.answers.unknowns))
+    mean_gap = _gap(belief, designs_with_gap)
+    verdict, sentence = _verdict(compared, mean_gap, margin, info.simulation)
+    return ExperimentComparison(
+        info, compared, sentence, remarks, ranks, mean_gap, verdict, unknowns=tuple(belief.answers.unknowns)
+    )
+
+
+def _why_not_comparable(evidence: Evidence) -> str | None:
+    """Return why an experiment's trials cannot be compared with its runs; None if they can."""
+    info = evidence.info
+    if not info.success_defined:
+        return "success is undefined in this environment, so that there is no rate to compare; only outcomes are shown."
+    if info.is_over_realities:
+        return f"rates are expected over realities, before any trial. Sweep experiment {info.listed_id} to compare."
+    if not evidence.driven:
+        no_trial = no_trial_text(evidence, "there are no trials of built cars yet")
+        return f"{no_trial}. `foldcar select` says which cars to build."
+    if not any(design.runs for design in evidence.driven):
+        return "no design has both runs and trials."
+    return None
 
 
 def _compare_design(design: DesignEvidence, belief: Belief | None, margin: float) -> DesignComparison:
-    """Compare a design's trials with its runs."""
+    """Compare a design's trials with its runs; rates that differ by at most ``margin`` (0 to 1) agree."""
     driven = design.driven(CONFIDENCE)
     simulated = design.simulated(CONFIDENCE) if design.runs else None
     row = None if belief is None else belief.row_of(design)
     if belief is None or row is None:
         return DesignComparison(design, driven, simulated)
     built = built_rate(belief, row)
-    gap = _gap(belief, [design]) if design.runs else None
-    return DesignComparison(design, driven, simulated, built, gap, None if gap is None else gap.verdict(margin))
+    if not design.runs:
+        return DesignComparison(design, driven, simulated, built)
+    gap = _gap(belief, [design])
+    return DesignComparison(design, driven, simulated, built, gap, gap.verdict(margin))
 
 
 def built_rate(belief: Belief, row: int) -> Rate:
-    """Return the rate of a further car of the design in a row of the belief."""
+    """Return the success rate expected of a further built car; ``row`` is the index of its design in the belief."""
     estimate = belief.answers.built[row]
     return Rate(estimate.value, estimate.low, estimate.high, CONFIDENCE, "realities weighed by all trials")
 
 
 def _gap(belief: Belief, designs: Sequence[DesignEvidence]) -> Gap:
-    """Return the mean gap over designs of the belief with runs: further cars minus simulation."""
-    rows = [row for design in designs if (row := belief.row_of(design)) is not None]
-    passed = numpy.array([belief.designs[row].runs_passed for row in rows])
-    failed = numpy.array([belief.designs[row].runs for row in rows]) - passed
-    # Simulated rates are counted, too: draws of their posterior under Jeffreys' prior.
-    shape = len(belief.answers.rates), len(rows)
-    simulated = numpy.random.default_rng(17).beta(passed + 0.5, failed + 0.5, shape)
-    gaps = (belief.answers.rates[:, rows] - simulated).mean(axis=1)
-    (estimate,) = estimates(gaps[:, None], belief.answers.draws.weights)
+    """Return the mean gap over the designs, which must have runs.
+
+    A design's gap is the success rate expected of a further built car minus the success rate in simulation. Designs that
+    the belief is not about are left out.
+    """
+    rows = [row for row in map(belief.row_of, designs) if row is not None]
+    passed_runs = numpy.array([belief.designs[row].runs_passed for row in rows])
+    failed_runs = numpy.array([belief.designs[row].runs for row in rows]) - passed_runs
+    built_rates = belief.answers.rates[:, rows]
+    # The simulated rates are known from a number of runs only. So they are drawn from their posterior distribution, a
+    # beta distribution under Jeffreys' prior.
+    random = numpy.random.default_rng(GAP_SEED)
+    simulated_rates = random.beta(passed_runs + JEFFREYS, failed_runs + JEFFREYS, built_rates.shape)
+    mean_gaps = (built_rates - simulated_rates).mean(axis=1)
+    (estimate,) = estimates(mean_gaps[:, None], belief.answers.draws.weights)
     return Gap(estimate.value, estimate.low, estimate.high, CONFIDENCE)
 
 
-def _counts(compared: Sequence[DesignComparison]) -> str:
+def _counts_text(compared: Sequence[DesignComparison]) -> str:
     """Return a sentence on how many trials and runs passed at each design."""
-    texts = [
-        f"{design.evidence.trials_passed} of {count(len(design.evidence.trials), 'trial')} at {design.label}"
-        + (f" ({design.evidence.runs_passed} of {count(design.evidence.runs, 'run')})" if design.evidence.runs else "")
-        for design in compared
-    ]
+    texts = []
+    for design in compared:
+        evidence = design.evidence
+        text = f"{evidence.trials_passed} of {count(len(evidence.trials), 'trial')} at {design.label}"
+        if evidence.runs:
+            text += f" ({evidence.runs_passed} of {count(evidence.runs, 'run')})"
+        texts.append(text)
     return f"Passed: {listed(texts)}."
 
 
-def _verdict(compared: Sequence[DesignComparison], mean: Gap, margin: float, simulation: str) -> tuple[str, str]:
+def _verdict(compared: Sequence[DesignComparison], mean_gap: Gap, margin: float, simulation: str) -> tuple[str, str]:
     """Return the experiment's verdict and a sentence that explains it.
 
-    Designs whose gap excludes 0 decide first, then the mean gap, then designs that agree.
+    Designs whose gap excludes 0 decide first, then the mean gap, then designs that agree. ``simulation`` names the
+    simulation in the sentence.
     """
-    start = simulation[0].upper() + simulation[1:]
-    # The labels of designs by verdict.
-    labels: dict[str, list[str]] = {}
+    labels_by_verdict: dict[str, list[str]] = {}
     for design in compared:
         if design.verdict is not None:
-            labels.setdefault(design.verdict, []).append(design.label)
-    direction = "less" if mean.value < 0 else "more"
-    difference = f"built cars pass {points_text(mean.value)} {direction} often than {simulation}"
-    if not round(100 * mean.value):
-        difference = f"built cars pass as often as {simulation}"
-    interval = f"{points(mean.low)} to {points(mean.high)}"
-    designs = sum(design.gap is not None for design in compared)
-    average = f"on average over {count(designs, 'design')}, {difference} (95 %: {interval})"
-    pairs = sum(design.paired for design in compared)
-    agreeing = sum(design.agreeing for design in compared)
-    if pairs:
-        average += f"; {agreeing} of {count(pairs, 'trial')} ended as simulated in the same environment"
-    unsure = f"; {TOO_FEW} to say at {listed(labels[TOO_FEW])}" if TOO_FEW in labels else ""
-    contradictions = [verdict for verdict in (OPTIMISTIC, PESSIMISTIC) if verdict in labels]
+            labels_by_verdict.setdefault(design.verdict, []).append(design.label)
+    subject = simulation[0].upper() + simulation[1:]
+    average = _average_text(compared, mean_gap, simulation)
+    unsure = ""
+    if TOO_FEW in labels_by_verdict:
+        unsure = f"; {TOO_FEW} to say at {listed(labels_by_verdict[TOO_FEW])}"
+    contradictions = [verdict for verdict in (OPTIMISTIC, PESSIMISTIC) if verdict in labels_by_verdict]
     if contradictions:
-        text = " and ".join(f"{verdict} at {listed(labels[verdict])}" for verdict in contradictions)
-        return contradictions[0] if len(contradictions) == 1 else "mixed", f"{start} is {text}{unsure}; {average}."
-    verdict = mean.verdict(margin)
-    if verdict in (OPTIMISTIC, PESSIMISTIC):
-        return verdict, f"{start} is {verdict} {average}; no single design shows it."
+        text = " and ".join(f"{verdict} at {listed(labels_by_verdict[verdict])}" for verdict in contradictions)
+        verdict = contradictions[0] if len(contradictions) == 1 else "mixed"
+        return verdict, f"{subject} is {text}{unsure}; {average}."
+    mean_verdict = mean_gap.verdict(margin)
+    if mean_verdict in (OPTIMISTIC, PESSIMISTIC):
+        return mean_verdict, f"{subject} is {mean_verdict} {average}; no single design shows it."
     within = f"within {points_text(margin)}"
-    if AGREES in labels:
-        agrees = AGREES if verdict == AGREES and TOO_FEW not in labels else TOO_FEW
-        return agrees, f"{start} and trials agree {within} at {listed(labels[AGREES])}{unsure}; {average}."
+    if AGREES in labels_by_verdict:
+        verdict = AGREES if mean_verdict == AGREES and TOO_FEW not in labels_by_verdict else TOO_FEW
+        return verdict, f"{subject} and trials agree {within} at {listed(labels_by_verdict[AGREES])}{unsure}; {average}."
     return TOO_FEW, f"{TOO_FEW.capitalize()} to say whether {simulation} and trials agree {within}; {average}."
+
+
+def _average_text(compared: Sequence[DesignComparison], mean_gap: Gap, simulation: str) -> str:
+    """Return the mean gap in words, and how many trials ended as simulated in their environment."""
+    difference = f"built cars pass as often as {simulation}"
+    if round(100 * mean_gap.value):
+        direction = "less" if mean_gap.value < 0 else "more"
+        difference = f"built cars pass {points_text(mean_gap.value)} {direction} often than {simulation}"
+    designs = sum(design.gap is not None for design in compared)
+    interval = f"{points(mean_gap.low)} to {points(mean_gap.high)}"
+    text = f"on average over {count(designs, 'design')}, {difference} (95 %: {interval})"
+    paired_trials = sum(design.paired for design in compared)
+    if paired_trials:
+        agreeing_trials = sum(design.agreeing for design in compared)
+        text += f"; {agreeing_trials} of {count(paired_trials, 'trial')} ended as simulated in the same environment"
+    return text
 
 
 def _overall(experiments: Sequence[ExperimentComparison]) -> str:
     """Return the sentences of all experiments, with a warning if several builds of carsim simulated them."""
     if not experiments:
         return "Nothing to compare: the store has no runs yet; sweep the listing into it with `foldcar sweep`."
-    several = len(experiments) > 1
-    sentences = [
-        f"Experiment {experiment.info.id}: {experiment.sentence}" if several else experiment.sentence
-        for experiment in experiments
-    ]
+    if len(experiments) == 1:
+        return experiments[0].sentence
+    sentences = [f"Experiment {experiment.info.id}: {experiment.sentence}" for experiment in experiments]
     builds = {experiment.info.carsim_build for experiment in experiments}
     if len(builds) > 1:
         sentences.append(f"The experiments were simulated by {len(builds)} builds of carsim: do not compare them.")

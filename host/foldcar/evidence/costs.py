@@ -36,8 +36,9 @@ def car_min(vehicle_type: str) -> float:
     The parts that may follow a type's ``+`` do not change them.
     """
     modules = vehicle_type.partition("+")[0]
-    known = _DATA["car_min"].get(modules)
-    return float(known["value"] if known else _DATA["module_min"]["value"] * len(modules.split("_")))
+    if modules in _DATA["car_min"]:
+        return float(_DATA["car_min"][modules]["value"])
+    return float(_DATA["module_min"]["value"] * len(modules.split("_")))
 
 
 def sheets_of(design: DesignEvidence) -> int | None:

@@ -22,7 +22,7 @@ from foldcar.evidence.design_evidence import (
     design_label,
     in_family,
 )
-from foldcar.evidence.resimulation import Resimulation
+from foldcar.evidence.resimulation import Resimulation, RunResult
 from foldcar.simulation.results import NUMBERS, OUTCOMES, REJECTED
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.other_drives import other_drives
@@ -85,14 +85,14 @@ class Evidence:
     @cached_property
     def run_counts(self) -> NDArray[Any]:
         """The runs of each design of the family (family, 2): number passed, number that counts."""
-        return numpy.array([(design.runs_passed, design.runs) for design in self.family], dtype=int).reshape(-1, 2)
+        counts = [(design.runs_passed, design.runs) for design in self.family]
+        return numpy.array(counts, dtype=int).reshape(-1, 2)
 
     @cached_property
     def trial_counts(self) -> NDArray[Any]:
         """The trials of each design of the family (family, 2): number passed, number that counts."""
-        return numpy.array([(design.trials_passed, len(design.trials)) for design in self.family], dtype=int).reshape(
-            -1, 2
-        )
+        counts = [(design.trials_passed, len(design.trials)) for design in self.family]
+        return numpy.array(counts, dtype=int).reshape(-1, 2)
 
     @cached_property
     def outcome_counts(self) -> NDArray[Any]:
@@ -144,19 +144,19 @@ def read_unswept(store: Store, simulated_trials: bool = False) -> dict[str, Evid
     for trial in store.trials():
         if trial.experiment not in swept:
             groups.setdefault((trial.experiment, trial.vehicle_type), []).append(trial)
-    return {
-        f"{name}: {vehicle_type}, trials only": _evidence(
+    evidence_by_name = {}
+    for (experiment, vehicle_type), trials in groups.items():
+        evidence_by_name[f"{experiment}: {vehicle_type}, trials only"] = _evidence(
             store, _unswept_info(trials), NO_RUNS, resimulation=None, simulated_trials=simulated_trials, trials=trials
         )
-        for (name, vehicle_type), trials in groups.items()
-    }
+    return evidence_by_name
 
 
 def unswept_trials(store: Store, experiment: str | None = None, simulated_trials: bool = False) -> list[Trial]:
     """Return the completed trials of experiments that were not swept; the options as in :func:`read_evidence`."""
-    kept, _ = select_trials(store.trials(experiment), simulated_trials)
+    selected_trials, _ = select_trials(store.trials(experiment), simulated_trials)
     swept = swept_ids(store)
-    return [trial for trial in kept if trial.completed and trial.experiment not in swept]
+    return [trial for trial in selected_trials if trial.completed and trial.experiment not in swept]
 
 
 def no_trial_text(evidence: Evidence, nothing_driven: str) -> str:
@@ -169,24 +169,30 @@ def swept_ids(store: Store) -> set[str]:
 
     Runs in random realities are not compared with trials, so they do not count as a sweep of the listed experiment.
     """
-    infos = store.info().experiments if store.holds_study() else {}
-    return {*infos, *(info.listed_id for info in infos.values() if not info.is_over_realities)}
+    if not store.holds_study():
+        return set()
+    infos = store.info().experiments
+    listed_ids = {info.listed_id for info in infos.values() if not info.is_over_realities}
+    return set(infos) | listed_ids
 
 
 def _unswept_info(trials: Sequence[Trial]) -> ExperimentInfo:
     """Describe an experiment without runs; parameters with several values in the trials are the varied ones."""
-    first, designs = trials[0], [trial.design for trial in trials]
-    # A design may lack a parameter that others have.
-    names = dict.fromkeys(name for design in designs for name in design)
-    values = {name: sorted({design[name] for design in designs if name in design}) for name in names}
-    varied = {name: tuple(values_of_name) for name, values_of_name in values.items() if len(values_of_name) > 1}
+    # The values of each design parameter. A design may lack a parameter that others have.
+    values_by_name: dict[str, set[float]] = {}
+    for trial in trials:
+        for name, value in trial.design.items():
+            values_by_name.setdefault(name, set()).add(value)
+    varied = {name: tuple(sorted(values)) for name, values in values_by_name.items() if len(values) > 1}
+    fixed = {name: min(values) for name, values in values_by_name.items() if len(values) == 1}
+    first_trial = trials[0]
     return ExperimentInfo(
         **UNKNOWN,
-        id=first.experiment,
-        vehicle_type=first.vehicle_type,
+        id=first_trial.experiment,
+        vehicle_type=first_trial.vehicle_type,
         varied=varied,
-        fixed={name: values_of_name[0] for name, values_of_name in values.items() if name not in varied},
-        scenic_program=first.scenic_program or "an unknown program",
+        fixed=fixed,
+        scenic_program=first_trial.scenic_program or "an unknown program",
         scenic_params={},
         variation={},
         success_rule="a trial has passed as its operator judged",
@@ -241,7 +247,8 @@ def _evidence(
     evidence = Evidence(info, tuple(with_trials), runs, None, (), simulated, uncounted)
     belief = None
     if resimulation is not None:
-        belief = read_belief(store, info, evidence.family, [t for t in trials if t.completed], bool(simulated))
+        completed_trials = [trial for trial in trials if trial.completed]
+        belief = read_belief(store, info, evidence.family, completed_trials, bool(simulated))
     if info.success_defined:
         sentences += remarks.cars_of_designs(with_trials)
         sentences += remarks.pairs(with_trials) if resimulation is not None else []
@@ -252,37 +259,41 @@ def _evidence(
 
 
 def _design_of(trials: Sequence[Trial]) -> tuple[str, Mapping[str, float]]:
+    """Return vehicle type and parameters of the design that the trials share."""
     return trials[0].vehicle_type, trials[0].design
 
 
 def _swept_designs(store: Store, info: ExperimentInfo, runs: RunArrays) -> list[DesignEvidence]:
     """Return the swept designs of the family with their runs."""
     designs = list(store.designs(info.id).values())
-    # The indices of each design's runs.
-    order = numpy.argsort(runs.design, kind="stable")
-    rows_by_design = numpy.split(order, numpy.searchsorted(runs.design[order], numpy.arange(1, len(designs))))
+    # Sorted by design, the runs of one design are neighbours.
+    run_indices = numpy.argsort(runs.design, kind="stable")
+    first_runs = numpy.searchsorted(runs.design[run_indices], numpy.arange(1, len(designs)))
+    run_indices_by_design = numpy.split(run_indices, first_runs)
     elapsed_s = runs.metrics[:, NUMBERS.index("elapsed_time_s")]
-    result = []
+    swept_designs = []
     # Not strict: without designs, numpy.split still returns one part.
-    for design, all_rows in zip(designs, rows_by_design, strict=False):
-        discarded = runs.outcome[all_rows] == OUTCOMES.index(REJECTED)
-        rows = all_rows[~discarded]
-        times = elapsed_s[rows][~numpy.isnan(elapsed_s[rows])]
-        result.append(
+    for design, all_runs in zip(designs, run_indices_by_design, strict=False):
+        outcomes = runs.outcome[all_runs]
+        is_rejected = outcomes == OUTCOMES.index(REJECTED)
+        counted_runs, rejected_runs = all_runs[~is_rejected], all_runs[is_rejected]
+        times_s = elapsed_s[counted_runs]
+        times_s = times_s[~numpy.isnan(times_s)]
+        swept_designs.append(
             DesignEvidence(
                 info.vehicle_type,
                 dict(design),
                 design_label(info, info.vehicle_type, design),
                 swept=True,
-                samples=runs.sample[rows],
-                passed=runs.outcome[rows] == OUTCOMES.index("passed"),
-                outcomes=Counter(OUTCOMES[code] for code in runs.outcome[all_rows].tolist()),
-                mean_time_s=float(times.mean()) if len(times) else None,
+                samples=runs.sample[counted_runs],
+                passed=runs.outcome[counted_runs] == OUTCOMES.index("passed"),
+                outcomes=Counter(OUTCOMES[code] for code in outcomes.tolist()),
+                mean_time_s=float(times_s.mean()) if len(times_s) else None,
                 sequential=info.until is not None,
-                rejected=frozenset(runs.sample[all_rows[discarded]].tolist()),
+                rejected=frozenset(runs.sample[rejected_runs].tolist()),
             )
         )
-    return result
+    return swept_designs
 
 
 def _simulated_design(
@@ -292,9 +303,12 @@ def _simulated_design(
 
     Returns the design and None, or the design without runs and the reason why it cannot be simulated.
     """
-    results, reason = ([], None) if resimulation is None else resimulation.design(info, trial)
+    results: list[RunResult] = []
+    reason = None
+    if resimulation is not None:
+        results, reason = resimulation.design(info, trial)
     outcomes = [outcome for outcome, _ in results]
-    times = [time_s for _, time_s in results if time_s is not None]
+    times_s = [time_s for _, time_s in results if time_s is not None]
     design = DesignEvidence(
         trial.vehicle_type,
         trial.design,
@@ -303,7 +317,7 @@ def _simulated_design(
         samples=numpy.arange(len(results)),
         passed=numpy.array([outcome == "passed" for outcome in outcomes], dtype=bool),
         outcomes=Counter(outcomes),
-        mean_time_s=float(numpy.mean(times)) if times else None,
+        mean_time_s=float(numpy.mean(times_s)) if times_s else None,
     )
     return design, reason
 
@@ -315,15 +329,15 @@ def _trials(
 
     ``other_programs`` has the Scenic program, by the trial's number, of trials in other environments than the runs.
     """
-    kept, left_out = select_trials(trials, simulated_trials)
+    selected_trials, left_out = select_trials(trials, simulated_trials)
     if info.is_over_realities:
-        return [], remarks.trials_beside_realities(info, len(kept))
-    text = left_out_text(left_out)
-    sentences = [*([] if text is None else [text]), *remarks.trials(info, kept)]
-    sentences += remarks.trials_in_other_environments(
-        [other_programs[trial.id] for trial in kept if trial.id in other_programs], info
-    )
-    return [trial for trial in kept if trial.id not in other_programs], sentences
+        return [], remarks.trials_beside_realities(info, len(selected_trials))
+    left_out_sentence = left_out_text(left_out)
+    sentences = [] if left_out_sentence is None else [left_out_sentence]
+    sentences += remarks.trials(info, selected_trials)
+    programs_elsewhere = [other_programs[trial.id] for trial in selected_trials if trial.id in other_programs]
+    sentences += remarks.trials_in_other_environments(programs_elsewhere, info)
+    return [trial for trial in selected_trials if trial.id not in other_programs], sentences
 
 
 def _with_trials(
@@ -341,19 +355,18 @@ def _with_trials(
     if not trials:
         return design
     passed_by_sample = dict(zip(design.samples.tolist(), design.passed.tolist(), strict=True))
-    completed = [trial for trial in trials if trial.completed]
-    paired = []
-    for trial in completed:
+    completed_trials = [trial for trial in trials if trial.completed]
+    paired_trials = []
+    for trial in completed_trials:
         sample = trial.sample if trial.id in ids_in_samples else None
         as_planned = sample is not None and not trial.deviations
+        # The trial has no counterpart if its stored run was rejected, or if it cannot be simulated again.
+        simulated, resimulated = None, False
         if as_planned and sample in passed_by_sample:
-            simulated, resimulated = int(passed_by_sample[sample]), False
-        elif as_planned and sample in design.rejected:
-            # The stored run was rejected, so the trial has no counterpart.
-            simulated, resimulated = None, False
-        else:
-            outcome = None if resimulation is None else resimulation.trial(info, trial)
-            simulated, resimulated = (None, False) if outcome is None else (int(outcome == "passed"), True)
-        paired.append(PairedTrial(trial.outcome, sample, simulated, resimulated, trial.car_name))
-    aborted = len(trials) - len(completed)
-    return replace(design, trials=tuple(paired), aborted=aborted)
+            simulated = int(passed_by_sample[sample])
+        elif resimulation is not None and not (as_planned and sample in design.rejected):
+            outcome = resimulation.trial(info, trial)
+            if outcome is not None:
+                simulated, resimulated = int(outcome == "passed"), True
+        paired_trials.append(PairedTrial(trial.outcome, sample, simulated, resimulated, trial.car_name))
+    return replace(design, trials=tuple(paired_trials), aborted=len(trials) - len(completed_trials))

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Sequence
 
 from foldcar.evidence.design_evidence import DesignEvidence
 from foldcar.statistics.words import count
+from foldcar.store.designs import DesignCounts
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import SIMULATED, Trial
@@ -32,29 +33,39 @@ def runs(store: Store, info: ExperimentInfo) -> list[str]:
         if missing:
             stored = f"{info.realities - missing:,} of {info.realities:,} planned runs in other realities are here"
             sentences.append(f"Unfinished: {stored}. If the sweep does not run any more, its command resumes it.")
-    counts = store.design_counts(info.id) if info.stored_runs else None
-    rejected = 0 if counts is None else sum(counts.runs) - sum(counts.counted)
-    if counts is not None and rejected:
-        all_rejected = sum(runs > 0 and not counted for runs, counted in zip(counts.runs, counts.counted, strict=True))
-        have = "has" if all_rejected == 1 else "have"
-        no_rate = f" {count(all_rejected, 'design')} {have} no other run, and so no rate." if all_rejected else ""
-        they_violated = "was rejected: it violated" if rejected == 1 else "were rejected: they violated"
-        sentences.append(
-            f"{rejected:,} of {count(sum(counts.runs), 'run')} {they_violated} a requirement of the program. Scenic "
-            f"discards such runs, which count neither as passed nor as not passed.{no_rate}"
-        )
+    if info.stored_runs:
+        sentences += _rejected_runs(store.design_counts(info.id))
     return sentences
 
 
-def trials(info: ExperimentInfo, kept: Sequence[Trial]) -> list[str]:
-    """Return remarks on trials that are compared with runs: what was simulated, how many were corrected."""
+def _rejected_runs(counts: DesignCounts) -> list[str]:
+    """Return a remark on rejected runs, which violated a requirement of the Scenic program."""
+    all_runs = sum(counts.runs)
+    rejected_runs = all_runs - sum(counts.counted)
+    if not rejected_runs:
+        return []
+    they_violated = "was rejected: it violated" if rejected_runs == 1 else "were rejected: they violated"
+    sentence = (
+        f"{rejected_runs:,} of {count(all_runs, 'run')} {they_violated} a requirement of the program. Scenic discards "
+        "such runs, which count neither as passed nor as not passed."
+    )
+    runs_and_counted = zip(counts.runs, counts.counted, strict=True)
+    designs_without_rate = sum(runs > 0 and counted == 0 for runs, counted in runs_and_counted)
+    if designs_without_rate:
+        have = "has" if designs_without_rate == 1 else "have"
+        sentence += f" {count(designs_without_rate, 'design')} {have} no other run, and so no rate."
+    return [sentence]
+
+
+def trials(info: ExperimentInfo, selected_trials: Sequence[Trial]) -> list[str]:
+    """Return remarks on the trials that are compared with runs: by simulated cars, or corrected afterwards."""
     sentences = []
-    if info.under is not None and kept:
+    if info.under is not None and selected_trials:
         sentences.append(f"The runs are of {info.under}: its parameters come from a file, not from trials.")
-    simulated = sum(trial.standing == SIMULATED for trial in kept)
+    simulated = sum(trial.standing == SIMULATED for trial in selected_trials)
     if simulated:
-        sentences.append(f"SIMULATED cars drove {simulated} of {count(len(kept), 'trial')}.")
-    corrected = sum(trial.corrections > 0 for trial in kept)
+        sentences.append(f"SIMULATED cars drove {simulated} of {count(len(selected_trials), 'trial')}.")
+    corrected = sum(trial.corrections > 0 for trial in selected_trials)
     if corrected:
         sentences.append(f"{count(corrected, 'trial')} corrected afterwards: the latest correction counts.")
     return sentences
@@ -104,39 +115,43 @@ def unswept_designs(designs_and_reasons: Sequence[tuple[DesignEvidence, str | No
     The reason says why a design cannot be simulated; it is None if the design was simulated now. More than SHOWN designs
     with the same reason share a remark.
     """
-    by_reason: dict[str | None, list[DesignEvidence]] = {}
+    designs_by_reason: dict[str | None, list[DesignEvidence]] = {}
     for design, reason in designs_and_reasons:
-        by_reason.setdefault(reason, []).append(design)
+        designs_by_reason.setdefault(reason, []).append(design)
     sentences = []
-    for reason, designs in by_reason.items():
-        # The beginnings of both halves of a sentence.
-        subjects = [(f"{design.label} is", "it was") for design in designs]
+    for reason, designs in designs_by_reason.items():
+        labels = [design.label for design in designs]
         if len(designs) > SHOWN:
-            subjects = [(f"{_shown_names([design.label for design in designs])} are", "they were")]
-        for name_is, they_were in subjects:
-            if reason is None:
-                sentences.append(
-                    f"{name_is} not in the sweep: {they_were} simulated now, in {count(designs[0].runs, 'environment')}."
-                )
-            else:
-                sentences.append(f"{name_is} not in the sweep, and cannot be simulated now: {reason}.")
+            names_are, they_were = [f"{_shown_names(labels)} are"], "they were"
+        else:
+            names_are, they_were = [f"{label} is" for label in labels], "it was"
+        explanation = f", and cannot be simulated now: {reason}."
+        if reason is None:
+            explanation = f": {they_were} simulated now, in {count(designs[0].runs, 'environment')}."
+        sentences += [f"{name_is} not in the sweep{explanation}" for name_is in names_are]
     return sentences
 
 
 def cars_of_designs(designs: Sequence[DesignEvidence]) -> list[str]:
-    """Return a remark on trials without a car's name."""
-    sentences = []
-    nameless = [design.label for design in designs if [trial.car_name for trial in design.trials].count(None) > 1]
-    if nameless:
-        sentences.append(
-            f"Trials without a car's name are taken for those of one car of their design, at {_shown_names(nameless)}: "
-            "`foldcar log --car` and `foldcar trials correct --car` tell cars apart."
-        )
-    return sentences
+    """Return a remark on designs that have several trials without a car's name; an empty list if there are none."""
+    labels = []
+    for design in designs:
+        trials_without_name = sum(trial.car_name is None for trial in design.trials)
+        if trials_without_name > 1:
+            labels.append(design.label)
+    if not labels:
+        return []
+    return [
+        f"Trials without a car's name are taken for those of one car of their design, at {_shown_names(labels)}: "
+        "`foldcar log --car` and `foldcar trials correct --car` tell cars apart."
+    ]
 
 
 def pairs(designs: Sequence[DesignEvidence]) -> list[str]:
-    """Return remarks on trials with a new run or none in their environment, and on repeated environments."""
+    """Return remarks on how trials are paired with runs of the same environment, and on repeated environments.
+
+    Some trials are paired with a run that was made now, and some cannot be paired.
+    """
     sentences = []
     all_trials = [trial for design in designs for trial in design.trials]
     resimulated = sum(trial.resimulated for trial in all_trials)
@@ -148,13 +163,15 @@ def pairs(designs: Sequence[DesignEvidence]) -> list[str]:
     unpaired = sum(trial.simulated is None for trial in all_trials)
     if unpaired:
         of_trials = f"{unpaired} of {count(len(all_trials), 'trial')}"
+        they_count = "It counts" if unpaired == 1 else "They count"
         sentences.append(
             f"{of_trials} cannot be paired with a run: the environment is unknown or was not simulated, its run was "
-            f"rejected, or it is not known how the obstacles stood. {'It counts' if unpaired == 1 else 'They count'} by "
-            "the rate alone."
+            f"rejected, or it is not known how the obstacles stood. {they_count} by the rate alone."
         )
-    samples_of_designs = [[trial.sample for trial in design.trials if trial.sample is not None] for design in designs]
-    repeated = sum(len(samples) - len(set(samples)) for samples in samples_of_designs)
+    repeated = 0
+    for design in designs:
+        samples = [trial.sample for trial in design.trials if trial.sample is not None]
+        repeated += len(samples) - len(set(samples))
     if repeated:
         verb = "repeats" if repeated == 1 else "repeat"
         sentences.append(
@@ -165,6 +182,9 @@ def pairs(designs: Sequence[DesignEvidence]) -> list[str]:
 
 
 def _shown_names(names: Sequence[str]) -> str:
-    # Names of several parameters have commas themselves.
-    shown = ("; " if any("," in name for name in names) else ", ").join(names[:SHOWN])
-    return shown if len(names) <= SHOWN else f"{shown} and {count(len(names) - SHOWN, 'further design')}"
+    """Join the names of designs; of more than SHOWN names, join the first SHOWN and say how many follow."""
+    # The name of a design with several parameters contains commas.
+    separator = "; " if any("," in name for name in names) else ", "
+    shown_names = separator.join(names[:SHOWN])
+    further = len(names) - SHOWN
+    return shown_names if further <= 0 else f"{shown_names} and {count(further, 'further design')}"

@@ -8,7 +8,7 @@ runs beside the simulation.
 import hashlib
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 from foldcar.car.body import body_json
 from foldcar.car.design import compose_columns
@@ -36,6 +36,13 @@ RunResult = tuple[str, float | None]
 _RESULTS: dict[bytes, RunResult] = {}
 
 
+class Case(NamedTuple):
+    """What distinguishes the runs of one car: how it differs from its design, and the scene as JSON text."""
+
+    variation: Mapping[str, Any]
+    scene: str
+
+
 class Resimulation:
     """New runs for one store; the simulator is started when it is first needed."""
 
@@ -61,15 +68,16 @@ class Resimulation:
             self._over_limit[info.id] += 1
             return None
         self._trials += 1
-        case = self._variation(info, trial.sample), drive.scene
-        # One case has one result: outcome and time.
-        ((outcome, _),) = self._run(self._simulator(info), drive.body, [case], drive.settings)
+        case = Case(self._variation(info, trial.sample), drive.scene)
+        results = self._run(self._simulator(info), drive.body, [case], drive.settings)
+        outcome, _ = results[0]
         return outcome
 
     def design(self, info: ExperimentInfo, trial: Trial) -> tuple[list[RunResult], str | None]:
-        """Run a trial's design in all stored environments.
+        """Simulate the design of a trial in each stored environment of the experiment.
 
-        Returns the results in order and None, or no results and the reason why it cannot be simulated.
+        Returns the results in the order of the environments and None, or an empty list and the reason why the design
+        cannot be simulated.
         """
         refusal = self._refusal(info)
         if refusal is not None:
@@ -83,17 +91,21 @@ class Resimulation:
             body, settings = self._composed(info, trial)
         except FoldcarError as error:
             return [], str(error).rstrip(".")
-        cases = [(self._variation(info, sample), text) for sample, text in scenes.items()]
+        cases = [Case(self._variation(info, sample), scene) for sample, scene in scenes.items()]
         return self._run(self._simulator(info), body, cases, settings), None
 
     def _composed(self, info: ExperimentInfo, trial: Trial) -> tuple[str, str]:
-        """Return body and settings of a trial's design. Raises FoldcarError if it cannot be built."""
+        """Return the simulated body and the settings of a trial's design, as JSON texts.
+
+        Raises FoldcarError if the car cannot be built.
+        """
         design = compose_columns(trial.vehicle_type, trial.design)
         # Raises DesignError if the car cannot be folded.
         folded_car(design)
-        body, table = body_json(design), self._simulator(info).parameter_table()
+        body = body_json(design)
+        parameters = self._simulator(info).parameter_table()
         place = f"{self._store.path}: experiment {info.id}"
-        settings = run_settings(design, body, table, info.timeout_s, info.speed_m_s, info.yaw_rate_rad_s, place)
+        settings = run_settings(design, body, parameters, info.timeout_s, info.speed_m_s, info.yaw_rate_rad_s, place)
         return canonical_json(body), canonical_json(settings)
 
     def remarks(self, experiment: str) -> list[str]:
@@ -131,19 +143,22 @@ class Resimulation:
     def _simulator(self, info: ExperimentInfo) -> Carsim:
         return self._store.once(("carsim", info.engine), lambda: Carsim(engine=engine_of(info.engine)))
 
-    def _run(
-        self, carsim: Carsim, body: str, cases: Sequence[tuple[Mapping[str, Any], str]], settings: str
-    ) -> list[RunResult]:
-        """Run a car in each of the cases, pairs of its variation and a scene; results of earlier runs are reused."""
+    def _run(self, carsim: Carsim, body: str, cases: Sequence[Case], settings: str) -> list[RunResult]:
+        """Simulate a car in each of the cases and return the results in their order.
+
+        ``body`` and ``settings`` are JSON texts. Results of earlier runs are reused.
+        """
         keys, scenes, requests = [], {}, []
-        for number, (variation, scene) in enumerate(cases):
-            reality = canonical_json(variation)
-            inputs = [carsim.build, body, reality, settings, scene]
-            keys.append(hashlib.sha256("\0".join(inputs).encode()).digest())
-            if keys[-1] not in _RESULTS:
-                scenes[str(number)] = scene
-                label = f"environment {number}"
-                requests.append(RunRequest("car", str(number), settings, label, sample=number, reality=reality))
+        for case_index, case in enumerate(cases):
+            reality = canonical_json(case.variation)
+            inputs = [carsim.build, body, reality, settings, case.scene]
+            key = hashlib.sha256("\0".join(inputs).encode()).digest()
+            keys.append(key)
+            if key not in _RESULTS:
+                scene_name = str(case_index)
+                scenes[scene_name] = case.scene
+                label = f"environment {case_index}"
+                requests.append(RunRequest("car", scene_name, settings, label, sample=case_index, reality=reality))
         answers = carsim.run({"car": body}, scenes, requests) if requests else []
         for request, answer in zip(requests, answers, strict=True):
             # A request's sample is the index of its case.
@@ -161,5 +176,6 @@ class Resimulation:
     def _variation(self, info: ExperimentInfo, sample: int | None) -> Mapping[str, Any]:
         """Return how the car of a sample differs from its design; empty if the experiment does not vary its cars."""
         drives = read_drives(self._store, info.id)
-        varies = info.variation and sample in drives.variations
-        return drives.value("variation", drives.variations[sample]) if varies and sample is not None else {}
+        if not info.variation or sample is None or sample not in drives.variations:
+            return {}
+        return drives.value("variation", drives.variations[sample])

@@ -35,43 +35,49 @@ def select_evidence(evidence: Sequence[Evidence], threshold: float | None = None
     A search chose its designs in the same environments, so its rates are biased. If its designs were also simulated in
     fresh environments, the advice is that of the fresh experiment.
     """
-    by_id = {experiment.info.id: experiment for experiment in evidence}
-    fresh_ids = {
-        name: fresh_id(name) for name, searched in by_id.items() if searched.info.searched and fresh_id(name) in by_id
+    experiment_by_id = {experiment.info.id: experiment for experiment in evidence}
+    # The experiment in fresh environments, by the id of the search.
+    fresh_by_id: dict[str, Evidence] = {}
+    for experiment in evidence:
+        fresh_experiment_id = fresh_id(experiment.info.id)
+        if experiment.info.searched and fresh_experiment_id in experiment_by_id:
+            fresh_by_id[experiment.info.id] = experiment_by_id[fresh_experiment_id]
+    selection_by_id = {
+        experiment.info.id: _select_one(experiment, threshold)
+        for experiment in evidence
+        if experiment.info.id not in fresh_by_id
     }
-    selections = [
-        None if experiment.info.id in fresh_ids else _select_one(experiment, threshold) for experiment in evidence
-    ]
-    advice = {
-        experiment.info.id: selection for experiment, selection in zip(evidence, selections, strict=True) if selection
-    }
-    answers = []
-    for experiment, selection in zip(evidence, selections, strict=True):
-        if selection is None:
-            fresh = by_id[fresh_ids[experiment.info.id]]
-            were = "was" if len(fresh.designs) == 1 else "were"
-            judged = f"{len(fresh.designs):,} {were} judged in {count(fresh.info.environments, 'fresh environment')}"
-            start = f"A search tried {count(experiment.swept, 'design')}; {judged}. "
-            selection = advice[fresh.info.id]
-            selection = replace(selection, info=experiment.info, works=start + selection.works)
-        answers.append(selection)
-    return answers
+    selections = []
+    for experiment in evidence:
+        if experiment.info.id not in fresh_by_id:
+            selections.append(selection_by_id[experiment.info.id])
+            continue
+        fresh = fresh_by_id[experiment.info.id]
+        were = "was" if len(fresh.designs) == 1 else "were"
+        judged = f"{len(fresh.designs):,} {were} judged in {count(fresh.info.environments, 'fresh environment')}"
+        search_text = f"A search tried {count(experiment.swept, 'design')}; {judged}."
+        selection = selection_by_id[fresh.info.id]
+        selections.append(replace(selection, info=experiment.info, works=f"{search_text} {selection.works}"))
+    return selections
 
 
 def _select_one(evidence: Evidence, threshold: float | None) -> Selection:
-    """Advise on one experiment."""
+    """Advise on one experiment; a ``threshold`` of None stands for the highest one of the listing, or THRESHOLD."""
     info, belief = evidence.info, evidence.belief
-    limit = threshold if threshold is not None else max(info.thresholds, default=THRESHOLD)
-    simulated = simulated_text(evidence)
-    if belief is None and not (info.success_defined and evidence.run_counts[:, 1].any()):
-        return Selection(info, limit, f"{simulated}{_no_advice_text(evidence)}", remarks=evidence.remarks)
-    if belief is None:
-        text = grounds(evidence, limit)
-        return Selection(info, limit, f"{simulated}{text}", learn=why_no_belief(info), remarks=evidence.remarks)
-    # The matrices are so small that threads would only wait for each other.
-    with threadpool_limits(1):
-        selection = Adviser(evidence, belief, limit).selection()
-    return replace(selection, works=f"{simulated}{selection.works}")
+    if threshold is None:
+        threshold = max(info.thresholds, default=THRESHOLD)
+    if belief is not None:
+        # The matrices are so small that threads would only wait for each other.
+        with threadpool_limits(1):
+            selection = Adviser(evidence, belief, threshold).selection()
+    elif info.success_defined and evidence.run_counts[:, 1].any():
+        selection = Selection(
+            info, threshold, grounds(evidence, threshold), learn=why_no_belief(info), remarks=evidence.remarks
+        )
+    else:
+        selection = Selection(info, threshold, _no_advice_text(evidence), remarks=evidence.remarks)
+    # Begins with a warning if trials of simulated cars count.
+    return replace(selection, works=f"{simulated_text(evidence)}{selection.works}")
 
 
 def _no_advice_text(evidence: Evidence) -> str:

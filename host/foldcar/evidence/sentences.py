@@ -29,39 +29,46 @@ MEASUREMENTS = {
 
 def works(belief: Belief, evidence: Evidence, threshold: float) -> str:
     """Return the line on which car to take if a car is wanted that works."""
-    answers, labels = belief.answers, belief.labels
-    best = answers.best
-    rate = answers.built[best]
-    guess = "" if belief.driven else f", a guess from simulation: {no_trial_text(evidence, 'no car was driven yet')}"
-    text = f"{_capital(labels[best])}: {band_text(rate)} for a {'further' if belief.driven else 'built'} car{guess}."
-    owned = car_to_take(belief)
-    if owned is not None:
+    answers = belief.answers
+    best_label = belief.labels[answers.best]
+    best_rate = band_text(answers.built[answers.best])
+    owned_car = car_to_take(belief)
+    if owned_car is not None:
+        owned_rate = band_text(answers.cars[owned_car].rate)
         text = (
-            f"Take the car that you have, {car_text(belief, owned)}: {band_text(answers.cars[owned].rate)}. A "
-            f"further car of the best design, {labels[best]}: {band_text(rate)}."
+            f"Take the car that you have, {car_text(belief, owned_car)}: {owned_rate}. A further car of the best design, "
+            f"{best_label}: {best_rate}."
         )
+    elif belief.driven:
+        text = f"{_capital(best_label)}: {best_rate} for a further car."
+    else:
+        no_trial = no_trial_text(evidence, "no car was driven yet")
+        text = f"{_capital(best_label)}: {best_rate} for a built car, a guess from simulation: {no_trial}."
     return f"Want a car that works? {text} {reaching(belief, evidence, threshold)}"
 
 
 def car_to_take(belief: Belief) -> int | None:
     """Return the number of the driven car to take; None if a further car of the best design is expected to do better."""
     answers = belief.answers
-    rates = [car.rate.value for car in answers.cars]
-    if not rates or max(rates) < answers.built[answers.best].value:
+    car_rates = [car.rate.value for car in answers.cars]
+    if not car_rates:
         return None
-    return rates.index(max(rates))
+    best_car_rate, further_car_rate = max(car_rates), answers.built[answers.best].value
+    return None if best_car_rate < further_car_rate else car_rates.index(best_car_rate)
 
 
 def reaching(belief: Belief, evidence: Evidence, threshold: float) -> str:
     """Return which designs reach the threshold, in the words of REACHES and PROBABLY."""
     chances, limit = belief.answers.chances(threshold), threshold_text(threshold)
-    known, probable = chances >= REACHES, (chances >= PROBABLY) & (chances < REACHES)
-    if known.any() or probable.any():
-        parts = []
-        for chosen, adverb in ((known, ""), (probable, "probably ")):
-            if chosen.any():
-                parts.append(f"{_names(belief, evidence, chosen, f'{adverb}reach')} {limit}")
-        return f"{_capital('; '.join(parts))}."
+    does_reach = chances >= REACHES
+    probably_reaches = (chances >= PROBABLY) & ~does_reach
+    clauses = []
+    if does_reach.any():
+        clauses.append(f"{_names(belief, evidence, does_reach, 'reach')} {limit}")
+    if probably_reaches.any():
+        clauses.append(f"{_names(belief, evidence, probably_reaches, 'probably reach')} {limit}")
+    if clauses:
+        return f"{_capital('; '.join(clauses))}."
     best = int(chances.argmax())
     if chances[best] < UNLIKELY:
         if len(chances) == 1:
@@ -79,12 +86,13 @@ def grounds(evidence: Evidence, threshold: float) -> str:
     sentences = [f"{start} {_reaching_in_simulation(evidence, threshold)}."]
     driven_designs = sorted(evidence.driven, key=lambda design: -design.trials_passed / len(design.trials))
     if driven_designs:
-        counts = [
-            f"{design.trials_passed} of {len(design.trials)} at {design.label}" for design in driven_designs[:NAMED]
-        ]
-        others = len(driven_designs) - NAMED
-        rest = f"; {count(others, 'more design')} {'was' if others == 1 else 'were'} driven" if others > 0 else ""
-        sentences.append(f"Trials that passed: {listed(counts)}{rest}.")
+        named_designs, other_designs = driven_designs[:NAMED], driven_designs[NAMED:]
+        counts = [f"{design.trials_passed} of {len(design.trials)} at {design.label}" for design in named_designs]
+        sentence = f"Trials that passed: {listed(counts)}"
+        if other_designs:
+            were = "was" if len(other_designs) == 1 else "were"
+            sentence += f"; {count(len(other_designs), 'more design')} {were} driven"
+        sentences.append(f"{sentence}.")
     return " ".join(sentences)
 
 
@@ -96,27 +104,28 @@ def afternoon(gain: float) -> str:
 
 
 def step_text(belief: Belief, step: AdvisedStep, trials: int) -> str:
-    """Return a step in words, such as ``build 100 mm and drive it 10 times``."""
+    """Return a step in words, such as ``build 100 mm and drive it 10 times``; ``trials`` is the number of trials."""
     if step.kind == "measure":
         return f"measure {measurement(step.parameter)}"
-    assert step.design is not None
-    label = belief.labels[step.design]
     if step.kind == "drive":
         assert step.car is not None
         return f"drive {car_text(belief, step.car)} {trials} more times"
-    return f"build {'a second car of ' if step.second else ''}{label} and drive it {trials} times"
+    assert step.design is not None
+    label = belief.labels[step.design]
+    car = f"a second car of {label}" if step.second else label
+    return f"build {car} and drive it {trials} times"
 
 
 def measurement(parameter: str) -> str:
-    """Return what is measured, in words."""
+    """Return the measured quantity in words, such as "the obstacles' height"; ``parameter`` is a name of MEASURABLE."""
     return MEASUREMENTS[parameter]
 
 
 def car_text(belief: Belief, car: int) -> str:
-    """Return a car that drove in words: its design, and its name if it has one."""
+    """Name a car that drove by its design, and by its own name if it has one; ``car`` is its index in the answers."""
     answer = belief.answers.cars[car]
-    name = "" if answer.name is None else f" ({answer.name})"
-    return f"the car of {belief.labels[answer.design]}{name}"
+    text = f"the car of {belief.labels[answer.design]}"
+    return text if answer.name is None else f"{text} ({answer.name})"
 
 
 def band_text(rate: Estimate) -> str:
@@ -126,38 +135,50 @@ def band_text(rate: Estimate) -> str:
 
 def _reaching_in_simulation(evidence: Evidence, threshold: float) -> str:
     """Return which designs reach the threshold in nominal simulation, such as "75 to 150 mm reach 75 %"."""
-    simulated = numpy.array([bool(design.runs) for design in evidence.family])
-    counts = evidence.run_counts
-    passed, runs = counts[:, 0], numpy.maximum(counts[:, 1], 1)
-    limit = threshold_text(threshold)
-    reach = simulated & (passed / runs >= threshold)
-    if not reach.any():
-        if not passed.sum():
-            return "no run passed"
-        rates = numpy.where(simulated, passed / runs, -1)
-        best = int(rates.argmax())
-        best_rate = percent_below(passed[best] / runs[best], threshold)
-        if len(evidence.family) == 1:
-            return f"the design does not reach {limit}; it passes {best_rate}"
-        tied = int((rates == rates[best]).sum())
-        if tied == simulated.sum() and tied > 1:
-            return f"no design reaches {limit}; each passes {best_rate}"
-        if tied > 1:
-            return f"no design reaches {limit}; the best {tied:,} pass {best_rate}"
-        named = "" if simulated.sum() == 1 else f", {evidence.family[best].label},"
-        return f"no design reaches {limit}; the best{named} passes {best_rate}"
-    low = [
-        rate_interval(int(p), int(n), design.sequential)[0] if n else 0.0
-        for design, (p, n) in zip(evidence.family, counts.tolist(), strict=True)
-    ]
-    confident = reach & (numpy.array(low) >= threshold)
-    counted = _Counted(simulated, "designs with runs")
-    text = f"{_with_verb(_family_names(evidence, reach, counted), reach, 'reach')} {limit}"
-    if (confident == reach).all():
+    passed_runs, counted_runs = evidence.run_counts.T
+    is_simulated = counted_runs > 0
+    # Divides by 1 instead of 0; designs without runs are masked.
+    rates = passed_runs / numpy.maximum(counted_runs, 1)
+    reaches = is_simulated & (rates >= threshold)
+    if not reaches.any():
+        return _none_reaching(evidence, rates, threshold)
+    lower_limits = []
+    for design in evidence.family:
+        lower_limit = 0.0
+        if design.runs:
+            lower_limit, _ = rate_interval(design.runs_passed, design.runs, design.sequential)
+        lower_limits.append(lower_limit)
+    surely_reaches = reaches & (numpy.array(lower_limits) >= threshold)
+    counted = _Counted(is_simulated, "designs with runs")
+    names = _family_names(evidence, reaches, counted)
+    text = f"{_with_verb(names, reaches, 'reach')} {threshold_text(threshold)}"
+    if (surely_reaches == reaches).all():
         return f"{text} with 95 % confidence"
-    if not confident.any():
-        return f"{text}, {'but not' if len(reach) == 1 else 'none'} with 95 % confidence"
-    return f"{text}, {_family_names(evidence, confident, counted)} with 95 % confidence each"
+    if surely_reaches.any():
+        return f"{text}, {_family_names(evidence, surely_reaches, counted)} with 95 % confidence each"
+    none = "but not" if len(evidence.family) == 1 else "none"
+    return f"{text}, {none} with 95 % confidence"
+
+
+def _none_reaching(evidence: Evidence, rates: NDArray[numpy.float64], threshold: float) -> str:
+    """Return that no design reaches the threshold in nominal simulation, and the best of the success ``rates`` (family,).
+
+    The rate of a design without runs is 0.
+    """
+    limit = threshold_text(threshold)
+    if not rates.any():
+        return "no run passed"
+    best_rate = percent_below(rates.max(), threshold)
+    if len(evidence.family) == 1:
+        return f"the design does not reach {limit}; it passes {best_rate}"
+    designs_with_runs = sum(design.runs > 0 for design in evidence.family)
+    best_designs = int((rates == rates.max()).sum())
+    if best_designs > 1:
+        best = "each" if best_designs == designs_with_runs else f"the best {best_designs:,}"
+        verb = "passes" if best_designs == designs_with_runs else "pass"
+        return f"no design reaches {limit}; {best} {verb} {best_rate}"
+    best_name = "" if designs_with_runs == 1 else f", {evidence.family[int(rates.argmax())].label},"
+    return f"no design reaches {limit}; the best{best_name} passes {best_rate}"
 
 
 @dataclass(frozen=True)
@@ -197,17 +218,25 @@ def _family_names(evidence: Evidence, chosen: NDArray[numpy.bool_], counted: _Co
         return "the design"
     if number == total or (number > 1 and number == counted.mask.sum() and len(evidence.parameters) != 1):
         return f"each of {counted.count()}"
-    if len(evidence.parameters) != 1:
-        return evidence.family[int(chosen.argmax())].label if number == 1 else counted.count(number)
-    (name,) = evidence.parameters
-    all_values = numpy.array([float(design.design[name]) for design in evidence.family])
-    order = numpy.argsort(all_values, kind="stable")
-    values, is_chosen = all_values[order], chosen[order]
+    if len(evidence.parameters) == 1:
+        return _value_ranges(evidence, evidence.parameters[0], chosen)
+    if number == 1:
+        return evidence.family[int(chosen.argmax())].label
+    return counted.count(number)
+
+
+def _value_ranges(evidence: Evidence, parameter: str, chosen: NDArray[numpy.bool_]) -> str:
+    """Return the ranges of a parameter's values in which all designs are ``chosen`` (family,), such as "75 to 150 mm"."""
+    all_values = numpy.array([float(design.design[parameter]) for design in evidence.family])
+    ascending = numpy.argsort(all_values, kind="stable")
+    values, is_chosen = all_values[ascending], chosen[ascending]
+    # Split between neighbours of which only one is chosen.
+    boundaries = numpy.flatnonzero(numpy.diff(is_chosen)) + 1
     ranges = []
-    # Groups of neighbours, in ascending order, that are either all chosen or all not.
-    for group in numpy.split(numpy.arange(total), numpy.flatnonzero(numpy.diff(is_chosen)) + 1):
-        if is_chosen[group[0]]:
-            ranges.append(span_text(name, float(values[group[0]]), float(values[group[-1]])))
+    for group in numpy.split(numpy.arange(len(values)), boundaries):
+        first, last = group[0], group[-1]
+        if is_chosen[first]:
+            ranges.append(span_text(parameter, float(values[first]), float(values[last])))
     return listed(ranges)
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from foldcar.errors import FoldcarError
-from foldcar.link.log_features import log_features
+from foldcar.link.log_features import LogFeatures, log_features
 from foldcar.statistics.words import count
 from foldcar.store.log_files import intact_log
 from foldcar.store.trial_records import Trial
@@ -40,21 +40,31 @@ def measured_supply(store: Path, trials: Iterable[Trial], body: Mapping[str, Any
     under_load = not body.get("supply_resistance_ohm")
     voltages = []
     for trial in trials:
-        try:
-            log = trial.log and intact_log(store, trial.id, trial.log, trial.log_sha256)
-            features = log_features(log) if log else None
-        except FoldcarError:
+        features = _intact_log_features(store, trial)
+        if features is None:
             continue
-        volts = features and (features.servo_battery_v if under_load else features.servo_battery_rest_v)
-        if volts:
-            voltages.append(volts)
+        voltage = features.servo_battery_v if under_load else features.servo_battery_rest_v
+        if voltage:
+            voltages.append(voltage)
     if not voltages:
         return MeasuredSupply()
     mean_v, design_v = float(np.mean(voltages)), float(body["supply_v"])
-    ratio, load = mean_v / design_v, "while driving" if under_load else "at rest"
+    ratio = mean_v / design_v
+    load = "while driving" if under_load else "at rest"
     measured = f"The servos' supply had {mean_v:.2f} V {load} in {count(len(voltages), 'trial')}"
     if not MIN_RATIO <= ratio <= MAX_RATIO:
         return MeasuredSupply(None, f"{measured}, which is not used: the design has {design_v:g} V; check SERVO_DIVIDER.")
     return MeasuredSupply(
         ratio, f"{measured}, the design has {design_v:g} V: torque and speed of the servos are scaled by {ratio:.2f}."
     )
+
+
+def _intact_log_features(store: Path, trial: Trial) -> LogFeatures | None:
+    """Return what the log of a trial tells about its drive; None without an intact log."""
+    if not trial.log:
+        return None
+    try:
+        log = intact_log(store, trial.id, trial.log, trial.log_sha256)
+        return log_features(log) if log else None
+    except FoldcarError:
+        return None

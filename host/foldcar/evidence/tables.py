@@ -15,9 +15,6 @@ from foldcar.shown_text import spreadsheet_cell
 from foldcar.statistics.gap import Gap
 from foldcar.statistics.rate import Rate
 
-RATES = ("simulated", "driven", "built")
-ENDS = {"": "value", "_low": "low", "_high": "high"}
-
 
 def comparison_object(comparison: Comparison) -> dict[str, Any]:
     """Return the comparison as plain data, with None for unknown values."""
@@ -31,27 +28,43 @@ def comparison_object(comparison: Comparison) -> dict[str, Any]:
 
 def write_comparison(comparison: Comparison, file: Path) -> None:
     """Write a row for each design of each experiment as CSV, atomically. Raises FoldcarError."""
-    _write(
-        [_compared(experiment.info.id, design) for experiment in comparison.experiments for design in experiment.designs],
-        file,
-    )
+    rows = []
+    for experiment in comparison.experiments:
+        rows += [_compared(experiment.info.id, design) for design in experiment.designs]
+    _write(rows, file)
 
 
 def selection_object(selection: Selection) -> dict[str, Any]:
     """Return the selection as plain data, with None for unknown values."""
-    names = ("threshold", "works", "learn", "grounds", "enough", "gain", "environments", "remarks")
-    plain = {name: getattr(selection, name) for name in names}
-    leader = None if selection.leader is None else dict(selection.leader)
-    steps = [asdict(replace(step, design=None)) | {"design": _plain(step.design)} for step in selection.steps]
-    return {"experiment": selection.info.id, **plain, "leader": leader, "steps": steps}
+    return {
+        "experiment": selection.info.id,
+        "threshold": selection.threshold,
+        "works": selection.works,
+        "learn": selection.learn,
+        "grounds": selection.grounds,
+        "enough": selection.enough,
+        "gain": selection.gain,
+        "environments": selection.environments,
+        "remarks": selection.remarks,
+        "leader": _plain(selection.leader),
+        "steps": [_step_object(step) for step in selection.steps],
+    }
+
+
+def _step_object(step: PlannedStep) -> dict[str, Any]:
+    """Return a step as plain data."""
+    # asdict leaves a Mapping as it is if it is not a dictionary.
+    plain_step = asdict(replace(step, design=None))
+    plain_step["design"] = _plain(step.design)
+    return plain_step
 
 
 def write_selection(selections: Sequence[Selection], file: Path) -> None:
     """Write a row for each step as CSV, atomically. Raises FoldcarError."""
-    _write(
-        [_step_row(selection, rank, step) for selection in selections for rank, step in enumerate(selection.steps, 1)],
-        file,
-    )
+    rows = []
+    for selection in selections:
+        rows += [_step_row(selection, rank, step) for rank, step in enumerate(selection.steps, 1)]
+    _write(rows, file)
 
 
 def _experiment_object(experiment: ExperimentComparison) -> dict[str, Any]:
@@ -59,31 +72,39 @@ def _experiment_object(experiment: ExperimentComparison) -> dict[str, Any]:
     info = experiment.info
     return {
         "experiment": info.id,
-        **{name: getattr(info, name) for name in ("vehicle_type", "scenic_program", "carsim_build")},
+        "vehicle_type": info.vehicle_type,
+        "scenic_program": info.scenic_program,
+        "carsim_build": info.carsim_build,
         "verdict": experiment.verdict,
         "sentence": experiment.sentence,
         "mean_gap": _object(experiment.mean_gap),
         "ranks": None if experiment.ranks is None else asdict(experiment.ranks),
         "remarks": list(experiment.remarks),
         "unknowns": [_unknown(unknown) for unknown in experiment.unknowns],
-        "designs": [
-            {
-                "vehicle_type": design.evidence.vehicle_type,
-                "design": dict(design.design),
-                "label": design.label,
-                "swept": design.evidence.swept,
-                **_counts(design),
-                **{name: _object(getattr(design, name)) for name in (*RATES, "gap")},
-                "verdict": design.verdict,
-                "simulated_outcomes": dict(design.evidence.outcomes),
-                "trial_outcomes": dict(design.driven_outcomes),
-            }
-            for design in experiment.designs
-        ],
+        "designs": [_design_object(design) for design in experiment.designs],
+    }
+
+
+def _design_object(design: DesignComparison) -> dict[str, Any]:
+    """Return the comparison of a design as plain data."""
+    return {
+        "vehicle_type": design.evidence.vehicle_type,
+        "design": dict(design.design),
+        "label": design.label,
+        "swept": design.evidence.swept,
+        **_counts(design),
+        "simulated": _object(design.simulated),
+        "driven": _object(design.driven),
+        "built": _object(design.built),
+        "gap": _object(design.gap),
+        "verdict": design.verdict,
+        "simulated_outcomes": dict(design.evidence.outcomes),
+        "trial_outcomes": dict(design.driven_outcomes),
     }
 
 
 def _object(estimate: Rate | Gap | None) -> dict[str, Any] | None:
+    """Return an estimate as plain data; None if it is unknown."""
     return None if estimate is None else asdict(estimate)
 
 
@@ -91,8 +112,14 @@ def _unknown(unknown: Unknown) -> dict[str, Any]:
     """Return what the trials have taught about a parameter, in the parameter's unit."""
     parameter = unknown.parameter
     return {
-        **{name: getattr(parameter, name) for name in ("name", "unit", "meaning", "source")},
-        **{name: getattr(unknown, name) for name in ("shift", "narrowed", "measured", "wrong")},
+        "name": parameter.name,
+        "unit": parameter.unit,
+        "meaning": parameter.meaning,
+        "source": parameter.source,
+        "shift": unknown.shift,
+        "narrowed": unknown.narrowed,
+        "measured": unknown.measured,
+        "wrong": unknown.wrong,
         "before": asdict(unknown.before),
         "after": asdict(unknown.after),
     }
@@ -116,30 +143,44 @@ def _counts(design: DesignComparison) -> dict[str, int]:
 def _compared(experiment: str, design: DesignComparison) -> dict[str, Any]:
     """Return the row of a compared design: its parameters, counts, rates with intervals, numbers by outcome."""
     row: dict[str, Any] = {"experiment": experiment, "vehicle_type": design.evidence.vehicle_type, **design.design}
-    row |= {**_counts(design), "verdict": design.verdict}
-    row |= _ends({name: getattr(design, name) for name in (*RATES, "gap")})
-    outcomes: Mapping[str, Mapping[str, int]] = {"runs": design.evidence.outcomes, "trials": design.driven_outcomes}
-    return row | {f"{source}_{name}": number for source, counts in outcomes.items() for name, number in counts.items()}
+    row |= _counts(design)
+    row["verdict"] = design.verdict
+    row |= _ends({"simulated": design.simulated, "driven": design.driven, "built": design.built, "gap": design.gap})
+    row |= {f"runs_{outcome}": number for outcome, number in design.evidence.outcomes.items()}
+    row |= {f"trials_{outcome}": number for outcome, number in design.driven_outcomes.items()}
+    return row
 
 
 def _step_row(selection: Selection, rank: int, step: PlannedStep) -> dict[str, Any]:
     """Return the row of a step: rank, design, gain, cost, rates with intervals."""
-    row: dict[str, Any] = {"experiment": selection.info.id, "rank": rank, "step": step.text, "kind": step.kind}
-    row |= {name: getattr(step, name) for name in ("gain", "minutes", "trials", "sheets")} | dict(step.design or {})
+    row: dict[str, Any] = {
+        "experiment": selection.info.id,
+        "rank": rank,
+        "step": step.text,
+        "kind": step.kind,
+        "gain": step.gain,
+        "minutes": step.minutes,
+        "trials": step.trials,
+        "sheets": step.sheets,
+    }
+    if step.design is not None:
+        row |= step.design
     return row | _ends({"simulated": step.simulated, "built": step.built})
 
 
 def _plain(design: Mapping[str, Any] | None) -> dict[str, Any] | None:
+    """Return a design as a dictionary, which JSON can hold; None if there is none."""
     return None if design is None else dict(design)
 
 
 def _ends(estimates: Mapping[str, Rate | Gap | None]) -> dict[str, float | None]:
-    """Return each estimate's value, low and high end in columns NAME, NAME_low and NAME_high."""
-    return {
-        f"{name}{end}": None if estimate is None else getattr(estimate, part)
-        for name, estimate in estimates.items()
-        for end, part in ENDS.items()
-    }
+    """Return each estimate's value, low and high end in columns NAME, NAME_low and NAME_high; None if unknown."""
+    columns: dict[str, float | None] = {}
+    for name, estimate in estimates.items():
+        columns[name] = None if estimate is None else estimate.value
+        columns[f"{name}_low"] = None if estimate is None else estimate.low
+        columns[f"{name}_high"] = None if estimate is None else estimate.high
+    return columns
 
 
 def _write(rows: Sequence[Mapping[str, Any]], file: Path) -> None:

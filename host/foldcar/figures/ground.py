@@ -51,12 +51,21 @@ class HeightMap:
 
 def height_map(heights: Heights, scene: Mapping[str, Any], extent: Extent, cells: int) -> HeightMap:
     """Return the ground over approximately ``extent``, with ``cells`` cells along its longer side."""
-    cell = max(extent.size_m) / cells
-    columns, rows = (max(2, round(size / cell)) for size in extent.size_m)
-    x = extent.x_min_m + cell * (numpy.arange(columns) + 0.5)
-    y = extent.y_min_m + cell * (numpy.arange(rows) + 0.5)
-    covered = Extent(extent.x_min_m, extent.x_min_m + columns * cell, extent.y_min_m, extent.y_min_m + rows * cell)
-    return HeightMap(covered, cell, heights(scene, *numpy.meshgrid(x, y)))
+    length_m, width_m = extent.size_m
+    cell_m = max(length_m, width_m) / cells
+    columns, rows = max(2, round(length_m / cell_m)), max(2, round(width_m / cell_m))
+    # The middles of the cells.
+    x_m, y_m = numpy.meshgrid(
+        extent.x_min_m + cell_m * (numpy.arange(columns) + 0.5), extent.y_min_m + cell_m * (numpy.arange(rows) + 0.5)
+    )
+    # The cells do not cover exactly the extent, because they are square.
+    covered = Extent(
+        x_min_m=extent.x_min_m,
+        x_max_m=extent.x_min_m + columns * cell_m,
+        y_min_m=extent.y_min_m,
+        y_max_m=extent.y_min_m + rows * cell_m,
+    )
+    return HeightMap(covered, cell_m, heights(scene, x_m, y_m))
 
 
 def height_scale(maps: Sequence[HeightMap]) -> ScalarMappable:
@@ -64,13 +73,16 @@ def height_scale(maps: Sequence[HeightMap]) -> ScalarMappable:
 
     Below 0 the colours reach down to half of the maximum height at least, so that shallow holes stay pale.
     """
-    low_mm = min((float(numpy.min(height_map.z_m)) for height_map in maps), default=0.0) * 1e3
-    high_mm = max((float(numpy.max(height_map.z_m)) for height_map in maps), default=0.0) * 1e3
-    low_mm, high_mm = min(low_mm, 0.0), max(high_mm, 0.0)
+    # The scale contains 0, and is not empty.
+    low_mm = high_mm = 0.0
+    for ground in maps:
+        low_mm = min(low_mm, 1e3 * float(numpy.min(ground.z_m)))
+        high_mm = max(high_mm, 1e3 * float(numpy.max(ground.z_m)))
     high_mm = max(high_mm, MIN_RANGE_MM + low_mm)
-    heights_mm = numpy.linspace(low_mm, high_mm, COLOURS)
     depth_mm = max(-low_mm, high_mm / 2)
-    colours = [ABOVE(height_mm / high_mm) if height_mm >= 0 else BELOW(-height_mm / depth_mm) for height_mm in heights_mm]
+    colours = []
+    for height_mm in numpy.linspace(low_mm, high_mm, COLOURS):
+        colours.append(ABOVE(height_mm / high_mm) if height_mm >= 0 else BELOW(-height_mm / depth_mm))
     return ScalarMappable(Normalize(low_mm, high_mm), ListedColormap(colours))
 
 

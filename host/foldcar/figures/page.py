@@ -29,8 +29,9 @@ def page_template(package: str, file: str, filters: Mapping[str, Callable[..., A
 
 def web_page(package: str, name: str, **values: Any) -> str:
     """Return web/NAME.html of a package with its style NAME.css and its bundled script NAME.js. Raises FoldcarError."""
+    template = page_template(package, f"web/{name}.html", {"script_json": script_json})
     style = files(package).joinpath(f"web/{name}.css").read_text(encoding="utf-8")
-    template, program = page_template(package, f"web/{name}.html", {"script_json": script_json}), bundle(f"{name}.js")
+    program = bundle(f"{name}.js")
     return template.render(style=Markup(style), program=program, policy=content_policy(program), **values)
 
 
@@ -58,4 +59,6 @@ def bundle(name: str) -> Markup:
 
 def script_json(value: Any) -> Markup:
     """Return JSON that is safe inside a script element. Raises ValueError if a number is NaN or infinite."""
-    return Markup(json.dumps(value, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c"))
+    text = json.dumps(value, separators=(",", ":"), allow_nan=False)
+    # A "<" could begin the end tag of the script element.
+    return Markup(text.replace("<", "\\u003c"))

@@ -1,6 +1,6 @@
 """Draws the placement of car and obstacles for a trial, with letters and positions as in the instructions."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -46,22 +46,7 @@ def draw_placement(
         draw_top_view(axes, scene, ground, scale)
         _draw_car(axes, scene["start"], length_m, width_m)
         for letter, obstacle in obstacles.items():
-            place = (obstacle.x_m, obstacle.y_m)
-            axes.plot(*place, "+", color="white", markersize=9, markeredgewidth=3, zorder=7)
-            axes.plot(*place, "+", color=INK, markersize=7, zorder=7)
-            axes.annotate(letter, place, (10, 10), textcoords="offset points", bbox=LETTER, ha="center",
-                          va="center", fontsize=9, zorder=8)  # fmt: skip
-            edge = obstacle.near_edge_m(scene["terrain"])
-            axes.plot(*zip(*edge, strict=True), ".-", color=ACCENT, markersize=7, zorder=7)
-            for end in edge:
-                # Away from the other end; on long edges, which may end at the picture's, towards it.
-                middle_m = sum(y_m for _, y_m in edge) / len(edge)
-                above = (end[1] >= middle_m) != (abs(end[1] - middle_m) > LONG_M)
-                right = end[0] > obstacle.x_m
-                text, offset = f"{round(1000 * end[0])}, {round(1000 * end[1])}", (4 if right else -4, 5 if above else -5)
-                axes.annotate(text, end, offset, textcoords="offset points", ha="left" if right else "right",
-                              va="bottom" if above else "top", fontsize=8, zorder=8,
-                              bbox={"facecolor": "#ffffffcc", "edgecolor": "none", "pad": 1})  # fmt: skip
+            _draw_obstacle(axes, letter, obstacle, obstacle.near_edge_m(scene["terrain"]))
         axes.plot([0], [0], "x", color=ACCENT, markersize=8, zorder=7, label="mark on the floor, 0, 0")
         if obstacles:
             axes.plot([], [], ".-", color=ACCENT, label="edges to measure by tape: x, y (mm)")
@@ -72,11 +57,43 @@ def draw_placement(
         save_figure(figure, [file])
 
 
+def _draw_obstacle(axes: Any, letter: str, obstacle: Obstacle, edge_m: Sequence[tuple[float, float]]) -> None:
+    """Draw an obstacle's middle with its letter, and its near edge with the positions (mm) of both ends.
+
+    ``edge_m`` has the ends of the edge, (x, y).
+    """
+    middle = (obstacle.x_m, obstacle.y_m)
+    axes.plot(*middle, "+", color="white", markersize=9, markeredgewidth=3, zorder=7)
+    axes.plot(*middle, "+", color=INK, markersize=7, zorder=7)
+    axes.annotate(
+        letter, middle, (10, 10), textcoords="offset points", bbox=LETTER, ha="center", va="center", fontsize=9, zorder=8
+    )
+    axes.plot(*zip(*edge_m, strict=True), ".-", color=ACCENT, markersize=7, zorder=7)
+    middle_y_m = sum(y_m for _, y_m in edge_m) / len(edge_m)
+    for x_m, y_m in edge_m:
+        is_long = abs(y_m - middle_y_m) > LONG_M
+        # The text is away from the other end. A long edge may end where the picture ends: there it is towards it.
+        above = (y_m >= middle_y_m) != is_long
+        right = x_m > obstacle.x_m
+        axes.annotate(
+            f"{round(1000 * x_m)}, {round(1000 * y_m)}",
+            (x_m, y_m),
+            (4 if right else -4, 5 if above else -5),
+            textcoords="offset points",
+            ha="left" if right else "right",
+            va="bottom" if above else "top",
+            fontsize=8,
+            zorder=8,
+            bbox={"facecolor": "#ffffffcc", "edgecolor": "none", "pad": 1},
+        )
+
+
 def _draw_car(axes: Any, start: Mapping[str, float], length_m: float, width_m: float) -> None:
-    half, side = length_m / 2, width_m / 2
-    corners = [(half, side), (half, -side), (-half, -side), (-half, side)]
-    place = Affine2D().rotate(start["heading_rad"]).translate(start["x_m"], start["y_m"])
-    outline = Polygon(place.transform(corners), closed=True, facecolor="none", edgecolor=INK, linewidth=1.2, zorder=6)
+    """Draw the outline of the car at its start, with its letter behind it."""
+    front_m, left_m = length_m / 2, width_m / 2
+    corners = [(front_m, left_m), (front_m, -left_m), (-front_m, -left_m), (-front_m, left_m)]
+    to_start = Affine2D().rotate(start["heading_rad"]).translate(start["x_m"], start["y_m"])
+    outline = Polygon(to_start.transform(corners), closed=True, facecolor="none", edgecolor=INK, linewidth=1.2, zorder=6)
     axes.add_patch(outline)
-    (rear,) = place.transform([(-half, 0)])
+    (rear,) = to_start.transform([(-front_m, 0)])
     axes.annotate(CAR, rear, (-4, 0), textcoords="offset points", ha="right", va="center")

@@ -27,11 +27,13 @@ class Line:
 
 def travelled_m(path: Sequence[Sequence[float]]) -> Floats:
     """Return the distance travelled at each row of ``path``, (n,) in m; it decreases where the car rolls back."""
+    # A row is time, x, y, z, heading and more (docs/carsim.md).
     rows = numpy.asarray(path, dtype=float)
-    heading = numpy.unwrap(rows[:, 4])
-    middle = (heading[1:] + heading[:-1]) / 2
-    forward = numpy.diff(rows[:, 1]) * numpy.cos(middle) + numpy.diff(rows[:, 2]) * numpy.sin(middle)
-    return numpy.concatenate([[0.0], numpy.cumsum(forward)])
+    x_steps_m, y_steps_m = numpy.diff(rows[:, 1]), numpy.diff(rows[:, 2])
+    heading_rad = numpy.unwrap(rows[:, 4])
+    mean_heading_rad = (heading_rad[1:] + heading_rad[:-1]) / 2
+    forward_m = x_steps_m * numpy.cos(mean_heading_rad) + y_steps_m * numpy.sin(mean_heading_rad)
+    return numpy.concatenate([[0.0], numpy.cumsum(forward_m)])
 
 
 def driven_line(path: Sequence[Sequence[float]], margin_m: float, spacing_m: float = 1e-3) -> Line:
@@ -44,26 +46,36 @@ def driven_line(path: Sequence[Sequence[float]], margin_m: float, spacing_m: flo
     # Rolling back does not lengthen the line.
     farthest = numpy.maximum.accumulate(travelled)
     is_farther = numpy.concatenate([[True], travelled[1:] > farthest[:-1]])
-    s, x, y = travelled[is_farther], rows[is_farther, 1], rows[is_farther, 2]
-    heading = numpy.unwrap(rows[:, 4])[is_farther]
-    first_m, last_m = min(float(numpy.min(travelled)), 0.0) - margin_m, s[-1] + margin_m
-    distances = numpy.arange(first_m, last_m + spacing_m / 2, spacing_m)
+    path_distance_m = travelled[is_farther]
+    path_x_m, path_y_m = rows[is_farther, 1], rows[is_farther, 2]
+    path_heading_rad = numpy.unwrap(rows[:, 4])[is_farther]
+    first_m, last_m = min(float(numpy.min(travelled)), 0.0) - margin_m, path_distance_m[-1] + margin_m
+    distance_m = numpy.arange(first_m, last_m + spacing_m / 2, spacing_m)
+    x_m = numpy.interp(distance_m, path_distance_m, path_x_m)
+    y_m = numpy.interp(distance_m, path_distance_m, path_y_m)
     # Beyond both ends interp keeps the values of the end; the distance beyond is added along the heading there.
-    beyond_start, beyond_end = numpy.minimum(distances - s[0], 0.0), numpy.maximum(distances - s[-1], 0.0)
+    before_start_m = numpy.minimum(distance_m - path_distance_m[0], 0.0)
+    beyond_end_m = numpy.maximum(distance_m - path_distance_m[-1], 0.0)
+    start_rad, end_rad = path_heading_rad[0], path_heading_rad[-1]
     return Line(
-        distances,
-        numpy.interp(distances, s, x) + beyond_start * numpy.cos(heading[0]) + beyond_end * numpy.cos(heading[-1]),
-        numpy.interp(distances, s, y) + beyond_start * numpy.sin(heading[0]) + beyond_end * numpy.sin(heading[-1]),
-        numpy.interp(distances, s, heading),
+        distance_m,
+        x_m=x_m + before_start_m * numpy.cos(start_rad) + beyond_end_m * numpy.cos(end_rad),
+        y_m=y_m + before_start_m * numpy.sin(start_rad) + beyond_end_m * numpy.sin(end_rad),
+        heading_rad=numpy.interp(distance_m, path_distance_m, path_heading_rad),
     )
 
 
 def straight_line(start: Mapping[str, Any], first_m: float, last_m: float) -> Line:
     """Return the straight line along a pose's heading between two distances, with a point every millimetre."""
-    distances = numpy.arange(first_m, last_m + 5e-4, 1e-3, dtype=float)
-    heading = start["heading_rad"]
-    x, y = start["x_m"] + distances * numpy.cos(heading), start["y_m"] + distances * numpy.sin(heading)
-    return Line(distances, x, y, numpy.full(len(distances), heading))
+    # Half a step is added, so that the last point is not lost by rounding.
+    distance_m = numpy.arange(first_m, last_m + 5e-4, 1e-3, dtype=float)
+    heading_rad = start["heading_rad"]
+    return Line(
+        distance_m,
+        x_m=start["x_m"] + distance_m * numpy.cos(heading_rad),
+        y_m=start["y_m"] + distance_m * numpy.sin(heading_rad),
+        heading_rad=numpy.full(len(distance_m), heading_rad),
+    )
 
 
 def strip_heights_m(heights: Heights, scene: Mapping[str, Any], line: Line, left_m: float, width_m: float) -> Floats:

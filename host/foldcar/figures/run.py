@@ -23,6 +23,8 @@ NEAR_COLOUR = "#b58a45"
 MARGIN_M = 0.1
 CELLS = 600
 VIEW_IN = 7.5
+# The largest heights of the view from the side and of the view from above.
+MAX_SIDE_IN, MAX_ABOVE_IN = 3.0, 4.2
 LABELS_IN = 0.8
 TITLE_IN = 0.3
 MAX_POSES = 12
@@ -85,24 +87,31 @@ def segment_places(body: Mapping[str, Any], row: Any) -> list[tuple[Any, Any]]:
     """
     segments, hinges = body["segments"], body["hinges"]
     # The main segment contains the car's origin, or is the nearest to it.
-    gaps = [max(0.0, abs(s["x_m"]) - s["length_m"] / 2) for s in segments]
-    main = gaps.index(min(gaps))
+    gaps_m = [max(0.0, abs(segment["x_m"]) - segment["length_m"] / 2) for segment in segments]
+    main = gaps_m.index(min(gaps_m))
     # A row is time, x, y, z, heading, pitch, roll, hinge angles.
-    folds = [float(angle) for angle in row[7 : 7 + len(hinges)]]
-    poses: dict[int, tuple[Any, Any]] = {main: (_turn(float(row[5])), numpy.zeros(2))}
-    pitches = {main: float(row[5])}
-    # From the main segment, which has the car's pose, over the hinges to both ends of the car.
-    for known, neighbour, hinge in [
-        *((i, i + 1, i) for i in range(main, len(segments) - 1)),
-        *((i, i - 1, i - 1) for i in range(main, 0, -1)),
-    ]:
+    pitch_rad = float(row[5])
+    hinge_angles_rad = [float(angle_rad) for angle_rad in row[7 : 7 + len(hinges)]]
+    # The main segment has the car's pose. A hinge lies between a segment and the next one behind it.
+    pitches_rad = {main: pitch_rad}
+    poses: dict[int, tuple[Any, Any]] = {main: (_turn(pitch_rad), numpy.zeros(2))}
+
+    def place_neighbour(segment: int, neighbour: int, hinge: int) -> None:
+        """Place a segment next to one that has its pose already."""
         # A hinge angle is positive with the front segment's nose up.
-        pitches[neighbour] = pitches[known] + (folds[hinge] if neighbour < known else -folds[hinge])
-        turn, origin = poses[known]
-        joint = numpy.array([hinges[hinge]["x_m"], hinges[hinge]["z_m"]])
-        neighbour_turn = _turn(pitches[neighbour])
+        is_in_front = neighbour < segment
+        angle_rad = hinge_angles_rad[hinge] if is_in_front else -hinge_angles_rad[hinge]
+        pitches_rad[neighbour] = pitches_rad[segment] + angle_rad
+        turn, origin = poses[segment]
+        neighbour_turn = _turn(pitches_rad[neighbour])
         # Both segments' poses put the joint at the same point.
+        joint = numpy.array([hinges[hinge]["x_m"], hinges[hinge]["z_m"]])
         poses[neighbour] = neighbour_turn, joint @ turn + origin - joint @ neighbour_turn
+
+    for segment in range(main, len(segments) - 1):
+        place_neighbour(segment, neighbour=segment + 1, hinge=segment)
+    for segment in range(main, 0, -1):
+        place_neighbour(segment, neighbour=segment - 1, hinge=segment - 1)
     return [poses[index] for index in range(len(segments))]
 
 
@@ -114,9 +123,11 @@ def _turn(pitch: float) -> Any:
 def _fit_height(figure: Figure, side: Axes, above: Axes) -> None:
     """Set the figure's height such that both views, drawn to scale, are as wide as the figure; limit their heights."""
     heights_in = []
-    for axes, max_in in ((side, 3.0), (above, 4.2)):
-        (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
-        heights_in.append(min(VIEW_IN * (top - bottom) / (right - left), max_in) + LABELS_IN)
+    for axes, max_height_in in ((side, MAX_SIDE_IN), (above, MAX_ABOVE_IN)):
+        left, right = axes.get_xlim()
+        bottom, top = axes.get_ylim()
+        height_in = VIEW_IN * (top - bottom) / (right - left)
+        heights_in.append(min(height_in, max_height_in) + LABELS_IN)
     figure.set_size_inches(WIDTH_IN, sum(heights_in) + TITLE_IN)
     grid = above.get_gridspec()
     assert grid is not None
@@ -165,7 +176,8 @@ def _draw_car(axes: Axes, body: Mapping[str, Any], distance_m: float, row: Any, 
     # Each segment's matrix and origin, which take points (x, z) of the straight car to the picture.
     poses = segment_places(body, row)
     top = z
-    for wheel in sorted(body["wheels"], key=lambda w: str(w["side"])):  # left wheels first: they are behind
+    # Left wheels are drawn first, because they are behind.
+    for wheel in sorted(body["wheels"], key=lambda wheel: str(wheel["side"])):
         is_near = wheel["side"] == "right"
         # Roll lifts the left wheels.
         lift = body["track_m"] / 2 * numpy.sin(roll) * (-1.0 if is_near else 1.0)
@@ -183,10 +195,11 @@ def _draw_car(axes: Axes, body: Mapping[str, Any], distance_m: float, row: Any, 
                 zorder=6 if is_near else 4,
             )
         )
-    for box, (turn, origin) in zip(body["segments"], poses, strict=True):
-        half_length, half_height = box["length_m"] / 2, box["height_m"] / 2
-        corners = numpy.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * [half_length, half_height]
-        outline = (corners + numpy.array([box["x_m"], box["center_z_m"]])) @ turn + origin + [distance_m, z]
+    for segment, (turn, origin) in zip(body["segments"], poses, strict=True):
+        half_size = [segment["length_m"] / 2, segment["height_m"] / 2]
+        corners = numpy.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * half_size
+        centre = numpy.array([segment["x_m"], segment["center_z_m"]])
+        outline = (corners + centre) @ turn + origin + [distance_m, z]
         axes.add_patch(Polygon(outline, facecolor=colour, alpha=0.35, edgecolor="none", zorder=5))
         axes.add_patch(Polygon(outline, fill=False, edgecolor=colour, linewidth=1.0, zorder=7))
         top = max(top, outline[:, 1].max())
@@ -195,8 +208,12 @@ def _draw_car(axes: Axes, body: Mapping[str, Any], distance_m: float, row: Any, 
 
 def _title(body: Mapping[str, Any], scene: Mapping[str, Any], result: Mapping[str, Any]) -> str:
     """Return outcome and time of a run, with the ids of car and scene if they have any."""
-    outcome, elapsed = result["outcome"], result["elapsed_time_s"]
-    parts = [f"{OUTCOME_LABELS.get(outcome, outcome)} after {elapsed:.2f} s"]
-    parts += [f"car {body['id']}"] if "id" in body else [f"track {body['track_m'] * 1e3:.0f} mm"]
-    parts += [f"scene {scene['id']}"] if "id" in scene else []
+    outcome = OUTCOME_LABELS.get(result["outcome"], result["outcome"])
+    parts = [f"{outcome} after {result['elapsed_time_s']:.2f} s"]
+    if "id" in body:
+        parts.append(f"car {body['id']}")
+    else:
+        parts.append(f"track {body['track_m'] * 1e3:.0f} mm")
+    if "id" in scene:
+        parts.append(f"scene {scene['id']}")
     return ", ".join(parts)

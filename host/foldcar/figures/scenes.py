@@ -97,15 +97,16 @@ def _draw_profile(axes: Axes, scene: Mapping[str, Any], heights: Heights) -> Non
 def _straight_way(scene: Mapping[str, Any]) -> tuple[float, float]:
     """Return heading (rad) and distance (m) from the start straight to the goal; without a goal, to the course's edge."""
     start, goal, course = scene["start"], scene["goal"], scene["course"]
-    heading_rad = start["heading_rad"]
     if goal is not None:
-        ahead = (goal["x_m"] - start["x_m"], goal["y_m"] - start["y_m"])
-        heading_rad = goal["heading_rad"] if goal["kind"] == "line" else math.atan2(ahead[1], ahead[0])
-        return heading_rad, ahead[0] * math.cos(heading_rad) + ahead[1] * math.sin(heading_rad)
-    slopes = {"x": math.cos(heading_rad), "y": math.sin(heading_rad)}
-    distances = [
-        (course[f"{axis}_{'max' if slope > 0 else 'min'}_m"] - start[f"{axis}_m"]) / slope
-        for axis, slope in slopes.items()
-        if abs(slope) > 1e-9
-    ]
-    return heading_rad, min(distances)
+        x_m, y_m = goal["x_m"] - start["x_m"], goal["y_m"] - start["y_m"]
+        # A line is crossed in the direction of its heading.
+        heading_rad = goal["heading_rad"] if goal["kind"] == "line" else math.atan2(y_m, x_m)
+        return heading_rad, x_m * math.cos(heading_rad) + y_m * math.sin(heading_rad)
+    heading_rad = start["heading_rad"]
+    distances_m = []
+    for axis, slope in (("x", math.cos(heading_rad)), ("y", math.sin(heading_rad))):
+        # A way parallel to an edge does not reach it.
+        if abs(slope) > 1e-9:
+            edge_m = course[f"{axis}_max_m"] if slope > 0 else course[f"{axis}_min_m"]
+            distances_m.append((edge_m - start[f"{axis}_m"]) / slope)
+    return heading_rad, min(distances_m)

@@ -55,16 +55,19 @@ def drawing_style(settings: Any = RC) -> Iterator[None]:
     """
     import matplotlib
 
-    with matplotlib.rc_context({**settings, "font.family": ["sans-serif", *_cjk_fonts()]}), warnings.catch_warnings():
+    with_fonts = {**settings, "font.family": ["sans-serif", *_cjk_fonts()]}
+    with matplotlib.rc_context(with_fonts), warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing from")
         yield
 
 
 @cache
 def _cjk_fonts() -> list[str]:
+    """Return the installed fonts of CJK_FONTS, in their order."""
     from matplotlib.font_manager import fontManager
 
-    return sorted({font.name for font in fontManager.ttflist}.intersection(CJK_FONTS), key=CJK_FONTS.index)
+    installed_fonts = {font.name for font in fontManager.ttflist}
+    return [font for font in CJK_FONTS if font in installed_fonts]
 
 
 INK = "#222222"

@@ -16,6 +16,8 @@ from foldcar.scenes.terrain_kinds import kind_of, reach_m
 
 ARROW_LENGTH_M = 0.2
 VIEW_MARGIN_M = 0.2
+# How far from its middle a piece of terrain is shown at most.
+MAX_SHOWN_M = 0.4
 CONTOUR_STEP_M = 0.01
 PATCH_COLOUR = "#5b4a9c"
 OUTLINE = {"fill": False, "edgecolor": "#00000059", "linewidth": 0.5, "zorder": 2}
@@ -23,33 +25,30 @@ OUTLINE = {"fill": False, "edgecolor": "#00000059", "linewidth": 0.5, "zorder": 
 
 def view_of(scenes: Sequence[Mapping[str, Any]], path: Any = ()) -> Extent:
     """Return the extent that shows starts, goals, terrain and the path of several scenes, and courses without a goal."""
-    x: list[float] = []
-    y: list[float] = []
+    # All points that the view must show.
+    points_m: list[tuple[float, float]] = []
     for scene in scenes:
-        places = [(scene["start"]["x_m"], scene["start"]["y_m"])]
-        if scene["goal"] is not None:
-            places.append((scene["goal"]["x_m"], scene["goal"]["y_m"]))
+        start, goal, course = scene["start"], scene["goal"], scene["course"]
+        points_m.append((start["x_m"], start["y_m"]))
+        if goal is not None:
+            points_m.append((goal["x_m"], goal["y_m"]))
         else:
-            course = scene["course"]
-            places += [(course["x_min_m"], course["y_min_m"]), (course["x_max_m"], course["y_max_m"])]
-        x += [place_x for place_x, _ in places]
-        y += [place_y for _, place_y in places]
+            points_m += [(course["x_min_m"], course["y_min_m"]), (course["x_max_m"], course["y_max_m"])]
         for piece in scene["terrain"]:
             # The view does not extend to the ends of a long wall across the course.
-            shown_m = min(_visible_radius_m(piece), 0.4)
-            x += [piece["x_m"] - shown_m, piece["x_m"] + shown_m]
-            y += [piece["y_m"] - shown_m, piece["y_m"] + shown_m]
-    if len(path):
-        rows = numpy.asarray(path, dtype=float)
-        x += list(rows[:, 1])
-        y += list(rows[:, 2])
+            shown_m = min(_visible_radius_m(piece), MAX_SHOWN_M)
+            points_m.append((piece["x_m"] - shown_m, piece["y_m"] - shown_m))
+            points_m.append((piece["x_m"] + shown_m, piece["y_m"] + shown_m))
+    # A row of the path is time, x, y and more.
+    points_m += [(float(row[1]), float(row[2])) for row in path]
+    low_x_m, low_y_m = numpy.min(points_m, axis=0).tolist()
+    high_x_m, high_y_m = numpy.max(points_m, axis=0).tolist()
     # The view is cut at the limits of the largest course.
-    sides = {key: [scene["course"][key] for scene in scenes] for key in scenes[0]["course"]}
     return Extent(
-        max(min(x) - VIEW_MARGIN_M, min(sides["x_min_m"])),
-        min(max(x) + VIEW_MARGIN_M, max(sides["x_max_m"])),
-        max(min(y) - VIEW_MARGIN_M, min(sides["y_min_m"])),
-        min(max(y) + VIEW_MARGIN_M, max(sides["y_max_m"])),
+        x_min_m=max(low_x_m - VIEW_MARGIN_M, min(scene["course"]["x_min_m"] for scene in scenes)),
+        x_max_m=min(high_x_m + VIEW_MARGIN_M, max(scene["course"]["x_max_m"] for scene in scenes)),
+        y_min_m=max(low_y_m - VIEW_MARGIN_M, min(scene["course"]["y_min_m"] for scene in scenes)),
+        y_max_m=min(high_y_m + VIEW_MARGIN_M, max(scene["course"]["y_max_m"] for scene in scenes)),
     )
 
 
@@ -120,15 +119,18 @@ def _draw_contours(axes: Axes, ground: HeightMap) -> None:
 
 
 def _rectangle(axes: Axes, piece: Mapping[str, Any], look: Mapping[str, Any]) -> Rectangle:
-    length, width = piece["length_m"], piece["width_m"]
-    place = Affine2D().rotate(piece["heading_rad"]).translate(piece["x_m"], piece["y_m"])
-    return Rectangle((-length / 2, -width / 2), length, width, transform=place + axes.transData, **look)
+    """Return the outline of a rectangular piece, turned by its heading; ``look`` are arguments of matplotlib."""
+    length_m, width_m = piece["length_m"], piece["width_m"]
+    to_place = Affine2D().rotate(piece["heading_rad"]).translate(piece["x_m"], piece["y_m"])
+    corner = (-length_m / 2, -width_m / 2)
+    return Rectangle(corner, length_m, width_m, transform=to_place + axes.transData, **look)
 
 
 def _draw_course(axes: Axes, course: Mapping[str, float]) -> None:
+    """Draw the limits of the course."""
     corner = (course["x_min_m"], course["y_min_m"])
-    size = (course["x_max_m"] - corner[0], course["y_max_m"] - corner[1])
-    axes.add_patch(Rectangle(corner, *size, fill=False, edgecolor="#777777", linewidth=1.0, zorder=3))
+    length_m, width_m = course["x_max_m"] - course["x_min_m"], course["y_max_m"] - course["y_min_m"]
+    axes.add_patch(Rectangle(corner, length_m, width_m, fill=False, edgecolor="#777777", linewidth=1.0, zorder=3))
 
 
 def _visible_radius_m(piece: Mapping[str, Any]) -> float:
@@ -158,17 +160,21 @@ def _draw_goal(axes: Axes, scene: Mapping[str, Any]) -> None:
 def _line_in_course(x: float, y: float, heading_rad: float, course: Mapping[str, float]) -> Any:
     """Return the ends, (2: end, 2: x and y), of the line through the point across the heading, clipped to the course."""
     direction = numpy.array([-numpy.sin(heading_rad), numpy.cos(heading_rad)])
-    # For each axis, the interval of distances along the line within the course's limits.
-    intervals = []
-    for position, slope, axis in ((x, direction[0], "x"), (y, direction[1], "y")):
+    # Where the line enters and leaves the course's limits on each axis, as distances along the line.
+    entries_m, exits_m = [], []
+    for axis, position, slope in (("x", x, direction[0]), ("y", y, direction[1])):
+        # A line that is parallel to an edge does not cross it.
         if abs(slope) > 1e-12:
-            limits = (course[f"{axis}_min_m"], course[f"{axis}_max_m"])
-            intervals.append(sorted((limit - position) / slope for limit in limits))
-    low, high = max(start for start, _ in intervals), min(end for _, end in intervals)
-    return numpy.array([[x, y]]) + numpy.array([[low], [high]]) * direction
+            to_min_m = (course[f"{axis}_min_m"] - position) / slope
+            to_max_m = (course[f"{axis}_max_m"] - position) / slope
+            entries_m.append(min(to_min_m, to_max_m))
+            exits_m.append(max(to_min_m, to_max_m))
+    distances_m = numpy.array([[max(entries_m)], [min(exits_m)]])
+    return numpy.array([[x, y]]) + distances_m * direction
 
 
 def _draw_arrow(axes: Axes, x: float, y: float, heading_rad: float, length_m: float, colour: str) -> None:
+    """Draw an arrow from a point (m) in the direction of a heading."""
     tip = (x + length_m * numpy.cos(heading_rad), y + length_m * numpy.sin(heading_rad))
     arrow = {"arrowstyle": "-|>", "color": colour, "linewidth": 1.3, "shrinkA": 0, "shrinkB": 0}
     axes.annotate("", xy=tip, xytext=(x, y), arrowprops=arrow, zorder=6)

@@ -9,7 +9,7 @@ path of a trial. A page cannot simulate runs of MuJoCo, nor those of a Scenic pr
 import base64
 import json
 import zlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -77,7 +77,8 @@ class PageDrives:
                 f"The runs were simulated by another build of foldcar ({info.carsim_build}) than the one in this page "
                 f"({carsim.build}), so a run that the page drives may end otherwise."
             )
-        designs, samples = _shown_designs(len(drives.bodies), experiment.recommended), sorted(drives.scenes)[:MAX_SAMPLES]
+        designs = _shown_designs(len(drives.bodies), experiment.recommended)
+        samples = sorted(drives.scenes)[:MAX_SAMPLES]
         self.plan(len(samples))
         blobs = {"inputs": _inputs(info, drives, designs, samples), "checks": _checks(runs)}
         blobs |= self._scene_blobs(drives, samples, carsim)
@@ -101,13 +102,17 @@ class PageDrives:
         return {f"{key}-{name}": text for name, text in blobs.items()}
 
     def _scene_blobs(self, drives: StoredDrives, samples: Sequence[int], carsim: Carsim) -> Blobs:
-        """Return the scene of each sample with its ground; equal scenes are computed once."""
-        heights, blobs = carsim_heights(carsim), {}
-        scenes = {drives.scenes[sample]: drives.value("scene", drives.scenes[sample]) for sample in samples}
-        calls = (partial(ground_data, scene, heights, len(scenes)) for scene in scenes.values())
-        grounds = dict(zip(scenes, (blob(*data) for data in side_by_side(calls, self.jobs, carsim.stop)), strict=True))
+        """Return a blob for the scene of each sample, with its ground; equal scenes are computed once."""
+        heights = carsim_heights(carsim)
+        scene_by_id = {drives.scenes[sample]: drives.value("scene", drives.scenes[sample]) for sample in samples}
+        calls = (partial(ground_data, scene, heights, len(scene_by_id)) for scene in scene_by_id.values())
+        grounds = side_by_side(calls, self.jobs, carsim.stop)
+        blob_by_id = {}
+        for scene_id, (head, content) in zip(scene_by_id, grounds, strict=True):
+            blob_by_id[scene_id] = blob(head, content)
+        blobs = {}
         for sample in samples:
-            blobs[f"scene-{sample}"] = grounds[drives.scenes[sample]]
+            blobs[f"scene-{sample}"] = blob_by_id[drives.scenes[sample]]
             self.done(1)
         return blobs
 
@@ -126,17 +131,38 @@ def sliders() -> list[Slider]:
     """Return the parameters that a page can change, each with its range and its nominal value."""
     rows = []
     for parameter in SLIDERS:
-        low, high = (float(parameter.value(score)) for score in (-MAX_SCORE, MAX_SCORE))
-        # The nominal value must be on the slider; a half-normal parameter is a standard deviation, which may be 0.
-        low = 0.0 if parameter.prior == "half-normal" else min(low, parameter.nominal)
-        rows.append(_slider(parameter.name, parameter.unit, parameter.meaning, parameter.nominal, low, high))
+        # The nominal value must be on the slider.
+        low = min(float(parameter.value(-MAX_SCORE)), parameter.nominal)
+        if parameter.prior == "half-normal":
+            # A standard deviation, which may be 0.
+            low = 0.0
+        rows.append(
+            _slider(
+                name=parameter.name,
+                unit=parameter.unit,
+                meaning=parameter.meaning,
+                nominal=parameter.nominal,
+                low=low,
+                high=float(parameter.value(MAX_SCORE)),
+            )
+        )
     # Only a reality of a file has this parameter.
     supply = REAL_ONLY["supply_resistance_ohm"]
-    meaning = "resistance of cells, wires and switch of the servo supply, beyond the design's"
-    return [*rows, _slider("supply_resistance_ohm", supply.unit, meaning, supply.nominal, 0.0, MAX_SUPPLY_OHM)]
+    rows.append(
+        _slider(
+            name="supply_resistance_ohm",
+            unit=supply.unit,
+            meaning="resistance of cells, wires and switch of the servo supply, beyond the design's",
+            nominal=supply.nominal,
+            low=0.0,
+            high=MAX_SUPPLY_OHM,
+        )
+    )
+    return rows
 
 
 def _slider(name: str, unit: str, meaning: str, nominal: float, low: float, high: float) -> Slider:
+    """Return a slider of the page, whose range has three digits."""
     return {
         "name": name,
         "unit": unit,
@@ -148,12 +174,17 @@ def _slider(name: str, unit: str, meaning: str, nominal: float, low: float, high
 
 
 def _shown_designs(count: int, recommended: int | None) -> list[int]:
-    """Return all designs, or MAX_DESIGNS that are evenly spread over the family and the recommended one."""
+    """Return the indices of the designs that the page simulates, of ``count`` swept ones.
+
+    These are all, or MAX_DESIGNS that are evenly spread over the family, and the recommended one.
+    """
     if count <= MAX_DESIGNS:
         return list(range(count))
-    spread = {place * (count - 1) // (MAX_DESIGNS - 1) for place in range(MAX_DESIGNS)}
-    # A design that was not swept, and has trials only, comes after these.
-    return sorted(spread | ({recommended} if recommended is not None and recommended < count else set()))
+    shown = {place * (count - 1) // (MAX_DESIGNS - 1) for place in range(MAX_DESIGNS)}
+    # A recommended design that was not swept has no runs to simulate.
+    if recommended is not None and recommended < count:
+        shown.add(recommended)
+    return sorted(shown)
 
 
 def _inputs(info: ExperimentInfo, drives: StoredDrives, designs: Sequence[int], samples: Sequence[int]) -> str:
@@ -161,21 +192,32 @@ def _inputs(info: ExperimentInfo, drives: StoredDrives, designs: Sequence[int], 
 
     A design has its indices in both lists; a sample has its reality and the deviates of its start pose.
     """
-    # The index of each body and of each settings, by the number of its row in the store.
-    body_index = {row_id: index for index, row_id in enumerate(dict.fromkeys(drives.bodies[d] for d in designs))}
-    settings_index = {row_id: index for index, row_id in enumerate(dict.fromkeys(drives.settings[d] for d in designs))}
+    # The different bodies and settings of the designs, by the numbers of their rows in the store.
+    body_ids = list(dict.fromkeys(drives.bodies[design] for design in designs))
+    settings_ids = list(dict.fromkeys(drives.settings[design] for design in designs))
+    indices_of_design = {}
+    for design in designs:
+        body_index = body_ids.index(drives.bodies[design])
+        settings_index = settings_ids.index(drives.settings[design])
+        indices_of_design[design] = [body_index, settings_index]
+    realities = {}
+    for sample in samples:
+        realities[sample] = drives.value("variation", drives.variations[sample]) if drives.varied else {}
     head = {
-        "bodies": [drives.value("body", row_id) for row_id in body_index],
-        "settings": [drives.value("settings", row_id) for row_id in settings_index],
-        "designs": {d: [body_index[drives.bodies[d]], settings_index[drives.settings[d]]] for d in designs},
-        "realities": {k: drives.value("variation", drives.variations[k]) if drives.varied else {} for k in samples},
-        "deviates": {k: start_deviates(info.variation_seed, k) for k in samples},
+        "bodies": [drives.value("body", body_id) for body_id in body_ids],
+        "settings": [drives.value("settings", settings_id) for settings_id in settings_ids],
+        "designs": indices_of_design,
+        "realities": realities,
+        "deviates": {sample: start_deviates(info.variation_seed, sample) for sample in samples},
     }
     return blob(head)
 
 
 def _checks(runs: RunArrays) -> str:
-    """Return a hash (FNV-1a, 32 bits) of outcome and metrics of each run, 0 for one that no simulator ended alone."""
+    """Return a blob with a hash (FNV-1a, 32 bits) of outcome and metrics of each run.
+
+    The hash is 0 for a rejected or failed run, because it did not end in the simulator alone.
+    """
     hashes = result_hashes(runs.outcome, runs.metrics)
     for name in (REJECTED, FAILED):
         hashes[runs.outcome == OUTCOMES.index(name)] = 0
@@ -186,44 +228,43 @@ def result_hashes(outcome: NDArray[Any], metrics: NDArray[Any]) -> NDArray[Any]:
     """Return the hashes (n,) of outcomes (n,) and metrics (n, k), of their bytes as drives.js computes them."""
     # NaN has many bit patterns; here it has one.
     numbers = numpy.where(numpy.isnan(metrics), numpy.nan, metrics).astype("<f8")
-    octets = numpy.column_stack([outcome.astype(numpy.uint8), numbers.view(numpy.uint8).reshape(len(numbers), -1)])
-    hashes = numpy.full(len(octets), FNV_OFFSET, dtype=numpy.uint32)
-    for column in octets.T:
-        hashes = (hashes ^ column) * numpy.uint32(FNV_PRIME)
+    bytes_of_numbers = numbers.view(numpy.uint8).reshape(len(numbers), -1)
+    # A row of bytes for each run.
+    bytes_of_runs = numpy.column_stack([outcome.astype(numpy.uint8), bytes_of_numbers])
+    hashes = numpy.full(len(bytes_of_runs), FNV_OFFSET, dtype=numpy.uint32)
+    for byte_of_each_run in bytes_of_runs.T:
+        hashes = (hashes ^ byte_of_each_run) * numpy.uint32(FNV_PRIME)
     return hashes
 
 
 def _car_blobs(info: ExperimentInfo, drives: StoredDrives, designs: Sequence[int]) -> Blobs:
-    """Return what is drawn of each design."""
-    shapes, blobs = SceneShapes(), {}
+    """Return a blob with what is drawn of each design, and a blob with the pieces that they share."""
+    shapes = SceneShapes()
+    blobs = {}
     for design in designs:
+        car = folded_columns(info.vehicle_type, drives.parameters[design])
+        # If this foldcar cannot fold the car, the page shows the boxes of its body instead of parts.
+        parts = None if car is None else shapes.add(car)
         body = drawn_body(drives.value("body", drives.bodies[design]))
-        blobs[f"car-{design}"] = blob({"body": body, "parts": _parts(info, drives.parameters[design], shapes)})
-    return {**blobs, "pieces": blob(shapes.pieces)}
-
-
-def _parts(info: ExperimentInfo, parameters: Mapping[str, Any], shapes: SceneShapes) -> list[dict[str, Any]] | None:
-    """Return the folded car's parts; None if this foldcar cannot fold it: then the page shows its body's boxes."""
-    car = folded_columns(info.vehicle_type, parameters)
-    return None if car is None else shapes.add(car)
+        blobs[f"car-{design}"] = blob({"body": body, "parts": parts})
+    blobs["pieces"] = blob(shapes.pieces)
+    return blobs
 
 
 def _trial(store: Store, blobs: Blobs, trial: Trial) -> TrialReplay:
-    """Return what is drawn of a trial; its path is a blob of its own."""
+    """Return what is drawn of a trial, and add its path to the ``blobs``."""
     path = trial_path(store, trial)
+    has_path = path.rows is not None
     if path.rows is not None:
         blobs[f"trial-{trial.id}"] = blob(path.rows.round(4).tolist())
-    return {
-        "moved": len(trial.deviations),
-        "path": path.rows is not None,
-        "attitude": None if path.attitude is None else [list(row) for row in path.attitude],
-        "missing": path.missing,
-    }
+    attitude = None if path.attitude is None else [list(row) for row in path.attitude]
+    return {"moved": len(trial.deviations), "path": has_path, "attitude": attitude, "missing": path.missing}
 
 
 def blob(head: Any, content: bytes = b"") -> str:
     """Return ``head`` as JSON, a line feed and ``content``, deflated, as text that is safe inside any element."""
-    return deflated(json.dumps(head, separators=(",", ":"), allow_nan=False).encode() + b"\n" + content)
+    head_json = json.dumps(head, separators=(",", ":"), allow_nan=False)
+    return deflated(head_json.encode() + b"\n" + content)
 
 
 def deflated(content: bytes) -> str:

@@ -8,7 +8,6 @@ Differences of a built car are those of :mod:`foldcar.car.variation`. Those of w
 left minus right. Columns that are constant, or linear in a column before them, are left out.
 """
 
-import itertools
 import json
 import math
 import re
@@ -29,9 +28,10 @@ from foldcar.store.tables import BY_NAME, DESIGN, EXPERIMENT
 
 # Columns with a greater correlation count as the same.
 MAX_CORRELATION = 0.9995
+# A column is constant if its range is at most this fraction of its largest magnitude, a rounding error.
+MIN_RELATIVE_RANGE = 1e-9
 # Keys that are not quantities.
 LEFT_OUT = ("seed",)
-SIDES = ("left", "right")
 # Units for readers, with the factor.
 READERS_UNITS = {"m": ("mm", 1000.0), "rad": ("°", 180 / math.pi)}
 # A column of a piece: the piece's kind and number, the property.
@@ -72,9 +72,13 @@ def environment_values(store: Store, info: ExperimentInfo) -> EnvironmentValues:
 def read_scenes(store: Store, info: ExperimentInfo) -> dict[int, Mapping[str, Any]]:
     """Return the stored scenes of an experiment by sample, read once from an open store. Raises StoreError."""
     row = store.row(EXPERIMENT, id=info.id)
-    return store.once(
-        ("read scenes", info.id), lambda: _by_sample(store, row, "sample", "environment_id", "scene", lambda scene: scene)
-    )
+
+    def read() -> dict[int, Mapping[str, Any]]:
+        return _by_sample(
+            store, row, table="sample", key="environment_id", content_table="scene", read=lambda scene: scene
+        )
+
+    return store.once(("read scenes", info.id), read)
 
 
 def objects_of_pieces(
@@ -85,14 +89,20 @@ def objects_of_pieces(
     ``objects`` are ExperimentInfo's ``terrain_objects``. Where the store lacks them, each piece is an object. Returns
     None if the scenes have different pieces.
     """
-    kinds = {tuple(piece["kind"] for piece in scene.get("terrain", ())) for scene in scenes}
-    if len(kinds) != 1:
+    kinds_of_scenes = {tuple(piece["kind"] for piece in scene.get("terrain", ())) for scene in scenes}
+    if len(kinds_of_scenes) != 1:
         return None
-    (pieces,) = kinds
-    if sum(count for _, count in objects) != len(pieces):
-        return [(_piece_label(name), [index]) for index, name in enumerate(_piece_names(pieces))]
-    indices = iter(range(len(pieces)))
-    return [(name, list(itertools.islice(indices, count))) for name, count in objects]
+    # The kind of each piece, the same in all scenes.
+    kinds = kinds_of_scenes.pop()
+    if sum(count for _, count in objects) != len(kinds):
+        return [(_piece_label(name), [index]) for index, name in enumerate(_piece_names(kinds))]
+    # The pieces of an object follow each other.
+    pieces_of_objects = []
+    first = 0
+    for name, count in objects:
+        pieces_of_objects.append((name, list(range(first, first + count))))
+        first += count
+    return pieces_of_objects
 
 
 def _piece_names(kinds: Iterable[str]) -> Iterator[str]:
@@ -110,11 +120,15 @@ def _piece_label(name: str) -> str:
 
 
 def _object_parameters(store: Store, experiment: Any, samples: Iterable[int]) -> dict[int, list[Any]]:
-    """Return names and parameters of the terrain objects by sample; {} if the store lacks those of one of ``samples``."""
+    """Return names and parameters of the terrain objects by sample; {} if the store lacks those of one of ``samples``.
+
+    ``experiment`` is the experiment's row in the store.
+    """
     where = "WHERE environment_id = ?1 AND sample < ?2"
     rows = store.rows(BY_NAME["sample"], where, experiment["environment_id"], experiment["environments"])
-    objects = {row["sample"]: json.loads(row["objects"]) for row in rows if row["objects"] is not None}
-    return objects if all(sample in objects for sample in samples) else {}
+    objects_by_sample = {row["sample"]: json.loads(row["objects"]) for row in rows if row["objects"] is not None}
+    is_complete = all(sample in objects_by_sample for sample in samples)
+    return objects_by_sample if is_complete else {}
 
 
 def _object_columns(names: Sequence[str]) -> list[str]:
@@ -133,33 +147,49 @@ def _object_columns(names: Sequence[str]) -> list[str]:
 
 def _read(store: Store, info: ExperimentInfo) -> EnvironmentValues:
     """Read the scenes and built cars of an experiment into a table."""
-    row = store.row(EXPERIMENT, id=info.id)
-    stored = read_scenes(store, info)
-    objects = _object_parameters(store, row, stored)
-    labels = {
-        f"{column}.{parameter}": f"{name} {label_and_unit(parameter)[0]}"
-        for sampled in objects.values()
-        for column, (name, parameters) in zip(_object_columns([name for name, _ in sampled]), sampled, strict=True)
-        for parameter in parameters
-    }
-    scenes = {sample: _scene(scene, objects.get(sample)) for sample, scene in stored.items()}
-    first = store.row(DESIGN, experiment=info.id, position=0)
-    body = store.row(BY_NAME["body"], id=first["body_id"])
+    experiment = store.row(EXPERIMENT, id=info.id)
+    scenes = read_scenes(store, info)
+    objects_by_sample = _object_parameters(store, experiment, scenes)
+    first_design = store.row(DESIGN, experiment=info.id, position=0)
+    body = store.row(BY_NAME["body"], id=first_design["body_id"])
     wheels = json.loads(body["json"]).get("wheels", ())
-    cars = _by_sample(
-        store, row, table="draw", key="spread_id", content_table="variation", read=lambda drawn: _car(drawn, wheels)
+    # The values by name of each scene and of each car, by sample.
+    scene_values = {sample: _scene(scene, objects_by_sample.get(sample)) for sample, scene in scenes.items()}
+    car_values = _by_sample(
+        store,
+        experiment,
+        table="draw",
+        key="spread_id",
+        content_table="variation",
+        read=lambda drawn: _car(drawn, wheels),
     )
-    tables = [scenes, cars]
-    names = list(dict.fromkeys(name for table in tables for sampled in table.values() for name in sampled))
-    column_of_name = {name: place for place, name in enumerate(names)}
-    values = numpy.full((info.environments, len(names)), numpy.nan)
-    for table in tables:
-        for sample, row_values in table.items():
-            values[sample, [column_of_name[name] for name in row_values]] = list(row_values.values())
+    samples_with_values = [*scene_values.items(), *car_values.items()]
+    index_by_name: dict[str, int] = {}
+    for _, values_by_name in samples_with_values:
+        for name in values_by_name:
+            index_by_name.setdefault(name, len(index_by_name))
+    values = numpy.full((info.environments, len(index_by_name)), numpy.nan)
+    for sample, values_by_name in samples_with_values:
+        for name, value in values_by_name.items():
+            values[sample, index_by_name[name]] = value
+    names = list(index_by_name)
+    labels = _labels_of_objects(objects_by_sample)
+    prefixes = _prefixes_of_pieces(info, scenes)
     informative = _informative(values)
-    prefixes = _prefixes_of_pieces(info, stored)
     columns = tuple(_column(names[index], labels, prefixes) for index in informative)
     return EnvironmentValues(columns, values[:, informative])
+
+
+def _labels_of_objects(objects_by_sample: Mapping[int, Sequence[Any]]) -> dict[str, str]:
+    """Return the label of each column of an object's parameter, by the column's name."""
+    labels = {}
+    for objects in objects_by_sample.values():
+        columns = _object_columns([name for name, _ in objects])
+        for column, (name, parameters) in zip(columns, objects, strict=True):
+            for parameter in parameters:
+                label, _ = label_and_unit(parameter)
+                labels[f"{column}.{parameter}"] = f"{name} {label}"
+    return labels
 
 
 def _prefixes_of_pieces(info: ExperimentInfo, scenes: Mapping[int, Mapping[str, Any]]) -> dict[str, str]:
@@ -167,13 +197,18 @@ def _prefixes_of_pieces(info: ExperimentInfo, scenes: Mapping[int, Mapping[str, 
     objects = objects_of_pieces(info.terrain_objects, scenes.values())
     if objects is None:
         return {}
-    terrain = next(iter(scenes.values())).get("terrain", ())
-    pieces = list(_piece_names(piece["kind"] for piece in terrain))
+    first_scene = next(iter(scenes.values()))
+    kinds = [piece["kind"] for piece in first_scene.get("terrain", ())]
+    piece_names = list(_piece_names(kinds))
     prefixes = {}
-    for name, indices in objects:
-        own = _piece_names(terrain[index]["kind"] for index in indices)
-        for index, piece in zip(indices, own, strict=True):
-            prefixes[pieces[index]] = f"{name} " if len(indices) == 1 else f"{name}, {_piece_label(piece)}: "
+    for object_name, indices in objects:
+        if len(indices) == 1:
+            prefixes[piece_names[indices[0]]] = f"{object_name} "
+            continue
+        # The pieces of an object are counted anew.
+        names_in_object = _piece_names(kinds[index] for index in indices)
+        for index, name_in_object in zip(indices, names_in_object, strict=True):
+            prefixes[piece_names[index]] = f"{object_name}, {_piece_label(name_in_object)}: "
     return prefixes
 
 
@@ -185,12 +220,14 @@ def _by_sample(
     The rows of ``table`` (sample or draw) with the experiment's value of ``key`` (its environment or spread) name a row
     of ``content_table`` (scene or variation) for each sample.
     """
-    rows = store.rows(BY_NAME[table], f"WHERE {key} = ?1 AND sample < ?2", experiment[key], experiment["environments"])
-    ids = {row["sample"]: row[f"{content_table}_id"] for row in rows}
-    where = f"WHERE id IN (SELECT {content_table}_id FROM {table} WHERE {key} = ?1 AND sample < ?2)"
-    texts = store.rows(BY_NAME[content_table], where, experiment[key], experiment["environments"])
-    values = {row["id"]: read(json.loads(row["json"])) for row in texts}
-    return {sample: values[row_id] for sample, row_id in ids.items() if row_id in values}
+    content_id = f"{content_table}_id"
+    of_experiment = f"WHERE {key} = ?1 AND sample < ?2"
+    limits = experiment[key], experiment["environments"]
+    id_by_sample = {row["sample"]: row[content_id] for row in store.rows(BY_NAME[table], of_experiment, *limits)}
+    where = f"WHERE id IN (SELECT {content_id} FROM {table} {of_experiment})"
+    contents = store.rows(BY_NAME[content_table], where, *limits)
+    value_by_id = {row["id"]: read(json.loads(row["json"])) for row in contents}
+    return {sample: value_by_id[row_id] for sample, row_id in id_by_sample.items() if row_id in value_by_id}
 
 
 def _scene(scene: Mapping[str, Any], objects: Sequence[Any] | None) -> dict[str, float]:
@@ -203,13 +240,19 @@ def _scene(scene: Mapping[str, Any], objects: Sequence[Any] | None) -> dict[str,
         values |= _numbers(f"scene_{position}", scene.get(position) or {})
     terrain = scene.get("terrain", ())
     if objects is not None:
-        for column, (_, parameters) in zip(_object_columns([name for name, _ in objects]), objects, strict=True):
-            values |= {f"{column}.{key}": float(value) for key, value in parameters.items() if key not in LEFT_OUT}
+        columns = _object_columns([name for name, _ in objects])
+        for column, (_, parameters) in zip(columns, objects, strict=True):
+            for key, value in parameters.items():
+                if key not in LEFT_OUT:
+                    values[f"{column}.{key}"] = float(value)
     else:
-        for name, piece in zip(_piece_names(piece["kind"] for piece in terrain), terrain, strict=True):
-            values |= _numbers(f"scene_{name}", piece)
-    heights = [piece.get("height_m", 0.0) for piece in terrain]
-    return values | {"scene_pieces": len(heights), "scene_highest_m": max(heights, default=0.0)}
+        piece_names = _piece_names(piece["kind"] for piece in terrain)
+        for piece_name, piece in zip(piece_names, terrain, strict=True):
+            values |= _numbers(f"scene_{piece_name}", piece)
+    heights_m = [piece.get("height_m", 0.0) for piece in terrain]
+    values["scene_pieces"] = len(heights_m)
+    values["scene_highest_m"] = max(heights_m, default=0.0)
+    return values
 
 
 def _numbers(start: str, values: Mapping[str, Any]) -> dict[str, float]:
@@ -226,37 +269,58 @@ def _car(drawn: Mapping[str, Any], wheels: Any) -> dict[str, float]:
 
     ``drawn`` is a sample's stored variation, ``wheels`` are those of the body of the family's first design.
     """
-    result = {}
+    values = {}
     for name, value in drawn.items():
         if name not in workshop():
             continue
         if not isinstance(value, list):
-            result[f"car_{name}"] = float(value)
+            values[f"car_{name}"] = float(value)
         elif wheels:
-            own_wheels = [wheel for wheel in wheels if "servo" in wheel or name not in SERVO_DIFFERENCES]
-            # A servo that is mounted the other way round turns the other way with the same pulse.
-            signs = [wheel["servo"]["direction"] if name == "neutral_us" else 1 for wheel in own_wheels]
-            by_wheel = [sign * value[wheel["channel"]] for sign, wheel in zip(signs, own_wheels, strict=True)]
-            result[f"car_mean_{name}"] = sum(by_wheel) / len(by_wheel)
-            pairs = list(zip(own_wheels, by_wheel, strict=True))
-            sides = [[number for wheel, number in pairs if wheel["side"] == side] for side in SIDES]
-            if all(sides):
-                left, right = (sum(side) / len(side) for side in sides)
-                result[f"car_left_less_right_{name}"] = left - right
-    return result
+            values |= _wheel_values(name, value, wheels)
+    return values
+
+
+def _wheel_values(name: str, value_by_channel: Sequence[float], wheels: Any) -> dict[str, float]:
+    """Return the mean of a quantity over a car's wheels, and if there are wheels on both sides, left minus right.
+
+    ``value_by_channel`` has the value of each servo channel.
+    """
+    all_values: list[float] = []
+    values_by_side: dict[str, list[float]] = {"left": [], "right": []}
+    for wheel in wheels:
+        # A wheel without servo has no differences of a servo.
+        if name in SERVO_DIFFERENCES and "servo" not in wheel:
+            continue
+        # A servo that is mounted the other way round turns the other way with the same pulse.
+        sign = wheel["servo"]["direction"] if name == "neutral_us" else 1
+        value = sign * value_by_channel[wheel["channel"]]
+        all_values.append(value)
+        values_by_side[wheel["side"]].append(value)
+    values = {f"car_mean_{name}": sum(all_values) / len(all_values)}
+    left_values, right_values = values_by_side["left"], values_by_side["right"]
+    if left_values and right_values:
+        left_mean = sum(left_values) / len(left_values)
+        right_mean = sum(right_values) / len(right_values)
+        values[f"car_left_less_right_{name}"] = left_mean - right_mean
+    return values
 
 
 def _informative(values: NDArray[Any]) -> list[int]:
     """Return the indices of columns that vary and are not linear in a column before them."""
     informative: list[int] = []
     for index, column in enumerate(values.T):
-        present = ~numpy.isnan(column)
-        if present.sum() < 2 or numpy.ptp(column[present]) <= 1e-9 * abs(column[present]).max():
+        is_known = ~numpy.isnan(column)
+        known_values = column[is_known]
+        if len(known_values) < 2 or numpy.ptp(known_values) <= MIN_RELATIVE_RANGE * abs(known_values).max():
             continue
-        # Columns that are known in the same samples.
-        comparable = [other for other in informative if (numpy.isnan(values[:, other]) != present).all()]
-        correlations = [numpy.corrcoef(values[present, other], column[present])[0, 1] for other in comparable]
-        if all(abs(correlation) <= MAX_CORRELATION for correlation in correlations):
+        is_repeated = False
+        for earlier in informative:
+            # Only columns that are known in the same samples can be compared.
+            if (~numpy.isnan(values[:, earlier]) == is_known).all():
+                correlation = numpy.corrcoef(values[is_known, earlier], known_values)[0, 1]
+                # NaN counts as a repetition.
+                is_repeated = is_repeated or not abs(correlation) <= MAX_CORRELATION
+        if not is_repeated:
             informative.append(index)
     return informative
 
@@ -266,8 +330,10 @@ def _column(name: str, labels: Mapping[str, str], prefixes: Mapping[str, str]) -
 
     ``labels`` are those of objects' columns. ``prefixes`` begin the labels of pieces' columns, by piece.
     """
-    unit = label_and_unit(name)[1]
-    return EnvironmentColumn(name, labels.get(name) or _label(name, prefixes), *READERS_UNITS.get(unit, (unit, 1.0)))
+    _, si_unit = label_and_unit(name)
+    unit, scale = READERS_UNITS.get(si_unit, (si_unit, 1.0))
+    label = labels.get(name) or _label(name, prefixes)
+    return EnvironmentColumn(name, label, unit, scale)
 
 
 def _label(name: str, prefixes: Mapping[str, str]) -> str:
@@ -276,9 +342,14 @@ def _label(name: str, prefixes: Mapping[str, str]) -> str:
     That of ``scene_box_2_height_m`` is ``stair, block 2: height``, that of ``car_mean_neutral_us`` ``car, mean neutral``.
     """
     match = PIECE.fullmatch(name)
-    if match:
+    if match is not None:
         piece_name, quantity = match[1], match[2]
-        return f"{prefixes.get(piece_name, f'{_piece_label(piece_name)} ')}{label_and_unit(quantity)[0]}"
-    label = label_and_unit(name.removeprefix("scene_"))[0]
-    label = {"highest": "highest obstacle", "pieces": "pieces of terrain"}.get(label, label)
+        prefix = prefixes.get(piece_name, f"{_piece_label(piece_name)} ")
+        quantity_label, _ = label_and_unit(quantity)
+        return f"{prefix}{quantity_label}"
+    label, _ = label_and_unit(name.removeprefix("scene_"))
+    if label == "highest":
+        return "highest obstacle"
+    if label == "pieces":
+        return "pieces of terrain"
     return label.replace("car mean", "car, mean").replace("car left less right", "car, left less right")

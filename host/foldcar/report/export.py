@@ -160,27 +160,34 @@ def export_trials(store: Store, file: Path, simulated_trials: bool) -> tuple[int
     return len(trials), left_out_text(left_out)
 
 
+def _recorded_kind(types: Collection[str]) -> str:
+    """Return the first of RECORDED_KINDS that holds all these JSON types, else ``json``."""
+    for kind, held_types in RECORDED_KINDS.items():
+        if held_types.issuperset(types):
+            return kind
+    return "json"
+
+
 class _RunTable:
     """The runs of a store as rows of cells; ``recorded`` has each recorded name's kind, of RECORDED_KINDS or ``json``."""
 
     def __init__(self, store: Store, failed: bool) -> None:
         self._store, self._failed = store, failed
         self._design = store.design_columns()
-        # The first kind that holds all types of the name's values.
-        self.recorded = {
-            name: next((kind for kind, takes in RECORDED_KINDS.items() if types <= takes), "json")
-            for name, types in store.recorded_types().items()
-        }
+        self.recorded = {name: _recorded_kind(types) for name, types in store.recorded_types().items()}
         infos = store.info().experiments.values() if store.experiment_ids() else ()
         self._sampled = {info.id: environment_values(store, info) for info in infos}
-        # The indices of sampled values in the table of each experiment.
-        column_index = {
-            id: {column.name: k for k, column in enumerate(table.columns)} for id, table in self._sampled.items()
-        }
-        names = list(dict.fromkeys(name for columns in column_index.values() for name in columns))
-        self._sampled_indices = {id: [columns.get(name) for name in names] for id, columns in column_index.items()}
-        recorded = (f"{RECORDED_PREFIX}{name}" for name in self.recorded)
-        self.columns = [*RESULT_COLUMNS, *self._design, *recorded, *names]
+        # The names of the sampled values of all experiments, in order of appearance.
+        sampled_names: dict[str, None] = {}
+        for table in self._sampled.values():
+            sampled_names |= dict.fromkeys(column.name for column in table.columns)
+        # For each experiment, the index in its table of each of these names; None if the table lacks it.
+        self._sampled_indices: dict[str, list[int | None]] = {}
+        for experiment, table in self._sampled.items():
+            index_by_name = {column.name: index for index, column in enumerate(table.columns)}
+            self._sampled_indices[experiment] = [index_by_name.get(name) for name in sampled_names]
+        recorded_columns = [f"{RECORDED_PREFIX}{name}" for name in self.recorded]
+        self.columns = [*RESULT_COLUMNS, *self._design, *recorded_columns, *sampled_names]
 
     def rows(self, lists: Collection[str] = ()) -> Iterator[list[Any]]:
         """Yield the cells of each run; recorded values named in ``lists`` are lists."""
@@ -189,26 +196,30 @@ class _RunTable:
             if self._failed and result.outcome != "failed":
                 continue
             passed = has_passed(result.outcome) if result.experiment in defined else None
-            yield [
-                *(result.experiment, result.vehicle, result.environment, result.sample, result.outcome, passed),
-                *(result.metrics[name] for name in NUMBERS),
-                result.message,
-                *(result.design.get(column) for column in self._design),
-                *(
-                    list_cell(result.recorded.get(name)) if name in lists else _recorded_cell(result.recorded, name, kind)
-                    for name, kind in self.recorded.items()
-                ),
-                *self._sampled_cells(result),
-            ]
+            cells = [result.experiment, result.vehicle, result.environment, result.sample, result.outcome, passed]
+            cells += [result.metrics[name] for name in NUMBERS]
+            cells.append(result.message)
+            cells += [result.design.get(column) for column in self._design]
+            for name, kind in self.recorded.items():
+                if name in lists:
+                    cells.append(list_cell(result.recorded.get(name)))
+                else:
+                    cells.append(_recorded_cell(result.recorded, name, kind))
+            cells += self._sampled_cells(result)
+            yield cells
 
     def _sampled_cells(self, result: Result) -> Iterator[float | None]:
-        """Yield a run's sampled values; None for those that its environment lacks."""
-        row = self._sampled[result.experiment].values[result.sample].tolist()
+        """Yield a run's sampled values of scene and car; None for those that its environment lacks."""
+        values = self._sampled[result.experiment].values[result.sample].tolist()
         for index in self._sampled_indices[result.experiment]:
-            yield None if index is None or row[index] is None or math.isnan(row[index]) else row[index]
+            if index is None or math.isnan(values[index]):
+                yield None
+            else:
+                yield values[index]
 
 
 def _recorded_cell(recorded: Mapping[str, Recorded], name: str, kind: str) -> Any:
+    """Return a recorded value as a cell, as JSON text if its ``kind`` is json; None if the run has no such value."""
     if name not in recorded:
         return None
     value = recorded[name].value
@@ -216,17 +227,24 @@ def _recorded_cell(recorded: Mapping[str, Recorded], name: str, kind: str) -> An
 
 
 def _csv_cell(cell: Any) -> Any:
+    """Return a cell as CSV has it: booleans as in JSON, whole numbers without ``.0``, text that is no formula."""
     if isinstance(cell, bool):
         return json.dumps(cell)
-    return repr(cell).removesuffix(".0") if isinstance(cell, float) else spreadsheet_cell(cell)
+    if isinstance(cell, float):
+        return repr(cell).removesuffix(".0")
+    return spreadsheet_cell(cell)
 
 
 def _field(name: str, kind: Any) -> Any:
-    """Return pyarrow's field of that type, with the unit, if it has one, as metadata ``unit``."""
+    """Return pyarrow's field of the type ``kind``. If the field has a unit, its metadata has it as ``unit``."""
     import pyarrow as pa
 
-    suffix = name.rpartition("_")[2]
-    unit = UNITS.get(name, suffix if suffix in SUFFIXES else None)
+    unit: str | None = None
+    _, _, suffix = name.rpartition("_")
+    if name in UNITS:
+        unit = UNITS[name]
+    elif suffix in SUFFIXES:
+        unit = suffix
     return pa.field(name, kind, metadata=None if unit is None else {"unit": unit})
 
 
@@ -237,20 +255,30 @@ def list_type(recorded: Iterable[Recorded | None]) -> Any:
     """
     import pyarrow as pa
 
-    values = [record for record in recorded if record is not None and record.value is not None]
-    if not values or not all(isinstance(record.value, list) for record in values):
+    known_records = [record for record in recorded if record is not None and record.value is not None]
+    if not known_records or not all(isinstance(record.value, list) for record in known_records):
         return None
-    series = [record.kind == "series" for record in values]
-    if not any(series):
-        return _type_of([record.value for record in values])
-    inner = _type_of([entry[1] for record in values for entry in record.value]) if all(series) else None
-    return inner and pa.list_(pa.struct([pa.field("time_s", pa.float64(), metadata={"unit": "s"}), ("value", inner)]))
+    is_series = [record.kind == "series" for record in known_records]
+    if not any(is_series):
+        return _type_of([record.value for record in known_records])
+    if not all(is_series):
+        return None
+    values = []
+    for record in known_records:
+        values += [value for _, value in record.value]
+    value_type = _type_of(values)
+    if value_type is None:
+        return None
+    time = pa.field("time_s", pa.float64(), metadata={"unit": "s"})
+    return pa.list_(pa.struct([time, ("value", value_type)]))
 
 
 def list_cell(recorded: Recorded | None) -> Any:
-    """Return a value as a cell of a column of :func:`list_type`."""
-    if recorded is None or recorded.kind != "series":
-        return None if recorded is None else recorded.value
+    """Return a value as a cell of a column of :func:`list_type`; None if the run has no such value."""
+    if recorded is None:
+        return None
+    if recorded.kind != "series":
+        return recorded.value
     return [{"time_s": time_s, "value": value} for time_s, value in recorded.value or ()]
 
 

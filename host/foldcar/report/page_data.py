@@ -60,8 +60,10 @@ def page_data(
 
 def _title(study: StudyInfo | None) -> tuple[str, str]:
     """Return title and notes of the listing, "" without them."""
+    if study is None:
+        return "", ""
     try:
-        listing = json5.loads(study.listing_text) if study is not None else {}
+        listing = json5.loads(study.listing_text)
         return str(listing.get("title", "")), str(listing.get("notes", ""))
     except (ValueError, AttributeError):
         # A search's text, or one of another version, need not be a listing.
@@ -75,6 +77,7 @@ def _experiment(
     experiments: Sequence[ReportedExperiment],
     command: Sequence[str],
 ) -> PageExperiment:
+    """Return the page's data of an experiment; ``experiments`` are all of the report, to be compared with it."""
     info, evidence, effects = experiment.info, experiment.evidence, experiment.effects
     indices = experiment.parameter_indices
     threshold, listed = experiment.thresholds[-1], info.stored_runs <= MAX_RUNS
@@ -126,16 +129,11 @@ def _experiment(
 
 
 def _next(names: Sequence[str], selection: Selection) -> NextSteps:
-    """Return the next step, and the steps that were weighed."""
-    steps: list[NextStep] = [
-        {
-            "text": step.text,
-            "design": names.index(step.label) if step.label in names else None,
-            "gain": round(step.gain, 6),
-            "minutes": step.minutes,
-        }
-        for step in selection.steps
-    ]
+    """Return what to do next, in a sentence, and the possible steps; ``names`` are the designs' names on the page."""
+    steps: list[NextStep] = []
+    for step in selection.steps:
+        design = names.index(step.label) if step.label in names else None
+        steps.append({"text": step.text, "design": design, "gain": round(step.gain, 6), "minutes": step.minutes})
     return {"text": selection.learn, "steps": steps}
 
 
@@ -176,14 +174,21 @@ def _provenance(study: StudyInfo | None, info: ExperimentInfo, command: Sequence
 
 
 def _assigned(values: Mapping[str, Any]) -> str:
-    return ", ".join(f"{name} {f'{value:g}' if isinstance(value, float) else value}" for name, value in values.items())
+    """Return names with their values, such as ``friction 0.6, step_height 0.03``."""
+    texts = []
+    for name, value in values.items():
+        value_shown = f"{value:g}" if isinstance(value, float) else value
+        texts.append(f"{name} {value_shown}")
+    return ", ".join(texts)
 
 
 def _frozen(info: ExperimentInfo) -> str:
+    """Return which objects and parameters keep the values of a sample; "" if all are sampled."""
     if info.condition is None:
         return ""
-    frozen = [*info.condition.get("objects", []), *info.condition.get("params", [])]
-    return f"as in sample {info.condition['sample']}: {', '.join(frozen) or 'everything'}"
+    frozen_names = [*info.condition.get("objects", []), *info.condition.get("params", [])]
+    names = ", ".join(frozen_names) or "everything"
+    return f"as in sample {info.condition['sample']}: {names}"
 
 
 def _trial_rows(store: Store, experiment: ReportedExperiment) -> list[TrialRow]:

@@ -51,33 +51,37 @@ class DesignColumns:
         """Return the interval of each rate of ``counts`` (designs, 2): passed and all."""
         if not self.evidence.info.success_defined:
             return [None] * len(counts)
-        ends = [rate.rate_interval(row[0], row[1], sequential) if row[1] else None for row in counts.tolist()]
-        return [None if end is None else (round(end[0], 6), round(end[1], 6)) for end in ends]
+        intervals: list[Interval] = []
+        for passed, counted in counts.tolist():
+            if not counted:
+                intervals.append(None)
+                continue
+            low, high = rate.rate_interval(passed, counted, sequential)
+            intervals.append((round(low, 6), round(high, 6)))
+        return intervals
 
     @property
     def simulation(self) -> list[Band]:
         """Success in this simulator."""
-        return [
-            None if end is None else (passed / runs, *end)
-            for end, (passed, runs) in zip(self.run_intervals, self.evidence.run_counts.tolist(), strict=True)
-        ]
+        bands: list[Band] = []
+        for interval, (passed, runs) in zip(self.run_intervals, self.evidence.run_counts.tolist(), strict=True):
+            if interval is None:
+                bands.append(None)
+                continue
+            low, high = interval
+            bands.append((passed / runs, low, high))
+        return bands
 
     @cached_property
     def built(self) -> list[Band]:
         """The success of a further built car; None without a belief."""
+        bands: list[Band] = [None] * len(self.names)
         belief = self.evidence.belief
         if belief is None:
-            return self._bands([])
-        return self._bands([[rate.value, rate.low, rate.high] for rate in belief.answers.built])
-
-    def _bands(self, rows: Sequence[Sequence[float]]) -> list[Band]:
-        """Return the bands of all designs from the ``rows`` of those in the belief; None for the others."""
-        bands: list[Band] = [None] * len(self.names)
-        indices = [] if self.evidence.belief is None else self.evidence.belief.design_indices.tolist()
-        # Without rows, no design has a band.
-        for index, row in zip(indices, rows, strict=bool(rows)):
-            value, low, high = (round(number, 6) for number in row)
-            bands[index] = value, low, high
+            return bands
+        # The belief need not be about all designs.
+        for index, estimate in zip(belief.design_indices.tolist(), belief.answers.built, strict=True):
+            bands[index] = round(estimate.value, 6), round(estimate.low, 6), round(estimate.high, 6)
         return bands
 
     def page(self, threshold: float, measures: list[Measure]) -> DesignTable:
@@ -86,12 +90,20 @@ class DesignColumns:
         driven = evidence.belief is not None and evidence.belief.driven
         # Verdicts are about built cars as soon as one was driven, before that and without a belief about simulation.
         judged = self.built if driven else self.simulation
-        values = {
-            name: {value: index for index, value in enumerate(all_values)} for name, all_values in evidence.values.items()
-        }
-        verdicts = {design.label: design.verdict for design in compare_experiment(evidence).designs}
+        index_by_value = {}
+        for name, values in evidence.values.items():
+            index_by_value[name] = {value: index for index, value in enumerate(values)}
+        # Of each design, the index of each varied parameter's value among all its values.
+        value_indices = []
+        for design in family:
+            value_indices.append([index_by_value[name][float(design.design[name])] for name in index_by_value])
+        verdict_by_name = {design.label: design.verdict for design in compare_experiment(evidence).designs}
+        refuted = []
+        for name in self.names:
+            design_verdict = verdict_by_name.get(name)
+            refuted.append(design_verdict if design_verdict in (OPTIMISTIC, PESSIMISTIC) else None)
         return {
-            "value": [[values[name][float(design.design[name])] for name in values] for design in family],
+            "value": value_indices,
             "name": self.names,
             "swept": [design.swept for design in family],
             "runs": evidence.run_counts[:, 1].tolist(),
@@ -109,9 +121,7 @@ class DesignColumns:
             "belief_low": _column(self.built, 1),
             "belief_high": _column(self.built, 2),
             "verdict": [verdict(band, threshold) for band in judged],
-            "refuted": [
-                verdicts.get(name) if verdicts.get(name) in (OPTIMISTIC, PESSIMISTIC) else None for name in self.names
-            ],
+            "refuted": refuted,
             "measures": measures,
         }
 
@@ -132,7 +142,9 @@ def verdict(band: Band, threshold: float) -> Literal["good", "bad", "open"] | No
     _, low, high = band
     if low >= threshold:
         return "good"
-    return "bad" if high < threshold else "open"
+    if high < threshold:
+        return "bad"
+    return "open"
 
 
 def _column(rows: Sequence[tuple[float, ...] | None], index: int) -> Column:

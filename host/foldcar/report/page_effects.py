@@ -28,17 +28,20 @@ def read_effects(evidence: Evidence) -> tuple[Effects | None, list[int]]:
     for index, name in enumerate(evidence.values):
         if len({design.design[name] for design in swept if design.runs}) > 1:
             indices.append(index)
-    names = [list(evidence.values)[index] for index in indices]
+    all_names = list(evidence.values)
+    names = [all_names[index] for index in indices]
     # Fewer designs cannot separate the effects of so many parameters.
     if not names or has_runs.sum() < 2 ** len(names) or not evidence.info.success_defined:
         return None, indices
     runs = evidence.runs.counted
-    x = [[float(design.design[name]) for name in names] for design in swept]
+    has_passed = runs.outcome == OUTCOMES.index("passed")
+    parameters = [[float(design.design[name]) for name in names] for design in swept]
     try:
         with threadpool_limits(1):
-            return fit_effects(x, runs.design, runs.sample, runs.outcome == OUTCOMES.index("passed")), indices
+            effects = fit_effects(parameters, runs.design, runs.sample, has_passed)
     except FoldcarError:
         return None, indices
+    return effects, indices
 
 
 def effect_rows(effects: Effects, indices: list[int]) -> list[ParameterEffect]:

@@ -4,6 +4,7 @@ Values are biased upwards in the environments that chose the design, so only des
 best. The objectives are computed by :mod:`foldcar.study.search.objectives`.
 """
 
+import math
 from collections.abc import Sequence
 
 from foldcar.evidence.evidence import Evidence
@@ -22,16 +23,20 @@ def search_front(evidence: Evidence, areas: Sequence[float | None], fresh: Evide
     objectives = [OBJECTIVES[name] for name in info.objectives if name in OBJECTIVES]
     if not objectives:
         return None
-    tried_rows, fresh_rows = _rows(evidence), _rows(fresh) if fresh is not None else []
+    searched_runs = _runs_by_design(evidence)
+    max_runs = max((len(runs) for runs in searched_runs), default=0)
+    fresh_runs = [] if fresh is None else _runs_by_design(fresh)
     points: list[FrontPoint] = []
-    for index, rows in enumerate(tried_rows):
-        fresh_index = None if fresh is None else fresh.index_of(evidence.family[index])
-        own_fresh_rows = fresh_rows[fresh_index] if fresh_index is not None else []
-        # Designs that the search abandoned were not tried in all environments: they have no point.
-        if own_fresh_rows or len(rows) == max(map(len, tried_rows)):
-            is_fresh = bool(own_fresh_rows)
-            own_rows = own_fresh_rows if is_fresh else rows
-            points.append(_point(index, objectives, own_rows, info.timeout_s, areas[index], is_fresh))
+    for index, design in enumerate(evidence.family):
+        fresh_index = None if fresh is None else fresh.index_of(design)
+        runs = [] if fresh_index is None else fresh_runs[fresh_index]
+        is_fresh = bool(runs)
+        if not is_fresh:
+            runs = searched_runs[index]
+            # A design that the search abandoned was not tried in all environments, so it has no point.
+            if len(runs) < max_runs:
+                continue
+        points.append(_point(index, objectives, runs, info.timeout_s, areas[index], is_fresh))
     signs = [-1 if objective.largest else 1 for objective in objectives]
     # Points from the environments of the search are too good, so points are compared only with those of the same kind.
     for is_fresh in (True, False):
@@ -39,42 +44,68 @@ def search_front(evidence: Evidence, areas: Sequence[float | None], fresh: Evide
         losses = [_losses(point["values"], signs) for point in points_alike]
         for point, loss in zip(points_alike, losses, strict=True):
             point["beaten"] = is_dominated(loss, losses)
-    shown: list[PageObjective] = [
-        {"label": objective.meaning, "unit": objective.unit or "%", "better": "more" if objective.largest else "less"}
-        for objective in objectives
-    ]
-    return {"objectives": shown, "points": points}
+    page_objectives: list[PageObjective] = []
+    for objective in objectives:
+        page_objectives.append(
+            {
+                "label": objective.meaning,
+                "unit": objective.unit or "%",
+                "better": "more" if objective.largest else "less",
+            }
+        )
+    return {"objectives": page_objectives, "points": points}
 
 
-def _rows(evidence: Evidence) -> list[list[RunRow]]:
-    """Return the runs of each design that count."""
+def _runs_by_design(evidence: Evidence) -> list[list[RunRow]]:
+    """Return the runs that count of each design of the family."""
     runs = evidence.runs.counted
-    rows: list[list[RunRow]] = [[] for _ in evidence.family]
-    numbers = (runs.metrics[:, NUMBERS.index(name)].tolist() for name in ("elapsed_time_s", "consumed_energy_j"))
-    for design, outcome, time_s, energy_j in zip(runs.design.tolist(), runs.outcome.tolist(), *numbers, strict=True):
-        # Rows have None where the arrays have NaN; only NaN differs from itself.
-        measured = (None if value != value else value for value in (time_s, energy_j))
-        rows[design].append(RunRow(OUTCOMES[outcome], *measured))
-    return rows
+    designs, outcomes = runs.design.tolist(), runs.outcome.tolist()
+    times_s = runs.metrics[:, NUMBERS.index("elapsed_time_s")].tolist()
+    energies_j = runs.metrics[:, NUMBERS.index("consumed_energy_j")].tolist()
+    runs_by_design: list[list[RunRow]] = [[] for _ in evidence.family]
+    for design, outcome, time_s, energy_j in zip(designs, outcomes, times_s, energies_j, strict=True):
+        run = RunRow(OUTCOMES[outcome], _none_if_nan(time_s), _none_if_nan(energy_j))
+        runs_by_design[design].append(run)
+    return runs_by_design
+
+
+def _none_if_nan(value: float) -> float | None:
+    """Return None for NaN, which stands for an unknown number in arrays."""
+    return None if math.isnan(value) else value
 
 
 def _point(
     index: int, objectives: Sequence[Objective], rows: list[RunRow], limit_s: float, area_cm2: float | None, fresh: bool
 ) -> FrontPoint:
-    """Return a design's objectives with their intervals, in the units of the page."""
-    # (value, low, high) of each objective.
-    triples = []
+    """Return a design's objectives with their intervals, in the units of the page.
+
+    ``rows`` are the design's runs, ``limit_s`` is their time limit, and ``area_cm2`` the area of the car's sheets.
+    """
+    values: list[float | None] = []
+    lows: list[float | None] = []
+    highs: list[float | None] = []
     for objective in objectives:
-        if objective.value is None or objective.interval is None:
-            triples.append([area_cm2] * 3)
-            continue
-        triple = objective.value(rows, limit_s), *objective.interval(rows, limit_s)
-        # An objective without unit is a fraction; the page has it in %.
-        factor = 1 if objective.unit else 100
-        triples.append([float(f"{factor * x:.5g}") if abs(x) != float("inf") else None for x in triple])
-    values, low, high = map(list, zip(*triples, strict=True))
-    return {"design": index, "values": values, "low": low, "high": high, "fresh": fresh, "beaten": False}
+        # The only objective that does not depend on runs is the area, which is known exactly.
+        value = low = high = area_cm2
+        if objective.value is not None and objective.interval is not None:
+            low_end, high_end = objective.interval(rows, limit_s)
+            value = _page_number(objective, objective.value(rows, limit_s))
+            low, high = _page_number(objective, low_end), _page_number(objective, high_end)
+        values.append(value)
+        lows.append(low)
+        highs.append(high)
+    return {"design": index, "values": values, "low": lows, "high": highs, "fresh": fresh, "beaten": False}
+
+
+def _page_number(objective: Objective, value: float) -> float | None:
+    """Return an objective's value with five digits, a fraction in per cent; None for infinity."""
+    if math.isinf(value):
+        return None
+    # An objective without unit is a fraction.
+    factor = 1 if objective.unit else 100
+    return float(f"{factor * value:.5g}")
 
 
 def _losses(values: Sequence[float | None], signs: Sequence[int]) -> list[float]:
-    return [float("inf") if value is None else sign * value for sign, value in zip(signs, values, strict=True)]
+    """Return values of which less is better: each value times its sign, infinity for an unknown one."""
+    return [math.inf if value is None else sign * value for sign, value in zip(signs, values, strict=True)]

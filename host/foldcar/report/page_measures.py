@@ -57,32 +57,34 @@ def measures(store: Store, info: ExperimentInfo, designs: Sequence[Mapping[str, 
 
 
 def _measure(key: str, label: str, unit: str, values: NDArray[Any]) -> Measure:
+    """Return a column of a measure of which less is better, with five digits; None where ``values`` are not finite."""
     column = [float(f"{value:.5g}") if numpy.isfinite(value) else None for value in values]
     return {"key": key, "label": label, "unit": unit, "better": "less", "value": column}
 
 
 def _ratio(numerator: NDArray[Any], denominator: NDArray[Any]) -> NDArray[Any]:
-    result: NDArray[Any] = numpy.divide(
-        numerator, denominator, out=numpy.full(len(numerator), numpy.nan), where=denominator > 0
-    )
-    return result
+    """Return numerator / denominator; NaN where the denominator is 0."""
+    unknown = numpy.full(len(numerator), numpy.nan)
+    return numpy.asarray(numpy.divide(numerator, denominator, out=unknown, where=denominator > 0))
 
 
 def _masses_g(store: Store, info: ExperimentInfo, number: int) -> NDArray[Any]:
     """Return the designs' masses (g) from their simulated bodies; NaN for designs that were not simulated."""
-    result, mass_g_of_body = numpy.full(number, numpy.nan), dict[int, float]()
-    rows = list(store.rows(DESIGN, "WHERE experiment = ? ORDER BY position", info.id))
-    body_ids = {row["body_id"] for row in rows}
-    for body in store.rows(BY_NAME["body"]):
-        if body["id"] in body_ids:
-            parts = json.loads(body["json"])
-            bodies = [*parts.get("segments", ()), *parts.get("wheels", ())]
-            mass_g_of_body[body["id"]] = 1000 * sum(part["mass_kg"] for part in bodies) if bodies else numpy.nan
-    for index, row in enumerate(rows):
-        result[index] = mass_g_of_body.get(row["body_id"], numpy.nan)
-    return result
+    designs = list(store.rows(DESIGN, "WHERE experiment = ? ORDER BY position", info.id))
+    body_ids = {design["body_id"] for design in designs}
+    mass_g_by_body: dict[int, float] = {}
+    for row in store.rows(BY_NAME["body"]):
+        if row["id"] in body_ids:
+            body = json.loads(row["json"])
+            parts = [*body.get("segments", ()), *body.get("wheels", ())]
+            mass_g_by_body[row["id"]] = 1000 * sum(part["mass_kg"] for part in parts) if parts else numpy.nan
+    masses_g = numpy.full(number, numpy.nan)
+    for index, design in enumerate(designs):
+        masses_g[index] = mass_g_by_body.get(design["body_id"], numpy.nan)
+    return masses_g
 
 
 def _area_cm2(info: ExperimentInfo, design: Mapping[str, Any]) -> float:
+    """Return the area of film (cm²) of a design's car; NaN if this foldcar cannot fold it."""
     car = folded_columns(info.vehicle_type, design)
     return numpy.nan if car is None else film_area_cm2(car)

@@ -1,8 +1,10 @@
 """Sentences on the swept ranges: a gap that may hide a border, and ends at which success still rises."""
 
 from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy
+from numpy.typing import NDArray
 
 from foldcar.car.design_parameters import declared, key_of
 from foldcar.evidence.evidence import Evidence
@@ -11,6 +13,8 @@ from foldcar.statistics.words import design_text, label_and_unit, percent, thres
 
 # A rise of the rate at an end of the range counts from here (0 to 1).
 MIN_RISE = 0.02
+# It counts if success rises with a greater probability than this.
+MIN_RISE_PROBABILITY = 0.95
 # Neighbouring values are a gap if their distance exceeds the median step by this factor. It is worth a sentence if the
 # side of the threshold of a design in it is wrong with at least this probability.
 MIN_GAP_FACTOR, MIN_DOUBT = 1.5, 0.05
@@ -25,30 +29,53 @@ def range_sentences(evidence: Evidence, effects: Effects | None, indices: Sequen
 
 
 def _gap(effects: Effects, names: Sequence[str], threshold: float, simulation: str) -> list[str]:
-    """Return a sentence on the gap where the side of the threshold is less certain than at any simulated design."""
-    x = effects.parameters
-    # (parameter's name, low, high, a design in the middle)
-    gaps = []
-    for index, name in enumerate(names):
-        values = numpy.unique(x[:, index])
-        steps = numpy.diff(values)
-        for low, high in numpy.column_stack([values[:-1], values[1:]])[steps > MIN_GAP_FACTOR * numpy.median(steps)]:
-            ends = x[(x[:, index] == low) | (x[:, index] == high)].copy()
-            ends[:, index] = (low + high) // 2 if (values % 1 == 0).all() else (low + high) / 2
-            gaps += [(name, low, high, middle) for middle in numpy.unique(ends, axis=0)]
+    """Return a sentence on the gap between simulated values that most needs runs; an empty list if there is none.
+
+    It is least certain of a design in this gap whether it reaches the threshold, less than of any simulated design.
+    """
+    simulated_designs = effects.parameters
+    gaps = _gaps(simulated_designs, names)
     if not gaps:
         return []
-    # The probability to reach the threshold: of the simulated designs, then of those in gaps.
-    reach = (effects.rates(numpy.vstack([x, *(middle for *_, middle in gaps)])) >= threshold).mean(axis=0)
-    doubt = numpy.minimum(reach, 1 - reach)
-    index = len(x) + int(doubt[len(x) :].argmax())
-    if doubt[index] < max(MIN_DOUBT, doubt[: len(x)].max()):
+    designs = numpy.vstack([simulated_designs, *(gap.design for gap in gaps)])
+    # The probability to reach the threshold, and the probability of the less probable side of it.
+    chances = (effects.rates(designs) >= threshold).mean(axis=0)
+    doubts = numpy.minimum(chances, 1 - chances)
+    number = len(simulated_designs)
+    gap_index = int(doubts[number:].argmax())
+    if doubts[number + gap_index] < max(MIN_DOUBT, doubts[:number].max()):
         return []
-    name, low, high, middle = gaps[index - len(x)]
-    between = f"{label_and_unit(name)[0]} {value_text(name, low)} and {value_text(name, high)}"
-    car = design_text(dict(zip(names, middle.tolist(), strict=True)))
-    chance = f"a {percent(reach[index])} chance to reach {threshold_text(threshold)} in {simulation}"
+    gap = gaps[gap_index]
+    label, _ = label_and_unit(gap.parameter)
+    between = f"{label} {value_text(gap.parameter, gap.low)} and {value_text(gap.parameter, gap.high)}"
+    car = design_text(dict(zip(names, gap.design.tolist(), strict=True)))
+    chance = f"a {percent(chances[number + gap_index])} chance to reach {threshold_text(threshold)} in {simulation}"
     return [f"Nothing was simulated between {between}; sweep there first: {car} has {chance}."]
+
+
+class _Gap(NamedTuple):
+    """A gap between two neighbouring values of a parameter, and a design in its middle."""
+
+    parameter: str
+    low: float
+    high: float
+    design: NDArray[Any]
+
+
+def _gaps(designs: NDArray[Any], names: Sequence[str]) -> list[_Gap]:
+    """Return the gaps between the values in ``designs`` (d, parameters), one for each design in a gap's middle."""
+    gaps = []
+    for index, name in enumerate(names):
+        column = designs[:, index]
+        values = numpy.unique(column)
+        is_whole = (values % 1 == 0).all()
+        steps = numpy.diff(values)
+        for place in numpy.flatnonzero(steps > MIN_GAP_FACTOR * numpy.median(steps)):
+            low, high = values[place], values[place + 1]
+            middle_designs = designs[(column == low) | (column == high)].copy()
+            middle_designs[:, index] = (low + high) // 2 if is_whole else (low + high) / 2
+            gaps += [_Gap(name, low, high, design) for design in numpy.unique(middle_designs, axis=0)]
+    return gaps
 
 
 def _rising_ends(effects: Effects, names: Sequence[str]) -> list[str]:
@@ -58,15 +85,18 @@ def _rising_ends(effects: Effects, names: Sequence[str]) -> list[str]:
         effect = effects.effect(index)
         if len(effect.grid) < 3:
             continue
-        # The indices of an end and of its neighbour, and the probability that success rises at the end.
-        for end, inner, rises in ((0, 1, effect.rises[0]), (-1, -2, effect.rises[1])):
-            higher = effect.mean[end] - effect.mean[inner] >= MIN_RISE and effect.mean[end] == effect.mean.max()
+        label, _ = label_and_unit(name)
+        lower_rise, upper_rise = effect.rises
+        # The indices of an end and of its neighbour, and the probability that success rises towards the end.
+        for end_name, end, neighbour, probability in (("lower", 0, 1, lower_rise), ("upper", -1, -2, upper_rise)):
+            rise = effect.mean[end] - effect.mean[neighbour]
+            if rise < MIN_RISE or effect.mean[end] < effect.mean.max() or probability <= MIN_RISE_PROBABILITY:
+                continue
             value = float(effect.grid[end])
-            if higher and rises > 0.95 and _extendable(name, value, end == -1):
-                where = f"{label_and_unit(name)[0]} {value_text(name, value)}"
-                end_name = "upper" if end else "lower"
+            if _extendable(name, value, upwards=end_name == "upper"):
+                place = f"{label} {value_text(name, value)}"
                 sentences.append(
-                    f"Success still rises at {where}, the range's {end_name} end: extend it if it can be built."
+                    f"Success still rises at {place}, the range's {end_name} end: extend it if it can be built."
                 )
     return sentences
 

@@ -1,5 +1,7 @@
 """The realities that page and figures draw, and what the trials have taught about the simulator's unknowns."""
 
+import math
+
 import numpy
 
 from foldcar.belief.answers import Estimate, Unknown
@@ -36,7 +38,7 @@ def page_realities(evidence: Evidence) -> PageRealities | None:
         "driven": belief.driven,
         "names": list(NAMES),
         "values": [[_rounded(value) for value in row] for row in values.tolist()],
-        "rates": [[None if rate != rate else round(rate, 3) for rate in row] for row in rates.tolist()],
+        "rates": [[_rate_or_none(rate) for rate in row] for row in rates.tolist()],
         "unknowns": [_unknown(unknown) for unknown in belief.answers.unknowns],
         "taught": taught(belief.answers),
         "learned": {"runs": belief.answers.learned.runs, "error": belief.answers.learned.error},
@@ -45,11 +47,14 @@ def page_realities(evidence: Evidence) -> PageRealities | None:
 
 def other_remarks(belief: Belief | None, remarks: list[str]) -> list[str]:
     """Return the remarks without the sentences of ``taught``, which the page shows in a part of their own."""
-    own = set() if belief is None else set(taught(belief.answers))
-    return [remark for remark in remarks if remark not in own]
+    if belief is None:
+        return list(remarks)
+    taught_sentences = taught(belief.answers)
+    return [remark for remark in remarks if remark not in taught_sentences]
 
 
 def _unknown(unknown: Unknown) -> TaughtUnknown:
+    """Return what the trials have taught about a parameter of the simulator, for the page."""
     return {
         "name": unknown.parameter.name,
         "unit": unknown.parameter.unit,
@@ -67,4 +72,10 @@ def _ends(estimate: Estimate) -> list[float]:
 
 
 def _rounded(value: float) -> float:
+    """Return the number with four digits."""
     return float(f"{value:.4g}")
+
+
+def _rate_or_none(rate: float) -> float | None:
+    """Return a rate with three decimals; None for NaN, the rate of a design outside the belief."""
+    return None if math.isnan(rate) else round(rate, 3)

@@ -9,7 +9,7 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy
 from numpy.typing import NDArray
@@ -53,9 +53,14 @@ class Course:
 
     def within(self, side_m: float) -> "Course":
         """Return the course with the obstacles that are at most ``side_m`` beside the way in any environment."""
-        kept = numpy.flatnonzero((self.gap_m <= side_m).any(axis=0)).tolist()
-        names = [self.names[index] for index in kept]
-        return Course(self.goal_m, names, self.first_m[:, kept], self.last_m[:, kept], self.gap_m[:, kept])
+        near = numpy.flatnonzero((self.gap_m <= side_m).any(axis=0)).tolist()
+        return Course(
+            goal_m=self.goal_m,
+            names=[self.names[index] for index in near],
+            first_m=self.first_m[:, near],
+            last_m=self.last_m[:, near],
+            gap_m=self.gap_m[:, near],
+        )
 
 
 @dataclass(frozen=True)
@@ -115,18 +120,21 @@ def met_obstacles(
 
     If a car touched several obstacles, it is the nearest one, or the shorter one of two equally near ones.
     """
-    front_m, back_m, side_m = (values[design] for values in (extents.front_m, extents.back_m, extents.side_m))
-    nearest_m, obstacles = numpy.full(len(place_m), numpy.inf), numpy.full(len(place_m), -1)
+    car_first_m = place_m - extents.back_m[design]
+    car_last_m = place_m + extents.front_m[design]
+    car_side_m = extents.side_m[design]
+    nearest_m, nearest_obstacle = numpy.full(len(place_m), numpy.inf), numpy.full(len(place_m), -1)
     for obstacle in range(len(course.names)):
-        first_m, last_m, gap_m = (values[sample, obstacle] for values in (course.first_m, course.last_m, course.gap_m))
-        over = (place_m + front_m >= first_m - CONTACT_M) & (place_m - back_m <= last_m + CONTACT_M) & (gap_m <= side_m)
+        first_m, last_m = course.first_m[sample, obstacle], course.last_m[sample, obstacle]
+        touches_along = (car_last_m >= first_m - CONTACT_M) & (car_first_m <= last_m + CONTACT_M)
+        touches = touches_along & (course.gap_m[sample, obstacle] <= car_side_m)
+        # 0 if the middle of the car is over the obstacle.
+        distance_m = numpy.maximum(numpy.maximum(first_m - place_m, place_m - last_m), 0)
         # A small part of the length is added, so that of equally near obstacles the shorter one is nearer.
-        distance_m = numpy.maximum(numpy.maximum(first_m - place_m, place_m - last_m), 0) + LENGTH_WEIGHT * (
-            last_m - first_m
-        )
-        nearer = over & (distance_m < nearest_m)
-        nearest_m[nearer], obstacles[nearer] = distance_m[nearer], obstacle
-    return obstacles
+        distance_m = distance_m + LENGTH_WEIGHT * (last_m - first_m)
+        is_nearest = touches & (distance_m < nearest_m)
+        nearest_m[is_nearest], nearest_obstacle[is_nearest] = distance_m[is_nearest], obstacle
+    return nearest_obstacle
 
 
 def _obstacle_rows(course: Course) -> list[ObstacleRange]:
@@ -148,65 +156,86 @@ def read_course(objects: Sequence[tuple[str, int]], scenes: Mapping[int, Mapping
 
     Scenes with different pieces, or with more objects than MAX_OBSTACLES, have no obstacles.
     """
-    named = objects_of_pieces(objects, scenes.values()) or []
-    named = named if len(named) <= MAX_OBSTACLES else []
+    obstacles = objects_of_pieces(objects, scenes.values()) or []
+    if len(obstacles) > MAX_OBSTACLES:
+        obstacles = []
     goal_m = numpy.full(environments, numpy.nan)
-    # (3, environments, obstacles): where they begin and end along the way, and how far beside it they are.
-    ends_m = numpy.full((3, environments, len(named)), numpy.nan)
+    first_m, last_m, gap_m = numpy.full((3, environments, len(obstacles)), numpy.nan)
     for sample, scene in scenes.items():
         start, goal = scene.get("start"), scene.get("goal")
         if not start or not goal:
             continue
-        way_m = goal["x_m"] - start["x_m"], goal["y_m"] - start["y_m"]
-        goal_m[sample], way_rad = math.hypot(*way_m), math.atan2(way_m[1], way_m[0])
-        for index, (_, pieces) in enumerate(named):
-            ends_m[:, sample, index] = _extent_m([scene["terrain"][piece] for piece in pieces], start, way_rad)
-    return Course(goal_m, [name for name, _ in named], *ends_m)
+        to_goal_x_m, to_goal_y_m = goal["x_m"] - start["x_m"], goal["y_m"] - start["y_m"]
+        goal_m[sample] = math.hypot(to_goal_x_m, to_goal_y_m)
+        way_rad = math.atan2(to_goal_y_m, to_goal_x_m)
+        for index, (_, indices) in enumerate(obstacles):
+            pieces = [scene["terrain"][piece] for piece in indices]
+            extent = _extent_along_way(pieces, start, way_rad)
+            first_m[sample, index], last_m[sample, index] = extent.first_m, extent.last_m
+            gap_m[sample, index] = extent.gap_m
+    return Course(goal_m, [name for name, _ in obstacles], first_m, last_m, gap_m)
 
 
-def _extent_m(
-    pieces: Sequence[Mapping[str, Any]], start: Mapping[str, float], way_rad: float
-) -> tuple[float, float, float]:
-    """Return where an object's pieces begin and end along the way, and how far beside it they are (m).
+class _ExtentAlongWay(NamedTuple):
+    """Where an obstacle begins and ends along the way, and how far beside it the obstacle is, 0 if on it (m)."""
 
-    The way is the straight line from the start in the direction ``way_rad``; an object on the way is 0 m beside it.
-    """
+    first_m: float
+    last_m: float
+    gap_m: float
+
+
+def _extent_along_way(pieces: Sequence[Mapping[str, Any]], start: Mapping[str, float], way_rad: float) -> _ExtentAlongWay:
+    """Return the extent of an object's pieces; the way is the straight line from the start in direction ``way_rad``."""
     cos, sin = math.cos(way_rad), math.sin(way_rad)
-    ends_m = []
+    firsts_m, lasts_m, rights_m, lefts_m = [], [], [], []
     for piece in pieces:
         # A bell-shaped hill counts up to two standard deviations.
         fraction = 0.5 if kind_of(piece).shape == "bell" else 1.0
-        length_m, width_m = (fraction * reach for reach in reach_m(piece))
+        length_reach_m, width_reach_m = reach_m(piece)
+        half_length_m, half_width_m = fraction * length_reach_m, fraction * width_reach_m
         # Half the sides of the box around the turned piece, along and across the way.
         turn_rad = piece.get("heading_rad", 0.0) - way_rad
         turn_cos, turn_sin = abs(math.cos(turn_rad)), abs(math.sin(turn_rad))
-        along_m, across_m = length_m * turn_cos + width_m * turn_sin, length_m * turn_sin + width_m * turn_cos
+        along_m = half_length_m * turn_cos + half_width_m * turn_sin
+        across_m = half_length_m * turn_sin + half_width_m * turn_cos
         x_m, y_m = piece["x_m"] - start["x_m"], piece["y_m"] - start["y_m"]
         ahead_m, left_m = x_m * cos + y_m * sin, y_m * cos - x_m * sin
-        ends_m.append((ahead_m - along_m, ahead_m + along_m, left_m - across_m, left_m + across_m))
-    first_m, last_m, right_m, left_m = (
-        choose(ends) for choose, ends in zip((min, max, min, max), zip(*ends_m, strict=True), strict=True)
-    )
-    return first_m, last_m, max(0.0, right_m, -left_m)
+        firsts_m.append(ahead_m - along_m)
+        lasts_m.append(ahead_m + along_m)
+        rights_m.append(left_m - across_m)
+        lefts_m.append(left_m + across_m)
+    gap_m = max(0.0, min(rights_m), -max(lefts_m))
+    return _ExtentAlongWay(min(firsts_m), max(lasts_m), gap_m)
 
 
 def read_car_extents(store: Store, info: ExperimentInfo) -> CarExtents:
     """Return how far the bodies of the experiment's designs reach. Raises StoreError."""
-    bodies = [row["body_id"] for row in store.rows(DESIGN, "WHERE experiment = ? ORDER BY position", info.id)]
-    body_ids = set(bodies)
-    by_id = {row["id"]: _reach_m(json.loads(row["json"])) for row in store.rows(BY_NAME["body"]) if row["id"] in body_ids}
-    unknown = (numpy.nan,) * 3
-    front_m, back_m, side_m = numpy.array([by_id.get(body, unknown) for body in bodies]).reshape(-1, 3).T
+    body_ids = [row["body_id"] for row in store.rows(DESIGN, "WHERE experiment = ? ORDER BY position", info.id)]
+    own_body_ids = set(body_ids)
+    extent_by_id = {}
+    for row in store.rows(BY_NAME["body"]):
+        if row["id"] in own_body_ids:
+            extent_by_id[row["id"]] = _body_extent_m(json.loads(row["json"]))
+    unknown = (numpy.nan, numpy.nan, numpy.nan)
+    extents_m = [extent_by_id.get(body_id, unknown) for body_id in body_ids]
+    front_m, back_m, side_m = numpy.array(extents_m).reshape(-1, 3).T
     return CarExtents(front_m, back_m, side_m)
 
 
-def _reach_m(body: Mapping[str, Any]) -> tuple[float, float, float]:
-    """Return how far a body of docs/carsim.md reaches ahead, behind and sideways (m)."""
-    wheels, segments = ([part for part in body.get(kind, ()) if "x_m" in part] for kind in ("wheels", "segments"))
-    ends_m = [(wheel["x_m"], wheel["radius_m"]) for wheel in wheels]
-    ends_m += [(segment["x_m"], segment["length_m"] / 2) for segment in segments]
-    sides_m = [(body["track_m"] + wheel["width_m"]) / 2 for wheel in wheels]
-    sides_m += [segment["width_m"] / 2 for segment in segments]
-    if not ends_m:
+def _body_extent_m(body: Mapping[str, Any]) -> tuple[float, float, float]:
+    """Return how far a body of docs/carsim.md reaches ahead, behind and sideways (m); NaN without any part."""
+    fronts_m, backs_m, sides_m = [], [], []
+    for wheel in body.get("wheels", ()):
+        if "x_m" in wheel:
+            fronts_m.append(wheel["x_m"] + wheel["radius_m"])
+            backs_m.append(wheel["radius_m"] - wheel["x_m"])
+            sides_m.append((body["track_m"] + wheel["width_m"]) / 2)
+    for segment in body.get("segments", ()):
+        if "x_m" in segment:
+            half_length_m = segment["length_m"] / 2
+            fronts_m.append(segment["x_m"] + half_length_m)
+            backs_m.append(half_length_m - segment["x_m"])
+            sides_m.append(segment["width_m"] / 2)
+    if not fronts_m:
         return numpy.nan, numpy.nan, numpy.nan
-    return max(x + reach for x, reach in ends_m), max(reach - x for x, reach in ends_m), max(sides_m)
+    return max(fronts_m), max(backs_m), max(sides_m)

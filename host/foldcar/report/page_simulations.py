@@ -19,23 +19,28 @@ def other_simulations(evidence: Evidence, experiments: Sequence[Evidence]) -> li
     for other in experiments:
         if other.info.id == evidence.info.id or _samples(other.info) != _samples(evidence.info):
             continue
-        indices = [other.index_of(design) for design in evidence.family]
+        other_indices = [other.index_of(design) for design in evidence.family]
         other_runs = _passed_runs(other)
-        pairs = [
-            (passed, other_runs[index, sample])
-            for (design, sample), passed in own_runs.items()
-            if (index := indices[design]) is not None and (index, sample) in other_runs
-        ]
-        if not pairs:
+        common_runs = 0
+        own_passed = other_passed = agreeing = 0
+        for (design, sample), has_passed in own_runs.items():
+            other_index = other_indices[design]
+            if other_index is None or (other_index, sample) not in other_runs:
+                continue
+            has_passed_in_other = other_runs[other_index, sample]
+            common_runs += 1
+            own_passed += has_passed
+            other_passed += has_passed_in_other
+            agreeing += has_passed == has_passed_in_other
+        if not common_runs:
             continue
         # Each is named by its difference from the other.
         name, own_name = _simulation_name(other.info, evidence.info), _simulation_name(evidence.info, other.info)
-        own_passed, passed = (sum(side) for side in zip(*pairs, strict=True))
-        text = f"{name}: {passed:,} of the same {count(len(pairs), 'run')} passed, {own_name}: {own_passed:,}"
+        text = f"{name}: {other_passed:,} of the same {count(common_runs, 'run')} passed, {own_name}: {own_passed:,}"
         if other.info.under == evidence.info.under:
-            agreement = percent(sum(own == others for own, others in pairs) / len(pairs), 1)
-            text += f"; {agreement} of the runs have the same result in both"
-        counts = [(0, 0) if index is None else tuple(other.run_counts[index].tolist()) for index in indices]
+            text += f"; {percent(agreeing / common_runs, 1)} of the runs have the same result in both"
+        # The counts of a design that the other experiment lacks are 0.
+        counts = [[0, 0] if index is None else other.run_counts[index].tolist() for index in other_indices]
         simulations.append(
             {
                 "id": other.info.id,
@@ -57,13 +62,23 @@ def _simulation_name(info: ExperimentInfo, other: ExperimentInfo) -> str:
 
 def _samples(info: ExperimentInfo) -> tuple[Any, ...]:
     """Return a key that is equal for two experiments with the same cars and samples."""
-    program = Path(info.scenic_program).name
-    shared = (info.listed_id, info.vehicle_type, info.fixed, program, info.scenic_params, info.seed)
-    return *shared, info.condition, info.variation, info.variation_seed, info.success_defined and info.success_rule
+    return (
+        info.listed_id,
+        info.vehicle_type,
+        info.fixed,
+        Path(info.scenic_program).name,
+        info.scenic_params,
+        info.seed,
+        info.condition,
+        info.variation,
+        info.variation_seed,
+        info.success_rule if info.success_defined else None,
+    )
 
 
 def _passed_runs(evidence: Evidence) -> dict[tuple[int, int], bool]:
     """Return whether each run that counts passed, by design and sample."""
     runs = evidence.runs.counted
-    passed = runs.outcome == OUTCOMES.index("passed")
-    return dict(zip(zip(runs.design.tolist(), runs.sample.tolist(), strict=True), passed.tolist(), strict=True))
+    has_passed = runs.outcome == OUTCOMES.index("passed")
+    designs_and_samples = zip(runs.design.tolist(), runs.sample.tolist(), strict=True)
+    return dict(zip(designs_and_samples, has_passed.tolist(), strict=True))

@@ -17,10 +17,11 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
+from numpy.typing import NDArray
 
 from foldcar.figures.style import ACCENT, FAILURE, INK, OUTCOME_COLOURS, OUTCOME_LABELS
 from foldcar.outputs import file_name_part
-from foldcar.report.page_designs import DesignColumns
+from foldcar.report.page_designs import Band, DesignColumns
 from foldcar.report.page_effects import combinations_text, importance_rows
 from foldcar.report.page_realities import drawn_realities
 from foldcar.simulation.results import OUTCOMES
@@ -78,10 +79,13 @@ def drawings(
         caption = f"{caption_start}: {combinations}, for the first. Thin: single combinations."
         draw = partial(draw_effects, designs, effects, indices, thresholds)
         yield PaperFigure("effects", f"{start}_effects", caption, draw)
+        # The most important parameters first.
+        ordered_indices = [row["parameter"] for row in importance_rows(effects, indices)]
         # Without differences between designs no parameter is more important than another.
-        two = [row["parameter"] for row in importance_rows(effects, indices)][:2] or list(indices)[:2]
+        two = (ordered_indices or list(indices))[:2]
         first, second = (list(designs.evidence.values)[index] for index in two)
-        caption_start = f"Success over {label_and_unit(first)[0]} and {label_and_unit(second)[0]} by the smooth model"
+        first_label, second_label = label_and_unit(first)[0], label_and_unit(second)[0]
+        caption_start = f"Success over {first_label} and {second_label} by the smooth model"
         yield PaperFigure(
             "map",
             f"{start}_map_by_{first}_and_{second}",
@@ -106,8 +110,10 @@ def class_colours(thresholds: Sequence[float]) -> Sequence[Any]:
 
 def success_colour(success: float, thresholds: Sequence[float]) -> Any:
     """Return the colour of a rate; for thresholds 0.5 and 0.75 navy below 50 %, blue to 75 %, green above."""
-    reached = sum(success >= threshold for threshold in thresholds[:-1])
-    return class_colours(thresholds)[reached + (success > thresholds[-1])]
+    # Only a rate above the last threshold is in the highest class, as in the publication.
+    *lower_thresholds, last_threshold = thresholds
+    class_index = sum(success >= threshold for threshold in lower_thresholds) + (success > last_threshold)
+    return class_colours(thresholds)[class_index]
 
 
 class Axis:
@@ -134,21 +140,16 @@ def draw_feasibility(designs: DesignColumns, thresholds: Sequence[float], figure
     """
     axis, figure = Axis(designs), figure or Figure(figsize=(WIDE_IN, 4.0), layout="constrained")
     axes = figure.subplots()
-    # Each (4, designs with a band): place on the x axis, value, low, high.
-    simulation, built = (
-        numpy.array(sorted((axis.place[index], *band) for index, band in enumerate(bands) if band), dtype=float)
-        .reshape(-1, 4)
-        .T
-        for bands in (designs.simulation, designs.built)
-    )
-    for place in built[0][built[1] >= thresholds[-1]]:
+    x, mean, low, high = _placed_bands(axis, designs.built)
+    for place in x[mean >= thresholds[-1]]:
         axes.axvspan(place - axis.step / 2, place + axis.step / 2, color=REGION, linewidth=0, zorder=0)
     _draw_realities(axes, axis, designs)
-    axes.fill_between(built[0], *(100 * built[2:]), color=ACCENT, alpha=0.22, linewidth=0, label="built cars, 95 % band")
-    axes.plot(built[0], 100 * built[1], "o", color=ACCENT, markersize=4.5, label="built cars, mean")
-    axes.fill_between(simulation[0], *(100 * simulation[2:]), color=INK, alpha=0.25, linewidth=0)
+    axes.fill_between(x, 100 * low, 100 * high, color=ACCENT, alpha=0.22, linewidth=0, label="built cars, 95 % band")
+    axes.plot(x, 100 * mean, "o", color=ACCENT, markersize=4.5, label="built cars, mean")
+    x, rate, low, high = _placed_bands(axis, designs.simulation)
+    axes.fill_between(x, 100 * low, 100 * high, color=INK, alpha=0.25, linewidth=0)
     label = f"{designs.evidence.info.simulation}, 95 % band"
-    axes.plot(simulation[0], 100 * simulation[1], "-", color=INK, linewidth=1.2, label=label)
+    axes.plot(x, 100 * rate, "-", color=INK, linewidth=1.2, label=label)
     _draw_trials(axes, axis, designs)
     _finish_success(axes, axis, thresholds, "Feasible region")
     tint = Patch(color=REGION, label=f"mean of built cars reaches {100 * thresholds[-1]:g} %")
@@ -156,19 +157,29 @@ def draw_feasibility(designs: DesignColumns, thresholds: Sequence[float], figure
     return figure
 
 
+def _placed_bands(axis: Axis, bands: Sequence[Band]) -> NDArray[Any]:
+    """Return place on the axis, rate, low and high, (4, designs with a band), in ascending order of the place."""
+    rows = []
+    for index, band in enumerate(bands):
+        if band is not None:
+            rows.append((axis.place[index], *band))
+    return numpy.asarray(numpy.array(sorted(rows), dtype=float).reshape(-1, 4).T)
+
+
 def _draw_realities(axes: Axes, axis: Axis, designs: DesignColumns) -> None:
     """Draw a thin curve for each drawn reality; nothing without a belief."""
     drawn = drawn_realities(designs.evidence)
     if drawn is None:
         return
-    rates = drawn[1]
-    in_belief = numpy.flatnonzero(numpy.isfinite(rates).all(axis=0)).tolist()
-    order = sorted(in_belief, key=lambda index: axis.place[index])
+    _, rates_of_realities = drawn
+    in_belief = numpy.flatnonzero(numpy.isfinite(rates_of_realities).all(axis=0)).tolist()
+    ascending = sorted(in_belief, key=lambda index: axis.place[index])
+    x = [axis.place[index] for index in ascending]
+    curves = [numpy.column_stack([x, 100 * rates[ascending]]) for rates in rates_of_realities]
     # One artist for all curves, so that the legend has one entry for them.
     lines = LineCollection(
-        [numpy.column_stack([[axis.place[index] for index in order], 100 * row[order]]) for row in rates],
-        colors=ACCENT, linewidths=0.4, alpha=0.25, zorder=0.5, label="ways in which reality may differ",
-    )  # fmt: skip
+        curves, colors=ACCENT, linewidths=0.4, alpha=0.25, zorder=0.5, label="ways in which reality may differ"
+    )
     axes.add_collection(lines)
 
 
@@ -179,53 +190,57 @@ def draw_success(designs: DesignColumns, thresholds: Sequence[float], figure: Fi
     # A white outline keeps the dark error bars visible on navy.
     outline = [withStroke(linewidth=2.2, foreground="white")]
     error_bar = {"elinewidth": 0.9, "capsize": 2.0, "ecolor": INK, "path_effects": outline}
-    for index, ((passed, runs), ends) in enumerate(
-        zip(designs.evidence.run_counts.tolist(), designs.run_intervals, strict=True)
-    ):
-        if ends is not None:
+    for index, interval in enumerate(designs.run_intervals):
+        if interval is not None:
+            passed, runs = designs.evidence.run_counts[index].tolist()
             rate = passed / runs
             look: dict[str, Any] = {"color": success_colour(rate, thresholds), "error_kw": error_bar}
-            axes.bar(axis.place[index], 100 * rate, 0.8 * axis.step, yerr=error_percent(rate, ends), **look)
+            axes.bar(axis.place[index], 100 * rate, 0.8 * axis.step, yerr=error_percent(rate, interval), **look)
     _draw_trials(axes, axis, designs, offset=0.2 * axis.step)
     _finish_success(axes, axis, thresholds, f"Mean success over all environments, {designs.interval_name} 95 % intervals")
     limits = [f"{100 * threshold:g}" for threshold in thresholds]
-    classes = [f"below {limits[0]} %", *(f"{low} to {high} %" for low, high in pairwise(limits)), f"above {limits[-1]} %"]
-    pairs = list(zip(class_colours(thresholds), classes, strict=True))
-    handles = [Patch(color=colour, label=text) for colour, text in reversed(pairs)]
-    figure.legend(handles=[*handles, *axes.get_legend_handles_labels()[0]], loc="outside lower center", ncols=5)
+    class_texts = [f"below {limits[0]} %"]
+    class_texts += [f"{low} to {high} %" for low, high in pairwise(limits)]
+    class_texts.append(f"above {limits[-1]} %")
+    colours = class_colours(thresholds)
+    handles = [Patch(color=colour, label=text) for colour, text in zip(colours, class_texts, strict=True)]
+    # The highest class first.
+    handles.reverse()
+    drawn_handles, _ = axes.get_legend_handles_labels()
+    figure.legend(handles=[*handles, *drawn_handles], loc="outside lower center", ncols=5)
     return figure
 
 
 def error_percent(rate: float, ends: tuple[float, float]) -> list[list[float]]:
     """Return the distances from the rate down and up to the ends of its interval (percentage points), for matplotlib."""
+    low, high = ends
     # Rounding can put an end beyond the rate; matplotlib refuses negative bars.
-    return [[max(0.0, 100 * (rate - ends[0]))], [max(0.0, 100 * (ends[1] - rate))]]
+    below, above = max(0.0, 100 * (rate - low)), max(0.0, 100 * (high - rate))
+    return [[below], [above]]
 
 
 def _draw_trials(axes: Axes, axis: Axis, designs: DesignColumns, offset: float = 0.0) -> None:
-    """Draw diamonds for the rates of trials, with an offset in x."""
-    counts, intervals = designs.evidence.trial_counts, designs.trial_intervals
-    _draw_counts(axes, axis, counts, intervals, "trials", offset, fmt="D", color=FAILURE)
-
-
-def _draw_counts(axes: Axes, axis: Axis, counts: Any, ends: Any, label: str, offset: float = 0.0, **look: Any) -> None:
-    """Draw the rate of each design with trials at the design's place plus ``offset``.
-
-    ``counts`` has the numbers of passed and of all trials, ``ends`` the intervals for error bars; without intervals there
-    are no error bars. ``look`` are arguments of matplotlib.
-    """
-    driven = numpy.flatnonzero(counts[:, 1]).tolist()
-    if not driven:
+    """Draw a diamond with an error bar for each design with trials, at the design's place plus ``offset``."""
+    x, y, error_bars = [], [], []
+    for index, interval in enumerate(designs.trial_intervals):
+        # Without trials, or if success is undefined, there is no interval.
+        if interval is None:
+            continue
+        passed, trials = designs.evidence.trial_counts[index]
+        rate = passed / trials
+        x.append(axis.place[index] + offset)
+        y.append(100 * rate)
+        error_bars.append(error_percent(rate, interval))
+    if not x:
         return
-    rates = [counts[index, 0] / counts[index, 1] for index in driven]
+    look: dict[str, Any] = {"markeredgecolor": "white", "markersize": 5.5, "elinewidth": 1.4, "capsize": 3.0, "zorder": 5}
     # (2, designs): lengths below and above the rate.
-    bars = ends and numpy.hstack([error_percent(rate, ends[index]) for rate, index in zip(rates, driven, strict=True)])
-    look = {"markeredgecolor": "white", "markersize": 5.5, "elinewidth": 1.4, "capsize": 3.0, "zorder": 5, **look}
-    x, y = [axis.place[index] + offset for index in driven], [100 * rate for rate in rates]
-    axes.errorbar(x, y, yerr=bars, clip_on=False, label=label, **look)
+    lengths = numpy.hstack(error_bars)
+    axes.errorbar(x, y, yerr=lengths, clip_on=False, label="trials", fmt="D", color=FAILURE, **look)
 
 
 def _finish_success(axes: Axes, axis: Axis, thresholds: Sequence[float], title: str) -> None:
+    """Add thresholds, labels and title to a figure of success over the only parameter."""
     _mark_thresholds(axes, thresholds)
     axes.set_ylabel("passed (%)")
     axes.set_title(title)
@@ -233,6 +248,7 @@ def _finish_success(axes: Axes, axis: Axis, thresholds: Sequence[float], title: 
 
 
 def _mark_thresholds(axes: Axes, thresholds: Sequence[float]) -> None:
+    """Draw a dotted line at each threshold, and set the limits of the axis of success (%)."""
     for threshold in thresholds:
         axes.axhline(100 * threshold, color=INK, linewidth=0.7, linestyle=":")
     axes.set_ylim(0, 103)
@@ -242,14 +258,13 @@ def draw_outcomes(designs: DesignColumns, figure: Figure | None = None) -> Figur
     """Draw the fraction of each outcome as stacked bars, one bar per value."""
     axis, figure = Axis(designs), figure or Figure(figsize=(WIDE_IN, HEIGHT_IN), layout="constrained")
     axes = figure.subplots()
-    with_runs = [index for index in axis.place if designs.evidence.outcome_counts[index].sum()]
-    x, bottom = [axis.place[index] for index in with_runs], numpy.zeros(len(with_runs))
+    outcome_counts = designs.evidence.outcome_counts
+    with_runs = [index for index in axis.place if outcome_counts[index].sum()]
+    x = [axis.place[index] for index in with_runs]
+    run_counts = outcome_counts[with_runs].sum(axis=1)
+    bottom = numpy.zeros(len(with_runs))
     for code, outcome in enumerate(OUTCOMES):
-        percents = (
-            100
-            * designs.evidence.outcome_counts[with_runs, code]
-            / designs.evidence.outcome_counts[with_runs].sum(axis=1)
-        )
+        percents = 100 * outcome_counts[with_runs, code] / run_counts
         if percents.any():
             look: dict[str, Any] = {"color": OUTCOME_COLOURS[outcome], "edgecolor": "white", "linewidth": 0.3}
             axes.bar(x, percents, 0.8 * axis.step, bottom=bottom, label=OUTCOME_LABELS[outcome], **look)
@@ -302,13 +317,14 @@ def draw_map(
     figure: Figure | None = None,
 ) -> Figure:
     """Draw success over the parameters with the indices ``two``, with lines where the model crosses the thresholds."""
-    x_at, y_at = (list(indices).index(index) for index in two)
+    x_index, y_index = (list(indices).index(index) for index in two)
     # (pairs, 2): the pairs of values that were simulated. Cells of other pairs stay NaN.
-    pairs = numpy.unique(effects.parameters[:, [x_at, y_at]], axis=0)
-    xs, ys = (numpy.unique(column) for column in pairs.T)
-    rates, _, _ = effects.standardised((x_at, y_at), pairs)
+    pairs = numpy.unique(effects.parameters[:, [x_index, y_index]], axis=0)
+    xs, ys = numpy.unique(pairs[:, 0]), numpy.unique(pairs[:, 1])
+    rates, _, _ = effects.standardised((x_index, y_index), pairs)
     cells = numpy.full((len(ys), len(xs)), numpy.nan)
-    cells[numpy.searchsorted(ys, pairs[:, 1]), numpy.searchsorted(xs, pairs[:, 0])] = 100 * rates
+    columns, rows = numpy.searchsorted(xs, pairs[:, 0]), numpy.searchsorted(ys, pairs[:, 1])
+    cells[rows, columns] = 100 * rates
     figure = figure or Figure(figsize=(WIDE_IN, 4.4), layout="constrained")
     axes = figure.subplots()
     axes.set_facecolor(NOT_RUN)

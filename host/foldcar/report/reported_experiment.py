@@ -55,14 +55,17 @@ class ReportedExperiment:
 
         None without a belief and without a run that counts.
         """
-        belief, counts = self.evidence.belief, self.evidence.run_counts
+        belief = self.evidence.belief
         if belief is not None:
-            owned = car_to_take(belief)
-            row = belief.answers.best if owned is None else belief.answers.cars[owned].design
-            return int(belief.design_indices[row])
-        if not len(counts) or not counts[:, 1].any():
+            owned_car = car_to_take(belief)
+            design = belief.answers.best if owned_car is None else belief.answers.cars[owned_car].design
+            return int(belief.design_indices[design])
+        passed_runs, counted_runs = self.evidence.run_counts.T
+        if not counted_runs.any():
             return None
-        return int((counts[:, 0] / numpy.maximum(counts[:, 1], 1)).argmax())
+        # Divides by 1 instead of 0 for designs without runs.
+        rates = passed_runs / numpy.maximum(counted_runs, 1)
+        return int(rates.argmax())
 
 
 def read_experiments(
@@ -74,26 +77,35 @@ def read_experiments(
     With ``simulated_trials``, trials of simulated cars count as if built cars had driven them. Raises FoldcarError if the
     store cannot be read.
     """
-    swept = read_evidence(store, simulated_trials=simulated_trials)
+    swept = {evidence.info.id: evidence for evidence in read_evidence(store, simulated_trials=simulated_trials)}
+    unswept = read_unswept(store, simulated_trials)
     # The advice is about the highest threshold.
     highest_threshold = max(thresholds, default=None)
-    selections = select_evidence(swept, threshold=highest_threshold)
-    by_id = {evidence.info.id: evidence for evidence in swept}
-    unswept = read_unswept(store, simulated_trials)
-    named = [*by_id.items(), *unswept.items()]
+    selections = select_evidence(list(swept.values()), threshold=highest_threshold)
     selections += select_evidence(list(unswept.values()), threshold=highest_threshold)
+    named_evidence = [*swept.items(), *unswept.items()]
     experiments = []
-    for (name, evidence), selection in zip(named, selections, strict=True):
+    for (name, evidence), selection in zip(named_evidence, selections, strict=True):
         info = evidence.info
+        trials: list[Trial] = []
         # Trials are not shown beside rates that are expected over realities.
-        trials = [
-            trial
-            for trial in store.trials(info.listed_id)
-            if not info.is_over_realities and (name in by_id or trial.vehicle_type == info.vehicle_type)
-        ]
-        shown, _ = select_trials(trials, simulated_trials)
-        effects, indices = read_effects(evidence)
-        fresh = by_id.get(fresh_id(name)) if info.searched else None
-        good = tuple(sorted(set(thresholds))) or info.thresholds or THRESHOLDS
-        experiments.append(ReportedExperiment(name, evidence, selection, shown, good, effects, indices, fresh))
+        if not info.is_over_realities:
+            trials = list(store.trials(info.listed_id))
+        if name in unswept:
+            # Each type of car has its own entry.
+            trials = [trial for trial in trials if trial.vehicle_type == info.vehicle_type]
+        shown_trials, _ = select_trials(trials, simulated_trials)
+        effects, parameter_indices = read_effects(evidence)
+        experiments.append(
+            ReportedExperiment(
+                name=name,
+                evidence=evidence,
+                selection=selection,
+                trials=shown_trials,
+                thresholds=tuple(sorted(set(thresholds))) or info.thresholds or THRESHOLDS,
+                effects=effects,
+                parameter_indices=parameter_indices,
+                fresh=swept.get(fresh_id(name)) if info.searched else None,
+            )
+        )
     return experiments

@@ -17,7 +17,7 @@ from foldcar.report.drives import PageDrives, deflated
 from foldcar.report.page_data import page_data
 from foldcar.report.page_types import MediaFile, PageData
 from foldcar.report.paper_figures import PaperFigure, drawings
-from foldcar.report.reported_experiment import read_experiments
+from foldcar.report.reported_experiment import ReportedExperiment, read_experiments
 from foldcar.report.stills import stills
 from foldcar.simulation.engines import find_wasm
 from foldcar.store.log_files import referred_file
@@ -44,22 +44,20 @@ def write_report(
     """
     check_output_folder(folder)
     experiments = read_experiments(store, thresholds, simulated_trials)
-    if not any(
-        experiment.trials if not experiment.evidence.swept else experiment.info.stored_runs for experiment in experiments
-    ):
+    if not any(_has_content(experiment) for experiment in experiments):
         raise FoldcarError(f"{store.path}: contains no runs yet; sweep the listing first")
     data = page_data(store, report_command, experiments)
     blobs: dict[str, str] = {}
-    planned: list[PaperFigure] = []
+    planned_figures: list[PaperFigure] = []
     for number, (experiment, shown) in enumerate(zip(experiments, data["experiments"], strict=True)):
         with threadpool_limits(1):
-            own = list(
+            figures = list(
                 drawings(experiment.columns, experiment.effects, experiment.parameter_indices, experiment.thresholds)
             )
-        planned += own
-        for row in shown["trials"]:
-            row["media"] = [_shown_media(store, item, folder) for item in store.media(row["number"])]
-        shown["files"] = [[drawing.caption, f"{drawing.name}.svg"] for drawing in own]
+        planned_figures += figures
+        shown["files"] = [[figure.caption, f"{figure.name}.svg"] for figure in figures]
+        for trial in shown["trials"]:
+            trial["media"] = [_shown_media(store, media, folder) for media in store.media(trial["number"])]
         blobs |= drives.add(store, experiment, shown, f"e{number}")
     if any(shown["drives"] for shown in data["experiments"]):
         module = find_wasm()
@@ -72,7 +70,7 @@ def write_report(
     try:
         with tempfile.TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name}.") as temporary:
             made = Path(temporary)
-            _save_figures(planned, made)
+            _save_figures(planned_figures, made)
             page = web_page("foldcar.report", "study", data=data, blobs=blobs, stills=stills(experiments))
             # Names of files may contain bytes that are not UTF-8.
             (made / PAGE).write_text(page, encoding="utf-8", errors="backslashreplace")
@@ -85,11 +83,18 @@ def write_report(
     return data
 
 
+def _has_content(experiment: ReportedExperiment) -> bool:
+    """Return whether a report can show something of an experiment: runs of a swept one, or trials of another."""
+    return bool(experiment.info.stored_runs if experiment.evidence.swept else experiment.trials)
+
+
 def other_figures(folder: Path, data: PageData) -> list[str]:
     """Return the names of the figures in a report's folder that are not of this report, such as an earlier report's."""
-    own = {Path(file).stem for experiment in data["experiments"] for _, file in experiment["files"]}
-    figures = (file for file in folder.glob("experiment_*") if file.suffix in UNDATED)
-    return sorted(file.name for file in figures if file.stem not in own)
+    own_stems = set()
+    for experiment in data["experiments"]:
+        own_stems |= {Path(file).stem for _, file in experiment["files"]}
+    figures = [file for file in folder.glob("experiment_*") if file.suffix in UNDATED]
+    return sorted(file.name for file in figures if file.stem not in own_stems)
 
 
 def _shown_media(store: Store, media: Media, folder: Path) -> MediaFile:
@@ -103,8 +108,9 @@ def _shown_media(store: Store, media: Media, folder: Path) -> MediaFile:
     return {"kind": media.kind, "name": file.name, "address": address if file.is_file() else None}
 
 
-def _save_figures(planned: Iterable[PaperFigure], folder: Path) -> None:
+def _save_figures(planned_figures: Iterable[PaperFigure], folder: Path) -> None:
+    """Draw the figures and save each in all formats."""
     with drawing_style(), threadpool_limits(1):
-        for drawing in planned:
-            figure = drawing.draw()
-            save_figure(figure, [folder / f"{drawing.name}{suffix}" for suffix in UNDATED])
+        for planned in planned_figures:
+            files = [folder / f"{planned.name}{suffix}" for suffix in UNDATED]
+            save_figure(planned.draw(), files)

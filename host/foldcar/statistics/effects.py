@@ -19,7 +19,7 @@ from typing import Any
 import numpy
 from numpy.typing import ArrayLike, NDArray
 
-from foldcar.statistics.gaussian_process import SuccessModel, basis_functions, success_model
+from foldcar.statistics.gaussian_process import SuccessModel, basis_functions, logistic, success_model
 from foldcar.statistics.rate import check_confidence
 
 DRAWS = 400
@@ -30,6 +30,13 @@ MIN_ENVIRONMENTS = 5
 MIN_COMBINATIONS, MAX_COMBINATIONS, MAX_CURVES = 3, 200, 20
 # A parameter with more values is shown at this many between its ends.
 MAX_VALUES = 40
+# The probabilities below the ends of a 95 % interval.
+INTERVAL_95 = (0.025, 0.975)
+# Below this variance of their rates, the designs do not differ.
+MIN_VARIANCE = 1e-6
+# The variance over a parameter is read from the designs if at least this fraction of them differs from another in this
+# parameter alone. Otherwise it is computed at up to MAX_VARIANCE_VALUES of the parameter's values.
+MIN_PARTNERS, MAX_VARIANCE_VALUES = 0.5, 9
 
 
 @dataclass(frozen=True)
@@ -77,45 +84,47 @@ class Effects:
 
     def rates(self, parameters: NDArray[Any]) -> NDArray[Any]:
         """Draw the rates (draws, m) of designs with parameters (m, k), within the range of the designs that were run."""
-        scaled, log_odds = (parameters - self.model.low) / self.model.span, []
+        scaled = (parameters - self.model.low) / self.model.span
         random = numpy.random.default_rng(1)
-        for candidate, drawn in zip(self.model.candidates, self.factors, strict=True):
+        log_odds_of_candidates = []
+        for candidate, drawn_factors in zip(self.model.candidates, self.factors, strict=True):
             functions = basis_functions(candidate.process, candidate.strength, scaled)
             # Between the inducing designs the functions lack this variance; the first function is the constant.
-            residual_sd = numpy.sqrt(numpy.maximum(candidate.strength**2 - (functions[:, 1:] ** 2).sum(axis=1), 0))
-            log_odds.append(drawn @ functions.T + residual_sd * random.standard_normal((len(drawn), len(scaled))))
-        return numpy.asarray(1 / (1 + numpy.exp(-numpy.concatenate(log_odds))))
+            residual_variance = candidate.strength**2 - (functions[:, 1:] ** 2).sum(axis=1)
+            residual_sd = numpy.sqrt(numpy.maximum(residual_variance, 0))
+            noise = random.standard_normal((len(drawn_factors), len(scaled)))
+            log_odds_of_candidates.append(drawn_factors @ functions.T + residual_sd * noise)
+        return logistic(numpy.concatenate(log_odds_of_candidates))
 
     def effect(self, parameter: int) -> Effect:
         """Return success over the values of the parameter with this index, averaged over the other parameters."""
-        values = numpy.unique(self.parameters[:, parameter])
         combinations, all_run = self._combinations([parameter])
-        grid = values if len(values) <= MAX_VALUES else numpy.linspace(values[0], values[-1], MAX_VALUES)
+        grid = numpy.unique(self.parameters[:, parameter])
+        if len(grid) > MAX_VALUES:
+            grid = numpy.linspace(grid[0], grid[-1], MAX_VALUES)
         # (draws, combinations, values)
-        draws = self._draws_over(combinations, [parameter], grid[:, None])
-        mean_curves = draws.mean(axis=1)
+        rates = self._rates_over(combinations, [parameter], grid[:, None])
+        mean_curves = rates.mean(axis=1)
         levels = mean_curves.mean(axis=1)
+        level_low, level_high = numpy.quantile(levels, INTERVAL_95).tolist()
         # The band shows the uncertainty of the curve's shape: the draws are shifted to a common level.
-        low, high = levels.mean() + numpy.quantile(mean_curves - levels[:, None], (0.025, 0.975), axis=0)
-        # A shifted draw may leave the range of rates.
-        low, high = low.clip(0, 1), high.clip(0, 1)
-        level_low, level_high = numpy.quantile(levels, (0.025, 0.975)).tolist()
-        # Single combinations, evenly spaced by index.
-        shown = numpy.unique(numpy.linspace(0, len(combinations) - 1, MAX_CURVES).round().astype(int))
-        curves = numpy.median(draws[:, shown], axis=0)
-        first_is_higher, last_is_higher = (
-            float((mean_curves[:, end] > mean_curves[:, neighbour]).mean()) for end, neighbour in ((0, 1), (-1, -2))
-        )
+        shapes = mean_curves - levels[:, None]
+        low, high = levels.mean() + numpy.quantile(shapes, INTERVAL_95, axis=0)
+        shown_combinations = _evenly_spaced(len(combinations), MAX_CURVES)
         return Effect(
             grid,
-            mean_curves.mean(axis=0),
-            low,
-            high,
+            mean=mean_curves.mean(axis=0),
+            # A shifted draw may leave the range of rates.
+            low=low.clip(0, 1),
+            high=high.clip(0, 1),
             level=(level_low, level_high),
-            curves=curves,
+            curves=numpy.median(rates[:, shown_combinations], axis=0),
             combinations=len(combinations),
             run=all_run,
-            rises=(first_is_higher, last_is_higher),
+            rises=(
+                float((mean_curves[:, 0] > mean_curves[:, 1]).mean()),
+                float((mean_curves[:, -1] > mean_curves[:, -2]).mean()),
+            ),
         )
 
     def standardised(
@@ -127,32 +136,38 @@ class Effects:
         the range of the designs.
         """
         check_confidence(confidence)
+        # Raises FoldcarError outside the range of the designs.
         self.model.scaled(values, indices)
-        means = self._draws_over(self._combinations(indices)[0], indices, numpy.asarray(values, dtype=float)).mean(axis=1)
+        combinations, _ = self._combinations(indices)
+        rates = self._rates_over(combinations, indices, numpy.asarray(values, dtype=float))
+        means = rates.mean(axis=1)
         low, high = numpy.quantile(means, [(1 - confidence) / 2, (1 + confidence) / 2], axis=0)
         return means.mean(axis=0), low, high
 
-    def _draws_over(self, combinations: NDArray[Any], indices: Sequence[int], values: NDArray[Any]) -> NDArray[Any]:
+    def _rates_over(self, combinations: NDArray[Any], indices: Sequence[int], values: NDArray[Any]) -> NDArray[Any]:
         """Draw rates (draws, combinations, m) at values (m, k) of the parameters at ``indices`` in each combination."""
+        # One design for each combination and value.
         designs = numpy.repeat(combinations, len(values), axis=0)
         designs[:, list(indices)] = numpy.tile(values, (len(combinations), 1))
         return self.rates(designs).reshape(-1, len(combinations), len(values))
 
     def _combinations(self, indices: Sequence[int]) -> tuple[NDArray[Any], bool]:
-        """Return combinations (c, k) of the parameters other than those at ``indices``, as one design for each.
+        """Return combinations of the parameters other than those at ``indices``, and whether they are complete.
 
-        Also returns whether each combination was run at every value of the parameters at ``indices``. Otherwise these are
-        all combinations.
+        The combinations (c, k) are given by one design for each. A combination is complete if it was run at every value
+        of the parameters at ``indices``. If there are too few complete ones, all combinations are returned.
         """
-        others = numpy.delete(self.parameters, list(indices), axis=1)
-        values = len(numpy.unique(self.parameters[:, list(indices)], axis=0))
-        combinations, first_rows, counts = numpy.unique(others, axis=0, return_index=True, return_counts=True)
-        complete = first_rows[counts == values]
-        all_run = len(complete) >= min(MIN_COMBINATIONS, len(combinations))
-        chosen = numpy.sort(complete if all_run else first_rows)
-        if len(chosen) > MAX_COMBINATIONS:
-            chosen = chosen[numpy.linspace(0, len(chosen) - 1, MAX_COMBINATIONS).round().astype(int)]
-        return self.parameters[chosen].copy(), all_run
+        other_parameters = numpy.delete(self.parameters, list(indices), axis=1)
+        number_of_values = len(numpy.unique(self.parameters[:, list(indices)], axis=0))
+        combinations, first_designs, counts = numpy.unique(
+            other_parameters, axis=0, return_index=True, return_counts=True
+        )
+        complete_designs = first_designs[counts == number_of_values]
+        enough_complete = len(complete_designs) >= min(MIN_COMBINATIONS, len(combinations))
+        designs = numpy.sort(complete_designs if enough_complete else first_designs)
+        if len(designs) > MAX_COMBINATIONS:
+            designs = designs[_evenly_spaced(len(designs), MAX_COMBINATIONS)]
+        return self.parameters[designs].copy(), enough_complete
 
     def importance(self) -> list[Importance]:
         """Return the importance of each parameter; an empty list if all designs have the same rate.
@@ -162,14 +177,15 @@ class Effects:
         if not self.designs_differ:
             return []
         total_variance = self._design_draws.var(axis=1)
-        if numpy.median(total_variance) < 1e-6:
+        if numpy.median(total_variance) < MIN_VARIANCE:
             return []
-        result = []
+        low_end, high_end = INTERVAL_95
+        importances = []
         for parameter in range(self.parameters.shape[1]):
             fractions = self._variance_over(parameter) / total_variance
-            low, middle, high = numpy.quantile(fractions.clip(0, 1), (0.025, 0.5, 0.975))
-            result.append(Importance(float(middle), float(low), float(high)))
-        return result
+            low, median, high = numpy.quantile(fractions.clip(0, 1), (low_end, 0.5, high_end))
+            importances.append(Importance(float(median), float(low), float(high)))
+        return importances
 
     @cached_property
     def _design_draws(self) -> NDArray[Any]:
@@ -178,26 +194,36 @@ class Effects:
 
     def _variance_over(self, parameter: int) -> NDArray[Any]:
         """Return the mean variance (draws,) of the rate over the parameter's values with the other parameters fixed."""
-        others = numpy.delete(self.parameters, parameter, axis=1)
-        _, group, counts = numpy.unique(others, axis=0, return_inverse=True, return_counts=True)
+        other_parameters = numpy.delete(self.parameters, parameter, axis=1)
+        # The designs of a group differ in this parameter alone.
+        _, group, counts = numpy.unique(other_parameters, axis=0, return_inverse=True, return_counts=True)
         group = group.ravel()
-        # Designs that have another one with the same other parameters.
         has_partner = counts[group] > 1
-        rates, group = self._design_draws[:, has_partner], group[has_partner]
-        if has_partner.mean() < 0.5:
-            # Too few designs differ in this parameter alone: use the model's rates at its values.
-            values = numpy.unique(self.parameters[:, parameter])
-            # At most 9 values and MAX_COMBINATIONS designs, evenly spaced by index.
-            values = values[numpy.unique(numpy.linspace(0, len(values) - 1, 9).round().astype(int))]
-            rows = numpy.unique(numpy.linspace(0, len(others) - 1, MAX_COMBINATIONS).round().astype(int))
-            designs = numpy.repeat(self.parameters[rows], len(values), axis=0)
-            designs[:, parameter] = numpy.tile(values, len(rows))
-            rates, group = self.rates(designs), numpy.repeat(numpy.arange(len(rows)), len(values))
-        sizes = numpy.bincount(group)
-        divisors = numpy.maximum(sizes, 1)
-        mean = numpy.array([numpy.bincount(group, row) for row in rates]) / divisors
-        mean_square = numpy.array([numpy.bincount(group, row) for row in rates**2]) / divisors
-        return numpy.asarray(((mean_square - mean**2) * sizes).sum(axis=1) / sizes.sum())
+        if has_partner.mean() >= MIN_PARTNERS:
+            return _variance_within_groups(self._design_draws[:, has_partner], group[has_partner])
+        # Too few designs differ in this parameter alone. So take some designs, set the parameter to some of its values,
+        # and use the model's rates.
+        values = numpy.unique(self.parameters[:, parameter])
+        values = values[_evenly_spaced(len(values), MAX_VARIANCE_VALUES)]
+        chosen = _evenly_spaced(len(self.parameters), MAX_COMBINATIONS)
+        designs = numpy.repeat(self.parameters[chosen], len(values), axis=0)
+        designs[:, parameter] = numpy.tile(values, len(chosen))
+        return _variance_within_groups(self.rates(designs), numpy.repeat(numpy.arange(len(chosen)), len(values)))
+
+
+def _variance_within_groups(rates: NDArray[Any], group: NDArray[Any]) -> NDArray[Any]:
+    """Return the variance (draws,) of ``rates`` (draws, m) within groups; ``group`` (m,) is the group of each column."""
+    sizes = numpy.bincount(group)
+    divisors = numpy.maximum(sizes, 1)
+    mean = numpy.array([numpy.bincount(group, row) for row in rates]) / divisors
+    mean_square = numpy.array([numpy.bincount(group, row) for row in rates**2]) / divisors
+    variance = mean_square - mean**2
+    return numpy.asarray((variance * sizes).sum(axis=1) / sizes.sum())
+
+
+def _evenly_spaced(number: int, max_number: int) -> NDArray[Any]:
+    """Return at most ``max_number`` of the indices below ``number``, evenly spaced, the first and the last included."""
+    return numpy.unique(numpy.linspace(0, number - 1, max_number).round().astype(int))
 
 
 @dataclass(frozen=True)
@@ -224,32 +250,37 @@ def fit_effects(parameters: ArrayLike, design: ArrayLike, environment: ArrayLike
     vary.
     """
     designs = numpy.asarray(parameters, dtype=float)
-    design_index, environment_index = numpy.asarray(design), numpy.asarray(environment)
+    design_index = numpy.asarray(design)
+    _, environment_index = numpy.unique(numpy.asarray(environment), return_inverse=True)
     has_passed = numpy.asarray(passed, dtype=float)
-    counted = numpy.bincount(design_index, minlength=len(designs))
-    model = success_model(designs, numpy.bincount(design_index, has_passed, minlength=len(designs)), counted)
+    passed_runs = numpy.bincount(design_index, has_passed, minlength=len(designs))
+    counted_runs = numpy.bincount(design_index, minlength=len(designs))
+    model = success_model(designs, passed_runs, counted_runs)
     scaled = (designs - model.low) / model.span
-    random, factors = numpy.random.default_rng(0), []
-    _, environment_index = numpy.unique(environment_index, return_inverse=True)
-    clusters = int(environment_index.max()) + 1
+    environments = int(environment_index.max()) + 1
+    random = numpy.random.default_rng(0)
+    drawn_factors = []
     for candidate in model.candidates:
+        mode, root = candidate.factors.mode, candidate.factors.root
         number = max(1, round(DRAWS * candidate.weight))
-        noise = random.standard_normal((number, len(candidate.factors.mode)))
-        if clusters < MIN_ENVIRONMENTS:
+        noise = random.standard_normal((number, len(mode)))
+        if environments < MIN_ENVIRONMENTS:
             # The plain posterior, as if runs were independent.
-            factors.append(candidate.factors.mode + noise @ candidate.factors.root.T)
+            drawn_factors.append(mode + noise @ root.T)
             continue
         functions = basis_functions(candidate.process, candidate.strength, scaled)
-        residual = has_passed - 1 / (1 + numpy.exp(-(functions @ candidate.factors.mode)))[design_index]
+        residual = has_passed - logistic(functions @ mode)[design_index]
+        # The gradient (functions, environments) of the log-likelihood of each environment's runs.
         gradients = numpy.array(
-            [numpy.bincount(environment_index, column[design_index] * residual, clusters) for column in functions.T]
+            [numpy.bincount(environment_index, column[design_index] * residual, environments) for column in functions.T]
         )
         gradients -= gradients.mean(axis=1, keepdims=True)
         # Student's t, because the gradients' covariance is estimated from this many environments.
-        degrees_of_freedom = clusters - 1
-        scale = numpy.sqrt(clusters / random.chisquare(degrees_of_freedom, number))[:, None]
+        degrees_of_freedom = environments - 1
+        scale = numpy.sqrt(environments / random.chisquare(degrees_of_freedom, number))[:, None]
         # The covariance of S (gradients + noise), which is the sandwich; root root.T is S, noise has the covariance 1.
-        step = scale * random.standard_normal((number, clusters)) @ gradients.T + noise
-        factors.append(candidate.factors.mode + step @ candidate.factors.root @ candidate.factors.root.T)
-    rates = numpy.bincount(design_index, has_passed, minlength=len(designs))[counted > 0] / counted[counted > 0]
-    return Effects(model, designs[counted > 0], tuple(factors), bool(numpy.ptp(rates) > 0))
+        step = scale * random.standard_normal((number, environments)) @ gradients.T + noise
+        drawn_factors.append(mode + step @ root @ root.T)
+    has_runs = counted_runs > 0
+    rates = passed_runs[has_runs] / counted_runs[has_runs]
+    return Effects(model, designs[has_runs], tuple(drawn_factors), designs_differ=bool(numpy.ptp(rates) > 0))

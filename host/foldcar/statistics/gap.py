@@ -29,7 +29,9 @@ class Gap:
             return AGREES
         if self.high < 0:
             return OPTIMISTIC
-        return PESSIMISTIC if self.low > 0 else TOO_FEW
+        if self.low > 0:
+            return PESSIMISTIC
+        return TOO_FEW
 
 
 @dataclass(frozen=True)
@@ -50,7 +52,10 @@ def rank_agreement(simulated: ArrayLike, driven: ArrayLike) -> RankAgreement:
     simulated, driven = numpy.asarray(simulated, float), numpy.asarray(driven, float)
     if len(simulated) < 2:
         return RankAgreement(len(simulated))
-    swapped = (simulated[:, None] < simulated[None, :]) != (driven[:, None] < driven[None, :])
-    # (designs, designs): by how much the driven rates of a pair in swapped order differ. Each design's worst pair counts.
-    violations = numpy.abs(driven[:, None] - driven[None, :]) * swapped
+    # All pairs of designs (designs, designs).
+    lower_in_simulation = simulated[:, None] < simulated[None, :]
+    lower_in_trials = driven[:, None] < driven[None, :]
+    rate_differences = numpy.abs(driven[:, None] - driven[None, :])
+    violations = rate_differences * (lower_in_simulation != lower_in_trials)
+    # Each design counts with its worst pair.
     return RankAgreement(len(simulated), float(violations.max(axis=1).mean()))

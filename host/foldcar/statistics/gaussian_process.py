@@ -8,11 +8,11 @@ Its evidence weights candidate lengths and strengths of the process.
 :func:`success_model` fits success as a smooth function of design parameters: a constant and such a process.
 """
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 from itertools import product
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy
 from numpy.typing import ArrayLike, NDArray
@@ -24,6 +24,8 @@ from foldcar.statistics.rate import check_confidence
 INDUCING_DESIGNS = 80
 NEWTON_STEPS = 50
 TOLERANCE = 1e-9
+# A Newton step is not halved below this fraction.
+MIN_STEP_SIZE = 1e-4
 # Candidates: length as a fraction of the range, standard deviation of the log-odds. With more than two parameters only
 # combinations of lengths on the way to the best one are fitted; the longest stands for a parameter without effect.
 LENGTHS = {1: (0.1, 0.2, 0.4, 0.8), 2: (0.15, 0.35, 0.8)}
@@ -31,6 +33,10 @@ MANY_LENGTHS = (0.15, 0.35, 0.8, 2.5)
 STRENGTHS = (1.5, 5.0)
 # Candidates of lower weight are dropped.
 MIN_WEIGHT = 0.01
+# A model is not fitted to fewer designs with runs.
+MIN_DESIGNS = 4
+# Rounding error of parameters that are scaled to 0 to 1.
+ROUNDING = 1e-9
 # Standard deviation of the constant.
 CONSTANT = 4.0
 
@@ -61,8 +67,9 @@ class Matern:
 
     def covariance(self, first: NDArray[Any], second: NDArray[Any]) -> NDArray[Any]:
         """Return the covariance (m, n) between the process at designs (m, k) and at designs (n, k)."""
-        steps = (first[:, None] - second[None, :]) / numpy.asarray(self.lengths)
-        r = numpy.sqrt(5 * (steps**2).sum(axis=-1))
+        differences = (first[:, None] - second[None, :]) / numpy.asarray(self.lengths)
+        # The root of 5 times the distance in lengths.
+        r = numpy.sqrt(5 * (differences**2).sum(axis=-1))
         return numpy.asarray((1 + r + r**2 / 3) * numpy.exp(-r))
 
 
@@ -87,24 +94,34 @@ def farthest_first_designs(scaled: NDArray[Any], max_number: int = INDUCING_DESI
 def farthest_first_indices(designs: NDArray[Any], max_number: int) -> NDArray[Any]:
     """Return the indices of at most ``max_number`` of the designs (d, k), each farthest from those before it."""
     chosen = [0]
-    distances = numpy.full(len(designs), numpy.inf)
+    # The squared distance of each design to the nearest chosen one.
+    nearest = numpy.full(len(designs), numpy.inf)
     while len(chosen) < min(max_number, len(designs)):
-        distances = numpy.minimum(distances, ((designs - designs[chosen[-1]]) ** 2).sum(axis=1))
-        chosen.append(int(distances.argmax()))
+        squared_distances = ((designs - designs[chosen[-1]]) ** 2).sum(axis=1)
+        nearest = numpy.minimum(nearest, squared_distances)
+        chosen.append(int(nearest.argmax()))
     return numpy.array(chosen)
 
 
-# Maps log-odds (..., d) to each design's log likelihood, its slope and its curvature, which is at most 0.
-Likelihood = Callable[[NDArray[Any]], tuple[NDArray[Any], NDArray[Any], NDArray[Any]]]
+class LogLikelihood(NamedTuple):
+    """Each design's log likelihood (..., d), its slope and its curvature, which is at most 0, over the log-odds."""
+
+    value: NDArray[Any]
+    slope: NDArray[Any]
+    curvature: NDArray[Any]
+
+
+# Maps log-odds (..., d) to the log likelihood of the observations.
+Likelihood = Callable[[NDArray[Any]], LogLikelihood]
 
 
 def binomial(passed: NDArray[Any], counted: NDArray[Any]) -> Likelihood:
     """Return the likelihood function of log-odds if ``passed`` (d,) of ``counted`` (d,) independent runs passed."""
 
-    def likelihood(log_odds: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-        rate = 1 / (1 + numpy.exp(-log_odds))
+    def likelihood(log_odds: NDArray[Any]) -> LogLikelihood:
+        rate = logistic(log_odds)
         value = passed * log_odds - counted * numpy.logaddexp(0, log_odds)
-        return value, passed - counted * rate, -counted * rate * (1 - rate)
+        return LogLikelihood(value, slope=passed - counted * rate, curvature=-counted * rate * (1 - rate))
 
     return likelihood
 
@@ -121,14 +138,16 @@ def laplace(functions: NDArray[Any], prior: NDArray[Any], likelihood: Likelihood
         return numpy.asarray(prior + (functions @ factors[..., None])[..., 0])
 
     def log_density(factors: NDArray[Any]) -> NDArray[Any]:
-        return numpy.asarray(likelihood(log_odds(factors))[0].sum(axis=-1) - (factors**2).sum(axis=-1) / 2)
+        log_likelihood = likelihood(log_odds(factors)).value.sum(axis=-1)
+        return numpy.asarray(log_likelihood - (factors**2).sum(axis=-1) / 2)
 
     def slope_and_precision(factors: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
         """Return the slope (..., p) of the log density, and its negative second derivative (..., p, p)."""
-        _, slope, curvature = likelihood(log_odds(factors))
+        log_likelihood = likelihood(log_odds(factors))
         transposed = functions.swapaxes(-1, -2)
-        precision = transposed @ (functions * -curvature[..., None]) + numpy.eye(factors.shape[-1])
-        return (transposed @ slope[..., None])[..., 0] - factors, precision
+        slope = (transposed @ log_likelihood.slope[..., None])[..., 0] - factors
+        precision = transposed @ (functions * -log_likelihood.curvature[..., None]) + numpy.eye(factors.shape[-1])
+        return slope, precision
 
     value = log_density(factors)
     for _ in range(NEWTON_STEPS):
@@ -136,11 +155,12 @@ def laplace(functions: NDArray[Any], prior: NDArray[Any], likelihood: Likelihood
         step = numpy.linalg.solve(precision, slope[..., None])[..., 0]
         size = numpy.ones((*value.shape, 1))
         # A full step may overshoot where the likelihood is flat: halve it for those candidates whose density falls.
-        new = log_density(factors + size * step)
-        while (overshot := (new < value - TOLERANCE) & (size[..., 0] > 1e-4)).any():
+        new_value = log_density(factors + size * step)
+        while (overshot := (new_value < value - TOLERANCE) & (size[..., 0] > MIN_STEP_SIZE)).any():
             size[overshot] /= 2
-            new = log_density(factors + size * step)
-        factors, gain, value = factors + size * step, new - value, new
+            new_value = log_density(factors + size * step)
+        gain = new_value - value
+        factors, value = factors + size * step, new_value
         if (numpy.abs(gain) < TOLERANCE).all():
             break
     # The covariance is the inverse of the precision L L', so L'^-1 is a root of it. The powers of 2 pi of prior and
@@ -194,19 +214,24 @@ class SuccessModel:
             variance = ((functions @ candidate.factors.root) ** 2).sum(axis=1) + residual_variance
             mean += candidate.weight * log_odds
             mean_square += candidate.weight * (log_odds**2 + variance)
-        half_width = ndtri((1 + confidence) / 2) * numpy.sqrt(numpy.maximum(mean_square - mean**2, 0))
-        rate, low, high = (1 / (1 + numpy.exp(-value)) for value in (mean, mean - half_width, mean + half_width))
-        return rate, low, high
+        sd = numpy.sqrt(numpy.maximum(mean_square - mean**2, 0))
+        half_width = ndtri((1 + confidence) / 2) * sd
+        return logistic(mean), logistic(mean - half_width), logistic(mean + half_width)
 
     def scaled(self, values: ArrayLike, indices: Sequence[int]) -> NDArray[Any]:
         """Scale values (m, k) of the parameters at ``indices`` to 0 to 1. Raises FoldcarError outside their range."""
-        x, columns = numpy.asarray(values, dtype=float), list(indices)
-        if x.ndim != 2 or x.shape[1] != len(columns):
+        table, columns = numpy.asarray(values, dtype=float), list(indices)
+        if table.ndim != 2 or table.shape[1] != len(columns):
             raise FoldcarError(f"this success model has {len(columns)} parameters of each design")
-        result: NDArray[Any] = (x - self.low[columns]) / self.span[columns]
-        if not numpy.all((result > -1e-9) & (result < 1 + 1e-9)):
+        scaled: NDArray[Any] = (table - self.low[columns]) / self.span[columns]
+        if not numpy.all((scaled > -ROUNDING) & (scaled < 1 + ROUNDING)):
             raise FoldcarError("a success model has rates only within the range of the designs that it was fitted to")
-        return result
+        return scaled
+
+
+def logistic(log_odds: NDArray[Any]) -> NDArray[Any]:
+    """Return the rates of log-odds."""
+    return numpy.asarray(1 / (1 + numpy.exp(-log_odds)))
 
 
 def success_model(parameters: ArrayLike, passed: ArrayLike, counted: ArrayLike) -> SuccessModel:
@@ -215,63 +240,88 @@ def success_model(parameters: ArrayLike, passed: ArrayLike, counted: ArrayLike) 
     Candidates, pairs of lengths and strength, are weighted by their evidence. Raises FoldcarError if there are runs of
     fewer than 4 designs or a parameter does not vary.
     """
-    x, k, n = (numpy.asarray(values, dtype=float) for values in (parameters, passed, counted))
-    if x.ndim != 2 or not x.shape[1] or not numpy.all(numpy.isfinite(x)):
-        raise FoldcarError("a success model needs a table of designs with at least one parameter, all finite")
-    if k.shape != (len(x),) or n.shape != (len(x),) or not numpy.all((k >= 0) & (k <= n)):
-        raise FoldcarError(f"a success model needs 0 ≤ passed ≤ counted for each of the {len(x)} designs")
-    x, k, n = x[n > 0], k[n > 0], n[n > 0]
-    if len(x) < 4 or not numpy.all(numpy.ptp(x, axis=0) > 0):
-        raise FoldcarError(
-            f"a success model needs runs of at least 4 designs that differ in each parameter; {len(x)} designs have runs"
-        )
-    low, span = x.min(axis=0), numpy.ptp(x, axis=0)
-    scaled = (x - low) / span
+    designs = numpy.asarray(parameters, dtype=float)
+    passed_runs = numpy.asarray(passed, dtype=float)
+    counted_runs = numpy.asarray(counted, dtype=float)
+    _check_counts_of_designs(designs, passed_runs, counted_runs)
+    has_runs = counted_runs > 0
+    designs, passed_runs, counted_runs = designs[has_runs], passed_runs[has_runs], counted_runs[has_runs]
+    low, span = designs.min(axis=0), numpy.ptp(designs, axis=0)
+    scaled = (designs - low) / span
     inducing = farthest_first_designs(scaled)
 
     @cache
-    def fitted(lengths: tuple[float, ...], strength: float) -> tuple[Matern, Factors]:
-        process = Matern(inducing, lengths)
-        return process, laplace(basis_functions(process, strength, scaled), numpy.zeros(len(n)), binomial(k, n))
+    def fitted(setting: Setting) -> tuple[Matern, Factors]:
+        process = Matern(inducing, setting.lengths)
+        functions = basis_functions(process, setting.strength, scaled)
+        return process, laplace(functions, numpy.zeros(len(scaled)), binomial(passed_runs, counted_runs))
 
-    settings = list(_settings(x.shape[1], lambda lengths, strength: fitted(lengths, strength)[1].evidence))
-    weights = evidence_weights([fitted(*candidate)[1].evidence for candidate in settings])
+    def evidence(setting: Setting) -> float:
+        _, factors = fitted(setting)
+        return float(factors.evidence)
+
+    settings = _settings(scaled.shape[1], evidence)
+    weights = evidence_weights([evidence(setting) for setting in settings])
     weights = numpy.where(weights >= MIN_WEIGHT, weights, 0.0)
     weights /= weights.sum()
     candidates = []
-    for (lengths, strength), weight in zip(settings, weights.tolist(), strict=True):
-        if weight:
-            process, factors = fitted(lengths, strength)
-            candidates.append(Candidate(process, strength, weight, factors))
+    for setting, weight in zip(settings, weights.tolist(), strict=True):
+        if weight > 0:
+            process, factors = fitted(setting)
+            candidates.append(Candidate(process, setting.strength, weight, factors))
     return SuccessModel(tuple(candidates), low, span)
 
 
-def _settings(
-    parameters: int, evidence: Callable[[tuple[float, ...], float], float]
-) -> Collection[tuple[tuple[float, ...], float]]:
-    """Return the candidates to weight, pairs of lengths and strength.
+def _check_counts_of_designs(designs: NDArray[Any], passed: NDArray[Any], counted: NDArray[Any]) -> None:
+    """Raise FoldcarError if :func:`success_model` cannot be fitted to these designs and numbers of runs."""
+    if designs.ndim != 2 or not designs.shape[1] or not numpy.all(numpy.isfinite(designs)):
+        raise FoldcarError("a success model needs a table of designs with at least one parameter, all finite")
+    number = len(designs)
+    has_shapes = passed.shape == (number,) and counted.shape == (number,)
+    if not has_shapes or not numpy.all((passed >= 0) & (passed <= counted)):
+        raise FoldcarError(f"a success model needs 0 ≤ passed ≤ counted for each of the {number} designs")
+    with_runs = designs[counted > 0]
+    if len(with_runs) < MIN_DESIGNS or not numpy.all(numpy.ptp(with_runs, axis=0) > 0):
+        raise FoldcarError(
+            f"a success model needs runs of at least {MIN_DESIGNS} designs that differ in each parameter; "
+            f"{len(with_runs)} designs have runs"
+        )
 
-    For one or two parameters these are all combinations; for more, those that a coordinate search for the highest
-    ``evidence`` tries.
+
+class Setting(NamedTuple):
+    """What a candidate process has: a length for each parameter, and the standard deviation of the log-odds."""
+
+    lengths: tuple[float, ...]
+    strength: float
+
+
+def _settings(parameters: int, evidence: Callable[[Setting], float]) -> list[Setting]:
+    """Return the settings of the candidates to weight.
+
+    For one or two parameters these are all combinations. For more, they are those that a search for the highest
+    ``evidence`` tries, which changes one number at a time.
     """
     if parameters in LENGTHS:
-        return list(product(product(LENGTHS[parameters], repeat=parameters), STRENGTHS))
+        all_lengths = product(LENGTHS[parameters], repeat=parameters)
+        return [Setting(*setting) for setting in product(all_lengths, STRENGTHS)]
     # The search begins at the longest length that still stands for an effect.
-    best: tuple[tuple[float, ...], float] = ((MANY_LENGTHS[2],) * parameters, STRENGTHS[0])
-    tried, previous = {best: None}, None
+    best = Setting((MANY_LENGTHS[2],) * parameters, STRENGTHS[0])
+    # A dictionary, because it keeps the order and has each setting once.
+    tried = {best: None}
+    previous = None
     while best != previous:
         previous = best
         for parameter in range(parameters):
-            lengths, strength = best
-            alternatives = [
-                ((*lengths[:parameter], length, *lengths[parameter + 1 :]), strength) for length in MANY_LENGTHS
-            ]
+            alternatives = []
+            for length in MANY_LENGTHS:
+                lengths = (*best.lengths[:parameter], length, *best.lengths[parameter + 1 :])
+                alternatives.append(best._replace(lengths=lengths))
             tried.update(dict.fromkeys(alternatives))
-            best = max(alternatives, key=lambda setting: evidence(*setting))
-        alternatives = [(best[0], strength) for strength in STRENGTHS]
+            best = max(alternatives, key=evidence)
+        alternatives = [best._replace(strength=strength) for strength in STRENGTHS]
         tried.update(dict.fromkeys(alternatives))
-        best = max(alternatives, key=lambda setting: evidence(*setting))
-    return tried
+        best = max(alternatives, key=evidence)
+    return list(tried)
 
 
 def basis_functions(process: Matern, strength: float, scaled: NDArray[Any]) -> NDArray[Any]:

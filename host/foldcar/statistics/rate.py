@@ -71,22 +71,27 @@ def wilson_interval(successes: int, runs: int, confidence: float = 0.95) -> tupl
     check_counts(successes, runs)
     check_confidence(confidence)
     z_squared = float(ndtri((1 + confidence) / 2)) ** 2
-    rate, scale = successes / runs, 1 + z_squared / runs
+    rate = successes / runs
+    scale = 1 + z_squared / runs
     middle = (rate + z_squared / (2 * runs)) / scale
     half_width = math.sqrt(z_squared * (rate * (1 - rate) / runs + z_squared / (4 * runs**2))) / scale
     # Exact at the ends, in spite of rounding.
-    return 0.0 if successes == 0 else middle - half_width, 1.0 if successes == runs else middle + half_width
+    low = 0.0 if successes == 0 else middle - half_width
+    high = 1.0 if successes == runs else middle + half_width
+    return low, high
 
 
 def clopper_pearson_interval(successes: ArrayLike, runs: ArrayLike, confidence: float = 0.95) -> tuple[Any, Any]:
     """Return Clopper and Pearson's interval (1934) (low, high), each 0 to 1, for numbers or arrays of one shape."""
     from scipy.special import betaincinv
 
-    passed, total, tail = numpy.asarray(successes, float), numpy.asarray(runs, float), (1 - confidence) / 2
-    # The quantile is undefined without failures, or without successes.
-    low = betaincinv(numpy.maximum(passed, 1), total - passed + 1, tail)
-    high = betaincinv(passed + 1, numpy.maximum(total - passed, 1), 1 - tail)
-    return numpy.where(passed > 0, low, 0.0), numpy.where(passed < total, high, 1.0)
+    passed, total = numpy.asarray(successes, float), numpy.asarray(runs, float)
+    failed = total - passed
+    tail = (1 - confidence) / 2
+    # The lower quantile is undefined without successes, and the upper one without failures.
+    low = betaincinv(numpy.maximum(passed, 1), failed + 1, tail)
+    high = betaincinv(passed + 1, numpy.maximum(failed, 1), 1 - tail)
+    return numpy.where(passed > 0, low, 0.0), numpy.where(failed > 0, high, 1.0)
 
 
 def anytime_interval(
@@ -126,20 +131,24 @@ def limited_mean(
     from scipy.special import betaincinv
 
     check_counts(crossed, runs)
-    if not (limit_s > 0 and 0 <= sum_s <= crossed * limit_s * (1 + 1e-9) and sum_squares_s2 >= 0):
+    max_sum_s = crossed * limit_s * (1 + 1e-9)
+    if not (limit_s > 0 and 0 <= sum_s <= max_sum_s and sum_squares_s2 >= 0):
         raise FoldcarError(f"times to cross must be 0 to {limit_s:g} s, the limit")
-    mean = (sum_s + (runs - crossed) * limit_s) / runs
+    failed = runs - crossed
+    mean = (sum_s + failed * limit_s) / runs
     # Under the bootstrap the fraction that crosses and the mean time of crossing are independent.
     # Each is represented by its quantiles at MIDPOINTS; times are fractions of the limit.
-    fractions = betaincinv(crossed + 0.5, runs - crossed + 0.5, MIDPOINTS)
-    centre = sum_s / (crossed + 0.5) / limit_s
-    variance = (sum_squares_s2 / (crossed + 0.5) / limit_s**2 - centre**2) / (crossed + 1.5)
-    crossing = numpy.zeros(1)
-    if variance > 0 and 0 < centre < 1:
-        strength = centre * (1 - centre) / variance - 1
-        crossing = betaincinv(centre * strength, (1 - centre) * strength, MIDPOINTS)
-    means = limit_s * (1 - numpy.outer(fractions, 1 - crossing))
-    low, high = numpy.quantile(means, [0.025, 0.975], method="hazen")
+    crossed_fractions = betaincinv(crossed + 0.5, failed + 0.5, MIDPOINTS)
+    mean_time = sum_s / (crossed + 0.5) / limit_s
+    mean_square = sum_squares_s2 / (crossed + 0.5) / limit_s**2
+    variance = (mean_square - mean_time**2) / (crossed + 1.5)
+    crossing_times = numpy.zeros(1)
+    if variance > 0 and 0 < mean_time < 1:
+        # The sum of both parameters of the beta distribution with this mean and variance.
+        strength = mean_time * (1 - mean_time) / variance - 1
+        crossing_times = betaincinv(mean_time * strength, (1 - mean_time) * strength, MIDPOINTS)
+    mean_times_s = limit_s * (1 - numpy.outer(crossed_fractions, 1 - crossing_times))
+    low, high = numpy.quantile(mean_times_s, [0.025, 0.975], method="hazen")
     return mean, min(float(low), mean), max(float(high), mean)
 
 
@@ -166,9 +175,12 @@ def _lowest_rate(passed: NDArray[Any], total: NDArray[Any], threshold: float) ->
     from scipy.special import betaln, xlog1py, xlogy
 
     log_mixture = betaln(passed + MIXTURE, total - passed + MIXTURE) - betaln(MIXTURE, MIXTURE)
-    outside, inside = numpy.zeros(passed.shape), passed / numpy.maximum(total, 1)
+    # The lowest rate lies between a rate below the interval and a rate within it.
+    rate_below, rate_within = numpy.zeros(passed.shape), passed / numpy.maximum(total, 1)
     for _ in range(HALVINGS):
-        middle = (outside + inside) / 2
-        is_inside = log_mixture - xlogy(passed, middle) - xlog1py(total - passed, -middle) <= threshold
-        outside, inside = numpy.where(is_inside, outside, middle), numpy.where(is_inside, middle, inside)
-    return numpy.where(passed > 0, inside, 0.0)
+        middle = (rate_below + rate_within) / 2
+        log_ratio = log_mixture - xlogy(passed, middle) - xlog1py(total - passed, -middle)
+        is_within = log_ratio <= threshold
+        rate_below = numpy.where(is_within, rate_below, middle)
+        rate_within = numpy.where(is_within, middle, rate_within)
+    return numpy.where(passed > 0, rate_within, 0.0)

@@ -17,7 +17,7 @@ residual of A adds a third of its sum of squares to the variance of the sum.
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy
 from numpy.typing import ArrayLike, NDArray
@@ -59,50 +59,85 @@ def separations(values: ArrayLike, design: ArrayLike, environment: ArrayLike, pa
     MIN_ENVIRONMENTS have a value, or if no design both passed and failed. The file's head has the formulas.
     """
     table = numpy.asarray(values, dtype=float)
-    design_index, environment_index, has_passed = (
-        numpy.asarray(design),
-        numpy.asarray(environment),
-        numpy.asarray(passed, dtype=bool),
-    )
+    design_index, environment_index = numpy.asarray(design), numpy.asarray(environment)
     if not len(design_index) or not table.size:
         return []
-    chosen = numpy.unique(environment_index)
-    if len(chosen) > MAX_ENVIRONMENTS:
-        chosen = chosen[numpy.linspace(0, len(chosen) - 1, MAX_ENVIRONMENTS).round().astype(int)]
-    kept = numpy.isin(environment_index, chosen)
-    environment_index = numpy.searchsorted(chosen, environment_index[kept])
-    _, design_index = numpy.unique(design_index[kept], return_inverse=True)
-    table, has_passed = table[chosen], has_passed[kept]
-    # (designs, environments): 1 where a design passed, and where it failed.
-    good, bad = (numpy.zeros((design_index.max() + 1, len(chosen)), dtype=numpy.float32) for _ in range(2))
-    good[design_index[has_passed], environment_index[has_passed]] = 1
-    bad[design_index[~has_passed], environment_index[~has_passed]] = 1
-    # The number of designs that passed in one environment (rows) and failed in the other (columns).
-    pairs = good.T @ bad
+    environments = numpy.unique(environment_index)
+    if len(environments) > MAX_ENVIRONMENTS:
+        evenly_spaced = numpy.linspace(0, len(environments) - 1, MAX_ENVIRONMENTS).round().astype(int)
+        environments = environments[evenly_spaced]
+    is_used = numpy.isin(environment_index, environments)
+    pairs = _passed_failed_pairs(
+        design_index[is_used],
+        numpy.searchsorted(environments, environment_index[is_used]),
+        numpy.asarray(passed, dtype=bool)[is_used],
+        len(environments),
+    )
     excess = pairs - pairs.T
-    columns, differences, totals, scores = [], [], [], []
-    for column, column_values in enumerate(table.T):
-        present = ~numpy.isnan(column_values)
-        total = float(present @ pairs @ present)
-        if present.sum() < MIN_ENVIRONMENTS or numpy.ptp(column_values[present]) == 0 or not total:
-            continue
-        ranks = numpy.unique(column_values, return_inverse=True)[1].astype(numpy.float32)
-        signs = numpy.sign(ranks[:, None] - ranks[None, :])
-        signs[~present], signs[:, ~present] = 0, 0
-        columns.append(column)
-        totals.append(total)
-        differences.append(float((excess * signs).sum(dtype=float)) / 2 / total)
-        scores.append(signs.sum(axis=1, dtype=float))
-    if not columns:
+    compared = []
+    for column, column_values in enumerate(table[environments].T):
+        compared_column = _compare_column(column, column_values, pairs, excess)
+        if compared_column is not None:
+            compared.append(compared_column)
+    if not compared:
         return []
+    scores = numpy.array([compared_column.scores for compared_column in compared]).T
+    numbers_of_pairs = numpy.array([compared_column.pairs for compared_column in compared])
+    critical_values = _critical_values(scores, excess) / numbers_of_pairs
     separations = []
-    critical_values = _critical_values(numpy.array(scores).T, excess) / numpy.array(totals)
-    for column, difference, critical_value in zip(columns, differences, critical_values.tolist(), strict=True):
-        middle, half = numpy.arctanh(numpy.minimum([abs(difference), critical_value], MAX_SHARE))
+    for compared_column, critical_value in zip(compared, critical_values.tolist(), strict=True):
+        difference = compared_column.difference
+        middle, half_width = numpy.arctanh(numpy.minimum([abs(difference), critical_value], MAX_SHARE))
         # The interval of the magnitude, from that of the difference.
-        low, high = max(0.0, float(numpy.tanh(middle - half))), float(numpy.tanh(middle + half))
-        separations.append(Separation(column, difference, low, high))
+        low = max(0.0, float(numpy.tanh(middle - half_width)))
+        high = float(numpy.tanh(middle + half_width))
+        separations.append(Separation(compared_column.column, difference, low, high))
     return sorted(separations, key=lambda separation: -separation.share)
+
+
+def _passed_failed_pairs(
+    design_index: NDArray[Any], environment_index: NDArray[Any], has_passed: NDArray[Any], environments: int
+) -> NDArray[Any]:
+    """Return how many designs passed in one environment (rows) and failed in another one (columns).
+
+    ``design_index``, ``environment_index`` and ``has_passed`` are those of each run.
+    """
+    _, design_index = numpy.unique(design_index, return_inverse=True)
+    shape = design_index.max() + 1, environments
+    # 1 where a design passed, and where it failed.
+    passed_in, failed_in = numpy.zeros(shape, numpy.float32), numpy.zeros(shape, numpy.float32)
+    passed_in[design_index[has_passed], environment_index[has_passed]] = 1
+    failed_in[design_index[~has_passed], environment_index[~has_passed]] = 1
+    return numpy.asarray(passed_in.T @ failed_in)
+
+
+class _ComparedColumn(NamedTuple):
+    """A column of values: its index, Somers' D, the number of pairs of runs, and s of the file's head (environments,)."""
+
+    column: int
+    difference: float
+    pairs: float
+    scores: NDArray[Any]
+
+
+def _compare_column(
+    column: int, values: NDArray[Any], pairs: NDArray[Any], excess: NDArray[Any]
+) -> _ComparedColumn | None:
+    """Return Somers' D of a column's values (environments,); None if it is left out.
+
+    ``pairs`` are those of :func:`_passed_failed_pairs`, and ``excess`` is A in the file's head.
+    """
+    is_known = ~numpy.isnan(values)
+    number_of_pairs = float(is_known @ pairs @ is_known)
+    if is_known.sum() < MIN_ENVIRONMENTS or numpy.ptp(values[is_known]) == 0 or not number_of_pairs:
+        return None
+    _, ranks = numpy.unique(values, return_inverse=True)
+    ranks = ranks.astype(numpy.float32)
+    signs = numpy.sign(ranks[:, None] - ranks[None, :])
+    signs[~is_known], signs[:, ~is_known] = 0, 0
+    # The matrix has each pair of environments twice.
+    difference = float((excess * signs).sum(dtype=float)) / 2 / number_of_pairs
+    return _ComparedColumn(column, difference, number_of_pairs, signs.sum(axis=1, dtype=float))
 
 
 def _critical_values(scores: NDArray[Any], excess: NDArray[Any]) -> NDArray[Any]:
@@ -141,19 +176,25 @@ def binned(values: ArrayLike, environment: ArrayLike, passed: ArrayLike, max_bin
     """
     value, environment_index = numpy.asarray(values, dtype=float), numpy.asarray(environment)
     has_passed = numpy.asarray(passed, dtype=float)
-    present = value[~numpy.isnan(value)]
+    is_known = ~numpy.isnan(value)
     # The lower edges of the bins: each value if there are few, else quantiles.
-    edges = numpy.unique(present)
-    if len(edges) > max_bins:
-        edges = numpy.unique(numpy.quantile(present, numpy.linspace(0, 1, max_bins + 1)[:-1]))
-    bin_of_environment = numpy.searchsorted(edges, value, side="right") - 1
-    result = []
-    for number in range(len(edges)):
-        inside = (bin_of_environment == number) & ~numpy.isnan(value)
-        runs = inside[environment_index]
-        if runs.any():
-            bin_values = value[inside]
-            result.append(
-                Bin(float(bin_values.min()), float(bin_values.max()), int(runs.sum()), int(has_passed[runs].sum()))
+    lower_edges = numpy.unique(value[is_known])
+    if len(lower_edges) > max_bins:
+        fractions = numpy.linspace(0, 1, max_bins + 1)[:-1]
+        lower_edges = numpy.unique(numpy.quantile(value[is_known], fractions))
+    bin_of_environment = numpy.searchsorted(lower_edges, value, side="right") - 1
+    bins = []
+    for bin_index in range(len(lower_edges)):
+        is_in_bin = (bin_of_environment == bin_index) & is_known
+        is_run_in_bin = is_in_bin[environment_index]
+        if is_run_in_bin.any():
+            bin_values = value[is_in_bin]
+            bins.append(
+                Bin(
+                    first=float(bin_values.min()),
+                    last=float(bin_values.max()),
+                    runs=int(is_run_in_bin.sum()),
+                    passed=int(has_passed[is_run_in_bin].sum()),
+                )
             )
-    return result
+    return bins

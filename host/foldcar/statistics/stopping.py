@@ -42,17 +42,25 @@ class StoppingRule:
         return numpy.asarray(numpy.all(sides, axis=0))
 
     def chance(self, rates: ArrayLike, masses: ArrayLike, passed: int, runs: int, later_runs: int) -> float:
-        """Return the probability that the design is decided after ``later_runs`` runs, given the ``runs`` so far.
+        """Return the probability that a design is decided after ``later_runs`` runs, if ``passed`` of ``runs`` passed.
 
-        Its rate is one of ``rates`` with probabilities ``masses``, both (rates,).
+        Its success rate is one of ``rates`` with probabilities ``masses``, both (rates,).
         """
         from scipy.stats import binom
 
+        new_runs = later_runs - runs
+        deciding = self._deciding_passes(passed, runs, later_runs)
+        probabilities = binom.pmf(deciding, new_runs, numpy.asarray(rates)[:, None])
+        return float(numpy.asarray(masses) @ probabilities.sum(axis=1))
+
+    def _deciding_passes(self, passed: int, runs: int, later_runs: int) -> NDArray[Any]:
+        """Return how many of the new runs must pass for the design to be decided after ``later_runs`` runs.
+
+        So far ``passed`` of ``runs`` passed. The result has each number with which the design is decided.
+        """
         new_passed = numpy.arange(later_runs - runs + 1)
-        # For each number of new passed runs: whether the design is then decided.
-        decided = _decided(self, later_runs)[passed : passed + len(new_passed)]
-        chances = binom.pmf(new_passed[decided], later_runs - runs, numpy.asarray(rates)[:, None]).sum(axis=1)
-        return float(numpy.asarray(masses) @ chances)
+        is_decided = _decided(self, later_runs)[passed + new_passed]
+        return numpy.asarray(new_passed[is_decided])
 
     def hopeless(self, passed: int, runs: int, max_runs: int) -> bool:
         """Return whether ``max_runs`` runs in all would decide the design with a probability below MIN_CHANCE.
@@ -96,9 +104,10 @@ def _later_chance(rule: StoppingRule, passed: int, runs: int, later_runs: int) -
     """
     from scipy.stats import betabinom
 
-    new_passed = numpy.arange(later_runs - runs + 1)
-    decided = _decided(rule, later_runs)[passed : passed + len(new_passed)]
-    return float(betabinom.pmf(new_passed[decided], later_runs - runs, passed + 0.5, runs - passed + 0.5).sum())
+    new_runs = later_runs - runs
+    deciding = rule._deciding_passes(passed, runs, later_runs)
+    # The posterior of the rate is a beta distribution; Jeffreys' prior adds half a run to each of its parameters.
+    return float(betabinom.pmf(deciding, new_runs, passed + 0.5, runs - passed + 0.5).sum())
 
 
 def evidence_of_worse(excess: ArrayLike, number: int, max_advantage: float) -> float:

@@ -12,32 +12,42 @@ COLUMN_UNITS = {
     "rad_s": "rad/s", "m_s": "m/s", "mm": "mm", "cm2": "cm²", "m": "m", "deg": "°", "rad": "rad", "kg": "kg", "g": "g",
     "s": "s", "v": "V", "j": "J", "us": "µs",
 }  # fmt: skip
+# A rate just below a threshold is shown with at most this many decimals.
+MAX_DIGITS = 6
 
 
 def design_text(design: Mapping[str, float | str]) -> str:
     """Describe a design: ``95 mm``, or with names, ``width 95 mm, radius 60 mm``, if a value alone would be unclear."""
     if not design:
         return "the design"
-    parts = {name: value_text(name, value) for name, value in design.items()}
-    labels = [label_and_unit(name) for name in parts]
-    if len(parts) == 1 and labels[0][1]:
-        return next(iter(parts.values()))
-    return ", ".join(f"{label} {text}" for (label, _), text in zip(labels, parts.values(), strict=True))
+    texts = []
+    for name, value in design.items():
+        label, unit = label_and_unit(name)
+        text = value_text(name, value)
+        if len(design) == 1 and unit:
+            return text
+        texts.append(f"{label} {text}")
+    return ", ".join(texts)
 
 
 def value_text(name: str, value: float | str | None) -> str:
     """Return the value of the parameter ``name`` with its unit; ``unknown`` for None."""
     if value is None:
         return "unknown"
-    unit = label_and_unit(name)[1]
-    return value if isinstance(value, str) else f"{value:g}{' ' if unit not in ('', '°') else ''}{unit}"
+    if isinstance(value, str):
+        return value
+    _, unit = label_and_unit(name)
+    # No space before a degree sign.
+    space = "" if unit in ("", "°") else " "
+    return f"{value:g}{space}{unit}"
 
 
 def label_and_unit(name: str) -> tuple[str, str]:
     """Return a column's label and unit: ``wheel radius`` and ``mm`` of wheel_radius_mm; "" if it has no unit."""
-    stem = next((end for end in COLUMN_UNITS if name.endswith(f"_{end}")), "")
-    label = name.removesuffix(f"_{stem}") if stem else name
-    return label.replace("_", " "), COLUMN_UNITS.get(stem, "")
+    for ending, unit in COLUMN_UNITS.items():
+        if name.endswith(f"_{ending}"):
+            return name.removesuffix(f"_{ending}").replace("_", " "), unit
+    return name.replace("_", " "), ""
 
 
 def percent(share: float, digits: int = 0) -> str:
@@ -72,7 +82,9 @@ def percent_below(share: float, threshold: float) -> str:
 
     Example: percent_below(149 / 199, 0.75) is "74.9 %", percent_below(0.6, 0.75) is "60 %"
     """
-    digits = next((digits for digits in range(6) if round(100 * share, digits) < 100 * threshold), 6)
+    digits = 0
+    while digits < MAX_DIGITS and round(100 * share, digits) >= 100 * threshold:
+        digits += 1
     return percent(share, digits)
 
 
@@ -143,11 +155,14 @@ def duration_text(seconds: float) -> str:
 
 
 def _sharing_unit(texts: Sequence[str]) -> list[str]:
-    """Return the texts with the unit only at the last one, if all are a number and the same unit."""
-    parts = [text.rpartition(" ") for text in texts]
-    if len(texts) > 1 and all(head and " " not in head and unit == parts[0][2] for head, _, unit in parts):
-        return [*(head for head, _, _ in parts[:-1]), texts[-1]]
-    return list(texts)
+    """Return the texts, with the unit at the last one only, if each consists of one word or number and the same unit."""
+    words = [text.split(" ") for text in texts]
+    if len(texts) < 2 or any(len(words_of_text) != 2 for words_of_text in words):
+        return list(texts)
+    numbers, units = [number for number, _ in words], {unit for _, unit in words}
+    if "" in numbers or len(units) > 1:
+        return list(texts)
+    return [*numbers[:-1], texts[-1]]
 
 
 def rank_text(ranks: "RankAgreement | None") -> str | None:

@@ -137,9 +137,10 @@ class ChunkPool(Generic[R]):
 
     def joins(self, run: R) -> bool:
         """Return whether an equal run is in progress; if so, this run shares its result."""
-        if self._key_of(run) not in self._in_flight:
+        key = self._key_of(run)
+        if key not in self._in_flight:
             return False
-        self._in_flight[self._key_of(run)] += 1
+        self._in_flight[key] += 1
         return True
 
     def add(self, run: R, runs_left: int) -> Iterator[list[FinishedRun[R]]]:
@@ -187,13 +188,15 @@ class ChunkPool(Generic[R]):
             del self._futures[future]
             chunk = future.result()
             if chunk.runner is self._runner:
-                target_runs = round(self._simulators.chunk_s / max(chunk.seconds, 1e-6) * len(chunk.runs))
+                # Not 0, because it divides.
+                seconds = max(chunk.seconds, 1e-6)
+                target_runs = round(self._simulators.chunk_s / seconds * len(chunk.runs))
                 # A single time may be an exception, so it raises the size at most fourfold.
                 self._chunk_runs = max(1, min(target_runs, 4 * self._chunk_runs, MAX_CHUNK_RUNS))
-            yield [
-                FinishedRun(run, answer, self._in_flight[self._key_of(run)])
-                for run, answer in zip(chunk.runs, chunk.answers, strict=True)
-            ]
+            finished_runs = []
+            for run, answer in zip(chunk.runs, chunk.answers, strict=True):
+                finished_runs.append(FinishedRun(run, answer, count=self._in_flight[self._key_of(run)]))
+            yield finished_runs
             for run in chunk.runs:
                 del self._in_flight[self._key_of(run)]
 
@@ -213,10 +216,14 @@ def planned_pool(writer: StoreWriter, simulators: Simulators | int) -> ChunkPool
 
 
 def _planned_inputs(writer: StoreWriter, runs: Sequence[PlannedRun]) -> ChunkInputs:
-    """Look up the texts of planned runs."""
-    realities = writer.texts("variation", (run.variation_id for run in runs))
+    """Look up the simulator's input of planned runs.
+
+    The *reality* of a run is how its car differs from its design, as JSON.
+    """
+    reality_by_id = writer.texts("variation", (run.variation_id for run in runs))
+    realities = [reality_by_id[run.variation_id] for run in runs]
     labels = [f"design {run.design + 1}, sample {run.sample}" for run in runs]
-    return stored_inputs(writer, runs, labels, [realities[run.variation_id] for run in runs])
+    return stored_inputs(writer, runs, labels, realities)
 
 
 class StoredRun(Protocol):
@@ -243,12 +250,21 @@ def stored_inputs(
     writer: StoreWriter, runs: Sequence[StoredRun], labels: Sequence[str], realities: Sequence[str]
 ) -> ChunkInputs:
     """Look up bodies, scenes and settings of runs, which have these ``labels`` and ``realities`` (JSON)."""
+    body_by_id = writer.texts("body", (run.body_id for run in runs))
+    scene_by_id = writer.texts("scene", (run.scene_id for run in runs))
+    settings_by_id = writer.texts("settings", (run.settings_id for run in runs))
     # Bodies and scenes by their ids in carsim's input.
-    bodies = {f"b{key}": text for key, text in writer.texts("body", (run.body_id for run in runs)).items()}
-    scenes = {f"s{key}": text for key, text in writer.texts("scene", (run.scene_id for run in runs)).items()}
-    settings = writer.texts("settings", (run.settings_id for run in runs))
+    bodies = {f"b{body_id}": body for body_id, body in body_by_id.items()}
+    scenes = {f"s{scene_id}": scene for scene_id, scene in scene_by_id.items()}
     requests = [
-        RunRequest(f"b{run.body_id}", f"s{run.scene_id}", settings[run.settings_id], label, run.sample, reality)
+        RunRequest(
+            body=f"b{run.body_id}",
+            scene=f"s{run.scene_id}",
+            settings=settings_by_id[run.settings_id],
+            label=label,
+            sample=run.sample,
+            reality=reality,
+        )
         for run, label, reality in zip(runs, labels, realities, strict=True)
     ]
     return bodies, scenes, requests

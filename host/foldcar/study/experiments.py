@@ -13,7 +13,7 @@ from foldcar.car.design import Design
 from foldcar.car.variation import spread_named
 from foldcar.store.info import VARIANT, engine_id
 from foldcar.study.family import Family, read_family
-from foldcar.study.listing import ListingError
+from foldcar.study.listing import Listing, ListingError
 from foldcar.study.listing_file import read_listing
 from foldcar.typed import did_you_mean
 
@@ -76,40 +76,48 @@ def read_study(file: Path, experiment: str | None = None, environments: int | No
     if not listing.experiments:
         raise ListingError(file, "experiments: is missing")
     if experiment is not None and experiment not in listing.experiments:
-        known = list(listing.experiments)
-        close = did_you_mean(experiment, known)
-        raise ListingError(file, f'experiments: has no "{experiment}"; known: {", ".join(known)}{close}')
-    for name in filter(VARIANT.search, listing.experiments):
-        reason = "ends like the names that foldcar gives to variants of experiments; choose another name"
-        raise ListingError(file, f'experiments: "{name}": {reason}')
-    experiments = []
-    for name, entry in listing.experiments.items():
-        if experiment is not None and name != experiment:
-            continue
-        environment = listing.environments[entry.env_id]
-        program = file.parent / environment.scenic_filename
-        params, place = entry.params, f"{file}: experiments.{name}"
-        experiments.append(
-            Experiment(
-                id=name,
-                family=read_family(file, entry.veh_id, listing.vehicles[entry.veh_id]),
-                environment=entry.env_id,
-                program=program,
-                program_name=environment.scenic_filename,
-                scenic_params=environment.scenic_params,
-                seed=environment.seed,
-                condition=environment.condition.model_dump(exclude_none=True) if environment.condition else None,
-                environments=environments if environments is not None else params.environments,
-                timeout_s=params.timeout,
-                speed_m_s=params.speed,
-                yaw_rate_rad_s=params.yaw_rate,
-                variation={} if params.variation is None else spread_named(params.variation, f"{place}.params.variation"),
-                variation_seed=environment.seed if params.variation_seed is None else params.variation_seed,
-                place=place,
-                thresholds=params.threshold,
-            )
-        )
-    return ListedStudy(str(file), text, tuple(experiments))
+        listed_names = list(listing.experiments)
+        suggestion = did_you_mean(experiment, listed_names)
+        raise ListingError(file, f'experiments: has no "{experiment}"; known: {", ".join(listed_names)}{suggestion}')
+    for name in listing.experiments:
+        if VARIANT.search(name):
+            reason = "ends like the names that foldcar gives to variants of experiments; choose another name"
+            raise ListingError(file, f'experiments: "{name}": {reason}')
+    names = list(listing.experiments) if experiment is None else [experiment]
+    experiments = tuple(_experiment(file, listing, name, environments) for name in names)
+    return ListedStudy(str(file), text, experiments)
+
+
+def _experiment(file: Path, listing: Listing, name: str, environments: int | None) -> Experiment:
+    """Return the experiment called ``name``; ``environments`` overrides the number of samples. Raises ListingError."""
+    listed = listing.experiments[name]
+    environment = listing.environments[listed.env_id]
+    params = listed.params
+    place = f"{file}: experiments.{name}"
+    condition = None
+    if environment.condition is not None:
+        condition = environment.condition.model_dump(exclude_none=True)
+    variation: Mapping[str, float] = {}
+    if params.variation is not None:
+        variation = spread_named(params.variation, f"{place}.params.variation")
+    return Experiment(
+        id=name,
+        family=read_family(file, listed.veh_id, listing.vehicles[listed.veh_id]),
+        environment=listed.env_id,
+        program=file.parent / environment.scenic_filename,
+        program_name=environment.scenic_filename,
+        scenic_params=environment.scenic_params,
+        seed=environment.seed,
+        condition=condition,
+        environments=params.environments if environments is None else environments,
+        timeout_s=params.timeout,
+        speed_m_s=params.speed,
+        yaw_rate_rad_s=params.yaw_rate,
+        variation=variation,
+        variation_seed=environment.seed if params.variation_seed is None else params.variation_seed,
+        place=place,
+        thresholds=params.threshold,
+    )
 
 
 def run_settings(
@@ -126,27 +134,29 @@ def run_settings(
     ``speed_m_s`` None stands for the car's full speed. A time limit above the firmware's default also raises the
     firmware's limit.
     """
-    values = firmware_parameters(design, body)
-    limit = table.get(TRIAL_LIMIT)
-    if limit is not None and timeout_s > limit.default:
-        if timeout_s > limit.maximum:
-            reason = f"{timeout_s:g} is above the maximum {limit.maximum:g} s"
+    parameters = firmware_parameters(design, body)
+    trial_limit = table.get(TRIAL_LIMIT)
+    if trial_limit is not None and timeout_s > trial_limit.default:
+        if timeout_s > trial_limit.maximum:
+            reason = f"{timeout_s:g} is above the maximum {trial_limit.maximum:g} s"
             raise ListingError(f"{place}.params.timeout", f"{reason} (the firmware's {TRIAL_LIMIT})")
-        values[TRIAL_LIMIT] = timeout_s
-    check_parameters(values, table)
+        parameters[TRIAL_LIMIT] = timeout_s
+    check_parameters(parameters, table)
     full_m_s = full_speed_m_s(design)
     if speed_m_s is not None and speed_m_s > full_m_s:
         reason = f"{speed_m_s:g} is above {full_m_s:.3g} m/s, the full speed of {design.title}"
         raise ListingError(f"{place}.params.speed", reason)
     return {
-        "speed_m_s": speed_m_s if speed_m_s is not None else full_m_s,
+        "speed_m_s": full_m_s if speed_m_s is None else speed_m_s,
         "yaw_rate_rad_s": yaw_rate_rad_s,
         "time_limit_s": timeout_s,
-        "parameters": values,
+        "parameters": parameters,
     }
 
 
 def engine_study(study: ListedStudy, carsim: "Carsim") -> ListedStudy:
     """Return the study with the simulator's engine added to the names of its experiments."""
-    named = (replace(experiment, id=engine_id(experiment.id, carsim.engine)) for experiment in study.experiments)
-    return replace(study, experiments=tuple(named))
+    renamed = []
+    for experiment in study.experiments:
+        renamed.append(replace(experiment, id=engine_id(experiment.id, carsim.engine)))
+    return replace(study, experiments=tuple(renamed))

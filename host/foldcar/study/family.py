@@ -58,7 +58,9 @@ class Family:
     @property
     def combinations(self) -> int:
         """The number of designs, including those that cannot be built."""
-        return math.prod(len(values) for values in self.choices.values()) if self.members is None else len(self.members)
+        if self.members is not None:
+            return len(self.members)
+        return math.prod(len(values) for values in self.choices.values())
 
     def spread_out(self) -> Iterator[tuple[int, tuple[float, ...]]]:
         """Yield all combinations with their positions, in an order whose first ones are spread over the family.
@@ -67,17 +69,21 @@ class Family:
         with it, so each position occurs once.
         """
         count = self.combinations
-        step = round(count * GOLDEN_RATIO) or 1
+        step = max(1, round(count * GOLDEN_RATIO))
         while math.gcd(step, count) > 1:
             step += 1
         for index in range(count):
-            position = remainder = index * step % count
-            values = []
-            # The last parameter changes fastest, as in the order of all combinations.
-            for choices in reversed(list(self.choices.values())):
-                remainder, choice = divmod(remainder, len(choices))
-                values.append(choices[choice])
-            yield position, tuple(reversed(values))
+            position = index * step % count
+            yield position, self._values_at(position)
+
+    def _values_at(self, position: int) -> tuple[float, ...]:
+        """Return the values at a position in the order of all combinations. The last parameter changes fastest in it."""
+        remainder = position
+        values = []
+        for choices in reversed(list(self.choices.values())):
+            remainder, choice = divmod(remainder, len(choices))
+            values.append(choices[choice])
+        return tuple(reversed(values))
 
     def __iter__(self) -> Iterator[Design]:
         """Yield the designs that can be built. If no design can, raise ListingError with the errors of the first."""
@@ -87,14 +93,16 @@ class Family:
                 is_any_buildable = True
                 yield self.design(values)
         if not is_any_buildable:
-            first_values = dict(zip(self.choices, next(self._combinations()), strict=True))
-            errors = self._errors(first_values)
+            first_combination = next(self._combinations())
+            errors = self._errors(dict(zip(self.choices, first_combination, strict=True)))
             raise self._listing_error([(self._origin(error.parameter), error.message) for error in errors])
 
     def mark_buildable(self, designs: Iterable[Mapping[str, float]]) -> None:
         """Record that these members can be built, so that they are not checked; each maps columns to values."""
         columns = self.columns()
-        self._checked.update((tuple(design[column] for column in columns), None) for design in designs)
+        for design in designs:
+            values = tuple(design[column] for column in columns)
+            self._checked[values] = None
 
     @property
     def vehicle_type(self) -> str:
@@ -104,19 +112,18 @@ class Family:
     @property
     def skipped(self) -> list[str]:
         """The members that cannot be built, each with the reason: ``width=30 mm: width: 30 is below the minimum …``."""
-        result = []
+        skipped = []
         for values in self._combinations():
             error = self.error(values)
-            if error is not None:
-                choices_and_values = zip(self.choices.items(), values, strict=True)
-                varied = [
-                    f"{key}={value:g} {declared(key).unit}".rstrip()
-                    for (key, choices), value in choices_and_values
-                    if len(choices) > 1
-                ]
-                parameter_text = "" if error.parameter is None else f"{error.parameter}: "
-                result.append(f"{', '.join(varied)}: {parameter_text}{error.message}")
-        return result
+            if error is None:
+                continue
+            value_texts = []
+            for key, value in zip(self.choices, values, strict=True):
+                if len(self.choices[key]) > 1:
+                    value_texts.append(f"{key}={value:g} {declared(key).unit}".rstrip())
+            parameter_text = "" if error.parameter is None else f"{error.parameter}: "
+            skipped.append(f"{', '.join(value_texts)}: {parameter_text}{error.message}")
+        return skipped
 
     def design(self, values: tuple[float, ...]) -> Design:
         """Return the design with these values, in the order of ``choices``. Raises DesignError if it cannot be built."""
@@ -135,7 +142,10 @@ class Family:
         return replace(self, members=tuple(members))
 
     def _combinations(self) -> Iterator[tuple[float, ...]]:
-        return itertools.product(*self.choices.values()) if self.members is None else iter(self.members)
+        """Return the values of each design, including those that cannot be built."""
+        if self.members is not None:
+            return iter(self.members)
+        return itertools.product(*self.choices.values())
 
     def error(self, values: tuple[float, ...]) -> DesignError | None:
         """Return why the car with these values cannot be built; None if it can."""
@@ -144,10 +154,12 @@ class Family:
         return self._checked[values]
 
     def _errors(self, values: Mapping[str, float]) -> list[DesignError]:
-        """Return a design's errors: one for each value outside its limits, or else the first other error."""
-        limit_errors = design_errors(self.type, values, catalogue_of(self.parts))
-        first = self._first_error(values)
-        return [error for error, _ in limit_errors.values()] or ([] if first is None else [first])
+        """Return a design's errors: one for each value outside its limits. Without such values, the first other error."""
+        limit_errors = [error for error, _ in design_errors(self.type, values, catalogue_of(self.parts)).values()]
+        if limit_errors:
+            return limit_errors
+        first_error = self._first_error(values)
+        return [] if first_error is None else [first_error]
 
     def _first_error(self, values: Mapping[str, float]) -> DesignError | None:
         """Fold the car with these values by parameter key; return the error, or None if it can be built."""
@@ -158,7 +170,10 @@ class Family:
         return None
 
     def _listing_error(self, mistakes: list[tuple[str, str]]) -> ListingError:
-        """Return the error for mistakes (origin, message), which names the option ``--set`` or the listing's file."""
+        """Return the error for pairs of a value's origin and the mistake in it.
+
+        The error names the option ``--set`` if the first value comes from it, else the listing's file.
+        """
         origin, message = mistakes[0]
         if origin.startswith("--set"):
             return ListingError(origin, message)
@@ -171,12 +186,16 @@ class Family:
 
     def outside(self, settings: Mapping[str, float | str]) -> list[str]:
         """Return a remark on each setting of :meth:`narrowed` whose value the family does not have."""
-        reason = "is not one of the family's values"
-        return [
-            f"{key}={value:.10g} {reason}, {_values_text(self.choices[key])}: a sweep has no such car"
-            for key, value in settings.items()
-            if key in self.choices and not isinstance(value, str) and value not in self.choices[key]
-        ]
+        remarks = []
+        for key, value in settings.items():
+            # A string is the name of a part.
+            if isinstance(value, str) or key not in self.choices:
+                continue
+            choices = self.choices[key]
+            if value not in choices:
+                reason = f"is not one of the family's values, {_values_text(choices)}"
+                remarks.append(f"{key}={value:.10g} {reason}: a sweep has no such car")
+        return remarks
 
     def narrowed(self, settings: Mapping[str, float | str]) -> "Family":
         """Return the family with some parameters and parts fixed, as ``--set`` does. Raises FoldcarError.
@@ -195,16 +214,18 @@ class Family:
                 continue
             parameter = parameter_of(key)
             if parameter is None or parameter.modules.isdisjoint(letters):
-                known = [name for name, p in parameters().items() if not p.modules.isdisjoint(letters)]
-                known += OPTIONS
-                close = did_you_mean(key, known)
-                raise ListingError(f"--set {key}", f"{self.type} has no such parameter; it has {', '.join(known)}{close}")
+                valid_keys = [name for name, other in parameters().items() if not other.modules.isdisjoint(letters)]
+                valid_keys += OPTIONS
+                suggestion = did_you_mean(key, valid_keys)
+                reason = f"{self.type} has no such parameter; it has {', '.join(valid_keys)}{suggestion}"
+                raise ListingError(f"--set {key}", reason)
             choices[key] = (value,)
             origins[key] = f"--set {key}"
         # If each module has its own value of a parameter, the common value has no effect.
-        for key in [key for key in choices if key in parameters() and key not in settings]:
-            keys = place_keys(key, letters)
-            if keys and choices.keys() >= set(keys):
+        common_keys = [key for key in choices if key in parameters() and key not in settings]
+        for key in common_keys:
+            module_keys = place_keys(key, letters)
+            if module_keys and choices.keys() >= set(module_keys):
                 del choices[key]
         # Which designs can be built must be found out anew.
         return replace(self, choices=choices, origins=origins, parts=parts, _checked={})
@@ -213,10 +234,11 @@ class Family:
         """Return the family's only design. Raises ListingError, which names a parameter with several values."""
         for key, values in self.choices.items():
             if len(values) > 1:
-                first_values = ", ".join(f"{value:g}" for value in values[:3])
-                rest_text = f", … {values[-1]:g}" if len(values) > 3 else ""
-                count_text = f"has {len(values)} values ({first_values}{rest_text})"
-                raise self._listing_error([(self.origins[key], f"{count_text}; choose one with --set {key}=…")])
+                values_text = ", ".join(f"{value:g}" for value in values[:3])
+                if len(values) > 3:
+                    values_text += f", … {values[-1]:g}"
+                message = f"has {len(values)} values ({values_text}); choose one with --set {key}=…"
+                raise self._listing_error([(self.origins[key], message)])
         return next(iter(self))
 
     def _origin(self, key: str | None) -> str:
@@ -288,5 +310,5 @@ def _values_text(values: Sequence[float]) -> str:
     """Return few values one by one, of many the range: ``95 and 115``, ``37 values from 65 to 245``."""
     if len(values) > MAX_LISTED:
         return f"{len(values)} values from {min(values):.10g} to {max(values):.10g}"
-    texts = [f"{value:.10g}" for value in values]
-    return " and ".join(filter(None, (", ".join(texts[:-1]), texts[-1])))
+    *first_texts, last_text = [f"{value:.10g}" for value in values]
+    return f"{', '.join(first_texts)} and {last_text}" if first_texts else last_text

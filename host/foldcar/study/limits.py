@@ -20,10 +20,11 @@ MAX_INTEGER = 2**63 - 1
 
 def checked_threshold(rate: float) -> float:
     """Return the threshold ``rate``. Raises ValueError if it is not between 0 and 1."""
-    if not 0 < rate < 1:
-        example = f": write {rate / 100:g} for {rate:g} %" if 1 < rate < 100 else ", as 0.75"
-        raise ValueError(f"{rate:g} is not between 0 and 1: a threshold is a fraction of runs{example}")
-    return rate
+    if 0 < rate < 1:
+        return rate
+    # A number above 1 is probably a percentage.
+    example = f": write {rate / 100:g} for {rate:g} %" if 1 < rate < 100 else ", as 0.75"
+    raise ValueError(f"{rate:g} is not between 0 and 1: a threshold is a fraction of runs{example}")
 
 
 def check_numbers(data: Any, path: str = "") -> None:

@@ -29,12 +29,14 @@ class ListingError(FoldcarError):
         """Return the lines of the message: the only mistake, or a line with their number and a line for each."""
         if len(self.mistakes) < 2:
             return super().lines()
-        return [
-            f"{self.file}: {self._count()}".rstrip(),
-            *(f"  {' '.join(mistake.split())}" for mistake in self.mistakes),
-        ]
+        lines = [f"{self.file}: {self._count()}".rstrip()]
+        for mistake in self.mistakes:
+            mistake_on_one_line = " ".join(mistake.split())
+            lines.append(f"  {mistake_on_one_line}")
+        return lines
 
     def _count(self) -> str:
+        """Return ``2 mistakes: ``, and nothing for a single mistake."""
         return f"{len(self.mistakes)} mistakes: " if len(self.mistakes) > 1 else ""
 
 
@@ -89,7 +91,8 @@ def _spread(raw: Any) -> Any:
 
 def _part_name(raw: Any) -> Any:
     """Return a part's name as a string; a film's name is a number and may be written as one."""
-    return f"{raw:g}" if isinstance(raw, int | float) and not isinstance(raw, bool) else raw
+    is_number = isinstance(raw, int | float) and not isinstance(raw, bool)
+    return f"{raw:g}" if is_number else raw
 
 
 Name = Annotated[str, AfterValidator(one_line)]
@@ -105,7 +108,8 @@ class Strict(BaseModel):
 
 def _thresholds(raw: Any) -> tuple[float, ...]:
     """Return the thresholds of success from a number or an ascending list. Raises ValueError."""
-    thresholds = tuple(checked_threshold(_number(item)) for item in (raw if isinstance(raw, list) else [raw]))
+    items = raw if isinstance(raw, list) else [raw]
+    thresholds = tuple(checked_threshold(_number(item)) for item in items)
     if not thresholds:
         raise ValueError("an empty list has no threshold")
     if list(thresholds) != sorted(set(thresholds)):

@@ -30,6 +30,8 @@ from foldcar.study.listing import (
 )
 from foldcar.typed import did_you_mean, did_you_mean_file, read_text
 
+# Characters of a listing that a message shows.
+MAX_SHOWN = 40
 # pydantic's error types for a value that should be a JSON object.
 NOT_AN_OBJECT = ("dict_type", "model_type", "model_attributes_type")
 # The schema at each path; the path omits the names that a listing gives to its experiments, vehicles and environments.
@@ -120,12 +122,16 @@ def _json_mistake(text: str, message: str) -> str:
     if match is None:
         return message.removeprefix("<string>:")
     line, column = int(match[1]), int(match[3])
+    place = f"line {line}, column {column}"
     lines = text.split("\n")
-    before = "\n".join([*lines[: line - 1], lines[line - 1][: column - 1]]).rstrip()
+    lines_before, line_with_mistake = lines[: line - 1], lines[line - 1]
+    text_before = "\n".join([*lines_before, line_with_mistake[: column - 1]])
+    last_character = text_before.rstrip()[-1:]
     # After a value, only a comma or an end can stand.
-    if before[-1:] in ('"', "}", "]") or before[-1:].isalnum():
-        return f"line {line}, column {column}: a comma is missing before {lines[line - 1][column - 1 :][:40]}"
-    return f"line {line}, column {column}: {match[2].lower()}"
+    if last_character in ('"', "}", "]") or last_character.isalnum():
+        text_after = line_with_mistake[column - 1 :]
+        return f"{place}: a comma is missing before {text_after[:MAX_SHOWN]}"
+    return f"{place}: {match[2].lower()}"
 
 
 def validated_listing(data: Any) -> tuple[Listing, list[str]]:
@@ -138,39 +144,46 @@ def validated_listing(data: Any) -> tuple[Listing, list[str]]:
 
 def listing_mistake(mistake: Any) -> str:
     """Return one of pydantic's mistakes as a line that names key, value and limit."""
-    path = shown_line(".".join(map(str, mistake["loc"]))) or "the file"
+    location = mistake["loc"]
+    path = shown_line(".".join(map(str, location))) or "the file"
     kind, message = mistake["type"], mistake["msg"].removeprefix("Value error, ")
     if kind == "extra_forbidden":
         # A location is, for example, (experiments, 1, params, speed): every second element is a section, of which OBJECTS
         # has the schema. `wbt_filename` is accepted, but unused, so it is not suggested.
-        known = [key for key in OBJECTS[mistake["loc"][:-1:2]].model_fields if key != "wbt_filename"]
-        return f"{path}: unknown key; known: {', '.join(known)}{did_you_mean(mistake['loc'][-1], known)}"
+        schema = OBJECTS[location[:-1:2]]
+        valid_keys = [key for key in schema.model_fields if key != "wbt_filename"]
+        suggestion = did_you_mean(location[-1], valid_keys)
+        return f"{path}: unknown key; known: {', '.join(valid_keys)}{suggestion}"
     if kind == "missing":
         return f"{path}: is missing"
     if kind == "value_error":
         return f"{path}: {message}"
-    shown = repr(mistake["input"])
-    shown = shown if len(shown) <= 40 else f"{shown[:37]}..."
+    value = repr(mistake["input"])
+    if len(value) > MAX_SHOWN:
+        value = f"{value[: MAX_SHOWN - 3]}..."
     if kind in NOT_AN_OBJECT:
-        return f"{path}: {shown} is not a JSON object, {{…}}"
-    limit = mistake.get("ctx", {})
-    for name, words in LIMITS.items():
-        if name in limit and kind in words:
-            return f"{path}: {shown} is {words[kind]} {limit[name]}"
+        return f"{path}: {value} is not a JSON object, {{…}}"
+    limits = mistake.get("ctx", {})
+    for limit_name, wording_by_kind in LIMITS.items():
+        if limit_name in limits and kind in wording_by_kind:
+            return f"{path}: {value} is {wording_by_kind[kind]} {limits[limit_name]}"
     if kind in WORDINGS:
-        return f"{path}: {shown} {WORDINGS[kind]}"
-    return f"{path}: {shown}: {message[0].lower()}{message[1:]}"
+        return f"{path}: {value} {WORDINGS[kind]}"
+    return f"{path}: {value}: {message[0].lower()}{message[1:]}"
 
 
 def _reference_mistakes(listing: Listing) -> list[str]:
     """Return a line for each experiment that names a missing vehicle or environment."""
-    sections: dict[str, Mapping[str, Any]] = {"veh_id": listing.vehicles, "env_id": listing.environments}
-    return [
-        f'experiments.{name}.{key}: no "{reference}"; known: {", ".join(known) or "none"}{did_you_mean(reference, known)}'
-        for name, experiment in listing.experiments.items()
-        for key, known in sections.items()
-        if (reference := getattr(experiment, key)) not in known
-    ]
+    section_by_key: dict[str, Mapping[str, Any]] = {"veh_id": listing.vehicles, "env_id": listing.environments}
+    mistakes = []
+    for name, experiment in listing.experiments.items():
+        for key, section in section_by_key.items():
+            reference = getattr(experiment, key)
+            if reference not in section:
+                known = ", ".join(section) or "none"
+                suggestion = did_you_mean(reference, section)
+                mistakes.append(f'experiments.{name}.{key}: no "{reference}"; known: {known}{suggestion}')
+    return mistakes
 
 
 def _missing_programs(file: Path, listing: Listing) -> list[str]:
@@ -179,6 +192,6 @@ def _missing_programs(file: Path, listing: Listing) -> list[str]:
     for name, environment in listing.environments.items():
         program = file.parent / environment.scenic_filename
         if not program.is_file():
-            close = did_you_mean_file(program)
-            missing.append(f"environments.{name}.scenic_filename: {program} is not a file{close}")
+            suggestion = did_you_mean_file(program)
+            missing.append(f"environments.{name}.scenic_filename: {program} is not a file{suggestion}")
     return missing

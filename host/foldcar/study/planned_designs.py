@@ -37,11 +37,11 @@ class PlannedDesigns:
             # None: no design is folded until the designs are iterated over.
             self._texts: list[bytes] | None = None
         else:
-            # Compressed to a fifth of their size, because they stay in memory until the store is opened.
-            self._texts = [
-                zlib.compress(json.dumps([design.columns, design.body, design.settings]).encode(), 1)
-                for design in self._folded()
-            ]
+            self._texts = []
+            for design in self._folded():
+                text = json.dumps([design.columns, design.body, design.settings])
+                # Compressed to a fifth of their size, because they stay in memory until the store is opened.
+                self._texts.append(zlib.compress(text.encode(), level=1))
 
     def __iter__(self) -> Iterator[PlannedDesign]:
         if self._texts is None:
@@ -61,10 +61,11 @@ class PlannedDesigns:
 
 def planned_designs(study: ListedStudy, store: Path, table: Mapping[str, TableRow]) -> dict[str, PlannedDesigns]:
     """Return the checked designs of every experiment by its id. Raises FoldcarError."""
-    stored = stored_designs(store, [experiment.id for experiment in study.experiments])
-    return {
-        experiment.id: PlannedDesigns(experiment, table, stored.get(experiment.id)) for experiment in study.experiments
-    }
+    stored_by_id = stored_designs(store, [experiment.id for experiment in study.experiments])
+    designs_by_id = {}
+    for experiment in study.experiments:
+        designs_by_id[experiment.id] = PlannedDesigns(experiment, table, stored_by_id.get(experiment.id))
+    return designs_by_id
 
 
 def planned_design(experiment: Experiment, design: Design, table: Mapping[str, TableRow]) -> PlannedDesign:
@@ -79,14 +80,24 @@ def designs_fingerprint(experiment: Experiment, table: Mapping[str, TableRow]) -
     These are the family, the experiment's settings, the firmware's parameters, code, and the user's modules.
     """
     family = experiment.family
+    # The order is part of the hash.
     inputs = [
-        family.type, repr(family.parts), dict(family.choices), family.members, experiment.timeout_s,
-        experiment.speed_m_s, experiment.yaw_rate_rad_s, repr(sorted(table.items())), version("numpy"), _code(),
+        family.type,
+        repr(family.parts),
+        dict(family.choices),
+        family.members,
+        experiment.timeout_s,
+        experiment.speed_m_s,
+        experiment.yaw_rate_rad_s,
+        repr(sorted(table.items())),
+        version("numpy"),
+        _code_digest(),
         components_digest(),
-    ]  # fmt: skip
+    ]
     return hashlib.sha256(json.dumps(inputs).encode()).hexdigest()
 
 
 @cache
-def _code() -> str:
+def _code_digest() -> str:
+    """Return a hash of the code and data on which designs depend."""
     return code_digest(CODE)

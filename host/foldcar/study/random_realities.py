@@ -41,9 +41,9 @@ class RandomRealities(ChangedEnvironment):
         return {"name": RANDOM_REALITIES, "fingerprint": self.spread_fingerprint, "experiment": listed_id}
 
     def values(self, k: int) -> Mapping[str, float]:
-        """Return the parameters of the reality of sample ``k``."""
-        (values,) = values_of(draw_sample_scores(self._seed, k, self._priors).reshape(1, -1))
-        return values
+        """Return the simulator's parameters by name in the reality of sample ``k``."""
+        scores = draw_sample_scores(self._seed, k, self._priors)
+        return values_of(scores[None])[0]
 
 
 def study_over_realities(study: ListedStudy) -> ListedStudy:

@@ -45,15 +45,18 @@ def draw_runs(seed: int, numbers: range, designs: int, samples: int) -> Drawn:
     first = numbers.start - numbers.start % BLOCK
     generator = np.random.PCG64(seed)
     generator.advance(first * COLUMNS)
+    # A row of random numbers for each run.
     uniform = _uniform(generator, numbers.stop - first, COLUMNS)
     number = np.arange(first, numbers.stop)
-    # The row that draws reality and design.
-    source = np.where(number % BLOCK < CHECK, number - number % BLOCK, number) - first
-    scores = _limited(ndtri(uniform[source, : len(NAMES)]))
-    design = (uniform[source, len(NAMES)] * designs).astype(np.intp)
+    # A run of a check group has the reality and the design of the first run of its block, other runs have their own.
+    number_in_block = number % BLOCK
+    number_with_reality = np.where(number_in_block < CHECK, number - number_in_block, number)
+    source_row = number_with_reality - first
+    scores = _limited(ndtri(uniform[source_row, : len(NAMES)]))
+    design = (uniform[source_row, len(NAMES)] * designs).astype(np.intp)
     sample = (uniform[:, len(NAMES) + 1] * min(samples, MAX_SCENES)).astype(np.intp)
-    kept = slice(numbers.start - first, None)
-    return Drawn(number[kept], scores[kept], design[kept], sample[kept])
+    requested = slice(numbers.start - first, None)
+    return Drawn(number[requested], scores[requested], design[requested], sample[requested])
 
 
 def draw_sample_scores(seed: int, sample: int, priors: Mapping[int, ScorePrior]) -> FloatArray:
@@ -76,8 +79,9 @@ def _uniform(generator: np.random.PCG64, rows: int, columns: int) -> FloatArray:
     """Return the generator's next numbers (rows, columns), above 0 and below 1."""
     # The raw numbers of this generator are the same in every version of numpy.
     raw = generator.random_raw(rows * columns).reshape(rows, columns)
-    # The upper 53 bits.
-    uniform: FloatArray = ((raw >> np.uint64(11)).astype(float) + 0.5) * 2.0**-53
+    # The upper 53 of 64 bits, which are the digits of a double. Half a unit is added, so that 0 does not occur.
+    upper_bits = (raw >> np.uint64(11)).astype(float)
+    uniform: FloatArray = (upper_bits + 0.5) * 2.0**-53
     return uniform
 
 

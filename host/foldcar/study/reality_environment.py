@@ -131,18 +131,22 @@ def read_reality(file: Path, engine: str) -> Reality:
         raise FoldcarError(f"{file}: is not a JSON object of parameters; docs/realities.md lists them")
     values = {name: value for name, value in NOMINAL.items() if name != WHEEL_SPREAD}
     for name, value in data.items():
+        place = f"{file}: {name}"
         if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-            raise FoldcarError(f"{file}: {name}: {value!r} is not a number")
+            raise FoldcarError(f"{place}: {value!r} is not a number")
         if name not in REAL_ONLY:
-            parameter_named(name, value, f"{file}: {name}", MAX_REAL_SCORE, with_nominal=True, others=REAL_ONLY)
+            # Raises FoldcarError for an unknown name, or a value outside the limits.
+            parameter_named(name, value, place, MAX_REAL_SCORE, with_nominal=True, others=REAL_ONLY)
             values[name] = float(value)
             continue
         parameter = REAL_ONLY[name]
         if not parameter.least <= value <= parameter.largest:
             limits = f"{parameter.least:g} to {parameter.largest:g} ({parameter.unit})"
-            raise FoldcarError(f"{file}: {name}: {value:g} is outside {limits}")
-        if value != parameter.nominal:
-            if parameter.mujoco_only and ENGINES[engine].environment != MUJOCO_ENVIRONMENT:
-                raise FoldcarError(f"{file}: {name}: {engine} has no such tyres; --engine {MUJOCO} has them")
-            values[name] = float(value)
+            raise FoldcarError(f"{place}: {value:g} is outside {limits}")
+        if value == parameter.nominal:
+            # As if the file left it out.
+            continue
+        if parameter.mujoco_only and ENGINES[engine].environment != MUJOCO_ENVIRONMENT:
+            raise FoldcarError(f"{place}: {engine} has no such tyres; --engine {MUJOCO} has them")
+        values[name] = float(value)
     return Reality(shown_line(file.stem), values)

@@ -84,23 +84,34 @@ def reality_facts(experiment: Experiment, requested: int | None, stored: Mapping
     sweep plans at least as many runs as that.
     """
     spread = reality_spread(experiment)
-    planned = stored.get("realities", 0) if stored.get("reality_spread") == spread else 0
-    return {"realities": requested or max(STAGES[0], planned), "reality_spread": spread}
+    planned = requested
+    if not planned:
+        earlier_planned = stored.get("realities", 0) if stored.get("reality_spread") == spread else 0
+        planned = max(STAGES[0], earlier_planned)
+    return {"realities": planned, "reality_spread": spread}
 
 
 def reality_spread(experiment: Experiment) -> str:
     """Return the fingerprint of all that the realities of an experiment's runs are drawn from."""
-    priors = [[row.name, row.prior, row.middle, row.sd] for row in PARAMETERS]
-    spread, code = (dict(experiment.variation), experiment.variation_seed), (reality_code(), priors, variation_code())
-    # Runs of other blocks would be taken for check groups.
-    return hashed(BLOCK, CHECK, *spread, *code)
+    priors = [[parameter.name, parameter.prior, parameter.middle, parameter.sd] for parameter in PARAMETERS]
+    return hashed(
+        # Runs of other blocks would be taken for check groups.
+        BLOCK,
+        CHECK,
+        dict(experiment.variation),
+        experiment.variation_seed,
+        reality_code(),
+        priors,
+        variation_code(),
+    )
 
 
 def next_number(runs: int, error: float | None) -> int | None:
     """Return the number of runs after ``runs`` have given the learning's ``error``; None if these are enough."""
     if error is not None and error <= MAX_ERROR:
         return None
-    return next((stage for stage in STAGES if stage > runs), None)
+    later_stages = [stage for stage in STAGES if stage > runs]
+    return later_stages[0] if later_stages else None
 
 
 def offered_runs(runs: int, error: float | None) -> int | None:
@@ -110,8 +121,9 @@ def offered_runs(runs: int, error: float | None) -> int | None:
     """
     if error is None or error <= MAX_ERROR:
         return None
-    more = 2 * BLOCK * math.ceil(runs / BLOCK)
-    return more if more <= MAX_REALITIES else None
+    whole_blocks = math.ceil(runs / BLOCK)
+    offered = 2 * BLOCK * whole_blocks
+    return offered if offered <= MAX_REALITIES else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,15 +145,19 @@ class RealityRun:
 
 
 def missing_runs(store: ReadableStore, keys: RealityKeys, seed: int, samples: int, total: int) -> Iterator[RealityRun]:
-    """Yield those of the first ``total`` runs of an experiment that the store lacks when the first is asked for.
+    """Yield the runs that the store lacks among the first ``total`` runs of an experiment in other realities.
 
-    ``samples`` is the experiment's number of samples. Runs whose scene is not stored have the scene's id 0.
+    What the store has is read when the first run is requested. ``samples`` is the experiment's number of samples. A run
+    whose scene is not stored has the scene's id 0.
     """
     stored = stored_keys(store, keys)
     for start in range(0, total, DRAWN_RUNS):
-        drawn = draw_runs(seed, range(start, min(total, start + DRAWN_RUNS)), len(keys.designs), samples)
-        columns = (drawn.number.tolist(), drawn.design.tolist(), drawn.sample.tolist(), drawn.scores.tolist())
-        for number, design, sample, scores in zip(*columns, strict=True):
+        numbers = range(start, min(total, start + DRAWN_RUNS))
+        drawn = draw_runs(seed, numbers, len(keys.designs), samples)
+        drawn_designs, drawn_samples = drawn.design.tolist(), drawn.sample.tolist()
+        for number, design, sample, scores in zip(
+            numbers, drawn_designs, drawn_samples, drawn.scores.tolist(), strict=True
+        ):
             body_id, settings_id = keys.designs[design]
             run = RealityRun(
                 number=number,
@@ -180,7 +196,8 @@ def missing_realities(store: Store, info: ExperimentInfo) -> int:
     keys = reality_keys(store, info.id)
     if keys is None or not keys.designs:
         return info.realities
-    return sum(1 for _ in missing_runs(store, keys, info.variation_seed, info.environments, info.realities))
+    missing = missing_runs(store, keys, info.variation_seed, samples=info.environments, total=info.realities)
+    return sum(1 for _ in missing)
 
 
 def learning_error(
@@ -248,45 +265,54 @@ class RealitySimulation:
         experiment, counts = self.experiment, self.counts
         keys = reality_keys(self.writer, experiment.id)
         assert keys is not None, "the experiment was planned with runs in other realities"
-        arguments = (self.writer, keys, experiment.variation_seed, experiment.environments, total)
-        missing = sum(1 for _ in missing_runs(*arguments))
-        counts.total, counts.reused = total, total - missing - counts.new
+
+        def missing() -> Iterator[RealityRun]:
+            seed, samples = experiment.variation_seed, experiment.environments
+            return missing_runs(self.writer, keys, seed, samples, total)
+
+        number_missing = sum(1 for _ in missing())
+        counts.total, counts.reused = total, total - number_missing - counts.new
         self.report()
         # As if the runs of earlier calls had just ended.
         started_s = time.perf_counter() - counts.seconds
         pool = ChunkPool(self.simulators, self._inputs, lambda run: run.key)
         with pool, pool.using(self.runner):
-            for run in missing_runs(*arguments):
-                for finished in pool.add(run, counts.total - counts.done):
-                    self._keep(keys, finished, started_s)
-            for finished in pool.finish():
-                self._keep(keys, finished, started_s)
+            for run in missing():
+                for finished_runs in pool.add(run, runs_left=counts.total - counts.done):
+                    self._store(keys, finished_runs, started_s)
+            for finished_runs in pool.finish():
+                self._store(keys, finished_runs, started_s)
 
     def error(self) -> float | None:
         """Return the error of the success rate that is learned from the stored runs, 0 to 1; None if it is unknown."""
-        rows = self.writer.rows(DESIGN, "WHERE experiment = ? ORDER BY position", self.experiment.id)
-        parameters = [json.loads(row["parameters"]) for row in rows]
-        varied = list(self.experiment.family.varied)
-        designs = np.array([[design[name] for name in varied] for design in parameters], dtype=float)
         experiment = self.experiment
+        rows = self.writer.rows(DESIGN, "WHERE experiment = ? ORDER BY position", experiment.id)
+        varied = list(experiment.family.varied)
+        varied_values = []
+        for row in rows:
+            parameters = json.loads(row["parameters"])
+            varied_values.append([parameters[name] for name in varied])
+        designs = np.array(varied_values, dtype=float)
         runs = planned_reality_runs(self.writer, experiment.id, experiment.variation_seed, experiment.environments)
-        return learning_error(runs, designs, experiment.variation, self.writer.design_counts(experiment.id))
+        counts = self.writer.design_counts(experiment.id)
+        return learning_error(runs, designs, experiment.variation, counts)
 
     def _inputs(self, runs: Sequence[RealityRun]) -> ChunkInputs:
         """Look up the simulator's input of runs, and draw their realities."""
-        spread, seed = self.experiment.variation, self.experiment.variation_seed
-        # Each has another car than the nominal run with this number.
-        realities = [
-            canonical_json(drawn_reality(values, spread, seed, run.number, f"reality {run.number}"))
-            for run, values in zip(runs, values_of(np.array([run.scores for run in runs])), strict=True)
-        ]
+        variation, seed = self.experiment.variation, self.experiment.variation_seed
+        values_of_runs = values_of(np.array([run.scores for run in runs]))
+        realities = []
+        for run, values in zip(runs, values_of_runs, strict=True):
+            # Another car than that of the nominal run with this number.
+            car = f"reality {run.number}"
+            realities.append(canonical_json(drawn_reality(values, variation, seed, drive=run.number, car=car)))
         labels = [f"design {run.design + 1}, run {run.number} in another reality" for run in runs]
         return stored_inputs(self.writer, runs, labels, realities)
 
-    def _keep(self, keys: RealityKeys, finished: list[FinishedRun[RealityRun]], started_s: float) -> None:
+    def _store(self, keys: RealityKeys, finished_runs: list[FinishedRun[RealityRun]], started_s: float) -> None:
         """Store a finished chunk of a simulation that began at ``started_s``, count it and report."""
         rows = []
-        for finished_run in finished:
+        for finished_run in finished_runs:
             run, outcome = finished_run.run, outcome_of(finished_run.answer)
             rows.append(
                 {

@@ -8,7 +8,7 @@ gives the heights and friction under both tracks, straight ahead from the start.
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import islice
+from itertools import islice, product
 from typing import Any
 
 import numpy
@@ -43,7 +43,10 @@ def side_view_limits(carsim: Carsim, experiment: Experiment, environment: Experi
     Returns "" if it is valid. Of the designs and samples only DESIGNS and SAMPLES are checked.
     """
     bodies, scenes = _sampled_inputs(carsim, experiment, environment)
-    return ", ".join([*_asymmetries(carsim, experiment, bodies, scenes), *islice(_crests(bodies, scenes), 1)])
+    limits = list(_asymmetries(carsim, experiment, bodies, scenes))
+    # One crest is enough.
+    limits += islice(_crests(bodies, scenes), 1)
+    return ", ".join(limits)
 
 
 def _sampled_inputs(
@@ -51,10 +54,13 @@ def _sampled_inputs(
 ) -> tuple[list[Mapping[str, Any]], list[Mapping[str, Any]]]:
     """Return the bodies of about DESIGNS designs, narrowest track first, and the scenes of the first SAMPLES samples."""
     table = carsim.parameter_table()
-    step = max(1, len(experiment.family) // DESIGNS)
-    planned = [planned_design(experiment, design, table) for design in islice(experiment.family, 0, None, step)]
-    bodies = sorted((design.body for design in planned), key=lambda body: float(body["track_m"]))
-    return bodies, [environment.sample(k) for k in range(min(SAMPLES, experiment.environments))]
+    every_nth = max(1, len(experiment.family) // DESIGNS)
+    bodies: list[Mapping[str, Any]] = []
+    for design in islice(experiment.family, 0, None, every_nth):
+        bodies.append(planned_design(experiment, design, table).body)
+    bodies.sort(key=lambda body: float(body["track_m"]))
+    samples = range(min(SAMPLES, experiment.environments))
+    return bodies, [environment.sample(sample) for sample in samples]
 
 
 def _asymmetries(
@@ -64,20 +70,20 @@ def _asymmetries(
 
     ``bodies`` are sorted by track width; the ground is compared under the narrowest and the widest.
     """
-    asymmetric_samples = [
-        k for k, is_symmetric in enumerate(_symmetric_ground(carsim, [bodies[0], bodies[-1]], scenes)) if not is_symmetric
-    ]
-    if asymmetric_samples:
-        yield f"ground (not the same under both tracks in sample {asymmetric_samples[0]})"
+    symmetric_samples = _symmetric_ground(carsim, [bodies[0], bodies[-1]], scenes)
+    if not all(symmetric_samples):
+        yield f"ground (not the same under both tracks in sample {symmetric_samples.index(False)})"
     turn_rad_s = experiment.yaw_rate_rad_s
     if turn_rad_s:
         yield f"heading (a turn of {turn_rad_s:g} rad/s is commanded)"
     if experiment.variation:
         yield "the cars' sides (built cars vary wheel by wheel)"
-    else:
-        difference = next(filter(None, map(one_sided, bodies)), None)
-        if difference is not None:
+        return
+    for body in bodies:
+        difference = one_sided(body)
+        if difference:
             yield f"the cars' sides ({difference})"
+            return
 
 
 def _crests(bodies: Sequence[Mapping[str, Any]], scenes: Sequence[Mapping[str, Any]]) -> Iterator[str]:
@@ -85,22 +91,23 @@ def _crests(bodies: Sequence[Mapping[str, Any]], scenes: Sequence[Mapping[str, A
 
     On these a car may come to rest on its belly, and in three dimensions roll off sideways.
     """
-    # Heights of segments count from the axles, which are one radius above the ground.
-    clearance_m = min(
-        wheel["radius_m"] + segment["center_z_m"] - 0.5 * segment["height_m"]
-        for body in bodies
-        for wheel in body["wheels"]
-        for segment in body["segments"]
-    )
-    for k, scene in enumerate(scenes):
+    clearances_m = []
+    for body in bodies:
+        for wheel, segment in product(body["wheels"], body["segments"]):
+            # Heights of segments count from the axles, which are one radius above the ground.
+            underside_m = segment["center_z_m"] - 0.5 * segment["height_m"]
+            clearances_m.append(wheel["radius_m"] + underside_m)
+    for sample, scene in enumerate(scenes):
         for piece in scene["terrain"]:
-            if piece["kind"] in ("ramp", "hill") and piece["height_m"] > clearance_m:
-                yield f"rolling off a crest ({piece['kind']} of {1000 * piece['height_m']:.0f} mm in sample {k})"
+            if piece["kind"] in ("ramp", "hill") and piece["height_m"] > min(clearances_m):
+                height_mm = 1000 * piece["height_m"]
+                yield f"rolling off a crest ({piece['kind']} of {height_mm:.0f} mm in sample {sample})"
 
 
 def one_sided(body: Mapping[str, Any]) -> str:
     """Return the property in which left and right side of a body differ; "" if they are equal."""
-    if any(abs(segment["com_y_m"]) > RELATIVE_TOLERANCE * body["track_m"] for segment in body["segments"]):
+    max_com_y_m = RELATIVE_TOLERANCE * body["track_m"]
+    if any(abs(segment["com_y_m"]) > max_com_y_m for segment in body["segments"]):
         return "the centre of mass"
     # The two wheels, left and right, at each place along the car.
     pairs: dict[tuple[int, float], list[Mapping[str, Any]]] = {}
@@ -110,12 +117,13 @@ def one_sided(body: Mapping[str, Any]) -> str:
         if max(left["eccentricity_m"], right["eccentricity_m"]) > ECCENTRICITY_TOLERANCE_M:
             return "wheels out of true"
         # The servo's properties are compared like those of its wheel.
-        numbers = [{**wheel.get("servo", {}), **wheel} for wheel in (left, right)]
-        for name in COMPARED:
-            first, second = numbers[0].get(name, 0.0), numbers[1].get(name, 0.0)
+        left_properties = {**left.get("servo", {}), **left}
+        right_properties = {**right.get("servo", {}), **right}
+        for name, property_text in COMPARED.items():
+            left_value, right_value = left_properties.get(name, 0.0), right_properties.get(name, 0.0)
             tolerance = RADIUS_TOLERANCE if name == "radius_m" else RELATIVE_TOLERANCE
-            if abs(first - second) > tolerance * max(abs(first), abs(second)):
-                return COMPARED[name]
+            if abs(left_value - right_value) > tolerance * max(abs(left_value), abs(right_value)):
+                return property_text
     return ""
 
 
@@ -128,13 +136,15 @@ def _symmetric_ground(
         x_m, y_m = _track_points(bodies, scene)
         lines.append(json.dumps({"scene": {**scene, "id": "s"}}))
         lines.append(json.dumps({"heights": {"id": str(index), "scene": "s", "x_m": x_m, "y_m": y_m}}))
-    result = []
+    are_symmetric = []
     for answer in carsim.answers(lines):
-        # (2, points): under the left and under the right tracks.
-        heights, friction = (numpy.reshape(answer[name], (2, -1)) for name in ("z_m", "friction"))
-        differences = [numpy.abs(left - right).max() for left, right in (heights, friction)]
-        result.append(bool(differences[0] <= HEIGHT_TOLERANCE_M and differences[1] <= FRICTION_TOLERANCE))
-    return result
+        # The first half of the points is under the left tracks, the second half under the right ones.
+        left_m, right_m = numpy.reshape(answer["z_m"], (2, -1))
+        left_friction, right_friction = numpy.reshape(answer["friction"], (2, -1))
+        same_height = numpy.abs(left_m - right_m).max() <= HEIGHT_TOLERANCE_M
+        same_friction = numpy.abs(left_friction - right_friction).max() <= FRICTION_TOLERANCE
+        are_symmetric.append(bool(same_height and same_friction))
+    return are_symmetric
 
 
 def _track_points(bodies: Sequence[Mapping[str, Any]], scene: Mapping[str, Any]) -> tuple[list[float], list[float]]:
@@ -143,19 +153,20 @@ def _track_points(bodies: Sequence[Mapping[str, Any]], scene: Mapping[str, Any])
     The points are under each tyre's inner edge, middle and outer edge; those of the left tyres come first.
     """
     start, course = scene["start"], scene["course"]
-    corners = [(x, y) for x in (course["x_min_m"], course["x_max_m"]) for y in (course["y_min_m"], course["y_max_m"])]
     cos, sin = math.cos(start["heading_rad"]), math.sin(start["heading_rad"])
-    end_m = max((x - start["x_m"]) * cos + (y - start["y_m"]) * sin for x, y in corners)
+    # How far ahead of the start the farthest corner of the course lies.
+    corners = product((course["x_min_m"], course["x_max_m"]), (course["y_min_m"], course["y_max_m"]))
+    end_m = max((x_m - start["x_m"]) * cos + (y_m - start["y_m"]) * sin for x_m, y_m in corners)
     # Behind the start, too, because rear wheels stand there.
     along_m = numpy.arange(-BEHIND_M, max(end_m, BEHIND_M), SPACING_M)
     # Distances of inner edges, middles and outer edges from the car's middle.
-    offsets_m = {
-        0.5 * (body["track_m"] + edge * wheel["width_m"])
-        for body in bodies
-        for wheel in body["wheels"]
-        for edge in (-1, 0, 1)
-    }
-    across_m = numpy.array([side * offset_m for side in (1, -1) for offset_m in sorted(offsets_m)])
-    ahead, left = numpy.meshgrid(along_m, across_m)
-    x_m, y_m = start["x_m"] + ahead * cos - left * sin, start["y_m"] + ahead * sin + left * cos
+    offsets_m = set()
+    for body in bodies:
+        for wheel, edge in product(body["wheels"], (-1, 0, 1)):
+            offsets_m.add(0.5 * (body["track_m"] + edge * wheel["width_m"]))
+    left_offsets_m = sorted(offsets_m)
+    right_offsets_m = [-offset_m for offset_m in left_offsets_m]
+    ahead_m, left_m = numpy.meshgrid(along_m, numpy.array(left_offsets_m + right_offsets_m))
+    x_m = start["x_m"] + ahead_m * cos - left_m * sin
+    y_m = start["y_m"] + ahead_m * sin + left_m * cos
     return x_m.ravel().tolist(), y_m.ravel().tolist()

@@ -64,11 +64,19 @@ def design_states(experiment: Experiment, rule: StoppingRule, counts: DesignCoun
     """Return the result of each design of the experiment."""
     low, high = anytime_interval(counts.passed, counts.counted, rule.confidence)
     decided = rule.decided(counts.passed, counts.counted)
-    columns = [design.columns for design in experiment.family]
-    rejected = [runs - counted for runs, counted in zip(counts.runs, counts.counted, strict=True)]
-    rows = zip(columns, counts.runs, rejected, counts.passed, low.tolist(), high.tolist(), decided.tolist(), strict=True)
-    # The order of `rows` is that of the fields of DesignState.
-    return [DesignState(experiment.id, *fields) for fields in rows]
+    return [
+        DesignState(
+            experiment=experiment.id,
+            design=design.columns,
+            runs=counts.runs[index],
+            rejected=counts.runs[index] - counts.counted[index],
+            passed=counts.passed[index],
+            low=float(low[index]),
+            high=float(high[index]),
+            decided=bool(decided[index]),
+        )
+        for index, design in enumerate(experiment.family)
+    ]
 
 
 # A batch ends where the design would be decided with probability BATCH_CHANCE, and at the latest after BATCH_RUNS runs
@@ -116,7 +124,10 @@ class Schedule:
         return [self._batch(design) for design in numpy.flatnonzero(~self.closed).tolist()]
 
     def record(self, counts: Mapping[int, tuple[int, int]], batches: Sequence[Batch]) -> None:
-        """Record a step's results: for each design's new samples, how many passed and how many were not rejected."""
+        """Record a step's results.
+
+        ``counts`` has for each design of the ``batches`` how many of its new runs passed, and how many were not rejected.
+        """
         for batch in batches:
             design = batch.design
             passed, counted = counts[design]
@@ -131,9 +142,11 @@ class Schedule:
     def _ended(self, design: int) -> bool:
         """Return whether a design is decided, has all its runs, or has little chance to be decided by more runs."""
         passed, runs, counted = int(self.passed[design]), int(self.runs[design]), int(self.counted[design])
+        if self.decided[design] or runs >= self._max_runs:
+            return True
         # Assume that no future run is rejected.
-        max_counted = self._max_runs - (runs - counted)
-        return bool(self.decided[design]) or runs >= self._max_runs or self._rule.hopeless(passed, counted, max_counted)
+        rejected = runs - counted
+        return self._rule.hopeless(passed, counted, self._max_runs - rejected)
 
     def _batch(self, design: int) -> Batch:
         """Return the next samples of a design."""
@@ -155,9 +168,11 @@ class Schedule:
         masses = _rate_masses(passed, counted)
         last = min(self._max_runs, runs + max(BATCH_RUNS, int(BATCH_SHARE * runs)))
         first = min(last, max(runs + 1, MIN_RUNS))
-        for end in numpy.unique(numpy.linspace(first, last, BATCH_ENDS).round().astype(int)).tolist():
+        ends = numpy.unique(numpy.linspace(first, last, BATCH_ENDS).round().astype(int))
+        for end in ends.tolist():
             # Only runs that are not rejected decide; no later run is expected to be rejected.
-            if self._rule.chance(RATES, masses, passed, counted, end - runs + counted) >= BATCH_CHANCE:
+            later_counted = counted + (end - runs)
+            if self._rule.chance(RATES, masses, passed, counted, later_counted) >= BATCH_CHANCE:
                 return int(end)
         return last
 

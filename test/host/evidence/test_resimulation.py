@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from foldcar.evidence.resimulation import Resimulation
+from foldcar.evidence.resimulation import Case, Resimulation
 from foldcar.simulation.carsim import Carsim, CarsimLimits
 from foldcar.simulation.runner import RunRequest
 from foldcar.store.reader import Store
@@ -104,10 +104,11 @@ def test_what_is_simulated_now_is_the_car_as_it_varied_then(carsim_limits: Carsi
 
     carsim: Any = SimpleNamespace(limits=lambda: carsim_limits, run=answers, build="a build of this test")
     unread: Any = None
+    cases = [Case({}, "as drawn"), Case({"mass": 0.1}, "heavier")]
 
-    ended = Resimulation(unread)._run(carsim, json.dumps(body), [({}, "as drawn"), ({"mass": 0.1}, "heavier")], "{}")
+    ended = Resimulation(unread)._run(carsim, json.dumps(body), cases, "{}")
 
     assert ended == [("passed", 2.0), ("failed", None)]
     # What was run once is not run again.
-    assert Resimulation(unread)._run(carsim, json.dumps(body), [({}, "as drawn")], "{}") == ended[:1]
+    assert Resimulation(unread)._run(carsim, json.dumps(body), cases[:1], "{}") == ended[:1]
     assert simulated == [(json.dumps(body), "as drawn", "{}"), (json.dumps(body), "heavier", '{"mass":0.1}')]

@@ -181,7 +181,7 @@ def test_cars_are_folded_once_and_again_only_if_they_may_differ(
     # One that cannot be built is no design: the others are the same, under another family.
     assert new_and_folded() == (0, [95, 245])
     assert new_and_folded() == (0, [])
-    monkeypatch.setattr(planned_designs, "_code", lambda: "changed")
+    monkeypatch.setattr(planned_designs, "_code_digest", lambda: "changed")
     assert new_and_folded() == (0, [95, 245])
     with sqlite3.connect(store) as connection:
         connection.execute("DELETE FROM design WHERE position = 1")

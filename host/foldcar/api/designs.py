@@ -42,17 +42,16 @@ def design(type: str, /, **values: float) -> Design:
     if not isinstance(type, str):
         raise FoldcarError(f'type: {shown_value(type)} is not a type string, such as "W_B_W"')
     letters = set(modules_of(type))
-    # The keys of parameters by column: those of the whole car, and those of single modules, such as W2.
-    keys = {parameter.column: key for key, parameter in parameters().items() if parameter.modules & letters}
+    # The parameters that all modules of a kind share.
+    key_by_column = {parameter.column: key for key, parameter in parameters().items() if parameter.modules & letters}
+    # The parameters of single modules, such as W2, that the arguments name.
     for place in {name.partition("_")[0] for name in values}:
-        module_parameters = (find_parameter(place, name) for name in names_in(place))
-        keys |= {
-            parameter.column: parameter.key
-            for parameter in module_parameters
-            if parameter is not None and parameter.modules & letters
-        }
-    values_by_column = columns_named(values, keys, f'design("{type}")')
-    result = compose(type, {keys[column]: value for column, value in values_by_column.items()})
+        for name in names_in(place):
+            parameter = find_parameter(place, name)
+            if parameter is not None and parameter.modules & letters:
+                key_by_column[parameter.column] = parameter.key
+    values_by_column = columns_named(values, key_by_column, f'design("{type}")')
+    result = compose(type, {key_by_column[column]: value for column, value in values_by_column.items()})
     # Raises DesignError if the car cannot be folded.
     folded_car(result)
     return result
@@ -89,9 +88,9 @@ def body_and_settings(
 
 
 def built_cars(count: int, spread: str | Mapping[str, float], seed: int) -> list[str]:
-    """Draw how each of ``count`` built cars differs from its design, as a listing's ``variation`` does; as JSON texts.
+    """Return how each of ``count`` built cars differs from its design, as JSON texts.
 
-    Raises FoldcarError.
+    The differences are drawn like those of a listing with this ``variation``. Raises FoldcarError.
     """
     if not isinstance(spread, str | Mapping):
         raise FoldcarError(
@@ -130,7 +129,10 @@ def _body_and_settings(
 def _named_as_argument(mistake: str) -> str:
     """Return a mistake of a listing, which begins with its key, with the argument's name in place of the key."""
     key, _, text = mistake.partition(":")
-    return f"{next((name for name, listed in LISTING_KEYS.items() if listed == key), key)}:{text}"
+    for argument, listing_key in LISTING_KEYS.items():
+        if listing_key == key:
+            return f"{argument}:{text}"
+    return mistake
 
 
 @cache

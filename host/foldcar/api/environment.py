@@ -83,7 +83,10 @@ class Environment:
 
     @cached_property
     def runner(self) -> Runner:
-        """The runner of this environment: carsim, or for a dynamic program Scenic beside carsim."""
+        """What simulates runs in this environment: carsim or, if the program is dynamic, Scenic beside carsim.
+
+        A dynamic program has parts that only Scenic can evaluate during a run.
+        """
         if not self._source.dynamic:
             return simulator()
         files, command = self._source.fixed_files(), simulator().command

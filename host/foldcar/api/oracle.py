@@ -4,6 +4,7 @@ Results equal those of `foldcar run` and of a sweep with the same cars, samples 
 """
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -112,8 +113,12 @@ def simulate(
     label = f"{car.title}, sample {sample}"
 
     def run(used_runner: Runner, **extra_settings: float) -> dict[str, Any]:
-        settings = canonical_json({**json.loads(settings_text), **extra_settings}) if extra_settings else settings_text
-        request = RunRequest("car", "scene", settings, label, sample)
+        """Simulate the run with this runner, and return its answer. Raises FoldcarError if an input is refused."""
+        settings = settings_text
+        if extra_settings:
+            settings = canonical_json({**json.loads(settings_text), **extra_settings})
+        # "car" and "scene" are the names by which the request refers to the two texts.
+        request = RunRequest(body="car", scene="scene", settings=settings, label=label, sample=sample)
         try:
             (result,) = used_runner.run({"car": body}, {"scene": scene_text}, [request])
         except InputRefusedError as refusal:
@@ -125,13 +130,20 @@ def simulate(
     if runner is simulator():
         answer = with_path = run(runner, **path_settings)
     else:
-        # A dynamic program decides when the run ends, but does not change the path until then: carsim alone gives it.
+        # A dynamic program decides when the run ends, but does not change the path until then. So carsim alone can
+        # compute the path.
         answer = run(runner)
         with_path = run(simulator(), **path_settings) if path_settings and "error" not in answer else {}
-    metrics = {name: answer.get(name) for name in NUMBERS}
-    recorded = {name: record["value"] for name, record in answer.get("recorded", {}).items()}
-    path = _path_table(with_path.get("path", ()), answer.get("elapsed_time_s", 0)) if path_settings else None
-    return SimulatedRun(outcome_of(answer), metrics, answer.get("error"), recorded, path)
+    path = None
+    if path_settings:
+        path = _path_table(with_path.get("path", ()), answer.get("elapsed_time_s", 0))
+    return SimulatedRun(
+        outcome=outcome_of(answer),
+        metrics={name: answer.get(name) for name in NUMBERS},
+        message=answer.get("error"),
+        recorded={name: record["value"] for name, record in answer.get("recorded", {}).items()},
+        path=path,
+    )
 
 
 def evaluate(
@@ -170,20 +182,30 @@ def evaluate(
     if variation is None and variation_seed is not None:
         raise FoldcarError(f"variation_seed: {shown_value(variation_seed)} has no effect without variation")
     if variation is not None:
-        realities = built_cars(count, variation, sampled_environment.seed if variation_seed is None else variation_seed)
-    scenes = {f"s{k}": sampled_environment.scene(k).json for k in range(count)}
-    requests = [
-        RunRequest("car", f"s{k}", settings_text, f"{car.title}, sample {k}", k, realities[k]) for k in range(count)
-    ]
+        seed_of_cars = sampled_environment.seed if variation_seed is None else variation_seed
+        realities = built_cars(count, variation, seed_of_cars)
+    scenes, requests = {}, []
+    for sample in range(count):
+        # The requests refer to the texts of car and scenes by these names.
+        scene_name = f"s{sample}"
+        scenes[scene_name] = sampled_environment.scene(sample).json
+        label = f"{car.title}, sample {sample}"
+        requests.append(RunRequest("car", scene_name, settings_text, label, sample, realities[sample]))
     # One call for each worker, with an equal part of the requests.
-    runner, size = sampled_environment.runner, -(-count // min(workers, count))
-    calls = (partial(runner.run, {"car": body}, scenes, requests[i : i + size]) for i in range(0, count, size))
-    answers = [answer for part in side_by_side(calls, workers, runner.stop) for answer in part]
+    runner = sampled_environment.runner
+    requests_per_call = math.ceil(count / min(workers, count))
+    calls = []
+    for first in range(0, count, requests_per_call):
+        part_of_requests = requests[first : first + requests_per_call]
+        calls.append(partial(runner.run, {"car": body}, scenes, part_of_requests))
+    answers: list[Mapping[str, Any]] = []
+    for answers_of_call in side_by_side(calls, workers, runner.stop):
+        answers += answers_of_call
     return Evaluation(
-        _table(answers, sampled_environment.success_defined),
-        sampled_environment.success,
-        sampled_environment.success_defined,
-        confidence,
+        runs=_table(answers, sampled_environment.success_defined),
+        success=sampled_environment.success,
+        success_defined=sampled_environment.success_defined,
+        confidence=confidence,
     )
 
 
@@ -231,5 +253,8 @@ def _path_table(rows: Sequence[Sequence[float]], elapsed_time_s: float) -> "pand
     """Return the rows of a path up to ``elapsed_time_s`` as a table, as in :class:`SimulatedRun`."""
     import pandas
 
-    hinges = [f"hinge_{i + 1}_rad" for i in range(len(rows[0]) - len(PATH_COLUMNS) if rows else 0)]
-    return pandas.DataFrame([row for row in rows if row[0] <= elapsed_time_s], columns=[*PATH_COLUMNS, *hinges])
+    hinge_count = len(rows[0]) - len(PATH_COLUMNS) if rows else 0
+    hinge_columns = [f"hinge_{number}_rad" for number in range(1, hinge_count + 1)]
+    # A row begins with its time (s).
+    rows_of_run = [row for row in rows if row[0] <= elapsed_time_s]
+    return pandas.DataFrame(rows_of_run, columns=[*PATH_COLUMNS, *hinge_columns])

@@ -13,16 +13,17 @@ if TYPE_CHECKING:
     from foldcar.report.paper_figures import PaperFigure
     from foldcar.report.reported_experiment import ReportedExperiment
 
-# Of a picture in a notebook: inches, pixels per inch, number of colours.
+# The size of a picture in a notebook (inches), its resolution (pixels per inch) and its number of colours.
 SIZE_IN, DPI, COLOURS = (7.2, 4.0), 110, 64
 
 
 def drawing_of(
     experiments: "Mapping[str, ReportedExperiment]", kinds: Sequence[str], experiment: str | None, caller: str
 ) -> "PaperFigure":
-    """Return the first drawing of one of these kinds of an experiment; None stands for the only one.
+    """Return an experiment's first drawing whose kind is one of ``kinds``.
 
-    Raises FoldcarError if there is no such experiment, or several, or the experiment has no such drawing.
+    If ``experiment`` is None, it is the only experiment. Raises FoldcarError, which begins with ``caller``, if there is
+    no such experiment, if there are several, or if the experiment has no drawing of these kinds.
     """
     from foldcar.report.paper_figures import drawings
 

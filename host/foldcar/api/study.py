@@ -194,10 +194,10 @@ class Study:
         checked_bool("simulated_trials", simulated_trials)
         difference = checked_number("margin", margin, 0, 1)
         comparison = self._read(lambda store: compare(store, experiment, difference, simulated_trials))
-        compared = [compared.info.id for compared in comparison.experiments if compared.designs]
-        if not compared:
+        compared_ids = [compared.info.id for compared in comparison.experiments if compared.designs]
+        if not compared_ids:
             return comparison
-        return replace(comparison, picture=partial(self._picture, compared[0], simulated_trials))
+        return replace(comparison, picture=partial(self._picture, compared_ids[0], simulated_trials))
 
     def plot_success(self, *, experiment: str | None = None, figure: "Figure | None" = None) -> "Axes":
         """Draw how likely the cars are to work, as the report does, and return the matplotlib axes.
@@ -236,13 +236,15 @@ class Study:
         caller: str,
         simulated_trials: bool = False,
     ) -> "Figure":
+        """Draw an experiment's first drawing whose kind is one of ``kinds``; ``caller`` begins error messages."""
         from foldcar.report.reported_experiment import read_experiments
 
         checked_experiment(experiment)
         if simulated_trials not in self._drawn_experiments:
-            read = self._read(lambda store: read_experiments(store, simulated_trials=simulated_trials))
-            self._drawn_experiments[simulated_trials] = {found.name: found for found in read}
-        return drawn(drawing_of(self._drawn_experiments[simulated_trials], kinds, experiment, caller), figure)
+            experiments = self._read(lambda store: read_experiments(store, simulated_trials=simulated_trials))
+            self._drawn_experiments[simulated_trials] = {reported.name: reported for reported in experiments}
+        drawing = drawing_of(self._drawn_experiments[simulated_trials], kinds, experiment, caller)
+        return drawn(drawing, figure)
 
     def _picture(self, experiment: str | None, simulated_trials: bool = False) -> str:
         """Return a figure of an experiment's success as HTML, "" if there is none."""

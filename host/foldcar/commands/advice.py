@@ -1,6 +1,5 @@
 """`foldcar select` recommends designs to build. `foldcar compare` compares simulation with trials, design by design."""
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -60,7 +59,8 @@ def select(
     else:
         print_selections(selections)
         if csv is not None:
-            typer.echo(f"{csv}: {count(sum(len(selection.steps) for selection in selections), 'step')}", err=True)
+            step_count = sum(len(selection.steps) for selection in selections)
+            typer.echo(f"{csv}: {count(step_count, 'step')}", err=True)
 
 
 def compare(
@@ -98,10 +98,6 @@ def compare(
         print_result(as_json, {"store": store, **comparison_object(comparison)})
     else:
         print_comparison(comparison)
-        _print_written(csv, sum(len(experiment_comparison.designs) for experiment_comparison in comparison.experiments))
-
-
-def _print_written(csv: Path | None, designs: int) -> None:
-    """Print the name of a written CSV file, if any, and its number of designs on stderr."""
-    if csv is not None:
-        typer.echo(f"{csv}: {designs} designs", err=True)
+        if csv is not None:
+            design_count = sum(len(experiment.designs) for experiment in comparison.experiments)
+            typer.echo(f"{csv}: {design_count} designs", err=True)

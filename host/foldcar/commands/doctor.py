@@ -65,8 +65,10 @@ def doctor(as_json: Json = False) -> None:
     for finding in _findings():
         findings.append(finding)
         if not as_json:
-            todo = f" -> {finding.advice}" if finding.advice else ""
-            typer.echo(f"{finding.state:<8} {finding.name:<11} {' '.join(finding.text.split())}{todo}")
+            # Messages of other programs may have several lines.
+            text = " ".join(finding.text.split())
+            advice_text = f" -> {finding.advice}" if finding.advice else ""
+            typer.echo(f"{finding.state:<8} {finding.name:<11} {text}{advice_text}")
     print_result(as_json, {"findings": [asdict(finding) for finding in findings]})
     if any(finding.state == "missing" for finding in findings):
         raise typer.Exit(1)
@@ -95,8 +97,13 @@ def _findings() -> Iterator[DoctorFinding]:
 
 
 def _tool(name: str, path: str | None, if_absent: str, advice: str) -> DoctorFinding:
-    """Return the finding on an optional tool: its path or version, or if None the text ``if_absent`` with advice."""
-    return DoctorFinding(name, "absent", if_absent, advice) if path is None else DoctorFinding(name, "ok", path)
+    """Return the finding on an optional tool. ``path`` is its path or version, None if the tool is not installed.
+
+    Then the finding has the text ``if_absent`` and the ``advice``.
+    """
+    if path is None:
+        return DoctorFinding(name, "absent", if_absent, advice)
+    return DoctorFinding(name, "ok", path)
 
 
 def _packages() -> DoctorFinding:
@@ -107,15 +114,17 @@ def _packages() -> DoctorFinding:
         declared = [Requirement(text) for text in importlib.metadata.requires("foldcar") or []]
     except importlib.metadata.PackageNotFoundError:
         return DoctorFinding("packages", "missing", "foldcar itself is not installed as a package", REINSTALL)
+    # A package's marker says on which systems and for which extras it is needed. The core is needed without extras.
     core = [package for package in declared if package.marker is None or package.marker.evaluate({"extra": ""})]
-    mismatches = [text for package in core if (text := _mismatch(package))]
+    mismatches = [_mismatch(package) for package in core]
+    mismatches = [mismatch for mismatch in mismatches if mismatch]
     if mismatches:
         return DoctorFinding("packages", "missing", "; ".join(mismatches), REINSTALL)
-    optional = [package for package in declared if package not in core and package.marker is not None]
+    optional = [package for package in declared if package not in core]
     absent_extras = []
     for extra in MODULES:
-        of_extra = [package for package in optional if package.marker and package.marker.evaluate({"extra": extra})]
-        if any(map(_mismatch, of_extra)):
+        packages = [package for package in optional if package.marker and package.marker.evaluate({"extra": extra})]
+        if any(_mismatch(package) for package in packages):
             absent_extras.append(extra)
     if absent_extras:
         text = f"as declared, without the extras {', '.join(absent_extras)}: some commands need them"
@@ -210,7 +219,9 @@ def _reversed_servos() -> Iterator[DoctorFinding]:
     from foldcar.link.parameters import read_parameters
     from foldcar.link.stream import usb_ports
 
-    for port in (port for port in usb_ports() if port.is_feather):
+    for port in usb_ports():
+        if not port.is_feather:
+            continue
         with contextlib.suppress(FoldcarError):
             with greeted(port.path) as car:
                 values, design = read_parameters(car), car.identity().name
@@ -234,15 +245,17 @@ def _simulator_with_mujoco(checkout: Path | None) -> DoctorFinding:
 
 
 def _writable(name: str, folder: str | None, advice: str) -> DoctorFinding:
-    """Check that ``folder`` (None: the one for temporary files) can be written."""
+    """Check that ``folder`` can be written; None stands for the system's folder for temporary files."""
     try:
-        chosen = Path(folder or tempfile.gettempdir()).absolute()
-        with tempfile.TemporaryFile(dir=chosen):
+        # gettempdir raises OSError if it finds no folder that can be written.
+        checked_folder = Path(folder or tempfile.gettempdir()).absolute()
+        with tempfile.TemporaryFile(dir=checked_folder):
             pass
     except OSError as error:
-        where = f"{Path(folder).absolute()}: cannot be written" if folder else "no folder can be written"
-        return DoctorFinding(name, "missing", f"{where}: {error.strerror}", advice)
-    return DoctorFinding(name, "ok", f"{chosen}: {shutil.disk_usage(chosen).free / 1e9:.1f} GB free")
+        problem = f"{Path(folder).absolute()}: cannot be written" if folder else "no folder can be written"
+        return DoctorFinding(name, "missing", f"{problem}: {error.strerror}", advice)
+    free_gb = shutil.disk_usage(checked_folder).free / 1e9
+    return DoctorFinding(name, "ok", f"{checked_folder}: {free_gb:.1f} GB free")
 
 
 def _serial_ports() -> DoctorFinding:

@@ -73,7 +73,8 @@ def flash(
     if not design_only:
         _pio(project, "upload", board, folder)
     _pio(project, "uploadfs", board, folder)
-    typer.echo(f"loaded {content['name']} ({content['hash']}){' (design only)' if design_only else ''}")
+    extent = " (design only)" if design_only else ""
+    typer.echo(f"loaded {content['name']} ({content['hash']}){extent}")
 
 
 def _board(port: str | None) -> str:

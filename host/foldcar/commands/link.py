@@ -63,8 +63,10 @@ def link(
     if car_name is not None and reality is None and not run.experiment.variation:
         print_note(f"experiment {run.experiment.id} has no variation: {car_name} has the nominal body, as all cars have")
     real_values = None if reality is None else read_reality(reality, engine).values
-    other_samples = (k for k in range(min(run.experiment.environments, MAX_SAMPLES)) if k != sample)
-    worlds = [_world(run, k, real_values, car_name) for k in (sample, *other_samples)]
+    sample_count = min(run.experiment.environments, MAX_SAMPLES)
+    # The car starts in the first world; the host may move it to the others.
+    samples = [sample, *(other for other in range(sample_count) if other != sample)]
+    worlds = [_world(run, world_sample, real_values, car_name) for world_sample in samples]
     # carsim ends when the process that reads its output ends: see sim2d/src/reader_watch.h.
     design, stdin = car_json(run.design), sys.stdin.fileno()
     with (
@@ -82,11 +84,14 @@ def link(
         messages = linked.process.stderr.read().strip().splitlines()
         code = linked.process.wait()
     if code != 0:
-        raise CarsimError(f"{run.carsim.binary} link: {messages[-1] if messages else f'exit code {code}'}")
+        reason = messages[-1] if messages else f"exit code {code}"
+        raise CarsimError(f"{run.carsim.binary} link: {reason}")
 
 
 def _world(run: ListedRun, k: int, values: Mapping[str, float] | None, car: str | None) -> tuple[Any, Any]:
     """Return the scene of sample ``k``, with the id that `foldcar log` expects, and the reality of car and ground.
+
+    A reality is how the true car and ground differ from what the simulator assumes.
 
     ``values`` are the parameters of a reality file, None without one. ``car`` is the name of a built car, whose
     differences from the design are the same in all samples; None stands for another car in each sample.

@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ListedRun:
-    """A run that a command's options name, with its simulator, body and scene.
+    """A run that a command's options name: a design in a sample of an experiment's environment.
 
-    ``variation`` is how the sample's built car differs from the design.
+    ``body`` is the car's for the simulator. ``variation`` is how the sample's built car differs from the design.
     """
 
     carsim: "Carsim"
@@ -42,15 +42,18 @@ class ListedRun:
 
     @property
     def side_view_note(self) -> str:
-        """A note on what the side-view engine cannot simulate of the run; "" if nothing, or with another engine."""
+        """A note on what the side-view engine cannot simulate of the run.
+
+        It is "" if this engine can simulate everything that matters, or if another engine simulates the run.
+        """
         from foldcar.simulation.engines import ENGINES, SIDE_VIEW
         from foldcar.store.info import unlike_sides_text
         from foldcar.study.side_view_check import side_view_limits
 
         if self.carsim.engine != ENGINES[SIDE_VIEW].title:
             return ""
-        unlike = side_view_limits(self.carsim, self.experiment, self.environment)
-        return f"note: {unlike_sides_text(unlike)}" if unlike else ""
+        difference = side_view_limits(self.carsim, self.experiment, self.environment)
+        return f"note: {unlike_sides_text(difference)}" if difference else ""
 
     def with_design(self, design: "Design") -> "ListedRun":
         """Return the run of another design in the same environment, with the same variation."""
@@ -90,13 +93,22 @@ def listed_run(
     environment = ExperimentEnvironment(listed_experiment)
     variation, scene = environment.variation(sample), environment.sample(sample)
     carsim = Carsim(engine=engine)
-    run_without_body = ListedRun(carsim, listed_experiment, design, environment, {}, variation, scene, sample)
+    run_without_body = ListedRun(
+        carsim=carsim,
+        experiment=listed_experiment,
+        design=design,
+        environment=environment,
+        body={},
+        variation=variation,
+        scene=scene,
+        sample=sample,
+    )
     return run_without_body.with_design(design)
 
 
 @dataclass(frozen=True)
 class RunInput:
-    """The input of a run, as docs/carsim.md describes it."""
+    """The input of a run, as docs/carsim.md describes it. ``label`` names the run in messages."""
 
     label: str
     body: Mapping[str, Any]
@@ -111,11 +123,17 @@ class RunInput:
         from foldcar.store.writer import canonical_json
 
         settings = canonical_json({**self.settings, **extra_settings})
-        (answer,) = runner.run(
-            {"car": canonical_json(self.body)},
-            {"scene": canonical_json(self.scene)},
-            [RunRequest("car", "scene", settings, self.label, self.sample, reality=canonical_json(self.reality))],
+        # "car" and "scene" are the names by which the request refers to the two texts.
+        request = RunRequest(
+            body="car",
+            scene="scene",
+            settings=settings,
+            label=self.label,
+            sample=self.sample,
+            reality=canonical_json(self.reality),
         )
+        bodies, scenes = {"car": canonical_json(self.body)}, {"scene": canonical_json(self.scene)}
+        (answer,) = runner.run(bodies, scenes, [request])
         return answer
 
     def path(self, carsim: "Carsim", answer: Mapping[str, Any], label: object) -> list[list[float]]:
@@ -125,17 +143,28 @@ class RunInput:
         """
         from foldcar.simulation.runner import PATH_INTERVAL_S
 
-        with_path = {} if "error" in answer else self.simulate(carsim, path_interval_s=PATH_INTERVAL_S)
-        if "path" not in with_path:
+        answer_with_path = {} if "error" in answer else self.simulate(carsim, path_interval_s=PATH_INTERVAL_S)
+        if "path" not in answer_with_path:
             raise FoldcarError(f"{label}: a failed run has no path to show")
-        # A row begins with its time (s).
-        return [row for row in with_path["path"] if row[0] <= answer["elapsed_time_s"]]
+        rows = []
+        for row in answer_with_path["path"]:
+            time_s = row[0]
+            if time_s <= answer["elapsed_time_s"]:
+                rows.append(row)
+        return rows
 
 
 def simulated_run(listed: ListedRun) -> tuple[RunInput, dict[str, Any]]:
     """Simulate a listed run; return its input and the runner's answer. Raises FoldcarError."""
     settings = listed.experiment.settings(listed.design, listed.body, listed.carsim.parameter_table())
-    run = RunInput(listed.name, listed.body, listed.scene, settings, listed.sample, listed.variation)
+    run = RunInput(
+        label=listed.name,
+        body=listed.body,
+        scene=listed.scene,
+        settings=settings,
+        sample=listed.sample,
+        reality=listed.variation,
+    )
     with listed.environment.runner(listed.carsim, listed.environment.dynamic) as runner:
         return run, run.simulate(runner)
 
@@ -145,8 +174,8 @@ def listed_families(
 ) -> "tuple[Listing, list[Family]]":
     """Return the listing, and the family of each chosen vehicle with the settings (NAME=MM) applied.
 
-    If ``vehicle`` is None, these are all vehicles; if also ``every`` is False, the listing must have only one. Raises
-    FoldcarError if the vehicle or a setting does not exist.
+    A family is a vehicle's designs. ``vehicle`` names the chosen one. If it is None, all vehicles are chosen; with
+    ``every`` False, the listing must then have only one. Raises FoldcarError if the vehicle or a setting does not exist.
     """
     from foldcar.study.family import read_family
     from foldcar.study.listing_file import read_listing
@@ -158,9 +187,12 @@ def listed_families(
     if vehicle is not None and vehicle not in listing_data.vehicles:
         close = did_you_mean(vehicle, listing_data.vehicles)
         raise FoldcarError(f'{listing}: has no vehicle "{vehicle}"; known: {vehicle_names}{close}')
-    choices = design_settings(settings)
-    names = list(listing_data.vehicles) if vehicle is None else [vehicle]
-    return listing_data, [read_family(listing, name, listing_data.vehicles[name]).narrowed(choices) for name in names]
+    chosen_settings = design_settings(settings)
+    families = []
+    for name in listing_data.vehicles if vehicle is None else [vehicle]:
+        family = read_family(listing, name, listing_data.vehicles[name])
+        families.append(family.narrowed(chosen_settings))
+    return listing_data, families
 
 
 def listed_family(listing: Path, vehicle: str | None, settings: Sequence[str] | None) -> "tuple[Listing, Family]":

@@ -98,6 +98,7 @@ def log(
         raise FoldcarError(f"--media {media}: not a folder")
     store = store or Path(f"{listing.stem}.db")
     is_untethered = untethered or button
+    default_countdown_s = UNTETHERED_COUNTDOWN_S if is_untethered else COUNTDOWN_S
     options = SessionOptions(
         listing=listing,
         experiment=experiment,
@@ -110,7 +111,7 @@ def log(
         note=note,
         operator=operator,
         car=None if car is None else checked_name(car, "--car"),
-        countdown_s=countdown if countdown is not None else (UNTETHERED_COUNTDOWN_S if is_untethered else COUNTDOWN_S),
+        countdown_s=default_countdown_s if countdown is None else countdown,
         untethered=is_untethered,
         button=button,
         any_build=any_build,
@@ -156,20 +157,22 @@ def _print_session(store: Path, numbers: Collection[int]) -> None:
         evidence = read_evidence(reader, experiment, standing == SIMULATED) if is_swept else []
         comparison, selections = compare_evidence(evidence), select_evidence(evidence)
     completed = [trial for trial in session_trials if trial.standing == standing and trial.completed]
-    passed, uncounted = sum(trial.outcome == "passed" for trial in completed), len(session_trials) - len(completed)
-    uncounted_text = f"; {count(uncounted, 'more trial')} aborted or withdrawn" if uncounted else ""
-    lines = [f"This session: {passed} of {len(completed)} passed in experiment {experiment}{uncounted_text}"]
+    passed_count = sum(trial.outcome == "passed" for trial in completed)
+    first_line = f"This session: {passed_count} of {len(completed)} passed in experiment {experiment}"
+    uncounted = len(session_trials) - len(completed)
+    if uncounted:
+        first_line += f"; {count(uncounted, 'more trial')} aborted or withdrawn"
+    lines = [first_line]
     if standing == SIMULATED:
         lines.append("SIMULATED trials: other commands count them with --simulated-trials only.")
     driven_designs = [trial.design for trial in session_trials]
-    rows = [
-        row
-        for experiment_comparison in comparison.experiments
-        for row in experiment_comparison.designs
-        if row.design in driven_designs
-    ]
-    lines += [f"{row.label}: {row.verdict or 'nothing to compare'}" for row in rows]
+    for experiment_comparison in comparison.experiments:
+        for design_comparison in experiment_comparison.designs:
+            if design_comparison.design in driven_designs:
+                verdict = design_comparison.verdict or "nothing to compare"
+                lines.append(f"{design_comparison.label}: {verdict}")
     if not is_swept:
         lines.append(f"Experiment {experiment} was not swept in {store}: there is no simulation to compare with.")
-    lines += [text for selection in selections for text in (selection.works, selection.learn) if text]
+    for selection in selections:
+        lines += [sentence for sentence in (selection.works, selection.learn) if sentence]
     shown_console().print("\n".join(lines))

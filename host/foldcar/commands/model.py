@@ -82,19 +82,18 @@ def model(
         from foldcar.simulation.carsim import Carsim
         from foldcar.simulation.heights import carsim_heights
 
-        grid = smooth_ground(scene, carsim_heights(Carsim())) if scene is not None else None
-        file = listing_data.environments[environment].wbt_filename if environment is not None else None
-        prefix = f"{Path(file).stem}_" if file else ""
-        controller = f"controllers/{CONTROLLER}"
-        drive = f"{car}{surroundings}"
-        files = {
-            f"protos/{car}.proto": webots_proto(body, car, f"{design.type}, {design_text(design.columns)}"),
-            f"worlds/{prefix}{drive}.wbt": webots_world(body, car, scene, grid, drive),
-            f"{controller}/{CONTROLLER}.py": controller_program(),
-            f"{controller}/{drive}.json": controller_drive(
-                body, *_drive(listing, listing_data, vehicle, environment, design)
-            ),
-        }
+        ground = smooth_ground(scene, carsim_heights(Carsim())) if scene is not None else None
+        # The world that the listing names gives the first part of the new world's name.
+        listed_world = listing_data.environments[environment].wbt_filename if environment is not None else None
+        prefix = f"{Path(listed_world).stem}_" if listed_world else ""
+        controller_folder = f"controllers/{CONTROLLER}"
+        drive_name = f"{car}{surroundings}"
+        pulses, settling_s = _drive(listing, listing_data, vehicle, environment, design)
+        comment = f"{design.type}, {design_text(design.columns)}"
+        files[f"protos/{car}.proto"] = webots_proto(body, car, comment)
+        files[f"worlds/{prefix}{drive_name}.wbt"] = webots_world(body, car, scene, ground, drive_name)
+        files[f"{controller_folder}/{CONTROLLER}.py"] = controller_program()
+        files[f"{controller_folder}/{drive_name}.json"] = controller_drive(body, pulses, settling_s)
     make_output_folder(output)
     for name, text in files.items():
         target = output / name

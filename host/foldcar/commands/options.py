@@ -68,7 +68,9 @@ def _plain(value: Any) -> Any:
         return [_plain(item) for item in value]
     if isinstance(value, float) and not math.isfinite(value):
         return None
-    return str(value) if isinstance(value, Path) else value
+    if isinstance(value, Path):
+        return str(value)
+    return value
 
 
 def _checked(check: Callable[[Any], object]) -> Callable[[typer.Context, Any], Any]:
@@ -78,6 +80,7 @@ def _checked(check: Callable[[Any], object]) -> Callable[[typer.Context, Any], A
     """
 
     def callback(context: typer.Context, value: Any) -> Any:
+        """Check the option's value, and return it unchanged."""
         if value is not None and not context.resilient_parsing:
             check(value)
         return value
@@ -245,7 +248,8 @@ SimulatedTrials = Annotated[
 def check_scheduler_option(scheduler: str | None, jobs: int | None) -> None:
     """Raise FoldcarError if ``--scheduler`` has an invalid value, or is used with ``--jobs``.
 
-    Beside a scheduler's threads samples are drawn in a process of their own.
+    If there is a scheduler, samples are drawn in another process from now on: the scheduler's threads in this process use
+    the same random generators.
     """
     if scheduler is not None:
         from foldcar.scenes.fixed_hash import draw_elsewhere
@@ -292,22 +296,29 @@ def design_settings(words: Sequence[str] | None) -> dict[str, float | str]:
     for word in words or ():
         key, equals, text = word.partition("=")
         if key in settings:
-            first = settings[key]
-            first_text = first if isinstance(first, str) else f"{first:g}"
+            first_value = settings[key]
+            first_text = first_value if isinstance(first_value, str) else f"{first_value:g}"
             raise FoldcarError(f"--set {word}: {key} is given twice, first as {first_text}")
         if equals and key in OPTIONS:
             settings[key] = text
             continue
-        try:
-            settings[key] = {"true": 1.0, "false": 0.0}[text] if text in ("true", "false") else decimal_number(text)
-        except ValueError:
-            # The message below is also for a value that is no number.
-            equals = ""
-        if not equals:
+        number = _parameter_value(text)
+        if not equals or number is None:
             raise FoldcarError(
                 f"--set {word}: is neither NAME=MM, as in --set width=95, nor a part, as in --set tyre=none"
             )
+        settings[key] = number
     return settings
+
+
+def _parameter_value(text: str) -> float | None:
+    """Return a parameter's value as a number, 1 for `true` and 0 for `false`; None if the text is none of these."""
+    if text in ("true", "false"):
+        return 1.0 if text == "true" else 0.0
+    try:
+        return decimal_number(text)
+    except ValueError:
+        return None
 
 
 def parse_points(option: str, text: str, low: float = 1.0, high: float = 50.0) -> float:

@@ -119,11 +119,13 @@ def calibrate_servos(
 
 
 def _print_parameters(values: Mapping[str, float], *lines: str) -> None:
-    """Print the ``lines``, then the parameters, one a line."""
+    """Print the ``lines``, then a line for each parameter with its value."""
     from foldcar.link.parameters import value_text
 
-    for line in (*lines, *(f"{name:<16} {value_text(value)}" for name, value in values.items())):
+    for line in lines:
         typer.echo(line)
+    for name, value in values.items():
+        typer.echo(f"{name:<16} {value_text(value)}")
 
 
 @contextlib.contextmanager

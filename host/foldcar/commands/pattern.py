@@ -1,6 +1,5 @@
 """`foldcar pattern` writes the sheets to cut for a car or for many cars, and all other files to build them."""
 
-import itertools
 import json
 import re
 import shlex
@@ -57,10 +56,14 @@ def pattern(
 
     pattern_options = read_material(material, sheet)
     listing_data, families = listed_families(listing, vehicle, settings, every)
-    cars_to_make = (
-        list(_cars_to_make(families)) if every else [_CarToMake(families[0].vehicle, "", families[0].single(), ())]
-    )
-    skipped = [f"skipped, as it cannot be built: {design}" for family in families for design in family.skipped if every]
+    skipped = []
+    if every:
+        cars_to_make = list(_cars_to_make(families))
+        for family in families:
+            skipped += [f"skipped, as it cannot be built: {design}" for design in family.skipped]
+    else:
+        design = families[0].single()
+        cars_to_make = [_CarToMake(vehicle=families[0].vehicle, folder="", design=design, settings=())]
 
     cars, lines = [], []
     with atomic_folder(output, MANIFEST) as folder:
@@ -115,13 +118,14 @@ def _cars_to_make(families: "Sequence[Family]") -> "Iterator[_CarToMake]":
     # The folders lie beside the manifest.
     taken_names = {MANIFEST}
     for family in families:
-        varied = [key for key, values in family.choices.items() if len(values) > 1]
+        varied_keys = [key for key, values in family.choices.items() if len(values) > 1]
         vehicle_folder = _free_name(family.vehicle, taken_names) if len(families) > 1 else ""
         for design in family:
-            name = "-".join(f"{key.replace('.', '_')}_{design.values[key]:.10g}" for key in varied)
-            parts = [part for part in (vehicle_folder, name) if part]
-            settings = tuple(f"{key}={design.values[key]:.10g}" for key in varied)
-            yield _CarToMake(family.vehicle, "/".join(parts) or "car", design, settings)
+            # For example W_length_60-width_95.
+            design_folder = "-".join(f"{key.replace('.', '_')}_{design.values[key]:.10g}" for key in varied_keys)
+            folders = [folder for folder in (vehicle_folder, design_folder) if folder]
+            settings = tuple(f"{key}={design.values[key]:.10g}" for key in varied_keys)
+            yield _CarToMake(family.vehicle, "/".join(folders) or "car", design, settings)
 
 
 def _free_name(vehicle: str, taken_names: set[str]) -> str:
@@ -130,8 +134,10 @@ def _free_name(vehicle: str, taken_names: set[str]) -> str:
     The name is the vehicle's id without special characters. If that is taken, a number follows, from 2.
     """
     plain_name = re.sub(r"[^\w.+-]+", "_", vehicle).lstrip(".") or "vehicle"
-    names = itertools.chain([plain_name], (f"{plain_name}-{number}" for number in itertools.count(2)))
-    name = next(name for name in names if name not in taken_names)
+    name, number = plain_name, 1
+    while name in taken_names:
+        number += 1
+        name = f"{plain_name}-{number}"
     taken_names.add(name)
     return name
 
@@ -158,10 +164,18 @@ def car_command(
     """
     from foldcar.fabrication.patterns.options import arguments
 
-    words = ["foldcar", "pattern", listing.name, "--vehicle", vehicle]
-    words += [word for setting in settings for word in ("--set", setting)]
-    words += [word for file in components for word in ("--components", file.name)]
+    words = ["foldcar", "pattern", listing.name, "--vehicle", vehicle, *_car_options(settings, components)]
     return decoded(shlex.join([*words, *arguments(chosen), "-o", "car"]))
+
+
+def _car_options(settings: Sequence[str], components: Sequence[Path]) -> list[str]:
+    """Return the words of a command that choose a car: `--set` for each setting, `--components` for each file's name."""
+    words = []
+    for setting in settings:
+        words += ["--set", setting]
+    for file in components:
+        words += ["--components", file.name]
+    return words
 
 
 def listed_car(
@@ -170,39 +184,42 @@ def listed_car(
     """Return where a car is listed, with the first experiment of its vehicle, as the guide's commands name it."""
     from foldcar.fabrication.assembly.guide_service import ListedCar
 
-    experiment = next((name for name, entry in data.experiments.items() if entry.veh_id == vehicle), "")
-    options = [word for setting in settings for word in ("--set", setting)]
-    options += [word for file in components for word in ("--components", file.name)]
-    return ListedCar(listing.name, experiment, tuple(options))
+    experiments = [name for name, entry in data.experiments.items() if entry.veh_id == vehicle]
+    first_experiment = experiments[0] if experiments else ""
+    return ListedCar(listing.name, first_experiment, tuple(_car_options(settings, components)))
 
 
 def _car_lines(made: "MadeCar", default_sheet: str, output: Path) -> list[str]:
     """Return the lines that describe a single car; ``default_sheet`` is the machine's sheet size."""
     from foldcar.fabrication.make_car import GUIDE
 
-    cut, options = made.pattern, made.pattern.options
-    is_default = options.sheet == default_sheet
-    larger = "" if is_default else f" (--sheet {options.sheet}: a piece does not fit on {default_sheet})"
-    width, height = options.sheet_size_mm
-    used = cut.film_area_mm2 / (len(cut.sheets) * width * height)
-    copies, work = sum(piece.count for piece in cut.pieces), made.operations
+    made_pattern, options = made.pattern, made.pattern.options
+    sheet_note = ""
+    if options.sheet != default_sheet:
+        sheet_note = f" (--sheet {options.sheet}: a piece does not fit on {default_sheet})"
+    width_mm, height_mm = options.sheet_size_mm
+    sheet_count = len(made_pattern.sheets)
+    used = percent(made_pattern.film_area_mm2 / (sheet_count * width_mm * height_mm))
+    piece_count = sum(piece.count for piece in made_pattern.pieces)
+    work = made.operations
     return [
         made.title,
-        f"  sheets    {len(cut.sheets)} of {width:g} x {height:g} mm, {percent(used)} of the film used{larger}",
-        f"  pieces    {copies} of {len(cut.pieces)} kinds",
-        f"  cut       {cut.cut_length_mm / 1000:.1f} m for {options.machine}, kerf {options.kerf_mm:g} mm",
+        f"  sheets    {sheet_count} of {width_mm:g} x {height_mm:g} mm, {used} of the film used{sheet_note}",
+        f"  pieces    {piece_count} of {len(made_pattern.pieces)} kinds",
+        f"  cut       {made_pattern.cut_length_mm / 1000:.1f} m for {options.machine}, kerf {options.kerf_mm:g} mm",
         f"  building  {work.total} operations, {work.weed} openings weeded: about {work.minutes:.0f} min (an estimate)",
         f"  mass      {made.mass_kg * 1000:.0f} g",
         f"  cost      about {made.cost_usd:.0f} USD",
         *(f"  checked   {text}" for text in made.checks),
-        *(f"  warning   {text}" for text in cut.warnings),
+        *(f"  warning   {text}" for text in made_pattern.warnings),
         f"  made      {len(made.files)} files in {output}; open {output / GUIDE} first",
     ]
 
 
 def _amounts(cars: Sequence[Mapping[str, Any]]) -> str:
     """Return the total sheets, cut length, mass and cost from the cars' manifests."""
-    sheets, cut_mm, mass_kg, usd = (
-        sum(car[key] for car in cars) for key in ("sheets", "cut_length_mm", "mass_kg", "cost_usd")
-    )
-    return f"{count(sheets, 'sheet')}, cut {cut_mm / 1000:.1f} m, {mass_kg * 1000:.0f} g, {usd:.0f} USD"
+    sheet_count = sum(car["sheets"] for car in cars)
+    cut_mm = sum(car["cut_length_mm"] for car in cars)
+    mass_kg = sum(car["mass_kg"] for car in cars)
+    cost_usd = sum(car["cost_usd"] for car in cars)
+    return f"{count(sheet_count, 'sheet')}, cut {cut_mm / 1000:.1f} m, {mass_kg * 1000:.0f} g, {cost_usd:.0f} USD"

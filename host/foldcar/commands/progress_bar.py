@@ -23,7 +23,8 @@ class TerminalBar:
     """
 
     def __init__(self, label: str, total: int) -> None:
-        rate, state = (TextColumn(f"{{task.fields[{name}]}}", markup=False) for name in ("rate", "state"))
+        rate = TextColumn("{task.fields[rate]}", markup=False)
+        state = TextColumn("{task.fields[state]}", markup=False)
         console = shown_console(stderr=True)
         self._bar = Progress(
             TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), rate,
@@ -103,8 +104,13 @@ class ProgressBar(TerminalBar):
         if self._realities is None:
             self._realities = self._bar.add_task("realities", total=total, rate="", state="")
         self._bar.update(self._realities, total=total)
-        done, new, seconds = (sum(getattr(count, name) for count in counts) for name in ("done", "new", "seconds"))
-        self._show(self._realities, done, new, seconds, "")
+        self._show(
+            self._realities,
+            completed=sum(count.done for count in counts),
+            new=sum(count.new for count in counts),
+            seconds=sum(count.seconds for count in counts),
+            state="",
+        )
 
 
 class SearchBar(TerminalBar):

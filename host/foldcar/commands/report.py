@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 PIPED_WIDTH = 160
 # Number of designs in the printed table; `foldcar export` lists all.
 MAX_DESIGNS = 60
+# Number of causes in the printed summary.
+MAX_CAUSES = 3
 
 
 def report(
@@ -92,20 +94,20 @@ def _lines(experiment: Mapping[str, Any]) -> Iterator[str]:
     """Yield the sentences that the command prints on an experiment, given the page's data."""
     from foldcar.statistics.words import rate_text
 
-    yield from filter(
-        None, (experiment["headline"], experiment["grounds"], experiment["next"]["text"], *experiment["ranges"])
-    )
-    if experiment["importance"]:
-        importances = [
-            f"{experiment['parameters'][row['parameter']]['label']} {rate_text(row['share'], row['low'], row['high'])}"
-            for row in experiment["importance"]
-        ]
+    sentences = [experiment["headline"], experiment["grounds"], experiment["next"]["text"], *experiment["ranges"]]
+    # A sentence that does not apply is empty or None.
+    yield from (sentence for sentence in sentences if sentence)
+    importances = []
+    for row in experiment["importance"]:
+        label = experiment["parameters"][row["parameter"]]["label"]
+        importances.append(f"{label} {rate_text(row['share'], row['low'], row['high'])}")
+    if importances:
         yield f"Importance (fraction of the variance of success): {', '.join(importances)}."
-    # The first three causes whose interval excludes 0, which would mean that they do not separate the runs.
-    separating = [row for row in experiment["causes"] if row["low"] > 0][:3]
-    if separating:
-        names = [f"{row['label']} ({row['separation']:.2f})" for row in separating]
-        yield f"What separates passed from failed runs of a design (0 to 1): {', '.join(names)}."
+    # A separation of 0 would mean that the cause does not separate the runs.
+    separating_causes = [row for row in experiment["causes"] if row["low"] > 0]
+    if separating_causes:
+        texts = [f"{row['label']} ({row['separation']:.2f})" for row in separating_causes[:MAX_CAUSES]]
+        yield f"What separates passed from failed runs of a design (0 to 1): {', '.join(texts)}."
     yield from experiment["remarks"]
     number = len(experiment["designs"]["name"])
     if number > MAX_DESIGNS:
@@ -131,20 +133,30 @@ def _table(experiment: Mapping[str, Any]) -> "ResultTable":
             trials = designs["trials"][i]
             cells.append(f"{designs['trials_passed'][i]} of {trials}" if trials else "-")
             cells.append(str(designs["cars"][i] or "-"))
-        built = [designs[key][i] for key in ("belief", "belief_low", "belief_high")]
-        cells.append("-" if built[0] is None else "{} ({}–{})".format(*map(percent_number, built)))
+        if designs["belief"][i] is None:
+            cells.append("-")
+        else:
+            rate, low, high = (percent_number(designs[key][i]) for key in ("belief", "belief_low", "belief_high"))
+            cells.append(f"{rate} ({low}–{high})")
         table.add_row(designs["name"][i], *cells, *(str(designs["outcomes"][code][i]) for code in outcome_codes))
     return table
 
 
 def _best_first(experiment: Mapping[str, Any]) -> list[int]:
-    """Return the indices of the designs: by success of built cars, then in simulation, unknown ones last."""
+    """Return the indices of the designs, best first: by the expected success of built cars, then by that in simulation.
+
+    Designs whose rate is unknown come last.
+    """
     designs = experiment["designs"]
-    # Rates are 0 to 1; None without a belief about the design, or without runs.
-    rates = [designs["belief"], *([designs["rate"]] if experiment["judged"] else [])]
-    return sorted(
-        range(len(designs["name"])), key=lambda i: [-1 if rate[i] is None else rate[i] for rate in rates], reverse=True
-    )
+    rates_of_designs = [designs["belief"]]
+    if experiment["judged"]:
+        rates_of_designs.append(designs["rate"])
+
+    def rates(index: int) -> list[float]:
+        """Return the rates (0 to 1) of the design with this index; -1 for each that is unknown."""
+        return [-1 if rate_by_design[index] is None else rate_by_design[index] for rate_by_design in rates_of_designs]
+
+    return sorted(range(len(designs["name"])), key=rates, reverse=True)
 
 
 def _rate(experiment: Mapping[str, Any], index: int) -> tuple[str, str]:

@@ -104,18 +104,25 @@ def _answer_lines(answer: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 
 def variation_text(variation: Mapping[str, Any]) -> str:
     """Return how a car differs from its design, as text: ``supply_v=-0.0931 servo_speed=0.0214,-0.0113,…``."""
-    lists = {name: value if isinstance(value, list) else [value] for name, value in variation.items()}
-    return " ".join(f"{name}={','.join(f'{value:.3g}' for value in values)}" for name, values in lists.items())
+    texts = []
+    for name, value in variation.items():
+        # Some values are one for each wheel or servo.
+        numbers = value if isinstance(value, list) else [value]
+        numbers_text = ",".join(f"{number:.3g}" for number in numbers)
+        texts.append(f"{name}={numbers_text}")
+    return " ".join(texts)
 
 
 def _recorded_text(kind: str, value: Any) -> str:
-    """Return a recorded value as text; for a series, which is a list of [time in s, value], length and last value."""
+    """Return a recorded value as text; of a series, a list of [time in s, value], its length and last value."""
+    if kind == "initial":
+        return f"{_value_text(value)} at the start"
     if kind != "series":
-        return f"{_value_text(value)}{' at the start' if kind == 'initial' else ''}"
+        return _value_text(value)
     if not value:
         return "series of 0"
-    t_s, last = value[-1]
-    return f"series of {len(value)}, {_value_text(last)} at {t_s:.3f} s"
+    time_s, last_value = value[-1]
+    return f"series of {len(value)}, {_value_text(last_value)} at {time_s:.3f} s"
 
 
 def _value_text(value: Any) -> str:

@@ -26,6 +26,9 @@ from foldcar.study.limits import MAX_ENVIRONMENTS
 if TYPE_CHECKING:
     from foldcar.scenes.source import SceneSource
 
+# The number of scenes in the picture: three rows of three.
+MAX_SHOWN_SCENES = 9
+
 
 def sample(
     scenario: Annotated[Path, typer.Argument(metavar="SCENARIO", help="Scenic program.")],
@@ -59,15 +62,16 @@ def sample(
     check_distinct([scenario], [output, plot])
     source = open_environment(scenario, _parse_params(param or []), seed)
     shown: list[dict[str, Any]] = []
-    # For each remark on a scene, the samples.
+    # The samples to which each remark applies, by the remark.
     notes: dict[str, list[int]] = {}
     result: dict[str, Any] = {"scenario": scenario, "seed": seed, "count": count}
     lines: list[str] = []
     if as_json and output in (None, STANDARD_OUTPUT):
         result["scenes"] = list(_scenes(source, count, shown, notes))
     elif output is None and plot is not None:
-        lines = list(_summary(_scenes(source, count, shown, notes)))
-        lines.insert(0, f"{scenario.name}, seed {seed}: {count} scene{'s' if count > 1 else ''}, drawn in {plot}")
+        noun = "scenes" if count > 1 else "scene"
+        lines.append(f"{scenario.name}, seed {seed}: {count} {noun}, drawn in {plot}")
+        lines += _summary(_scenes(source, count, shown, notes))
     elif output is None or output == STANDARD_OUTPUT:
         for scene in _scenes(source, count, shown, notes):
             sys.stdout.write(_line(scene))
@@ -123,7 +127,7 @@ def _scenes(
 
     for k in range(count):
         scene = {"id": f"{source.seed}/{k}", **source.sample(k)}
-        if len(shown) < 9:
+        if len(shown) < MAX_SHOWN_SCENES:
             shown.append(scene)
         for text in scene_notes(scene):
             notes.setdefault(text, []).append(k)

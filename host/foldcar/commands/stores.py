@@ -62,7 +62,8 @@ def merge(
     row_counts = merge_stores(stores, output)
     for damage in damaged_logs(output):
         print_note(f"{output}: {damage}")
-    print_lines(f"{output}: {counts_text({table: row_counts[table] for table in ('run', 'experiment', 'trial')})}")
+    shown_counts = {table: row_counts[table] for table in ("run", "experiment", "trial")}
+    print_lines(f"{output}: {counts_text(shown_counts)}")
 
 
 def export(
@@ -117,7 +118,9 @@ def export(
             messages.append(f"{parquet}: {count(export_parquet(reader, parquet, failed), 'run')}")
         if trials is not None:
             number, left_out = export_trials(reader, trials, simulated_trials)
-            messages += [f"{trials}: {count(number, 'trial')}", *([f"{trials}: {left_out}"] if left_out else [])]
+            messages.append(f"{trials}: {count(number, 'trial')}")
+            if left_out:
+                messages.append(f"{trials}: {left_out}")
         if digest:
             digest_text, runs = store_digest(reader)
             print_lines(f"{digest_text}  {count(runs, 'run')}")

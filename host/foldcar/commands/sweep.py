@@ -149,19 +149,21 @@ def _sweep(planned: "Sweep", scheduler: str | None, jobs: int | None, as_json: b
     progress, max_runs = planned.progress, planned.progress.total
 
     def stopped() -> str:
+        """Return the message after Ctrl-C: how many of the runs are stored."""
         total = f"at most {progress.total:,}" if rules else f"{progress.total:,}"
         counts = progress.realities.values()
         planned_realities = sum(count.total for count in counts)
+        stored_realities = sum(count.done for count in counts)
         realities_text = ""
         if planned_realities:
-            realities_text = f", and {sum(count.done for count in counts):,} of {planned_realities:,} in other realities,"
+            realities_text = f", and {stored_realities:,} of {planned_realities:,} in other realities,"
         stored_text = f"{progress.done:,} of {total} runs{realities_text} are stored in {store}"
         return f"stopped: {stored_text}; the same command resumes"
 
-    to_decide = sum(map(len, planned.designs.values())) if rules else None
+    designs_to_decide = sum(len(designs) for designs in planned.designs.values()) if rules else None
     with (
         message_on_signal(stopped),
-        ProgressBar(progress, to_decide) as bar,
+        ProgressBar(progress, designs_to_decide) as bar,
         simulators(scheduler, jobs, planned.carsim, bar.print_line) as places,
     ):
         planned.run(places, bar.update, bar.print_line)
@@ -171,12 +173,16 @@ def _sweep(planned: "Sweep", scheduler: str | None, jobs: int | None, as_json: b
         "runs": progress.total,
         "new": progress.new,
         "there": progress.reused,
-        **{name: getattr(progress, name) for name in ("judged", "rejected", "failed")},
+        "judged": progress.judged,
+        "rejected": progress.rejected,
+        "failed": progress.failed,
         "passed": progress.passed if progress.judged else None,
         "seconds": round(progress.seconds, 3),
         "realities": {name: asdict(counts) for name, counts in progress.realities.items()},
-        **({"most_runs": max_runs, "designs": [asdict(state) for state in progress.states]} if rules else {}),
     }
+    if rules:
+        result["most_runs"] = max_runs
+        result["designs"] = [asdict(state) for state in progress.states]
     lines = [f"{_counts(progress, with_success=not rules)}; store: {store}"]
     for experiment in planned.study.experiments if rules else ():
         lines += stopping_lines(experiment, rules[experiment.id], progress.states)
@@ -210,13 +216,17 @@ def _counts(progress: "Progress", with_success: bool) -> str:
     """Return the sweep's counts as text: ``6 new runs, 0 already stored, 1.2 s, 5 runs/s, 50.0 % passed``."""
     from foldcar.statistics.words import count
 
-    new = count(progress.new, "new run")
-    counts_text = f"{new}, {progress.reused:,} already stored, {progress.seconds:.1f} s"
-    rate = f", {progress.new / progress.seconds:.0f} runs/s" if progress.new else ""
+    texts = [count(progress.new, "new run"), f"{progress.reused:,} already stored", f"{progress.seconds:.1f} s"]
+    if progress.new:
+        texts.append(f"{progress.new / progress.seconds:.0f} runs/s")
     # With a stopping rule, designs have different numbers of runs, so that a rate over all runs means nothing.
-    success = f", {_success(progress)}" if with_success else ""
-    unusual = {"rejected": progress.rejected, "failed": progress.failed}
-    return f"{counts_text}{rate}{success}{''.join(f', {number:,} {name}' for name, number in unusual.items() if number)}"
+    if with_success:
+        texts.append(_success(progress))
+    if progress.rejected:
+        texts.append(f"{progress.rejected:,} rejected")
+    if progress.failed:
+        texts.append(f"{progress.failed:,} failed")
+    return ", ".join(texts)
 
 
 def _success(progress: "Progress") -> str:
@@ -228,8 +238,9 @@ def _success(progress: "Progress") -> str:
     rate = percent(progress.passed / progress.judged, 1)
     if progress.judged == progress.total:
         return f"{rate} passed"
-    undefined = progress.total - progress.judged - progress.rejected
-    return f"{rate} of {progress.judged} passed{f', success undefined in {undefined}' if undefined else ''}"
+    undefined_count = progress.total - progress.judged - progress.rejected
+    undefined_text = f", success undefined in {undefined_count}" if undefined_count else ""
+    return f"{rate} of {progress.judged} passed{undefined_text}"
 
 
 def stopping_lines(experiment: "Experiment", rule: "StoppingRule", states: "Sequence[DesignState]") -> Iterator[str]:
@@ -238,18 +249,23 @@ def stopping_lines(experiment: "Experiment", rule: "StoppingRule", states: "Sequ
 
     own_states = [state for state in states if state.experiment == experiment.id]
     undecided = [state for state in own_states if not state.decided]
-    rest = f", {len(undecided)} undecided" if undecided else ""
-    runs, max_runs = sum(state.runs for state in own_states), len(own_states) * experiment.environments
-    rejected = sum(state.rejected for state in own_states)
-    decided = f"{len(own_states) - len(undecided)} of {count(len(own_states), 'design')} decided{rest}"
-    head = f"experiment {experiment.id}: {decided}"
-    yield f"{head}; {runs:,} of at most {count(max_runs, 'run')}{f', {rejected} rejected' if rejected else ''}"
+    decided_text = f"{len(own_states) - len(undecided)} of {count(len(own_states), 'design')} decided"
+    if undecided:
+        decided_text += f", {len(undecided)} undecided"
+    run_count, max_runs = sum(state.runs for state in own_states), len(own_states) * experiment.environments
+    runs_text = f"{run_count:,} of at most {count(max_runs, 'run')}"
+    rejected_count = sum(state.rejected for state in own_states)
+    if rejected_count:
+        runs_text += f", {rejected_count} rejected"
+    yield f"experiment {experiment.id}: {decided_text}; {runs_text}"
     yield f"  decided: {rule.text}; this holds for each design separately, whenever its runs stop"
     if undecided:
-        shown = undecided[:SHOWN_UNDECIDED]
-        names = listed(design_text({name: state.design[name] for name in experiment.family.varied}) for state in shown)
-        rest_text = f" and {len(undecided) - len(shown)} more" if len(undecided) > len(shown) else ""
-        yield f"  undecided: {names}{rest_text}; --samples N allows more runs"
+        design_names = []
+        for state in undecided[:SHOWN_UNDECIDED]:
+            design_names.append(design_text({name: state.design[name] for name in experiment.family.varied}))
+        more_count = len(undecided) - len(design_names)
+        more_text = f" and {more_count} more" if more_count else ""
+        yield f"  undecided: {listed(design_names)}{more_text}; --samples N allows more runs"
 
 
 def reality_lines(experiment: str, counts: "RealityCounts") -> Iterator[str]:
@@ -288,5 +304,6 @@ def _print_failed(store: Path, experiments: Sequence[str], failed: int, total: i
     lines += [f"  {number} x {message}" for message, number in messages[:SHOWN_MESSAGES]]
     if len(messages) > SHOWN_MESSAGES:
         lines.append(f"  and {len(messages) - SHOWN_MESSAGES} other messages")
-    lines.append(f"list them: {shlex.join(['foldcar', 'export', str(store), '--failed', '--csv', '-'])}")
+    export_command = shlex.join(["foldcar", "export", str(store), "--failed", "--csv", "-"])
+    lines.append(f"list them: {export_command}")
     typer.echo("\n".join(lines), err=True)

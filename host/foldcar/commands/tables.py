@@ -34,7 +34,7 @@ SHOWN_UNBUILDABLE = 5
 
 
 def _percent(fraction: float | None) -> str:
-    """Return a fraction in whole per cent, without the sign; "-" for None."""
+    """Return a fraction in whole per cent, without the sign %; "-" for None."""
     return "-" if fraction is None else percent_number(fraction)
 
 
@@ -117,19 +117,20 @@ def _print_unknowns(console: Console, unknowns: "Sequence[Unknown]") -> None:
 
 def _print_outcomes(console: Console, designs: "Sequence[DesignComparison]") -> None:
     """Print how many runs and trials of each design had each outcome."""
-    # The outcomes of any run or trial.
-    occurring = {
-        kind for design in designs for counts in (design.evidence.outcomes, design.driven_outcomes) for kind in counts
-    }
-    kinds = [kind for kind in TRIAL_LABELS if kind in occurring]
-    table = ResultTable("outcomes", "of", *(TRIAL_LABELS[kind] for kind in kinds), "aborted", left=("outcomes", "of"))
+    occurring_outcomes: set[str] = set()
     for design in designs:
+        occurring_outcomes.update(design.evidence.outcomes, design.driven_outcomes)
+    outcomes = [outcome for outcome in TRIAL_LABELS if outcome in occurring_outcomes]
+    titles = [TRIAL_LABELS[outcome] for outcome in outcomes]
+    table = ResultTable("outcomes", "of", *titles, "aborted", left=("outcomes", "of"))
+    for design in designs:
+        # Runs are never aborted.
         for source, counts, aborted in (
             ("runs", design.evidence.outcomes, ""),
             ("trials", design.driven_outcomes, str(design.evidence.aborted)),
         ):
             if counts:
-                table.add_row(design.label, source, *(str(counts.get(kind, 0)) for kind in kinds), aborted)
+                table.add_row(design.label, source, *(str(counts.get(outcome, 0)) for outcome in outcomes), aborted)
     table.print_on(console)
 
 
@@ -229,14 +230,20 @@ def _objective(objective: "Objective", value: float | None, interval: tuple[floa
 
     An objective without a unit is a rate, 0 to 1, and shown in percent.
     """
+
+    def number_text(number: float) -> str:
+        """Return a value of the objective as text, without its unit."""
+        if not math.isfinite(number):
+            return "∞"
+        return f"{number:.4g}" if objective.unit else percent_number(number, 1)
+
     if value is None:
         return "all rejected"
-    texts = [
-        "∞" if not math.isfinite(number) else f"{number:.4g}" if objective.unit else percent_number(number, 1)
-        for number in (value, *(interval or ()))
-    ]
-    span = f" ({texts[1]} to {texts[2]})" if interval else ""
-    return f"{texts[0]}{span} {objective.unit or '%'}"
+    text = number_text(value)
+    if interval is not None:
+        low, high = interval
+        text += f" ({number_text(low)} to {number_text(high)})"
+    return f"{text} {objective.unit or '%'}"
 
 
 STANDING_TEXTS = {
@@ -290,8 +297,13 @@ def print_trials(trials: Sequence[Trial], varied_of: Mapping[str, Sequence[str]]
 
 def _varied(trials: Sequence[Trial]) -> list[str]:
     """Return the design parameters in which the trials differ, or the first parameter if they do not differ."""
-    names = dict.fromkeys(name for trial in trials for name in trial.design)
-    return [name for name in names if len({trial.design.get(name) for trial in trials}) > 1] or list(names)[:1]
+    names = list(dict.fromkeys(name for trial in trials for name in trial.design))
+    varied = []
+    for name in names:
+        values = {trial.design.get(name) for trial in trials}
+        if len(values) > 1:
+            varied.append(name)
+    return varied or names[:1]
 
 
 def correction_text(correction: Correction) -> str:
@@ -310,4 +322,8 @@ def seconds_text(value: float | None) -> str:
 
 def _quoted(value: object) -> str:
     """Return a corrected field's value as text; ``none`` if it was empty."""
-    return f'"{value}"' if isinstance(value, str) else f"{value:g}" if isinstance(value, float) else "none"
+    if isinstance(value, str):
+        return f'"{value}"'
+    if isinstance(value, float):
+        return f"{value:g}"
+    return "none"

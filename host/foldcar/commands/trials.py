@@ -69,11 +69,11 @@ def list_trials(store: TrialStore, experiment: OneExperiment = None, as_json: Js
         "corrections": [asdict(item) for item in corrections],
         "media": [{**asdict(item), "missing": not exists} for item, exists in media],
     }
-    files = [
-        f"trial {item.trial}: {item.kind} {shown_line(item.file)}{'' if exists else ' (missing)'}"
-        for item, exists in media
-    ]
-    print_result(as_json, result, *map(correction_text, corrections), *files)
+    lines = [correction_text(correction) for correction in corrections]
+    for item, exists in media:
+        missing_text = "" if exists else " (missing)"
+        lines.append(f"trial {item.trial}: {item.kind} {shown_line(item.file)}{missing_text}")
+    print_result(as_json, result, *lines)
 
 
 @trials.command("erase-logs")
@@ -97,6 +97,7 @@ def erase_car_logs(
     with greeted(choose_port(port)) as car:
 
         def keep_link_alive() -> None:
+            """Receive the car's messages while the person types."""
             with contextlib.suppress(LinkLostError):
                 car.connection.receive(0.0)
 
@@ -179,12 +180,12 @@ def _log_lines(log_summary: "LogFeatures") -> list[str]:
     lines = []
     values = {name: value for name, value in asdict(log_summary).items() if value is not None}
     if "tilt_error_rad" in values:
-        roll, pitch, error, turn, turn_error = (
-            math.degrees(values[f"{name}_rad"])
-            for name in ("max_roll", "max_pitch", "tilt_error", "heading_change", "heading_error")
-        )
-        lines.append(f"log: largest roll {signed(roll, 1)}°, pitch {signed(pitch, 1)}° (±{error:.1f}°)")
-        lines.append(f"log: heading changed by {signed(turn, 1)}° (±{turn_error:.1f}°)")
+        roll, pitch = signed(math.degrees(values["max_roll_rad"]), 1), signed(math.degrees(values["max_pitch_rad"]), 1)
+        tilt_error_deg = math.degrees(values["tilt_error_rad"])
+        lines.append(f"log: largest roll {roll}°, pitch {pitch}° (±{tilt_error_deg:.1f}°)")
+        turn = signed(math.degrees(values["heading_change_rad"]), 1)
+        heading_error_deg = math.degrees(values["heading_error_rad"])
+        lines.append(f"log: heading changed by {turn}° (±{heading_error_deg:.1f}°)")
     if log_summary.shocks_s:
         lines.append(f"log: shocks at {', '.join(f'{time_s:.1f}' for time_s in log_summary.shocks_s)} s")
     if log_summary.servo_battery_v is not None:
@@ -246,9 +247,15 @@ def _imported_text(imported: list[int], known: int, store: Path) -> str:
     """Return a line with the numbers of the imported trials, and how many were ``known`` before."""
     from foldcar.statistics.words import count
 
-    range_text = f", {imported[0]}{f' to {imported[-1]}' if len(imported) > 1 else ''}" if imported else ""
-    known_text = f"; {known} {'was' if known == 1 else 'were'} imported before" if known else ""
-    return f"{count(len(imported), 'trial')} imported{range_text}{known_text}; store: {store}"
+    text = f"{count(len(imported), 'trial')} imported"
+    if imported:
+        text += f", {imported[0]}"
+    if len(imported) > 1:
+        text += f" to {imported[-1]}"
+    if known:
+        verb = "was" if known == 1 else "were"
+        text += f"; {known} {verb} imported before"
+    return f"{text}; store: {store}"
 
 
 def _print_damage(log: Path) -> None:

@@ -91,7 +91,10 @@ class ConnectedCar:
     def battery_v(self) -> float | None:
         """Return the last reported battery voltage (V); None if the car cannot measure it."""
         status = self.connection.latest.get("SYS_STATUS") or self.request("SYS_STATUS")
-        return None if status.voltage_battery == 0xFFFF else status.voltage_battery / 1000
+        # MAVLink's value (mV) for an unknown voltage is 0xFFFF.
+        if status.voltage_battery == 0xFFFF:
+            return None
+        return float(status.voltage_battery / 1000)
 
     def servo_battery_v(self) -> float | None:
         """Return the voltage (V) of the servos' battery; None if the car cannot measure it."""
@@ -247,10 +250,12 @@ class ConnectedCar:
 
     def _send_command(self, command: int, values: tuple[float, ...], repetition: int) -> None:
         """Send a COMMAND_LONG once; missing values are 0. ``repetition`` counts its retries."""
-        padded = (*values, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)[:7]
-        self.connection.send(
-            self.dialect.MAVLink_command_long_message(CAR_SYSTEM, CAR_COMPONENT, command, repetition, *padded)
+        # A COMMAND_LONG has seven values.
+        missing_values = [0.0] * (7 - len(values))
+        message = self.dialect.MAVLink_command_long_message(
+            CAR_SYSTEM, CAR_COMPONENT, command, repetition, *values, *missing_values
         )
+        self.connection.send(message)
 
 
 def greet(port: str, timeout_s: float = GREETING_S) -> ConnectedCar:

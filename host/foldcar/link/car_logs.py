@@ -35,16 +35,17 @@ def list_logs(car: ConnectedCar) -> list[StoredLog]:
         # Logs 0 to 0xFFFF are all logs.
         car.connection.send(car.dialect.MAVLink_log_request_list_message(CAR_SYSTEM, CAR_COMPONENT, 0, 0xFFFF))
         logs: dict[int, StoredLog] = {}
-        expected: int | None = None
-        while (expected is None or len(logs) < expected) and time.monotonic() < end_s:
+        # How many logs the car has; None before its first answer.
+        log_count: int | None = None
+        while (log_count is None or len(logs) < log_count) and time.monotonic() < end_s:
             entry = car.connection.wait_for(lambda m: m.get_type() == "LOG_ENTRY", ANSWER_S)
             if entry is None:
                 break
-            expected = entry.num_logs
+            log_count = entry.num_logs
             # A car without logs sends a single entry, which is of no log.
             if entry.num_logs:
                 logs[entry.id] = StoredLog(entry.id, entry.size)
-        if expected is not None and len(logs) == expected:
+        if log_count is not None and len(logs) == log_count:
             # The car sends them from the oldest to the newest; after number 65535 comes 1.
             return list(logs.values())
     raise FoldcarError(f"{car.port}: the car does not list its logs{_status_suffix(car)}")

@@ -161,9 +161,14 @@ class Connection:
         self._listened_at_s = now_s
 
     def _count_packet(self, message: Any) -> None:
-        """Count received and lost packets; each component of a car numbers its packets modulo 256."""
+        """Count a received packet, and the packets that were lost before it.
+
+        Each component of a car numbers its packets modulo 256, so lost packets leave a gap in the numbers.
+        """
         component, sequence = message.get_srcComponent(), message.get_seq()
-        self.lost += (sequence - self._sequences.get(component, sequence - 1) - 1) % 256
+        if component in self._sequences:
+            expected_sequence = self._sequences[component] + 1
+            self.lost += (sequence - expected_sequence) % 256
         self._sequences[component] = sequence
         self.received += 1
 

@@ -136,18 +136,26 @@ def _sag_v(messages: Sequence[Any], start_s: float, duration_s: float) -> float 
         for time_s, message in _timed(messages, start_s, "SYS_STATUS")
         if 0 < message.voltage_battery < UNREADABLE_MV
     ]
-    before = [volts for time_s, volts in readings if time_s <= 0]
-    during = [volts for time_s, volts in readings if 0 < time_s <= duration_s]
-    return round(before[-1] - min(during), 3) if before and during else None
+    before_v = [volts for time_s, volts in readings if time_s <= 0]
+    during_v = [volts for time_s, volts in readings if 0 < time_s <= duration_s]
+    if not before_v or not during_v:
+        return None
+    return float(round(before_v[-1] - min(during_v), 3))
 
 
 def _servo_battery_v(messages: Sequence[Any], start_s: float, duration_s: float) -> tuple[float | None, float | None]:
     """Return the mean voltages (V) of the servos' battery during and before the drive; None if unknown."""
     readings = [(time_s, message.voltages[0] / 1000) for time_s, message in _timed(messages, start_s, "BATTERY_STATUS")]
-    during = [volts for time_s, volts in readings if 0 < time_s <= duration_s]
-    before = [volts for time_s, volts in readings if time_s <= 0]
-    during_v, before_v = (round(sum(volts) / len(volts), 3) if volts else None for volts in (during, before))
-    return during_v, before_v
+    during_v = [volts for time_s, volts in readings if 0 < time_s <= duration_s]
+    before_v = [volts for time_s, volts in readings if time_s <= 0]
+    return _mean_v(during_v), _mean_v(before_v)
+
+
+def _mean_v(voltages: Sequence[float]) -> float | None:
+    """Return the mean of voltages (V), rounded to 1 mV; None if there are none."""
+    if not voltages:
+        return None
+    return round(sum(voltages) / len(voltages), 3)
 
 
 def _timed(messages: Sequence[Any], start_s: float, kind: str) -> list[tuple[float, Any]]:

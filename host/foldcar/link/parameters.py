@@ -28,9 +28,10 @@ def read_parameters(car: ConnectedCar) -> dict[str, float]:
     Raises FoldcarError if some are missing after 20 s.
     """
     dialect = car.dialect
-    # By the parameters' indices.
+    # The car numbers its parameters: both are by a parameter's index.
     values: dict[int, float] = {}
     names: dict[int, str] = {}
+    # How many parameters the car has; None before its first answer.
     count: int | None = None
     car.connection.send(dialect.MAVLink_param_request_list_message(CAR_SYSTEM, CAR_COMPONENT))
     end_s = time.monotonic() + LIST_S
@@ -41,12 +42,14 @@ def read_parameters(car: ConnectedCar) -> dict[str, float]:
         message = car.connection.wait_for(lambda m: m.get_type() == "PARAM_VALUE", QUIET_S)
         if message is not None:
             count = message.param_count
-            values[message.param_index], names[message.param_index] = message.param_value, message.param_id
+            values[message.param_index] = message.param_value
+            names[message.param_index] = message.param_id
         elif count is None:
             car.connection.send(dialect.MAVLink_param_request_list_message(CAR_SYSTEM, CAR_COMPONENT))
         else:
-            # Requested by index, so without a name.
-            for index in [i for i in range(count) if i not in values][:BURST]:
+            missing_indices = [index for index in range(count) if index not in values]
+            for index in missing_indices[:BURST]:
+                # Requested by index, so without a name.
                 request = dialect.MAVLink_param_request_read_message(CAR_SYSTEM, CAR_COMPONENT, b"", index)
                 car.connection.send(request)
     return {names[index]: values[index] for index in sorted(values)}
@@ -86,7 +89,9 @@ def fits_float32(value: float) -> bool:
 
 def value_text(value: float) -> str:
     """Return the shortest decimal text of the 32-bit number: 3.4, not 3.4000001."""
-    # Nine digits distinguish all 32-bit numbers.
-    rounded = (float(f"{value:.{digits}g}") for digits in range(1, 10))
-    shortest = next(number for number in rounded if equal_float32(number, value))
-    return f"{shortest:.9g}"
+    for digits in range(1, 10):
+        rounded = float(f"{value:.{digits}g}")
+        if equal_float32(rounded, value):
+            return f"{rounded:.9g}"
+    # Nine digits distinguish all 32-bit numbers; a value with more digits than that is rounded.
+    return f"{value:.9g}"

@@ -45,12 +45,14 @@ def simulated_car(
     faults. The process prints the port in its first line, then answers to commands.
     """
     with tempfile.TemporaryDirectory(prefix="foldcar-link-", ignore_cleanup_errors=True) as folder:
-        command = [*simulator, "link", *(["--tcp", str(tcp_port)] if tcp_port is not None else ["--pty"])]
-        pairs = list(worlds)
+        port_options = ["--pty"] if tcp_port is None else ["--tcp", str(tcp_port)]
+        command = [*simulator, "link", *port_options]
+        scenes_and_realities = list(worlds)
+        # By the option of carsim that names the file: the objects in the file, one a line.
         contents: dict[str, list[Mapping[str, Any]]] = {
             "body": [{"body": {"id": "car", **body}}],
-            "scene": [{"scene": scene} for scene, _ in pairs],
-            "reality": [reality for _, reality in pairs],
+            "scene": [{"scene": scene} for scene, _ in scenes_and_realities],
+            "reality": [reality for _, reality in scenes_and_realities],
             "design": [design],
         }
         for name, lines in contents.items():
@@ -83,5 +85,6 @@ def _port(binary: str, process: "subprocess.Popen[str]") -> str:
         return str(json.loads(line)["port"])
     except (ValueError, TypeError, KeyError):
         process.terminate()
-        output = process.stderr.read().strip().splitlines()
-        raise CarsimError(f"{binary} link: {output[-1] if output else 'printed no port'}") from None
+        messages = process.stderr.read().strip().splitlines()
+        reason = messages[-1] if messages else "printed no port"
+        raise CarsimError(f"{binary} link: {reason}") from None

@@ -87,6 +87,7 @@ class Stream:
         self._port.close()
 
     def _lost_error(self, error: OSError) -> LinkLostError:
+        """Return the error that the connection is lost, with the system's reason."""
         return LinkLostError(f"{self.name}: the connection is lost ({error.strerror})")
 
 

@@ -70,16 +70,20 @@ class TlogWriter:
 
 def read_tlog(file: Path) -> Iterator[tuple[int, Any]]:
     """Yield (time in µs since 1970, message) of a log, up to the first damage. Raises LogError."""
-    yield from messages_of(records_of(_content(file))[0])
+    records, _unread_bytes = records_of(_content(file))
+    yield from messages_of(records)
 
 
 def log_damage(file: Path) -> str | None:
     """Return a line that says how much of a log is damaged; None if it is intact. Raises LogError."""
-    unread = records_of(_content(file))[1]
-    return f"{file}: is damaged: its last {unread} bytes are not packets and are left out" if unread else None
+    _records, unread_bytes = records_of(_content(file))
+    if not unread_bytes:
+        return None
+    return f"{file}: is damaged: its last {unread_bytes} bytes are not packets and are left out"
 
 
 def _content(file: Path) -> bytes:
+    """Return the bytes of a log. Raises LogError."""
     try:
         return file.read_bytes()
     except OSError as error:
@@ -88,7 +92,8 @@ def _content(file: Path) -> bytes:
 
 def packets_of(file: Path) -> set[bytes]:
     """Return the different packets of a log, up to the first damage. Raises LogError."""
-    return {packet for _, packet in records_of(_content(file))[0]}
+    records, _unread_bytes = records_of(_content(file))
+    return {packet for _, packet in records}
 
 
 def messages_of(records: Iterable[tuple[int, bytes]]) -> Iterator[tuple[int, Any]]:
@@ -125,14 +130,19 @@ def records_of(data: bytes) -> tuple[list[tuple[int, bytes]], int]:
 
 def trial_start_s(messages: Sequence[Any]) -> float | None:
     """Return when a log's trial began, in the car's time since boot (s); None if no trial ran."""
-    running = [
-        message
-        for message in messages
-        if message.get_type() == "FOLDCAR_TRIAL" and message.trial_id and 0 < message.elapsed_ms < message.time_boot_ms
-    ]
-    # Use the first message of the last trial, because the elapsed time stands still after the end.
-    last = [message for message in running if message.trial_id == running[-1].trial_id]
-    return (last[0].time_boot_ms - last[0].elapsed_ms) / 1000 if last else None
+    running = []
+    for message in messages:
+        if message.get_type() != "FOLDCAR_TRIAL" or not message.trial_id:
+            continue
+        # Before its start, a trial has no elapsed time.
+        if 0 < message.elapsed_ms < message.time_boot_ms:
+            running.append(message)
+    if not running:
+        return None
+    # The first message of the last trial counts, because the elapsed time stands still after the trial's end.
+    last_trial = [message for message in running if message.trial_id == running[-1].trial_id]
+    first_message = last_trial[0]
+    return float(first_message.time_boot_ms - first_message.elapsed_ms) / 1000
 
 
 def merge_records(file: Path, added_records: Iterable[tuple[int, bytes]]) -> None:
@@ -148,6 +158,10 @@ def _packet_bytes(data: bytes, offset: int) -> int | None:
 
     MAVLink 2 (0xFD) has 12 bytes besides the payload, and 13 for a signature; MAVLink 1 (0xFE) has 8.
     """
-    if data[offset] == 0xFD:
-        return 12 + data[offset + 1] + (13 if data[offset + 2] & 1 else 0)
-    return 8 + data[offset + 1] if data[offset] == 0xFE else None
+    first_byte, payload_bytes, flags = data[offset : offset + 3]
+    if first_byte == 0xFD:
+        signature_bytes = 13 if flags & 1 else 0
+        return 12 + payload_bytes + signature_bytes
+    if first_byte == 0xFE:
+        return 8 + payload_bytes
+    return None

@@ -80,37 +80,49 @@ def check_free_start(start: Pose, ego: Any, terrain: Sequence[Pose], owners: Seq
 
 
 def _stands_level(start: Pose, half: tuple[float, float], piece: Pose) -> bool:
-    """Whether a car with these half sizes (m) stands completely beside a piece, or completely on it."""
+    """Return whether a car with these half sizes (m) stands completely beside a piece, or completely on it."""
     car = rectangle(start, half)
-    shared_m2 = car.intersection(rectangle(piece, reach_m(piece))).area
-    return bool(shared_m2 < ROUNDING_M2 or shared_m2 > car.area - ROUNDING_M2)
+    ground = rectangle(piece, reach_m(piece))
+    shared_m2 = car.intersection(ground).area
+    is_beside = shared_m2 < ROUNDING_M2
+    is_on_it = shared_m2 > car.area - ROUNDING_M2
+    return bool(is_beside or is_on_it)
 
 
 def check_goal_ahead(start: Pose, goal: Pose, thing: Any) -> None:
     """Check that the start is outside the goal's disc, or before the goal's line."""
     dx_m, dy_m = goal["x_m"] - start["x_m"], goal["y_m"] - start["y_m"]
     if goal["kind"] == "line":
-        if dx_m * math.cos(goal["heading_rad"]) + dy_m * math.sin(goal["heading_rad"]) <= STANDING_TOLERANCE_M:
+        # The distance from the start to the line, negative behind it. The goal's heading is perpendicular to its line.
+        distance_m = dx_m * math.cos(goal["heading_rad"]) + dy_m * math.sin(goal["heading_rad"])
+        if distance_m <= STANDING_TOLERANCE_M:
             raise UnusableError(
                 "the start is not before the goal line: the Goal must face the direction in which the car crosses it",
                 thing,
             )
         return
-    radius = goal["radius_m"]
-    if math.hypot(dx_m, dy_m) <= radius:
-        raise UnusableError(f"the start is within the goal's reach of {radius} m", thing)
+    radius_m = goal["radius_m"]
+    if math.hypot(dx_m, dy_m) <= radius_m:
+        raise UnusableError(f"the start is within the goal's reach of {radius_m} m", thing)
 
 
 def _check_overlap(course: Mapping[str, float], place: Pose, bounds: Sequence[float], thing: Any) -> None:
     """Check that ``bounds`` (x_min, x_max, y_min, y_max) of the object at ``place`` overlap the course."""
-    for axis, low_end, high_end in (("x", bounds[0], bounds[1]), ("y", bounds[2], bounds[3])):
-        low, high = course[f"{axis}_min_m"], course[f"{axis}_max_m"]
-        if not (low <= high_end and low_end <= high):
-            message = f"{place[f'{axis}_m']} m is outside the course, {low} to {high} (param course_{axis}_…)"
-            raise UnusableError(f"{axis}: {message}", thing)
+    x_min, x_max, y_min, y_max = bounds
+    for axis, object_min, object_max in (("x", x_min, x_max), ("y", y_min, y_max)):
+        course_min, course_max = course[f"{axis}_min_m"], course[f"{axis}_max_m"]
+        if object_max < course_min or object_min > course_max:
+            position = place[f"{axis}_m"]
+            limits = f"{course_min} to {course_max} (param course_{axis}_…)"
+            raise UnusableError(f"{axis}: {position} m is outside the course, {limits}", thing)
 
 
 def rectangle(place: Pose, half: tuple[float, float]) -> Any:
-    """Return the rectangle at ``place`` with these half sizes (m) along its heading and across."""
-    turned = affinity.rotate(box(-half[0], -half[1], *half), place["heading_rad"], (0, 0), use_radians=True)
+    """Return a rectangle as a Shapely polygon: ``place`` is its middle and heading, ``half`` its half sizes (m).
+
+    The first half size is along the heading, the second across it.
+    """
+    half_length_m, half_width_m = half
+    unturned = box(-half_length_m, -half_width_m, half_length_m, half_width_m)
+    turned = affinity.rotate(unturned, place["heading_rad"], (0, 0), use_radians=True)
     return affinity.translate(turned, place["x_m"], place["y_m"])

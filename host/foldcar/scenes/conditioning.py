@@ -51,85 +51,105 @@ def condition(
         return
     if not objects and not params:
         raise FoldcarError('condition: names nothing: leave "objects" and "params" out to freeze everything')
-    values = {name: [value] for name, value in scenario.params.items()}
-    frozen_parts = [*_named("params", values, params or ()), *_named("objects", named_instances(scenario), objects or ())]
+    values_by_parameter = {name: [value] for name, value in scenario.params.items()}
+    frozen_parts = _named("params", values_by_parameter, params or ())
+    frozen_parts += _named("objects", named_instances(scenario), objects or ())
     _refuse_shared(scenario, frozen_parts)
     _freeze(frozen_parts, scene.sample)
 
 
 def _freeze(roots: Collection[Any], sample: Any) -> None:
-    """Fix the roots, and the values that they depend on, at their values in ``sample``."""
+    """Fix the random values ``roots``, and those that they depend on, at their values in ``sample``."""
     # The list is complete before a value is fixed, because fixing changes what can be reached.
-    for value_node in [value_node for root in roots for value_node in _reachable(root)]:
-        if value_node not in sample:
+    random_values: list[Any] = []
+    for root in roots:
+        random_values += _reachable(root)
+    for random_value in random_values:
+        if random_value not in sample:
             continue
-        value = sample[value_node]
-        constant = _without_noise(value) if isinstance(value_node, Constructible) else ConstantSamplable(value)
-        # Not the node's own method: a converted value's method would also fix the value before conversion.
-        Samplable.conditionTo(value_node, constant)
+        value = sample[random_value]
+        constant = _without_noise(value) if isinstance(random_value, Constructible) else ConstantSamplable(value)
+        # Not the value's own method: that of a converted value would also fix the value before conversion.
+        Samplable.conditionTo(random_value, constant)
 
 
 def _refuse_shared(scenario: Any, frozen_parts: Collection[Any]) -> None:
     """Raise FoldcarError if one of ``frozen_parts`` depends on a random value that belongs to another part."""
-    owners = _ownership(scenario)
-    frozen_ids = {id(thing) for thing in frozen_parts}
-    names = _names(scenario)
-    for thing in frozen_parts:
-        needed = [owners[id(node)] for node in _random_now(thing) if id(node) in owners]
-        others = {id(owner): owner for owner in needed if id(owner) not in frozen_ids}
-        if others:
-            labels = " and of ".join(_label(owner, names) for owner in others.values())
+    owner_by_value = _owner_by_value(scenario)
+    frozen_ids = {id(part) for part in frozen_parts}
+    name_by_id = _name_by_id(scenario)
+    for part in frozen_parts:
+        # By id, so that each owner is named once.
+        other_owners: dict[int, Any] = {}
+        for random_value in _unfrozen_values(part):
+            owner = owner_by_value.get(id(random_value))
+            if owner is not None and id(owner) not in frozen_ids:
+                other_owners[id(owner)] = owner
+        if other_owners:
+            labels = " and of ".join(_label(owner, name_by_id) for owner in other_owners.values())
             raise FoldcarError(
-                f"condition: {_label(thing, names)} depends on a random value of {labels}, which would be frozen too: "
-                "name it as well, or leave both"
+                f"condition: {_label(part, name_by_id)} depends on a random value of {labels}, which would be frozen "
+                "too: name it as well, or leave both"
             )
 
 
-def _ownership(scenario: Any) -> dict[int, Any]:
-    """Return the owner of each random value, by the value's id: the first part of the scene that depends on it."""
-    names = _names(scenario)
-    instances = scenic_private.instances(scenario)
-    owning_instances = [instance for instance in instances if isinstance(instance, Object) or id(instance) in names]
-    parts = [*scenario.params.values(), *owning_instances]
-    # A parameter's value, an object or a named point owns itself, even if a part before it depends on it.
-    owners = {id(part): part for part in parts}
-    for part in list(owners.values()):
-        for value in _random_now(part):
-            owners.setdefault(id(value), part)
-    return owners
+def _owner_by_value(scenario: Any) -> dict[int, Any]:
+    """Return the owner of each random value, by the value's id: the first part of the scene that depends on it.
+
+    The parts of a scene are the values of parameters, then objects and named points.
+    """
+    name_by_id = _name_by_id(scenario)
+    parts = list(scenario.params.values())
+    for instance in scenic_private.instances(scenario):
+        if isinstance(instance, Object) or id(instance) in name_by_id:
+            parts.append(instance)
+    # Each part owns itself, even if a part before it depends on it.
+    owner_by_value = {id(part): part for part in parts}
+    for part in list(owner_by_value.values()):
+        for random_value in _unfrozen_values(part):
+            owner_by_value.setdefault(id(random_value), part)
+    return owner_by_value
 
 
-def _random_now(root: Any) -> Iterator[Any]:
-    """Yield every random value on which ``root`` depends, including itself, except frozen ones."""
-    return _reachable(root, stop=lambda node: not needsSampling(scenic_private.conditioned(node)))
+def _unfrozen_values(root: Any) -> Iterator[Any]:
+    """Yield every random value on which ``root`` depends, including itself, except those that are frozen already."""
+    return _reachable(root, stop=lambda value: not needsSampling(scenic_private.conditioned(value)))
 
 
 def _reachable(root: Any, stop: Callable[[Any], bool] = lambda node: False) -> Iterator[Any]:
     """Yield once every random value on which ``root`` depends, including itself.
 
-    Values for which ``stop`` is true are left out, with those that only they depend on.
+    Values for which ``stop`` is true are left out, and so are those on which only they depend.
     """
-    seen: set[int] = set()
+    seen_ids: set[int] = set()
     waiting = [root]
     while waiting:
-        node = waiting.pop()
-        if id(node) in seen or not isinstance(node, Samplable) or not needsSampling(node) or stop(node):
+        value = waiting.pop()
+        if id(value) in seen_ids or not isinstance(value, Samplable) or not needsSampling(value) or stop(value):
             continue
-        seen.add(id(node))
+        seen_ids.add(id(value))
         # Scenic's pruning also conditions distributions, in order to narrow them.
-        waiting += scenic_private.dependencies(node)
-        yield node
+        waiting += scenic_private.dependencies(value)
+        yield value
 
 
-def _names(scenario: Any) -> dict[int, str]:
-    """Return the names of parameters and objects in messages, by their ids."""
-    object_names = {id(thing): f'"{name}"' for name, things in named_instances(scenario).items() for thing in things}
-    return {**object_names, **{id(value): f'param "{name}"' for name, value in scenario.params.items()}}
+def _name_by_id(scenario: Any) -> dict[int, str]:
+    """Return what messages call parameters, objects and named points, by the id of the parameter's value or object."""
+    name_by_id = {}
+    for name, instances in named_instances(scenario).items():
+        for instance in instances:
+            name_by_id[id(instance)] = f'"{name}"'
+    for name, value in scenario.params.items():
+        name_by_id[id(value)] = f'param "{name}"'
+    return name_by_id
 
 
-def _label(thing: Any, names: Mapping[int, str]) -> str:
-    line = getattr(thing, "creationLine", ("", 0))[1]
-    return names.get(id(thing)) or f"the {type(thing).__name__} of line {line}, which has no name"
+def _label(part: Any, name_by_id: Mapping[int, str]) -> str:
+    """Return what messages call a part of a scene: its name, or its class and the line that made it."""
+    if id(part) in name_by_id:
+        return name_by_id[id(part)]
+    _file, line = getattr(part, "creationLine", ("", 0))
+    return f"the {type(part).__name__} of line {line}, which has no name"
 
 
 def _without_noise(thing: Any) -> Any:

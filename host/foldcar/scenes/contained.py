@@ -57,12 +57,13 @@ def time_limit(limit_s: float, what: str) -> Iterator[None]:
     time_is_up = False
 
     def interrupt(number: int, frame: Any) -> None:
+        """Handle the timer's signal: interrupt the block, but not what comes after it."""
         nonlocal time_is_up
         if in_block:
             time_is_up = True
             raise _TimeUpError
 
-    handler = signal.signal(signal.SIGALRM, interrupt)
+    outer_handler = signal.signal(signal.SIGALRM, interrupt)
     # The signal repeats, because the block may suppress the first interruption. A block may be within another one with
     # a limit, whose timer runs on afterwards.
     outer_s, outer_repeat_s = signal.setitimer(signal.ITIMER_REAL, limit_s, REPEAT_S)
@@ -82,5 +83,5 @@ def time_limit(limit_s: float, what: str) -> Iterator[None]:
         if outer_s:
             # An overdue timer fires at once; 0 would switch it off.
             outer_s = max(outer_s - (time.monotonic() - started_s), 0.001)
-        signal.signal(signal.SIGALRM, handler)
+        signal.signal(signal.SIGALRM, outer_handler)
         signal.setitimer(signal.ITIMER_REAL, outer_s, outer_repeat_s)

@@ -30,7 +30,11 @@ def environment_fingerprint(
     Files are named by their paths relative to the program's folder, so that a study may be moved as a whole.
     """
     folder = program.parent.resolve()
-    contents = sorted((Path(os.path.relpath(folder / name, folder)).as_posix(), digest) for name, digest in files.items())
+    contents = []
+    for name, digest in files.items():
+        relative_path = Path(os.path.relpath(folder / name, folder))
+        contents.append((relative_path.as_posix(), digest))
+    contents.sort()
     identity = [program.name, contents, params, seed, condition, scenic_version(), scene_code()]
     return hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()
 

@@ -53,7 +53,7 @@ def open_fixed_environment(
 
 
 class _SourceElsewhere(SceneSource):
-    """A source of which another process draws the samples; it is started by the first one."""
+    """A source of scenes whose samples another process draws. The process is started when the first sample is drawn."""
 
     def __init__(self, source: SceneSource, arguments: Mapping[str, Any]) -> None:
         super().__init__(source.program, source.files, source.scenario, source.seed)
@@ -77,7 +77,10 @@ class _SourceElsewhere(SceneSource):
         return scene, obstacles
 
     def _ask(self, question: dict[str, Any]) -> Any:
-        """Return the other process's answer. Raises FoldcarError with its error, or if it has died."""
+        """Return the result that the other process answers. Raises FoldcarError if it answers an error, or has died.
+
+        The questions are {"sample": number} and {"files": True}.
+        """
         with self._lock:
             if self._process is None:
                 # In a session of its own, Ctrl-C does not reach it. It ends when its input ends.
@@ -92,7 +95,10 @@ class _SourceElsewhere(SceneSource):
         return answer["result"]
 
     def _send(self, line: dict[str, Any]) -> dict[str, Any]:
-        """Send a line and return the answer to it; an error if the process has died."""
+        """Send a line to the other process and return its answer: {"result": …} or {"error": message}.
+
+        If the process has died, the answer is an error that says so.
+        """
         process = self._process
         assert process is not None and process.stdin is not None and process.stdout is not None
         try:
@@ -106,29 +112,38 @@ class _SourceElsewhere(SceneSource):
 
 
 def main() -> None:
-    """Open the environment of the first line of input, then answer a question a line, until the input ends."""
+    """Draw samples for a _SourceElsewhere in another process.
+
+    The first line of input describes the environment; each further line is a question. Each is answered with a line of
+    JSON, until the input ends.
+    """
     # What programs print must not mix with the answers.
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)
     source: SceneSource | None = None
-    refusal = ""
+    # Why the environment cannot be opened; "" if it can.
+    opening_error = ""
     for line in sys.stdin:
         question = json.loads(line)
         answer: dict[str, Any] = {"result": None}
         try:
-            if source is None and not refusal:
-                program = Path(question["program"])
-                options = question["params"], question["seed"], question["condition"], question["files"]
-                source = open_environment(program, *options)
+            if source is None and not opening_error:
+                source = open_environment(
+                    program=Path(question["program"]),
+                    params=question["params"],
+                    seed=question["seed"],
+                    condition=question["condition"],
+                    files=question["files"],
+                )
             elif source is None:
-                answer = {"error": refusal}
+                answer = {"error": opening_error}
             elif "files" in question:
                 answer["result"] = dict(source.fixed_files())
             else:
                 answer["result"] = source.sample_with_parameters(question["sample"])
         except FoldcarError as error:
             answer = {"error": str(error)}
-            # An environment that cannot be opened answers all questions alike.
-            refusal = str(error) if source is None else ""
+            # If the environment cannot be opened, all later questions get the same answer.
+            opening_error = str(error) if source is None else ""
         answers.write(json.dumps(answer) + "\n")
         answers.flush()

@@ -25,9 +25,12 @@ def use_ground_regions() -> None:
     from scenic.core.vectors import Vector
 
     def ground_plane_version(contains_point: Any) -> Any:
+        """Return a method like Scenic's ``contains_point`` that ignores the height of the point."""
+
         def containsPoint(self: Any, point: Any) -> bool:  # noqa: N802
-            at = toVector(point)
-            return bool(contains_point(self, Vector(at.x, at.y, self.z)))
+            position = toVector(point)
+            position_at_height_of_region = Vector(position.x, position.y, self.z)
+            return bool(contains_point(self, position_at_height_of_region))
 
         return distributionFunction(containsPoint)
 
@@ -49,14 +52,18 @@ def _checked(kind: Any, init: Any) -> Any:
         try:
             init(self, *args, **keywords)
         except (AssertionError, AttributeError, TypeError, ValueError, GEOSException) as error:
-            # A derived class gives its own reason. Wrong names or numbers of arguments are Python's to explain.
-            if type(self) is not kind or (isinstance(error, TypeError) and kind.__name__ in str(error)):
+            # A derived class gives its own reason.
+            if type(self) is not kind:
+                raise
+            # Python's message says which argument is missing or unknown.
+            if isinstance(error, TypeError) and kind.__name__ in str(error):
                 raise
             arguments = signature.bind(self, *args, **keywords).arguments
             reason = next(_faults(kind.__name__, arguments), None)
             if reason is None and isinstance(error, AttributeError | TypeError):
                 raise
-            raise InvalidScenarioError(f"{kind.__name__}: {reason or 'its numbers give no area of the ground'}") from None
+            reason = reason or "its numbers give no area of the ground"
+            raise InvalidScenarioError(f"{kind.__name__}: {reason}") from None
 
     return __init__
 
@@ -76,6 +83,7 @@ def _faults(kind: str, arguments: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _faults_of_corners(corners: list[Any]) -> Iterator[str]:
+    """Yield the reasons for which a polygon with these corners, given as Scenic's vectors or as tuples, has no area."""
     from shapely import Polygon
 
     if len(corners) < 3:
@@ -93,13 +101,16 @@ def _faults_of_corners(corners: list[Any]) -> Iterator[str]:
 
 
 def _faults_of_polygon(polygon: Any) -> Iterator[str]:
+    """Yield the reasons for which a polygon of Shapely has no area or is not valid."""
     from shapely.validation import explain_validity
 
     if not polygon.convex_hull.area:
         yield "its corners lie on one line"
+    # Shapely's text is "Valid Geometry", or a reason with a place, such as "Self-intersection[0.5 0.5]".
     reason, _, place = explain_validity(polygon).rstrip("]").partition("[")
     if reason == "Self-intersection":
         x, y = (float(coordinate) for coordinate in place.split())
         yield f"its sides cross at ({x:.4g}, {y:.4g})"
     elif reason != "Valid Geometry":
-        yield f"is not a valid polygon ({reason.lower()}{f' at {place}' if place else ''})"
+        place_text = f" at {place}" if place else ""
+        yield f"is not a valid polygon ({reason.lower()}{place_text})"

@@ -24,9 +24,10 @@ NOISY = {"position": Vector, "yaw": float, "pitch": float, "roll": float}
 
 
 class Mutations:
-    """The objects that one compilation creates, numbered in order of creation, and the ``points`` that it mutates.
+    """The objects that one compilation of a program creates, numbered in the order of creation.
 
-    ``followed`` are the numbers of Points that take their place from a copy.
+    ``points`` are the numbers of the Points that the program mutates. ``followed`` are those of the Points that take
+    their place from a hidden copy (see the head of this file).
     """
 
     def __init__(self, followed: Collection[int] = ()) -> None:
@@ -34,7 +35,8 @@ class Mutations:
         self._followed = frozenset(followed)
         # All created objects: while an object lives, its id is unique.
         self._created: list[Any] = []
-        self._numbers: dict[int, int] = {}  # of things by id
+        self._number_by_id: dict[int, int] = {}
+        # The hidden copies, by the numbers of their Points.
         self._copies: dict[int, Any] = {}
 
     def create(self, cls: Any, specifiers: list[Any]) -> Any:
@@ -52,7 +54,7 @@ class Mutations:
             scenic_private.sample_always(copy)
             specifiers = [_place_of(copy, specifiers)]
         thing = self._created[number] = scenic_private.made(cls, specifiers)
-        self._numbers[id(thing)] = number
+        self._number_by_id[id(thing)] = number
         return thing
 
     def mutate_points(self, things: Sequence[Any], scale: Any) -> list[Any]:
@@ -64,7 +66,7 @@ class Mutations:
         if points and not isinstance(scale, int | float):
             raise TypeError('"mutate X by Y" with Y not a number')
         for point in points:
-            number = self._numbers.get(id(point))
+            number = self._number_by_id.get(id(point))
             if number is not None:
                 self.points.add(number)
             if self._followed:
@@ -76,9 +78,9 @@ class Mutations:
 
 
 def _place_of(copy: Any, specifiers: Sequence[Any]) -> Any:
-    """Return a specifier that gives a Point the properties and the noisy pose of its hidden ``copy``.
+    """Return a specifier that gives a Point the noisy pose of its hidden ``copy``.
 
-    Properties are those that the Point's ``specifiers`` set.
+    The specifier also gives it those properties of the copy that the Point's own ``specifiers`` set.
     """
     # Without "mutationScale": the copy has the noise already, so the Point gets none.
     specified = {name for specifier in specifiers for name in specifier.priorities} - {"mutationScale"}

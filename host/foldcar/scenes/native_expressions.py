@@ -62,10 +62,15 @@ class Translator:
     def __init__(self, tree: Any, scenario: Any) -> None:
         from scenic.syntax import veneer
 
-        self._ego, named_values, self._params = scenario.egoObject, named_things(scenario), scenario.params
+        self._ego = scenario.egoObject
+        self._params = scenario.params
+        named_values = named_things(scenario)
         # The names of Scenic, Python and math to which the program gives another meaning.
-        standard = {name: getattr(veneer, name, getattr(builtins, name, math)) for name in STANDARD}
-        self._redefined = {name for name, value in standard.items() if named_values.get(name, value) is not value}
+        self._redefined = set()
+        for name in STANDARD:
+            standard_value = getattr(veneer, name, getattr(builtins, name, math))
+            if named_values.get(name, standard_value) is not standard_value:
+                self._redefined.add(name)
         assignment_counts = Counter(
             node.id for node in ast.walk(tree) if isinstance(node, ast.Name) and not isinstance(node.ctx, ast.Load)
         )
@@ -88,14 +93,19 @@ class Translator:
                 region_terms = self._inside(node.left, node.comparators[0])
                 return region_terms if isinstance(operator, ast.In) else [*region_terms, "not"]
             case ast.Compare() if all(type(operator) in COMPARISONS for operator in node.ops):
-                sides = [self.number(side) for side in (node.left, *node.comparators)]
-                pairs = zip(sides, node.ops, sides[1:], strict=False)
                 # `a < b < c` means `a < b and b < c`.
-                return joined([[*left, *right, COMPARISONS[type(operator)]] for left, operator, right in pairs], "and")
+                sides = [self.number(side) for side in (node.left, *node.comparators)]
+                comparisons = []
+                for left, comparison, right in zip(sides, node.ops, sides[1:], strict=False):
+                    comparisons.append([*left, *right, COMPARISONS[type(comparison)]])
+                return joined(comparisons, "and")
         raise NotNativeError(shown(node))
 
     def _bool_operand(self, node: Any) -> Terms:
-        return [PerSample(lambda sample: sample.truth(node))] if self.is_constant(node) else self.truth(node)
+        """Translate an operand of `and` or `or`, which must be a condition or a constant that is true or false."""
+        if self.is_constant(node):
+            return [PerSample(lambda sample: sample.truth(node))]
+        return self.truth(node)
 
     def number(self, node: Any) -> Terms:
         """Translate an expression that is a number to terms in postfix order. Raises NotNativeError for other forms."""
@@ -173,15 +183,20 @@ class Translator:
         return None
 
     def _is_known_function(self, function: ast.expr) -> bool:
+        """Whether an expression is a function of `math`, one of FUNCTIONS or a class of REGIONS."""
         if isinstance(function, ast.Attribute):
-            return isinstance(function.value, ast.Name) and function.value.id == "math" and self.is_constant(function)
-        return isinstance(function, ast.Name) and function.id in (*FUNCTIONS, *REGIONS) and self._is_standard(function)
+            module = function.value
+            return isinstance(module, ast.Name) and module.id == "math" and self.is_constant(function)
+        if not isinstance(function, ast.Name):
+            return False
+        return function.id in (*FUNCTIONS, *REGIONS) and self._is_standard(function)
 
     def _is_standard(self, name: ast.Name) -> bool:
         """Whether a name of STANDARD has its standard meaning in the program."""
         return name.id not in self._redefined
 
     def _is_ego(self, node: Any) -> bool:
+        """Whether an expression is the car: `ego`, or another name of the same object."""
         return isinstance(node, ast.Name) and (node.id == "ego" or self.names.get(node.id) is self._ego)
 
     def is_position(self, node: Any) -> bool:
@@ -201,6 +216,7 @@ class Translator:
         return list(MOTION[node.attr])
 
     def _height(self) -> Terms:
+        """Return the terms of `ego.position.z` (m): how far the car has risen, plus its height in the scene."""
         return ["rise_m", PerSample(lambda sample: [finite("z", sample.ego.position.z)]), "+"]
 
     def _distance(self, node: Any) -> Terms:
@@ -236,9 +252,10 @@ class Translator:
         return [PerSample(lambda sample: sample.region(region))]
 
     def _is_region(self, node: Any) -> bool:
-        value = self.names.get(node.id) if isinstance(node, ast.Name) else None
-        function_name = node.func.id if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) else ""
-        return type(value).__name__ in REGIONS or function_name in REGIONS
+        """Whether an expression is the name of a region, or a call that makes one, such as `CircularRegion(…)`."""
+        if isinstance(node, ast.Name):
+            return type(self.names.get(node.id)).__name__ in REGIONS
+        return isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in REGIONS
 
 
 def _polygonal(region: Any) -> Terms:
@@ -260,6 +277,7 @@ def _polygonal(region: Any) -> Terms:
 
 
 def _stands_in_world(ego: Any) -> bool:
+    """Return whether the car's yaw, pitch and roll count from the world's orientation."""
     from scenic.core.vectors import alwaysGlobalOrientation
 
     return bool(alwaysGlobalOrientation(ego.parentOrientation))
@@ -274,16 +292,22 @@ def joined(operands: list[Terms], operation: str) -> Terms:
 
 
 def _gives_truth(node: Any) -> bool:
-    """Return whether `and` and `or` of an expression give one of their operands that is True or False."""
+    """Return False if an expression is an `and` or `or` that may give something else than True or False.
+
+    In Python these give one of their operands, so `a > b and 1` may be 1.
+    """
     if not isinstance(node, ast.BoolOp):
         return True
-    return all(
-        (is_truth(operand) and _gives_truth(operand))
-        or (isinstance(operand, ast.Constant) and isinstance(operand.value, bool))
-        for operand in node.values
-    )
+    for operand in node.values:
+        is_bool_literal = isinstance(operand, ast.Constant) and isinstance(operand.value, bool)
+        is_condition = is_truth(operand) and _gives_truth(operand)
+        if not (is_bool_literal or is_condition):
+            return False
+    return True
 
 
 def is_truth(node: Any) -> bool:
-    """Whether an expression has the form of a condition."""
-    return isinstance(node, ast.BoolOp | ast.Compare) or (isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not))
+    """Return whether an expression has the form of a condition: a comparison, or `and`, `or` or `not`."""
+    if isinstance(node, ast.UnaryOp):
+        return isinstance(node.op, ast.Not)
+    return isinstance(node, ast.BoolOp | ast.Compare)

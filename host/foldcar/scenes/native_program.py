@@ -6,7 +6,7 @@ are `terminate when`, `terminate after` and `record` of the top level.
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from foldcar.scenes import scenic_private
 from foldcar.scenes.native_expressions import NotNativeError, PerSample, Translator, is_truth
@@ -25,12 +25,33 @@ MAX_STATEMENTS, MAX_TERMS = 100, 400
 RECORDS = {"RecordInitial": "initial", "RecordFinal": "final", "Record": "series"}
 
 
-class NativeProgram:
-    """A program's statements about its runs, in a form that :meth:`of_scene` completes for each sampled scene."""
+class _Ending(NamedTuple):
+    """A condition that ends a run; the run has then passed, or not."""
 
-    def __init__(self, translator: Translator, endings: list[tuple[Terms, bool]], limits: list[Any],
-                 records: list[tuple[str, str, Any, Terms]]) -> None:  # fmt: skip
-        self._names, self._endings, self._limits, self._records = translator.names, endings, limits, records
+    terms: Terms
+    is_pass: bool
+
+
+class _Record(NamedTuple):
+    """A `record` statement: its name, when it records, and its expression with the terms, [] for a constant."""
+
+    name: str
+    kind: str
+    node: Any
+    terms: Terms
+
+
+class NativeProgram:
+    """A program's statements about its runs, in a form that :meth:`of_scene` completes for each sampled scene.
+
+    ``limits`` are the durations of its `terminate after`: none or one, because programs with several are not translated.
+    """
+
+    def __init__(self, translator: Translator, endings: list[_Ending], limits: list[Any], records: list[_Record]) -> None:
+        self._names = translator.names
+        self._endings = endings
+        self._limits = limits
+        self._records = records
 
     def of_scene(self, scene: Any) -> dict[str, Any]:
         """Return the member `program` of a scene (docs/carsim.md): endings, time limit, verdict and records.
@@ -39,21 +60,22 @@ class NativeProgram:
         """
         sample = SampledValues(scene, self._names)
         step_s = outer_step_s(scene.params)
-        endings = [
-            {"when": _resolved(terms, sample), "outcome": "passed" if is_pass else "terminated"}
-            for terms, is_pass in self._endings
-        ]
+        endings = []
+        for ending in self._endings:
+            outcome = "passed" if ending.is_pass else "terminated"
+            endings.append({"when": _resolved(ending.terms, sample), "outcome": outcome})
         records: list[dict[str, Any]] = []
         verdict: Any = None
-        for name, kind, node, terms in self._records:
-            # A record without terms is a constant of the scene.
-            if terms:
-                value: dict[str, Any] = {"value": _resolved(terms, sample)}
+        for record in self._records:
+            is_verdict = record.name == VERDICT and record.kind != "initial"
+            if record.terms:
+                value = _resolved(record.terms, sample)
+                records.append({"name": record.name, "kind": record.kind, "value": value})
+                verdict = _as_truth(record.node, value) if is_verdict else verdict
             else:
-                value = {"constant": to_json(sample.value(node), name)}
-            records.append({"name": name, "kind": kind, **value})
-            if name == VERDICT and kind != "initial":
-                verdict = [bool(value["constant"])] if "constant" in value else _as_truth(node, value["value"])
+                constant = to_json(sample.value(record.node), record.name)
+                records.append({"name": record.name, "kind": record.kind, "constant": constant})
+                verdict = [bool(constant)] if is_verdict else verdict
         return {
             "endings": endings,
             "time_limit_s": self._time_limit_s(sample, step_s),
@@ -66,8 +88,7 @@ class NativeProgram:
         """Return the limit of `terminate after` (s), or None if there is no limit below carsim's own."""
         if not self._limits:
             return None
-        # There is one: programs with several are not translated.
-        duration = self._limits[-1]
+        (duration,) = self._limits
         unit_s = 1.0 if type(duration).__name__ == "Seconds" else step_s
         limit_s = finite("terminate after", sample.value(duration.value)) * unit_s
         if limit_s <= 0:
@@ -89,7 +110,7 @@ def native_program(scenario: Any, program: Path, success: SuccessRule) -> tuple[
         for statement_kind in ("TerminateWhen", "TerminateSimulationWhen"):
             for node in _statements(tree, statement_kind):
                 line = node.lineno
-                endings.append((translator.truth(node.cond), line in passing_lines))
+                endings.append(_Ending(translator.truth(node.cond), is_pass=line in passing_lines))
         for node in _statements(tree, "TerminateAfter"):
             line = node.lineno
             if not translator.is_constant(node.duration.value):
@@ -98,43 +119,44 @@ def native_program(scenario: Any, program: Path, success: SuccessRule) -> tuple[
         for statement_kind, record_kind in RECORDS.items():
             for node in _statements(tree, statement_kind):
                 line = node.lineno
-                constant = translator.is_constant(node.value)
-                terms = [] if constant else translator.recorded(node.value)
+                is_constant = translator.is_constant(node.value)
+                terms = [] if is_constant else translator.recorded(node.value)
                 record_name = _record_name(scenario, node)
                 if record_name == VERDICT and translator.is_position(node.value):
                     raise NotNativeError(f"a position as `{VERDICT}`")
-                records.append((record_name, record_kind, node.value, terms))
+                records.append(_Record(name=record_name, kind=record_kind, node=node.value, terms=terms))
         expressions = (*scenario.recordedExprs, *scenario.recordedInitialExprs, *scenario.recordedFinalExprs)
         line = 0
         if len(endings) > MAX_STATEMENTS or len(records) > MAX_STATEMENTS:
             raise NotNativeError(f"more than {MAX_STATEMENTS} conditions or records")
-        expressions_terms = (*(terms for terms, _ in endings), *(terms for *_, terms in records))
+        expressions_terms = [ending.terms for ending in endings] + [record.terms for record in records]
         if any(len(terms) > MAX_TERMS for terms in expressions_terms):
             raise NotNativeError(f"an expression of more than {MAX_TERMS} terms")
-        if (len(endings), len(records)) != (len(conditions), len(expressions)) or len(limits) > 1:
+        # Scenic knows all statements; the syntax tree's top level has fewer if some stand in a block.
+        if len(endings) != len(conditions) or len(records) != len(expressions) or len(limits) > 1:
             raise NotNativeError("statements that do not stand at the top level")
     except NotNativeError as reason:
-        return None, f"line {line}: {reason}" if line else str(reason)
+        if line:
+            return None, f"line {line}: {reason}"
+        return None, str(reason)
     return NativeProgram(translator, endings, limits, records), ""
 
 
 def _check_only_translatable_parts(scenario: Any) -> None:
     """Raise NotNativeError, with its name, if the program has a part that carsim cannot evaluate."""
     dynamic = scenario.dynamicScenario
-    parts = {
-        "a modular scenario": scenic_private.is_modular(dynamic) or scenic_private.has_compose(dynamic),
-        "monitors": bool(scenario.monitors),
-        "behaviors": bool(scenic_private.agents(dynamic)),
-        "a requirement on the run": any(
-            requirement.proposition.has_temporal_operator for requirement in scenario.requirements
-        ),
-    }
-    for name, is_present in parts.items():
-        if is_present:
-            raise NotNativeError(name)
+    if scenic_private.is_modular(dynamic) or scenic_private.has_compose(dynamic):
+        raise NotNativeError("a modular scenario")
+    if scenario.monitors:
+        raise NotNativeError("monitors")
+    if scenic_private.agents(dynamic):
+        raise NotNativeError("behaviors")
+    if any(requirement.proposition.has_temporal_operator for requirement in scenario.requirements):
+        raise NotNativeError("a requirement on the run")
 
 
 def _statements(tree: Any, kind: str) -> Iterator[Any]:
+    """Yield the statements of a kind, such as "TerminateWhen", at the top level of a program's syntax tree."""
     return (node for node in tree.body if type(node).__name__ == kind)
 
 

@@ -21,7 +21,7 @@ UNITLESS = ("steps", "friction", "seed")
 # Greater numbers, which no store takes, are no quantities of a car's environment.
 MAX_NUMBER = 1e15
 
-# The parameters of an object by name, units in the names; beside the object's own name.
+# An object's name, and its parameters by name, with units in the names.
 Parameters = tuple[str, dict[str, float]]
 
 
@@ -37,54 +37,70 @@ def terrain_objects(scenario: Any, scene: Any) -> list[tuple[str, int]]:
 
 def terrain_names(scenario: Any, scene: Any) -> list[str]:
     """Return the names of the terrain objects, as :func:`terrain_objects`; they are the same in all scenes."""
-    variables = _variables(scenario)
-    all_pairs = zip(scenario.objects, scene.objects, strict=True)
-    pairs = [(original, sampled) for original, sampled in all_pairs if is_a(sampled, "Terrain")]
-    totals = Counter(type(sampled).__name__ for _, sampled in pairs)
-    count_so_far = Counter[str]()
+    variable_by_id = _variables(scenario)
+    total_counts = Counter(type(thing).__name__ for thing in _terrain(scene))
+    counts_so_far: Counter[str] = Counter()
     names = []
-    for original, sampled in pairs:
+    # The program's objects and their samples are in the same order.
+    for original, sampled in zip(scenario.objects, scene.objects, strict=True):
+        if not is_a(sampled, "Terrain"):
+            continue
         class_name = type(sampled).__name__
-        count_so_far[class_name] += 1
-        number_text = f" {count_so_far[class_name]}" if totals[class_name] > 1 else ""
-        names.append(variables.get(id(original)) or _in_words(class_name) + number_text)
+        counts_so_far[class_name] += 1
+        if id(original) in variable_by_id:
+            names.append(variable_by_id[id(original)])
+        elif total_counts[class_name] > 1:
+            names.append(f"{_in_words(class_name)} {counts_so_far[class_name]}")
+        else:
+            names.append(_in_words(class_name))
     return names
 
 
 def object_parameters(names: list[str], scene: Any) -> list[Parameters]:
-    """Return the parameters of the terrain objects with these ``names``.
+    """Return the parameters of a scene's terrain objects, which have these ``names``.
 
-    They are an object's pose, and the numbers among the properties that its class or a base below Terrain declares, or
-    that the program gives by ``with``. Names end with the unit if it is known: that of a user's property is not.
+    The parameters of an object are its pose, and its properties that are numbers: those that its class, or a base class
+    below Terrain, declares, and those that the program gives by ``with``. The name of a parameter ends with its unit; the
+    unit of a property that a user's class declares is unknown.
 
     Example: ``[("stair", {"x_m": 0.8, "y_m": 0.0, "heading_rad": 0.0, "steps": 3.0, "step_height_m": 0.02, …})]``
     """
-    return [(name, {**pose(thing), **_own_numbers(thing)}) for name, thing in zip(names, _terrain(scene), strict=True)]
+    parameters = []
+    for name, thing in zip(names, _terrain(scene), strict=True):
+        parameters.append((name, {**pose(thing), **_own_numbers(thing)}))
+    return parameters
 
 
 def _terrain(scene: Any) -> list[Any]:
+    """Return the Terrain objects of a scene, in its order."""
     return [thing for thing in scene.objects if is_a(thing, "Terrain")]
 
 
 def _own_numbers(thing: Any) -> dict[str, float]:
-    """Return the numbers among an object's own properties by name, those of derived classes first."""
-    ancestors = type(thing).__mro__
-    position = next(place for place, ancestor in enumerate(ancestors) if ancestor.__name__ == "Terrain")
-    common = scenic_private.defaults(ancestors[position])
+    """Return an object's properties that are numbers, except those of every Terrain, by name with the unit.
+
+    The properties of derived classes come first.
+    """
+    classes = type(thing).__mro__
+    terrain_position = [cls.__name__ for cls in classes].index("Terrain")
+    properties_of_terrain = scenic_private.defaults(classes[terrain_position])
     lengths: set[str] = set()
-    names: dict[str, None] = {}
-    for ancestor in ancestors[:position]:
-        own = scenic_private.own_properties(ancestor)
-        names |= dict.fromkeys(own)
-        if ancestor.__module__ == VOCABULARY:
-            lengths.update(name for name in own if name not in UNITLESS)
-    names |= dict.fromkeys(name for name in thing.properties if name not in common)
-    numbers = {name: getattr(thing, name) for name in names}
-    return {
-        f"{name}_m" if name in lengths else name: rounded(float(value))
-        for name, value in numbers.items()
-        if _is_quantity(value)
-    }
+    names: list[str] = []
+    for cls in classes[:terrain_position]:
+        declared = scenic_private.own_properties(cls)
+        names += declared
+        if cls.__module__ == VOCABULARY:
+            lengths.update(name for name in declared if name not in UNITLESS)
+    # Properties that the program gives by `with`.
+    names += [name for name in thing.properties if name not in properties_of_terrain]
+    numbers = {}
+    # Each name once, at its first place.
+    for name in dict.fromkeys(names):
+        value = getattr(thing, name)
+        if _is_quantity(value):
+            name_with_unit = f"{name}_m" if name in lengths else name
+            numbers[name_with_unit] = rounded(float(value))
+    return numbers
 
 
 def _is_quantity(value: Any) -> bool:
@@ -95,14 +111,16 @@ def _is_quantity(value: Any) -> bool:
 
 def _variables(scenario: Any) -> dict[int, str]:
     """Return the name of the variable that holds each object, by the object's id; ``name[index]`` in a list."""
-    variables: dict[int, str] = {}
+    variable_by_id: dict[int, str] = {}
     for name, instances in named_instances(scenario).items():
         for index, instance in enumerate(instances):
-            variables.setdefault(id(instance), name if len(instances) == 1 else f"{name}[{index}]")
-    # After a loop, its variable holds only the last object. Objects of one line are therefore named all or not at all.
-    unnamed_lines = {_line(instance) for instance in scenario.objects if id(instance) not in variables}
+            variable = name if len(instances) == 1 else f"{name}[{index}]"
+            variable_by_id.setdefault(id(instance), variable)
+    # After a loop, the loop's variable holds only its last object. So if an object has no name, the other objects that
+    # the same line has made get none either.
+    unnamed_lines = {_line(instance) for instance in scenario.objects if id(instance) not in variable_by_id}
     unnamed_ids = {id(instance) for instance in scenario.objects if _line(instance) in unnamed_lines}
-    return {instance_id: name for instance_id, name in variables.items() if instance_id not in unnamed_ids}
+    return {instance_id: name for instance_id, name in variable_by_id.items() if instance_id not in unnamed_ids}
 
 
 def _line(instance: Any) -> Any:
@@ -111,5 +129,5 @@ def _line(instance: Any) -> Any:
 
 
 def _in_words(kind: str) -> str:
-    """Return ``round bump`` of RoundBump."""
+    """Return a class's name in words: ``round bump`` for RoundBump."""
     return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", " ", kind).lower()

@@ -39,28 +39,37 @@ class Obstacle:
     def corners_m(self) -> list[tuple[float, float]]:
         """The footprint's corners (x, y) in sequence."""
         cos, sin = math.cos(self.heading_rad), math.sin(self.heading_rad)
-        ends = [(a * self.length_m / 2, b * self.width_m / 2) for a, b in ((1, 1), (1, -1), (-1, -1), (-1, 1))]
-        return [(self.x_m + a * cos - b * sin, self.y_m + a * sin + b * cos) for a, b in ends]
+        corners = []
+        for length_sign, width_sign in ((1, 1), (1, -1), (-1, -1), (-1, 1)):
+            # From the middle, along the heading and to the left of it.
+            ahead_m, left_m = length_sign * self.length_m / 2, width_sign * self.width_m / 2
+            corners.append((self.x_m + ahead_m * cos - left_m * sin, self.y_m + ahead_m * sin + left_m * cos))
+        return corners
 
     def near_edge_m(self, terrain: Sequence[Mapping[str, Any]]) -> list[tuple[float, float]]:
         """Return the points (x, y) of the obstacle whose distances from the mark on the floor (the origin) are measured.
 
-        They are the nearest corner, and the other end of its longer edge, which determines the heading best. Of a round
-        obstacle it is the nearest point alone; no point if the mark is in its middle.
+        An obstacle with corners has two: its nearest corner, and the other end of the longer edge at this corner, because
+        a long edge determines the heading best. A round obstacle has one, the nearest; none if the mark is in its middle.
         """
         if len(self.pieces) == 1 and kind_of(terrain[self.pieces[0]]).shape == "disc":
             distance_m = math.hypot(self.x_m, self.y_m)
+            # The nearest point is on the line from the mark to the middle, one radius before the middle.
             scale = abs(1 - self.length_m / 2 / distance_m) if distance_m else 0.0
             return [(scale * self.x_m, scale * self.y_m)] if scale else []
         corners = self.corners_m
-        # Rounded, so that the last bit does not decide between corners at equal distance: the first is taken.
-        distances = [round(math.hypot(*corner), 6) for corner in corners]
-        first = distances.index(min(distances))
+        # Rounded to micrometres, so that of corners at equal distance the first is chosen on every machine.
+        distances_m = [round(math.hypot(*corner), 6) for corner in corners]
+        nearest_index = distances_m.index(min(distances_m))
+        nearest = corners[nearest_index]
+
+        def edge_length_and_nearness(corner: tuple[float, float]) -> tuple[float, float]:
+            """Return what decides between the two edges: the length and, if it is equal, how near the other end is."""
+            return round(math.dist(corner, nearest), 6), -math.hypot(*corner)
+
         # The corners are in order around the obstacle.
-        neighbours = corners[(first + 1) % 4], corners[(first - 1) % 4]
-        # Of equal edges, the one whose other end is nearer to the mark.
-        second = max(neighbours, key=lambda corner: (round(math.dist(corner, corners[first]), 6), -math.hypot(*corner)))
-        return [corners[first], second]
+        neighbours = corners[(nearest_index + 1) % 4], corners[(nearest_index - 1) % 4]
+        return [nearest, max(neighbours, key=edge_length_and_nearness)]
 
 
 def obstacles_of(
@@ -77,30 +86,53 @@ def obstacles_of(
         if not standing_pieces:
             continue
         obstacle = _obstacle(name, heading_rad, standing_pieces, terrain)
-        same_middle = obstacle_by_middle.get((obstacle.x_m, obstacle.y_m))
-        if same_middle is not None:
-            length_m, width_m = max(same_middle.length_m, obstacle.length_m), max(same_middle.width_m, obstacle.width_m)
-            pieces = same_middle.pieces + obstacle.pieces
-            obstacle = replace(same_middle, pieces=pieces, length_m=length_m, width_m=width_m)
-        obstacle_by_middle[obstacle.x_m, obstacle.y_m] = obstacle
+        middle = (obstacle.x_m, obstacle.y_m)
+        earlier_obstacle = obstacle_by_middle.get(middle)
+        if earlier_obstacle is not None:
+            obstacle = replace(
+                earlier_obstacle,
+                pieces=earlier_obstacle.pieces + obstacle.pieces,
+                length_m=max(earlier_obstacle.length_m, obstacle.length_m),
+                width_m=max(earlier_obstacle.width_m, obstacle.width_m),
+            )
+        obstacle_by_middle[middle] = obstacle
     return list(obstacle_by_middle.values())
 
 
 def footprint(name: str, terrain: Sequence[Mapping[str, Any]], index: int) -> Obstacle:
     """Return one piece of a terrain as an obstacle."""
     piece = terrain[index]
-    along, across = reach_m(piece)
-    return Obstacle(name, (index,), piece["x_m"], piece["y_m"], piece.get("heading_rad", 0.0), 2 * along, 2 * across)
+    half_length_m, half_width_m = reach_m(piece)
+    return Obstacle(
+        name=name,
+        pieces=(index,),
+        x_m=piece["x_m"],
+        y_m=piece["y_m"],
+        # Round pieces have no heading.
+        heading_rad=piece.get("heading_rad", 0.0),
+        length_m=2 * half_length_m,
+        width_m=2 * half_width_m,
+    )
 
 
 def _obstacle(name: str, heading_rad: float, indices: tuple[int, ...], terrain: Sequence[Mapping[str, Any]]) -> Obstacle:
     """Return the pieces with these indices as one obstacle, whose footprint is their bounding box along the heading."""
     if len(indices) == 1:
-        return footprint(name, terrain, *indices)
-    # The pieces are rotated by the negative heading, and the middle of their bounding box is rotated back.
-    places = ({"heading_rad": heading_rad, **terrain[index]} for index in indices)
-    ground = shapely.union_all([rectangle(place, reach_m(place)) for place in places])
+        return footprint(name, terrain, indices[0])
+    # Round pieces have no heading of their own.
+    pieces = [{"heading_rad": heading_rad, **terrain[index]} for index in indices]
+    ground = shapely.union_all([rectangle(piece, reach_m(piece)) for piece in pieces])
+    # The ground is turned by the negative heading, where its bounding box is parallel to the axes.
     x_min, y_min, x_max, y_max = affinity.rotate(ground, -heading_rad, (0, 0), use_radians=True).bounds
-    x, y, cos, sin = (x_min + x_max) / 2, (y_min + y_max) / 2, math.cos(heading_rad), math.sin(heading_rad)
-    x_m, y_m = rounded(x * cos - y * sin), rounded(x * sin + y * cos)
-    return Obstacle(name, indices, x_m, y_m, heading_rad, x_max - x_min, y_max - y_min)
+    turned_x_m, turned_y_m = (x_min + x_max) / 2, (y_min + y_max) / 2
+    # The middle of the box is turned back.
+    cos, sin = math.cos(heading_rad), math.sin(heading_rad)
+    return Obstacle(
+        name=name,
+        pieces=indices,
+        x_m=rounded(turned_x_m * cos - turned_y_m * sin),
+        y_m=rounded(turned_x_m * sin + turned_y_m * cos),
+        heading_rad=heading_rad,
+        length_m=x_max - x_min,
+        width_m=y_max - y_min,
+    )

@@ -94,37 +94,46 @@ def _compiled(
 
 
 def may_end_itself(scenario: Any) -> bool:
-    """Whether the program can end a simulation, by a time limit, conditions, monitors or behaviors; it needs no Goal."""
+    """Return whether the program can end a simulation itself, so that it needs no Goal.
+
+    A time limit, conditions, monitors, behaviors and a `compose` block can do so.
+    """
     dynamic = scenario.dynamicScenario
-    conditions = [*scenario.terminationConditions, *scenario.terminateSimulationConditions]
-    limited = scenic_private.is_limited(dynamic) or scenic_private.has_compose(dynamic)
-    return limited or bool(conditions or scenario.monitors or scenic_private.agents(dynamic))
+    has_conditions = bool(scenario.terminationConditions or scenario.terminateSimulationConditions)
+    has_code_in_run = bool(scenario.monitors or scenic_private.agents(dynamic) or scenic_private.has_compose(dynamic))
+    return has_conditions or has_code_in_run or scenic_private.is_limited(dynamic)
 
 
 def is_dynamic(scenario: Any) -> bool:
-    """Whether the program has parts that Scenic evaluates during a simulation."""
-    return (
-        may_end_itself(scenario)
-        or bool(scenario.recordedExprs or scenario.recordedInitialExprs or scenario.recordedFinalExprs)
-        or any(requirement.proposition.has_temporal_operator for requirement in scenario.requirements)
-    )
+    """Return whether the program has parts that are evaluated during a simulation."""
+    has_records = bool(scenario.recordedExprs or scenario.recordedInitialExprs or scenario.recordedFinalExprs)
+    if may_end_itself(scenario) or has_records:
+        return True
+    return any(requirement.proposition.has_temporal_operator for requirement in scenario.requirements)
 
 
 class ProgramError(FoldcarError):
-    """An error of a Scenic program: one line, and for the terminal its line of the program with a caret."""
+    """An error of a Scenic program: a message of one line and, for the terminal, the program's line with a caret.
+
+    ``what`` begins the message.
+    """
 
     def __init__(self, what: str, error: BaseException, program: Path) -> None:
         super().__init__(f"{what}: {one_line(error, program)}")
         self._excerpt: list[str] = []
         file, line, column = _place(error)
         text = linecache.getline(file, line).rstrip() if file is not None and line is not None else ""
-        if text:
-            if column is None and (name := _undefined_name(error)):
-                word = re.search(rf"\b{re.escape(name)}\b", text)
-                column = word.start() if word else None
+        if not text:
+            return
+        self._excerpt.append(f"  {text}")
+        undefined_name = _undefined_name(error)
+        if column is None and undefined_name is not None:
+            word = re.search(rf"\b{re.escape(undefined_name)}\b", text)
+            column = word.start() if word else None
+        if column is not None:
             # Tabs stay tabs, so that the caret stands below its column.
-            caret = re.sub(r"[^\t]", " ", text[: column or 0]) + "^"
-            self._excerpt = [f"  {text}", *([] if column is None else [f"  {caret}"])]
+            indentation = re.sub(r"[^\t]", " ", text[:column])
+            self._excerpt.append(f"  {indentation}^")
 
     def lines(self) -> list[str]:
         """Return the message, and the line at fault."""
@@ -133,6 +142,7 @@ class ProgramError(FoldcarError):
 
 def _place(error: BaseException) -> tuple[str | None, int | None, int | None]:
     """Return the Scenic file, line and column (from 0) at fault; None for each that is unknown."""
+    # Syntax errors of Python and Scenic have these attributes.
     file, line, offset = (getattr(error, name, None) for name in ("filename", "lineno", "offset"))
     if isinstance(file, str) and file.endswith(".scenic"):
         return file, line, offset - 1 if offset else None
@@ -158,8 +168,11 @@ def one_line(error: BaseException, program: Path) -> str:
 
 
 def _undefined_name(error: BaseException) -> str | None:
-    word = re.search(r"'(\w+)'", str(error)) if isinstance(error, NameError) else None
-    return word[1] if word else None
+    """Return the name of a NameError; None for other errors. Its message has the name in quotation marks."""
+    if not isinstance(error, NameError):
+        return None
+    quoted_name = re.search(r"'(\w+)'", str(error))
+    return quoted_name[1] if quoted_name else None
 
 
 def _name_hint(error: BaseException) -> str:
@@ -170,8 +183,11 @@ def _name_hint(error: BaseException) -> str:
     if name is None:
         return ""
     classes = re.findall(r"^class (\w+)", VOCABULARY.read_text(encoding="utf-8"), re.MULTILINE)
-    frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
-    names = next((f.f_globals for f in reversed(frames) if f.f_code.co_filename.endswith(".scenic")), {})
+    # The names that are defined in the program, or in the imported program, in which the error occurred.
+    names: Mapping[str, Any] = {}
+    for frame, _line in traceback.walk_tb(error.__traceback__):
+        if frame.f_code.co_filename.endswith(".scenic"):
+            names = frame.f_globals
     if name in classes and not names.keys() & set(classes):
         return "; the line `model model` at the top of the program defines foldcar's objects"
     if name[:1].isupper():
@@ -240,7 +256,10 @@ def named_things(scenario: Any) -> dict[str, Any]:
 
 
 def named_instances(scenario: Any) -> dict[str, list[Any]]:
-    """Return a compiled program's objects and points by the names of its variables; those of a list by the list's."""
+    """Return a compiled program's objects and points by the names of its variables.
+
+    Each variable has a list: of one object, or of the objects in the list or tuple that is its value.
+    """
     instance_ids = {id(value) for value in scenic_private.instances(scenario)}
     instances = {} if scenario.egoObject is None else {"ego": [scenario.egoObject]}
     for name, variable in named_things(scenario).items():

@@ -60,9 +60,10 @@ class ProgramFiles:
         self._digests.update(files)
 
     def unchanged(self) -> bool:
-        """Whether the files are unchanged, and no new ones are beside the program."""
-        current = {name: digest_or_missing(self._folder / name) for name in self._digests}
-        return {**current, **self._neighbours()} == self._digests
+        """Return whether the files are unchanged, and no new ones are beside the program."""
+        current_digests = {name: digest_or_missing(self._folder / name) for name in self._digests}
+        current_digests.update(self._neighbours())
+        return current_digests == self._digests
 
     @contextmanager
     def inside(self, anew: bool = False) -> Iterator[None]:
@@ -93,16 +94,18 @@ class ProgramFiles:
         for path, state in opened.read.items():
             if path in self._written or not is_own(path, self._folder):
                 continue
-            # State None: the file is missing. If it appears later, reading it is noticed then.
-            if state is None and (self._fixed or not path.is_relative_to(self._folder)):
+            is_missing = state is None
+            # If such a file appears later, reading it is noticed then.
+            if is_missing and (self._fixed or not path.is_relative_to(self._folder)):
                 continue
             # None if the file is no longer as the block has read it.
             current = digest_or_missing(path) if file_state(path) == state else None
-            self._record(path, current, "reads", "read it at the program's head")
+            self._record(path, current, verb="reads", remedy="read it at the program's head")
         # The program's own folder may hold the store and the report, and Python lists it to find packages.
         for path in sorted(opened.listed):
             if self._folder in path.parents or self._folder.resolve() in path.resolve().parents:
-                self._record(path, digest_or_missing(path), "lists the folder", "list it at the program's head")
+                digest = digest_or_missing(path)
+                self._record(path, digest, verb="lists the folder", remedy="list it at the program's head")
 
     def _record(self, path: Path, current: str | None, verb: str, remedy: str) -> None:
         """Record the digest ``current`` of a file or folder, None if it has changed; see :meth:`_record_digests`.
@@ -110,10 +113,10 @@ class ProgramFiles:
         ``verb`` says what the program does with it, ``remedy`` what it should do, for the message.
         """
         name = self._name(path)
-        recorded = self._digests.get(name)
-        if current is None or (recorded and current != recorded):
+        recorded_digest = self._digests.get(name)
+        if current is None or (recorded_digest and current != recorded_digest):
             raise _changed(self._program.parent / name)
-        if recorded is None and self._fixed:
+        if recorded_digest is None and self._fixed:
             raise FoldcarError(
                 f"{self._program}: {verb} {self._program.parent / name} for the first time after sample 0, too late "
                 f"to tell environments apart by it; {remedy}"
@@ -128,8 +131,10 @@ class ProgramFiles:
         return str(path.resolve())
 
     def _neighbours(self) -> dict[str, str]:
-        # A package comes before a module of its name.
-        files = [*(file for file in self._folder.glob("*") if file.suffix in CODE), *self._folder.glob("*/__init__.py")]
+        """Return the digests of the Scenic and Python files and packages beside the program, by name."""
+        files = [file for file in self._folder.glob("*") if file.suffix in CODE]
+        # If there is a package, Python imports it in place of a module of its name.
+        files += self._folder.glob("*/__init__.py")
         digests = {file.relative_to(self._folder).as_posix(): file_digest(file) for file in files}
         return {name: digest for name, digest in digests.items() if digest is not None}
 
@@ -144,6 +149,7 @@ def content(folder: Path, name: str, digest: str) -> bytes:
 
 
 def _changed(file: Path) -> FoldcarError:
+    """Return the error that a file has changed while its program was in use."""
     return FoldcarError(f"{file}: has changed while the program was in use; start again with the files as they are now")
 
 

@@ -63,16 +63,21 @@ def param(scene: Any, name: str) -> float:
 
 
 def _name(thing: Any) -> str:
-    place = (thing.position.x, thing.position.y)
-    x, y = (f"{value:.4g}" if isinstance(value, int | float) else str(value) for value in place)
+    """Return what messages call an object: its class and position, such as "Ramp at (1.2, 0)"."""
+    coordinates = []
+    for coordinate in (thing.position.x, thing.position.y):
+        # An object that is not sampled yet may have a random position.
+        is_number = isinstance(coordinate, int | float)
+        coordinates.append(f"{coordinate:.4g}" if is_number else str(coordinate))
+    x, y = coordinates
     return f"{type(thing).__name__} at ({x}, {y})"
 
 
 def outer_step_s(params: Mapping[str, Any], override_s: float | None = None) -> float:
     """Return the interval (s) at which Scenic looks at a simulation.
 
-    It is ``override_s``, else ``param timestep`` (Scenic's name for it), else ``param outer_step_s``. Raises
-    UnusableError if it is not a number or beyond the limits.
+    If ``override_s`` is None, it is the program's ``param timestep`` (Scenic's name for it) or, without such a parameter,
+    ``param outer_step_s``. Raises UnusableError if it is not a number or beyond the limits.
     """
     name = "timestep" if "timestep" in params else "outer_step_s"
     value = params.get(name, OUTER_STEP_S) if override_s is None else override_s
@@ -81,6 +86,7 @@ def outer_step_s(params: Mapping[str, Any], override_s: float | None = None) -> 
         step_s = float(value)
     except (TypeError, ValueError):
         raise UnusableError(f"param {name}: {value} is not a number") from None
+    # A nanosecond of tolerance, because 1/240 s is no finite decimal number.
     if not low - 1e-9 <= step_s <= high:
         raise UnusableError(f"param {name}: {value} is not within {low:.4g} to {high:g} s")
     return step_s

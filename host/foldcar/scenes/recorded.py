@@ -48,6 +48,7 @@ def to_json(value: Any, name: str, depth: int = 0) -> Any:
 
 
 def _text(text: str, name: str) -> str:
+    """Return a text of the record ``name``. Raises FoldcarError if it cannot be encoded as UTF-8."""
     try:
         text.encode()
     except UnicodeEncodeError:

@@ -63,37 +63,43 @@ def refuse_useless_properties(cls: Any, specifiers: Sequence[Any], caller: Frame
     Such a property resembles one of ``cls``, belongs to another class of the vocabulary, follows from others, or is one
     of Scenic's that has no meaning here.
     """
-    for name in (name for specifier in specifiers for name in specifier.priorities if name != NAME):
-        # The object's own final properties. A program that reads a property itself has a use for it (see _reads).
-        is_ours = _derives(cls, "Thing") and name not in SCENICS_FINAL
-        if is_ours and name in scenic_private.final_properties(cls):
+    names = [name for specifier in specifiers for name in specifier.priorities]
+    is_of_vocabulary = _derives(cls, "Thing")
+    known_properties = scenic_private.defaults(cls)
+    for name in names:
+        if name == NAME:
+            continue
+        if is_of_vocabulary and name not in SCENICS_FINAL and name in scenic_private.final_properties(cls):
             sources = scenic_private.sources_of(cls, name)
             remedy = f"follows from {', '.join(sources)}: set these" if sources else "has no meaning here"
             raise at(SpecifierError(f"{cls.__name__}: {name} {remedy}"), *_line_of(caller))
-        reason = next((reason for kind, names, reason in USELESS if name in names and _derives(cls, kind)), "")
-        if reason and not _reads(caller, name):
-            raise at(SpecifierError(f"{cls.__name__}: {name} has no effect: {reason}"), *_line_of(caller))
-        owners = [] if name in scenic_private.defaults(cls) or not _derives(cls, "Thing") else _owners(name, caller)
+        # If the program reads a property itself, the property has an effect.
+        for kind, useless_names, reason in USELESS:
+            if name in useless_names and _derives(cls, kind) and not _reads(caller, name):
+                raise at(SpecifierError(f"{cls.__name__}: {name} has no effect: {reason}"), *_line_of(caller))
+        owners = _owners(name, caller) if is_of_vocabulary and name not in known_properties else []
         if owners and not _reads(caller, name):
             raise at(SpecifierError(f"{cls.__name__} has no property {name}; {owners[0]} has"), *_line_of(caller))
-        _refuse_misspelt(
-            SpecifierError, f"{cls.__name__} has no property {name}", name, scenic_private.defaults(cls), caller
-        )
+        _refuse_misspelt(SpecifierError, f"{cls.__name__} has no property {name}", name, known_properties, caller)
 
 
 def _owners(name: str, caller: FrameType) -> list[str]:
     """Return the vocabulary's classes that have a property of that name and are visible to the program."""
-    visible = {value.__name__: value for value in caller.f_globals.values() if isinstance(value, type)}
-    return sorted(
-        cls.__name__ for cls in visible.values() if _derives(cls, "Thing") and name in scenic_private.defaults(cls)
-    )
+    visible_classes = {value.__name__: value for value in caller.f_globals.values() if isinstance(value, type)}
+    owners = []
+    for class_name, cls in visible_classes.items():
+        if _derives(cls, "Thing") and name in scenic_private.defaults(cls):
+            owners.append(class_name)
+    return sorted(owners)
 
 
 def _derives(cls: Any, kind: str) -> bool:
+    """Return whether a class is, or is derived from, a class of the name ``kind``."""
     return any(ancestor.__name__ == kind for ancestor in cls.__mro__)
 
 
 def _line_of(caller: FrameType) -> tuple[str, int]:
+    """Return the file and the line of the program that is being executed in the frame ``caller``."""
     return caller.f_code.co_filename, caller.f_lineno
 
 
@@ -117,11 +123,13 @@ def _refuse_misspelt(
 
 
 def _reads(caller: FrameType, name: str) -> bool:
-    """Whether the program's file reads a property or parameter of that name."""
+    """Return whether the program's file reads a property or parameter of that name: as `.name` or as a string."""
     file = Path(caller.f_code.co_filename)
-    # Scenic also compiles programs that are in no file.
-    text = read_text(file) if file.is_file() else f".{name}"
-    return re.search(rf"\.\s*{name}\b(?!\s*=(?!=))|(['\"]){name}\1", text) is not None
+    if not file.is_file():
+        # Scenic also compiles programs that are in no file: nobody knows what they read.
+        return True
+    # `.name = …` assigns the property, `.name == …` reads it.
+    return re.search(rf"\.\s*{name}\b(?!\s*=(?!=))|(['\"]){name}\1", read_text(file)) is not None
 
 
 def refuse_misspelt_attributes(scenario: Any, program: Path) -> None:
@@ -142,6 +150,7 @@ def refuse_misspelt_attributes(scenario: Any, program: Path) -> None:
 
 @cache
 def _vocabularys_parameters() -> frozenset[str]:
+    """Return the names of the parameters that the vocabulary declares."""
     return frozenset(re.findall(r"^param (\w+)", read_text(VOCABULARY), re.MULTILINE))
 
 
@@ -152,22 +161,22 @@ def refuse_undefined_names(code: CodeType, namespace: Mapping[str, Any]) -> None
     ``namespace``, or built in.
     """
     blocks = list(_blocks(code))
-    assigned = {
-        instruction.argval
-        for block in blocks
-        for instruction in dis.get_instructions(block)
-        if instruction.opname.startswith("STORE_")
-    }
+    assigned_names = set()
+    for block in blocks:
+        for instruction in dis.get_instructions(block):
+            if instruction.opname.startswith("STORE_"):
+                assigned_names.add(instruction.argval)
     # The first block is the program's top level, which runs at once.
     for block in blocks[1:]:
         lines = dict(dis.findlinestarts(block))
         line: int | None = block.co_firstlineno
         for instruction in dis.get_instructions(block):
             line = lines.get(instruction.offset, line)
+            if instruction.opname != "LOAD_GLOBAL":
+                continue
             name = instruction.argval
-            if instruction.opname == "LOAD_GLOBAL" and not (
-                name in assigned or name in namespace or hasattr(builtins, name)
-            ):
+            is_defined = name in assigned_names or name in namespace or hasattr(builtins, name)
+            if not is_defined:
                 raise at(NameError(f"name '{name}' is not defined", name=name), code.co_filename, line)
 
 

@@ -106,7 +106,7 @@ class SampledValues:
         return function(*arguments, **keyword_arguments)
 
     def number(self, node: Any) -> Terms:
-        """Return the term of a number."""
+        """Return the value of an expression as carsim's term of a number."""
         return [finite("a value of the program", self.value(node))]
 
     def truth(self, node: Any) -> Terms:
@@ -192,6 +192,8 @@ def is_plain(value: Any) -> bool:
 
 def shown(node: Any) -> str:
     """Return the name of an expression in messages."""
-    names = {"Name": "`{id}`", "Attribute": "`….{attr}`"}
-    text = names.get(type(node).__name__)
-    return text.format(**vars(node)) if text else type(node).__name__
+    if isinstance(node, ast.Name):
+        return f"`{node.id}`"
+    if isinstance(node, ast.Attribute):
+        return f"`….{node.attr}`"
+    return type(node).__name__

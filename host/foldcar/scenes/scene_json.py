@@ -54,7 +54,9 @@ def scene_with_obstacles(
     """
     try:
         scene_data, obstacles = _scene_with_obstacles(scene, needs_goal)
-        return scene_data if native is None else scene_data | {"program": native.of_scene(scene)}, obstacles
+        if native is not None:
+            scene_data["program"] = native.of_scene(scene)
+        return scene_data, obstacles
     except UnusableError as problem:
         # The line where the program, or an imported one, creates the object.
         file, number = getattr(problem.thing, "creationLine", (None, 0))
@@ -63,6 +65,7 @@ def scene_with_obstacles(
 
 
 def _scene_with_obstacles(scene: Any, needs_goal: bool) -> tuple[dict[str, Any], list[Obstacle]]:
+    """Return what :func:`scene_with_obstacles` does. Raises UnusableError if the scene cannot be simulated."""
     ego = scene.egoObject
     if not is_a(ego, "Robot"):
         raise UnusableError(f"the ego is a {type(ego).__name__}, not a Robot", ego)
@@ -110,7 +113,7 @@ def _scene_with_obstacles(scene: Any, needs_goal: bool) -> tuple[dict[str, Any],
 
 
 def _goal(thing: Any) -> dict[str, Any]:
-    """Return a Goal as JSON: a disc if it has a reach, else a line that the car must cross."""
+    """Return a Goal as JSON: a disc if it has a reach, otherwise a line that the car must cross."""
     place = pose(thing)
     if thing.reach is None:
         return {"kind": "line", **place}
@@ -123,19 +126,20 @@ def _goal(thing: Any) -> dict[str, Any]:
 def terrain_pieces(thing: Any) -> list[dict[str, Any]]:
     """Return the pieces of a Terrain object in the simulator's frame (m, rad). Raises UnusableError."""
     try:
-        parts = list(thing.pieces())
+        given_pieces = list(thing.pieces())
     except Exception as error:
         raise UnusableError(f"{type(error).__name__}: {error}", thing) from error
-    if not parts:
+    if not given_pieces:
         raise UnusableError("has no pieces", thing)
-    place = pose(thing)
-    return [_placed(_checked(part, thing), place) for part in parts]
+    place_of_object = pose(thing)
+    return [_placed(_checked(given_piece, thing), place_of_object) for given_piece in given_pieces]
 
 
 def _checked(part: Any, thing: Any) -> dict[str, Any]:
-    """Return a piece in its object's frame with all keys of its kind.
+    """Return ``part``, a piece as the object ``thing`` gives it, with all keys of its kind.
 
-    Raises UnusableError for an unknown or missing key, or a value outside its limits.
+    The piece is still in the object's frame. Raises UnusableError for an unknown or missing key, or a value outside its
+    limits.
     """
     if not isinstance(part, Mapping) or part.get("kind") not in KINDS:
         raise UnusableError(f"{part!r} is not a piece of terrain; its kind must be one of {', '.join(KINDS)}", thing)
@@ -170,13 +174,13 @@ def _checked(part: Any, thing: Any) -> dict[str, Any]:
 
 
 def _placed(part: dict[str, Any], place: Mapping[str, float]) -> dict[str, Any]:
-    """Return a piece, given in its object's frame, in the world's frame; ``place`` is the object's pose."""
+    """Return the piece ``part``, which is in its object's frame, in the world's frame; ``place`` is the object's pose."""
     cos, sin = math.cos(place["heading_rad"]), math.sin(place["heading_rad"])
-    ahead, left = part["x_m"], part["y_m"]
+    ahead_m, left_m = part["x_m"], part["y_m"]
     piece = {
         **part,
-        "x_m": rounded(place["x_m"] + ahead * cos - left * sin),
-        "y_m": rounded(place["y_m"] + ahead * sin + left * cos),
+        "x_m": rounded(place["x_m"] + ahead_m * cos - left_m * sin),
+        "y_m": rounded(place["y_m"] + ahead_m * sin + left_m * cos),
         "heading_rad": rounded(math.remainder(place["heading_rad"] + part["heading_rad"], 2 * math.pi)),
     }
     if kind_of(piece).shape == "disc":

@@ -23,7 +23,12 @@ def scene_notes(scene: Mapping[str, Any]) -> list[str]:
 
     Example: ["the rough ground at (1.2, 0) lies under the ramp at (1, 0): the higher one counts, so it has no effect"]
     """
-    notes = [note for ground in scene["terrain"] for block in scene["terrain"] if (note := _hidden(ground, block))]
+    notes = []
+    for ground in scene["terrain"]:
+        for block in scene["terrain"]:
+            note = _hidden(ground, block)
+            if note is not None:
+                notes.append(note)
     goal = scene.get("goal")
     if goal is not None and not _is_straight_on(scene["start"], goal):
         notes.append("the start does not face the goal: a car that drives straight on never reaches it")
@@ -33,22 +38,32 @@ def scene_notes(scene: Mapping[str, Any]) -> list[str]:
 
 def _is_straight_on(start: Mapping[str, Any], goal: Mapping[str, Any]) -> bool:
     """Return whether the straight line ahead of the start crosses the goal's line, or enters its disc."""
+    # The unit vector ahead.
     ahead_x, ahead_y = math.cos(start["heading_rad"]), math.sin(start["heading_rad"])
     if goal["kind"] == "line":
-        # The line has no ends, and the start is before it.
+        # The line has no ends, and the start is before it: only the directions matter.
         approach = math.cos(goal["heading_rad"]) * ahead_x + math.sin(goal["heading_rad"]) * ahead_y
         return approach > MIN_APPROACH
     dx_m, dy_m = float(goal["x_m"] - start["x_m"]), float(goal["y_m"] - start["y_m"])
-    return dx_m * ahead_x + dy_m * ahead_y > 0 and abs(dx_m * ahead_y - dy_m * ahead_x) <= goal["radius_m"]
+    distance_ahead_m = dx_m * ahead_x + dy_m * ahead_y
+    distance_aside_m = abs(dx_m * ahead_y - dy_m * ahead_x)
+    return distance_ahead_m > 0 and distance_aside_m <= goal["radius_m"]
 
 
 def _hidden(ground: Mapping[str, Any], block: Mapping[str, Any]) -> str | None:
-    """Return a remark if most of a piece of ground, or of the block on it, is under the block's surface; else None."""
+    """Return a remark if a block covers most of a piece of smooth ground, or stands on it with most of its own area.
+
+    Returns None if it does not, if ``ground`` is not smooth ground, or if ``block`` is not a block that is higher.
+    """
     if kind_of(ground).form != "smooth" or kind_of(block).form != "block" or block["height_m"] <= _height_m(ground):
         return None
-    reaches = (reach_m(ground), reach_m(block))
-    shared_m2 = rectangle({"heading_rad": 0.0, **ground}, reaches[0]).intersection(rectangle(block, reaches[1])).area
-    if shared_m2 <= MIN_COVERED * min(4 * along * across for along, across in reaches):
+    # Round ground has no heading.
+    ground_area = rectangle({"heading_rad": 0.0, **ground}, reach_m(ground))
+    block_area = rectangle(block, reach_m(block))
+    shared_m2 = ground_area.intersection(block_area).area
+    half_sizes_m = (reach_m(ground), reach_m(block))
+    smaller_m2 = min(4 * half_length_m * half_width_m for half_length_m, half_width_m in half_sizes_m)
+    if shared_m2 <= MIN_COVERED * smaller_m2:
         return None
     return f"the {_place(ground)} lies under the {_place(block)}: the higher one counts, so it has no effect there"
 
@@ -61,4 +76,6 @@ def _height_m(ground: Mapping[str, Any]) -> float:
 
 
 def _place(piece: Mapping[str, Any]) -> str:
-    return f"{KIND_NAMES.get(piece['kind'], piece['kind'])} at ({piece['x_m']:.3g}, {piece['y_m']:.3g})"
+    """Return what remarks call a piece: its kind and position in metres, such as "slope at (1, 0)"."""
+    kind_name = KIND_NAMES.get(piece["kind"], piece["kind"])
+    return f"{kind_name} at ({piece['x_m']:.3g}, {piece['y_m']:.3g})"

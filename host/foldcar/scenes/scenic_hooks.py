@@ -49,17 +49,20 @@ def hooks(mutations: Mutations) -> Iterator[None]:
     compiling = True
 
     def new(cls: Any, specifiers: list[Any]) -> Any:
+        """Create an object, like Scenic's `new`. Raises SpecifierError if a property has no effect."""
         if not (isinstance(cls, type) and issubclass(cls, Constructible)):
             return scenics_new(cls, specifiers)
         refuse_useless_properties(cls, specifiers, sys._getframe(1))
         return mutations.create(cls, specifiers) if compiling else scenics_new(cls, specifiers)
 
     def mutate(*things: Any, scale: Any = 1) -> None:
+        """Add noise to objects, like Scenic's `mutate`, and to Points; without arguments, to all objects."""
         objects = mutations.mutate_points(things, scale) if compiling else list(things)
         if objects or not things:
             scenics_mutate(*objects, scale=scale)
 
     def param(params: dict[str, Any]) -> None:
+        """Define parameters, like Scenic's `param`. Raises InvalidScenarioError if a name seems to be misspelt."""
         refuse_misspelt_parameters(params, sys._getframe(1))
         scenics_param(params)
 
@@ -75,27 +78,38 @@ def hooks(mutations: Mutations) -> Iterator[None]:
         return compiled
 
     def parse(source: str, mode: str, filename: str) -> Any:
+        """Parse a program, like Scenic's parser; also one with a byte order mark, or with Windows' ends of lines."""
         if Path(filename).parent == VOCABULARY_DIR:
             return pickle.loads(_vocabulary(source, mode, filename))
         return parse_string(source.removeprefix("\ufeff").replace("\r\n", "\n"), mode, filename=filename)
 
     def execute(code: CodeType, namespace: dict[str, Any]) -> None:
+        """Execute a program's code, like Scenic. Raises NameError if a later part of it uses an undefined name."""
         scenics_execute(code, namespace)
         refuse_undefined_names(code, namespace)
 
     def inherit(self: Any, other: Any) -> None:
+        """Take over an imported program, like Scenic. Raises InvalidScenarioError if statements would be lost."""
         refuse_lost_statements(other)
         scenics_inherit(self, other)
 
     def compile_requirement(self: Any, namespace: Any, scenario: Any, syntax: Any = None) -> Any:
-        # From the syntax of requirements Scenic infers where samples can be, even from endings, which concern the run.
+        """Compile a requirement, like Scenic, but hide the syntax of one that does not concern sampling.
+
+        From the syntax Scenic infers where samples can be, even from conditions that end a run.
+        """
         return scenics_compile(self, namespace, scenario, syntax if self.ty.constrainsSampling else None)
 
+    # What is changed: a module or class of Scenic, the name in it, the function in its place.
     changes: list[tuple[Any, str, Any]] = [
-        *((veneer, function.__name__, function) for function in (new, mutate, param)),
+        (veneer, "new", new),
+        (veneer, "mutate", mutate),
+        (veneer, "param", param),
         (veneer, "localPath", _local_path),
-        *((translator, "executeCodeIn", execute), (translator, "parse_string", parse)),
-        *((compiler, "visit", visit), (scenario, "_inherit", inherit)),
+        (translator, "executeCodeIn", execute),
+        (translator, "parse_string", parse),
+        (compiler, "visit", visit),
+        (scenario, "_inherit", inherit),
         (PendingRequirement, "compile", compile_requirement),
     ]
     originals = [(owner, name, getattr(owner, name)) for owner, name, _ in changes]

@@ -55,6 +55,10 @@ class SceneSource:
 
     @cached_property
     def _native(self) -> "tuple[NativeProgram | None, str]":
+        """The program's statements about runs for carsim, and the part that needs Scenic; see :func:`native_program`.
+
+        It is (None, "") if the program has no such statements.
+        """
         if not is_dynamic(self.scenario):
             return None, ""
         from foldcar.scenes.native_program import native_program
@@ -138,9 +142,15 @@ class SceneSource:
             return terrain_objects(self.scenario, scene)
 
     def _with_obstacles(self, scene: Any, k: int) -> tuple[dict[str, Any], list[Obstacle]]:
+        """Return sample ``k``'s Scenic Scene as the "scene" object of docs/carsim.md, and its obstacles."""
+        native, _needs_scenic = self._native
         with self.files.inside(), contained(SAMPLE_LIMIT_S, f"{self.program}: sample {k}", self.program):
             return scene_with_obstacles(
-                scene, self.program, f"sample {k}", not may_end_itself(self.scenario), self._native[0]
+                scene,
+                self.program,
+                where=f"sample {k}",
+                needs_goal=not may_end_itself(self.scenario),
+                native=native,
             )
 
     def _rejection_reason(self, k: int) -> str:

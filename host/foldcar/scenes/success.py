@@ -46,6 +46,7 @@ class _Approach(NamedTuple):
 def success_rule(scenario: Any, program: Path) -> SuccessRule:
     """Return the success rule of a compiled program (see the head of this file)."""
     has_goal = any(is_a(thing, "Goal") for thing in scenario.objects)
+    # The ways to pass, as clauses after "if"; any of them suffices.
     alternatives = ["it reaches its Goal"] if has_goal else []
     endings: frozenset[str] = frozenset()
     ambiguous = ""
@@ -61,7 +62,8 @@ def success_rule(scenario: Any, program: Path) -> SuccessRule:
             approaches = [approach for approach in approaches if approach.place.lower() == TARGET]
             if not approaches:
                 ambiguous = " (it measures the distance to several places, and none is named `target`)"
-        alternatives += [f"`{text}` (line {line}) ends it with the car upright" for line, text, _ in approaches]
+        for approach in approaches:
+            alternatives.append(f"`{approach.text}` (line {approach.line}) ends it with the car upright")
         approach_lines = {approach.line for approach in approaches}
         endings = frozenset(str(condition) for condition in conditions if condition.line in approach_lines)
     if alternatives:
@@ -102,18 +104,20 @@ def _conjuncts(condition: ast.AST) -> list[ast.AST]:
 def _approached_place(condition: ast.AST) -> ast.expr | None:
     """Return the PLACE of a condition `distance from ego to PLACE <= …`, also written `… >= distance to PLACE`.
 
-    None for other conditions.
+    Returns None for other conditions.
     """
     if not isinstance(condition, ast.Compare) or len(condition.ops) != 1:
         return None
-    (operator,), left, right = condition.ops, condition.left, condition.comparators[0]
-    if isinstance(operator, ast.Gt | ast.GtE):
-        left, right = right, left
-    elif not isinstance(operator, ast.Lt | ast.LtE):
+    operator = condition.ops[0]
+    if isinstance(operator, ast.Lt | ast.LtE):
+        smaller, greater = condition.left, condition.comparators[0]
+    elif isinstance(operator, ast.Gt | ast.GtE):
+        smaller, greater = condition.comparators[0], condition.left
+    else:
         return None
-    if type(left).__name__ != "DistanceFromOp" or type(right).__name__ == "DistanceFromOp":
+    if type(smaller).__name__ != "DistanceFromOp" or type(greater).__name__ == "DistanceFromOp":
         return None
-    distance: Any = left
+    distance: Any = smaller
     # Without a second end it is the distance from the ego.
     ends = [end for end in (distance.target, distance.base) if end is not None]
     places = [end for end in ends if not (isinstance(end, ast.Name) and end.id == "ego")]
@@ -136,4 +140,5 @@ def _is_target(place: ast.expr, things: dict[str, Any], has_goal: bool) -> bool:
 
 
 def _is_vector(part: ast.AST) -> bool:
+    """Return whether a part of an expression is Scenic's `x @ y`, or an operator in it."""
     return type(part).__name__ == "VectorOp" or isinstance(part, ast.operator)

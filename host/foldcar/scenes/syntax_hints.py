@@ -25,10 +25,13 @@ def syntax_hint(error: BaseException, text: str) -> str:
         return '; a statement ends with its line: write the name behind "as" on this line'
     changes = [f'"new" before "{match[1]}"' for match in WITHOUT_NEW.finditer(text)]
     changes += [f'a comma before "{match[1]}"' for match in WITHOUT_COMMA.finditer(text)]
-    hint = f"; Scenic 3 wants {' and '.join(changes)}" if changes else ""
-    return hint + (_toward(text) if hint else "")
+    if not changes:
+        return ""
+    listed = " and ".join(changes)
+    return f"; Scenic 3 wants {listed}{_toward(text)}"
 
 
 def _toward(text: str) -> str:
+    """Return the hint for a line that ends with `facing NAME`, as Scenic 2 faces a point; "" for other lines."""
     match = FACES_A_NAME.search(text)
     return f'; "facing toward {match[1]}" is the way to a point' if match else ""

@@ -25,7 +25,10 @@ from foldcar.store.tables import BY_NAME, RECORDED, RUN, TABLES
 
 @dataclass(slots=True)
 class StoreCheck:
-    """The numbers of ``rows`` and ``logs`` that were checked, and a line in ``findings`` for each damage."""
+    """What a check of a store found: a line in ``findings`` for each damage; none if the store is intact.
+
+    ``rows`` and ``logs`` are how many rows of all tables and how many logs of trials were checked.
+    """
 
     rows: int
     logs: int
@@ -39,22 +42,33 @@ def check_store(path: Path) -> StoreCheck:
     """
     with contextlib.closing(connect_reading(path)) as connection:
         try:
-            lines = [str(line) for (line,) in connection.execute("PRAGMA integrity_check") if line != "ok"]
-            findings = [f"SQLite's structure: {' '.join(line.split())}" for line in lines]
-            rows = sum(connection.execute(f"SELECT count(*) FROM {table.name}").fetchone()[0] for table in TABLES)
+            findings = []
+            for (line,) in connection.execute("PRAGMA integrity_check"):
+                if line != "ok":
+                    # SQLite's message may have several lines.
+                    message = " ".join(str(line).split())
+                    findings.append(f"SQLite's structure: {message}")
+            row_count = 0
+            for table in TABLES:
+                (table_row_count,) = connection.execute(f"SELECT count(*) FROM {table.name}").fetchone()
+                row_count += table_row_count
             findings += missing_references(connection)
             findings += numbers_beyond_limits(connection)
             findings += _damaged_texts(path, connection)
-            logs, damaged = _check_logs(path, connection)
+            log_count, log_findings = _check_logs(path, connection)
         except SQLITE_ERRORS as error:
             raise StoreError(f"{path}: cannot be read to its end: {error}") from error
-    return StoreCheck(rows, logs, findings + damaged)
+    return StoreCheck(rows=row_count, logs=log_count, findings=findings + log_findings)
 
 
 def _damaged_texts(path: Path, connection: sqlite3.Connection) -> Iterator[str]:
-    """Yield a line for the first damaged row of each table: one whose JSON text has the wrong hash or shape."""
+    """Yield a line for each table with a damaged row, which names the first such row.
+
+    A row is damaged if a JSON text in it does not have the row's hash, or not the shape that foldcar writes.
+    """
     for table in TABLES:
         try:
+            # Reading a row checks it.
             for _ in read_rows(path, connection, table):
                 pass
         except StoreError as error:
@@ -62,73 +76,87 @@ def _damaged_texts(path: Path, connection: sqlite3.Connection) -> Iterator[str]:
 
 
 def missing_references(connection: sqlite3.Connection) -> list[str]:
-    """Return a line for each pair of tables of which rows of the first refer to missing rows of the second."""
-    where = " AND ".join(f"r.{name} = v.{name}" for name in RUN.key)
-    # PRAGMA foreign_key_check returns (table, row, referred table, number of the constraint).
-    missing = Counter((row[0], row[2]) for row in connection.execute("PRAGMA foreign_key_check"))
-    # The reference of recorded values to runs is no foreign key.
-    (missing[RECORDED.name, RUN.name],) = connection.execute(
-        f"SELECT count(*) FROM {RECORDED.name} v WHERE NOT EXISTS (SELECT 1 FROM {RUN.name} r WHERE {where})"
+    """Return lines such as "table run: 2 rows refer to missing rows of body", in the order of the tables' names."""
+    # The number of rows with a missing reference, by the names of their table and of the table that they refer to.
+    row_counts: Counter[tuple[str, str]] = Counter()
+    for table, _row_id, referred_table, _constraint in connection.execute("PRAGMA foreign_key_check"):
+        row_counts[table, referred_table] += 1
+    # SQLite does not check the reference of recorded values to their runs, because it is not declared as a foreign key.
+    is_run_of_value = " AND ".join(f"{RUN.name}.{column} = {RECORDED.name}.{column}" for column in RUN.key)
+    run_of_value = f"SELECT 1 FROM {RUN.name} WHERE {is_run_of_value}"
+    (values_without_run,) = connection.execute(
+        f"SELECT count(*) FROM {RECORDED.name} WHERE NOT EXISTS ({run_of_value})"
     ).fetchone()
-    # The plus leaves out pairs of tables without missing rows.
-    return [
-        f"table {name}: {count(number, 'row')} {'refers' if number == 1 else 'refer'} to missing rows of {referred}"
-        for (name, referred), number in sorted((+missing).items())
-    ]
+    if values_without_run:
+        row_counts[RECORDED.name, RUN.name] = values_without_run
+    lines = []
+    for (table, referred_table), row_count in sorted(row_counts.items()):
+        verb = "refers" if row_count == 1 else "refer"
+        lines.append(f"table {table}: {count(row_count, 'row')} {verb} to missing rows of {referred_table}")
+    return lines
 
 
 def damaged_logs(path: Path) -> list[str]:
-    """Return a line for each log of a store that is missing, damaged or without a trial. Raises StoreError."""
+    """Return a line for each log that is missing or changed, or whose trial is missing. Raises StoreError."""
     with contextlib.closing(connect_reading(path)) as connection, store_errors(path):
         return _check_logs(path, connection)[1]
 
 
 def _check_logs(path: Path, connection: sqlite3.Connection) -> tuple[int, list[str]]:
-    """Return the number of logs, and a line for each log that is missing, damaged or without a trial."""
+    """Return how many logs of trials exist, and a line for each log that is missing or changed, or without a trial."""
     trials = connection.execute("SELECT id, log, log_sha256 FROM trial WHERE log IS NOT NULL ORDER BY id").fetchall()
     # A trial is stored before its log is begun, so every log should have a trial.
     logs_of_trials = {str(log) for _, log, _ in trials}
-    files, folder = sorted(logs_folder(path).glob("trial-*.tlog")), store_folder(path)
-    findings = [
-        f"log {file}: its trial is missing" for file in files if str(file.relative_to(folder)) not in logs_of_trials
-    ]
-    logs = 0
-    for number, log, expected in trials:
-        where = f"trial (id={number})"
+    findings = []
+    for file in sorted(logs_folder(path).glob("trial-*.tlog")):
+        if str(file.relative_to(store_folder(path))) not in logs_of_trials:
+            findings.append(f"log {file}: its trial is missing")
+    log_count = 0
+    for trial_id, log, stored_sha256 in trials:
         try:
             file = log_file(path, str(log))
-            digest = sha256_of(file)
+            sha256 = sha256_of(file)
         except StoreError as error:
-            findings.append(f"{where}: {str(error).removeprefix(f'{path}: ')}")
+            reason = str(error).removeprefix(f"{path}: ")
+            findings.append(f"trial (id={trial_id}): {reason}")
             continue
-        logs += digest is not None
-        if expected is not None and digest is None:
-            findings.append(f"{where}: its log {file} is missing")
-        elif expected is not None and digest != expected:
-            findings.append(f"{where}: its log {file} does not match its SHA-256")
-    return logs, findings
+        if sha256 is not None:
+            log_count += 1
+        # A trial whose session was killed has a log, but no hash of it.
+        if stored_sha256 is None:
+            continue
+        if sha256 is None:
+            findings.append(f"trial (id={trial_id}): its log {file} is missing")
+        elif sha256 != stored_sha256:
+            findings.append(f"trial (id={trial_id}): its log {file} does not match its SHA-256")
+    return log_count, findings
 
 
 def store_digest(store: Store) -> tuple[str, int]:
     """Return a digest of all runs in hexadecimal digits, and the number of runs. Raises StoreError.
 
-    Stores with equal runs have equal digests, whatever their order of rows, listings and trials. The digest is the sum,
-    modulo 2^256, of the SHA-256 of every run as a JSON array: the build's name, the hashes of body, scene, settings and
-    variation, the outcome, the metrics by name, the message, the recorded values.
+    Stores with equal runs have equal digests, even if their rows have another order and other ids, and whatever listings
+    and trials they contain. The digest is the sum, modulo 2^256, of the SHA-256 of every run as a JSON array: the build's
+    name, the hashes of body, scene, settings and variation, the outcome, the metrics by name, the message, the recorded
+    values.
     """
-    # The build is identified by its name, body, scene, settings and variation by their hashes.
-    names = {
-        column: {row["id"]: row[name] for row in store.rows(BY_NAME[column.removesuffix("_id")])}
-        for column, name in zip(RUN.key, ("name", "hash", "hash", "hash", "hash"), strict=True)
-    }
-    digest_sum = runs = 0
+    # Ids differ between stores, so a build is identified by its name; body, scene, settings and variation by their hash.
+    identities: dict[str, dict[int, str]] = {}
+    for key_column in RUN.key:
+        table = BY_NAME[key_column.removesuffix("_id")]
+        identity_column = "name" if table.name == "build" else "hash"
+        identities[key_column] = {row["id"]: row[identity_column] for row in store.rows(table)}
+    digest_sum = run_count = 0
     with_recorded = store.holds_recorded()
-    for row in store.rows(RUN, f"ORDER BY {', '.join(RUN.order)}"):
-        key = [names[column].get(row[column], row[column]) for column in RUN.key]
-        rows = store.recorded_rows(row) if with_recorded else ()
-        recorded = [[record["name"], record["kind"], record["value"]] for record in rows]
-        result = [row["outcome"], {name: row[name] for name in NUMBERS}, row["message"], recorded]
+    for run in store.rows(RUN, f"ORDER BY {', '.join(RUN.order)}"):
+        # The id of a missing row stands for itself.
+        key = [identities[column].get(run[column], run[column]) for column in RUN.key]
+        metrics = {name: run[name] for name in NUMBERS}
+        recorded_rows = store.recorded_rows(run) if with_recorded else ()
+        recorded = [[record["name"], record["kind"], record["value"]] for record in recorded_rows]
+        result = [run["outcome"], metrics, run["message"], recorded]
         text = json.dumps([key, result], sort_keys=True, separators=(",", ":"))
-        digest_sum += int.from_bytes(hashlib.sha256(text.encode()).digest(), "big")
-        runs += 1
-    return f"{digest_sum % 2**256:064x}", runs
+        run_digest = hashlib.sha256(text.encode()).digest()
+        digest_sum += int.from_bytes(run_digest, "big")
+        run_count += 1
+    return f"{digest_sum % 2**256:064x}", run_count

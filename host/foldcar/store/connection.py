@@ -23,6 +23,8 @@ from foldcar.typed import did_you_mean_file
 APPLICATION_ID = 0x466F6C64
 # How long SQLite waits for another program that has the store locked, in seconds.
 BUSY_S = 10.0
+# How long a writer waits for the lock of another writer, in seconds. Two that begin together release it sooner.
+LOCK_S = 0.2
 # Stores of more bytes, some ten million runs, are read in place.
 MAX_COPIED_BYTES = 2**30
 # How many bytes of a file are searched to recognise a listing.
@@ -30,10 +32,10 @@ MAX_LISTING_BYTES = 2**20
 
 
 def open_reading(path: Path) -> sqlite3.Connection:
-    """Return a read-only connection to a snapshot of an existing store.
+    """Return a read-only connection to a snapshot of an existing store, which later writers do not change.
 
-    The store is copied to a temporary database and checked; a very large one is read in a transaction instead. Raises
-    StoreError if it is not a store, or damaged.
+    The snapshot is a copy in a temporary database, which is checked. A store above MAX_COPIED_BYTES is not copied, but
+    read in a transaction. Raises StoreError if the file is not a store, or is damaged.
     """
     with contextlib.ExitStack() as stack:
         connection = stack.enter_context(contextlib.closing(connect_reading(path)))
@@ -47,12 +49,12 @@ def open_reading(path: Path) -> sqlite3.Connection:
             stack.callback(copy.close)
             connection.backup(copy)
             copy.execute("PRAGMA query_only = ON")
-            # Checks structure, types, required values and choices, so that later code can rely on them.
-            (damage,) = copy.execute("PRAGMA quick_check(1)").fetchone()
-            if damage != "ok":
-                raise StoreError(f"{path}: is damaged: {damage}; `foldcar check {path}` lists all damage")
-            for damage in numbers_beyond_limits(copy):
-                raise StoreError(f"{path}: {damage}")
+            # SQLite checks structure, types, required values and choices, so that later code can rely on them.
+            (first_damage,) = copy.execute("PRAGMA quick_check(1)").fetchone()
+            if first_damage != "ok":
+                raise StoreError(f"{path}: is damaged: {first_damage}; `foldcar check {path}` lists all damage")
+            for damaged_number in numbers_beyond_limits(copy):
+                raise StoreError(f"{path}: {damaged_number}")
         # Without an error the copy stays open.
         stack.pop_all()
         connection.close()
@@ -60,24 +62,26 @@ def open_reading(path: Path) -> sqlite3.Connection:
 
 
 def numbers_beyond_limits(connection: sqlite3.Connection) -> Iterator[str]:
-    """Yield a line for the first row of each table that has a number outside LIMITS."""
+    """Yield a line for each number outside LIMITS, but of each table only those in the first such row."""
     for table in TABLES:
         limits = {column.name: LIMITS[column.type] for column in table.columns if column.type in LIMITS}
-        if limits:
-            outside = " OR ".join(f"{name} NOT BETWEEN {low} AND {high}" for name, (low, high) in limits.items())
-            query = f"SELECT {', '.join(table.names)} FROM {table.name} WHERE {outside} LIMIT 1"
-            for cells in connection.execute(query):
-                row = dict(zip(table.names, cells, strict=True))
-                for name, (low, high) in limits.items():
-                    if row[name] is not None and not low <= row[name] <= high:
-                        yield f"{key_text(table, row)} is damaged: its {name} is {row[name]:g}, not {low:g} to {high:g}"
+        if not limits:
+            continue
+        outside = " OR ".join(f"{name} NOT BETWEEN {low} AND {high}" for name, (low, high) in limits.items())
+        query = f"SELECT {', '.join(table.names)} FROM {table.name} WHERE {outside} LIMIT 1"
+        for cells in connection.execute(query):
+            row = dict(zip(table.names, cells, strict=True))
+            for name, (low, high) in limits.items():
+                number = row[name]
+                if number is not None and not low <= number <= high:
+                    yield f"{key_text(table, row)} is damaged: its {name} is {number:g}, not {low:g} to {high:g}"
 
 
 def connect_reading(path: Path, oldest: int = VERSION) -> sqlite3.Connection:
-    """Return a connection that cannot change rows.
+    """Return a connection to the store at ``path`` that cannot change rows.
 
-    Raises StoreError if ``path`` is not a store, or is of a version before ``oldest`` or after this one. The tables of an
-    earlier version are not checked.
+    Raises StoreError if ``path`` is not a store, or if the store's version is before ``oldest`` or after this foldcar's.
+    The tables of a store of an earlier version are not checked.
     """
     check_name(path)
     if not path.exists():
@@ -97,36 +101,37 @@ def connect_reading(path: Path, oldest: int = VERSION) -> sqlite3.Connection:
 
 
 def beside(path: Path, suffix: str) -> Path:
-    """Return the store's path with a suffix, ``-wal`` or ``-lock``, after resolving symbolic links."""
+    """Return the path of a file beside the store: the store's path, links resolved, with ``-wal`` or ``-lock``."""
     return Path(f"{os.path.realpath(path)}{suffix}")
 
 
 def require_store(path: Path) -> None:
-    """Raise StoreError if ``path`` is not a store of this version; for commands that must not create one."""
+    """Raise StoreError if ``path`` is not a store of this version. Commands that must not create a store call it."""
     connect_reading(path).close()
 
 
 def _is_blank(path: Path, connection: sqlite3.Connection, oldest: int = VERSION) -> bool:
-    """Return whether the database has no tables yet.
+    """Return True if the database has no tables yet, and False if it is a store of a version since ``oldest``.
 
-    Raises StoreError if its tables are not those of this version, or of an earlier one since ``oldest``.
+    Raises StoreError if it is neither.
     """
     try:
         with store_errors(path, "is not a foldcar store: "):
-            (tables,) = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
+            (table_count,) = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
             (application_id,) = connection.execute("PRAGMA application_id").fetchone()
             (version,) = connection.execute("PRAGMA user_version").fetchone()
     except StoreError as error:
         if isinstance(error.__cause__, sqlite3.DatabaseError) and "not a database" in str(error):
             _raise_if_listing(path)
         raise
-    if tables == 0 and application_id == 0:
+    if table_count == 0 and application_id == 0:
         return True
     if application_id != APPLICATION_ID:
         raise StoreError(f"{path}: is not a foldcar store")
     if not oldest <= version <= VERSION:
-        takes_trials = "; `foldcar trials import NEW.db OLD.db` takes its trials along"
-        remedy = f"sweep into a new store{takes_trials if OLDEST_TRIALS <= version < VERSION else ''}"
+        remedy = "sweep into a new store"
+        if OLDEST_TRIALS <= version < VERSION:
+            remedy += "; `foldcar trials import NEW.db OLD.db` takes its trials along"
         raise StoreError(
             f"{path}: is a store of version {version}, and this foldcar reads version {VERSION}: {remedy}, or use the "
             "foldcar that made it"
@@ -139,16 +144,19 @@ def _is_blank(path: Path, connection: sqlite3.Connection, oldest: int = VERSION)
 
 def _check_schema(path: Path, connection: sqlite3.Connection) -> None:
     """Raise StoreError if a table or view differs from foldcar's, or if there is a trigger."""
-    statements = dict(connection.execute("SELECT name, sql FROM sqlite_master WHERE type IN ('table', 'view')"))
-    for name, sql in (*((table.name, table.sql) for table in TABLES), *VIEWS.items()):
-        if statements.get(name) != sql:
-            raise StoreError(f"{path}: is damaged: {name} is {'missing' if name not in statements else 'changed'}")
-    for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'trigger'"):
-        raise StoreError(f"{path}: has a trigger that foldcar does not make: {name}")
+    stored_sql_by_name = dict(connection.execute("SELECT name, sql FROM sqlite_master WHERE type IN ('table', 'view')"))
+    expected_sql_by_name = {table.name: table.sql for table in TABLES} | VIEWS
+    for name, expected_sql in expected_sql_by_name.items():
+        if name not in stored_sql_by_name:
+            raise StoreError(f"{path}: is damaged: {name} is missing")
+        if stored_sql_by_name[name] != expected_sql:
+            raise StoreError(f"{path}: is damaged: {name} is changed")
+    for (trigger,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'trigger'"):
+        raise StoreError(f"{path}: has a trigger that foldcar does not make: {trigger}")
 
 
 def _raise_if_listing(path: Path) -> None:
-    """Raise StoreError, which advises `foldcar sweep`, if the file is a listing.
+    """Raise StoreError, which advises `foldcar sweep`, if the file is a listing (a file that describes experiments).
 
     Do not call it for a store: closing a file drops the locks that SQLite holds on it in this process.
     """
@@ -159,7 +167,7 @@ def _raise_if_listing(path: Path) -> None:
 
 
 def check_name(store: Path) -> None:
-    """Raise StoreError if SQLite does not treat the name as a file name, because the store would be lost."""
+    """Raise StoreError if SQLite would keep a store of this name in memory, where it would be lost."""
     if str(store) == ":memory:" or str(store).startswith("file:"):
         raise StoreError(f"{store}: SQLite does not treat this as a file name; use another, such as study.db")
 
@@ -230,12 +238,12 @@ def writing(path: Path, synchronous: str = "NORMAL") -> Iterator[sqlite3.Connect
 def _writer_lock(path: Path) -> Iterator[None]:
     """Hold the lock for writing to the store at ``path``. Raises StoreError if another process holds it."""
     file = beside(path, "-lock")
-    in_use = StoreError(f"{path}: another sweep or trial is writing this store; wait for it or use another store")
+    in_use_error = StoreError(f"{path}: another sweep or trial is writing this store; wait for it or use another store")
     try:
         file.touch()
         status = file.stat()
         # Processes that begin at the same time may refuse each other the lock; one of them gets it when it tries again.
-        lock = sqlite3.connect(file, timeout=0.2, isolation_level=None)
+        lock = sqlite3.connect(file, timeout=LOCK_S, isolation_level=None)
     except OSError as error:
         raise StoreError(f"{path}: cannot be written: {error.strerror or error}") from error
     with contextlib.closing(lock):
@@ -244,10 +252,12 @@ def _writer_lock(path: Path) -> Iterator[None]:
             lock.execute("PRAGMA journal_mode = MEMORY")
             lock.execute("BEGIN EXCLUSIVE")
         except sqlite3.Error as error:
-            raise in_use if "locked" in str(error) else StoreError(f"{path}: cannot be locked: {error}") from error
+            if "locked" in str(error):
+                raise in_use_error from error
+            raise StoreError(f"{path}: cannot be locked: {error}") from error
         # The last holder may have deleted the file meanwhile, and another process may have created a new one.
         if not is_same_file(file, status):
-            raise in_use
+            raise in_use_error
         try:
             yield
         finally:
@@ -257,7 +267,7 @@ def _writer_lock(path: Path) -> Iterator[None]:
 
 
 def is_same_file(path: Path, status: os.stat_result) -> bool:
-    """Return whether ``path`` still names the file with this earlier ``status``, so was neither deleted nor replaced."""
+    """Return whether ``path`` still names the file that had this ``status``: it was neither deleted nor replaced."""
     try:
         return os.path.samestat(path.stat(), status)
     except OSError:
@@ -326,33 +336,44 @@ class StoreConnection:
         self._file = path.stat()
 
     def _put_text(self, table: str, text: str, identity: str = "") -> int:
-        """Return the id of a JSON text; add it if it is missing. ``identity`` distinguishes equal texts."""
+        """Return the id of a JSON text in ``table``, to which it is added if it is missing.
+
+        Equal texts with different ``identity`` are different rows.
+        """
         return self._identify(table, "hash", text_hash(text, identity), json=text)
 
     def _identify(self, table: str, column: str, value: str, **others: Any) -> int:
-        """Return the id of the row with this value in ``column``; add it, with the ``others``, if it is missing."""
+        """Return the id of the row with this value in ``column``.
+
+        If there is no such row, it is added; ``others`` are the values of its other columns.
+        """
         row = self._run(f"SELECT id FROM {table} WHERE {column} = ?", value).fetchone()
-        return int(row[0]) if row else self._add(BY_NAME[table], {column: value, **others})
+        if row is not None:
+            return int(row[0])
+        return self._add(BY_NAME[table], {column: value, **others})
 
     def _add(self, table: Table, row: Mapping[str, Any]) -> int:
-        """Add a row to a table whose rows are numbered; return its number."""
-        (last,) = self._run(f"SELECT max(id) FROM {table.name}").fetchone()
-        number = int(last or 0) + 1
-        self._insert(table, [{**row, "id": number}])
-        return number
+        """Add a row to a table whose rows have an ``id``, and return its id: the highest one + 1."""
+        (last_id,) = self._run(f"SELECT max(id) FROM {table.name}").fetchone()
+        row_id = int(last_id or 0) + 1
+        self._insert(table, [{**row, "id": row_id}])
+        return row_id
 
     def _insert(self, table: Table, rows: Iterable[Mapping[str, Any]], otherwise: str = "") -> None:
-        """Add rows; absent columns are empty. ``otherwise`` is ``OR IGNORE``, ``OR REPLACE`` or "" (see insert_sql)."""
+        """Add rows, in which columns that are not given are empty.
+
+        ``otherwise`` says what happens if a row's key exists: ``OR IGNORE``, ``OR REPLACE``, or "" for an error.
+        """
+        cells_of_rows = ([row.get(column) for column in table.names] for row in rows)
         with store_errors(self.path):
-            self._connection.executemany(
-                insert_sql(table, otherwise), ([row.get(name) for name in table.names] for row in rows)
-            )
+            self._connection.executemany(insert_sql(table, otherwise), cells_of_rows)
 
     def _update(self, table: Table, row: Row) -> None:
-        """Write back a row that was read and changed."""
+        """Write back a row that was read and changed; its key must be unchanged."""
         changes = ", ".join(f"{name} = ?" for name in table.names)
-        where = " AND ".join(f"{name} = ?" for name in table.key)
-        self._run(f"UPDATE {table.name} SET {changes} WHERE {where}", *map(row.get, (*table.names, *table.key)))
+        has_key = " AND ".join(f"{name} = ?" for name in table.key)
+        values = [row.get(name) for name in (*table.names, *table.key)]
+        self._run(f"UPDATE {table.name} SET {changes} WHERE {has_key}", *values)
 
     def rows(self, table: Table, rest: str = "", *values: Any) -> list[Row]:
         """Return rows of a table; ``rest`` is SQL from WHERE on."""
@@ -363,6 +384,7 @@ class StoreConnection:
         return read_row(self.path, self._connection, table, **key)
 
     def _run(self, statement: str, *values: Any) -> Any:
+        """Execute an SQL statement; return SQLite's cursor over the result."""
         with store_errors(self.path):
             return self._connection.execute(statement, values)
 

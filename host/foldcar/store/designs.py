@@ -16,9 +16,10 @@ from foldcar.store.tables import DESIGN, EXPERIMENT, RESULT_JOIN
 
 @dataclass(frozen=True)
 class DesignCounts:
-    """Lists in the order of designs: position, numbers of stored and passed runs, and the highest stored sample + 1.
+    """How many runs of each design are stored. The lists have one entry for each design, in the designs' order.
 
-    ``counted`` are the stored runs that were not rejected.
+    ``positions`` are the designs' places in the family, from 0. ``runs`` are the numbers of stored runs, ``counted`` of
+    those that were not rejected, ``passed`` of those that passed. ``reached`` is the highest sample with a run, plus 1.
     """
 
     positions: list[int]
@@ -31,24 +32,30 @@ class DesignCounts:
 def design_counts(path: Path, connection: Connection, experiment: str) -> DesignCounts:
     """Count the stored runs of each design of an experiment; designs without runs have zeros. Raises StoreError."""
     with store_errors(path):
-        designs = "SELECT position FROM design WHERE experiment = ? ORDER BY position"
-        positions = [position for (position,) in connection.execute(designs, (experiment,))]
+        designs_query = "SELECT position FROM design WHERE experiment = ? ORDER BY position"
+        positions = [position for (position,) in connection.execute(designs_query, (experiment,))]
+        # The letters are those of RESULT_JOIN: d is the table of designs, s of samples, r of runs, e of experiments.
         rows = connection.execute(
             f"SELECT d.position, count(*), sum(r.outcome <> '{REJECTED}'), sum(r.outcome = 'passed'), max(s.sample) + 1 "
             f"{RESULT_JOIN} AND e.id = ? GROUP BY d.position",
             (experiment,),
         )
-        counts = {position: tuple(numbers) for position, *numbers in rows}
-    # Four lists: runs, runs that count, passed runs, and the samples up to the last one with a run.
-    columns = ([counts.get(position, (0, 0, 0, 0))[column] for position in positions] for column in range(4))
-    return DesignCounts(positions, *columns)
+        counts_by_position = {position: counts for position, *counts in rows}
+    result = DesignCounts(positions, runs=[], counted=[], passed=[], reached=[])
+    for position in positions:
+        runs, counted, passed, reached = counts_by_position.get(position, (0, 0, 0, 0))
+        result.runs.append(runs)
+        result.counted.append(counted)
+        result.passed.append(passed)
+        result.reached.append(reached)
+    return result
 
 
 @dataclass(frozen=True)
 class StoredDesigns:
-    """A family's designs as stored: their ``parameters`` by column, in order.
+    """The designs of a family as stored: the ``parameters`` of each by name, in the family's order.
 
-    ``fingerprint`` is a hash of everything that they depend on.
+    ``fingerprint`` is a hash of everything that the designs depend on.
     """
 
     fingerprint: str
@@ -56,7 +63,7 @@ class StoredDesigns:
 
 
 def stored_designs(path: Path, experiments: Iterable[str]) -> dict[str, StoredDesigns]:
-    """Return the designs of those of the experiments that have them completely, by id.
+    """Return the stored designs of experiments by the experiment's id; experiments with incomplete designs are left out.
 
     Returns {} if the store is missing, damaged or of another version.
     """
@@ -74,10 +81,13 @@ def stored_designs(path: Path, experiments: Iterable[str]) -> dict[str, StoredDe
 def designs_of(path: Path, connection: Connection, experiment: str) -> StoredDesigns | None:
     """Return the designs of an experiment; None if they are incomplete or have no fingerprint."""
     with contextlib.suppress(StoreError):
-        for row in read_rows(path, connection, EXPERIMENT, "WHERE id = ?", experiment):
-            rows = list(read_rows(path, connection, DESIGN, "WHERE experiment = ? ORDER BY position", experiment))
-            is_complete = [design_row["position"] for design_row in rows] == list(range(row["designs"] or 0))
-            if row["designs_fingerprint"] is not None and is_complete:
-                parameters = [json.loads(design_row["parameters"]) for design_row in rows]
-                return StoredDesigns(row["designs_fingerprint"], parameters)
+        for experiment_row in read_rows(path, connection, EXPERIMENT, "WHERE id = ?", experiment):
+            designs = list(read_rows(path, connection, DESIGN, "WHERE experiment = ? ORDER BY position", experiment))
+            positions = [design["position"] for design in designs]
+            # A killed sweep may have stored fewer designs than the experiment has.
+            is_complete = positions == list(range(experiment_row["designs"] or 0))
+            fingerprint = experiment_row["designs_fingerprint"]
+            if fingerprint is not None and is_complete:
+                parameters = [json.loads(design["parameters"]) for design in designs]
+                return StoredDesigns(fingerprint, parameters)
     return None

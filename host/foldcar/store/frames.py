@@ -27,22 +27,34 @@ def runs_frame(store: Store, experiment: str | None = None) -> pd.DataFrame:
     define success); the metrics of :mod:`foldcar.simulation.results` (float64). Raises StoreError.
     """
     names = store.experiment_ids(experiment)
+    if not names:
+        return _frame_without_runs()
     if len(names) == 1:
         # A shallow copy, so that columns that a caller adds are not in the cached table.
         return store.once(("frame", names[0]), lambda: _frame(store, names[0])).copy(deep=False)
-    if names:
-        tables = [runs_frame(store, name) for name in names]
-        frame = pd.concat(tables, ignore_index=True)
-        # Keep the parameters of all experiments together, as in the table of one experiment.
-        parameters = dict.fromkeys(column for table in tables for column in table if column not in COLUMNS)
-        return frame[[*HEAD, *parameters, *COLUMNS[len(HEAD) :]]]
-    texts, no_numbers = _strings([]), np.empty(0)
-    empty = {**dict.fromkeys(HEAD, texts), "sample": no_numbers.astype(np.int64), "outcome": texts}
-    return pd.DataFrame({**empty, "passed": _booleans(no_numbers, no_numbers), **dict.fromkeys(NUMBERS, no_numbers)})
+    frames = [runs_frame(store, name) for name in names]
+    frame = pd.concat(frames, ignore_index=True)
+    # pandas appends the parameters that only later experiments have at the end: move them to the other parameters.
+    parameters = [column for column in frame if column not in COLUMNS]
+    columns_after_parameters = COLUMNS[len(HEAD) :]
+    return frame[[*HEAD, *parameters, *columns_after_parameters]]
+
+
+def _frame_without_runs() -> pd.DataFrame:
+    """Return the table of a store without experiments: no rows, and the columns that every store's table has."""
+    no_strings, no_numbers = _strings([]), np.empty(0)
+    columns = dict.fromkeys(HEAD, no_strings)
+    columns["sample"] = no_numbers.astype(np.int64)
+    columns["outcome"] = no_strings
+    columns["passed"] = _booleans(no_numbers, no_numbers)
+    columns.update(dict.fromkeys(NUMBERS, no_numbers))
+    return pd.DataFrame(columns)
 
 
 def trials_frame(store: Store, experiment: str | None = None) -> pd.DataFrame:
-    """Return a row for each trial, in their order, of all experiments or of one; all standings are included.
+    """Return a row for each trial of all experiments, or of one, in the order of their numbers.
+
+    Trials of simulated cars, and withdrawn and aborted ones, are included.
 
     Columns: ``trial`` (int64), ``experiment``, ``vehicle_type`` (strings); each design parameter (float64); ``sample``
     (Int64, NA if unknown); ``outcome`` (string); ``passed`` (boolean, NA if aborted); ``counts`` (bool, True for
@@ -51,6 +63,7 @@ def trials_frame(store: Store, experiment: str | None = None) -> pd.DataFrame:
     """
     trials = list(store.trials(experiment))
     parameters = dict.fromkeys(name for trial in trials for name in trial.design)
+    passed = np.array([trial.outcome == "passed" for trial in trials], dtype=bool)
     completed = [trial.completed for trial in trials]
     return pd.DataFrame(
         {
@@ -60,7 +73,7 @@ def trials_frame(store: Store, experiment: str | None = None) -> pd.DataFrame:
             **{name: _numbers([trial.design.get(name) for trial in trials]) for name in parameters},
             "sample": pd.array([trial.sample for trial in trials], dtype="Int64"),
             "outcome": _strings(trial.outcome for trial in trials),
-            "passed": _booleans(np.array([trial.outcome == "passed" for trial in trials], dtype=bool), completed),
+            "passed": _booleans(passed, is_known=completed),
             "counts": np.array([trial.counts for trial in trials], dtype=bool),
             "car": _strings(trial.car for trial in trials),
             "car_name": _strings(trial.car_name for trial in trials),
@@ -72,18 +85,21 @@ def trials_frame(store: Store, experiment: str | None = None) -> pd.DataFrame:
 def _frame(store: Store, name: str) -> pd.DataFrame:
     """Return the table of one experiment's runs, as :func:`runs_frame` describes it."""
     (experiment,) = store.rows(EXPERIMENT, "WHERE id = ?", name)
-    designs, runs = list(store.designs(name).values()), run_arrays(store, name)
-    parameters = dict.fromkeys(column for design in designs for column in design)
-    is_defined = (runs.outcome != OUTCOMES.index(REJECTED)) & (name in store.judged_experiments())
-    columns = {
-        # HEAD has the column of the experiment's row for each column of the frame.
-        **{column: _strings([experiment[key]]).repeat(len(runs.design)) for column, key in HEAD.items()},
-        **{column: _numbers([design.get(column) for design in designs])[runs.design] for column in parameters},
-        "sample": runs.sample,
-        "outcome": _strings(OUTCOMES).take(runs.outcome),
-        "passed": _booleans(runs.outcome == OUTCOMES.index("passed"), is_defined),
-        **{metric: runs.metrics[:, index] for index, metric in enumerate(NUMBERS)},
-    }
+    designs = list(store.designs(name).values())
+    runs = run_arrays(store, name)
+    columns: dict[str, Any] = {}
+    for column, experiment_column in HEAD.items():
+        columns[column] = _strings([experiment[experiment_column]]).repeat(len(runs.design))
+    parameters = dict.fromkeys(parameter for design in designs for parameter in design)
+    for parameter in parameters:
+        values_by_design = _numbers([design.get(parameter) for design in designs])
+        columns[parameter] = values_by_design[runs.design]
+    columns["sample"] = runs.sample
+    columns["outcome"] = _strings(OUTCOMES).take(runs.outcome)
+    is_judged = (runs.outcome != OUTCOMES.index(REJECTED)) & (name in store.judged_experiments())
+    columns["passed"] = _booleans(runs.outcome == OUTCOMES.index("passed"), is_known=is_judged)
+    for index, metric in enumerate(NUMBERS):
+        columns[metric] = runs.metrics[:, index]
     return pd.DataFrame(columns, copy=False)
 
 
@@ -94,8 +110,8 @@ def _strings(values: Iterable[str | None]) -> Any:
 
 def _numbers(values: Sequence[float | str | None]) -> Any:
     """Return numbers as float64 with NaN for None, or as objects if there are strings among them."""
-    texts = any(isinstance(value, str) for value in values)
-    return np.array(values, dtype=object if texts else np.float64)
+    has_strings = any(isinstance(value, str) for value in values)
+    return np.array(values, dtype=object if has_strings else np.float64)
 
 
 def _booleans(values: Any, is_known: Any) -> Any:

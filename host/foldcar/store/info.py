@@ -12,35 +12,44 @@ if TYPE_CHECKING:
     from foldcar.statistics.stopping import StoppingRule
 
 
-# The name of the realities of an experiment whose samples each have a random reality of their own.
+# A reality is a set of values of the simulator's parameters, such as friction, that could be true. If each sample of an
+# experiment has a random reality of its own, this is the name of its realities.
 RANDOM_REALITIES = "random realities"
-# Suffixes of the names of an experiment's variants: new environments, another engine, a reality, random realities.
+# A variant of an experiment is the same experiment in new environments ("fresh"), with another engine, in a reality or
+# in random realities. The end of its name says which.
 _TITLES = "|".join(re.escape(engine.title) for engine in ENGINES.values() if engine.title)
 VARIANT = re.compile(rf" (fresh|\(({_TITLES}|reality .*|realities)\))$", re.DOTALL)
 
 
 def engine_id(experiment: str, engine: str) -> str:
-    """Return an experiment's name in stores if ``engine`` simulates it: "width (MuJoCo)"; "" is the default engine."""
+    """Return the name in stores of an experiment that ``engine`` simulates, such as "width (MuJoCo)".
+
+    With the default engine, whose name is "", the experiment keeps its name.
+    """
     return f"{experiment} ({engine_title(engine)})" if engine else experiment
 
 
 def listed_id(experiment: str, reality: Mapping[str, str] | None, engine: str) -> str:
     """Return an experiment's name in the listing: its name in the store without reality and engine."""
-    listed_name = experiment if reality is None else reality["experiment"]
-    return listed_name.removesuffix(engine_id("", engine))
+    name_without_reality = experiment if reality is None else reality["experiment"]
+    engine_suffix = engine_id("", engine)
+    return name_without_reality.removesuffix(engine_suffix)
 
 
 def unlike_sides_text(difference: str) -> str:
-    """Return the warning that the side view does not simulate ``difference``, which matters for the experiment."""
+    """Return the warning that the side view does not simulate ``difference``, a difference between the car's two sides.
+
+    The side view is an engine that simulates the car in a vertical plane.
+    """
     return (
         f"The side view simulates neither roll, yaw nor sides, which matter here: {difference}. Use --engine multibody."
     )
 
 
 def is_same_program(program: str | None, other: str) -> bool:
-    """Return whether two listings may name the same Scenic program; an unknown one may be any.
+    """Return whether two names may be of the same Scenic program: True if ``program`` is unknown (None).
 
-    A listing may name it by its absolute or by its relative path, so only the file's name counts.
+    One listing may name it by its absolute path, another by a relative path, so only the file's name counts.
     """
     return program is None or Path(program).name == Path(other).name
 
@@ -49,22 +58,27 @@ def is_same_program(program: str | None, other: str) -> bool:
 class ExperimentInfo:
     """One experiment as it was last swept.
 
-    ``varied`` maps each design parameter that varies (``width_mm``) to its values in order; ``fixed`` has the others.
-    ``speed_m_s`` is None if every car drives at its own full speed. ``condition`` says which parts of the environment are
-    fixed. ``variation`` maps what varies between cars to its spread, drawn by ``variation_seed``; it is empty if all cars
-    are as designed. ``planned_runs`` is designs × environments, ``stored_runs`` the number with a result.
-    With a stopping rule ``until``, ``decided`` ones of the ``designs`` need no more runs, and after the sweep's end no
-    more runs are planned. ``success_rule`` says when a run has passed, or why that is undefined (``success_defined`` is
-    False). ``skipped`` names the cars that cannot be built, with reasons.
-    ``reality`` is None for nominal simulations, else ``name`` and ``fingerprint`` of a file's reality, and the listing's
-    ``experiment``; then ``listed_environment`` is the fingerprint of the listing's environment. Its ``name`` is
-    RANDOM_REALITIES if each sample has a reality of its own; then trials have no environment in common with it.
-    ``searched``: a search chose designs and numbers of runs by its ``objectives``, and no more runs are planned.
-    ``thresholds`` are success rates that good designs reach. ``engine`` is the engine's name and version, "" for
-    multibody. ``unlike_sides`` says what that engine cannot simulate here, "" if nothing. ``terrain_objects`` are the
-    name and number of pieces of each terrain object, in the order of sample 0's terrain; empty if they are not stored.
-    ``realities`` is the planned number of runs in other realities, ``reality_spread`` the fingerprint of what these are
-    drawn from; ``no_realities`` says in a sentence why there are none.
+    Cars: ``varied`` maps each design parameter that varies (``width_mm``) to its values in order; ``fixed`` has the other
+    parameters. ``speed_m_s`` is None if every car drives at its own full speed. ``variation`` maps what differs between
+    built cars of one design to its spread; the differences are drawn with ``variation_seed``. It is empty if all cars are
+    as designed. ``skipped`` names the cars that cannot be built, with reasons.
+
+    Environment: ``condition`` says which parts of the environment are fixed. ``terrain_objects`` has the name and the
+    number of pieces of each terrain object, in the order of sample 0's terrain; it is empty if they are not stored.
+    ``engine`` is the engine's name and version, "" for multibody. ``unlike_sides`` says what that engine cannot simulate
+    here, and is "" if it can simulate everything.
+
+    Runs: ``planned_runs`` is designs × environments, ``stored_runs`` the number of runs with a result. If there is a
+    stopping rule ``until``, ``decided`` of the ``designs`` need no more runs, and after the sweep's end no more runs are
+    planned. If ``searched``, a search chose the designs and their numbers of runs by its ``objectives``, and no more runs
+    are planned. ``success_rule`` says when a run has passed; if ``success_defined`` is False, it says why that is
+    undefined. ``thresholds`` are the success rates that good designs reach.
+
+    Realities: ``reality`` is None for nominal simulations. Otherwise it has the ``name`` and ``fingerprint`` of a file's
+    reality, and the name of the listing's ``experiment``; ``listed_environment`` is then the fingerprint of the listing's
+    environment. The ``name`` is RANDOM_REALITIES if each sample has a reality of its own; then trials have no environment
+    in common with the experiment. ``realities`` is the planned number of runs in other realities; ``reality_spread`` is
+    the fingerprint of what these realities are drawn from. ``no_realities`` is a sentence that says why there are none.
     """
 
     id: str
@@ -114,7 +128,9 @@ class ExperimentInfo:
         """The reality that it was simulated in, as ``reality NAME`` or RANDOM_REALITIES; None for nominal simulations."""
         if self.reality is None:
             return None
-        return RANDOM_REALITIES if self.is_over_realities else f"reality {self.reality['name']}"
+        if self.is_over_realities:
+            return RANDOM_REALITIES
+        return f"reality {self.reality['name']}"
 
     @property
     def is_over_realities(self) -> bool:
@@ -123,24 +139,27 @@ class ExperimentInfo:
 
     @property
     def warning(self) -> str:
-        """A warning to print wherever its rates are shown; "" if the engine is valid for it."""
+        """A warning to print wherever its rates are shown; "" if the engine can simulate all that matters."""
         return unlike_sides_text(self.unlike_sides) if self.unlike_sides else ""
 
     @property
     def simulation(self) -> str:
-        """The name of its simulation in sentences: ``simulation`` for multibody, else the engine's name.
+        """The name of its simulation in sentences.
 
-        It is RANDOM_REALITIES if each sample has one of its own.
+        It is RANDOM_REALITIES if each sample has a reality of its own, ``simulation`` for the engine multibody, and
+        otherwise the engine's name.
         """
-        return RANDOM_REALITIES if self.is_over_realities else engine_title(self.engine) or "simulation"
+        if self.is_over_realities:
+            return RANDOM_REALITIES
+        return engine_title(self.engine) or "simulation"
 
 
 @dataclass(frozen=True, slots=True)
 class StudyInfo:
     """The latest sweep into a store: versions, listing and command.
 
-    ``listing_name`` is the path the user typed, ``listing_text`` the file's content; ``command`` is the
-    exact command line; ``experiments`` stands in the order of the listing, over all sweeps of the store.
+    ``listing_name`` is the path that the user typed, ``listing_text`` the file's content, ``command`` the exact command
+    line. ``experiments`` are those of all sweeps into the store, in the order of the listing.
     """
 
     foldcar_version: str

@@ -5,6 +5,7 @@ They are accepted only as foldcar writes them: a file of another name could be o
 model.scenic.
 """
 
+import contextlib
 import hashlib
 import re
 from pathlib import Path
@@ -15,6 +16,10 @@ from foldcar.store.trial_records import MEDIA_ENDINGS
 
 # As `foldcar log` names logs, in the folder of a store of any name. `foldcar merge` adds the beginning of a trial's UUID.
 _LOG_NAME = re.compile(r"[^/\\]+-logs/trial-[0-9]{4,}-[0-9]{8}T[0-9]{6}Z(-[0-9a-f]{8})*\.tlog")
+# How many characters of a file's name a message shows.
+MAX_SHOWN_CHARACTERS = 200
+# How many bytes of a file are read at once to compute its hash: little memory, few calls.
+BLOCK_BYTES = 2**20
 
 
 def store_folder(store: Path) -> Path:
@@ -35,27 +40,36 @@ def log_file(store: Path, log: str) -> Path:
     their targets must be in the folder, too. Example of a name: study-logs/trial-0007-20261122T113100Z.tlog
     """
     path, folder = Path(log), store_folder(store)
-    try:
-        inside = bool(log) and not path.is_absolute() and ".." not in path.parts
-        inside = inside and (folder / path).resolve().is_relative_to(folder.resolve())
-    except (OSError, ValueError, RuntimeError):
-        inside = False
-    # A damaged store may have any text as the name: it is escaped and shortened.
-    shown = f'{store}: log: "{ascii(log)[1:-1][:200]}"'
-    if not inside:
-        raise StoreError(f"{shown} is outside the folder {folder}")
+    is_inside = False
+    if log and not path.is_absolute() and ".." not in path.parts:
+        # Paths that the system cannot resolve, such as a loop of links, are outside as well.
+        with contextlib.suppress(OSError, ValueError, RuntimeError):
+            is_inside = (folder / path).resolve().is_relative_to(folder.resolve())
+    if not is_inside:
+        raise StoreError(f'{store}: log: "{_escaped(log)}" is outside the folder {folder}')
     if _LOG_NAME.fullmatch(log) is None or log != shown_line(log):
-        raise StoreError(f"{shown} is not named as `foldcar log` names logs: NAME-logs/trial-NUMBER-TIME.tlog")
+        expected_name = "NAME-logs/trial-NUMBER-TIME.tlog"
+        raise StoreError(f'{store}: log: "{_escaped(log)}" is not named as `foldcar log` names logs: {expected_name}')
     return folder / path
 
 
+def _escaped(name: str) -> str:
+    """Return a file's name for a message: in ASCII, and shortened. A damaged store may have any text as the name."""
+    return ascii(name)[1:-1][:MAX_SHOWN_CHARACTERS]
+
+
 def intact_log(store: Path, number: int, log: str, sha256: str | None) -> Path | None:
-    """Return the log of trial ``number``; None if the file is missing. Raises StoreError if it was changed."""
+    """Return the log of trial ``number``; None if the file is missing. Raises StoreError if it was changed.
+
+    ``sha256`` is the hash that the log must have; None if the store does not have it.
+    """
     file = log_file(store, log)
-    digest = sha256_of(file)
-    if digest is not None and sha256 not in (None, digest):
+    actual_sha256 = sha256_of(file)
+    if actual_sha256 is None:
+        return None
+    if sha256 is not None and sha256 != actual_sha256:
         raise StoreError(f"{file}: is not the log that trial {number} of {store} wrote: its SHA-256 differs")
-    return None if digest is None else file
+    return file
 
 
 def reference(store: Path, file: Path) -> str:
@@ -63,8 +77,11 @@ def reference(store: Path, file: Path) -> str:
 
     If the file is a symbolic link, its own name is kept: that of its target may not end as a photo's (git-annex).
     """
-    place, folder = file.parent.resolve() / file.name, store_folder(store).resolve()
-    return (place.relative_to(folder) if place.is_relative_to(folder) else place).as_posix()
+    absolute_path = file.parent.resolve() / file.name
+    folder = store_folder(store).resolve()
+    if absolute_path.is_relative_to(folder):
+        return absolute_path.relative_to(folder).as_posix()
+    return absolute_path.as_posix()
 
 
 def referred_file(store: Path, name: str) -> Path:
@@ -72,8 +89,9 @@ def referred_file(store: Path, name: str) -> Path:
 
     Raises StoreError if the name does not end as that of a photo or film.
     """
-    if Path(name).suffix.lower() not in {ending for endings in MEDIA_ENDINGS.values() for ending in endings}:
-        raise StoreError(f'{store}: file: "{ascii(name)[1:-1][:200]}" is neither a photo nor a film')
+    suffix = Path(name).suffix.lower()
+    if not any(suffix in suffixes for suffixes in MEDIA_ENDINGS.values()):
+        raise StoreError(f'{store}: file: "{_escaped(name)}" is neither a photo nor a film')
     return store_folder(store) / name
 
 
@@ -84,7 +102,7 @@ def sha256_of(file: Path) -> str | None:
     digest = hashlib.sha256()
     try:
         with file.open("rb") as binary:
-            while block := binary.read(1 << 20):
+            while block := binary.read(BLOCK_BYTES):
                 digest.update(block)
     except OSError as error:
         raise StoreError(f"{file}: cannot be read: {error.strerror}") from error

@@ -19,9 +19,16 @@ def measured_values(store: Store, experiment: str) -> dict[str, float]:
 
 
 def experiment_to_measure(store: Store, named: str | None) -> str:
-    """Return ``named`` if it was swept or has trials; None stands for the only such experiment. Raises FoldcarError."""
-    swept = [info.listed_id for info in store.info().experiments.values()] if store.holds_study() else []
-    experiments = list(dict.fromkeys([*swept, *(trial.experiment for trial in store.trials())]))
+    """Return the experiment ``named`` or, if that is None, the store's only experiment. Raises FoldcarError.
+
+    A store's experiments are those that were swept into it and those of its trials.
+    """
+    experiments: list[str] = []
+    if store.holds_study():
+        experiments += [info.listed_id for info in store.info().experiments.values()]
+    experiments += [trial.experiment for trial in store.trials()]
+    # Each experiment once, in the order in which they appear.
+    experiments = list(dict.fromkeys(experiments))
     listed = ", ".join(experiments)
     if named is None and len(experiments) > 1:
         raise FoldcarError(f"{store.path}: has experiments {listed}: choose one with --experiment")

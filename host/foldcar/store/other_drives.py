@@ -23,76 +23,91 @@ STOPWATCH_ERROR_S = 1.0
 
 
 def other_drives(store: Store, info: ExperimentInfo, trials: Sequence[Trial]) -> dict[int, str]:
-    """Return what differs from the runs, with both values, of each trial that was driven in another way, by its number.
+    """Return how trials were driven otherwise than the runs, by the trial's number; other trials are left out.
 
-    Example: {7: "speed 0.05 m/s, not 0.3 m/s"}
+    Example: {7: "speed 0.05 m/s, not 0.3 m/s"}: trial 7 was driven at 0.05 m/s, the runs of its design at 0.3 m/s.
     """
     drives = read_drives(store, info.id)
-    index = {frozenset(parameters.items()): k for k, parameters in enumerate(drives.parameters)}
-    result, settings_of_trials = {}, store.settings_of_trials()
+    index_of_design = {frozenset(parameters.items()): index for index, parameters in enumerate(drives.parameters)}
+    settings_of_trials = store.settings_of_trials()
+    result = {}
     for trial in trials:
-        is_swept_type = trial.vehicle_type == info.vehicle_type
-        design = index.get(frozenset(trial.design.items())) if is_swept_type else None
-        drive = store.trial_drive(trial.id)
-        settings = json.loads(settings_of_trials.get(trial.id, "{}"))
-        if design is None:
-            # The design was not swept: what the experiment says of all designs.
+        design_index = None
+        if trial.vehicle_type == info.vehicle_type:
+            design_index = index_of_design.get(frozenset(trial.design.items()))
+        if design_index is None:
+            # The design was not swept, so the trial is compared with the experiment's settings for all designs.
             expected = {SPEED: info.speed_m_s, YAW_RATE: info.yaw_rate_rad_s, TIME_LIMIT: info.timeout_s}
         else:
-            expected = drives.value("settings", drives.settings[design])
+            expected = drives.value("settings", drives.settings[design_index])
+        settings = json.loads(settings_of_trials.get(trial.id, "{}"))
         differences = list(_setting_differences(trial, settings, expected))
-        if drive is not None and design is not None:
-            body, expected_body = json.loads(drive.body), drives.value("body", drives.bodies[design])
-            if difference := next(_differences(body, expected_body), None):
-                differences.append(f"another body: {difference}")
+        drive = store.trial_drive(trial.id)
+        if drive is not None and design_index is not None:
+            body = json.loads(drive.body)
+            expected_body = drives.value("body", drives.bodies[design_index])
+            first_difference = next(_differences(body, expected_body), None)
+            if first_difference is not None:
+                differences.append(f"another body: {first_difference}")
         if differences:
             result[trial.id] = "; ".join(differences)
     return result
 
 
 def _setting_differences(trial: Trial, settings: Mapping[str, Any], expected: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the settings of a trial that differ from the ``expected`` ones of the runs; None is unknown."""
+    """Yield how a trial's ``settings`` differ from the ``expected`` ones of the runs; unknown settings are missing."""
     for name, label, unit in ((SPEED, "speed", "m/s"), (YAW_RATE, "turn rate", "rad/s")):
-        value, runs_value = settings.get(name), expected.get(name)
-        if None not in (value, runs_value) and not _equal(value, runs_value):
-            yield f"{label} {value:g} {unit}, not {runs_value:g} {unit}"
-    runs_limit_s = expected[TIME_LIMIT]
-    limit_s = settings.get(TIME_LIMIT, runs_limit_s)
-    time_s = trial.elapsed_time_s
-    # A car that stopped within both limits, whether it had passed or tipped, would have done so under either.
-    latest_s = min(limit_s, runs_limit_s) + LIMIT_OVERRUN_S
-    ended_within_both = time_s is not None and time_s <= latest_s and trial.outcome != "timeout"
-    if not _equal(limit_s, runs_limit_s) and not ended_within_both:
-        yield f"time limit {limit_s:g} s, not {runs_limit_s:g} s"
-    elif time_s is not None:
-        if trial.outcome == "passed" and time_s > latest_s:
-            yield f"passed after {time_s:g} s, above the time limit of {runs_limit_s:g} s"
-        # The time of an imported trial shows a limit that differs.
-        elif trial.outcome == "timeout" and not settings and time_s < runs_limit_s - STOPWATCH_ERROR_S:
-            yield f"timed out after {time_s:g} s, below the time limit of {runs_limit_s:g} s"
+        value, expected_value = settings.get(name), expected.get(name)
+        if value is None or expected_value is None:
+            continue
+        if not _equal(value, expected_value):
+            yield f"{label} {value:g} {unit}, not {expected_value:g} {unit}"
+    expected_limit_s = expected[TIME_LIMIT]
+    limit_s = settings.get(TIME_LIMIT, expected_limit_s)
+    elapsed_s = trial.elapsed_time_s
+    # A car that stopped before both limits would have stopped at the same time under either of them.
+    lower_limit_s = min(limit_s, expected_limit_s) + LIMIT_OVERRUN_S
+    stopped_before_both = elapsed_s is not None and elapsed_s <= lower_limit_s and trial.outcome != "timeout"
+    if not _equal(limit_s, expected_limit_s) and not stopped_before_both:
+        yield f"time limit {limit_s:g} s, not {expected_limit_s:g} s"
+    elif elapsed_s is not None:
+        if trial.outcome == "passed" and elapsed_s > lower_limit_s:
+            yield f"passed after {elapsed_s:g} s, above the time limit of {expected_limit_s:g} s"
+        # An imported trial has no settings, but the time at which it timed out shows which limit it had.
+        elif trial.outcome == "timeout" and not settings and elapsed_s < expected_limit_s - STOPWATCH_ERROR_S:
+            yield f"timed out after {elapsed_s:g} s, below the time limit of {expected_limit_s:g} s"
 
 
 def _differences(value: Any, expected: Any, place: str = "") -> Iterator[str]:
-    """Yield the differences of two JSON values, each with its place and both values."""
+    """Yield the differences of two JSON values, such as "wheels.0.radius_m 0.02, not 0.03".
+
+    ``place`` is where the values stand in the values that are compared: keys and indices, joined by dots.
+    """
     if isinstance(value, Mapping) and isinstance(expected, Mapping):
-        for key in [*value, *(key for key in expected if key not in value)]:
-            yield from _differences(value.get(key), expected.get(key), f"{place}.{key}" if place else str(key))
+        keys = dict.fromkeys([*value, *expected])
+        for key in keys:
+            place_of_key = f"{place}.{key}" if place else str(key)
+            yield from _differences(value.get(key), expected.get(key), place_of_key)
     elif isinstance(value, list) and isinstance(expected, list) and len(value) == len(expected):
-        for number, (item, other) in enumerate(zip(value, expected, strict=True)):
-            yield from _differences(item, other, f"{place}.{number}")
+        for index, (item, expected_item) in enumerate(zip(value, expected, strict=True)):
+            yield from _differences(item, expected_item, f"{place}.{index}")
     elif not _equal(value, expected):
         yield f"{place} {_short(value)}, not {_short(expected)}"
 
 
 def _equal(a: Any, b: Any) -> bool:
-    """Return whether two values are equal; numbers may differ by rounding."""
-    if all(isinstance(number, int | float) and not isinstance(number, bool) for number in (a, b)):
+    """Return whether two JSON values are equal; numbers may differ by RELATIVE_TOLERANCE."""
+    # In Python a bool is an int, too.
+    has_bool = isinstance(a, bool) or isinstance(b, bool)
+    if isinstance(a, int | float) and isinstance(b, int | float) and not has_bool:
         return bool(abs(a - b) <= RELATIVE_TOLERANCE * max(abs(a), abs(b)))
     return bool(a == b)
 
 
 def _short(value: Any) -> str:
-    """Return a value of a body as a short text."""
+    """Return a JSON value as a short text; a list or an object as its number of values, such as "4 values"."""
     if isinstance(value, list | Mapping):
         return f"{len(value)} values"
-    return f"{value:g}" if isinstance(value, float) else json.dumps(value)
+    if isinstance(value, float):
+        return f"{value:g}"
+    return json.dumps(value)

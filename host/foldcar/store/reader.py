@@ -110,70 +110,82 @@ class Store:
     def run_batches(self, name: str) -> Iterator[tuple[Any, list[tuple[Any, ...]]]]:
         """Yield an experiment's runs, ordered by design and sample, in batches of at most BATCH_ROWS.
 
-        A batch is two lists of equal length: (design's position, sample), and the cells of RUN_CELLS.
+        A batch is two lists with one entry for each run. The first has (position of the design, sample), the second the
+        run's values of the columns RUN_CELLS.
         """
-        columns = ", ".join(f"r.{column}" for column in RUN_CELLS)
-        query = f"SELECT d.position, s.sample, {columns} {RESULT_JOIN} AND e.id = ? ORDER BY d.position, s.sample"
+        # RESULT_JOIN says what the letters of the tables mean.
+        run_columns = ", ".join(f"r.{column}" for column in RUN_CELLS)
+        query = f"SELECT d.position, s.sample, {run_columns} {RESULT_JOIN} AND e.id = ? ORDER BY d.position, s.sample"
         rows = self._rows(query, name)
         while batch := list(itertools.islice(rows, BATCH_ROWS)):
             yield [row[:2] for row in batch], [row[2:] for row in batch]
 
     def run_rows(self, name: str) -> Iterator[tuple[int, int, Row]]:
         """Yield an experiment's runs, ordered by design and sample: the design's position, the sample, the row."""
-        for positions_and_samples, rows in self.run_batches(name):
-            for (design, sample), cells in zip(positions_and_samples, rows, strict=True):
-                yield design, sample, dict(zip(RUN_CELLS, cells, strict=True))
+        for positions_and_samples, cells_of_runs in self.run_batches(name):
+            for (position, sample), cells in zip(positions_and_samples, cells_of_runs, strict=True):
+                yield position, sample, dict(zip(RUN_CELLS, cells, strict=True))
 
     def trials(self, experiment: str | None = None) -> Iterator[Trial]:
-        """Yield the trials of all experiments or of one, in their order, with any standing."""
-        corrections = Counter(row["trial_id"] for row in self.rows(CORRECTION))
+        """Yield all trials, also withdrawn and aborted ones, of all experiments or of one, in the order of numbers."""
+        correction_counts = Counter(row["trial_id"] for row in self.rows(CORRECTION))
         for row in self.rows(TRIAL, "WHERE ?1 IS NULL OR experiment = ?1 ORDER BY id", experiment):
-            values = {**row, "withdrawn": bool(row["withdrawn"]), "corrections": corrections[row["id"]]}
-            values |= {"design": json.loads(row["design"]), "deviations": self._deviations(row)}
+            values = {
+                **row,
+                "design": json.loads(row["design"]),
+                "deviations": self._deviations(row),
+                "withdrawn": bool(row["withdrawn"]),
+                "corrections": correction_counts[row["id"]],
+            }
             yield Trial(**{field.name: values[field.name] for field in fields(Trial)})
 
     def trials_in_other_environments(self, info: ExperimentInfo) -> dict[int, str | None]:
-        """Return the Scenic program, None if unknown, of trials in other environments than the runs, by trial number.
+        """Return the trials that were driven in another environment than the runs: their Scenic programs by trial number.
 
-        Their rates cannot be compared with these runs. An imported trial without a sample has no environment; it counts
-        as in another one if its program is known and differs.
+        A program is None if it is unknown. Success rates of these trials cannot be compared with those of the runs. If an
+        imported trial has no sample, its environment is unknown; it is returned if its program is known and is another.
         """
-        ids_in_samples = self.trials_in_environment(info)
-        return {
-            row["id"]: row["scenic_program"]
-            for row in self.rows(TRIAL, "WHERE experiment = ?", info.listed_id)
-            if row["id"] not in ids_in_samples
-            and (row["environment_id"] is not None or not is_same_program(row["scenic_program"], info.scenic_program))
-        }
+        ids_in_environment = self.trials_in_environment(info)
+        programs_by_trial = {}
+        for row in self.rows(TRIAL, "WHERE experiment = ?", info.listed_id):
+            if row["id"] in ids_in_environment:
+                continue
+            program = row["scenic_program"]
+            if row["environment_id"] is not None or not is_same_program(program, info.scenic_program):
+                programs_by_trial[row["id"]] = program
+        return programs_by_trial
 
     def trials_in_environment(self, info: ExperimentInfo) -> set[int]:
-        """Return the numbers of trials in the environment of the experiment's runs: they can be paired with its samples.
+        """Return the numbers of the trials that were driven in the environment of the experiment's runs.
 
-        Environments are equal if their samples are equal scenes, even if the program's text or foldcar has changed.
+        The same sample of such a trial and of the runs is the same scene, so they can be compared in pairs. Environments
+        are equal if their samples are equal scenes, even if the program's text or foldcar has changed.
         """
         return self.once(("trials in environment", info.id), lambda: self._find_trials_in_environment(info))
 
     def _find_trials_in_environment(self, info: ExperimentInfo) -> set[int]:
-        """Return the ids of trials whose scenes are those of the experiment's samples.
+        """Return the ids of the trials whose scenes are those of the experiment's samples.
 
-        Either trial and experiment have the same environment; or their environments have samples in common, and all of
-        these are equal scenes; or the trial's own scene is the planned one.
+        A trial is one of them in three cases. It has the experiment's environment. Or its environment and the
+        experiment's have samples in common, and each of these is the same scene in both. Or the trial's own scene equals
+        the scene of its sample.
         """
         environment_id = self._environment_id(info)
         trials = list(self.rows(TRIAL, "WHERE experiment = ? AND environment_id IS NOT NULL", info.listed_id))
-        has_other_environments = any(row["environment_id"] != environment_id for row in trials)
+        has_other_environments = any(trial["environment_id"] != environment_id for trial in trials)
         scenes = self._sampled_scenes(environment_id) if has_other_environments else {}
-        result, is_equal = set(), {environment_id: True}
-        for row in trials:
-            trial_environment = row["environment_id"]
-            if trial_environment not in is_equal:
-                other_scenes = self._sampled_scenes(trial_environment)
-                common = other_scenes.keys() & scenes.keys()
-                equal = all(other_scenes[sample] == scenes[sample] for sample in common)
-                is_equal[trial_environment] = bool(common) and equal
-            if is_equal[trial_environment] or self._is_planned_scene(row, scenes):
-                result.add(row["id"])
-        return result
+        is_equal_environment = {environment_id: True}
+        trial_ids = set()
+        for trial in trials:
+            trial_environment_id = trial["environment_id"]
+            if trial_environment_id not in is_equal_environment:
+                other_scenes = self._sampled_scenes(trial_environment_id)
+                common_samples = other_scenes.keys() & scenes.keys()
+                has_equal_scenes = all(other_scenes[sample] == scenes[sample] for sample in common_samples)
+                is_equal_environment[trial_environment_id] = bool(common_samples) and has_equal_scenes
+            if is_equal_environment[trial_environment_id] or self._is_planned_scene(trial, scenes):
+                trial_ids.add(trial["id"])
+        return trial_ids
 
     def _is_planned_scene(self, trial: Row, scenes: Mapping[int, str]) -> bool:
         """Return whether a trial's scene, as placed, equals the scene of its sample in ``scenes``."""
@@ -196,43 +208,52 @@ class Store:
         return dict(self._rows("SELECT t.id, s.json FROM trial t JOIN settings s ON s.id = t.settings_id"))
 
     def _environment_id(self, info: ExperimentInfo) -> int:
-        """Return the id of the experiment's environment as listed, which a reality would change; 0 if not stored."""
+        """Return the id of the environment that the listing names for the experiment; 0 if it is not stored.
+
+        An experiment that was simulated in a reality has an environment of its own, which the reality has changed.
+        """
         if info.reality is None:
             return int(self._experiment(info.id)["environment_id"])
-        rows = self.rows(ENVIRONMENT, "WHERE fingerprint = ?", info.listed_environment)
-        # Ids begin at 1.
-        return next((int(row["id"]) for row in rows), 0)
+        for row in self.rows(ENVIRONMENT, "WHERE fingerprint = ?", info.listed_environment):
+            return int(row["id"])
+        return 0
 
     def trial(self, number: int) -> Trial:
         """Return the trial with that number. Raises StoreError if it does not exist."""
-        result = next((trial for trial in self.trials() if trial.id == number), None)
-        if result is None:
-            raise StoreError(f"{self.path}: has no trial {number}")
-        return result
+        for trial in self.trials():
+            if trial.id == number:
+                return trial
+        raise StoreError(f"{self.path}: has no trial {number}")
 
     def _deviations(self, row: Row) -> dict[str, tuple[float, float, float]]:
-        """Return a trial's deviations (x in m, y in m, turn in rad) by name."""
+        """Return how far the car and obstacles of a trial stood from their planned positions, by name.
+
+        A deviation is (x in m, y in m, turn in rad).
+        """
         return {name: (x, y, turn) for name, (x, y, turn) in json.loads(row["deviations"]).items()}
 
     def corrections(self, trial: int | None = None) -> list[Correction]:
         """Return the corrections of all trials or of one, ordered by trial, oldest first."""
-        fields = ("trial_id", "corrected_utc", "field", "before", "after", "reason", "operator")
-        rows = self.rows(CORRECTION, "WHERE ?1 IS NULL OR trial_id = ?1 ORDER BY trial_id, id", trial)
-        return [Correction(*(row[field] for field in fields)) for row in rows]
+        corrections = []
+        for row in self.rows(CORRECTION, "WHERE ?1 IS NULL OR trial_id = ?1 ORDER BY trial_id, id", trial):
+            del row["id"]
+            corrections.append(Correction(trial=row.pop("trial_id"), **row))
+        return corrections
 
     def media(self, trial: int | None = None) -> list[Media]:
         """Return photos and films of all trials or of one, by trial, in the order in which they were attached."""
         rows = self.rows(MEDIA, "WHERE ?1 IS NULL OR trial_id = ?1 ORDER BY trial_id, added_utc, file", trial)
-        return [Media(row["trial_id"], row["kind"], row["file"], row["sha256"]) for row in rows]
+        return [Media(trial=row["trial_id"], kind=row["kind"], file=row["file"], sha256=row["sha256"]) for row in rows]
 
     def trial_drive(self, number: int) -> TrialDrive | None:
-        """Return what a trial drove with, and where; None if there is no such trial, or one of the texts is unknown."""
+        """Return a trial's body, settings and scene; None if there is no such trial, or one of them is unknown."""
         for trial in self.rows(TRIAL, "WHERE id = ?", number):
-            texts = []
-            for table in (BY_NAME["body"], BY_NAME["settings"], BY_NAME["scene"]):
-                for row in self.rows(table, "WHERE id = ?", trial[f"{table.name}_id"]):
-                    texts.append(row["json"])
-            return TrialDrive(*texts) if len(texts) == 3 else None
+            texts = {}
+            for name in ("body", "settings", "scene"):
+                for row in self.rows(BY_NAME[name], "WHERE id = ?", trial[f"{name}_id"]):
+                    texts[name] = row["json"]
+            if texts.keys() == {"body", "settings", "scene"}:
+                return TrialDrive(**texts)
         return None
 
     def rows(self, table: Table, rest: str = "", *values: Any) -> Iterator[Row]:
@@ -244,13 +265,16 @@ class Store:
         return read_row(self.path, self._connection, table, **key)
 
     def failures(self, experiments: Sequence[str]) -> list[tuple[str, int]]:
-        """Return the messages of failed runs with their counts, most frequent first; sample numbers become "…"."""
+        """Return the messages of failed runs with their counts, most frequent first.
+
+        The number of a sample in a message is replaced by "…", so that messages of different samples count together.
+        """
+        query = f"SELECT r.message, count(*) {RESULT_JOIN} AND e.id = ? AND r.outcome = 'failed' GROUP BY 1"
         counts: Counter[str] = Counter()
         for name in experiments:
-            for message, count in self._rows(
-                f"SELECT r.message, count(*) {RESULT_JOIN} AND e.id = ? AND r.outcome = 'failed' GROUP BY 1", name
-            ):
-                counts[re.sub(r"\bsample \d+", "sample …", message or "no message")] += count
+            for message, count in self._rows(query, name):
+                message_without_sample = re.sub(r"\bsample \d+", "sample …", message or "no message")
+                counts[message_without_sample] += count
         return counts.most_common()
 
     def design_counts(self, experiment: str) -> DesignCounts:
@@ -265,8 +289,8 @@ class Store:
         """Return the names of all design parameters in the store (``width_mm``, …), in order of appearance."""
         columns: dict[str, None] = {}
         for name in self.experiment_ids(None):
-            for design in self.rows(DESIGN, "WHERE experiment = ? AND position = 0", name):
-                columns.update(dict.fromkeys(json.loads(design["parameters"])))
+            for first_design in self.rows(DESIGN, "WHERE experiment = ? AND position = 0", name):
+                columns.update(dict.fromkeys(json.loads(first_design["parameters"])))
         return list(columns)
 
     def holds_recorded(self) -> bool:
@@ -274,74 +298,79 @@ class Store:
         return next(self._rows("SELECT 1 FROM recorded LIMIT 1"), None) is not None
 
     def recorded_types(self) -> dict[str, set[str]]:
-        """Return the names of all recorded values in results, in alphabetical order, with their types.
+        """Return the types of the values that Scenic programs recorded in runs, by the value's name, in name order.
 
-        A type is ``series`` or SQLite's name for that of a JSON value: ``integer``, ``real``, ``text``,
-        ``true``, ``false``, ``null``, ``array``, ``object``.
+        A type is ``series``, or what SQLite calls the type of a JSON value: ``integer``, ``real``, ``text``,
+        ``true``, ``false``, ``null``, ``array``, ``object``. A value may have another type in each run.
         """
-        types: dict[str, set[str]] = {}
-        for name, kind in self._rows(
+        query = (
             "SELECT DISTINCT v.name, CASE v.kind WHEN 'series' THEN 'series' ELSE json_type(v.value) END "
             "FROM result JOIN recorded v USING (build_id, body_id, scene_id, settings_id, variation_id) "
             "ORDER BY 1"
-        ):
-            types.setdefault(name, set()).add(kind)
-        return types
+        )
+        types_by_name: dict[str, set[str]] = {}
+        for name, type_name in self._rows(query):
+            types_by_name.setdefault(name, set()).add(type_name)
+        return types_by_name
 
     def _results(self, name: str) -> Iterator[Result]:
         """Yield the results of an experiment's runs with their recorded values."""
         experiment = self._experiment(name)
         designs = self.designs(name)
         with_recorded = self.holds_recorded()
-        for design, sample, run in self.run_rows(name):
-            if design not in designs:
-                raise StoreError(f"{self.path}: design (experiment={name}, position={design}) is missing")
+        for position, sample, run in self.run_rows(name):
+            if position not in designs:
+                raise StoreError(f"{self.path}: design (experiment={name}, position={position}) is missing")
+            recorded = {}
+            if with_recorded:
+                for row in self.recorded_rows(run):
+                    recorded[row["name"]] = Recorded(row["kind"], json.loads(row["value"]))
             yield Result(
-                name,
-                experiment["vehicle"],
-                experiment["environment"],
-                sample,
-                run["outcome"],
-                {metric: run[metric] for metric in NUMBERS},
-                run["message"],
-                designs[design],
-                {
-                    row["name"]: Recorded(row["kind"], json.loads(row["value"]))
-                    for row in (self.recorded_rows(run) if with_recorded else ())
-                },
+                experiment=name,
+                vehicle=experiment["vehicle"],
+                environment=experiment["environment"],
+                sample=sample,
+                outcome=run["outcome"],
+                metrics={metric: run[metric] for metric in NUMBERS},
+                message=run["message"],
+                design=designs[position],
+                recorded=recorded,
             )
 
     def _experiment(self, name: str) -> Row:
+        """Return the row of an experiment. Raises StoreError if it does not exist."""
         return self.row(EXPERIMENT, id=name)
 
     def recorded_rows(self, run: Row) -> Iterator[Row]:
         """Yield the values recorded in a run, ordered by name."""
-        where = " AND ".join(f"{column} = ?" for column in RUN.key)
-        return self.rows(RECORDED, f"WHERE {where} ORDER BY name", *(run[column] for column in RUN.key))
+        has_key_of_run = " AND ".join(f"{column} = ?" for column in RUN.key)
+        return self.rows(RECORDED, f"WHERE {has_key_of_run} ORDER BY name", *(run[column] for column in RUN.key))
 
     def _experiments(self) -> Iterator[ExperimentInfo]:
         """Yield the swept experiments with their counts."""
-        builds = {row["id"]: row["name"] for row in self.rows(BY_NAME["build"])}
+        build_names = {row["id"]: row["name"] for row in self.rows(BY_NAME["build"])}
         for row in self.rows(EXPERIMENT, "ORDER BY position"):
-            counts, facts = self.design_counts(row["id"]), self._facts(row)
+            counts = self.design_counts(row["id"])
+            facts = self._facts(row)
             until, decided = _stopping_rule(facts.pop("until", None), counts)
-            planned = facts.pop("ended_runs", None)
-            # None: the sweep has not ended.
-            if planned is None:
-                # Decided designs, and designs of a search, get no more runs.
-                closed = [is_decided or facts.get("searched") for is_decided in decided]
-                planned = sum(
-                    runs if is_closed else row["environments"]
-                    for runs, is_closed in zip(counts.runs, closed, strict=True)
-                )
-            # Only the next sweep uses this fact.
+            # A sweep that has ended stores how many runs it has, and no more are planned.
+            planned_runs = facts.pop("ended_runs", None)
+            if planned_runs is None:
+                planned_runs = 0
+                for stored_runs, is_decided in zip(counts.runs, decided, strict=True):
+                    # Decided designs, and designs of a search, get no more runs.
+                    is_complete = is_decided or facts.get("searched")
+                    planned_runs += stored_runs if is_complete else row["environments"]
             facts.pop("files", None)
-            if row["build_id"] not in builds:
+            if row["build_id"] not in build_names:
                 raise StoreError(f"{self.path}: build (id={row['build_id']}) is missing")
             yield ExperimentInfo(
-                **{name: row[name] for name in ("id", "vehicle", "environment", "environments")},
-                carsim_build=builds[row["build_id"]],
-                planned_runs=planned,
+                id=row["id"],
+                vehicle=row["vehicle"],
+                environment=row["environment"],
+                environments=row["environments"],
+                carsim_build=build_names[row["build_id"]],
+                planned_runs=planned_runs,
                 stored_runs=sum(counts.runs),
                 until=until,
                 designs=len(decided),
@@ -350,15 +379,17 @@ class Store:
             )
 
     def _facts(self, experiment: Row) -> Any:
+        """Return the facts of an experiment's row: the fields of ExperimentInfo that have no column."""
         return json.loads(experiment["facts"])
 
     def _rows(self, query: str, *values: Any) -> Iterator[Any]:
+        """Yield the rows of an SQL query as tuples."""
         with store_errors(self.path):
             yield from self._connection.execute(query, values)
 
 
 def _stopping_rule(facts: Mapping[str, Any] | None, counts: DesignCounts) -> "tuple[StoppingRule | None, list[bool]]":
-    """Return a sweep's stopping rule, or None, and for each design whether the rule has decided it."""
+    """Return a sweep's stopping rule, None without ``facts``, and for each design whether the rule has decided it."""
     if facts is None:
         return None, [False] * len(counts.runs)
     from foldcar.statistics.stopping import StoppingRule

@@ -5,10 +5,10 @@ scenes and realities. Runs of other builds, designs, scenes or priors stay in th
 """
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -18,7 +18,8 @@ from foldcar.store.tables import DESIGN, EXPERIMENT, REALITY_RUN, SAMPLE, SPREAD
 
 FloatArray = np.ndarray[Any, np.dtype[np.float64]]
 IntArray = np.ndarray[Any, np.dtype[np.intp]]
-# Of each BLOCK of numbers, the first CHECK runs share a reality and a design, and differ in scene, car and start.
+# The runs are numbered, and each BLOCK of numbers begins with CHECK runs that share a reality and a design, and differ in
+# scene, car and start. They show how well a success rate that was learned from single runs holds.
 BLOCK, CHECK = 100, 20
 
 
@@ -33,11 +34,12 @@ class ReadableStore(Protocol):
 
 @dataclass(frozen=True)
 class RealityRuns:
-    """Runs of one experiment in realities of their own, in ascending order of their numbers.
+    """Runs of one experiment, each in a random reality, in ascending order of their numbers.
 
-    ``scores`` (n, parameters) are the realities' parameters in the order of belief/priors.py. ``design`` (n,) is the
-    index of the design in the experiment's order, ``sample`` (n,) the scene's sample. ``passed`` (n,) is 1 if the run
-    passed, 0 if not, NaN if its simulation failed. ``number`` (n,) is the run's number.
+    A reality is a set of values of the simulator's parameters, such as friction, that could be true. ``scores`` (runs,
+    parameters) are these values as scores, in the order of belief/priors.py. The other arrays have one entry for each
+    run: ``design`` is the index of the design in the experiment's order, ``sample`` the scene's sample. ``passed`` is 1
+    if the run passed, 0 if not, NaN if its simulation failed. ``number`` is the run's number, from 0.
     """
 
     scores: FloatArray
@@ -50,17 +52,22 @@ class RealityRuns:
         return len(self.passed)
 
     def taken(self, chosen: np.ndarray[Any, Any]) -> "RealityRuns":
-        """Return the runs that a mask or indices choose."""
-        arrays = (self.scores, self.design, self.sample, self.passed, self.number)
-        return RealityRuns(*(array[chosen] for array in arrays))
+        """Return only the ``chosen`` runs: a boolean mask over the runs, or their indices."""
+        return RealityRuns(
+            scores=self.scores[chosen],
+            design=self.design[chosen],
+            sample=self.sample[chosen],
+            passed=self.passed[chosen],
+            number=self.number[chosen],
+        )
 
 
 @dataclass(frozen=True)
 class RealityKeys:
-    """The ids of an experiment's runs in other realities.
+    """The ids by which an experiment's runs in other realities are found in the store.
 
-    ``planned`` is their number. ``designs`` are the ids (body, settings) of the designs in their order. ``scenes`` has
-    the scene's id by sample.
+    ``planned`` is how many runs the last sweep planned. ``designs`` are the ids (body, settings) of the designs, in the
+    experiment's order. ``scenes`` maps samples to the ids of their scenes.
     """
 
     planned: int
@@ -74,57 +81,85 @@ def reality_keys(store: ReadableStore, experiment: str) -> RealityKeys | None:
     """Return the ids of an experiment's runs in other realities; None if its last sweep planned no such runs."""
     for row in store.rows(EXPERIMENT, "WHERE id = ?", experiment):
         facts = json.loads(row["facts"])
+        # If no such runs are planned, the experiment has no fingerprint, and no row is found.
         for spread_row in store.rows(SPREAD, "WHERE fingerprint = ?", facts.get("reality_spread")):
             designs = store.rows(DESIGN, "WHERE experiment = ? ORDER BY position", experiment)
-            of_environment = "WHERE environment_id = ? AND sample < ? ORDER BY sample"
-            samples = store.rows(SAMPLE, of_environment, row["environment_id"], row["environments"])
+            samples = store.rows(
+                SAMPLE,
+                "WHERE environment_id = ? AND sample < ? ORDER BY sample",
+                row["environment_id"],
+                row["environments"],
+            )
             return RealityKeys(
-                facts.get("realities", 0),
-                row["build_id"],
-                spread_row["id"],
-                [(design["body_id"], design["settings_id"]) for design in designs],
-                {sample["sample"]: sample["scene_id"] for sample in samples},
+                planned=facts.get("realities", 0),
+                build_id=row["build_id"],
+                spread_id=spread_row["id"],
+                designs=[(design["body_id"], design["settings_id"]) for design in designs],
+                scenes={sample["sample"]: sample["scene_id"] for sample in samples},
             )
     return None
 
 
-def read_reality_runs(store: ReadableStore, experiment: str) -> RealityRuns:
-    """Return the stored runs of ``experiment`` in other realities, without runs if there are none. Raises StoreError.
+class _StoredRun(NamedTuple):
+    """One of the RealityRuns. They are sorted by ``number``, the first field."""
 
-    If an earlier sweep made more runs than the last one planned, these are not read.
+    number: int
+    sample: int
+    design: int
+    scores: list[float]
+    passed: float
+
+
+def read_reality_runs(store: ReadableStore, experiment: str) -> RealityRuns:
+    """Return the stored runs of ``experiment`` in other realities; empty arrays if there are none. Raises StoreError.
+
+    If an earlier sweep made more runs than the last one planned, the additional runs are left out.
 
     Example: ``read_reality_runs(store, "1").passed.mean()``
     """
     keys = reality_keys(store, experiment)
-    found: list[tuple[int, int, int, list[float], float]] = []
-    if keys is not None:
-        # Designs may have equal bodies, and samples equal scenes.
-        positions: dict[tuple[int, int], list[int]] = {}
-        for position, design in enumerate(keys.designs):
-            positions.setdefault(design, []).append(position)
-        samples = {scene: sample for sample, scene in reversed(keys.scenes.items())}
-        planned = "WHERE build_id = ? AND spread_id = ? AND number < ?"
-        for row in store.rows(REALITY_RUN, planned, keys.build_id, keys.spread_id, keys.planned):
-            equal_designs = positions.get((row["body_id"], row["settings_id"]))
-            if equal_designs is not None and row["scene_id"] in samples:
-                number, passed = row["number"], row["passed"]
-                # The same for all runs of a block, because some of them share a design.
-                design = equal_designs[number // BLOCK % len(equal_designs)]
-                scores = json.loads(row["scores"])
-                found.append((number, samples[row["scene_id"]], design, scores, np.nan if passed is None else passed))
-    found.sort()
-    if len({len(scores) for _, _, _, scores, _ in found}) > 1:
+    runs = [] if keys is None else sorted(_stored_runs(store, keys))
+    if len({len(run.scores) for run in runs}) > 1:
         raise StoreError(f"{store.path}: reality_run is damaged: its rows have different numbers of scores")
+    parameter_count = len(runs[0].scores) if runs else 0
     return RealityRuns(
-        scores=np.array([scores for _, _, _, scores, _ in found], dtype=float).reshape(len(found), -1 if found else 0),
-        design=np.array([design for _, _, design, _, _ in found], dtype=np.intp),
-        sample=np.array([sample for _, sample, _, _, _ in found], dtype=np.intp),
-        passed=np.array([passed for _, _, _, _, passed in found], dtype=float),
-        number=np.array([number for number, _, _, _, _ in found], dtype=np.intp),
+        scores=np.array([run.scores for run in runs], dtype=float).reshape(len(runs), parameter_count),
+        design=np.array([run.design for run in runs], dtype=np.intp),
+        sample=np.array([run.sample for run in runs], dtype=np.intp),
+        passed=np.array([run.passed for run in runs], dtype=float),
+        number=np.array([run.number for run in runs], dtype=np.intp),
     )
 
 
+def _stored_runs(store: ReadableStore, keys: RealityKeys) -> Iterator[_StoredRun]:
+    """Yield the stored runs of an experiment in other realities, in the order of the table's rows."""
+    # Several designs may have equal bodies and settings. Their runs have equal ids.
+    indices_by_ids: dict[tuple[int, int], list[int]] = {}
+    for design_index, ids in enumerate(keys.designs):
+        indices_by_ids.setdefault(ids, []).append(design_index)
+    # Several samples may have equal scenes. Their runs belong to the first of them.
+    sample_by_scene: dict[int, int] = {}
+    for sample, scene_id in keys.scenes.items():
+        sample_by_scene.setdefault(scene_id, sample)
+    where = "WHERE build_id = ? AND spread_id = ? AND number < ?"
+    for row in store.rows(REALITY_RUN, where, keys.build_id, keys.spread_id, keys.planned):
+        equal_designs = indices_by_ids.get((row["body_id"], row["settings_id"]))
+        sample_of_run = sample_by_scene.get(row["scene_id"])
+        if equal_designs is None or sample_of_run is None:
+            # The run belongs to a design or scene that the experiment no longer has.
+            continue
+        # Equal designs share the runs: each gets whole blocks, because some runs of a block must share a design.
+        block = row["number"] // BLOCK
+        yield _StoredRun(
+            number=row["number"],
+            sample=sample_of_run,
+            design=equal_designs[block % len(equal_designs)],
+            scores=json.loads(row["scores"]),
+            passed=np.nan if row["passed"] is None else row["passed"],
+        )
+
+
 def stored_keys(store: ReadableStore, keys: RealityKeys) -> set[tuple[int, int, int, int]]:
-    """Return number and ids (number, body, settings, scene) of the stored runs with that build and these realities."""
+    """Return (number, body id, settings id, scene id) of each stored run with the build and the spread of ``keys``."""
     rows = store.rows(REALITY_RUN, "WHERE build_id = ? AND spread_id = ?", keys.build_id, keys.spread_id)
     return {(row["number"], row["body_id"], row["settings_id"], row["scene_id"]) for row in rows}

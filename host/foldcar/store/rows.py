@@ -12,16 +12,17 @@ from foldcar.store.tables import Table
 
 Row = dict[str, Any]
 
-# Columns with names, by table.
+# By table, the columns of names that foldcar prints in sentences.
 PRINTED = {"experiment": ("id", "vehicle", "environment")}
-# Tables of texts whose hash can be verified; of a variation, a part of the hashed text is not stored.
+# Tables of JSON texts whose hash can be verified. The hash of a variation includes a text that is not stored.
 HASHED = ("body", "settings", "scene")
 SAMPLES_OF_SCENE = "SELECT fingerprint, sample FROM sample JOIN environment ON id = environment_id WHERE scene_id = ?"
 
 
 def key_text(table: Table, row: Mapping[str, Any]) -> str:
     """Return a row's name in messages: ``run (build_id=1, body_id=7, …)``."""
-    return shown_line(f"{table.name} ({', '.join(f'{name}={row.get(name)}' for name in table.key)})")
+    key = ", ".join(f"{column}={row.get(column)}" for column in table.key)
+    return shown_line(f"{table.name} ({key})")
 
 
 def insert_sql(table: Table, otherwise: str = "") -> str:
@@ -29,13 +30,15 @@ def insert_sql(table: Table, otherwise: str = "") -> str:
 
     ``otherwise`` says what happens if the key exists: ``OR IGNORE``, ``OR REPLACE``, or "" for an error.
     """
-    return f"INSERT {otherwise} INTO {table.name} VALUES ({', '.join('?' * len(table.names))})"
+    placeholders = ", ".join("?" for _ in table.names)
+    return f"INSERT {otherwise} INTO {table.name} VALUES ({placeholders})"
 
 
 def read_rows(path: Path, connection: Connection, table: Table, rest: str = "", *values: Any) -> Iterator[Row]:
     """Yield rows of a table; ``rest`` is SQL from WHERE on. Raises StoreError if a row is damaged."""
+    columns = ", ".join(table.names)
     with store_errors(path):
-        for cells in connection.execute(f"SELECT {', '.join(table.names)} FROM {table.name} {rest}", values):
+        for cells in connection.execute(f"SELECT {columns} FROM {table.name} {rest}", values):
             row = dict(zip(table.names, cells, strict=True))
             _check_row(path, connection, table, row)
             yield row
@@ -43,37 +46,42 @@ def read_rows(path: Path, connection: Connection, table: Table, rest: str = "", 
 
 def read_row(path: Path, connection: Connection, table: Table, **key: Any) -> Row:
     """Return the row whose columns have the values of ``key``. Raises StoreError if it is missing."""
-    where = " AND ".join(f"{name} = ?" for name in key)
-    for row in read_rows(path, connection, table, f"WHERE {where}", *key.values()):
+    has_key = " AND ".join(f"{column} = ?" for column in key)
+    for row in read_rows(path, connection, table, f"WHERE {has_key}", *key.values()):
         return row
-    raise StoreError(f"{path}: {table.name} ({', '.join(f'{name}={value}' for name, value in key.items())}) is missing")
+    shown_key = ", ".join(f"{column}={value}" for column, value in key.items())
+    raise StoreError(f"{path}: {table.name} ({shown_key}) is missing")
 
 
 def _check_row(path: Path, connection: Connection, table: Table, row: Row) -> None:
     """Raise StoreError if a JSON text of the row does not have its hash, or not the shape that foldcar writes."""
-    damage = None
     if table.name in HASHED:
         if not _has_hash(connection, table, row):
-            damage = "its json does not match its hash"
+            raise StoreError(f"{path}: {key_text(table, row)} is damaged: its json does not match its hash")
     elif table.json_columns:
+        # Imported here, because pydantic takes time to import.
         from foldcar.store.shapes import has_shape
 
         # A required value is never None: SQLite has checked that.
-        present = [column for column in table.json_columns if row[column] is not None]
-        damaged = [column for column in present if not has_shape(table, column, row[column])]
+        texts = {column: row[column] for column in table.json_columns if row[column] is not None}
+        damaged_columns = [column for column, text in texts.items() if not has_shape(table, column, text)]
         # Names are printed in sentences, whose lines they must not break.
-        damaged += [name for name in PRINTED.get(table.name, ()) if breaks_line(row[name])]
-        damage = f"foldcar does not write such a value of {damaged[0]}" if damaged else None
-    if damage is not None:
-        raise StoreError(f"{path}: {key_text(table, row)} is damaged: {damage}")
+        damaged_columns += [column for column in PRINTED.get(table.name, ()) if breaks_line(row[column])]
+        if damaged_columns:
+            damage = f"foldcar does not write such a value of {damaged_columns[0]}"
+            raise StoreError(f"{path}: {key_text(table, row)} is damaged: {damage}")
 
 
 def _has_hash(connection: Connection, table: Table, row: Row) -> bool:
-    """Return whether a row's hash matches its JSON text, or for a scene its text and identity."""
+    """Return whether a row's hash is that of its JSON text; that of a scene may include its sample's identity."""
     if row["hash"] == text_hash(row["json"]):
         return True
-    samples = connection.execute(SAMPLES_OF_SCENE, (row["id"],)) if table.name == "scene" else ()
-    return any(row["hash"] == text_hash(row["json"], scene_identity(*sample)) for sample in samples)
+    if table.name != "scene":
+        return False
+    for fingerprint, sample in connection.execute(SAMPLES_OF_SCENE, (row["id"],)):
+        if row["hash"] == text_hash(row["json"], scene_identity(fingerprint, sample)):
+            return True
+    return False
 
 
 def text_hash(text: str, identity: str = "") -> str:
@@ -82,5 +90,9 @@ def text_hash(text: str, identity: str = "") -> str:
 
 
 def scene_identity(fingerprint: str, sample: int) -> str:
-    """Return what distinguishes samples with equal scenes if the program runs beside the simulation."""
+    """Return the identity of a sample's scene, a text that is different for each sample of each environment.
+
+    If the Scenic program runs beside the simulation, samples with equal scenes may go differently. With this identity in
+    their hashes, their scenes are stored separately.
+    """
     return f"{fingerprint}/{sample}"

@@ -12,10 +12,10 @@ from foldcar.store.reader import RUN_CELLS, Store
 
 @dataclass(frozen=True)
 class RunArrays:
-    """The runs of one experiment, ordered by design and sample, as arrays (runs,).
+    """The runs of one experiment as arrays with one entry for each run, ordered by design and sample.
 
-    ``design`` is the index among the store's designs, ``outcome`` the index in OUTCOMES. ``metrics`` (runs, metrics) are
-    in the order of NUMBERS, NaN if unknown.
+    ``design`` is the index of the run's design in the experiment's order, ``outcome`` the index in OUTCOMES. ``metrics``
+    (runs, metrics) has a column for each of NUMBERS; unknown ones are NaN.
     """
 
     design: NDArray[np.int64]
@@ -26,8 +26,13 @@ class RunArrays:
     @property
     def counted(self) -> "RunArrays":
         """The runs that were not rejected."""
-        kept = self.outcome != OUTCOMES.index(REJECTED)
-        return RunArrays(self.design[kept], self.sample[kept], self.outcome[kept], self.metrics[kept])
+        is_counted = self.outcome != OUTCOMES.index(REJECTED)
+        return RunArrays(
+            design=self.design[is_counted],
+            sample=self.sample[is_counted],
+            outcome=self.outcome[is_counted],
+            metrics=self.metrics[is_counted],
+        )
 
 
 def run_arrays(store: Store, experiment: str) -> RunArrays:
@@ -37,21 +42,32 @@ def run_arrays(store: Store, experiment: str) -> RunArrays:
 
 def _read_runs(store: Store, name: str) -> RunArrays:
     """Read an experiment's runs into arrays. Raises StoreError if a design is missing."""
-    codes = {outcome: code for code, outcome in enumerate(OUTCOMES)}
-    # Places in a row of RUN_CELLS.
-    metric_columns = [RUN_CELLS.index(metric) for metric in NUMBERS]
-    outcome_column = RUN_CELLS.index("outcome")
-    # The empty first arrays give an experiment without runs the right shapes.
-    keys, outcomes, metrics = [np.empty((0, 2), np.int64)], [np.empty(0, np.uint8)], [np.empty((0, len(NUMBERS)))]
-    for positions_and_samples, cells in store.run_batches(name):
-        columns = list(zip(*cells, strict=True))
-        keys.append(np.array(positions_and_samples, dtype=np.int64))
-        outcomes.append(np.fromiter(map(codes.__getitem__, columns[outcome_column]), np.uint8, len(cells)))
-        # (runs, metrics); None becomes NaN.
-        metrics.append(np.array([columns[metric] for metric in metric_columns], dtype=np.float64).T)
-    position, sample = np.concatenate(keys).T
-    positions = np.array(list(store.designs(name)), dtype=np.int64)
-    design = np.searchsorted(positions, position)
-    if len(position) and (design.max() >= len(positions) or (positions[design] != position).any()):
-        raise StoreError(f"{store.path}: experiment {name} has runs of a design that is missing")
-    return RunArrays(design, sample, np.concatenate(outcomes), np.concatenate(metrics))
+    index_of_outcome = {outcome: index for index, outcome in enumerate(OUTCOMES)}
+    # Each list has an array for each batch of runs. The empty first arrays give an experiment without runs the right
+    # shapes.
+    positions_and_samples = [np.empty((0, 2), np.int64)]
+    outcomes = [np.empty(0, np.uint8)]
+    metrics = [np.empty((0, len(NUMBERS)))]
+    for batch_positions_and_samples, cells_of_runs in store.run_batches(name):
+        # The values of all runs of the batch, by column of the table of runs.
+        values_by_column = dict(zip(RUN_CELLS, zip(*cells_of_runs, strict=True), strict=True))
+        positions_and_samples.append(np.array(batch_positions_and_samples, dtype=np.int64))
+        batch_outcomes = (index_of_outcome[outcome] for outcome in values_by_column["outcome"])
+        outcomes.append(np.fromiter(batch_outcomes, np.uint8, len(cells_of_runs)))
+        # As numbers, None becomes NaN.
+        batch_metrics = np.array([values_by_column[metric] for metric in NUMBERS], dtype=np.float64)
+        metrics.append(batch_metrics.T)
+    position_of_run, sample_of_run = np.concatenate(positions_and_samples).T
+    # A design's position in its family is its index, unless designs are missing from a damaged store.
+    design_positions = np.array(list(store.designs(name)), dtype=np.int64)
+    design_of_run = np.searchsorted(design_positions, position_of_run)
+    if len(position_of_run):
+        is_beyond_last = design_of_run.max() >= len(design_positions)
+        if is_beyond_last or (design_positions[design_of_run] != position_of_run).any():
+            raise StoreError(f"{store.path}: experiment {name} has runs of a design that is missing")
+    return RunArrays(
+        design=design_of_run,
+        sample=sample_of_run,
+        outcome=np.concatenate(outcomes),
+        metrics=np.concatenate(metrics),
+    )

@@ -13,11 +13,11 @@ from typing_extensions import NotRequired, TypedDict
 from foldcar.shown_text import one_line
 from foldcar.store.tables import DESIGN, EXPERIMENT, LIMITS, REALITY_RUN, RECORDED, SAMPLE, TRIAL, Table
 
-# Printed in sentences, whose lines it must not break.
+# A text that is printed in sentences, whose lines it must not break.
 Line = Annotated[str, AfterValidator(one_line)]
 Number = Annotated[float, Field(ge=LIMITS["REAL"][0], le=LIMITS["REAL"][1])]
 Numbers = dict[str, Number]
-# Numbers are parameters, strings are names of parts.
+# The parameters of a design: numbers, and names of parts such as motors.
 Parameters = dict[str, Number | str]
 
 

@@ -16,9 +16,10 @@ from foldcar.store.tables import BY_NAME, DESIGN, EXPERIMENT
 class StoredDrives:
     """The inputs of an experiment's runs, as ids of the store's texts.
 
-    ``bodies`` and ``settings`` are lists by design, like ``parameters`` and ``positions``; ``scenes`` and ``variations``
-    map samples, in ascending order, to ids. ``dynamic`` is whether the program runs beside the simulation, None if that
-    is unknown.
+    ``parameters``, ``positions``, ``bodies`` and ``settings`` are lists with one entry for each design, in the
+    experiment's order; the last two are ids. ``scenes`` and ``variations`` map samples, in ascending order, to ids. A
+    variation is how the built cars of a sample differ from their designs. ``dynamic`` is whether the Scenic program runs
+    beside the simulation, None if that is unknown.
     """
 
     store: Store
@@ -36,37 +37,44 @@ class StoredDrives:
         return str(self.store.row(BY_NAME[table], id=row_id)["json"])
 
     def value(self, table: str, row_id: int) -> dict[str, Any]:
-        """Return the parsed JSON object of a text."""
+        """Return the JSON object that :meth:`text` returns as a text."""
         result: dict[str, Any] = json.loads(self.text(table, row_id))
         return result
 
     @cached_property
     def varied(self) -> bool:
         """Whether any car differs from its design."""
-        return any(self.value("variation", variation) for variation in set(self.variations.values()))
+        # The variation of a car that does not differ from its design is {}.
+        return any(self.value("variation", variation_id) for variation_id in set(self.variations.values()))
 
 
 def read_drives(store: Store, experiment: str) -> StoredDrives:
     """Return the inputs of the runs of ``experiment``, read once from an open store. Raises StoreError."""
-    return store.once(("drives", experiment), lambda: _read(store, experiment))
+    return store.once(("drives", experiment), lambda: _read_drives(store, experiment))
 
 
-def _read(store: Store, experiment: str) -> StoredDrives:
+def _read_drives(store: Store, experiment: str) -> StoredDrives:
+    """Read the inputs of the runs of ``experiment`` from the tables."""
     row = store.row(EXPERIMENT, id=experiment)
     designs = list(store.rows(DESIGN, "WHERE experiment = ? ORDER BY position", experiment))
-    dynamic = store.row(BY_NAME["environment"], id=row["environment_id"])["dynamic"]
-    sampled = "WHERE environment_id = ? AND sample < ? ORDER BY sample"
-    samples = store.rows(BY_NAME["sample"], sampled, row["environment_id"], row["environments"])
+    environment = store.row(BY_NAME["environment"], id=row["environment_id"])
+    # None: no sweep has determined yet whether the program runs beside the simulation.
+    dynamic = None if environment["dynamic"] is None else bool(environment["dynamic"])
+    samples = store.rows(
+        BY_NAME["sample"],
+        "WHERE environment_id = ? AND sample < ? ORDER BY sample",
+        row["environment_id"],
+        row["environments"],
+    )
     draws = store.rows(BY_NAME["draw"], "WHERE spread_id = ?", row["spread_id"])
     return StoredDrives(
-        store,
-        experiment,
-        [json.loads(design["parameters"]) for design in designs],
-        [design["position"] for design in designs],
-        [design["body_id"] for design in designs],
-        [design["settings_id"] for design in designs],
-        {sample["sample"]: sample["scene_id"] for sample in samples},
-        {draw["sample"]: draw["variation_id"] for draw in draws},
-        # None: no sweep has determined yet whether the program runs beside the simulation.
-        None if dynamic is None else bool(dynamic),
+        store=store,
+        experiment=experiment,
+        parameters=[json.loads(design["parameters"]) for design in designs],
+        positions=[design["position"] for design in designs],
+        bodies=[design["body_id"] for design in designs],
+        settings=[design["settings_id"] for design in designs],
+        scenes={sample["sample"]: sample["scene_id"] for sample in samples},
+        variations={draw["sample"]: draw["variation_id"] for draw in draws},
+        dynamic=dynamic,
     )

@@ -54,9 +54,10 @@ class Column:
 
 @dataclass(frozen=True)
 class Table:
-    """A table: ``key`` names the columns that identify a row, ``unique`` one more column that does.
+    """A table of the store. ``key`` names the columns that together identify a row.
 
-    ``order`` lists the key's columns in the order in which rows stand in the file; by default that of ``key``.
+    ``unique`` names a column, not in the key, that also identifies a row; None if there is no such column. ``order``
+    lists the key's columns in the order in which SQLite sorts the rows in the file; () means the order of ``key``.
     """
 
     name: str
@@ -88,6 +89,7 @@ class Table:
 
 
 def _text_table(name: str, meaning: str) -> Table:
+    """Return a table of JSON texts, each of which is stored once and found by its hash."""
     columns = (
         Column("id", "INTEGER", "number"),
         Column("hash", "TEXT", "SHA-256 of the JSON text and of what else tells it from an equal one"),
@@ -96,8 +98,13 @@ def _text_table(name: str, meaning: str) -> Table:
     return Table(name, meaning, columns, unique="hash")
 
 
-def _fingerprints(name: str, meaning: str, *more: Column) -> Table:
-    columns = (Column("id", "INTEGER", "number"), Column("fingerprint", "TEXT", "hash of all that matters"), *more)
+def _fingerprint_table(name: str, meaning: str, *further_columns: Column) -> Table:
+    """Return a table whose rows are found by their fingerprint: a hash of everything that distinguishes them."""
+    columns = (
+        Column("id", "INTEGER", "number"),
+        Column("fingerprint", "TEXT", "hash of all that matters"),
+        *further_columns,
+    )
     return Table(name, meaning, columns, unique="fingerprint")
 
 
@@ -175,7 +182,7 @@ BUILD = Table(
     (Column("id", "INTEGER", "number"), Column("name", "TEXT", "what `carsim --version` calls it")),
     unique="name",
 )
-ENVIRONMENT = _fingerprints(
+ENVIRONMENT = _fingerprint_table(
     "environment",
     "an environment that scenes are sampled from",
     Column("dynamic", "INTEGER", "1 if its program runs beside the simulation, 0 if not, empty if unknown", null=True),
@@ -191,7 +198,7 @@ SAMPLE = Table(
     ),
     key=("environment_id", "sample"),
 )
-SPREAD = _fingerprints("spread", "a spread of built cars around their designs")
+SPREAD = _fingerprint_table("spread", "a spread of built cars around their designs")
 DRAW = Table(
     "draw",
     "which variation a sample of a spread is, the same for every design",
@@ -327,7 +334,8 @@ TABLES = (
 )
 BY_NAME = {table.name: table for table in TABLES}
 
-# The runs of experiments, by build, design and sample.
+# The SQL from FROM on that pairs each design and sample of an experiment with its run: e is the table of experiments,
+# d of designs, s of samples, w of draws, r of runs. A condition such as `AND e.id = ?` may follow.
 RESULT_JOIN = """FROM experiment e CROSS JOIN design d CROSS JOIN sample s CROSS JOIN draw w CROSS JOIN run r
     WHERE d.experiment = e.id AND s.environment_id = e.environment_id AND s.sample < e.environments
         AND w.spread_id = e.spread_id AND w.sample = s.sample
@@ -363,5 +371,7 @@ VIEWS = {"result": RESULT_VIEW, "trial_result": TRIAL_VIEW}
 
 def create_tables(connection: Connection) -> None:
     """Create the tables and the views of this version."""
-    for statement in (*(table.sql for table in TABLES), *VIEWS.values()):
-        connection.execute(statement)
+    for table in TABLES:
+        connection.execute(table.sql)
+    for view_sql in VIEWS.values():
+        connection.execute(view_sql)

@@ -27,14 +27,15 @@ from foldcar.store.tables import (
     create_tables,
 )
 
-# For each table to take, in the order of their references, the rows that belong to trials.
-_OF_TRIALS = {
+# The tables that are taken, each with the SQL condition for the rows that belong to trials. A table comes after those to
+# which it refers.
+_ROWS_OF_TRIALS = {
     "body": "id IN (SELECT body_id FROM trial)",
     "settings": "id IN (SELECT settings_id FROM trial)",
     "scene": "id IN (SELECT scene_id FROM trial UNION SELECT s.scene_id FROM sample s JOIN trial t "
     "ON t.environment_id = s.environment_id AND t.sample = s.sample)",
     ENVIRONMENT.name: "id IN (SELECT environment_id FROM trial)",
-    # By these, foldcar recognises an environment whose program was changed without changing its scenes.
+    # With its samples, foldcar recognises an environment whose program was changed without changing its scenes.
     SAMPLE.name: "(environment_id, sample) IN (SELECT environment_id, sample FROM trial)",
     TRIAL.name: "1",
     CORRECTION.name: "1",
@@ -45,7 +46,10 @@ _OF_TRIALS = {
 
 @dataclass(frozen=True)
 class TakenTrials:
-    """The numbers of the ``new`` trials in the store, and how many trials it had already."""
+    """What taking trials has changed: ``new`` are the numbers that the added trials have in the store.
+
+    ``known`` is how many trials of the other store it had already.
+    """
 
     new: list[int]
     known: int
@@ -54,33 +58,35 @@ class TakenTrials:
 def take_trials(store: Path, other: Path) -> TakenTrials:
     """Take the trials of the store ``other`` into ``store``, which is created if it does not exist.
 
-    A trial that both have is identified by its UUID; the copy that was corrected later is kept. Logs are copied. Raises
+    If both stores have a trial with the same UUID, the copy that was corrected later is kept. Logs are copied. Raises
     StoreError if ``other`` is not a store, is too old or too new, or contradicts ``store``; then nothing is taken.
     """
-    if store.exists() and store.samefile(other):
+    store_existed = store.exists()
+    if store_existed and store.samefile(other):
         raise StoreError(f"{store}: is the store itself; name another store")
-    copied: list[Path] = []
-    existed = store.exists()
+    # Deleted again if taking the trials fails.
+    new_files: list[Path] = [] if store_existed else [store]
     with contextlib.closing(connect_reading(other, OLDEST_TRIALS)) as source, _in_this_version(other, source) as trials:
         for missing in missing_references(trials):
             raise StoreError(f"{other}: {missing}")
-        (number,) = trials.execute("SELECT count(*) FROM trial").fetchone()
+        (trial_count,) = trials.execute("SELECT count(*) FROM trial").fetchone()
         try:
+            # FULL: the trials survive a power cut after this transaction.
             with writing(store, synchronous="FULL") as connection, store_errors(store), transaction(connection):
-                before = {uuid for (uuid,) in connection.execute("SELECT uuid FROM trial")}
+                uuids_before = {uuid for (uuid,) in connection.execute("SELECT uuid FROM trial")}
                 merge = Merge(connection, store)
-                merge.add(other, trials, [BY_NAME[name] for name in _OF_TRIALS])
+                merge.add(other, trials, [BY_NAME[name] for name in _ROWS_OF_TRIALS])
                 for log, target in merge.logs.items():
                     target.parent.mkdir(parents=True, exist_ok=True)
-                    copied.append(target)
+                    new_files.append(target)
                     shutil.copyfile(log, target)
-                rows = connection.execute("SELECT id, uuid FROM trial ORDER BY id").fetchall()
+                ids_and_uuids = connection.execute("SELECT id, uuid FROM trial ORDER BY id").fetchall()
         except BaseException:
-            for target in (*copied, *(() if existed else (store,))):
-                target.unlink(missing_ok=True)
+            for file in new_files:
+                file.unlink(missing_ok=True)
             raise
-    new = [trial for trial, uuid in rows if uuid not in before]
-    return TakenTrials(new, number - len(new))
+    new_trials = [trial_id for trial_id, uuid in ids_and_uuids if uuid not in uuids_before]
+    return TakenTrials(new=new_trials, known=trial_count - len(new_trials))
 
 
 @contextlib.contextmanager
@@ -88,12 +94,15 @@ def _in_this_version(path: Path, source: sqlite3.Connection) -> Iterator[sqlite3
     """Yield a database in memory with the trials of a store, in the tables of this version."""
     with contextlib.closing(sqlite3.connect(":memory:", isolation_level=None)) as trials, store_errors(path):
         create_tables(trials)
-        for name, where in _OF_TRIALS.items():
-            present = {column[1] for column in source.execute(f"PRAGMA table_info({name})")}
-            columns = ", ".join(column for column in BY_NAME[name].names if column in present)
-            if not columns:
-                raise StoreError(f"{path}: is damaged: {name} is missing")
-            marks = ", ".join("?" for _ in columns.split(", "))
-            rows = source.execute(f"SELECT {columns} FROM {name} WHERE {where}")
-            trials.executemany(f"INSERT INTO {name} ({columns}) VALUES ({marks})", rows)
+        for table, is_of_trials in _ROWS_OF_TRIALS.items():
+            # PRAGMA table_info returns a row for each column, with its name in the second place.
+            source_columns = {column[1] for column in source.execute(f"PRAGMA table_info({table})")}
+            # An earlier version may lack columns; they stay empty.
+            common_columns = [column for column in BY_NAME[table].names if column in source_columns]
+            if not common_columns:
+                raise StoreError(f"{path}: is damaged: {table} is missing")
+            column_list = ", ".join(common_columns)
+            placeholders = ", ".join("?" for _ in common_columns)
+            rows = source.execute(f"SELECT {column_list} FROM {table} WHERE {is_of_trials}")
+            trials.executemany(f"INSERT INTO {table} ({column_list}) VALUES ({placeholders})", rows)
         yield trials

@@ -21,6 +21,8 @@ from foldcar.store.trial_records import LONGEST_S, Trial
 Rows = NDArray[numpy.float64]
 # Interval between the points of a drawn path.
 INTERVAL_S = 0.05
+# The column of headings in the rows of a path.
+HEADING_COLUMN = 4
 
 
 @dataclass(frozen=True)
@@ -37,7 +39,10 @@ class TrialPath:
 
 
 def trial_path(store: Store, trial: Trial) -> TrialPath:
-    """Return a trial's path from its log, else its attitude, else why both are missing."""
+    """Return the path of a trial's car from the trial's log.
+
+    If the log has no positions, the attitude of the car is returned; if it has neither, the reason why both are missing.
+    """
     if trial.log is None:
         return TrialPath(missing="it has no log" if trial.source is None else "it was imported, without a log")
     try:
@@ -51,50 +56,58 @@ def trial_path(store: Store, trial: Trial) -> TrialPath:
     if start_s is None:
         return TrialPath(missing="its log has no running trial")
     rows = _reported_path(messages, start_s)
-    return _attitudes(messages, start_s) if rows is None else TrialPath(_resampled(rows))
+    if rows is None:
+        return _attitudes(messages, start_s)
+    return TrialPath(rows=_resampled(rows))
 
 
 def _reported_path(messages: list[Any], start_s: float) -> Rows | None:
-    """Return the true path that a simulated car reported, up to its outcome; None if a built car drove."""
-    rows = {}
+    """Return the rows of a :class:`TrialPath`: the path that a simulated car reported, up to its outcome.
+
+    Returns None if a built car drove, because it does not know its position.
+    """
+    pose_by_time = {}
     end_s = LONGEST_S
     for message in messages:
-        if message.get_type() == "FOLDCAR_TRUTH":
-            pose = (message.x, message.y, message.z, message.heading, message.pitch, message.roll)
-            time_s = message.time_usec / 1e6 - start_s
-            if all(map(math.isfinite, pose)) and 0 <= time_s <= end_s:
-                rows[time_s] = pose
-            if message.outcome and math.isfinite(message.outcome_time):
-                end_s = min(end_s, float(message.outcome_time))
-    path = [(time_s, *pose) for time_s, pose in sorted(rows.items()) if time_s <= end_s]
+        if message.get_type() != "FOLDCAR_TRUTH":
+            continue
+        pose = (message.x, message.y, message.z, message.heading, message.pitch, message.roll)
+        time_s = message.time_usec / 1e6 - start_s
+        # A damaged log may have any numbers.
+        if all(map(math.isfinite, pose)) and 0 <= time_s <= end_s:
+            pose_by_time[time_s] = pose
+        if message.outcome and math.isfinite(message.outcome_time):
+            end_s = min(end_s, float(message.outcome_time))
+    path = [(time_s, *pose) for time_s, pose in sorted(pose_by_time.items()) if time_s <= end_s]
     if len(path) < 2:
         return None
-    result = numpy.array(path)
-    # Headings are continuous, and may exceed π.
-    result[:, 4] = numpy.unwrap(result[:, 4])
-    return result
+    rows = numpy.array(path)
+    # Without jumps of 2π, so that headings can be interpolated; they may exceed π.
+    rows[:, HEADING_COLUMN] = numpy.unwrap(rows[:, HEADING_COLUMN])
+    return rows
 
 
 def _resampled(rows: Rows) -> Rows:
-    """Return the path, linearly interpolated, at times INTERVAL_S apart from 0 and at its end."""
-    last_s = float(rows[-1, 0])
-    times_s = numpy.append(numpy.arange(0, last_s - 1e-9, INTERVAL_S), last_s)
-    return numpy.column_stack([times_s, *(numpy.interp(times_s, rows[:, 0], column) for column in rows[:, 1:].T)])
+    """Return the path, linearly interpolated, every INTERVAL_S from 0 s on, and at its end."""
+    row_times_s = rows[:, 0]
+    end_s = float(row_times_s[-1])
+    # A nanosecond less, so that the end does not appear twice after rounding.
+    times_s = numpy.append(numpy.arange(0, end_s - 1e-9, INTERVAL_S), end_s)
+    columns = [numpy.interp(times_s, row_times_s, column) for column in rows[:, 1:].T]
+    return numpy.column_stack([times_s, *columns])
 
 
 def _attitudes(messages: list[Any], start_s: float) -> TrialPath:
     """Return pitch and roll of a built car with an IMU, or the reason why there is no path."""
-    # (time since the start in s, pitch, roll in rad)
-    attitudes = [
-        (round(message.time_boot_ms / 1000 - start_s, 3), round(message.pitch, 3), round(message.roll, 3))
-        for message in messages
-        if message.get_type() == "ATTITUDE" and message.get_srcSystem() == CAR_SYSTEM
-    ]
-    driving_attitudes = tuple(
-        (time_s, pitch, roll)
-        for time_s, pitch, roll in attitudes
-        if time_s >= 0 and math.isfinite(pitch) and math.isfinite(roll)
-    )
-    if len(driving_attitudes) < 2:
+    attitudes = []
+    for message in messages:
+        if message.get_type() != "ATTITUDE" or message.get_srcSystem() != CAR_SYSTEM:
+            continue
+        # To milliseconds and milliradians, which suffice for a drawing.
+        time_s = round(message.time_boot_ms / 1000 - start_s, 3)
+        pitch_rad, roll_rad = round(message.pitch, 3), round(message.roll, 3)
+        if time_s >= 0 and math.isfinite(pitch_rad) and math.isfinite(roll_rad):
+            attitudes.append((time_s, pitch_rad, roll_rad))
+    if len(attitudes) < 2:
         return TrialPath(missing="its log has no path, because a built car without an IMU does not measure its position")
-    return TrialPath(attitude=driving_attitudes)
+    return TrialPath(attitude=tuple(attitudes))

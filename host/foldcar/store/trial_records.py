@@ -14,12 +14,13 @@ from foldcar.errors import FoldcarError
 # ``aborted`` trials do not count in success rates.
 TRIAL_OUTCOMES = ("passed", "tipped", "stuck", "off_course", "timeout", "not_passed", "aborted")
 
-# What drove; UNKNOWN if a store does not say it. Only trials of built cars count in success rates.
+# Whether a built or a simulated car drove; UNKNOWN if the store does not say which. Only trials of built cars count in
+# success rates.
 BUILT, SIMULATED = CARS = ("built", "simulated")
 UNKNOWN = "unknown"
 WITHDRAWN = "withdrawn"
 
-# Reasons for leaving out trials, by standing.
+# Why trials are left out of success rates, by their standing.
 _REASONS = {
     SIMULATED: "of a simulated car (--simulated-trials counts them)",
     UNKNOWN: "of a car that may be built or simulated (`foldcar trials correct --car` says which)",
@@ -36,14 +37,14 @@ MAX_ID = 2**63 - 1
 # Longest trial (s); a longer time is a typing error.
 LONGEST_S = 86_400.0
 
-# The ending of a row from before the start until the trial is completed.
+# The ending of a trial that has begun and is not completed yet.
 RUNNING = "running"
-# The ending of a trial during which the program was killed.
+# The ending of a trial during which foldcar was killed.
 INTERRUPTED = "the program was ended"
 
 
 class TrialDrive(NamedTuple):
-    """What a trial drove with, and where, as JSON texts: body, settings, and the scene with its deviations."""
+    """The inputs of a trial as JSON texts: the car's body, the settings, and the scene as it was really placed."""
 
     body: str
     settings: str
@@ -98,12 +99,12 @@ class Ending:
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """One trial; ``uuid`` identifies it in every store.
+    """One trial: ``id`` is its number in this store, ``uuid`` identifies it in every store.
 
-    ``deviations`` maps "car" and obstacles' letters to their measured deviations from the planned positions (x in m,
-    y in m, heading in rad). Unknown values are None: ``sample``, times, builds and log of imported trials, which have a
-    ``source``. ``car`` is one of CARS, None if unknown. ``car_name`` distinguishes cars of one design; all trials of a
-    design without it are of one car. ``corrections`` is the number of later changes.
+    ``deviations`` maps "car" and the letters of obstacles to how far they stood from their planned positions (x in m,
+    y in m, heading in rad). An imported trial has a ``source``; its ``sample``, times, builds and log may be unknown, and
+    are then None. ``car`` is one of CARS, None if unknown. ``car_name`` distinguishes built cars of one design; trials of
+    a design without a name are all of the same car. ``corrections`` is how many corrections the trial has.
     """
 
     id: int
@@ -133,8 +134,10 @@ class Trial:
 
     @property
     def standing(self) -> str:
-        """How it counts: WITHDRAWN, or else one of CARS or UNKNOWN."""
-        return WITHDRAWN if self.withdrawn else self.car or UNKNOWN
+        """Whether it is withdrawn (WITHDRAWN), and otherwise which car drove: one of CARS, or UNKNOWN."""
+        if self.withdrawn:
+            return WITHDRAWN
+        return self.car or UNKNOWN
 
     @property
     def completed(self) -> bool:
@@ -175,16 +178,20 @@ def select_trials(trials: Iterable[Trial], with_simulated: bool) -> tuple[list[T
 
     Returns these trials, and how many others there are by standing: simulated, unknown or withdrawn.
     """
-    kept, left_out = [], Counter[str]()
+    selected = []
+    left_out: Counter[str] = Counter()
     for trial in trials:
         if trial.standing == BUILT or (with_simulated and trial.standing == SIMULATED):
-            kept.append(trial)
+            selected.append(trial)
         else:
             left_out[trial.standing] += 1
-    return kept, left_out
+    return selected, left_out
 
 
 def left_out_text(left_out: Counter[str]) -> str | None:
     """Return a sentence that says how many trials are left out and why; None if no trial is left out."""
     parts = [f"{left_out[standing]} {reason}" for standing, reason in _REASONS.items() if left_out[standing]]
-    return f"Trials left out: {'; '.join(parts)}." if parts else None
+    if not parts:
+        return None
+    listed = "; ".join(parts)
+    return f"Trials left out: {listed}."

@@ -111,24 +111,28 @@ class TrialWriter(StoreConnection):
 
     def complete(self, trial: int, ending: Ending) -> None:
         """Store the end of a begun trial, with the current time."""
-        facts = {**asdict(ending), "note": with_line_feeds(ending.note), "ended_utc": now_utc()}
+        changes = {**asdict(ending), "note": with_line_feeds(ending.note), "ended_utc": now_utc()}
         with self._transaction():
-            self._update(TRIAL, {**self.row(TRIAL, id=trial), **facts})
+            row = self.row(TRIAL, id=trial)
+            self._update(TRIAL, {**row, **changes})
 
     def unfinished(self) -> list[tuple[int, str, str]]:
-        """Return number, log and outcome of trials whose session ended before they were completed."""
+        """Return (number, log, outcome) of each trial that was begun, but not completed before its session ended."""
         rows = self.rows(TRIAL, "WHERE ending = ? ORDER BY id", RUNNING)
         return [(row["id"], str(row["log"]), str(row["outcome"])) for row in rows]
 
     def next_number(self) -> int:
-        """Return the number of the next trial."""
-        (last,) = self._run("SELECT max(id) FROM trial").fetchone()
-        return int(last or 0) + 1
+        """Return the number that the next trial will get."""
+        (last_number,) = self._run("SELECT max(id) FROM trial").fetchone()
+        return int(last_number or 0) + 1
 
     def trial_counts(
         self, experiment: str, design: TrialDesign, environment_fingerprint: str, car: str = BUILT
     ) -> dict[int, int]:
-        """Return how many completed trials of this design are stored, by sample; ``car`` is BUILT or SIMULATED."""
+        """Return how many completed trials of this design in this environment are stored, by sample.
+
+        ``car`` is BUILT or SIMULATED: only trials of such cars are counted. Withdrawn trials are not counted.
+        """
         rows = self.rows(
             TRIAL,
             "WHERE experiment = ? AND vehicle_type = ? AND design = ? AND outcome <> 'aborted' "
@@ -151,37 +155,46 @@ class TrialWriter(StoreConnection):
         with self._transaction():
             for field, value in changes.items():
                 after = with_line_feeds(value) if isinstance(value, str) else value
-                if field not in CORRECTABLE:
-                    known = ", ".join(CORRECTABLE)
-                    raise StoreError(f"{self.path}: trial {trial}: {field} cannot be corrected, only {known}")
-                choices = {"outcome": TRIAL_OUTCOMES, "car": CARS}.get(field)
-                if choices is not None and after not in choices:
-                    raise StoreError(f"{self.path}: trial {trial}: {field}: {after!r} is not one of {', '.join(choices)}")
-                # Not `>`, so that NaN is refused, too.
-                if isinstance(after, float) and not after <= LONGEST_S:
-                    raise StoreError(f"{self.path}: trial {trial}: {field}: {after:g} is not at most {LONGEST_S:g}")
+                self._require_correctable(trial, field, after)
                 row = self._trial(trial)
-                # A person may set `car` only if the car itself did not report it, or if it was corrected before.
-                car_corrections = self.rows(CORRECTION, "WHERE trial_id = ? AND field = 'car'", trial)
-                if field == "car" and row["car"] is not None and row["source"] is None and not car_corrections:
-                    reason_text = f"the car itself reported that it is {row['car']}; this cannot be corrected"
-                    raise StoreError(f"{self.path}: trial {trial}: car: {reason_text}")
+                if field == "car":
+                    self._require_not_reported_by_car(row)
                 if row[field] == after:
                     raise StoreError(f"{self.path}: trial {trial}: {field} is {after!r} already")
                 corrections.append(self._change(row, field, after, reason, operator))
-            if not {"outcome", "elapsed_time_s"}.isdisjoint(changes):
+            if "outcome" in changes or "elapsed_time_s" in changes:
                 self._require_passed_in_time(self._trial(trial))
         return corrections
 
+    def _require_correctable(self, trial: int, field: str, value: str | float) -> None:
+        """Raise StoreError if a correction may not change ``field``, or may not set it to ``value``."""
+        if field not in CORRECTABLE:
+            listed = ", ".join(CORRECTABLE)
+            raise StoreError(f"{self.path}: trial {trial}: {field} cannot be corrected, only {listed}")
+        choices = {"outcome": TRIAL_OUTCOMES, "car": CARS}.get(field)
+        if choices is not None and value not in choices:
+            raise StoreError(f"{self.path}: trial {trial}: {field}: {value!r} is not one of {', '.join(choices)}")
+        # Not `>`, so that NaN is refused, too.
+        if isinstance(value, float) and not value <= LONGEST_S:
+            raise StoreError(f"{self.path}: trial {trial}: {field}: {value:g} is not at most {LONGEST_S:g}")
+
+    def _require_not_reported_by_car(self, trial: Row) -> None:
+        """Raise StoreError if the car itself reported whether it is built or simulated: a person cannot know better."""
+        is_reported = trial["car"] is not None and trial["source"] is None
+        if is_reported and not self.rows(CORRECTION, "WHERE trial_id = ? AND field = 'car'", trial["id"]):
+            reason = f"the car itself reported that it is {trial['car']}; this cannot be corrected"
+            raise StoreError(f"{self.path}: trial {trial['id']}: car: {reason}")
+
     def _require_passed_in_time(self, trial: Row) -> None:
         """Raise StoreError if a trial has passed after the time limit with which it was driven."""
-        settings = self.rows(BY_NAME["settings"], "WHERE id = ?", trial["settings_id"])
-        if trial["outcome"] != "passed" or trial["elapsed_time_s"] is None or not settings:
+        elapsed_s = trial["elapsed_time_s"]
+        if trial["outcome"] != "passed" or elapsed_s is None:
             return
-        time_s, limit_s = trial["elapsed_time_s"], json.loads(settings[0]["json"])["time_limit_s"]
-        if time_s > limit_s + LIMIT_OVERRUN_S:
-            reason = f"{time_s:g} is above the trial's time limit of {limit_s:g} s, so it has not passed"
-            raise StoreError(f"{self.path}: trial {trial['id']}: elapsed_time_s: {reason}")
+        for settings in self.rows(BY_NAME["settings"], "WHERE id = ?", trial["settings_id"]):
+            limit_s = json.loads(settings["json"])["time_limit_s"]
+            if elapsed_s > limit_s + LIMIT_OVERRUN_S:
+                reason = f"{elapsed_s:g} is above the trial's time limit of {limit_s:g} s, so it has not passed"
+                raise StoreError(f"{self.path}: trial {trial['id']}: elapsed_time_s: {reason}")
 
     def withdraw(self, trials: Iterable[int], withdrawn: bool, reason: str, operator: str) -> list[Correction]:
         """Withdraw trials, or restore them if ``withdrawn`` is False; their rows and logs stay.
@@ -207,17 +220,25 @@ class TrialWriter(StoreConnection):
 
     def _change(self, trial: Row, field: str, after: str | float, reason: str, operator: str) -> Correction:
         """Change a field of a trial and store the correction, with the current time."""
-        facts = with_line_feeds(reason), with_line_feeds(operator)
-        correction = Correction(trial["id"], now_utc(), field, trial[field], after, *facts)
+        correction = Correction(
+            trial=trial["id"],
+            corrected_utc=now_utc(),
+            field=field,
+            before=trial[field],
+            after=after,
+            reason=with_line_feeds(reason),
+            operator=with_line_feeds(operator),
+        )
         row = asdict(correction)
-        self._add(CORRECTION, {**row, "trial_id": row.pop("trial")})
+        row["trial_id"] = row.pop("trial")
+        self._add(CORRECTION, row)
         self._update(TRIAL, {**trial, field: after})
         return correction
 
     def swept_scene(self, environment_fingerprint: str, sample: int) -> Any | None:
-        """Return the scene of a sample that a sweep has stored; None if there is none."""
-        of_sample = "WHERE environment_id = (SELECT id FROM environment WHERE fingerprint = ?) AND sample = ?"
-        for row in self.rows(SAMPLE, of_sample, environment_fingerprint, sample):
+        """Return the scene of a sample of an environment as a sweep has stored it; None if it is not stored."""
+        where = "WHERE environment_id = (SELECT id FROM environment WHERE fingerprint = ?) AND sample = ?"
+        for row in self.rows(SAMPLE, where, environment_fingerprint, sample):
             (scene,) = self.rows(BY_NAME["scene"], "WHERE id = ?", row["scene_id"])
             return json.loads(scene["json"])
         return None
@@ -227,8 +248,9 @@ class TrialWriter(StoreConnection):
     ) -> None:
         """Store the planned scene of a sample, with names and parameters of its ``objects``, if it is not stored yet.
 
-        A trial whose obstacles stand elsewhere is recognised by it after the program's files or foldcar have changed.
-        The program must not be one that runs beside the simulation.
+        After the program's files or foldcar have changed, foldcar recognises by this scene that a trial was driven in the
+        same environment, even if the trial's obstacles stood elsewhere than planned. Do not call it for a program that
+        runs beside the simulation.
         """
         with self._transaction():
             row = {
@@ -246,31 +268,30 @@ class TrialWriter(StoreConnection):
         """
         digest = sha256_of(file)
         if digest is None:
-            raise StoreError(f"{file}: {'is not a file' if file.exists() else 'no such file'}")
+            problem = "is not a file" if file.exists() else "no such file"
+            raise StoreError(f"{file}: {problem}")
         name = reference(self.path, file)
         if decoded(name) != name:
             raise StoreError(f"{file}: its path is not UTF-8 text; rename it")
-        result = Media(trial, kind, name, digest)
-        row = {**asdict(result), "trial_id": trial, "added_utc": now_utc()}
+        row = {"trial_id": trial, "sha256": digest, "kind": kind, "file": name, "added_utc": now_utc()}
         with self._transaction():
             self._trial(trial)
             self._insert(MEDIA, [row], "OR REPLACE")
-        return result
+        return Media(trial=trial, kind=kind, file=name, sha256=digest)
 
     def import_trials(self, trials: list[dict[str, Any]]) -> list[int]:
-        """Store those of the imported trials that are not stored yet; return their numbers.
+        """Store those of the imported trials that are not stored yet; return the numbers of the new trials.
 
-        ``trials`` are rows of the table, including ``uuid``. If the trial's experiment was swept, its program is stored
-        with the trial, and if the trial has a sample, its environment, too. A trial that another store exported has
-        ``environment_fingerprint``, ``settings`` (JSON) and ``corrections`` (rows of that table), whose results its
-        columns contain; of a stored trial the missing corrections are added. Raises StoreError if a trial is stored with
-        other contents; then nothing is stored.
+        ``trials`` are rows of the table of trials, including ``uuid``. A trial that another store exported also has
+        ``environment_fingerprint``, ``settings`` (JSON) and ``corrections`` (rows of that table, oldest first); its other
+        fields are as corrected. If such a trial is stored already, the corrections that it lacks are added. Raises
+        StoreError if a trial is stored with other contents; then nothing is stored.
         """
-        numbers = []
+        new_numbers = []
         with self._transaction():
-            origins: dict[str, tuple[int | None, str | None]] = {}
-            for exported in trials:
-                trial = dict(exported)
+            origin_by_experiment: dict[str, tuple[int | None, str | None]] = {}
+            for imported in trials:
+                trial = dict(imported)
                 corrections: list[Row] = trial.pop("corrections", [])
                 fingerprint = trial.pop("environment_fingerprint", None)
                 if fingerprint is not None:
@@ -278,60 +299,84 @@ class TrialWriter(StoreConnection):
                 settings = trial.pop("settings", None)
                 if settings is not None:
                     trial["settings_id"] = self._put_text("settings", settings)
-                stored = self.rows(TRIAL, "WHERE uuid = ?", trial["uuid"])
-                if stored:
-                    self._require_same(_uncorrected(trial, corrections), stored[0])
-                    self._add_corrections(stored[0], corrections)
+                stored_trials = self.rows(TRIAL, "WHERE uuid = ?", trial["uuid"])
+                if stored_trials:
+                    (stored_trial,) = stored_trials
+                    self._require_same(_uncorrected(trial, corrections), stored_trial)
+                    self._add_corrections(stored_trial, corrections)
                     continue
-                name = trial["experiment"]
-                if name not in origins:
-                    origins[name] = self._environment_and_program(name)
-                environment_id, program = origins[name]
-                row = {
-                    "deviations": "{}", "ending": "imported", "note": "", "operator": "", "withdrawn": 0,
-                    "environment_id": environment_id if trial.get("sample") is not None else None,
-                    "scenic_program": program, **trial,
-                }  # fmt: skip
-                numbers.append(self._add(TRIAL, {**row, "design": json.dumps(row["design"])}))
-                for correction in corrections:
-                    self._add(CORRECTION, {**correction, "trial_id": numbers[-1]})
-        return numbers
+                experiment = trial["experiment"]
+                if experiment not in origin_by_experiment:
+                    origin_by_experiment[experiment] = self._environment_and_program(experiment)
+                environment_id, program = origin_by_experiment[experiment]
+                new_numbers.append(self._add_imported(trial, corrections, environment_id, program))
+        return new_numbers
+
+    def _add_imported(
+        self, trial: Mapping[str, Any], corrections: Iterable[Row], environment_id: int | None, program: str | None
+    ) -> int:
+        """Store an imported trial with its corrections, and return its number.
+
+        ``environment_id`` and ``program`` are those of the trial's experiment, if it was swept. The trial gets them if it
+        has none itself; it gets the environment only if it has a sample.
+        """
+        row = {
+            "deviations": "{}", "ending": "imported", "note": "", "operator": "", "withdrawn": 0,
+            "environment_id": environment_id if trial.get("sample") is not None else None,
+            "scenic_program": program, **trial, "design": json.dumps(trial["design"]),
+        }  # fmt: skip
+        number = self._add(TRIAL, row)
+        for correction in corrections:
+            self._add(CORRECTION, {**correction, "trial_id": number})
+        return number
 
     def _add_corrections(self, trial: Row, corrections: Iterable[Row]) -> None:
-        """Add those corrections of a stored trial that it lacks; of a field, the latest correction counts."""
-        stored = self.rows(CORRECTION, "WHERE trial_id = ? ORDER BY id", trial["id"])
+        """Add to a stored trial those of the ``corrections`` that it lacks, and change its fields accordingly.
+
+        If a field was corrected several times, it gets the value of the latest correction.
+        """
+        stored_corrections = self.rows(CORRECTION, "WHERE trial_id = ? ORDER BY id", trial["id"])
         for correction in corrections:
             row = {**correction, "trial_id": trial["id"]}
-            if any(all(other[name] == row[name] for name in row) for other in stored):
+            if any(row.items() <= stored.items() for stored in stored_corrections):
                 continue
-            later = [other for other in stored if other["field"] == row["field"]]
-            if all(other["corrected_utc"] <= row["corrected_utc"] for other in later):
+            times_of_field = [stored["corrected_utc"] for stored in stored_corrections if stored["field"] == row["field"]]
+            if all(time_utc <= row["corrected_utc"] for time_utc in times_of_field):
                 trial[row["field"]] = row["after"]
             self._add(CORRECTION, row)
         self._update(TRIAL, trial)
 
     def _require_same(self, trial: Mapping[str, Any], stored: Row) -> None:
-        """Raise StoreError if an imported trial differs from the one that was imported from the same row before."""
-        imported = _uncorrected(stored, self.rows(CORRECTION, "WHERE trial_id = ? ORDER BY id", stored["id"]))
-        imported["design"] = json.loads(imported["design"])
+        """Raise StoreError if an imported trial differs from the stored trial with the same UUID.
+
+        Both are compared as they were before their corrections. ``trial`` is that already, ``stored`` is not.
+        """
+        corrections = self.rows(CORRECTION, "WHERE trial_id = ? ORDER BY id", stored["id"])
+        earlier_trial = _uncorrected(stored, corrections)
+        earlier_trial["design"] = json.loads(earlier_trial["design"])
         for name in ("experiment", "vehicle_type", "design", "sample", "outcome"):
-            if trial.get(name) != imported[name]:
-                same = f'row of "{trial["source"]}"' if trial.get("source") else "trial of another store"
-                origin = f"trial {stored['id']} was imported from the same {same}"
-                values = f"{name} was {imported[name]}, not {trial.get(name)}"
-                raise StoreError(f"{self.path}: {origin}, but {values}: correct it, or give other rows another source")
+            value, earlier_value = trial.get(name), earlier_trial[name]
+            if value == earlier_value:
+                continue
+            source = f'row of "{trial["source"]}"' if trial.get("source") else "trial of another store"
+            origin = f"trial {stored['id']} was imported from the same {source}"
+            difference = f"{name} was {earlier_value}, not {value}"
+            raise StoreError(f"{self.path}: {origin}, but {difference}: correct it, or give other rows another source")
 
     def _environment_and_program(self, experiment: str) -> tuple[int | None, str | None]:
         """Return environment id and Scenic program of a listed experiment's runs.
 
         Returns (None, None) if it was not swept, or was swept in several environments.
         """
-        programs = {}
+        program_by_environment = {}
         for row in self.rows(EXPERIMENT):
             facts = json.loads(row["facts"])
-            if facts.get("reality") is None and listed_id(row["id"], None, facts.get("engine", "")) == experiment:
-                programs[row["environment_id"]] = facts.get("scenic_program")
-        return next(iter(programs.items())) if len(programs) == 1 else (None, None)
+            if facts.get("reality") is not None:
+                # A reality changes the environment; trials were driven in the listed one.
+                continue
+            if listed_id(row["id"], reality=None, engine=facts.get("engine", "")) == experiment:
+                program_by_environment[row["environment_id"]] = facts.get("scenic_program")
+        return next(iter(program_by_environment.items())) if len(program_by_environment) == 1 else (None, None)
 
 
 @contextlib.contextmanager
@@ -344,7 +389,9 @@ def write_trials(path: Path) -> Iterator[TrialWriter]:
 
 def _uncorrected(trial: Mapping[str, Any], corrections: Sequence[Row]) -> Row:
     """Return a trial as it was before its ``corrections``, which are ordered oldest first."""
-    return {**trial, **{correction["field"]: correction["before"] for correction in reversed(corrections)}}
+    # The first correction of a field comes last, and so its value counts.
+    earlier_values = {correction["field"]: correction["before"] for correction in reversed(corrections)}
+    return {**trial, **earlier_values}
 
 
 def now_utc() -> str:

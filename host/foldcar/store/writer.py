@@ -36,7 +36,10 @@ PAGE_ROWS = 1000
 
 @dataclass(frozen=True, slots=True)
 class PlannedRun:
-    """A run of an experiment: position of the design, sample, ids of its inputs; ``outcome`` None without a result."""
+    """A run of an experiment: ``design`` is the design's position in the family; the ids are those of the run's inputs.
+
+    ``outcome`` is None until the run has a result.
+    """
 
     design: int
     sample: int
@@ -58,7 +61,7 @@ class PlannedDesign:
 
 @dataclass(frozen=True, slots=True)
 class PlannedExperiment:
-    """An experiment as stored; ``facts`` are the fields of ExperimentInfo that have no column."""
+    """An experiment to be stored. ``facts`` are the fields of ExperimentInfo that have no column of their own."""
 
     id: str
     vehicle: str
@@ -77,31 +80,37 @@ class StoreWriter(StoreConnection):
         self._build_id = 0
 
     def begin_study(self, facts: Mapping[str, str], build: str) -> None:
-        """Store a sweep's facts and the build of carsim; ``created_utc`` of the store's first sweep is kept."""
+        """Store a sweep's facts and the build of carsim.
+
+        The fact ``created_utc`` stays that of the store's first sweep.
+        """
         with self._transaction():
             self._build_id = self._identify("build", "name", build)
-            created = {row["key"]: row["value"] for row in self.rows(STUDY) if row["key"] == "created_utc"}
-            rows = [{"key": key, "value": value} for key, value in {**facts, **created}.items()]
-            self._insert(STUDY, rows, "OR REPLACE")
+            facts = dict(facts)
+            for row in self.rows(STUDY, "WHERE key = 'created_utc'"):
+                facts["created_utc"] = row["value"]
+            self._insert(STUDY, [{"key": key, "value": value} for key, value in facts.items()], "OR REPLACE")
 
     def put_experiment(
         self, plan: PlannedExperiment, designs: Iterable[PlannedDesign], fingerprint: str | None = None
     ) -> None:
         """Store an experiment and its designs, replacing an earlier one with the same id. Its runs are kept.
 
-        ``fingerprint`` is a hash of everything that the designs depend on. If the stored designs have the same one, they
-        are kept, and ``designs`` is not read.
+        ``fingerprint`` is a hash of everything that the designs depend on; None if this is not known. If the stored
+        designs have the same fingerprint, they are kept, and ``designs`` is not read.
         """
         with self._transaction():
-            stored = designs_of(self.path, self._connection, plan.id) if fingerprint is not None else None
-            # None if the designs must be stored.
-            count = len(stored.parameters) if stored is not None and stored.fingerprint == fingerprint else None
-            if count is None:
+            kept_designs = None
+            if fingerprint is not None:
+                stored_designs = designs_of(self.path, self._connection, plan.id)
+                if stored_designs is not None and stored_designs.fingerprint == fingerprint:
+                    kept_designs = stored_designs
+            if kept_designs is None:
                 self._run("DELETE FROM design WHERE experiment = ?", plan.id)
-            positions = {row["id"]: row["position"] for row in self.rows(EXPERIMENT)}
+            position_by_id = {row["id"]: row["position"] for row in self.rows(EXPERIMENT)}
             experiment = {
                 "id": plan.id,
-                "position": positions.get(plan.id, len(positions)),
+                "position": position_by_id.get(plan.id, len(position_by_id)),
                 "build_id": self._build_id,
                 "environment_id": plan.environment_id,
                 "spread_id": plan.spread_id,
@@ -109,16 +118,18 @@ class StoreWriter(StoreConnection):
                 "vehicle": plan.vehicle,
                 "environment": plan.environment,
                 "facts": json.dumps(plan.facts),
-                "designs": count,
+                "designs": None if kept_designs is None else len(kept_designs.parameters),
                 "designs_fingerprint": fingerprint,
             }
             # Inserted before the designs, which refer to it.
             self._insert(EXPERIMENT, [experiment], "OR REPLACE")
-            if count is None:
+            if kept_designs is None:
                 for position, design in enumerate(designs):
                     self._put_design(plan.id, position, design)
-                (count,) = self._run("SELECT count(*) FROM design WHERE experiment = ?", plan.id).fetchone()
-                self._update(EXPERIMENT, {**experiment, "designs": count if fingerprint is not None else None})
+                if fingerprint is not None:
+                    # The number of designs is stored last: without it, the designs are known to be incomplete.
+                    (count,) = self._run("SELECT count(*) FROM design WHERE experiment = ?", plan.id).fetchone()
+                    self._update(EXPERIMENT, {**experiment, "designs": count})
 
     def add_design(self, experiment: str, position: int, design: PlannedDesign) -> None:
         """Store one more design of an experiment, at the position after its last."""
@@ -142,7 +153,8 @@ class StoreWriter(StoreConnection):
         Returns (0, []) if it was not swept by this build in that environment and with that spread of cars.
         """
         for row in self.rows(EXPERIMENT, "WHERE id = ?", experiment):
-            if (row["build_id"], row["environment_id"], row["spread_id"]) == (self._build_id, environment_id, spread_id):
+            last_sweep = (row["build_id"], row["environment_id"], row["spread_id"])
+            if last_sweep == (self._build_id, environment_id, spread_id):
                 designs = self.rows(DESIGN, "WHERE experiment = ? ORDER BY position", experiment)
                 return row["environments"], [json.loads(design["parameters"]) for design in designs]
         return 0, []
@@ -161,7 +173,10 @@ class StoreWriter(StoreConnection):
         return self.experiment_facts(experiment).get("files")
 
     def is_dynamic(self, environment_id: int, ask: Callable[[], bool]) -> bool:
-        """Return whether the program must run beside the simulation; call ``ask`` if this is not stored yet."""
+        """Return whether an environment's Scenic program must run beside the simulation.
+
+        If this is not stored yet, it is the result of ``ask``, and is stored.
+        """
         row = self.row(ENVIRONMENT, id=environment_id)
         if row["dynamic"] is None:
             row["dynamic"] = int(ask())
@@ -183,7 +198,9 @@ class StoreWriter(StoreConnection):
         """Change some facts of a stored experiment."""
         with self._transaction():
             row = self.row(EXPERIMENT, id=experiment)
-            self._update(EXPERIMENT, {**row, "facts": json.dumps({**json.loads(row["facts"]), **facts})})
+            all_facts = {**json.loads(row["facts"]), **facts}
+            row["facts"] = json.dumps(all_facts)
+            self._update(EXPERIMENT, row)
 
     def spread(self, fingerprint: str) -> int:
         """Return the id of the spread of cars with this fingerprint; add it if it is missing."""
@@ -210,8 +227,8 @@ class StoreWriter(StoreConnection):
     ) -> None:
         """Store the scene of a sample, and names and parameters of its terrain ``objects``, if they are known.
 
-        Equal scenes are stored once, unless the program is ``dynamic``: it runs beside the simulation, and may behave
-        differently in samples with equal scenes.
+        Equal scenes are stored once, unless the Scenic program is ``dynamic``. Such a program runs beside the simulation,
+        and may behave differently in samples with equal scenes.
         """
         fingerprint = self.row(ENVIRONMENT, id=environment_id)["fingerprint"]
         identity = scene_identity(fingerprint, sample) if dynamic else ""
@@ -223,15 +240,22 @@ class StoreWriter(StoreConnection):
         self._put_sampled("sample", row, "scene", scene, identity)
 
     def put_draw(self, spread_id: int, sample: int, variation: Mapping[str, Any], identity: str = "") -> None:
-        """Store the variation of a sample; equal variations with different ``identity`` are stored separately."""
+        """Store the variation of a sample: how its built cars differ from their designs.
+
+        Equal variations with different ``identity`` are stored separately.
+        """
         self._put_sampled("draw", {"spread_id": spread_id, "sample": sample}, "variation", variation, identity)
 
     def _put_sampled(
         self, table: str, columns: dict[str, Any], content_table: str, value: Mapping[str, Any], identity: str
     ) -> None:
-        """Store ``value`` as a text of ``content_table``, and its id with ``columns`` in ``table``, if the key is new."""
+        """Store ``value`` as a JSON text in ``content_table``, and add a row to ``table`` that refers to it.
+
+        The row has the values of ``columns``, too. If a row with its key is stored, that row stays.
+        """
         with self._transaction():
-            row = {**columns, f"{content_table}_id": self._put_text(content_table, canonical_json(value), identity)}
+            content_id = self._put_text(content_table, canonical_json(value), identity)
+            row = {**columns, f"{content_table}_id": content_id}
             self._insert(BY_NAME[table], [row], "OR IGNORE")
 
     def design_counts(self, experiment: str) -> DesignCounts:
@@ -240,12 +264,12 @@ class StoreWriter(StoreConnection):
 
     def run_counts(self, plan: PlannedExperiment, design: int, samples: range) -> tuple[int, int]:
         """Return how many stored runs of a design in those samples passed, and how many were not rejected."""
-        row = self._run(
+        passed, not_rejected = self._run(
             f"SELECT total(r.outcome = 'passed'), total(r.outcome <> '{REJECTED}') {RESULT_JOIN} "
             "AND e.id = ? AND d.position = ? AND s.sample >= ? AND s.sample < ?",
             plan.id, design, samples.start, samples.stop,
         ).fetchone()  # fmt: skip
-        return int(row[0]), int(row[1])
+        return int(passed), int(not_rejected)
 
     def end_experiment(self, plan: PlannedExperiment, runs: int) -> None:
         """Store that the sweep has ended with ``runs`` runs, so that no more are planned for undecided designs."""
@@ -264,20 +288,26 @@ class StoreWriter(StoreConnection):
                 "WHERE d.experiment = ? AND d.position >= ? ORDER BY d.position LIMIT ?",
                 plan.environment_id, sample, plan.spread_id, self._build_id, plan.id, next_design, PAGE_ROWS,
             ).fetchall()  # fmt: skip
-            yield from (PlannedRun(*row) for row in rows)
-            if len(rows) < PAGE_ROWS:
+            # The query's columns are in the order of the fields.
+            runs = [PlannedRun(*row) for row in rows]
+            yield from runs
+            if len(runs) < PAGE_ROWS:
                 return
-            next_design = rows[-1][0] + 1
+            next_design = runs[-1].design + 1
 
     def texts(self, table: str, row_ids: Iterable[int]) -> dict[int, str]:
-        """Return the JSON texts of rows of ``body``, ``scene``, ``settings`` or ``variation``; at most some thousands."""
+        """Return the JSON texts of rows of ``body``, ``scene``, ``settings`` or ``variation``, by the row's id.
+
+        At most some thousands of rows can be read at once. Raises StoreError if one is missing.
+        """
         ids = set(row_ids)
-        where = f"WHERE id IN ({', '.join('?' * len(ids))})"
-        texts = {row["id"]: str(row["json"]) for row in self.rows(BY_NAME[table], where, *ids)}
-        for missing in ids - texts.keys():
+        placeholders = ", ".join("?" for _ in ids)
+        rows = self.rows(BY_NAME[table], f"WHERE id IN ({placeholders})", *ids)
+        text_by_id = {row["id"]: str(row["json"]) for row in rows}
+        for missing_id in ids - text_by_id.keys():
             # Raises StoreError, which names the missing row.
-            texts[missing] = str(self.row(BY_NAME[table], id=missing)["json"])
-        return texts
+            self.row(BY_NAME[table], id=missing_id)
+        return text_by_id
 
     def result(self, run: PlannedRun) -> dict[str, Any]:
         """Return the stored outcome and metrics of a run that has a result."""
@@ -286,23 +316,32 @@ class StoreWriter(StoreConnection):
 
     def _key(self, run: PlannedRun) -> dict[str, int]:
         """Return the key of a run's row: the ids of the build and of its inputs."""
-        return {"build_id": self._build_id, **{name: getattr(run, name) for name in RUN.key if name != "build_id"}}
+        return {
+            "build_id": self._build_id,
+            "body_id": run.body_id,
+            "scene_id": run.scene_id,
+            "settings_id": run.settings_id,
+            "variation_id": run.variation_id,
+        }
 
     def add_results(self, results: Iterable[tuple[PlannedRun, Mapping[str, Any]]]) -> None:
-        """Store a chunk in one transaction: runs with the simulator's answers (:mod:`foldcar.simulation.carsim`)."""
-        runs, recorded = [], []
-        for run, result in results:
+        """Store runs with the simulator's answers (:mod:`foldcar.simulation.carsim`) in one transaction."""
+        run_rows, recorded_rows = [], []
+        for run, answer in results:
             key = self._key(run)
-            if "error" in result:
-                runs.append({**key, "outcome": outcome_of(result), "message": result["error"]})
+            run_row: dict[str, Any] = {**key, "outcome": outcome_of(answer)}
+            run_rows.append(run_row)
+            if "error" in answer:
+                run_row["message"] = answer["error"]
                 continue
-            runs.append({**key, "outcome": outcome_of(result), **{name: result[name] for name in NUMBERS}})
-            for name, record in result.get("recorded", {}).items():
+            for metric in NUMBERS:
+                run_row[metric] = answer[metric]
+            for name, record in answer.get("recorded", {}).items():
                 value = json.dumps(record["value"], allow_nan=False)
-                recorded.append({**key, "name": name, "kind": record["kind"], "value": value})
+                recorded_rows.append({**key, "name": name, "kind": record["kind"], "value": value})
         with self._transaction():
-            self._insert(RUN, runs, "OR IGNORE")
-            self._insert(RECORDED, recorded, "OR IGNORE")
+            self._insert(RUN, run_rows, "OR IGNORE")
+            self._insert(RECORDED, recorded_rows, "OR IGNORE")
 
     def add_reality_runs(self, rows: Iterable[Mapping[str, Any]]) -> None:
         """Store runs in other realities, as rows of REALITY_RUN, in one transaction."""

@@ -39,7 +39,7 @@ OPTIONAL = ("experiment", "count", "car", "car_name", "sample", "elapsed_time_s"
 MAX_COUNT = 100_000
 # Namespace of the UUIDs of imported trials.
 IMPORT_NAMESPACE = uuid.UUID("4685ff4d-fc48-5e4d-ac46-0c50b74c77a7")
-# How many cars are named, those with the most trials.
+# How many cars that were not swept are named: those with the most trials.
 SHOWN_CARS = 5
 NOTHING: Mapping[str, ExperimentInfo] = {}
 
@@ -50,9 +50,11 @@ def read_trials(
     swept: Mapping[str, ExperimentInfo] = NOTHING,
     announce: Callable[[str], None] = lambda line: None,
 ) -> list[dict[str, Any]]:
-    """Read the trials in ``file``. ``experiment`` is for rows without one, ``swept`` are the store's experiments.
+    """Return the trials in ``file`` as rows for :meth:`TrialWriter.import_trials`.
 
-    ``announce`` is called with the defaults that were used. Raises FoldcarError that names line and column.
+    ``experiment`` is that of rows which name none, ``swept`` are the store's experiments by name. ``announce`` is called
+    with a sentence if cars have parameters that neither the file nor the sweep gives, and foldcar's defaults are used.
+    Raises FoldcarError that names line and column.
     """
     text = parquet_text(file) if file.suffix.lower() == ".parquet" else read_text(file)
     first_line = text.lstrip().partition("\n")[0]
@@ -68,30 +70,34 @@ def read_trials(
     decimals = {"elapsed_time_s", *(name for name in header if key_of(name))}
     trials: list[dict[str, Any]] = []
     defaults: dict[str, float] = {}
-    rows: Counter[str] = Counter()
+    row_counts_by_source: Counter[str] = Counter()
     # An example of a number with a decimal comma, and of one with a decimal point or grouped by thousands, as 1.095.
-    marks: dict[str, str] = {}
-    for number, cells in lines:
+    example_by_mark: dict[str, str] = {}
+    for line_number, cells in lines:
         if len(cells) < len(header) or any(cells[len(header) :]):
-            raise FoldcarError(f"{file}: line {number}: has {count(len(cells), 'cell')}, the header {len(header)}")
+            raise FoldcarError(f"{file}: line {line_number}: has {count(len(cells), 'cell')}, the header {len(header)}")
         row = {name: without_apostrophe(cell) for name, cell in zip(header, cells, strict=False) if cell}
         if separator == ";":
             for name in decimals & row.keys():
-                mark = "," if "," in row[name] else "." if re.fullmatch(r"\d{1,3}(\.\d{3})+", row[name]) else ""
-                marks |= {mark: f'"{row[name]}" in line {number}'} if mark else {}
+                example = f'"{row[name]}" in line {line_number}'
+                if "," in row[name]:
+                    example_by_mark[","] = example
+                elif re.fullmatch(r"\d{1,3}(\.\d{3})+", row[name]):
+                    example_by_mark["."] = example
                 row[name] = row[name].replace(",", ".")
-            if len(marks) > 1:
-                examples = " beside ".join(marks.values())
+            if len(example_by_mark) > 1:
+                examples = " beside ".join(example_by_mark.values())
                 raise FoldcarError(f"{file}: {examples}: use only decimal commas, without points")
-        trial, copies = _trial(f"{file}: line {number}", row, experiment, swept, defaults)
+        trial, trial_count = _trial(f"{file}: line {line_number}", row, experiment, swept, defaults)
         if "uuid" in trial:
             trials.append(trial)
             continue
         source = trial["source"]
-        rows[source] += 1
-        # An imported trial is identified by its source, its row among those of the source, and its number in the row.
-        identities = (f"{source}\n{rows[source]}\n{index}" for index in range(1, copies + 1))
-        trials += [{"uuid": str(uuid.uuid5(IMPORT_NAMESPACE, identity)), **trial} for identity in identities]
+        row_counts_by_source[source] += 1
+        for number_in_row in range(1, trial_count + 1):
+            # A trial is identified by its source, its row among those of the source, and its number in the row.
+            identity = f"{source}\n{row_counts_by_source[source]}\n{number_in_row}"
+            trials.append({"uuid": str(uuid.uuid5(IMPORT_NAMESPACE, identity)), **trial})
     if not trials:
         raise FoldcarError(f"{file}: contains no trials")
     if defaults:
@@ -102,15 +108,16 @@ def read_trials(
 def _rows(file: Path, text: str, separator: str) -> Iterator[tuple[int, list[str]]]:
     """Yield each row that is not empty: the number of its first line, and its cells. Raises FoldcarError."""
     reader = csv.reader(io.StringIO(text), delimiter=separator, strict=True)
-    number = 1
+    # A cell may have several lines, so a row may, too.
+    line_number = 1
     try:
         for cells in reader:
-            stripped = [cell.strip() for cell in cells]
-            if any(stripped):
-                yield number, stripped
-            number = reader.line_num + 1
+            stripped_cells = [cell.strip() for cell in cells]
+            if any(stripped_cells):
+                yield line_number, stripped_cells
+            line_number = reader.line_num + 1
     except csv.Error as error:
-        raise FoldcarError(f"{file}: line {number}: {error}") from None
+        raise FoldcarError(f"{file}: line {line_number}: {error}") from None
 
 
 def _check_header(file: Path, header: list[str]) -> None:
@@ -118,16 +125,18 @@ def _check_header(file: Path, header: list[str]) -> None:
     parameter_columns = [parameter.column for parameter in parameters().values()]
     is_export = "uuid" in header
     known_columns = [*REQUIRED, *OPTIONAL, *(EXPORTED if is_export else ()), *parameter_columns]
-    if len(header) == 1 and (separator := next((candidate for candidate in "\t|" if candidate in header[0]), None)):
-        separator_text = "tabs" if separator == "\t" else f'"{separator}"'
-        raise FoldcarError(
-            f"{file}: its columns are separated by {separator_text}; separate them by commas or semicolons"
-        )
+    if len(header) == 1:
+        for separator, separator_text in (("\t", "tabs"), ("|", '"|"')):
+            if separator in header[0]:
+                raise FoldcarError(
+                    f"{file}: its columns are separated by {separator_text}; separate them by commas or semicolons"
+                )
     for name in header:
         if name not in known_columns and key_of(name) is None:
-            suggestion = did_you_mean(name.lower(), known_columns)
-            own = "; parameters of your own modules need --components FILE" if is_export else suggestion
-            raise FoldcarError(f'{file}: unknown column "{name}"; known: {", ".join(known_columns)}{own}')
+            hint = did_you_mean(name.lower(), known_columns)
+            if is_export:
+                hint = "; parameters of your own modules need --components FILE"
+            raise FoldcarError(f'{file}: unknown column "{name}"; known: {", ".join(known_columns)}{hint}')
         if header.count(name) > 1:
             raise FoldcarError(f'{file}: column "{name}" occurs twice')
     for name in REQUIRED:
@@ -235,11 +244,13 @@ def _number(
     except ValueError:
         kind_text = "whole " if kind is whole_number else ""
         raise FoldcarError(f'{place}: {name}: "{row[name]}" is not a {kind_text}number') from None
-    if not minimum <= value <= maximum or value == math.inf:
-        limit = f"above the maximum {maximum}" if value > maximum else f"below the minimum {minimum}"
-        # Only NaN differs from itself; a whole number may be too large for isfinite.
-        limit = "not finite" if abs(value) == math.inf or value != value else limit
-        raise FoldcarError(f"{place}: {name}: {row[name]} is {limit}")
+    # Only NaN differs from itself; a whole number may be too large for isfinite.
+    if abs(value) == math.inf or value != value:
+        raise FoldcarError(f"{place}: {name}: {row[name]} is not finite")
+    if value > maximum:
+        raise FoldcarError(f"{place}: {name}: {row[name]} is above the maximum {maximum}")
+    if value < minimum:
+        raise FoldcarError(f"{place}: {name}: {row[name]} is below the minimum {minimum}")
     # A time of -0 s is 0 s.
     return value + 0
 
@@ -257,9 +268,9 @@ def _time_utc(place: str, text: str) -> str:
 
 
 def swept_experiments(store: Path) -> dict[str, ExperimentInfo]:
-    """Return a store's experiments by their ids, those of the listing and those of the store.
+    """Return a store's experiments, each by its name in the listing and by its name in the store.
 
-    Empty if there is no store or no study in it.
+    Returns {} if there is no store or no study in it.
     """
     if not store.exists():
         return {}
@@ -267,7 +278,9 @@ def swept_experiments(store: Path) -> dict[str, ExperimentInfo]:
         if not opened_store.holds_study():
             return {}
         infos = opened_store.info().experiments.values()
-    return {**{info.listed_id: info for info in infos}, **{info.id: info for info in infos}}
+    by_listed_name = {info.listed_id: info for info in infos}
+    by_stored_name = {info.id: info for info in infos}
+    return by_listed_name | by_stored_name
 
 
 def import_notes(store: Path, trials: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -289,12 +302,12 @@ def import_notes(store: Path, trials: Sequence[Mapping[str, Any]]) -> list[str]:
         info = swept[name]
         with Store.open(store) as opened:
             swept_designs = {frozenset(design.items()) for design in opened.designs(info.id).values()}
-        unswept: Counter[str] = Counter()
+        unswept_trial_counts: Counter[str] = Counter()
         for trial in trials_of_experiment:
             is_swept = trial["vehicle_type"] == info.vehicle_type and frozenset(trial["design"].items()) in swept_designs
-            unswept[design_label(info, trial["vehicle_type"], trial["design"])] += not is_swept
-        # The plus drops cars whose count is 0.
-        for car, number in (+unswept).most_common(SHOWN_CARS):
+            if not is_swept:
+                unswept_trial_counts[design_label(info, trial["vehicle_type"], trial["design"])] += 1
+        for car, number in unswept_trial_counts.most_common(SHOWN_CARS):
             notes.append(f'experiment "{name}" was swept without a car of {car}; it has {count(number, "trial")}')
         for sample in sorted(sample for sample in samples if sample >= info.environments):
             last = info.environments - 1

@@ -23,6 +23,8 @@ from foldcar.shown_console import shown_console
 from foldcar.statistics.words import percent
 
 REFRESH_S = 0.1
+# MAVLink's SYS_STATUS.voltage_battery (mV) if the voltage is unknown.
+UNKNOWN_VOLTAGE = 0xFFFF
 PASSED, STOPS = "p", ("s", " ", "\n", "\r", "q", "\x1b")
 
 
@@ -77,7 +79,7 @@ class DriveView:
         self._begun_s = time.monotonic()
 
     def wants_stop(self) -> str | None:
-        """Return the ending if a key was pressed that stops the drive, else None."""
+        """Return how the drive ends if the person has pressed a key that stops it, otherwise None."""
         key = self._pressed()
         if key == PASSED:
             self.passed = True
@@ -86,7 +88,7 @@ class DriveView:
 
     def _show(self, car: ConnectedCar) -> None:
         """Show the car's state every REFRESH_S until the drive has ended."""
-        announced = False
+        has_announced = False
         # Its own file: while a write to the terminal blocks, it holds the file's lock. A closed terminal is no error.
         with (
             contextlib.suppress(OSError),
@@ -96,10 +98,10 @@ class DriveView:
             live = Live(console=console, transient=True, auto_refresh=False, redirect_stdout=False, redirect_stderr=False)
             with live if console.is_terminal else contextlib.nullcontext():
                 while not self._ended.wait(REFRESH_S):
-                    line = None if announced else self._announcement(car)
+                    line = None if has_announced else self._announcement(car)
                     if line is not None:
                         self._lines.append(line)
-                        announced = True
+                        has_announced = True
                     while self._lines:
                         console.print(self._lines.popleft(), soft_wrap=True)
                         file.flush()
@@ -108,7 +110,10 @@ class DriveView:
                         live.update(self._panel(car, remaining_s), refresh=True)
 
     def _announcement(self, car: ConnectedCar) -> str | None:
-        """Return that the cable can be pulled, when the car itself counts or waits for its button; else None."""
+        """Return a line that tells the person to pull the cable; None if it must not be pulled yet.
+
+        It can be pulled when an untethered car itself counts down, or waits for its button.
+        """
         trial, dialect = car.connection.latest.get("FOLDCAR_TRIAL"), car.dialect
         if trial is None or not trial.flags & dialect.FOLDCAR_TRIAL_FLAGS_UNTETHERED:
             return None
@@ -120,28 +125,36 @@ class DriveView:
 
     def _panel(self, car: ConnectedCar, remaining_s: float) -> Group:
         """Return what is shown: the car's last reported state, its pulses and battery, the quality of the link."""
-        latest, link = car.connection.latest, car.connection
-        trial, pulses, status = (latest.get(name) for name in ("FOLDCAR_TRIAL", "SERVO_OUTPUT_RAW", "SYS_STATUS"))
-        headline = Text(f"ARMED    {remaining_s:5.1f} s  stand clear", style="bold yellow")
-        if trial is not None and trial.state == car.dialect.FOLDCAR_STATE_COUNTING:
-            headline = Text(f"COUNTING {trial.countdown_ms / 1000:5.1f} s  stand clear", style="bold yellow")
-        elif trial is not None and trial.state == car.dialect.FOLDCAR_STATE_RUNNING:
-            self._has_driven = True
-            text = f"DRIVING  {trial.elapsed_ms / 1000:5.1f} s  {self._time_limit_s:g} s at most"
-            headline = Text(text, style="bold red")
-        elif self._has_driven or (
-            trial is not None and trial.state in (car.dialect.FOLDCAR_STATE_FINISHED, car.dialect.FOLDCAR_STATE_FAULT)
-        ):
-            # The host disarms a car that has ended.
-            headline = Text("ENDED")
+        link = car.connection
+        pulses, status = link.latest.get("SERVO_OUTPUT_RAW"), link.latest.get("SYS_STATUS")
         table = Table.grid(padding=(0, 2))
         if pulses is not None:
-            widths = {number: getattr(pulses, f"servo{number}_raw") for number in range(1, CHANNELS + 1)}
-            table.add_row("pulses", f"{' '.join(f'{n}:{width}' for n, width in widths.items() if width) or 'none'} (µs)")
-        volts = None if status is None or status.voltage_battery == 0xFFFF else status.voltage_battery / 1000
-        table.add_row("battery", "unreadable" if volts is None else f"{volts:.2f} V")
-        packets = link.received + link.lost
-        lost = percent(link.lost / packets if packets else 0, 1)
+            widths_us = {number: getattr(pulses, f"servo{number}_raw") for number in range(1, CHANNELS + 1)}
+            # An output without a pulse has the width 0.
+            texts = [f"{number}:{width_us}" for number, width_us in widths_us.items() if width_us]
+            pulses_text = " ".join(texts) or "none"
+            table.add_row("pulses", f"{pulses_text} (µs)")
+        if status is None or status.voltage_battery == UNKNOWN_VOLTAGE:
+            table.add_row("battery", "unreadable")
+        else:
+            table.add_row("battery", f"{status.voltage_battery / 1000:.2f} V")
+        packet_count = link.received + link.lost
+        lost = percent(link.lost / packet_count if packet_count else 0, 1)
         loss_text = f"{lost} of {link.received} packets lost, {link.damaged} damaged"
         table.add_row("link", f"{loss_text}, silent for {link.silence_s():.1f} s")
-        return Group(headline, Text("p: it has passed   s, space: stop"), table)
+        return Group(self._headline(car, remaining_s), Text("p: it has passed   s, space: stop"), table)
+
+    def _headline(self, car: ConnectedCar, remaining_s: float) -> Text:
+        """Return the car's last reported state with its time; ``remaining_s`` is that of the host's countdown."""
+        trial, dialect = car.connection.latest.get("FOLDCAR_TRIAL"), car.dialect
+        state = None if trial is None else trial.state
+        if trial is not None and state == dialect.FOLDCAR_STATE_COUNTING:
+            return Text(f"COUNTING {trial.countdown_ms / 1000:5.1f} s  stand clear", style="bold yellow")
+        if trial is not None and state == dialect.FOLDCAR_STATE_RUNNING:
+            self._has_driven = True
+            time_text = f"{trial.elapsed_ms / 1000:5.1f} s  {self._time_limit_s:g} s at most"
+            return Text(f"DRIVING  {time_text}", style="bold red")
+        # The host disarms a car that has ended.
+        if self._has_driven or state in (dialect.FOLDCAR_STATE_FINISHED, dialect.FOLDCAR_STATE_FAULT):
+            return Text("ENDED")
+        return Text(f"ARMED    {remaining_s:5.1f} s  stand clear", style="bold yellow")

@@ -42,7 +42,10 @@ MIN_FAST_RATE = 1.5
 
 @dataclass(frozen=True, slots=True)
 class DriveEnd:
-    """The end of a drive: a text, the outcome (None: a person must judge it), and the error that aborted it, if any."""
+    """The end of a drive: ``ending`` says in words how it ended, ``error`` is the error that aborted it, if any.
+
+    ``outcome`` is one of TRIAL_OUTCOMES, None if a person must judge it.
+    """
 
     ending: str
     outcome: str | None
@@ -87,6 +90,7 @@ def _drive_to_end(
     started = False
 
     def elapsed_s() -> float | None:
+        """Return the trial's time (s) as the car reported it last; None before the start."""
         # Before the start, the car reports its last trial, which may have had the same number in another store.
         return _elapsed_s(car, trial) if started else None
 
@@ -94,23 +98,37 @@ def _drive_to_end(
         with contextlib.suppress(CommandRefusedError):
             # End an earlier drive. If the car's state forbids driving, arming fails with the reason.
             car.stop_trial()
-        # Until then the car refuses to start.
+        # Until its flash is ready for the next log, the car refuses to start.
         wait_for_storage(car, view.tell)
         car.arm()
-        stop = None if untethered else _count_down(car, countdown_s, view)
-        if stop is not None:
-            return DriveEnd(f"{stop} before the start", "aborted", None)
+        early_ending = None if untethered else _count_down(car, countdown_s, view)
+        if early_ending is not None:
+            return DriveEnd(f"{early_ending} before the start", "aborted", None)
         if car.connection.silence_s() > SILENCE_S:
             # The start command would wait in a buffer and start the car later.
             raise LinkLostError(f"{car.port}: the car is silent for {SILENCE_S:g} s")
         delay_s = countdown_s if untethered else 0
-        values = settings["speed_m_s"], settings["yaw_rate_rad_s"], settings["time_limit_s"]
-        car.start_trial(*values, trial, untethered, delay_s, button)
+        car.start_trial(
+            settings["speed_m_s"],
+            settings["yaw_rate_rad_s"],
+            settings["time_limit_s"],
+            trial,
+            untethered,
+            delay_s,
+            button,
+        )
         started = True
         if untethered:
             view.begin()
+        # Nobody knows when the person presses the car's button.
         longest_s = math.inf if button else MAX_DELAY * (delay_s + settings["time_limit_s"]) + STORING_S
-        return _watch(car, trial, view, time.monotonic() + longest_s, untethered and _has_cable(car))
+        return _watch(
+            car,
+            trial,
+            view,
+            end_s=time.monotonic() + longest_s,
+            must_be_unplugged=untethered and _has_cable(car),
+        )
     except LinkLostError as error:
         if untethered and started:
             return DriveEnd(DRIVES_ON, None, None)
@@ -170,10 +188,9 @@ def _watch(car: ConnectedCar, trial: int, view: DriveView, end_s: float, must_be
         for message in connection.receive(STEP_S, view.other_input):
             message_type = message.get_type()
             if message_type == "FOLDCAR_TRIAL":
+                # The time since the car's boot has begun again.
                 if message.time_boot_ms < last_boot_ms:
-                    line, crash = fault_line(car), crash_line(car)
-                    error = CarFaultError(f"the car restarted{'' if line is None else f': {line}'}")
-                    return DriveEnd(f"the car restarted{'' if crash is None else f': {crash}'}", "aborted", None, error)
+                    return _car_restarted(car)
                 last_boot_ms = message.time_boot_ms
                 if _has_ended(car, message, trial):
                     return _car_ended(car, message, view)
@@ -196,10 +213,19 @@ def _watch(car: ConnectedCar, trial: int, view: DriveView, end_s: float, must_be
             raise LinkLostError(f"{car.port}: the car does not end trial {trial} at its time limit")
 
 
-def _car_ended(car: ConnectedCar, message: Any, view: DriveView) -> DriveEnd:
-    """Return how the car ended the drive by itself.
+def _car_restarted(car: ConnectedCar) -> DriveEnd:
+    """Return the end of a drive in which the car restarted, with the fault that it reports and where it crashed."""
+    fault, crash = fault_line(car), crash_line(car)
+    message = "the car restarted" if fault is None else f"the car restarted: {fault}"
+    ending = "the car restarted" if crash is None else f"the car restarted: {crash}"
+    return DriveEnd(ending, outcome="aborted", elapsed_time_s=None, error=CarFaultError(message))
 
-    If this program stood still, messages and keys wait. A simulated car's outcome, or a key, then came before the fault.
+
+def _car_ended(car: ConnectedCar, message: Any, view: DriveView) -> DriveEnd:
+    """Return how the car ended the drive by itself; ``message`` is its FOLDCAR_TRIAL.
+
+    If this program stood still, messages and keys have waited meanwhile. So if the car reports a fault, the simulator's
+    outcome or a pressed key is examined first: it came before the fault, which the silent host has caused.
     """
     elapsed_s = message.elapsed_ms / 1000
     if message.end == car.dialect.FOLDCAR_END_TIME_LIMIT:
@@ -214,18 +240,27 @@ def _car_ended(car: ConnectedCar, message: Any, view: DriveView) -> DriveEnd:
         return DriveEnd(ending, None, elapsed_s)
     fault = car.fault_text() or "fault"
     line = fault_line(car) or fault
-    return DriveEnd(fault, "aborted", elapsed_s, CarFaultError(f"the car stopped: {line}{_pace_hint(car, fault)}"))
+    error = CarFaultError(f"the car stopped: {line}{_pace_hint(car, fault)}")
+    return DriveEnd(fault, outcome="aborted", elapsed_time_s=elapsed_s, error=error)
 
 
 def _last_truth(car: ConnectedCar, trial: int) -> Any | None:
-    """Return the next FOLDCAR_TRUTH of a simulated car's trial; None of a built car."""
+    """Return the next FOLDCAR_TRUTH of ``trial``, a simulated car's true state; None if a built car drives."""
     if "FOLDCAR_TRUTH" not in car.connection.latest:
         return None
-    return car.connection.wait_for(lambda m: m.get_type() == "FOLDCAR_TRUTH" and m.trial_id == trial, TRUTH_S)
+
+    def is_truth_of_trial(message: Any) -> bool:
+        """Return whether a message is a FOLDCAR_TRUTH of the trial."""
+        return bool(message.get_type() == "FOLDCAR_TRUTH" and message.trial_id == trial)
+
+    return car.connection.wait_for(is_truth_of_trial, TRUTH_S)
 
 
 def _pace_hint(car: ConnectedCar, message: str) -> str:
-    """Return a hint on --speedup if ``message`` is about late heartbeats of a car that is simulated too fast, else ""."""
+    """Return a hint on --speedup if ``message`` is about late heartbeats of a car that is simulated too fast.
+
+    Returns "" for other messages, and for cars whose clock runs about as fast as the host's.
+    """
     rate = car.connection.clock_rate.value
     if rate < MIN_FAST_RATE or not any(word in message for word in ("heartbeat", "CMD_TIMEOUT")):
         return ""
@@ -258,16 +293,18 @@ def _stopped_s(car: ConnectedCar, trial: int) -> float | None:
 
 
 def _elapsed_s(car: ConnectedCar, trial: int) -> float | None:
-    """Return the time (s) of the trial that the car reported last, None if it reported another trial."""
+    """Return the time (s) of ``trial`` that the car reported last; None if its last report is of another trial."""
     message = car.connection.latest.get("FOLDCAR_TRIAL")
-    return message.elapsed_ms / 1000 if message is not None and message.trial_id == trial else None
+    if message is None or message.trial_id != trial:
+        return None
+    return float(message.elapsed_ms / 1000)
 
 
 def _stand_still(car: ConnectedCar) -> None:
     """Stop and disarm the car if possible; a car with a fault refuses, but is already at rest."""
 
     def receive_last_messages() -> None:
-        # The log gets the messages that the car sends after its last command.
+        """Receive the messages that the car sends after its last command, so that the log has them, too."""
         car.connection.wait_for(lambda message: False, AFTERWARDS_S)
 
     for action in (car.stop_trial, car.disarm, receive_last_messages):
@@ -276,9 +313,9 @@ def _stand_still(car: ConnectedCar) -> None:
 
 
 def collect(car: ConnectedCar, trial: int, log: Path, tell: Callable[[str], None]) -> DriveEnd:
-    """Merge the car's log of ``trial`` into ``log``; return how the drive ended.
+    """Merge the car's own log of ``trial`` into the host's file ``log``; return how the drive ended.
 
-    ``tell`` is given a line if the car's flash must be waited for.
+    ``tell`` is called with a line to print if the car's flash must be waited for.
 
     Raises FoldcarError if the car is still storing its log after STORING_S, has no log of the trial, or if ``log`` has no
     message of the trial.
@@ -286,28 +323,40 @@ def collect(car: ConnectedCar, trial: int, log: Path, tell: Callable[[str], None
     The car's times count from its boot. The first packet of the trial that the host received gives the offset to the
     host's clock.
     """
-    first = next(((time_us, message) for time_us, message in read_tlog(log) if _is_of(message, trial)), None)
-    if first is None:
-        raise FoldcarError(f"{log}: contains no message of trial {trial} from before the cable was unplugged")
-    received_us, first_message = first
-    offset_us = received_us - 1000 * first_message.time_boot_ms
+    offset_us = _clock_offset_us(log, trial)
     status = wait_for_storage(car, tell)
     if status is None:
         raise FoldcarError(f"{car.port}: the car is still storing its log after {STORING_S:g} s")
     lost_bytes = status.log_lost if status.trial_id == trial else 0
+    # The latest log is the last one.
     for stored_log in reversed(list_logs(car)):
         records, damaged_bytes = records_of(fetch_log(car, stored_log))
-        messages = [m for _, m in messages_of(records) if _is_of(m, trial)]
+        messages = [message for _, message in messages_of(records) if _is_of(message, trial)]
         if not messages:
             continue
         merge_records(log, [(time_us + offset_us, packet) for time_us, packet in records])
-        end = drive_end(car.dialect, messages[-1], lost_bytes + damaged_bytes)
-        # A log that breaks off may be that of a crash, of which a board whose battery stayed on still knows.
-        crash = crash_line(car) if messages[-1].end == car.dialect.FOLDCAR_END_NONE else None
-        return end if crash is None else replace(end, ending=f"{end.ending}: {crash}")
+        last_message = messages[-1]
+        end = drive_end(car.dialect, last_message, lost_bytes + damaged_bytes)
+        if last_message.end == car.dialect.FOLDCAR_END_NONE:
+            # The log breaks off: the firmware may have crashed. A board whose battery stayed on still knows where.
+            crash = crash_line(car)
+            if crash is not None:
+                return replace(end, ending=f"{end.ending}: {crash}")
+        return end
     raise FoldcarError(
         f"{car.port}: the car has no log of trial {trial}: it restarted while it drove, or its flash is full"
     )
+
+
+def _clock_offset_us(log: Path, trial: int) -> int:
+    """Return what must be added to the car's time since its boot (µs) to get the host's clock.
+
+    It follows from the first message of ``trial`` in the host's ``log``. Raises FoldcarError if there is none.
+    """
+    for received_us, message in read_tlog(log):
+        if _is_of(message, trial):
+            return int(received_us - 1000 * message.time_boot_ms)
+    raise FoldcarError(f"{log}: contains no message of trial {trial} from before the cable was unplugged")
 
 
 def wait_for_storage(car: ConnectedCar, tell: Callable[[str], None]) -> Any | None:
@@ -325,15 +374,20 @@ def wait_for_storage(car: ConnectedCar, tell: Callable[[str], None]) -> Any | No
 
 
 def _is_of(message: Any, trial: int) -> bool:
+    """Return whether a message is a FOLDCAR_TRIAL, the state of a trial, of the trial with this number."""
     return bool(message.get_type() == "FOLDCAR_TRIAL" and message.trial_id == trial)
 
 
 def _has_ended(car: ConnectedCar, message: Any, trial: int) -> bool:
+    """Return whether a message says that the trial with this number has ended."""
     return _is_of(message, trial) and not car.is_under_way(message)
 
 
 def drive_end(dialect: Any, message: Any, lost_bytes: int) -> DriveEnd:
-    """Return how a drive ended, from its log's last FOLDCAR_TRIAL; ``lost_bytes`` are reported missing by the car."""
+    """Return how an untethered drive ended, from ``message``, the last FOLDCAR_TRIAL in the car's log.
+
+    ``lost_bytes`` is how many bytes of the log are known to be missing or damaged.
+    """
     elapsed_s = message.elapsed_ms / 1000
     lost_bytes = max(lost_bytes, message.log_lost)
     lost_text = f", {lost_bytes} bytes of its log lost" if lost_bytes else ""

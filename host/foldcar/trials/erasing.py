@@ -20,9 +20,9 @@ from foldcar.trials.person import PersonAnswers, print_line
 
 @dataclass(frozen=True, slots=True)
 class ComparedLog:
-    """A log in the car and the number of the trial that has all of its packets; None if the store has no such trial.
+    """A log in the car, compared with a store: ``trial`` is the number of the trial whose log has all of its packets.
 
-    A log without a packet ``is_empty``.
+    It is None if the store has no such trial, and if the log ``is_empty``: it has no packet.
     """
 
     log: StoredLog
@@ -49,7 +49,12 @@ def erase_stored_logs(car: ConnectedCar, store: Path, answers: PersonAnswers | N
     print_line(f"comparing {len(logs)} of the car's logs with {store}")
     compared = compare_logs(car, logs, store)
     for item in compared:
-        trial_text = "empty" if item.is_empty else f"trial {item.trial}" if item.is_stored else f"not in {store}"
+        if item.is_empty:
+            trial_text = "empty"
+        elif item.is_stored:
+            trial_text = f"trial {item.trial}"
+        else:
+            trial_text = f"not in {store}"
         print_line(f"  log {item.log.id:<5} {item.log.size_bytes / 1000:6.1f} kB  {trial_text}")
     missing = [str(item.log.id) for item in compared if not item.is_stored]
     if missing:
@@ -70,17 +75,23 @@ def compare_logs(car: ConnectedCar, logs: Sequence[StoredLog], store: Path) -> l
 
 
 def _compared(log: StoredLog, content: bytes, trials: Sequence[Trial], store: Path) -> ComparedLog:
-    records, _ = records_of(content)
+    """Compare a log of the car, whose bytes are ``content``, with the logs of a store's trials."""
+    records, _damaged_bytes = records_of(content)
     packets = {packet for _, packet in records}
-    numbers = {message.trial_id for _, message in messages_of(records) if message.get_type() == "FOLDCAR_TRIAL"}
-    # In the store that was driven with, the trial has the car's number; in one that was merged it may have another.
-    likely_first = sorted(trials, key=lambda trial: trial.id not in numbers)
-    trial = next((trial.id for trial, stored in _packets(likely_first, store) if packets <= stored), None)
-    return ComparedLog(log, trial if packets else None, not packets)
+    if not packets:
+        return ComparedLog(log, trial=None, is_empty=True)
+    numbers_in_log = {message.trial_id for _, message in messages_of(records) if message.get_type() == "FOLDCAR_TRIAL"}
+    # In the store into which the trial was driven, it has the number that the car knows; after a merge it may have
+    # another. False sorts before True.
+    likely_first = sorted(trials, key=lambda trial: trial.id not in numbers_in_log)
+    for trial, stored_packets in _packets(likely_first, store):
+        if packets <= stored_packets:
+            return ComparedLog(log, trial=trial.id, is_empty=False)
+    return ComparedLog(log, trial=None, is_empty=False)
 
 
 def _packets(trials: Sequence[Trial], store: Path) -> Iterator[tuple[Trial, set[bytes]]]:
-    """Yield the trials whose log is there, each with the packets in its log."""
+    """Yield the trials whose log exists, each with the packets in its log."""
     for trial in trials:
         assert trial.log is not None
         file = intact_log(store, trial.id, trial.log, trial.log_sha256)

@@ -36,9 +36,9 @@ EXCEPTIONS = {
     28: "load from a forbidden address",
     29: "store to a forbidden address",
 }
-# Those whose report has the address that was loaded or stored.
+# The exceptions whose report has the address that was loaded or stored.
 ABOUT_AN_ADDRESS = (3, 9, 28, 29)
-# FOLDCAR_CRASH.cause if the processor has raised no exception, and then what it was by the reset reason.
+# FOLDCAR_CRASH.cause if the processor has raised no exception. Then the reset reason says what ended the firmware.
 NO_EXCEPTION = 255
 ENDED_BY = {4: "the firmware ended itself", 5: "stopped by the interrupt watchdog"}
 # A board that starts may have several faults. Each appears when the one before it is acknowledged.
@@ -57,14 +57,17 @@ def fault_line(car: ConnectedCar) -> str | None:
     text = car.fault_text()
     if text is None:
         return None
-    entry = car.dialect.enums["FOLDCAR_FAULT"].get(car.connection.latest["FOLDCAR_TRIAL"].fault)
-    remedy = "" if entry is None else REMEDIES.get(entry.name.removeprefix("FOLDCAR_FAULT_"), "")
+    fault_number = car.connection.latest["FOLDCAR_TRIAL"].fault
+    fault_entry = car.dialect.enums["FOLDCAR_FAULT"].get(fault_number)
+    # None if this foldcar does not know the fault of a newer firmware.
+    fault_name = "" if fault_entry is None else fault_entry.name.removeprefix("FOLDCAR_FAULT_")
+    remedy = REMEDIES.get(fault_name, "")
     crash = crash_line(car) if remedy is CRASH_REMEDY else None
     return ": ".join(part for part in (text, crash, remedy) if part)
 
 
 def crash_line(car: ConnectedCar) -> str | None:
-    """Request where the car's firmware was when a crash or a watchdog ended its last run; None if it does not know.
+    """Return where the car's firmware was when a crash or a watchdog ended its last run; None if it does not know.
 
     Example: "load from a forbidden address (0x00000004) at 0x400d1234 0x400d2342"; the second address is the caller's.
     """

@@ -24,6 +24,7 @@ def media_kind(file: Path) -> str:
 
 
 def _changed_s(file: Path) -> float:
+    """Return when a file was last changed (s since 1970); 0 if it is missing."""
     try:
         return file.stat().st_mtime
     except OSError:
@@ -39,6 +40,7 @@ class Arrivals:
 
     def __init__(self, folder: Path | None) -> None:
         self._folder = folder
+        # When each trial began to be set up (s since 1970), and the trial's number.
         self._begun: list[tuple[float, int]] = []
         # For files whose times are in the future: their last state, and when it was first seen.
         self._states: dict[Path, tuple[FileState | None, float]] = {}
@@ -70,15 +72,18 @@ class Arrivals:
 
     def take(self) -> list[tuple[int, Path]]:
         """Return (trial number, file) of the new complete files; each file is returned once."""
+        if not self._begun:
+            return []
         trial_files = []
-        for file in self._new() if self._begun else []:
-            if not self.is_growing(file):
-                self._known.add(file)
-                # A file belongs to the last trial that had begun when it was changed. One that is older than the session
-                # keeps its time of recording, but was copied now: it belongs to the last trial.
-                trials = [trial for begun_s, trial in self._begun if begun_s <= _changed_s(file)]
-                _, last_trial = self._begun[-1]
-                trial_files.append((trials[-1] if trials else last_trial, file))
+        for file in self._new():
+            if self.is_growing(file):
+                continue
+            self._known.add(file)
+            # A file belongs to the last trial that had begun when the file was changed.
+            trials_before = [trial for begun_s, trial in self._begun if begun_s <= _changed_s(file)]
+            # A file that is older than the session has the time of its recording, but was copied now.
+            _, last_trial = self._begun[-1]
+            trial_files.append((trials_before[-1] if trials_before else last_trial, file))
         return trial_files
 
     def _new(self) -> list[Path]:

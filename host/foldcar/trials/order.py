@@ -20,7 +20,8 @@ BLOCK = 6
 # Smaller moves cannot be measured with a tape.
 MIN_M, MIN_RAD = 0.001, math.radians(0.5)
 
-# Obstacles by letter: footprint, and description, because obstacles of two samples may differ in size.
+# The obstacles on the floor by letter: an obstacle at its pose, and its description. The same letter may mean an obstacle
+# of another size in another sample.
 Standing = Mapping[str, tuple[Obstacle, str]]
 
 
@@ -49,17 +50,20 @@ def next_sample(
     min_count = min(counts.get(sample, 0) for sample in range(samples))
     candidates = [sample for sample in range(samples) if counts.get(sample, 0) == min_count]
     block = [sample for sample in candidates if sample // BLOCK == candidates[0] // BLOCK]
-    standings: dict[int | None, Standing | None] = {sample: standing_in_sample(sample) for sample in block}
-    standings[None] = current
-    costs = {
-        (before, after): _cost(standings[before], standings[after])
-        for before, after in itertools.permutations(standings, 2)
-    }
+    standing_by_sample: dict[int | None, Standing | None] = {sample: standing_in_sample(sample) for sample in block}
+    # None stands for the floor as it is now.
+    standing_by_sample[None] = current
+    cost_of_step = {}
+    for before, after in itertools.permutations(standing_by_sample, 2):
+        cost_of_step[before, after] = _cost(standing_by_sample[before], standing_by_sample[after])
 
     def cost(order: tuple[int, ...]) -> tuple[float, ...]:
-        steps = [costs[pair] for pair in itertools.pairwise((None, *order))]
+        """Return how many obstacles an order of samples moves in all, and their total distance (m)."""
+        steps = [cost_of_step[pair] for pair in itertools.pairwise((None, *order))]
+        total_count = sum(moved_count for moved_count, _ in steps)
         # Rounding makes sums of the same distances in different orders equal.
-        return sum(moved_count for moved_count, _ in steps), round(sum(distance_m for _, distance_m in steps), 9)
+        total_m = round(sum(distance_m for _, distance_m in steps), 9)
+        return total_count, total_m
 
     first_sample, *_ = min(itertools.permutations(block), key=cost)
     return first_sample
@@ -85,15 +89,21 @@ def _cost(current: Standing | None, next_standing: Standing | None) -> tuple[int
 
 def moves_text(current: Standing, next_standing: Standing) -> str:
     """Return how to move the obstacles, such as "A and D stay; move B 120 mm back along x; take E away"."""
-    moves = {letter: _move(current.get(letter), next_standing.get(letter)) for letter in {**current, **next_standing}}
-    staying = [letter for letter, move in moves.items() if not move]
+    staying: list[str] = []
     letters_by_move: dict[str, list[str]] = {}
-    for letter, move in moves.items():
+    for letter in {**current, **next_standing}:
+        move = _move(current.get(letter), next_standing.get(letter))
         if move:
             letters_by_move.setdefault(move, []).append(letter)
-    texts = [move.format(listed(letters)) for move, letters in letters_by_move.items()]
-    stay_texts = [f"{listed(staying)} {'stay' if len(staying) > 1 else 'stays'}"] if staying else []
-    return "; ".join([*stay_texts, *texts]) or "nothing to move"
+        else:
+            staying.append(letter)
+    texts = []
+    if staying:
+        verb = "stay" if len(staying) > 1 else "stays"
+        texts.append(f"{listed(staying)} {verb}")
+    for move, letters in letters_by_move.items():
+        texts.append(move.format(listed(letters)))
+    return "; ".join(texts) or "nothing to move"
 
 
 def _move(current: tuple[Obstacle, str] | None, next_standing: tuple[Obstacle, str] | None) -> str:
@@ -107,13 +117,18 @@ def _move(current: tuple[Obstacle, str] | None, next_standing: tuple[Obstacle, s
         return "exchange {} for another size"
     x_m, y_m = new.x_m - old.x_m, new.y_m - old.y_m
     turned_rad = math.remainder(new.heading_rad - old.heading_rad, math.tau)
-    shifts = [
-        f"{1000 * abs(shift_m):.0f} mm {direction_words[shift_m < 0]}"
-        for shift_m, direction_words in ((x_m, ("on along x", "back along x")), (y_m, ("to the left", "to the right")))
-        if abs(shift_m) >= MIN_M
-    ]
-    texts = [f"move {{}} {' and '.join(shifts)}"] if shifts else []
+    shifts = []
+    if abs(x_m) >= MIN_M:
+        direction = "on along x" if x_m > 0 else "back along x"
+        shifts.append(f"{1000 * abs(x_m):.0f} mm {direction}")
+    if abs(y_m) >= MIN_M:
+        direction = "to the left" if y_m > 0 else "to the right"
+        shifts.append(f"{1000 * abs(y_m):.0f} mm {direction}")
+    texts = []
+    if shifts:
+        texts.append("move {} " + " and ".join(shifts))
     if abs(turned_rad) >= MIN_RAD:
+        obstacle_text = "it" if shifts else "{}"
         direction = "counter-clockwise" if turned_rad > 0 else "clockwise"
-        texts.append(f"turn {'it' if shifts else '{}'} by {math.degrees(abs(turned_rad)):.1f}° {direction}")
+        texts.append(f"turn {obstacle_text} by {math.degrees(abs(turned_rad)):.1f}° {direction}")
     return ", ".join(texts)

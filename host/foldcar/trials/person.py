@@ -55,14 +55,19 @@ class PersonAnswers:
         return answer.strip()
 
     def choice(self, question: str, choices: Mapping[str, str], default: str | None) -> str:
-        """Ask until the answer is a key or a value of ``choices``, or empty for the default; returns the value."""
+        """Ask until the answer is a key or a value of ``choices``, and return the value.
+
+        An empty answer means ``default``, if there is one.
+        """
         while True:
             answer = self.line(question).lower().replace("-", "_").replace(" ", "_")
             if not answer and default is not None:
                 return default
-            if choices.get(answer, answer) in choices.values():
-                return choices.get(answer, answer)
-            print_line(f"  type one of {', '.join(f'{key} ({value})' for key, value in choices.items())}")
+            value = choices.get(answer, answer)
+            if value in choices.values():
+                return value
+            listed = ", ".join(f"{key} ({value})" for key, value in choices.items())
+            print_line(f"  type one of {listed}")
 
     def keys(self) -> contextlib.AbstractContextManager[Callable[[], str | None]]:
         """Return a context manager that yields a function: it returns the last key pressed, or None, without waiting."""

@@ -45,9 +45,14 @@ def instructions(scene: Mapping[str, Any], obstacles: Mapping[str, Obstacle]) ->
     start = scene["start"]
     yield CAR, *_place(start["x_m"], start["y_m"], start["heading_rad"]), "its middle"
     obstacle_pieces = {index for obstacle in obstacles.values() for index in obstacle.pieces}
-    ground = [footprint("", scene["terrain"], k) for k in range(len(scene["terrain"])) if k not in obstacle_pieces]
-    for name, obstacle in [*obstacles.items(), *(("floor", piece) for piece in ground)]:
-        yield name, *_obstacle_place(obstacle), "\n".join([_whole(scene, obstacle), *_by_tape(scene, obstacle)])
+    # Pieces of the floor itself, such as rough ground, belong to no obstacle.
+    named_obstacles = list(obstacles.items())
+    for index in range(len(scene["terrain"])):
+        if index not in obstacle_pieces:
+            named_obstacles.append(("floor", footprint("", scene["terrain"], index)))
+    for name, obstacle in named_obstacles:
+        lines = [_whole(scene, obstacle), *_by_tape(scene, obstacle)]
+        yield name, *_obstacle_place(obstacle), "\n".join(lines)
         if len(obstacle.pieces) > 1:
             for number, index in enumerate(obstacle.pieces, 1):
                 piece = footprint("", scene["terrain"], index)
@@ -80,8 +85,10 @@ def _by_tape(scene: Mapping[str, Any], obstacle: Obstacle) -> Iterator[str]:
     """Yield lines with the coordinates of the near edge, and the distances of its ends from the mark (mm)."""
     ends = obstacle.near_edge_m(scene["terrain"])
     if ends:
-        yield f"near edge: {' to '.join(f'{_mm(x_m)}, {_mm(y_m)}' for x_m, y_m in ends)}"
-        yield f"from the mark: {' and '.join(_mm(math.hypot(*end)) for end in ends)}"
+        coordinates = [f"{_mm(x_m)}, {_mm(y_m)}" for x_m, y_m in ends]
+        distances = [_mm(math.hypot(x_m, y_m)) for x_m, y_m in ends]
+        yield "near edge: " + " to ".join(coordinates)
+        yield "from the mark: " + " and ".join(distances)
 
 
 def show_placement(scene: Mapping[str, Any], obstacles: Mapping[str, Obstacle]) -> None:
@@ -153,7 +160,8 @@ def parse_deviation(text: str, names: Sequence[str]) -> tuple[str, tuple[float, 
     for number, (limit, unit) in zip(numbers, limits, strict=False):
         if abs(number) > limit:
             raise FoldcarError(f'deviation "{text}": {number:g} is beyond ±{limit:g} {unit}')
-    x_mm, y_mm, turned_deg = (*numbers, 0.0)[:3]
+    x_mm, y_mm = numbers[:2]
+    turned_deg = numbers[2] if len(numbers) == 3 else 0.0
     return words[0], (x_mm / 1000, y_mm / 1000, math.radians(turned_deg))
 
 
@@ -175,26 +183,30 @@ def scene_as_placed(
 
 
 def _move(piece: dict[str, Any], middle: tuple[float, float], deviation: tuple[float, float, float]) -> None:
-    """Move a piece of an obstacle by the obstacle's deviation, turned around the obstacle's ``middle``."""
+    """Move a piece of an obstacle by the obstacle's deviation (m, m, rad), turning it around the ``middle`` (m)."""
     x_m, y_m, turned_rad = deviation
-    ahead, left = piece["x_m"] - middle[0], piece["y_m"] - middle[1]
+    middle_x_m, middle_y_m = middle
+    from_middle_x_m, from_middle_y_m = piece["x_m"] - middle_x_m, piece["y_m"] - middle_y_m
     cos, sin = math.cos(turned_rad), math.sin(turned_rad)
     # Written as a change of the planned position, so that a piece in the middle keeps its exact coordinates.
-    piece["x_m"] += x_m + ahead * (cos - 1) - left * sin
-    piece["y_m"] += y_m + ahead * sin + left * (cos - 1)
+    piece["x_m"] += x_m + from_middle_x_m * (cos - 1) - from_middle_y_m * sin
+    piece["y_m"] += y_m + from_middle_x_m * sin + from_middle_y_m * (cos - 1)
     if "heading_rad" in piece:
         piece["heading_rad"] += turned_rad
 
 
 def _obstacle_place(obstacle: Obstacle) -> tuple[str, str, str]:
+    """Return the cells of an obstacle's position (mm) and heading (°) in the instructions."""
     return _place(obstacle.x_m, obstacle.y_m, obstacle.heading_rad)
 
 
 def _place(x_m: float, y_m: float, heading_rad: float) -> tuple[str, str, str]:
+    """Return the cells of a position (mm) and a heading (°) in the instructions."""
     return _mm(x_m), _mm(y_m), f"{_degrees(heading_rad):.1f}"
 
 
 def _mm(length_m: float) -> str:
+    """Return a length in whole millimetres as a text; never -0."""
     return f"{round(1000 * length_m) + 0}"
 
 

@@ -61,7 +61,10 @@ class PluggedCar:
             car.connection.close()
 
     def connect_again(self, typed_port: str) -> None:
-        """Connect at the typed port, else at the last one; if that is gone, detect the new one. Raises FoldcarError."""
+        """Connect at the typed port or, if it is "", at the last one; if that is gone, detect the new one.
+
+        Raises FoldcarError.
+        """
         port = typed_port or self._port
         if not typed_port and port.startswith(SERIAL_PATHS) and not Path(port).exists():
             port = choose_port(None)
@@ -166,17 +169,20 @@ def _servo_battery_text(car: ConnectedCar, parameters: Mapping[str, float], assu
     """Return the voltage of the servos' battery, on which the speed depends, or that it is assumed."""
     if not parameters.get("SERVO_DIVIDER"):
         return f"battery not measured; the simulation assumes {assumed_v:g} V"
-    volts = car.servo_battery_v()
-    return "battery unreadable: is it switched on?" if volts is None else f"{volts:.2f} V, simulated with {assumed_v:g} V"
+    measured_v = car.servo_battery_v()
+    if measured_v is None:
+        return "battery unreadable: is it switched on?"
+    return f"{measured_v:.2f} V, simulated with {assumed_v:g} V"
 
 
 def require_same_car(car: ConnectedCar, identity: CarIdentity) -> None:
     """Raise FoldcarError if the car's design or firmware differs from ``identity``."""
-    identities = identity, car.identity()
-    before, after = ((car_identity.hash, car_identity.build, car_identity.simulated) for car_identity in identities)
-    if before != after:
-        changed = " to ".join(f"{i.name} ({i.hash}, firmware {i.build})" for i in identities)
-        raise FoldcarError(f"{car.port}: the car has changed from {changed}: start a new session for it")
+    current = car.identity()
+    is_same_car = identity.hash == current.hash and identity.simulated == current.simulated
+    if not is_same_car or identity.build != current.build:
+        before = f"{identity.name} ({identity.hash}, firmware {identity.build})"
+        after = f"{current.name} ({current.hash}, firmware {current.build})"
+        raise FoldcarError(f"{car.port}: the car has changed from {before} to {after}: start a new session for it")
 
 
 def _end_earlier_trial(car: ConnectedCar) -> None:

@@ -32,9 +32,16 @@ def store_end(writer: TrialWriter, number: int, end: DriveEnd, log: Path) -> str
     Raises StoreError.
     """
     digest = sha256_of(log)
-    ending = end.ending if end.outcome else ending_without_outcome(end.ending)
+    stored_ending = Ending(
+        # Until the person has entered an outcome, the trial counts in no success rate.
+        outcome=end.outcome or "aborted",
+        ending=end.ending if end.outcome else ending_without_outcome(end.ending),
+        elapsed_time_s=end.elapsed_time_s,
+        note="",
+        log_sha256=digest,
+    )
     try:
-        writer.complete(number, Ending(end.outcome or "aborted", ending, end.elapsed_time_s, "", digest))
+        writer.complete(number, stored_ending)
     except StoreError as error:
         advice = f"trial {number} is stored without its outcome; enter it later with `foldcar trials correct`"
         raise StoreError(f"{error}; {advice}") from error
@@ -47,9 +54,10 @@ def record_outcome(
 ) -> Ending:  # fmt: skip
     """Store the outcome of trial ``number``, whose end is stored; print it, and return what was stored.
 
-    A drive with an error is stored as aborted. Else the outcome is ``outcome`` or, if that is None, asked for; without
-    ``answers`` it is that of the drive. ``outcome`` is for completed drives: an aborted one stays aborted. ``digest`` is
-    the log's hash, ``mark`` is printed behind the outcome. Raises FoldcarError if the outcome remains unknown.
+    A drive with an error is stored as aborted, and an aborted drive stays aborted even if ``outcome`` is given. Otherwise
+    the outcome is ``outcome``. If that is None, the person is asked; without ``answers`` it is the outcome of the drive.
+    ``digest`` is the log's hash, ``mark`` is printed behind the outcome. Raises FoldcarError if the outcome remains
+    unknown.
     """
     elapsed_text = f" after {end.elapsed_time_s:.2f} s" if end.elapsed_time_s is not None else ""
     print_line(f"Ended{elapsed_text}: {end.ending}")
@@ -61,7 +69,13 @@ def record_outcome(
     outcome = outcome or end.outcome
     if outcome is None:
         raise FoldcarError(f"trial {number}: {end.ending}: its outcome is unknown; with --yes, give it by --outcome")
-    final_ending = Ending(outcome, end.ending, end.elapsed_time_s, note or "", digest)
+    final_ending = Ending(
+        outcome=outcome,
+        ending=end.ending,
+        elapsed_time_s=end.elapsed_time_s,
+        note=note or "",
+        log_sha256=digest,
+    )
     try:
         writer.complete(number, final_ending)
     except StoreError as error:
@@ -78,8 +92,8 @@ def complete_interrupted(writer: TrialWriter) -> None:
     for number, log, outcome in writer.unfinished():
         log_path = log_file(writer.path, log)
         digest = sha256_of(log_path)
-        writer.complete(number, Ending(outcome, INTERRUPTED, None, "", digest))
+        ending = Ending(outcome=outcome, ending=INTERRUPTED, elapsed_time_s=None, note="", log_sha256=digest)
+        writer.complete(number, ending)
         damage = log_damage(log_path) if digest else None
-        print_line(
-            f"Trial {number} was interrupted: it counts as {outcome}; its log is kept{f'; {damage}' if damage else ''}"
-        )
+        damage_text = f"; {damage}" if damage else ""
+        print_line(f"Trial {number} was interrupted: it counts as {outcome}; its log is kept{damage_text}")

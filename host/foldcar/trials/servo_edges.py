@@ -50,12 +50,13 @@ def find_edges(direction_at: Callable[[int], int], expected: ServoEdges) -> Serv
     observed = {MIN_PULSE_US: -1, MAX_PULSE_US: 1}
 
     def find_edge(minimum: int, expected_us: float) -> float:
+        """Return the pulse (µs) from which on the servo turns with at least the direction ``minimum``."""
         return _find_edge(direction_at, observed, minimum, expected_us)
 
     # The servo rests from the lower edge on, where its direction becomes 0, to the upper edge, where it becomes 1.
     high = find_edge(1, expected.neutral_us + expected.deadband_us)
     low = find_edge(0, high - 2 * expected.deadband_us)
-    edges = ServoEdges((low + high) / 2, (high - low) / 2)
+    edges = ServoEdges(neutral_us=(low + high) / 2, deadband_us=(high - low) / 2)
     if edges.deadband_us > MAX_DEADBAND_US:
         raise FoldcarError(f"a deadband of ±{edges.deadband_us:g} µs is above the maximum {MAX_DEADBAND_US} µs")
     return edges
@@ -69,16 +70,18 @@ def _find_edge(direction_at: Callable[[int], int], observed: dict[int, int], min
     """
     below = max(pulse for pulse, direction in observed.items() if direction < minimum)
     above = min(pulse for pulse, direction in observed.items() if direction >= minimum)
-    pulse, step_us, passed = round(expected_us), FIRST_STEP_US, set[bool]()
+    pulse, step_us = round(expected_us), FIRST_STEP_US
+    tried_above = tried_below = False
     while above - below > RESOLUTION_US:
-        if not below < pulse < above or len(passed) == 2:
+        is_edge_passed = tried_above and tried_below
+        if is_edge_passed or not below < pulse < above:
             pulse = (below + above) // 2
         observed[pulse] = direction_at(pulse)
-        is_above = observed[pulse] >= minimum
-        passed.add(is_above)
-        if is_above:
+        if observed[pulse] >= minimum:
+            tried_above = True
             above, pulse = pulse, pulse - step_us
         else:
+            tried_below = True
             below, pulse = pulse, pulse + step_us
         step_us *= 2
     return (below + above) / 2
@@ -99,15 +102,18 @@ def calibrate_outputs(car: ConnectedCar, outputs: list[int]) -> None:
     active_test: list[tuple[int, int, float]] = []
 
     def renew() -> None:
+        """Keep the link alive, and begin the running test again before the car ends it."""
         car.connection.receive(0.0)
         if active_test and time.monotonic() > active_test[0][2]:
             test_output(*active_test[0][:2])
 
     def test_output(number: int, pulse_us: int) -> None:
+        """Let an output command a pulse until the person has answered."""
         car.test_output(number, pulse_us, PULSE_S)
         active_test[:] = [(number, pulse_us, time.monotonic() + RENEW_S)]
 
     def save(name: str, value: float) -> None:
+        """Stop the wheel, and set a parameter in the car."""
         # A car that drives takes no parameters.
         active_test.clear()
         car.stop_trial()
@@ -126,6 +132,7 @@ def calibrate_outputs(car: ConnectedCar, outputs: list[int]) -> None:
         print_line(f"\nOutput {number}, {side}")
 
         def ask(pulse_us: int, number: int = number) -> int:
+            """Return the direction, 1, 0 or -1, in which the wheel drives the car at a pulse, as the person sees it."""
             test_output(number, pulse_us)
             return DIRECTION_OF[answers.choice(f"  {pulse_us} µs: f, b or n? ", DIRECTIONS, None)]
 
@@ -133,6 +140,7 @@ def calibrate_outputs(car: ConnectedCar, outputs: list[int]) -> None:
         expected = ServoEdges(values[f"CH{number}_NEUTRAL_US"], deadband_us)
 
         def turn(pulse_us: int, ask: Callable[[int], int] = ask, direction: int = direction) -> int:
+            """Return the direction in which the servo turns at a pulse: 1 as at MAX_PULSE_US, 0 or -1."""
             return ask(pulse_us) * direction
 
         edges = find_edges(turn, expected)

@@ -52,10 +52,7 @@ CORRECTED_AT_ONCE, REPEATED_AT_ONCE = "said at once after the trial", "driven ag
 
 @dataclass(frozen=True)
 class SessionOptions:
-    """The options of `foldcar log`. Options that are None are asked for or chosen during the session, unless ``yes``.
-
-    A phone puts photos and films of each trial into ``media_folder``.
-    """
+    """The options of `foldcar log`; those that are None are asked for or chosen in the session, unless ``yes``."""
 
     listing: Path
     experiment: str
@@ -73,7 +70,7 @@ class SessionOptions:
     any_build: bool
     yes: bool
     car: str | None = None
-    media_folder: Path | None = None
+    media_folder: Path | None = None  # a phone puts photos and films of each trial here
 
 
 @dataclass(frozen=True)
@@ -243,7 +240,7 @@ class Session:
                 print_warning(error)
 
     def _trial(self, writer: TrialWriter, checked_car: CheckedCar) -> "_Driven | None":
-        """Drive one trial; None if the person ends the session."""
+        """Place, drive and store one trial; return it, or None if the person ends the session before the start."""
         options, experiment, identity, design = self._options, self._experiment, checked_car.identity, checked_car.design
         trial_design, fingerprint = TrialDesign(design.type, design.columns), self._environment.fingerprint
         sample = options.sample if options.sample is not None else self._again
@@ -262,9 +259,9 @@ class Session:
         acknowledge_faults(self._plugged.connected, self._questions)
         if identity.simulated:
             enter_sample(self._plugged.connected, scene, sample, experiment)
-        moves = "" if self._standing is None else moves_text(self._standing, standing(scene, obstacles, {}))
         show_placement(scene, obstacles)
-        if moves:
+        if self._standing is not None:
+            moves = moves_text(self._standing, standing(scene, obstacles, {}))
             print_line(f"after trial {self.driven[-1]}: {moves}; the car goes back to its place")
         if not options.yes:
             self._draw(sample, checked_car)
@@ -275,10 +272,9 @@ class Session:
         settings = experiment.settings(design, body, self._carsim.parameter_table())
         # The car may be exchanged between two trials without a lost link.
         require_same_car(self._plugged.connected, identity)
-        # A fault that came while the person typed belongs to no trial.
         acknowledge_faults(self._plugged.connected, self._questions)
         log = self._log_file(number)
-        car = None if identity.simulated is None else SIMULATED if identity.simulated else BUILT
+        car_kind = {True: SIMULATED, False: BUILT, None: None}[identity.simulated]
         if identity.simulated and deviations:
             print_line("the simulated car drives in the planned scene: the deviations are stored, but not simulated")
         placed_scene = scene_as_placed(scene, obstacles, deviations)
@@ -289,7 +285,7 @@ class Session:
             trial_design,
             Drive(body, settings, placed_scene, fingerprint, experiment.program_name, sample),
             deviations,
-            CarFacts(identity.build, identity.hash, self._plugged.connected.port, car, options.car),
+            CarFacts(identity.build, identity.hash, self._plugged.connected.port, car_kind, options.car),
             str(log.relative_to(store_folder(options.store))),
             options.operator,
         )
@@ -335,7 +331,9 @@ class Session:
                         # The fault belongs to this trial, whose outcome stands.
                         with contextlib.suppress(FoldcarError):
                             faults = acknowledge_faults(car)
-                return (replace(end, outcome="passed") if view.passed and end.outcome is None else end), faults
+                if view.passed and end.outcome is None:
+                    end = replace(end, outcome="passed")
+                return end, faults
         except FoldcarError as error:
             ending = "link lost before the start" if isinstance(error, LinkLostError) else "not begun"
             return DriveEnd(ending, "aborted", None, error), faults
@@ -383,13 +381,15 @@ class Session:
 
     @cached_property
     def _logs(self) -> Path:
+        """The folder of the logs and pictures, beside the store."""
         return logs_folder(self._options.store)
 
     def _log_file(self, number: int) -> Path:
         """Return the path of a new log of trial ``number``. Raises FoldcarError if the disk is nearly full."""
         make_output_folder(self._logs)
-        if (free := shutil.disk_usage(self._logs).free) < MIN_FREE_BYTES:
-            raise FoldcarError(f"{self._logs}: only {free / 1e6:.0f} MB are free for the log; free some space first")
+        disk = shutil.disk_usage(self._logs)
+        if disk.free < MIN_FREE_BYTES:
+            raise FoldcarError(f"{self._logs}: only {disk.free / 1e6:.0f} MB are free for the log; free some space first")
         now = datetime.now(timezone.utc).strftime("%Y%m%dT%H%M%SZ")
         return self._logs / f"trial-{number:04d}-{now}.tlog"
 

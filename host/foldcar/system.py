@@ -138,7 +138,7 @@ class TypedInput:
             yield self._last_key
         finally:
             termios.tcflush(INPUT, termios.TCIFLUSH)
-            # Without waiting for the output, which a person may have stopped (Ctrl-S).
+            # TCSANOW does not wait until the output is written, because a person may have stopped it with Ctrl-S.
             termios.tcsetattr(INPUT, termios.TCSANOW, before)
 
     def _last_key(self) -> str | None:

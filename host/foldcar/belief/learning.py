@@ -180,7 +180,7 @@ def _fit_coefficients(unlearned: Learned, runs: RealityRuns, designs: FloatArray
     table = numpy.hstack([features, is_in_scene])
     passed, counted = runs.passed, numpy.ones(len(runs))
     if nominal is not None:
-        # One row for each design; it is of no scene, because all scenes were simulated.
+        # One row for each design. It belongs to no scene, because its runs were simulated in all scenes.
         has_runs = nominal.counted > 0
         scores = numpy.tile(nominal.scores, (int(has_runs.sum()), 1))
         nominal_features = _features(_shaped(scores), design_features[has_runs])

@@ -352,10 +352,13 @@ def _flap_settings(design: Design, module: int) -> dict[str, float]:
     latched_ends = list(ends) if is_long else [max(ends, key=lambda end: design.length_of(ends[end]))]
     settings: dict[str, float] = {}
     for end, end_module in ends.items():
-        has_latch = module == end_module and end in latched_ends
-        settings |= {f"flap_{end}": flap_end * (module == end_module), f"latch_{end}": float(has_latch)}
-        settings |= {f"pull_{end}": float(has_latch and end == latched_ends[0])}
-    min_length = notch + MIN_FOLD_MM + flap_end * [*ends.values()].count(module)
+        is_at_end = module == end_module
+        has_latch = is_at_end and end in latched_ends
+        settings[f"flap_{end}"] = flap_end if is_at_end else 0.0
+        settings[f"latch_{end}"] = float(has_latch)
+        settings[f"pull_{end}"] = float(has_latch and end == latched_ends[0])
+    # A segment of a single module has caps at both ends of this module.
+    min_length = notch + MIN_FOLD_MM + settings["flap_front"] + settings["flap_rear"]
     if (settings["latch_front"] or settings["latch_rear"]) and length < min_length - ROUNDING:
         key = design.of_modules[module].keys.get("length")
         reason = "the latch of a segment's lid"

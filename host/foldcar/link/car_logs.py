@@ -42,11 +42,11 @@ def list_logs(car: ConnectedCar) -> list[StoredLog]:
             if entry is None:
                 break
             log_count = entry.num_logs
-            # A car without logs sends a single entry, which is of no log.
+            # A car without logs answers with a single entry, which describes no log.
             if entry.num_logs:
                 logs[entry.id] = StoredLog(entry.id, entry.size)
         if log_count is not None and len(logs) == log_count:
-            # The car sends them from the oldest to the newest; after number 65535 comes 1.
+            # The car sends the oldest first. Sorting by number would be wrong: after number 65535 comes 1.
             return list(logs.values())
     raise FoldcarError(f"{car.port}: the car does not list its logs{_status_suffix(car)}")
 
@@ -82,8 +82,8 @@ def fetch_log(car: ConnectedCar, log: StoredLog) -> bytes:
 def erase_logs(car: ConnectedCar, logs: Sequence[StoredLog]) -> None:
     """Erase all logs in the car, which must be ``logs``.
 
-    Raises FoldcarError if the car has other logs, for example of a trial since; nothing is erased then. Also raises it if
-    the car keeps logs.
+    Raises FoldcarError if the car does not erase its logs. Also raises it, without erasing any log, if the car has other
+    logs than these, for example because a trial was driven since.
     """
     if list_logs(car) != list(logs):
         raise FoldcarError(f"{car.port}: the car's logs have changed since they were compared: nothing is erased")

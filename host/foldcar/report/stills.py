@@ -20,7 +20,10 @@ class Still:
 
 
 def stills(experiments: Iterable[ReportedExperiment]) -> list[Still]:
-    """Return a picture for each experiment with a recommended design that this foldcar can fold."""
+    """Return a picture of each experiment's recommended design.
+
+    It is left out if there is no such design, or if this version of foldcar cannot fold it.
+    """
     result = []
     for experiment in experiments:
         if experiment.recommended is None:

@@ -29,7 +29,10 @@ def is_a(thing: Any, kind: str) -> bool:
 
 
 def finite(name: str, value: Any, thing: Any = None) -> float:
-    """Return ``value`` as a rounded float. Raises UnusableError, which names ``name``, if it is not a finite number."""
+    """Return ``value`` as a rounded float. Raises UnusableError if it is not a finite number.
+
+    The error names ``name`` and, if given, the ``thing`` of the Scenic program that has the value.
+    """
     try:
         number = float(value)
     except (TypeError, ValueError):

@@ -185,7 +185,7 @@ class Family:
         return {_column(key): values for key, values in self.choices.items() if len(values) > 1}
 
     def outside(self, settings: Mapping[str, float | str]) -> list[str]:
-        """Return a remark on each setting of :meth:`narrowed` whose value the family does not have."""
+        """Return a remark on each of the ``settings`` whose value no car of the family has."""
         remarks = []
         for key, value in settings.items():
             # A string is the name of a part.

@@ -59,7 +59,7 @@ DRAWN_RUNS = 200 * BLOCK
 def why_no_realities(
     experiment: Experiment, environment: ExperimentEnvironment, requested: int | None, dynamic: bool, success: SuccessRule
 ) -> str | None:
-    """Return why an experiment has no runs in other realities, in a sentence without its end; None if it has.
+    """Return why an experiment has no runs in other realities, as a sentence without a full stop; None if it has some.
 
     ``requested`` is the number that a person asked for, None to let the learning's error decide. ``dynamic`` is whether
     the program runs beside the simulation.
@@ -95,7 +95,7 @@ def reality_spread(experiment: Experiment) -> str:
     """Return the fingerprint of all that the realities of an experiment's runs are drawn from."""
     priors = [[parameter.name, parameter.prior, parameter.middle, parameter.sd] for parameter in PARAMETERS]
     return hashed(
-        # Runs of other blocks would be taken for check groups.
+        # The number of a run and these two tell whether it belongs to a check group.
         BLOCK,
         CHECK,
         dict(experiment.variation),
@@ -303,7 +303,7 @@ class RealitySimulation:
         values_of_runs = values_of(np.array([run.scores for run in runs]))
         realities = []
         for run, values in zip(runs, values_of_runs, strict=True):
-            # Another car than that of the nominal run with this number.
+            # The name makes these draws differ from those of the nominal run with the same number.
             car = f"reality {run.number}"
             realities.append(canonical_json(drawn_reality(values, variation, seed, drive=run.number, car=car)))
         labels = [f"design {run.design + 1}, run {run.number} in another reality" for run in runs]

@@ -135,7 +135,7 @@ class Schedule:
             self.counted[design] += counted
             self.runs[design] = batch.samples.stop
         self.decided = self._rule.decided(self.passed, self.counted)
-        # Stored runs always count, so a design is not closed before all of them are counted.
+        # All stored runs of a design are counted, even if fewer would have decided it.
         for design in {batch.design for batch in batches}:
             self.closed[design] = self.runs[design] >= self._reached[design] and self._ended(design)
 

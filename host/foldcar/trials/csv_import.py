@@ -260,7 +260,10 @@ def _time_utc(place: str, text: str) -> str:
     try:
         # Python 3.10 cannot parse the Z.
         time = datetime.fromisoformat(text.removesuffix("Z"))
-        return text if not time.utcoffset() else time.astimezone(timezone.utc).isoformat()
+        if not time.utcoffset():
+            # There is no time zone, or it is UTC.
+            return text
+        return time.astimezone(timezone.utc).isoformat()
     except (ValueError, OverflowError):
         raise FoldcarError(
             f'{place}: started_utc: "{text}" is not a date, or date and time, such as 2026-05-01T09:30:00'

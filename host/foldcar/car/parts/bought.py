@@ -282,14 +282,16 @@ class Feather(BoxPart):
         return (*self.headers, *self.small, self.usb, self.battery_socket, self.antenna, self.reset)
 
     def joints(self, headers: Headers) -> tuple[Box, ...]:
-        """Return the ends of the headers' legs below the board."""
-        length, width = headers.leg_mm.value - self.board_mm.value, headers.joint_width_mm.value
-        return tuple(
-            header.model_copy(
-                update={"at_mm": (*header.at_mm[:2], -length / 2), "size_mm": (header.size_mm[0], width, length)}
-            )
-            for header in self.headers
-        )
+        """Return the soldered ends of the headers' legs, which stand out below the board, as a box for each header."""
+        length_mm = headers.leg_mm.value - self.board_mm.value
+        width_mm = headers.joint_width_mm.value
+        joints = []
+        for header in self.headers:
+            x_mm, y_mm, _ = header.at_mm
+            size_mm = (header.size_mm[0], width_mm, length_mm)
+            # The board's lower side is at height 0, and a box is placed by its centre.
+            joints.append(header.model_copy(update={"at_mm": (x_mm, y_mm, -length_mm / 2), "size_mm": size_mm}))
+        return tuple(joints)
 
     def free_holes(self, screw: Screw) -> list[tuple[float, float]]:
         """Return the centres (x, y) of the holes at which a screw's nut can be turned without meeting other parts."""

@@ -274,14 +274,16 @@ def _out(moving: Blocks, standing: Blocks, direction: Vector) -> Vector:
     """Return the shortest move in a direction after which the bounds of moving and standing solids are CLEAR_MM apart."""
     if not standing.titles:
         return vector(np.array(direction) * CLEAR_MM)
-    low, high = moving.low.min(axis=0), moving.high.max(axis=0)
-    low_bounds, high_bounds = standing.low.min(axis=0), standing.high.max(axis=0)
+    moving_low, moving_high = moving.low.min(axis=0), moving.high.max(axis=0)
+    standing_low, standing_high = standing.low.min(axis=0), standing.high.max(axis=0)
     # Bounds are apart as soon as they are apart along one axis.
-    lengths = [
-        (high_bounds[i] - low[i] if direction[i] > 0 else high[i] - low_bounds[i]) / abs(direction[i])
-        for i in range(3)
-        if abs(direction[i]) > 1e-6
-    ]
+    lengths = []
+    for axis in range(3):
+        if abs(direction[axis]) > 1e-6:
+            overlap = moving_high[axis] - standing_low[axis]
+            if direction[axis] > 0:
+                overlap = standing_high[axis] - moving_low[axis]
+            lengths.append(overlap / abs(direction[axis]))
     return vector(np.array(direction) * (max(0.0, min(lengths)) + CLEAR_MM))
 
 

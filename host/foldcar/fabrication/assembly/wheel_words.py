@@ -65,10 +65,10 @@ def tyre_lines(car: FoldedCar, unit: str) -> Iterator[str]:
     """Yield what to take or to cut for the tyre of each wheel of a unit, and how it is put on."""
     tyre = car.parts.tyre
     axle = next(axle for axle in car.axles if axle.unit == unit)
-    first, *others = tyre.sizes(axle.radius_mm, axle.tyre_width_mm)
-    yield f"The tyre is {tyre.note}. Take for each wheel {first}."
-    for other in others:
-        yield f"Without such a band, cut {other}."
+    bought, *cut_instead = tyre.sizes(axle.radius_mm, axle.tyre_width_mm)
+    yield f"The tyre is {tyre.note}. Take for each wheel {bought}."
+    for strip in cut_instead:
+        yield f"Without such a band, cut {strip}."
     if tyre.taped_mm(axle.radius_mm):
         yield (
             "Hold a strip with double-sided tape: stick the tape around the rim, and lay the strip on it without "

@@ -218,5 +218,5 @@ class Adviser:
         return (
             f"Sheets are an estimate: 12 x 12 inch, of which the pieces fill {percent(FILLING)}. Minutes assume "
             f"{car_minutes:.0f} min to cut and build a car (without loading the firmware), "
-            f"{PLACING_MIN:g} min to place a trial, and the time that simulation drives."
+            f"{PLACING_MIN:g} min to place a trial, and for the drive as much time as in simulation."
         )

@@ -32,6 +32,7 @@ def handle_signals() -> None:
     for number in NUMBERS:
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, _interrupt)
+    sys.unraisablehook = _print_unraisable
 
 
 def stop_line() -> str | None:
@@ -64,6 +65,15 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
     # An import that is interrupted would leave a half-initialised module; _repeat_interrupt interrupts later.
     if not _imports(frame):
         raise KeyboardInterrupt
+
+
+def _print_unraisable(unraisable: "sys.UnraisableHookArgs") -> None:
+    """Print an exception that Python cannot raise, for example in a destructor.
+
+    A KeyboardInterrupt is not printed, because _repeat_interrupt raises it again.
+    """
+    if not (_stopped.is_set() and unraisable.exc_type is KeyboardInterrupt):
+        sys.__unraisablehook__(unraisable)
 
 
 def _imports(frame: FrameType | None) -> bool:

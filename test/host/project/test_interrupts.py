@@ -162,3 +162,33 @@ def test_a_killed_link_leaves_its_terminal_as_it_was(study: Path, started: Start
     assert (termios.tcgetattr(terminal), fcntl.fcntl(terminal, fcntl.F_GETFL)) == before
     os.close(master)
     os.close(terminal)
+
+
+INTERRUPTED_DESTRUCTOR = """
+import os, signal, time
+from foldcar.interrupts import handle_signals, stop_line
+
+class Interrupted:
+    def __del__(self):
+        os.kill(os.getpid(), signal.SIGINT)
+
+class Faulty:
+    def __del__(self):
+        raise ValueError("a fault")
+
+handle_signals()
+try:
+    Faulty()
+    Interrupted()
+    time.sleep(5)
+except KeyboardInterrupt:
+    print(stop_line())
+"""
+
+
+def test_an_interrupted_destructor_prints_nothing_and_is_interrupted_again() -> None:
+    done = subprocess.run([sys.executable, "-c", INTERRUPTED_DESTRUCTOR], capture_output=True, text=True, timeout=60)
+
+    assert done.stdout == "foldcar: stopped\n"
+    assert "a fault" in done.stderr
+    assert "KeyboardInterrupt" not in done.stderr

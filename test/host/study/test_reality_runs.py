@@ -279,8 +279,8 @@ def test_help_and_page_have_the_numbers_of_the_code(foldcar: Any) -> None:
     page = (Path(__file__).resolve().parents[3] / "docs" / "realities.md").read_text(encoding="utf-8")
 
     assert f"needs, {first} or {last}." in " ".join(foldcar("sweep", "-h").stdout.replace("│", " ").split())
-    assert f"The sweep makes {first:,} of them, and {last - first:,} more" in page
-    assert f"is above {100 * MAX_ERROR:g} percentage points" in page
+    assert f"The sweep simulates {first:,} runs in other realities." in page
+    assert f"is then above {100 * MAX_ERROR:g} percentage points, it simulates {last - first:,} more." in page
     numbers = {10: "ten", 20: "twenty"}
     assert f"Of each hundred numbers the first {numbers[CHECK]} share" in page and BLOCK == 100
 

@@ -173,6 +173,15 @@ class Tab:
         file.write_bytes(b64decode(self.send("Page.captureScreenshot", format="png")["data"]))
 
 
+def move_slider(tab: Tab, label: str, value: float) -> None:
+    """Set the slider of a report whose label begins with these words, as a hand does."""
+    tab.ask(f"""(() => {{
+      const slider = document.querySelector('input[aria-label^="{label}"]');
+      slider.value = {value};
+      slider.dispatchEvent(new Event('input'));
+    }})()""")
+
+
 class _Reader(HTMLParser):
     def __init__(self) -> None:
         super().__init__()

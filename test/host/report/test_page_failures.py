@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from browser import Tab
+from browser import Tab, move_slider
 from swept_listing import reported
 
 WIDTHS, SAMPLES = (95, 120), 6
@@ -23,14 +23,6 @@ SINGLE = "document.querySelector('#whatif-single').textContent"
 def page(tmp_path_factory: pytest.TempPathFactory, carsim_binary: Path) -> Path:
     """The page of a swept store."""
     return reported(tmp_path_factory.mktemp("page"), WIDTHS, SAMPLES) / "report" / "index.html"
-
-
-def move_slider(tab: Tab, label: str, value: float) -> None:
-    tab.ask(f"""(() => {{
-      const slider = document.querySelector('input[aria-label^="{label}"]');
-      slider.value = {value};
-      slider.dispatchEvent(new Event('input'));
-    }})()""")
 
 
 def use_every_simulation(tab: Tab) -> None:

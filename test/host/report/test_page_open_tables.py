@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from browser import Tab
+from browser import Tab, move_slider
 from swept_listing import foldcar, reported
 
 WIDTHS, SAMPLES = (80, 95, 245), 6
@@ -31,14 +31,6 @@ def counts(store: Path) -> list[str]:
     """How many runs of each design passed, as the page writes it."""
     query = "SELECT sum(outcome = 'passed'), count(*) FROM result GROUP BY design_position ORDER BY design_position"
     return [f"{passed} of {runs}" for passed, runs in sqlite3.connect(store).execute(query)]
-
-
-def move_slider(tab: Tab, label: str, value: float) -> None:
-    tab.ask(f"""(() => {{
-      const slider = document.querySelector('input[aria-label^="{label}"]');
-      slider.value = {value};
-      slider.dispatchEvent(new Event('input'));
-    }})()""")
 
 
 def cells(tab: Tab, place: str, column: int) -> list[str]:

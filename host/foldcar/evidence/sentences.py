@@ -173,12 +173,15 @@ def _none_reaching(evidence: Evidence, rates: NDArray[numpy.float64], threshold:
         return f"the design does not reach {limit}; it passes {best_rate}"
     designs_with_runs = sum(design.runs > 0 for design in evidence.family)
     best_designs = int((rates == rates.max()).sum())
-    if best_designs > 1:
-        best = "each" if best_designs == designs_with_runs else f"the best {best_designs:,}"
-        verb = "passes" if best_designs == designs_with_runs else "pass"
-        return f"no design reaches {limit}; {best} {verb} {best_rate}"
-    best_name = "" if designs_with_runs == 1 else f", {evidence.family[int(rates.argmax())].label},"
-    return f"no design reaches {limit}; the best{best_name} passes {best_rate}"
+    if designs_with_runs == 1:
+        best = "the best passes"
+    elif best_designs == designs_with_runs:
+        best = "each passes"
+    elif best_designs > 1:
+        best = f"the best {best_designs:,} pass"
+    else:
+        best = f"the best, {evidence.family[int(rates.argmax())].label}, passes"
+    return f"no design reaches {limit}; {best} {best_rate}"
 
 
 @dataclass(frozen=True)

@@ -36,6 +36,8 @@ FLAGS = [
     "--window-size=1100,900",
 ]
 HANGS_S = 600
+# Is true as soon as a report is drawn and can be used.
+READY = "document.body?.dataset.state === 'ready'"
 # What goes wrong on a page is in ``errors``.
 ERRORS = """window.errors = [];
 addEventListener("error", event => errors.push("error: " + event.message));

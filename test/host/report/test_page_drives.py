@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from browser import Tab, study_of
+from browser import Tab, move_slider, study_of
 from foldcar.statistics.rate import wilson_interval
 from foldcar.store.reader import Store
 from study_car import listing_of
@@ -36,11 +36,7 @@ def ready(tab: Tab) -> Tab:
 def set_slider(tab: Tab, label: str, value: float) -> None:
     """Move a slider as a person does, and wait until all designs are simulated."""
     tab.ask("delete document.getElementById('whatif').dataset.done")
-    tab.ask(f"""(() => {{
-      const slider = document.querySelector('input[aria-label^="{label}"]');
-      slider.value = {value};
-      slider.dispatchEvent(new Event('input'));
-    }})()""")
+    move_slider(tab, label, value)
     tab.wait("document.getElementById('whatif').dataset.done")
 
 

@@ -8,11 +8,10 @@ from typing import Any
 
 import pytest
 
-from browser import Tab, move_slider
+from browser import READY, Tab, move_slider
 from swept_listing import reported
 
 WIDTHS, SAMPLES = (95, 120), 6
-READY = "document.body?.dataset.state === 'ready'"
 STATUS = "document.querySelector('#whatif-sliders [role=status]').textContent"
 VERIFIED = "document.querySelector('#verify [role=status]').textContent"
 NOTE = "document.querySelector('#replay .note').textContent"

@@ -5,11 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from browser import Tab
+from browser import READY, Tab
 from study_car import listing_of
 from swept_listing import STEP_PYRAMIDS, foldcar, reported
 
-READY = "document.body?.dataset.state === 'ready'"
 REMARKS = "[...document.querySelectorAll('#link-remarks li')].map(item => item.textContent)"
 
 

@@ -5,11 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from browser import Tab, move_slider
+from browser import READY, Tab, move_slider
 from swept_listing import foldcar, reported
 
 WIDTHS, SAMPLES = (80, 95, 245), 6
-READY = "document.body?.dataset.state === 'ready'"
 # With these values designs pass in other numbers of environments than nominally.
 SLIDERS = {"obstacle height": 1.2, "friction": 0.7}
 AS_SIMULATED = """

@@ -8,12 +8,11 @@ from typing import Any
 
 import pytest
 
-from browser import Tab, study_of
+from browser import READY, Tab, study_of
 from study_car import listing_of
 from swept_listing import STEP_PYRAMIDS, foldcar
 
 WIDTHS, SAMPLES = (80, 95, 110, 180, 245), 20
-READY = "document.body?.dataset.state === 'ready'"
 RACE = "document.getElementById('race')?"
 DROVE = f"{RACE}.dataset.readyMs"
 LEGEND = "[...document.querySelectorAll('#race .scene-legend > span')].map(one => one.textContent)"

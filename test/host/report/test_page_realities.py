@@ -8,12 +8,11 @@ from typing import Any
 import numpy
 import pytest
 
-from browser import Tab, study_of
+from browser import READY, Tab, study_of
 from foldcar.report import write
 from study_car import listing_of
 from swept_listing import STEP_PYRAMIDS, foldcar, reported
 
-READY = "document.body?.dataset.state === 'ready'"
 THIN = "document.querySelectorAll(\"[data-chart=curve] svg path[stroke-width='0.9']\")"
 THICK = "document.querySelectorAll(\"[data-chart=curve] svg path[stroke-width='3']\")"
 OUTPUTS = "[...document.querySelectorAll('.slider input')].map(slider => Number(slider.value))"

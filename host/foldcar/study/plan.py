@@ -61,7 +61,7 @@ def plan_experiment(
         **_listed_facts(experiment),
         **program_facts,
         **_environment_facts(environment),
-        **_reality_facts(experiment, environment, writer, program_facts, options),
+        **_reality_facts(experiment, environment, writer, environment_id, program_facts, options),
         **_option_facts(options),
     }
     plan = PlannedExperiment(
@@ -129,6 +129,7 @@ def _reality_facts(
     experiment: Experiment,
     environment: ExperimentEnvironment,
     writer: StoreWriter,
+    environment_id: int,
     program_facts: Mapping[str, Any],
     options: SweepOptions | SearchOptions,
 ) -> dict[str, Any]:
@@ -139,7 +140,7 @@ def _reality_facts(
         if stored.get("reality_spread") == reality_spread(experiment):
             return {"realities": stored["realities"], "reality_spread": stored["reality_spread"]}
         return {"no_realities": "a search chose the designs; `foldcar sweep` simulates them in other realities"}
-    is_dynamic = writer.is_dynamic(writer.environment(environment.fingerprint), lambda: environment.dynamic)
+    is_dynamic = writer.is_dynamic(environment_id, lambda: environment.dynamic)
     success = SuccessRule(defined=program_facts["success_defined"], text=program_facts["success_rule"])
     reason = why_no_realities(experiment, environment, options.realities, is_dynamic, success)
     if reason is not None:

@@ -266,10 +266,11 @@ class Answers:
         return weigh(self.draws.prior, self.trials.without(design))
 
     def realities(self, number: int) -> tuple[FloatArray, FloatArray]:
-        """Return ``number`` realities drawn by their weights: their values and rates.
+        """Draw ``number`` realities by their weights, and return their values and the rates of the designs in them.
 
-        The values (number, parameters) are in the parameters' units. The rates (number, d) of the designs are without
-        the unexplained errors of each design alone, so that neighbouring designs have similar rates.
+        The values (number, parameters) are in the parameters' units. The rates (number, d) contain the unexplained error
+        that varies slowly from design to design. They do not contain the error that each design has for itself, so
+        neighbouring designs have similar rates.
         """
         weights = self.draws.weights
         chosen = numpy.random.default_rng(REALITIES_SEED).choice(len(weights), number, p=weights)

@@ -187,6 +187,7 @@ def measured_value(text: str, place: str) -> tuple[str, float]:
         value = decimal_number(number)
     except ValueError:
         raise FoldcarError(f"{place} {text}: is not NAME=VALUE with a number") from None
+    # This raises FoldcarError if the name is unknown, or if no reality can have this value.
     parameter_named(name, value, f"{place} {name}".strip(), MAX_SCORE, with_nominal=False)
     return name, value
 

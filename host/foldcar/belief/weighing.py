@@ -195,11 +195,13 @@ class Draws:
 
     @cached_property
     def scores(self) -> FloatArray:
-        """The realities' scores (n, parameters)."""
+        """The realities' scores (n, parameters): how many standard deviations each parameter is above its median."""
         normal_scores = self.normal[:, _SCORES]
+        # Some realities, a fraction NOMINAL_CHANCE of all, are close to nominal simulation.
         near_scores = NOMINAL_SCORES + NEAR * (normal_scores - NOMINAL_SCORES)
         is_near_nominal = ndtr(self.normal[:, [_NEAR]]) < NOMINAL_CHANCE
         scores = numpy.where(is_near_nominal, near_scores, normal_scores)
+        # What is known about a parameter, such as a measured value, narrows its scores. A wrong measurement does not.
         for index, prior in self.prior.known.items():
             narrowed = prior.mean + prior.sd * normal_scores[:, index]
             scores[:, index] = numpy.where(self.wrong[:, index], scores[:, index], narrowed)

@@ -81,6 +81,7 @@ def confirm(port: Port = None) -> None:
         if design.source == dialect.FOLDCAR_DESIGN_SOURCE_REFUSED:
             raise FoldcarError("the car refuses its own car.json: load the design again with `foldcar flash`")
         fault = car.fault_text()
+        # The source is "none" if a person has already confirmed that the car drives without its file.
         if design.source != dialect.FOLDCAR_DESIGN_SOURCE_NONE:
             car.acknowledge_fault(without_design=True)
         values = read_parameters(car)

@@ -173,10 +173,11 @@ def _scaled_text(estimate: Estimate, factor: float) -> str:
 def read_belief(
     store: Store, info: ExperimentInfo, family: Sequence[DesignEvidence], trials: Sequence[Trial], simulated: bool
 ) -> Belief | None:
-    """Return the belief about the designs of a family that is swept, or driven within the swept ranges.
+    """Return the belief about the designs of a family, or None if there is nothing to learn from.
 
-    ``trials`` are those that count, ``simulated`` is whether simulated cars drove some of them. Returns None if there
-    are too few runs in other realities, or if success is undefined. Raises FoldcarError.
+    The belief has the swept designs, and the driven designs whose parameters lie within the ranges of the sweep.
+    ``trials`` are the trials that count. ``simulated`` is whether simulated cars drove some of them. There is nothing to
+    learn from if success is undefined, or if there are too few runs in other realities. Raises FoldcarError.
     """
     learned = learned_rate(store, info)
     if learned is None:
@@ -203,11 +204,11 @@ def read_belief(
     with threadpool_limits(1):
         answers = believe(
             learned,
-            _varied_values(info, [design.design for design in designs]),
-            _trials(designs, learned),
-            priors,
-            [NAMES.index(name) for name in measured],
-            numpy.array(offsets),
+            designs=_varied_values(info, [design.design for design in designs]),
+            trials=_trials(designs, learned),
+            known=priors,
+            measured=[NAMES.index(name) for name in measured],
+            offsets=numpy.array(offsets),
         )
     return Belief(tuple(designs), numpy.array(design_indices, int), answers, tuple(notes), measured)
 

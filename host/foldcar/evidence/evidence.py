@@ -165,9 +165,11 @@ def no_trial_text(evidence: Evidence, nothing_driven: str) -> str:
 
 
 def swept_ids(store: Store) -> set[str]:
-    """Return the names of swept experiments: those in the store, and those in the listing without engine and reality.
+    """Return the names of all swept experiments.
 
-    Runs in random realities are not compared with trials, so they do not count as a sweep of the listed experiment.
+    An experiment that was swept with another engine or in another reality has a name of its own in the store. Such a
+    sweep also counts as one of the experiment that the listing names. There is one exception: runs in random realities
+    are not compared with trials, so they do not count as a sweep of the listed experiment.
     """
     if not store.holds_study():
         return set()

@@ -121,14 +121,17 @@ def unswept_designs(designs_and_reasons: Sequence[tuple[DesignEvidence, str | No
     sentences = []
     for reason, designs in designs_by_reason.items():
         labels = [design.label for design in designs]
-        if len(designs) > SHOWN:
-            names_are, they_were = [f"{_shown_names(labels)} are"], "they were"
+        is_shared = len(designs) > SHOWN
+        if reason is not None:
+            explanation = f", and cannot be simulated now: {reason}."
         else:
-            names_are, they_were = [f"{label} is" for label in labels], "it was"
-        explanation = f", and cannot be simulated now: {reason}."
-        if reason is None:
-            explanation = f": {they_were} simulated now, in {count(designs[0].runs, 'environment')}."
-        sentences += [f"{name_is} not in the sweep{explanation}" for name_is in names_are]
+            # Designs that are simulated now are all simulated in the same number of environments.
+            environments = count(designs[0].runs, "environment")
+            explanation = f": {'they were' if is_shared else 'it was'} simulated now, in {environments}."
+        if is_shared:
+            sentences.append(f"{_shown_names(labels)} are not in the sweep{explanation}")
+        else:
+            sentences += [f"{label} is not in the sweep{explanation}" for label in labels]
     return sentences
 
 

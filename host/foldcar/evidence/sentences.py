@@ -28,7 +28,7 @@ MEASUREMENTS = {
 
 
 def works(belief: Belief, evidence: Evidence, threshold: float) -> str:
-    """Return the line on which car to take if a car is wanted that works."""
+    """Return the line that answers "Want a car that works?": which car to take, and its success rate."""
     answers = belief.answers
     best_label = belief.labels[answers.best]
     best_rate = band_text(answers.built[answers.best])

@@ -26,10 +26,14 @@ NEWTON_STEPS = 50
 TOLERANCE = 1e-9
 # A Newton step is not halved below this fraction.
 MIN_STEP_SIZE = 1e-4
-# Candidates: length as a fraction of the range, standard deviation of the log-odds. With more than two parameters only
-# combinations of lengths on the way to the best one are fitted; the longest stands for a parameter without effect.
+# The lengths and standard deviations that are tried. A length is a fraction of the range of a parameter; a standard
+# deviation is one of the log-odds. With one or two parameters, LENGTHS has the lengths for this number of parameters, and
+# all combinations are fitted. With more, only the combinations on the way to the best one are fitted.
 LENGTHS = {1: (0.1, 0.2, 0.4, 0.8), 2: (0.15, 0.35, 0.8)}
-MANY_LENGTHS = (0.15, 0.35, 0.8, 2.5)
+LONG = 0.8
+# At this length a parameter has no effect.
+WITHOUT_EFFECT = 2.5
+MANY_LENGTHS = (0.15, 0.35, LONG, WITHOUT_EFFECT)
 STRENGTHS = (1.5, 5.0)
 # Candidates of lower weight are dropped.
 MIN_WEIGHT = 0.01
@@ -296,17 +300,16 @@ class Setting(NamedTuple):
 
 
 def _settings(parameters: int, evidence: Callable[[Setting], float]) -> list[Setting]:
-    """Return the settings of the candidates to weight.
+    """Return the settings (lengths and standard deviation) to fit. Their fits are weighted by their evidence afterwards.
 
-    For one or two parameters these are all combinations. For more, they are those that a search for the highest
-    ``evidence`` tries, which changes one number at a time.
+    For one or two parameters these are all combinations. For more parameters, a search looks for the setting of highest
+    ``evidence`` by changing one number at a time, and these are the settings that it tries.
     """
     if parameters in LENGTHS:
         all_lengths = product(LENGTHS[parameters], repeat=parameters)
         return [Setting(*setting) for setting in product(all_lengths, STRENGTHS)]
-    # The search begins at the longest length that still stands for an effect.
-    best = Setting((MANY_LENGTHS[2],) * parameters, STRENGTHS[0])
-    # A dictionary, because it keeps the order and has each setting once.
+    best = Setting((LONG,) * parameters, STRENGTHS[0])
+    # A dictionary keeps the order and has each setting once.
     tried = {best: None}
     previous = None
     while best != previous:

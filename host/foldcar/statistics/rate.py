@@ -97,22 +97,27 @@ def clopper_pearson_interval(successes: ArrayLike, runs: ArrayLike, confidence: 
 def anytime_interval(
     successes: ArrayLike, runs: ArrayLike, confidence: float = 0.95
 ) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return the anytime-valid interval (low, high), each 0 to 1, for arrays ``successes`` and ``runs`` of one shape.
+    """Return an interval (low, high) of the success rate that stays valid when it is looked at after every run.
 
-    It covers the rate at all numbers of runs together with at least ``confidence``. Without runs it is 0 to 1.
-    Divide the likelihood of the runs under a mixture of rates, Beta(1/2, 1/2), by that under the true rate. By Ville's
-    inequality this ratio ever exceeds 1/alpha with a probability of at most alpha. The interval is the set of rates at
-    which the ratio is at most 1/alpha (Robbins 1970, doi:10.1214/aoms/1177696786; Howard et al. 2021, 1810.08240). After
-    100 runs, half of them passed, it reaches 15 percentage points to each side; Wilson's reaches 10.
-    Raises FoldcarError if the counts are impossible.
+    ``successes`` and ``runs`` are arrays of one shape, and so are low and high, which are between 0 and 1. With a
+    probability of at least ``confidence``, the intervals after 1, 2, 3, ... runs all contain the true rate. Without runs
+    the interval is 0 to 1. After 100 runs, of which half passed, it reaches 15 percentage points to each side of the
+    rate; Wilson's interval reaches 10. Raises FoldcarError if the counts are impossible.
+
+    Derivation: divide the likelihood of the runs under a mixture of rates, Beta(1/2, 1/2), by their likelihood under the
+    true rate. By Ville's inequality this ratio ever exceeds 1/alpha with a probability of at most alpha, where alpha is
+    1 - ``confidence``. The interval is the set of rates at which the ratio is at most 1/alpha (Robbins 1970,
+    doi:10.1214/aoms/1177696786; Howard et al. 2021, 1810.08240).
     """
     passed, total = numpy.broadcast_arrays(numpy.asarray(successes, float), numpy.asarray(runs, float))
     if not numpy.all((passed >= 0) & (passed <= total)):
         raise FoldcarError("successes must be 0 to the number of runs")
     check_confidence(confidence)
-    # log(1/alpha)
-    threshold = -numpy.log1p(-confidence)
-    return _lowest_rate(passed, total, threshold), 1 - _lowest_rate(total - passed, total, threshold)
+    log_ratio_limit = -numpy.log1p(-confidence)
+    low = _lowest_rate(passed, total, log_ratio_limit)
+    # The highest rate of success is the lowest rate of failure.
+    high = 1 - _lowest_rate(total - passed, total, log_ratio_limit)
+    return low, high
 
 
 def limited_mean(

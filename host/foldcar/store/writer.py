@@ -51,6 +51,14 @@ class PlannedRun:
 
 
 @dataclass(frozen=True, slots=True)
+class StoredSweep:
+    """The last sweep of an experiment: its number of environments, and the parameters of its designs, in their order."""
+
+    environments: int
+    designs: Sequence[Mapping[str, float]]
+
+
+@dataclass(frozen=True, slots=True)
 class PlannedDesign:
     """A design of an experiment, with its input for the simulator."""
 
@@ -147,17 +155,17 @@ class StoreWriter(StoreConnection):
         }
         self._insert(DESIGN, [row])
 
-    def swept(self, experiment: str, environment_id: int, spread_id: int) -> tuple[int, list[dict[str, Any]]]:
-        """Return an experiment's number of samples, and its designs' parameters by column, in their order.
+    def last_sweep(self, experiment: str, environment_id: int, spread_id: int) -> StoredSweep | None:
+        """Return the last sweep of an experiment.
 
-        Returns (0, []) if it was not swept by this build in that environment and with that spread of cars.
+        Returns None if there is none, or if another build made it, in another environment or with another spread of cars.
         """
         for row in self.rows(EXPERIMENT, "WHERE id = ?", experiment):
-            last_sweep = (row["build_id"], row["environment_id"], row["spread_id"])
-            if last_sweep == (self._build_id, environment_id, spread_id):
+            if (row["build_id"], row["environment_id"], row["spread_id"]) == (self._build_id, environment_id, spread_id):
                 designs = self.rows(DESIGN, "WHERE experiment = ? ORDER BY position", experiment)
-                return row["environments"], [json.loads(design["parameters"]) for design in designs]
-        return 0, []
+                parameters = [json.loads(design["parameters"]) for design in designs]
+                return StoredSweep(environments=row["environments"], designs=parameters)
+        return None
 
     def environment(self, fingerprint: str) -> int:
         """Return the id of the environment with this fingerprint; add it if it is missing."""

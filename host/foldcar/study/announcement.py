@@ -29,9 +29,12 @@ def environment_lines(experiment: Experiment, environment: ExperimentEnvironment
         yield f"experiment {experiment.id}: sample 0: {note}"
 
 
-def engine_lines(unlike_sides: Mapping[str, str]) -> Iterator[str]:
-    """Yield a line for each experiment that the side view cannot simulate; ``unlike_sides`` are the reasons by id."""
-    for experiment_id, reason in unlike_sides.items():
+def engine_lines(limits_by_experiment: Mapping[str, str]) -> Iterator[str]:
+    """Yield a line for each experiment that the side view cannot simulate as it is.
+
+    ``limits_by_experiment`` says by the experiment's id what the side view leaves out.
+    """
+    for experiment_id, reason in limits_by_experiment.items():
         if reason:
             yield f"experiment {experiment_id}: {unlike_sides_text(reason)}"
 

@@ -151,7 +151,10 @@ class ExperimentRuns:
         yield from self._simulate(samples_by_design, self.counts.total)
 
     def until(self, rule: StoppingRule) -> Iterator[list[FinishedRun[PlannedRun]]]:
-        """Simulate every design until the rule decides it, or is unlikely to decide it; yield chunks as they finish."""
+        """Simulate each design until the rule has decided it, or has given it up; yield chunks as they finish.
+
+        The rule gives a design up if more runs are unlikely to decide it.
+        """
         plan, counts = self.plan, self.counts
         earlier_total, earlier_decided = counts.total, counts.decided
         stored_samples = self.writer.design_counts(plan.id).reached
@@ -166,17 +169,18 @@ class ExperimentRuns:
             }
             schedule.record(results, batches)
             # A design that is closed gets no more runs, so the sweep will have fewer.
-            runs_not_needed = (plan.environments - schedule.runs)[schedule.closed].sum()
+            runs_left = plan.environments - schedule.runs
+            runs_not_needed = runs_left[schedule.closed].sum()
             counts.total = earlier_total - int(runs_not_needed)
             counts.decided = earlier_decided + int((schedule.decided & schedule.closed).sum())
             self.report(counts)
         self.writer.end_experiment(plan, int(schedule.runs.sum()))
 
     def _simulate(self, samples_by_design: Mapping[int, range], total: int) -> Iterator[list[FinishedRun[PlannedRun]]]:
-        """Simulate the missing ones of these runs, sample by sample; yield chunks as they finish.
+        """Simulate those of these runs that the store lacks, sample by sample; yield chunks as they finish.
 
-        ``samples_by_design`` has the samples to simulate, by the position of the design. ``total`` is the number of runs
-        that the sweep will have afterwards.
+        ``samples_by_design`` has the range of samples for each design, by its position. ``total`` is the number of runs
+        that the sweep will have when they are finished, stored ones included.
         """
         first_sample = min(samples.start for samples in samples_by_design.values())
         end_sample = max(samples.stop for samples in samples_by_design.values())
@@ -185,10 +189,11 @@ class ExperimentRuns:
             for run in self.writer.planned_runs(self.plan, sample):
                 if sample not in samples_by_design.get(run.design, ()):
                     continue
-                # A run that is stored has an outcome. A run that equals one in progress will share its outcome.
+                # A stored run has an outcome. A run that joins an equal one in progress will share its outcome.
                 if run.outcome is not None or self.pool.joins(run):
                     self.counts.reused += 1
                     self.counts.count(run.outcome)
                 else:
-                    yield from self.pool.add(run, total - self.counts.done)
+                    runs_left = total - self.counts.done
+                    yield from self.pool.add(run, runs_left)
             self.report(self.counts)

@@ -27,13 +27,13 @@ from foldcar.version import __version__
 class SweepOptions:
     """How a sweep simulates an experiment.
 
-    ``engine`` is the engine's name, "" for multibody. ``unlike_sides`` says what the side view cannot simulate here; it
-    is "" if there is nothing. ``rule`` stops designs early. ``realities`` is the requested number of runs in other
+    ``engine`` is the engine's name, "" for multibody. ``side_view_limits`` says what the side view cannot simulate here;
+    it is "" if there is nothing. ``rule`` stops designs early. ``realities`` is the requested number of runs in other
     realities; None lets the learning's error decide.
     """
 
     engine: str = ""
-    unlike_sides: str = ""
+    side_view_limits: str = ""
     rule: StoppingRule | None = None
     realities: int | None = None
 
@@ -157,8 +157,8 @@ def _option_facts(options: SweepOptions | SearchOptions) -> dict[str, Any]:
         facts["until"] = asdict(options.rule)
     if options.engine:
         facts["engine"] = options.engine
-    if options.unlike_sides:
-        facts["unlike_sides"] = options.unlike_sides
+    if options.side_view_limits:
+        facts["unlike_sides"] = options.side_view_limits
     return facts
 
 

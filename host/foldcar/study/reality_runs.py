@@ -92,10 +92,10 @@ def reality_facts(experiment: Experiment, requested: int | None, stored: Mapping
 
 
 def reality_spread(experiment: Experiment) -> str:
-    """Return the fingerprint of all that the realities of an experiment's runs are drawn from."""
+    """Return a hash of everything that decides in which reality each run of an experiment is simulated."""
     priors = [[parameter.name, parameter.prior, parameter.middle, parameter.sd] for parameter in PARAMETERS]
     return hashed(
-        # The number of a run and these two tell whether it belongs to a check group.
+        # The size of a group of runs, and how many of its first runs share one reality and one design.
         BLOCK,
         CHECK,
         dict(experiment.variation),

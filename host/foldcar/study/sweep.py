@@ -70,23 +70,23 @@ class Sweep:
         report: Callable[[Progress], None] = lambda progress: None,
         announce: Callable[[str], None] = lambda line: None,
     ) -> Progress:
-        """Simulate the missing runs and return the counts. Raises FoldcarError.
+        """Simulate the runs that the store lacks. Return the counts, which grow while the sweep runs.
 
         ``simulators`` is an object, or the number of simulators on this machine. ``announce`` is called with lines about
         the sweep before its first run, and ``report`` with the counts after every step. Nothing is written before all
-        designs, and for a new store all environments, have been checked.
+        designs, and for a new store all environments, have been checked. Raises FoldcarError.
         """
-        # Counting the runs folds and checks all designs.
+        # To count the runs, all designs are folded and checked.
         counts = self.progress
         self._check_environments()
-        unlike_sides = self._unlike_sides()
+        limits_by_experiment = self._side_view_limits()
         with write_store(self.store) as writer:
             writer.begin_study(study_facts(self.study, self.carsim, self.command), self.carsim.build)
             experiments = [
-                self._planned(experiment, environment, writer, unlike_sides.get(experiment.id, ""))
+                self._store_plan(experiment, environment, writer, limits_by_experiment.get(experiment.id, ""))
                 for experiment, environment in zip(self.study.experiments, self.environments, strict=True)
             ]
-            for line in self._announcement(experiments, unlike_sides):
+            for line in self._announcement(experiments, limits_by_experiment):
                 announce(line)
             simulation = _Simulation(self, writer, simulators, report)
             simulation.simulate_study(experiments)
@@ -105,8 +105,11 @@ class Sweep:
                     reason = environment.success.text
                     raise FoldcarError(f"{experiment.place}: --until needs a definition of success: {reason}")
 
-    def _unlike_sides(self) -> dict[str, str]:
-        """Return what the side view cannot simulate, by the experiment's id; {} with another engine."""
+    def _side_view_limits(self) -> dict[str, str]:
+        """Return what the engine cannot simulate if it is the side view, by the experiment's id.
+
+        Other engines have no such limits: then the result is empty.
+        """
         if self.carsim.engine != ENGINES[SIDE_VIEW].title:
             return {}
         return {
@@ -114,21 +117,27 @@ class Sweep:
             for experiment, environment in zip(self.study.experiments, self.environments, strict=True)
         }
 
-    def _planned(
-        self, experiment: Experiment, environment: ExperimentEnvironment, writer: StoreWriter, unlike_sides: str
+    def _store_plan(
+        self, experiment: Experiment, environment: ExperimentEnvironment, writer: StoreWriter, limits: str
     ) -> "_SweptExperiment":
-        """Store an experiment with its designs. Raises FoldcarError."""
-        rule = self.until.get(experiment.id)
-        options = SweepOptions(self.carsim.engine, unlike_sides, rule, self.realities)
-        plan = plan_experiment(experiment, environment, writer, self.designs[experiment.id], options)
-        return _SweptExperiment(experiment, environment, plan, len(self.designs[experiment.id]), rule)
+        """Store the plan of an experiment and its designs, before any run. Raises FoldcarError.
 
-    def _announcement(self, experiments: Sequence["_SweptExperiment"], unlike_sides: Mapping[str, str]) -> Iterator[str]:
+        ``limits`` says what the engine cannot simulate.
+        """
+        rule = self.until.get(experiment.id)
+        designs = self.designs[experiment.id]
+        options = SweepOptions(self.carsim.engine, limits, rule, self.realities)
+        plan = plan_experiment(experiment, environment, writer, designs, options)
+        return _SweptExperiment(experiment, environment, plan, len(designs), rule)
+
+    def _announcement(
+        self, experiments: Sequence["_SweptExperiment"], limits_by_experiment: Mapping[str, str]
+    ) -> Iterator[str]:
         """Yield what a person should know before the first run."""
         yield from announcement.success_lines([experiment.plan for experiment in experiments])
         for experiment in experiments:
             yield from announcement.environment_lines(experiment.experiment, experiment.environment)
-        yield from announcement.engine_lines(unlike_sides)
+        yield from announcement.engine_lines(limits_by_experiment)
         for experiment in experiments:
             yield from announcement.skipped_lines(experiment.experiment)
 

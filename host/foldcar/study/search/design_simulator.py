@@ -5,6 +5,7 @@ experiment's earlier designs and adds those that are tried.
 """
 
 import contextlib
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -52,14 +53,18 @@ class DesignSimulator:
     _pool: ChunkPool[PlannedRun]
     _samples: StoredSamples
     _table: dict[str, TableRow]
-    _simulated: Callable[[int], None]
-    _searched: Sequence[str]
+    _report_runs: Callable[[int], None]
+    _objectives: Sequence[str]
     _plan: PlannedExperiment | None = None
     _positions: dict[Values, int] = field(default_factory=dict)
 
     def rows(self, values: Values, samples: Sequence[int]) -> list[RunRow]:
-        """Return a buildable design's results in these samples, in order; simulate missing ones. Raises FoldcarError."""
-        plan, position = self._plan_and_position(values)
+        """Return the results of a design in these samples, in their order. Simulate those that are not stored.
+
+        The design must be buildable. Raises FoldcarError if a simulator fails.
+        """
+        plan = self._plan_with(values)
+        position = self._positions[values]
         runs: list[PlannedRun] = []
         for index, sample in enumerate(samples):
             self._samples.reach(sample)
@@ -78,45 +83,54 @@ class DesignSimulator:
         if self._positions:
             self._store_experiment(sorted({*self._positions, *skipped}))
 
-    def _plan_and_position(self, values: Values) -> tuple[PlannedExperiment, int]:
-        """Return the stored experiment, and a design's position in it; a new design is added to the store."""
+    def _plan_with(self, values: Values) -> PlannedExperiment:
+        """Return the stored experiment. Add this design to its designs first if it is not among them."""
         if self._plan is None:
-            self._store_experiment([*self._stored_designs(), values])
-        assert self._plan is not None
+            self._plan = self._store_experiment([*self._stored_designs(), values])
         if values not in self._positions:
+            position = len(self._positions)
             design = self._experiment.family.design(values)
-            self._positions[values] = len(self._positions)
             planned = planned_design(self._experiment, design, self._table)
-            self._writer.add_design(self._experiment.id, self._positions[values], planned)
-        return self._plan, self._positions[values]
+            self._writer.add_design(self._experiment.id, position, planned)
+            self._positions[values] = position
+        return self._plan
 
-    def _store_experiment(self, members: Sequence[Values]) -> None:
-        """Store the experiment with these designs in this order, replacing its earlier designs."""
+    def _store_experiment(self, members: Sequence[Values]) -> PlannedExperiment:
+        """Store the experiment with these designs, in this order, instead of its earlier designs. Return its plan."""
         family = self._experiment.family.only(dict.fromkeys(members))
         experiment = replace(self._experiment, family=family)
         designs = PlannedDesigns(experiment, self._table, None)
-        self._plan = plan_experiment(experiment, self._environment, self._writer, designs, SearchOptions(self._searched))
-        built = [values for values in dict.fromkeys(members) if family.error(values) is None]
-        self._positions = {values: position for position, values in enumerate(built)}
+        options = SearchOptions(self._objectives)
+        plan = plan_experiment(experiment, self._environment, self._writer, designs, options)
+        buildable = [values for values in dict.fromkeys(members) if family.error(values) is None]
+        self._positions = {values: position for position, values in enumerate(buildable)}
+        return plan
 
     def _stored_designs(self) -> list[Values]:
         """Return the family's designs that an earlier sweep or search has stored in the experiment.
 
-        The experiment keeps the larger number of environments.
+        If the stored experiment has more environments than this one, this one takes over their number.
         """
         environment_id = self._writer.environment(self._environment.fingerprint)
         spread_id = self._writer.spread(self._environment.spread_fingerprint)
-        environments, designs = self._writer.swept(self._experiment.id, environment_id, spread_id)
-        self._experiment = replace(self._experiment, environments=max(environments, self._experiment.environments))
+        sweep = self._writer.last_sweep(self._experiment.id, environment_id, spread_id)
+        if sweep is None:
+            return []
+        environments = max(sweep.environments, self._experiment.environments)
+        self._experiment = replace(self._experiment, environments=environments)
         family = self._experiment.family
-        # A stored design may lack a column of the family; with NaN for it, it is none of the family's designs.
-        stored_values = [tuple(design.get(column, float("nan")) for column in family.columns()) for design in designs]
-        return [values for values in stored_values if family.has(values)]
+        designs: list[Values] = []
+        for parameters in sweep.designs:
+            # A design of an earlier family may lack a parameter. NaN equals none of the family's values.
+            values = tuple(parameters.get(column, math.nan) for column in family.columns())
+            if family.has(values):
+                designs.append(values)
+        return designs
 
     def _keep(self, finished: list[FinishedRun[PlannedRun]]) -> None:
-        """Store a finished chunk and report its number of runs."""
+        """Store the results of finished runs and report how many they are."""
         self._writer.add_results((run.run, run.answer) for run in finished)
-        self._simulated(len(finished))
+        self._report_runs(len(finished))
 
 
 @contextlib.contextmanager
@@ -126,19 +140,21 @@ def open_simulator(
     writer: StoreWriter,
     carsim: Carsim,
     simulators: Simulators | int,
-    simulated: Callable[[int], None],
-    searched: Sequence[str],
+    report_runs: Callable[[int], None],
+    objectives: Sequence[str],
 ) -> Iterator[DesignSimulator]:
     """Yield the DesignSimulator of an experiment in its ``environment``. Raises FoldcarError.
 
-    ``simulated`` is called with numbers of new runs. ``searched`` names the objectives by which a search chooses designs
-    from these runs; empty if it does not.
+    After each finished chunk of runs, ``report_runs`` is called with their number. ``objectives`` are the quantities by
+    which a search chooses designs from these runs. They are empty if the runs only check designs that were chosen before.
     """
-    dynamic = writer.is_dynamic(writer.environment(environment.fingerprint), lambda: environment.dynamic)
-    samples, table = StoredSamples(environment, writer, dynamic), carsim.parameter_table()
+    environment_id = writer.environment(environment.fingerprint)
+    dynamic = writer.is_dynamic(environment_id, lambda: environment.dynamic)
+    samples = StoredSamples(environment, writer, dynamic)
+    table = carsim.parameter_table()
     with (
         planned_pool(writer, simulators) as pool,
         environment.runner(carsim, dynamic) as runner,
         pool.using(runner),
     ):
-        yield DesignSimulator(experiment, environment, writer, pool, samples, table, simulated, searched)
+        yield DesignSimulator(experiment, environment, writer, pool, samples, table, report_runs, objectives)

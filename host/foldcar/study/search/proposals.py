@@ -75,22 +75,25 @@ class Proposals:
         self.unbuildable: dict[Values, str] = {}
 
     def next(self) -> Values | None:
-        """Return an untried design that can be built, or None if there is no more. Pass its result to :meth:`tell`."""
+        """Return a buildable design that was not tried before, or None if none is left.
+
+        Pass its result to :meth:`tell`, or to :meth:`refuse`, before the next call.
+        """
         seen = {*(tried.values for tried in self.tried), *self.unbuildable}
         repeats = 0
         while True:
             if repeats >= MAX_REPEATS:
-                # The sampler repeats itself: draw a new design without it.
+                # The sampler proposes the same designs again and again, so a random new design takes its turn.
                 if not self._enqueue_new_design(seen):
                     return None
                 repeats = 0
-            # A sampler of its own for each proposal, so that a resumed search repeats the same proposals.
+            # Each proposal has a sampler of its own, so that a resumed search repeats the same proposals.
             self._study.sampler = self._sampler_of(len(self._study.get_trials(deepcopy=False)))
             self._trial = trial = self._study.ask()
             indices = {key: trial.suggest_int(key, 0, len(self._levels[key]) - 1) for key in self._varied}
             self._suggested = values = self._values(indices)
             if values in seen:
-                # A second result of the design would count twice.
+                # The design's result is known. If the study got it again, it would count twice.
                 self._study.tell(trial, state=TrialState.FAIL)
             elif (error := self._family.error(values)) is None:
                 return values
@@ -100,32 +103,37 @@ class Proposals:
             repeats += 1
 
     def is_worse(self, rows: Sequence[RunRow], limit_s: float) -> bool:
-        """Return whether the proposed design is worse than the best design, judged by its ``rows`` so far.
+        """Return whether the proposed design is probably worse than the best design so far.
 
-        Rows are in the order of environments. The probability that a design is called worse in any check, although over
-        all environments it is at least as good as the best, is at most PRUNING_RISK (:func:`evidence_of_worse`). This
-        holds although the best was chosen by all its runs, because their order is random.
+        ``rows`` are its results so far, in the order of the environments. If a design is in truth at least as good as the
+        best one, the probability that any of these checks calls it worse is at most PRUNING_RISK (see
+        :func:`evidence_of_worse`). The best design was chosen by all its runs; the bound holds nevertheless, because the
+        order of the environments is random.
         """
         if self._best is None:
             return False
         best_loss, best_rows = self._best
-        # An infinite loss has no finite excess over it.
+        # The excess over an infinite loss cannot be computed.
         if not math.isfinite(best_loss):
             return False
         excess, max_gain = self._objectives[0].excess(rows, best_rows, limit_s)
         return evidence_of_worse(excess, len(best_rows), max_gain) >= 1 / PRUNING_RISK
 
     def refuse(self, reason: str) -> None:
-        """Record that the proposed design can have no result, with the reason, so that it is not proposed again."""
+        """Record why the proposed design has no result, so that it is not proposed again."""
         assert self._trial is not None
         self.unbuildable[self._suggested] = reason
         self._trial.set_constraint(BUILDABLE, 1.0)
         self._study.tell(self._trial, state=TrialState.PRUNED)
 
     def tell(self, objectives: Sequence[float], rows: Sequence[RunRow], pruned: bool, mean_time_s: float) -> None:
-        """Record the result of the proposed design (see Tried); ``rows`` as in :meth:`is_worse`."""
+        """Record the result of the proposed design.
+
+        ``objectives`` has a value for each objective of the search. ``rows`` are the design's results in the order of the
+        environments; if it was ``pruned``, these are the first ones only.
+        """
         assert self._trial is not None
-        # 0: the constraint is met, the design can be built.
+        # At 0 the constraint is met: the design can be built.
         self._trial.set_constraint(BUILDABLE, 0.0)
         self._study.tell(self._trial, list(objectives))
         loss = -objectives[0] if self._objectives[0].largest else objectives[0]
@@ -134,27 +142,36 @@ class Proposals:
         self.tried.append(Tried(self._suggested, tuple(objectives), len(rows), pruned, mean_time_s))
 
     def best(self, count: int) -> list[Tried]:
-        """Return the best ``count`` designs tried in all environments; with several objectives, non-dominated ones."""
+        """Return the best ``count`` designs, best first; pruned designs are not among them.
+
+        With several objectives, these are non-dominated designs: no design is better in one objective and as good in the
+        others. They are in the order of the first objective.
+        """
+        candidates = [tried for tried in self.tried if not tried.pruned]
+        if len(self._objectives) > 1:
+            all_losses = [self._losses(tried) for tried in candidates]
+            candidates = [tried for tried in candidates if not is_dominated(self._losses(tried), all_losses)]
+        candidates.sort(key=lambda tried: (self._losses(tried), tried.mean_time_s))
+        return candidates[:count]
+
+    def _losses(self, tried: Tried) -> tuple[float, ...]:
+        """Return a design's objectives with the sign that makes smaller values better."""
         signs = np.array([-1 if objective.largest else 1 for objective in self._objectives])
-        losses_and_designs = [(tuple(signs * tried.objectives), tried) for tried in self.tried if not tried.pruned]
-        all_losses = [losses for losses, _ in losses_and_designs]
-        front = [
-            (losses, tried)
-            for losses, tried in losses_and_designs
-            if len(signs) == 1 or not is_dominated(losses, all_losses)
-        ]
-        return [tried for _, tried in sorted(front, key=lambda pair: (pair[0], pair[1].mean_time_s))[:count]]
+        return tuple(signs * tried.objectives)
 
     def _values(self, indices: dict[str, int]) -> Values:
-        """Return a design's values from the indices of its varied parameters' values."""
+        """Return the design whose varied parameters have the values with these indices."""
         return tuple(levels[indices.get(key, 0)] for key, levels in self._levels.items())
 
     def _sampler_of(self, number: int) -> Any:
-        """Return a new sampler for proposal ``number``, with a seed of its own, so that a resumed search repeats it."""
+        """Return a new sampler for proposal ``number``. Its seed follows from the number, so a search can be repeated."""
         return optuna.samplers.TPESampler(seed=(self._seed * 1_000_003 + number) % 2**32, multivariate=True)
 
     def _enqueue_new_design(self, seen: set[Values]) -> bool:
-        """Make a random buildable design that is not in ``seen`` the next proposal; return False after DRAWS failures."""
+        """Make a random buildable design that is not in ``seen`` the next proposal.
+
+        Return False if DRAWS random designs were all in ``seen`` or unbuildable.
+        """
         draw = random.Random(f"{self._seed}/{len(seen)}")
         for _ in range(DRAWS):
             indices = {key: draw.randrange(len(self._levels[key])) for key in self._varied}

@@ -62,10 +62,11 @@ class Plan:
 
 @dataclass(frozen=True)
 class Judged:
-    """One of the best designs: the objectives' values that chose it, and ``fresh`` ones with 95 % ``intervals``.
+    """One of the best designs, with its objectives in the environments of the search and in new environments.
 
-    Fresh values are from new environments; None if every run was rejected. A value that depends on the design only has
-    no interval.
+    ``chosen_by`` are the objectives in the environments of the search; by them the design was chosen, so they flatter it.
+    ``fresh`` are those in new environments, with their 95 % ``intervals``. A fresh value is None if every run was
+    rejected. An objective that is computed from the design alone has no interval.
     """
 
     design: Mapping[str, float]
@@ -78,8 +79,9 @@ class Judged:
 class SearchResult:
     """The counts and the result of a search.
 
-    ``runs`` counts runs of tried designs, ``new`` all simulated runs. ``exhausted`` is whether every design was tried.
-    ``unbuildable`` has the reasons by design.
+    ``planned`` is the number of designs that the search may try, and ``designs`` how many it has tried. ``runs`` is the
+    number of their runs, stored ones included, and ``new`` the number of runs that were simulated now. ``exhausted`` is
+    whether every design of the family was tried. ``unbuildable`` has the reason for each design that cannot be built.
     """
 
     planned: int
@@ -100,9 +102,10 @@ class SearchResult:
 
 
 def searched_study(study: ListedStudy, plan: Plan) -> ListedStudy:
-    """Return the study with its only experiment, and the same experiment with the plan's new samples and built cars.
+    """Return the study with two experiments: its own, and a copy of it with new environments and new built cars.
 
-    Raises FoldcarError if the study has several experiments.
+    The search chooses designs in the first and tests the best of them in the second. Raises FoldcarError if the study has
+    several experiments.
     """
     if len(study.experiments) > 1:
         names = ", ".join(experiment.id for experiment in study.experiments)
@@ -128,30 +131,32 @@ def search(
     result: SearchResult,
     report: Callable[[SearchResult], None] = lambda result: None,
 ) -> None:
-    """Search the family of the first experiment of :func:`searched_study`; the second has the new environments.
+    """Search a family for its best designs, and test these in new environments.
 
-    ``result`` is updated, and ``report`` called, after every step. Raises FoldcarError.
+    ``study`` is that of :func:`searched_study`. After every step, ``result`` is updated and ``report`` is called with it.
+    Raises FoldcarError.
     """
     experiment, fresh = study.experiments
     environment_of = RandomRealities if plan.over_realities else ExperimentEnvironment
     environment = environment_of(experiment)
     _check(experiment, environment, plan)
-    names = [objective.name for objective in plan.objectives]
+    objectives = [objective.name for objective in plan.objectives]
 
-    def simulated(runs: int) -> None:
+    def report_runs(runs: int) -> None:
+        """Count new runs and report them."""
         result.new += runs
         report(result)
 
     with write_store(store) as writer:
         writer.begin_study(study_facts(study, carsim, command), carsim.build)
         proposals = Proposals(experiment.family, plan.objectives)
-        with open_simulator(experiment, environment, writer, carsim, simulators, simulated, names) as simulator:
+        with open_simulator(experiment, environment, writer, carsim, simulators, report_runs, objectives) as simulator:
             _try_designs(experiment, plan, proposals, simulator, result, report)
             simulator.finish(list(proposals.unbuildable))
         best = proposals.best(plan.best)
-        with open_simulator(fresh, environment_of(fresh), writer, carsim, simulators, simulated, ()) as simulator:
+        with open_simulator(fresh, environment_of(fresh), writer, carsim, simulators, report_runs, ()) as simulator:
             for tried in best:
-                rows = _counted(simulator.rows(tried.values, range(plan.fresh)))
+                rows = _without_rejected(simulator.rows(tried.values, range(plan.fresh)))
                 result.best.append(_judged(experiment, plan, tried, rows))
                 report(result)
     for values, reason in proposals.unbuildable.items():
@@ -167,8 +172,11 @@ def _try_designs(
     result: SearchResult,
     report: Callable[[SearchResult], None],
 ) -> None:
-    """Try proposed designs, batch by batch of their environments, until a limit of the plan is reached."""
-    first = plan.objectives[0]
+    """Try proposed designs until the plan's number is reached or no design is left. Update ``result``.
+
+    Each design is simulated batch by batch of the environments. It is pruned, which means stopped, after a batch that
+    shows that it is probably worse than the best design so far.
+    """
     while result.designs < plan.designs:
         values = proposals.next()
         if values is None:
@@ -178,64 +186,67 @@ def _try_designs(
         pruned = False
         for batch in batches(experiment.environments):
             all_rows += simulator.rows(values, batch)
-            pruned = (
-                plan.prunes
-                and len(all_rows) < experiment.environments
-                and proposals.is_worse(all_rows, experiment.timeout_s)
-            )
+            if len(all_rows) < experiment.environments and plan.prunes:
+                pruned = proposals.is_worse(all_rows, experiment.timeout_s)
             if pruned:
                 break
         result.runs += len(all_rows)
-        rows = _counted(all_rows)
+        rows = _without_rejected(all_rows)
         if not rows:
             proposals.refuse(no_rate_text(len(all_rows)))
             continue
         mean_time_s = _value(OBJECTIVES["time"], experiment, values, rows)
-        values_of_objectives = [_value(objective, experiment, values, rows) for objective in plan.objectives]
-        proposals.tell(values_of_objectives, all_rows, pruned, mean_time_s)
+        objectives = [_value(objective, experiment, values, rows) for objective in plan.objectives]
+        proposals.tell(objectives, all_rows, pruned, mean_time_s)
         result.designs += 1
-        result.pruned += pruned
-        if not pruned:
-            better = max if first.largest else min
-            result.best_so_far = (
-                values_of_objectives[0]
-                if result.best_so_far is None
-                else better(result.best_so_far, values_of_objectives[0])
-            )
+        if pruned:
+            result.pruned += 1
+        elif result.best_so_far is None:
+            result.best_so_far = objectives[0]
+        else:
+            better = max if plan.objectives[0].largest else min
+            result.best_so_far = better(result.best_so_far, objectives[0])
         report(result)
 
 
 def _value(objective: Objective, experiment: Experiment, values: Values, rows: Sequence[RunRow]) -> float:
-    """Return a design's objective, by its results or, for the area of its sheets, by its pieces."""
+    """Return the value of an objective for a design with these results, which must not be rejected runs."""
+    # The area of the film is the only objective that follows from the design alone.
     if objective.value is None:
         return film_area_cm2(folded_car(experiment.family.design(values)))
     return objective.value(rows, experiment.timeout_s)
 
 
 def _judged(experiment: Experiment, plan: Plan, tried: Tried, rows: Sequence[RunRow]) -> Judged:
-    """Return a design with its objectives in the environments that chose it, and in new ones, which gave ``rows``."""
-    # None stands for an objective that is unknown because all runs were rejected.
-    objectives = [objective if rows or objective.value is None else None for objective in plan.objectives]
+    """Return one of the best designs with its objectives, also those in new environments.
+
+    ``rows`` are its results in the new environments, without rejected runs.
+    """
+    fresh: list[float | None] = []
+    intervals: list[tuple[float, float] | None] = []
+    for objective in plan.objectives:
+        if objective.value is not None and not rows:
+            # All runs were rejected, so an objective of the runs is unknown.
+            fresh.append(None)
+            intervals.append(None)
+            continue
+        fresh.append(_value(objective, experiment, tried.values, rows))
+        intervals.append(objective.interval(rows, experiment.timeout_s) if objective.interval else None)
     return Judged(
         design=experiment.family.design(tried.values).columns,
         chosen_by=tried.objectives,
-        fresh=tuple(
-            None if objective is None else _value(objective, experiment, tried.values, rows) for objective in objectives
-        ),
-        intervals=tuple(
-            None if objective is None or objective.interval is None else objective.interval(rows, experiment.timeout_s)
-            for objective in objectives
-        ),
+        fresh=tuple(fresh),
+        intervals=tuple(intervals),
     )
 
 
-def _counted(rows: Sequence[RunRow]) -> list[RunRow]:
-    """Return the rows without rejected runs."""
+def _without_rejected(rows: Sequence[RunRow]) -> list[RunRow]:
+    """Return the results of the runs that were not rejected."""
     return [row for row in rows if row.passed is not None]
 
 
 def batches(environments: int) -> list[range]:
-    """Return the samples of each batch; pruning is checked between batches."""
+    """Divide the samples of an experiment into BATCHES ranges of about equal size. Pruning is checked between them."""
     size = math.ceil(environments / BATCHES)
     return [range(first, min(first + size, environments)) for first in range(0, environments, size)]
 

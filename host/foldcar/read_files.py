@@ -181,12 +181,13 @@ def is_own(path: Path, folder: Path) -> bool:
     ``folder`` is the folder of the user's program. If that is itself inside a folder of installed code or of the system,
     the files below it still are the user's own.
     """
-    return not any(
-        location.is_relative_to(root) and not (root in base.parents and location.is_relative_to(base))
-        # As named, and with symbolic links resolved.
-        for location, base in ((path, folder), (path.resolve(), folder.resolve()))
-        for root in _installed_roots()
-    )
+    # The paths are compared as they are named, and with symbolic links resolved.
+    for location, own_folder in ((path, folder), (path.resolve(), folder.resolve())):
+        for root in _installed_roots():
+            is_below_own_folder = root in own_folder.parents and location.is_relative_to(own_folder)
+            if location.is_relative_to(root) and not is_below_own_folder:
+                return False
+    return True
 
 
 @cache

@@ -84,10 +84,16 @@ class ResultTable:
         console.print(margin, table, margin, sep="", end="")
 
     def _layout(self, width: int) -> tuple[Sequence[str], list[int]]:
-        """Return the titles and the least widths of the columns for a console of this width; no widths if none fit."""
-        # As wide as the cells, or as the longest word.
-        word_widths = self._min_widths([head.replace(" ", "\n") for head in self._heads], wrapping=False)
-        stacked = ["\n".join(textwrap.wrap(*pair)) for pair in zip(self._heads, word_widths, strict=True)]
+        """Return titles and least widths of the columns, so that the table fits into a console of this width.
+
+        Titles are broken into several lines if needed, and then cells. The list of widths is empty if nothing fits.
+        """
+        # A column of this width holds its cells, and its title with one word a line.
+        titles_by_word = [head.replace(" ", "\n") for head in self._heads]
+        column_widths = self._min_widths(titles_by_word, wrapping=False)
+        stacked = []
+        for head, column_width in zip(self._heads, column_widths, strict=True):
+            stacked.append("\n".join(textwrap.wrap(head, column_width)))
         for wrapping in (False, True):
             for heads in (self._heads, stacked):
                 widths = self._min_widths(heads, wrapping)

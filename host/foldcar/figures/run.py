@@ -97,16 +97,18 @@ def segment_places(body: Mapping[str, Any], row: Any) -> list[tuple[Any, Any]]:
     poses: dict[int, tuple[Any, Any]] = {main: (_turn(pitch_rad), numpy.zeros(2))}
 
     def place_neighbour(segment: int, neighbour: int, hinge: int) -> None:
-        """Place a segment next to one that has its pose already."""
+        """Compute pitch and pose of ``neighbour`` from those of ``segment``; ``hinge`` joins both."""
         # A hinge angle is positive with the front segment's nose up.
         is_in_front = neighbour < segment
         angle_rad = hinge_angles_rad[hinge] if is_in_front else -hinge_angles_rad[hinge]
         pitches_rad[neighbour] = pitches_rad[segment] + angle_rad
         turn, origin = poses[segment]
         neighbour_turn = _turn(pitches_rad[neighbour])
-        # Both segments' poses put the joint at the same point.
+        # The hinge belongs to both segments, so both poses must put it at the same point.
         joint = numpy.array([hinges[hinge]["x_m"], hinges[hinge]["z_m"]])
-        poses[neighbour] = neighbour_turn, joint @ turn + origin - joint @ neighbour_turn
+        joint_place = joint @ turn + origin
+        neighbour_origin = joint_place - joint @ neighbour_turn
+        poses[neighbour] = neighbour_turn, neighbour_origin
 
     for segment in range(main, len(segments) - 1):
         place_neighbour(segment, neighbour=segment + 1, hinge=segment)

@@ -135,12 +135,16 @@ def dialect_xml() -> str:
 
 
 def _wanted() -> dict[str, set[str]]:
+    """Return the names of the messages, commands and enums in the list of those that foldcar uses.
+
+    Each line of the list has a kind, a name and the reason for which foldcar needs it. Raises DialectError.
+    """
     wanted: dict[str, set[str]] = {"message": set(), "command": set(), "enum": set()}
     for number, line in enumerate(LIST.read_text(encoding="utf-8").splitlines(), start=1):
         if not line or line.startswith("#"):
             continue
-        kind, name, *why = line.split()
-        if kind not in wanted or not why:
+        kind, name, *reason = line.split()
+        if kind not in wanted or not reason:
             raise DialectError(f"{LIST.name}:{number}: not a message, command or enum with its reason: {line}")
         wanted[kind].add(name)
     return wanted

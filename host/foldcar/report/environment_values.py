@@ -74,9 +74,7 @@ def read_scenes(store: Store, info: ExperimentInfo) -> dict[int, Mapping[str, An
     row = store.row(EXPERIMENT, id=info.id)
 
     def read() -> dict[int, Mapping[str, Any]]:
-        return _by_sample(
-            store, row, table="sample", key="environment_id", content_table="scene", read=lambda scene: scene
-        )
+        return _by_sample(store, row, _SCENES, read=lambda scene: scene)
 
     return store.once(("read scenes", info.id), read)
 
@@ -155,14 +153,7 @@ def _read(store: Store, info: ExperimentInfo) -> EnvironmentValues:
     wheels = json.loads(body["json"]).get("wheels", ())
     # The values by name of each scene and of each car, by sample.
     scene_values = {sample: _scene(scene, objects_by_sample.get(sample)) for sample, scene in scenes.items()}
-    car_values = _by_sample(
-        store,
-        experiment,
-        table="draw",
-        key="spread_id",
-        content_table="variation",
-        read=lambda drawn: _car(drawn, wheels),
-    )
+    car_values = _by_sample(store, experiment, _VARIATIONS, read=lambda drawn: _car(drawn, wheels))
     samples_with_values = [*scene_values.items(), *car_values.items()]
     index_by_name: dict[str, int] = {}
     for _, values_by_name in samples_with_values:
@@ -212,20 +203,35 @@ def _prefixes_of_pieces(info: ExperimentInfo, scenes: Mapping[int, Mapping[str, 
     return prefixes
 
 
-def _by_sample(
-    store: Store, experiment: Any, table: str, key: str, content_table: str, read: Callable[[Any], Read]
-) -> dict[int, Read]:
-    """Return what ``read`` makes of each sample's scene or variation; equal ones are read once.
+@dataclass(frozen=True)
+class _Drawn:
+    """How the store keeps what is drawn for each sample.
 
-    The rows of ``table`` (sample or draw) with the experiment's value of ``key`` (its environment or spread) name a row
-    of ``content_table`` (scene or variation) for each sample.
+    Each row of ``table`` names a row of ``content_table`` for a sample. The rows of an experiment have the experiment's
+    value in the column ``key``.
     """
-    content_id = f"{content_table}_id"
-    of_experiment = f"WHERE {key} = ?1 AND sample < ?2"
-    limits = experiment[key], experiment["environments"]
-    id_by_sample = {row["sample"]: row[content_id] for row in store.rows(BY_NAME[table], of_experiment, *limits)}
-    where = f"WHERE id IN (SELECT {content_id} FROM {table} {of_experiment})"
-    contents = store.rows(BY_NAME[content_table], where, *limits)
+
+    table: str
+    key: str
+    content_table: str
+
+
+_SCENES = _Drawn(table="sample", key="environment_id", content_table="scene")
+_VARIATIONS = _Drawn(table="draw", key="spread_id", content_table="variation")
+
+
+def _by_sample(store: Store, experiment: Any, drawn: _Drawn, read: Callable[[Any], Read]) -> dict[int, Read]:
+    """Return what ``read`` makes of the scene or the variation of each sample, by sample.
+
+    ``experiment`` is the experiment's row. Samples may share a scene or a variation, which is then read once.
+    """
+    content_id = f"{drawn.content_table}_id"
+    of_experiment = f"WHERE {drawn.key} = ?1 AND sample < ?2"
+    limits = experiment[drawn.key], experiment["environments"]
+    samples = store.rows(BY_NAME[drawn.table], of_experiment, *limits)
+    id_by_sample = {row["sample"]: row[content_id] for row in samples}
+    where = f"WHERE id IN (SELECT {content_id} FROM {drawn.table} {of_experiment})"
+    contents = store.rows(BY_NAME[drawn.content_table], where, *limits)
     value_by_id = {row["id"]: read(json.loads(row["json"])) for row in contents}
     return {sample: value_by_id[row_id] for sample, row_id in id_by_sample.items() if row_id in value_by_id}
 

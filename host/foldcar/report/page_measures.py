@@ -26,7 +26,10 @@ MAX_FOLDED = 300
 
 
 def measures(store: Store, info: ExperimentInfo, designs: Sequence[Mapping[str, Any]], runs: RunArrays) -> list[Measure]:
-    """Return a column for each measure of ``designs``, which begin with the stored ones. Raises StoreError."""
+    """Return the measures of designs, such as mean time and mass: each is a column with a value for every design.
+
+    ``designs`` begin with the stored designs of the experiment, in their order. Raises StoreError.
+    """
     number = len(designs)
     columns: list[Measure] = []
     if info.success_defined:
@@ -34,8 +37,9 @@ def measures(store: Store, info: ExperimentInfo, designs: Sequence[Mapping[str, 
         passed = counted.outcome == OUTCOMES.index("passed")
         time_s, energy_j = (counted.metrics[:, NUMBERS.index(name)] for name in ("elapsed_time_s", "consumed_energy_j"))
         passing_s = numpy.where(passed, numpy.minimum(numpy.nan_to_num(time_s), info.timeout_s), 0.0)
+        # How many runs each design has, and how many of them passed.
         total = numpy.bincount(counted.design, minlength=number)
-        crossed = numpy.bincount(counted.design, passed, minlength=number)
+        passed_count = numpy.bincount(counted.design, passed, minlength=number)
         passing_total_s = numpy.bincount(counted.design, passing_s, minlength=number)
         # The energy of a failed run is unknown: it counts as the mean.
         with_energy = numpy.bincount(counted.design, ~numpy.isnan(energy_j), minlength=number)
@@ -43,10 +47,10 @@ def measures(store: Store, info: ExperimentInfo, designs: Sequence[Mapping[str, 
         columns += [
             _measure(
                 "time", "time, failures at the limit", "s",
-                _ratio(passing_total_s + (total - crossed) * info.timeout_s, total),
+                _ratio(passing_total_s + (total - passed_count) * info.timeout_s, total),
             ),
-            _measure("passing_time", "time of passing runs", "s", _ratio(passing_total_s, crossed)),
-            _measure("energy", "energy per pass", "J", _ratio(mean_energy_j * total, crossed)),
+            _measure("passing_time", "time of passing runs", "s", _ratio(passing_total_s, passed_count)),
+            _measure("energy", "energy per pass", "J", _ratio(mean_energy_j * total, passed_count)),
         ]  # fmt: skip
     columns.append(_measure("mass", "mass", "g", _masses_g(store, info, number)))
     if number <= MAX_FOLDED:

@@ -82,33 +82,40 @@ def read_run_ends(store: Store, info: ExperimentInfo, runs: RunArrays) -> RunEnd
 
 
 def run_ends(course: Course, extents: CarExtents, runs: RunArrays) -> RunEnds | None:
-    """Return where counted ``runs`` that did not pass ended; None if none of them has a place."""
+    """Count the runs that did not pass by the place where they ended. Return None if no such run has a place.
+
+    Places are bins along the way from start to goal. There is a count for each design, outcome, bin and obstacle that
+    occur together.
+    """
     # How far along the way to the goal each run came.
     progress_m = course.goal_m[runs.sample] - runs.metrics[:, NUMBERS.index("distance_to_target_m")]
     failed = (runs.outcome != OUTCOMES.index("passed")) & ~numpy.isnan(progress_m)
     if not failed.any():
         return None
     place_m, design, sample, outcome = progress_m[failed], runs.design[failed], runs.sample[failed], runs.outcome[failed]
+    # A car can only meet an obstacle that is not farther beside the way than the widest car reaches.
     course = course.within(float(extents.side_m.max()))
     goal_m = float(numpy.nanmean(course.goal_m))
     low_m, high_m = min(0.0, float(place_m.min())), max(goal_m, float(place_m.max()))
-    # One bin less, because the bins begin at a multiple of the step.
+    # The first bin begins at a multiple of the step, so there may be one bin more than the length divided by the step.
     step_m = next((step for step in STEPS_M if (high_m - low_m) / step < MAX_BINS - 1), STEPS_M[-1])
     bins = numpy.floor(place_m / step_m).astype(int)
     first, last = math.floor(low_m / step_m), math.floor(high_m / step_m)
-    cells = numpy.column_stack([design, outcome, bins - first, met_obstacles(course, extents, place_m, design, sample)])
-    cells, counts = numpy.unique(cells, axis=0, return_counts=True)
-    cell_columns = cells.T.tolist()
+    obstacles = met_obstacles(course, extents, place_m, design, sample)
+    # A row for each run; then one for each combination that occurs, with its number of runs.
+    run_rows = numpy.column_stack([design, outcome, bins - first, obstacles])
+    combinations, counts = numpy.unique(run_rows, axis=0, return_counts=True)
+    designs, outcomes, run_bins, run_obstacles = combinations.T.tolist()
     return {
         "from_m": round(first * step_m, 6),
         "step_m": step_m,
         "bins": last - first + 1,
         "goal_m": round(goal_m, 4),
         "obstacles": _obstacle_rows(course),
-        "design": cell_columns[0],
-        "outcome": cell_columns[1],
-        "bin": cell_columns[2],
-        "obstacle": cell_columns[3],
+        "design": designs,
+        "outcome": outcomes,
+        "bin": run_bins,
+        "obstacle": run_obstacles,
         "count": counts.tolist(),
     }
 
@@ -152,9 +159,11 @@ def _obstacle_rows(course: Course) -> list[ObstacleRange]:
 
 
 def read_course(objects: Sequence[tuple[str, int]], scenes: Mapping[int, Mapping[str, Any]], environments: int) -> Course:
-    """Return the course of ``scenes`` by sample; ``objects`` are ExperimentInfo's ``terrain_objects``.
+    """Return where start, goal and obstacles lie in each environment.
 
-    Scenes with different pieces, or with more objects than MAX_OBSTACLES, have no obstacles.
+    ``scenes`` are the environments' scenes by sample. ``objects`` are the names of the terrain's objects, each with its
+    number of pieces. The course has no obstacles if the scenes consist of different pieces, or if there are more objects
+    than MAX_OBSTACLES.
     """
     obstacles = objects_of_pieces(objects, scenes.values()) or []
     if len(obstacles) > MAX_OBSTACLES:
@@ -185,7 +194,10 @@ class _ExtentAlongWay(NamedTuple):
 
 
 def _extent_along_way(pieces: Sequence[Mapping[str, Any]], start: Mapping[str, float], way_rad: float) -> _ExtentAlongWay:
-    """Return the extent of an object's pieces; the way is the straight line from the start in direction ``way_rad``."""
+    """Return how far an object reaches along the way, and how far beside the way it lies.
+
+    ``pieces`` are the object's pieces. The way is the straight line from the start in the direction ``way_rad``.
+    """
     cos, sin = math.cos(way_rad), math.sin(way_rad)
     firsts_m, lasts_m, rights_m, lefts_m = [], [], [], []
     for piece in pieces:
@@ -204,6 +216,7 @@ def _extent_along_way(pieces: Sequence[Mapping[str, Any]], start: Mapping[str, f
         lasts_m.append(ahead_m + along_m)
         rights_m.append(left_m - across_m)
         lefts_m.append(left_m + across_m)
+    # The way is at 0. An object on its left has a right side above 0; one on its right has a left side below 0.
     gap_m = max(0.0, min(rights_m), -max(lefts_m))
     return _ExtentAlongWay(min(firsts_m), max(lasts_m), gap_m)
 

@@ -37,11 +37,15 @@ def use_ground_regions() -> None:
     for kind in (CircularRegion, SectorRegion):
         kind.containsPoint = ground_plane_version(kind.containsPoint)
     for kind in (CircularRegion, SectorRegion, RectangularRegion, PolygonalRegion):
-        kind.__init__ = _checked(kind, kind.__init__)
+        kind.__init__ = _constructor_with_reasons(kind, kind.__init__)
 
 
-def _checked(kind: Any, init: Any) -> Any:
-    """Return a constructor that raises Scenic's InvalidScenarioError, with a reason, for shapes without an area."""
+def _constructor_with_reasons(kind: Any, init: Any) -> Any:
+    """Return a constructor of the region class ``kind`` that says why a shape has no area.
+
+    It calls ``init``, the class's own constructor. Where that fails without a reason, it raises Scenic's
+    InvalidScenarioError with one.
+    """
     from scenic.core.errors import InvalidScenarioError
     from shapely.errors import GEOSException
 
@@ -60,9 +64,11 @@ def _checked(kind: Any, init: Any) -> Any:
                 raise
             arguments = signature.bind(self, *args, **keywords).arguments
             reason = next(_faults(kind.__name__, arguments), None)
-            if reason is None and isinstance(error, AttributeError | TypeError):
-                raise
-            reason = reason or "its numbers give no area of the ground"
+            if reason is None:
+                # An error of these kinds has nothing to do with the area: its own message is better.
+                if isinstance(error, AttributeError | TypeError):
+                    raise
+                reason = "its numbers give no area of the ground"
             raise InvalidScenarioError(f"{kind.__name__}: {reason}") from None
 
     return __init__

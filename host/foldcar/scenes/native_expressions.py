@@ -138,7 +138,7 @@ class Translator:
         if self.is_position(node):
             return ["x_m", "y_m", *self._height()]
         if not _gives_truth(node):
-            # `a > b and 1` is False or 1, but carsim's is False or True.
+            # Python's `a > b and 1` gives False or 1, but carsim would give False or True.
             raise NotNativeError(shown(node))
         return self.truth(node) if is_truth(node) else self.number(node)
 

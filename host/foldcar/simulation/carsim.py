@@ -147,10 +147,10 @@ class Carsim:
     def _batch(
         self, bodies: Mapping[str, str], scenes: Mapping[str, str], requests: Sequence[RunRequest], stops: int
     ) -> tuple[list[dict[str, Any]], str]:
-        """Run a batch in one process; return its answers, and "" or how a signal killed it.
+        """Run a batch in one process. Return its answers, and how a signal killed the process, or "" if none did.
 
-        If it was killed before the last answer, the run after the last answer is the one that was interrupted. ``stops``
-        is the number of calls of `stop` when the whole call began. Raises CarsimError as `run` does.
+        If it was killed, it was simulating the run after the last answer. ``stops`` is how often `stop` had been called
+        when :meth:`run` began; if it is called again meanwhile, the process is ended. Raises CarsimError as `run` does.
         """
         lines = [input_line("body", name, text) for name, text in bodies.items()]
         lines += [input_line("scene", name, text) for name, text in scenes.items()]

@@ -21,17 +21,17 @@ class ShownEgo:
     """The ego of a running simulation; create it after Scenic has created the ego's dynamic copy."""
 
     def __init__(self, ego: Any, start: State) -> None:
-        """Keep what :meth:`show` needs: the ego's copy, its height above the car's state, its parent orientation.
-
-        The height (m) is that at the start; the parent orientation is None if it is the global one.
-        """
+        """Make a copy of the ego, which :meth:`show` moves with the car. ``start`` is the car's state at the start."""
         self._copy = scenic_private.shown_copy(ego)
         self._attributes = self._copy.__dict__
         self._caches = scenic_private.caches(type(ego))
+        # Scenic's position of the ego may be higher than that of the car's state; the difference stays as at the start.
         self._z_offset_m = float(ego.position.z) - start.z_m
+        # The orientation relative to which the ego's angles count; None if it is the global one.
         parent = ego.parentOrientation
         self._parent = None if alwaysGlobalOrientation(parent) else parent
-        self._derives_more = not scenic_private.derived_while_driving(type(ego)) <= DERIVED
+        # Whether the ego's class derives properties from its state in addition to those of every object.
+        self._derives_more = not scenic_private.derived_while_driving(type(ego)).issubset(DERIVED)
 
     def show(self, state: State) -> None:
         """Set the ego's properties to those of ``state``, and clear what Scenic has derived from the old ones."""

@@ -156,18 +156,19 @@ class CarSimulation(Simulation):  # type: ignore[misc]
         return 0.0 if self._state is None else self._state.t_s
 
     def setup(self) -> None:
-        """Place the car, and create all objects of the scene (Scenic's hook)."""
+        """Place the car, and create all objects of the scene. Scenic calls this at the start of a simulation."""
         self.agents: list[Any] = []
         scenario = self.scene.dynamicScenario
         scenic_private.forget_last_simulation(scenario)
-        advanced = self._start_trial()
+        first_step = self._start_trial()
         ego = self.scene.egoObject
-        # Before the first state is shown: afterwards createObjectInSimulator refuses objects.
+        # Objects must be created now: after the first state is shown, createObjectInSimulator refuses them.
         for obj in self.scene.objects:
             self._createObject(obj)
-        self._ego = ShownEgo(ego, advanced.state)
-        self._native = advanced.result
-        self._show(advanced.state, 0)
+        self._ego = ShownEgo(ego, first_step.state)
+        # carsim's result, as soon as carsim ends the run. Then Scenic ends its simulation, too.
+        self._native = first_step.result
+        self._show(first_step.state, 0)
         self._records = Records(self.records)
         self._endings = scenic_private.endings(scenario)
         scenic_private.end_simulation_when(scenario, NativeEnding(lambda: self._native))
@@ -296,12 +297,18 @@ class CarSimulation(Simulation):  # type: ignore[misc]
 
 @contextlib.contextmanager
 def _imported_requirements() -> Iterator[None]:
-    """Make Scenic, within the block, evaluate requirements of imported programs in the running scenario.
+    """Let Scenic evaluate requirements of imported programs within the block.
 
-    The imported program's own scenario does not run, and Scenic would fail with an assertion.
+    Scenic evaluates a requirement in the scenario of its program. The scenario of an imported program does not run, so
+    Scenic would fail with an assertion. Within the block it uses the running scenario instead.
     """
     evaluate = veneer.executeInRequirement
-    veneer.executeInRequirement = lambda scenario, ego, values: evaluate(veneer.currentScenario or scenario, ego, values)
+
+    def evaluate_in_running_scenario(scenario: Any, ego: Any, values: Any) -> Any:
+        """Evaluate a requirement in the running scenario, or in its own one if none runs."""
+        return evaluate(veneer.currentScenario or scenario, ego, values)
+
+    veneer.executeInRequirement = evaluate_in_running_scenario
     try:
         yield
     finally:

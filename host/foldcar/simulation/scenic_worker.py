@@ -51,10 +51,14 @@ def main() -> None:
 class ScenicWorker:
     """Simulates runs of a compiled Scenic program with carsim. Raises FoldcarError if the program cannot be opened."""
 
-    def __init__(self, opening: dict[str, Any]) -> None:
-        """Compile the Scenic program of ``opening``, the first message, for all runs that will follow."""
+    def __init__(self, first_message: dict[str, Any]) -> None:
+        """Compile the Scenic program that the first message names, for all runs that follow."""
         self._source: SceneSource = open_environment(
-            Path(opening["program"]), opening["params"], opening["seed"], opening["condition"], opening["files"]
+            Path(first_message["program"]),
+            first_message["params"],
+            first_message["seed"],
+            first_message["condition"],
+            first_message["files"],
         )
         # Import before the process is copied, because every run needs this.
         from scenic.core import dynamics
@@ -65,9 +69,10 @@ class ScenicWorker:
         dynamics.stuckBehaviorWarningTimeout = 0
         self._simulator = CarSimulator
         self._passing = self._source.success.endings
-        self._command = opening["command"]
+        self._command = first_message["command"]
         self._open = ExitStack()
         self._carsim: SteppedCarsim | None = None
+        # A copy of this process, which simulates the runs of one sample.
         self._copy: Forked | None = None
         # The last sample drawn: its number, its scene for Scenic, and its scene for carsim.
         self._sample: int | None = None

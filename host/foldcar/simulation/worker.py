@@ -102,7 +102,10 @@ class Forked:
 
 
 def _serve(answer: Callable[[Answer], Answer], question_pipe: int, answer_pipe: int) -> NoReturn:
-    """Answer questions until their pipe is closed, then end the process, so that the caller's code does not run twice."""
+    """Answer the questions of the original process until it closes their pipe. Then end this process.
+
+    This process is a copy of the original one. It must not return, because it would run the caller's code a second time.
+    """
     code = 1
     threading.Thread(target=end_without_reader, args=(answer_pipe,), daemon=True).start()
     try:
@@ -115,7 +118,7 @@ def _serve(answer: Callable[[Answer], Answer], question_pipe: int, answer_pipe: 
                 answers.flush()
         code = 0
     except BrokenPipeError:
-        # The original no longer reads answers.
+        # The original process no longer reads answers.
         pass
     except BaseException:
         traceback.print_exc()

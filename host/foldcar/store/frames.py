@@ -15,6 +15,7 @@ from foldcar.store.run_arrays import run_arrays
 from foldcar.store.tables import EXPERIMENT
 
 # String columns, and the columns of table `experiment` that they come from.
+# The first columns, each with the column of the table of experiments that it comes from.
 HEAD = {"experiment": "id", "vehicle": "vehicle", "environment": "environment"}
 COLUMNS = (*HEAD, "sample", "outcome", "passed", *NUMBERS)
 
@@ -83,18 +84,21 @@ def trials_frame(store: Store, experiment: str | None = None) -> pd.DataFrame:
 
 
 def _frame(store: Store, name: str) -> pd.DataFrame:
-    """Return the table of one experiment's runs, as :func:`runs_frame` describes it."""
+    """Return the table of the experiment ``name`` with a row for each run; :func:`runs_frame` describes its columns."""
     (experiment,) = store.rows(EXPERIMENT, "WHERE id = ?", name)
     designs = list(store.designs(name).values())
     runs = run_arrays(store, name)
     columns: dict[str, Any] = {}
     for column, experiment_column in HEAD.items():
+        # The same text in every row.
         columns[column] = _strings([experiment[experiment_column]]).repeat(len(runs.design))
+    # The parameters of all designs, each once, in the order of the designs.
     parameters = dict.fromkeys(parameter for design in designs for parameter in design)
     for parameter in parameters:
         values_by_design = _numbers([design.get(parameter) for design in designs])
         columns[parameter] = values_by_design[runs.design]
     columns["sample"] = runs.sample
+    # ``runs.outcome`` has the index of each run's outcome in OUTCOMES.
     columns["outcome"] = _strings(OUTCOMES).take(runs.outcome)
     is_judged = (runs.outcome != OUTCOMES.index(REJECTED)) & (name in store.judged_experiments())
     columns["passed"] = _booleans(runs.outcome == OUTCOMES.index("passed"), is_known=is_judged)

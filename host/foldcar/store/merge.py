@@ -104,15 +104,15 @@ class Merge:
     def __init__(self, connection: sqlite3.Connection, merged: Path) -> None:
         self._connection = connection
         self._merged = merged
-        # The logs to copy, with their targets.
+        # The log files that must be copied, each with the path of its copy.
         self.logs: dict[Path, Path] = {}
         self._stores: list[Path] = []
-        # The store that is being added, and the new numbers of its rows by table and old number.
+        # The store that is being added. Its rows get new numbers; these are kept by table and old number.
         self._source = connection
         self._numbers: dict[str, dict[int, int]] = {}
-        # The last number that each table of the merged store has given.
+        # The highest number of a row in each table of the merged store.
         self._last = {table.name: self._last_number(table) for table in TABLES}
-        # For each experiment, the numbers of runs with which its sweeps ended; None for a sweep that has not ended.
+        # How many runs the sweeps of each experiment had when they ended. A sweep that has not ended has None.
         self._ended: dict[str, set[int | None]] = {}
 
     def _last_number(self, table: Table) -> int:
@@ -175,12 +175,14 @@ class Merge:
         self._add_numbered(CORRECTION, row)
 
     def _add_row(self, table: Table, row: Row, source_key: tuple[Any, ...]) -> None:
-        """Add a row that is not identified by its number; if it already exists, it must be equal.
+        """Add a row of a table whose rows are not identified by their numbers.
 
-        ``source_key`` is a run's key in the store that is being added.
+        If the merged store has the row already, both must be equal, or this raises StoreError. If the row is a run,
+        ``source_key`` is its key in the store that is being added.
         """
         source_number = row.get("id")
-        # A table with a unique column, such as a hash, identifies its rows by that; numbers are those of the new store.
+        # The rows of some tables are identified by a unique column, such as a hash. They get the next number of the
+        # merged store, or keep the number of the equal row that it has already.
         if table.unique:
             row["id"] = self._last[table.name] + 1
         if self._insert(table, row, "OR IGNORE"):
@@ -188,6 +190,7 @@ class Merge:
         elif table is STUDY:
             self._keep_earliest_creation(row)
         else:
+            # The merged store has the row. This compares both, and takes over the number of the existing one.
             self._unite(table, row)
             if table is RUN:
                 self._compare_recorded(row, source_key)

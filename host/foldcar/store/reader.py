@@ -140,10 +140,11 @@ class Store:
             yield Trial(**{field.name: values[field.name] for field in fields(Trial)})
 
     def trials_in_other_environments(self, info: ExperimentInfo) -> dict[int, str | None]:
-        """Return the trials that were driven in another environment than the runs: their Scenic programs by trial number.
+        """Return which trials of an experiment were driven in another environment than its runs.
 
-        A program is None if it is unknown. Success rates of these trials cannot be compared with those of the runs. If an
-        imported trial has no sample, its environment is unknown; it is returned if its program is known and is another.
+        The success rates of these trials cannot be compared with those of the runs. The result has the trial's Scenic
+        program by the trial's number; the program is None if it is unknown. The environment of an imported trial without
+        a sample is unknown. Such a trial is in the result only if its program is known and differs from that of the runs.
         """
         ids_in_environment = self.trials_in_environment(info)
         programs_by_trial = {}

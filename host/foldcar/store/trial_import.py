@@ -94,7 +94,7 @@ def _in_this_version(path: Path, source: sqlite3.Connection) -> Iterator[sqlite3
     """Yield a database in memory with the trials of a store, in the tables of this version."""
     with contextlib.closing(sqlite3.connect(":memory:", isolation_level=None)) as trials, store_errors(path):
         create_tables(trials)
-        for table, is_of_trials in _ROWS_OF_TRIALS.items():
+        for table, condition in _ROWS_OF_TRIALS.items():
             # PRAGMA table_info returns a row for each column, with its name in the second place.
             source_columns = {column[1] for column in source.execute(f"PRAGMA table_info({table})")}
             # An earlier version may lack columns; they stay empty.
@@ -103,6 +103,6 @@ def _in_this_version(path: Path, source: sqlite3.Connection) -> Iterator[sqlite3
                 raise StoreError(f"{path}: is damaged: {table} is missing")
             column_list = ", ".join(common_columns)
             placeholders = ", ".join("?" for _ in common_columns)
-            rows = source.execute(f"SELECT {column_list} FROM {table} WHERE {is_of_trials}")
+            rows = source.execute(f"SELECT {column_list} FROM {table} WHERE {condition}")
             trials.executemany(f"INSERT INTO {table} ({column_list}) VALUES ({placeholders})", rows)
         yield trials

@@ -280,15 +280,17 @@ class TrialWriter(StoreConnection):
         return Media(trial=trial, kind=kind, file=name, sha256=digest)
 
     def import_trials(self, trials: list[dict[str, Any]]) -> list[int]:
-        """Store those of the imported trials that are not stored yet; return the numbers of the new trials.
+        """Store the imported trials that are not stored yet. Return the numbers of the new trials.
 
-        ``trials`` are rows of the table of trials, including ``uuid``. A trial that another store exported also has
-        ``environment_fingerprint``, ``settings`` (JSON) and ``corrections`` (rows of that table, oldest first); its other
-        fields are as corrected. If such a trial is stored already, the corrections that it lacks are added. Raises
-        StoreError if a trial is stored with other contents; then nothing is stored.
+        Each of ``trials`` is a row of the table of trials, with its ``uuid``. A trial that another store has exported
+        also has ``environment_fingerprint``, ``settings`` (JSON) and ``corrections`` (rows of that table, oldest first).
+        Its other fields have their values after the corrections. If such a trial is stored already, only those corrections
+        are added that the stored trial lacks. Raises StoreError if a trial is stored with other contents; then nothing is
+        stored.
         """
         new_numbers = []
         with self._transaction():
+            # The environment and the Scenic program of each experiment.
             origin_by_experiment: dict[str, tuple[int | None, str | None]] = {}
             for imported in trials:
                 trial = dict(imported)

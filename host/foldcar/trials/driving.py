@@ -312,7 +312,7 @@ def _stand_still(car: ConnectedCar) -> None:
             action()
 
 
-def collect(car: ConnectedCar, trial: int, log: Path, tell: Callable[[str], None]) -> DriveEnd:
+def merge_cars_log(car: ConnectedCar, trial: int, log: Path, tell: Callable[[str], None]) -> DriveEnd:
     """Merge the car's own log of ``trial`` into the host's file ``log``; return how the drive ended.
 
     ``tell`` is called with a line to print if the car's flash must be waited for.

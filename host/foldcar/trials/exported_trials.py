@@ -127,13 +127,14 @@ def parquet_text(file: Path) -> str:
     except (OSError, pa.ArrowException) as error:
         raise FoldcarError(f"{file}: cannot be read: {error}") from None
     text = io.StringIO()
-    # With this line end, Python quotes cells with a carriage return, too, which would end the row when it is read.
+    # A carriage return in a cell would end the row when the text is read, so such a cell needs quotes. Python's writer
+    # adds them only if the line end contains a carriage return.
     writer = csv.writer(text, lineterminator="\r\n")
     writer.writerow(rows[0] if rows else [])
     for row in rows:
         moved = row.get("deviations") or []
         poses = {entry["name"]: [entry["x_m"], entry["y_m"], entry["heading_rad"]] for entry in moved}
         cells = {**row, "deviations": json.dumps(poses)} if "deviations" in row else row
-        # As `foldcar export` writes cells of CSV files, because they are read alike.
+        # `foldcar export` writes the cells of CSV files in the same way, so both are read in the same way.
         writer.writerow(["" if cell is None else spreadsheet_cell(cell) for cell in cells.values()])
     return text.getvalue()

@@ -20,7 +20,7 @@ from foldcar.scenes.fingerprint import scene_name
 from foldcar.simulation.carsim import Carsim
 from foldcar.study.experiments import TRIAL_LIMIT, Experiment
 from foldcar.study.family import Family
-from foldcar.trials.driving import DriveEnd, collect
+from foldcar.trials.driving import DriveEnd, merge_cars_log
 from foldcar.trials.erasing import erase_stored_logs
 from foldcar.trials.faults import acknowledge_faults, fault_line
 from foldcar.trials.person import PersonAnswers, print_line, print_warning
@@ -74,10 +74,10 @@ class PluggedCar:
     def collect(
         self, number: int, log: Path, time_limit_s: float, answers: PersonAnswers | None, identity: CarIdentity
     ) -> DriveEnd:
-        """Wait until an untethered car is connected again, and merge its log of trial ``number`` into ``log``.
+        """Wait until a car that drove without its cable is plugged in again, and fetch its log of trial ``number``.
 
-        With ``answers`` the operator says when to try and when to give up; without, the car is tried every second until
-        a timeout.
+        The car's log is merged into the file ``log``. If ``answers`` is not None, a person says when to try and when to
+        give up. Otherwise this tries to connect every second until a timeout.
         """
         end_s = time.monotonic() + time_limit_s + RECONNECT_TIMEOUT_S
         question = "The car drives on. When it has stopped, plug it in and press Enter, or type its port; q gives up: "
@@ -90,7 +90,7 @@ class PluggedCar:
                 require_same_car(self.connected, identity)
                 if self.connected.is_under_way(self.connected.request("FOLDCAR_TRIAL")):
                     raise LinkLostError("the car still drives, counts or waits for its button")
-                end = collect(self.connected, number, log, print_line)
+                end = merge_cars_log(self.connected, number, log, print_line)
                 self._has_fetched_log = True
                 return end
             except FoldcarError as error:

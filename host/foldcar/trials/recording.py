@@ -52,12 +52,15 @@ def record_outcome(
     writer: TrialWriter, number: int, end: DriveEnd, log: Path, digest: str | None, outcome: str | None,
     note: str | None, answers: PersonAnswers | None, mark: str = "",
 ) -> Ending:  # fmt: skip
-    """Store the outcome of trial ``number``, whose end is stored; print it, and return what was stored.
+    """Store the outcome of trial ``number``, print it, and return what was stored.
 
-    A drive with an error is stored as aborted, and an aborted drive stays aborted even if ``outcome`` is given. Otherwise
-    the outcome is ``outcome``. If that is None, the person is asked; without ``answers`` it is the outcome of the drive.
-    ``digest`` is the log's hash, ``mark`` is printed behind the outcome. Raises FoldcarError if the outcome remains
-    unknown.
+    The outcome is decided in this order:
+    1. A drive that ended with an error is aborted. So is a drive that was aborted, even if ``outcome`` is given.
+    2. Otherwise it is ``outcome`` if that is given.
+    3. Otherwise the person is asked, if there is one (``answers``).
+    4. Otherwise it is the outcome that the drive itself had.
+    ``digest`` is the hash of the trial's log. ``mark`` is printed behind the outcome. Raises FoldcarError if the outcome
+    remains unknown.
     """
     elapsed_text = f" after {end.elapsed_time_s:.2f} s" if end.elapsed_time_s is not None else ""
     print_line(f"Ended{elapsed_text}: {end.ending}")

@@ -123,9 +123,9 @@ class Session:
         self._repeated = self.aborted = 0
 
     def run(self, named_port: str | None) -> None:
-        """Drive trials until the requested number or until the person ends the session. Raises FoldcarError.
+        """Drive trials until their number is reached, or until the person ends the session.
 
-        ``named_port`` None stands for the only port with a board.
+        ``named_port`` is the port of the car; None means the only port with a board. Raises FoldcarError.
         """
         options = self._options
         self._plugged.connect(choose_port(named_port))
@@ -137,7 +137,7 @@ class Session:
                     try:
                         trial = self._trial(writer, checked_car)
                     except (LinkLostError, NoCarError) as error:
-                        # Lost before the trial was begun.
+                        # The car was lost before the trial began.
                         checked_car = self._after_error(error, checked_car)
                         continue
                     if trial is None:
@@ -147,7 +147,7 @@ class Session:
                     self._take_media(writer)
                     if trial.end.error is not None:
                         checked_car = self._after_error(trial.end.error, checked_car)
-                    # Without a number of trials and without questions it is one trial.
+                    # If nobody may be asked and no number of trials is given, the session is one trial.
                     if options.trials is None and options.yes:
                         break
                     if not self._ask_what_next(writer, trial):
@@ -311,7 +311,10 @@ class Session:
     def _drive(
         self, settings: dict[str, Any], number: int, log: Path, identity: CarIdentity, view: DriveView
     ) -> tuple[DriveEnd, list[str]]:
-        """Drive one trial with its log; return how it ended, and the car's faults afterwards, which are acknowledged."""
+        """Drive one trial and write its log. Return how it ended, and the faults that the car had afterwards.
+
+        These faults are acknowledged, so that the car can drive the next trial.
+        """
         car, options, limit_s = self._plugged.connected, self._options, settings["time_limit_s"]
         begins = "From the car's button on, it counts" if options.button else "Countdown"
         print_line(f"{begins} {options.countdown_s} s, then {limit_s:g} s at most. Ctrl-C stops.")
@@ -320,15 +323,16 @@ class Session:
             with contextlib.closing(TlogWriter(log)) as writer:
                 car.connection.catch_up()
                 car.connection.log = writer
-                # These messages put the car's identity and settings into the log.
+                # The answers to these requests put the car's identity and settings into the log.
                 require_same_car(car, identity)
                 for message in ("AUTOPILOT_VERSION", "SYS_STATUS"):
                     car.request(message)
                 read_parameters(car)
                 with self._answers.keys() as pressed, view.watching(car, pressed):
                     end = drive(car, settings, number, options.countdown_s, view, options.untethered, options.button)
-                    if end.ending != DRIVES_ON and not isinstance(end.error, (LinkLostError, LogError)):
-                        # The fault belongs to this trial, whose outcome stands.
+                    can_ask_car = end.ending != DRIVES_ON and not isinstance(end.error, (LinkLostError, LogError))
+                    if can_ask_car:
+                        # A fault after the end belongs to this trial, but does not change its outcome.
                         with contextlib.suppress(FoldcarError):
                             faults = acknowledge_faults(car)
                 if view.passed and end.outcome is None:

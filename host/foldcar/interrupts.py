@@ -24,7 +24,7 @@ NUMBERS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP"
 _stopped = threading.Event()
 # Set while this process interrupts its main thread again, so that this is not taken for a second signal of the user.
 _repeating = threading.Event()
-_line = "foldcar: stopped"
+_last_line = "foldcar: stopped"
 
 
 def handle_signals() -> None:
@@ -37,19 +37,19 @@ def handle_signals() -> None:
 
 def stop_line() -> str | None:
     """Return the line to print at the command's end if a signal was received, else None."""
-    return _line if _stopped.is_set() else None
+    return _last_line if _stopped.is_set() else None
 
 
 @contextlib.contextmanager
-def message_on_signal(line: Callable[[], str]) -> Iterator[None]:
-    """If a signal ends the block, the command prints the result of ``line`` as its last line."""
-    global _line
+def message_on_signal(last_line: Callable[[], str]) -> Iterator[None]:
+    """If a signal ends the block, keep the result of ``last_line``. The command prints it as its last line."""
+    global _last_line
     try:
         yield
     except BaseException:
-        # Cleaning up may have replaced KeyboardInterrupt by another exception.
+        # Cleaning up may have replaced KeyboardInterrupt by another exception, so ask whether a signal has come.
         if _stopped.is_set():
-            _line = line()
+            _last_line = last_line()
         raise
 
 
@@ -111,5 +111,5 @@ def _repeat_interrupt(number: int) -> None:
 def _end() -> None:
     """Print the last line and end the process at once."""
     with contextlib.suppress(OSError):
-        os.write(2, f"{_line}\n".encode(errors="backslashreplace"))
+        os.write(2, f"{_last_line}\n".encode(errors="backslashreplace"))
     os._exit(EXIT_CODE)

@@ -63,13 +63,17 @@ class ResultTable:
         self._rows.append(tuple(map(shown, cells)))
 
     def print_on(self, console: Console) -> None:
-        """Print the table on a `shown_console`."""
+        """Print the table on a `shown_console`.
+
+        If it is too wide for a terminal, each row is printed as a block of lines.
+        """
         heads, widths = self._layout(console.width)
-        # rich is too slow for long tables.
-        if len(self._rows) > MAX_FRAMED and (widths or not console.is_terminal):
+        fits = bool(widths)
+        # rich is too slow for long tables, so they are printed without it.
+        if len(self._rows) > MAX_FRAMED and (fits or not console.is_terminal):
             console.file.write("".join(f"{line}\n" for line in self._lines()))
             return
-        if not widths:
+        if not fits:
             console.file.write("".join(f"{block}\n" for block in self._blocks(console.width)))
             return
         table = Table(box=SIMPLE_HEAD if console.is_terminal else None, pad_edge=False, show_edge=False)

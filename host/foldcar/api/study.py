@@ -69,7 +69,7 @@ class Study:
         self.path = checked_path("store", store, "a store").absolute()
         require_store(self.path)
         # What figures show, with and without trials of simulated cars.
-        self._drawn_experiments: dict[bool, Mapping[str, ReportedExperiment]] = {}
+        self._reported_experiments: dict[bool, Mapping[str, ReportedExperiment]] = {}
 
     def __repr__(self) -> str:
         lines = [
@@ -101,7 +101,7 @@ class Study:
         """
         for name in ("runs", "trials", "experiments"):
             self.__dict__.pop(name, None)
-        self._drawn_experiments.clear()
+        self._reported_experiments.clear()
 
     @cached_property
     def runs(self) -> "pandas.DataFrame":
@@ -192,12 +192,14 @@ class Study:
         """
         checked_experiment(experiment)
         checked_bool("simulated_trials", simulated_trials)
-        difference = checked_number("margin", margin, 0, 1)
-        comparison = self._read(lambda store: compare(store, experiment, difference, simulated_trials))
+        margin = checked_number("margin", margin, 0, 1)
+        comparison = self._read(lambda store: compare(store, experiment, margin, simulated_trials))
         compared_ids = [compared.info.id for compared in comparison.experiments if compared.designs]
         if not compared_ids:
             return comparison
-        return replace(comparison, picture=partial(self._picture, compared_ids[0], simulated_trials))
+        # A notebook shows the comparison with a picture of its first experiment, which is drawn only then.
+        picture = partial(self._picture, compared_ids[0], simulated_trials)
+        return replace(comparison, picture=picture)
 
     def plot_success(self, *, experiment: str | None = None, figure: "Figure | None" = None) -> "Axes":
         """Draw how likely the cars are to work, as the report does, and return the matplotlib axes.
@@ -209,7 +211,7 @@ class Study:
         >>> study.plot_success().get_ylabel()
         'passed (%)'
         """
-        return self._drawn(("feasibility", "map"), experiment, figure, "plot_success").axes[0]
+        return self._draw(("feasibility", "map"), experiment, figure, "plot_success").axes[0]
 
     def plot_outcomes(self, *, experiment: str | None = None, figure: "Figure | None" = None) -> "Axes":
         """Draw how the runs of each design ended, and return the matplotlib axes; see :meth:`plot_success`.
@@ -219,16 +221,16 @@ class Study:
         >>> study.plot_outcomes().get_ylabel()
         'share of runs (%)'
         """
-        return self._drawn(("outcomes",), experiment, figure, "plot_outcomes").axes[0]
+        return self._draw(("outcomes",), experiment, figure, "plot_outcomes").axes[0]
 
     def plot_effects(self, *, experiment: str | None = None, figure: "Figure | None" = None) -> "list[Axes]":
         """Draw success over each of several parameters, and return their matplotlib axes; see :meth:`plot_success`.
 
         Raises FoldcarError if fewer than two parameters vary.
         """
-        return list(self._drawn(("effects",), experiment, figure, "plot_effects").axes)
+        return list(self._draw(("effects",), experiment, figure, "plot_effects").axes)
 
-    def _drawn(
+    def _draw(
         self,
         kinds: Sequence[str],
         experiment: str | None,
@@ -236,14 +238,18 @@ class Study:
         caller: str,
         simulated_trials: bool = False,
     ) -> "Figure":
-        """Draw an experiment's first drawing whose kind is one of ``kinds``; ``caller`` begins error messages."""
+        """Draw a picture of an experiment into ``figure``, or into a new figure if that is None, and return the figure.
+
+        The picture is the experiment's first drawing whose kind is one of ``kinds``. Error messages begin with the text
+        ``caller``.
+        """
         from foldcar.report.reported_experiment import read_experiments
 
         checked_experiment(experiment)
-        if simulated_trials not in self._drawn_experiments:
+        if simulated_trials not in self._reported_experiments:
             experiments = self._read(lambda store: read_experiments(store, simulated_trials=simulated_trials))
-            self._drawn_experiments[simulated_trials] = {reported.name: reported for reported in experiments}
-        drawing = drawing_of(self._drawn_experiments[simulated_trials], kinds, experiment, caller)
+            self._reported_experiments[simulated_trials] = {reported.name: reported for reported in experiments}
+        drawing = drawing_of(self._reported_experiments[simulated_trials], kinds, experiment, caller)
         return drawn(drawing, figure)
 
     def _picture(self, experiment: str | None, simulated_trials: bool = False) -> str:
@@ -253,7 +259,7 @@ class Study:
         figure = Figure(figsize=SIZE_IN, layout="constrained")
         with suppress(FoldcarError):
             kinds = ("feasibility", "map", "outcomes")
-            return picture_html(self._drawn(kinds, experiment, figure, "picture", simulated_trials))
+            return picture_html(self._draw(kinds, experiment, figure, "picture", simulated_trials))
         return ""
 
     def success_model(self, *parameters: str, experiment: str | None = None) -> Standardised:

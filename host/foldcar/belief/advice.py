@@ -187,9 +187,10 @@ class _Valuation:
 def _pass_count_probabilities(log_odds: FloatArray, weights: FloatArray, trials: int) -> FloatArray:
     """Return the probabilities (draws, trials + 1) that a car passes 0, 1, … of ``trials``.
 
-    The car's log-odds of passing have the values ``log_odds`` (draws, nodes) with the probabilities ``weights`` (draws or
-    1, nodes).
+    In each draw, the car's log-odds of passing a trial have the values ``log_odds`` (draws, nodes), with the
+    probabilities ``weights`` (draws or 1, nodes).
     """
+    # The probability of k passed trials is binomial(trials, k) * odds^k / (1 + odds)^trials. The last axis is k.
     passed = numpy.arange(trials + 1)
     log_all_failed = -trials * numpy.logaddexp(0, log_odds)
     log_probabilities = log_binomials(trials) + log_all_failed[:, :, None] + passed * log_odds[:, :, None]

@@ -176,17 +176,17 @@ class Answers:
         return [self._unknown(index, parameter) for index, parameter in enumerate(PARAMETERS)]
 
     def _unknown(self, index: int, parameter: UnknownParameter) -> Unknown:
-        """Return what the trials have taught about a parameter; ``index`` is its index in PARAMETERS."""
+        """Return what is known about a parameter before and after the trials; ``index`` is its index in PARAMETERS."""
         scores_before, scores_after = self.before.scores[:, index], self.draws.scores[:, index]
         before = _median_estimate(scores_before, self.before.weights)
         after = _median_estimate(scores_after, self.draws.weights)
-        # Not 0, because it divides.
+        # This is not 0, because shift and narrowing are divided by it.
         sd_before = max(_sd(scores_before, self.before.weights), 1e-9)
         sd_after = _sd(scores_after, self.draws.weights)
-        measured, wrong = None, 0.0
+        measured, chance_of_wrong_value = None, 0.0
         if index in self.draws.prior.measured:
             measured = float(parameter.value(self.draws.prior.known[index].mean))
-            wrong = float(self.draws.weights @ self.draws.wrong[:, index])
+            chance_of_wrong_value = float(self.draws.weights @ self.draws.wrong[:, index])
         return Unknown(
             parameter,
             before=_in_unit(parameter, before),
@@ -194,7 +194,7 @@ class Answers:
             shift=(after.value - before.value) / sd_before,
             narrowed=1 - (sd_after / sd_before) ** 2,
             measured=measured,
-            wrong=wrong,
+            wrong=chance_of_wrong_value,
         )
 
     @cached_property
@@ -290,10 +290,11 @@ def believe(
     measured: Sequence[int] = (),
     offsets: FloatArray | float = 0.0,
 ) -> Answers:
-    """Return the answers about ``designs`` (d, parameters) after ``trials``.
+    """Compute what the belief says about ``designs`` (d, parameters) before and after ``trials``.
 
-    ``known`` has narrower priors by the parameter's index. ``measured`` are the indices of those that were measured.
-    ``offsets`` (d,) are the designs' own differences from the learned log-odds.
+    ``learned`` is the success rate as learned from simulation. ``known`` are priors of single unknown parameters that are
+    narrower than usual, by the parameter's index in PARAMETERS; ``measured`` are the indices of the parameters that were
+    measured. ``offsets`` (d,) are differences of single designs from the learned log-odds.
     """
     prior = Prior(learned, designs, known or {}, frozenset(measured), offsets)
     before = weigh(prior, Trials.of_counts([]))

@@ -168,26 +168,30 @@ def _rates_of_runs(learned: Learned, runs: RealityRuns, designs: FloatArray) -> 
 
 
 def _fit_coefficients(unlearned: Learned, runs: RealityRuns, designs: FloatArray, nominal: NominalRuns | None) -> Learned:
-    """Return ``unlearned`` with the coefficients and scene offsets that fit the ``runs`` and the ``nominal`` runs.
+    """Fit the coefficients and the scenes' offsets to runs, and return ``unlearned`` with them.
 
-    ``designs`` (designs, parameters) are those of the family.
+    ``runs`` are the runs in other realities. ``nominal`` are those in nominal simulation, if there are any. ``designs``
+    (designs, parameters) are the designs of the family. The fit is a penalised logistic regression. Its table has a row
+    for each run, with the features of the run's reality and design, and with a column for each scene.
     """
     design_features = unlearned._design_features(designs)
     features = _features(_shaped(runs.scores), design_features[runs.design])
-    # A column for each scene, which is 1 for the runs in it.
+    # The column of a scene is 1 for the runs in this scene.
     samples, scene_of_run = numpy.unique(runs.sample, return_inverse=True)
     is_in_scene = (scene_of_run[:, None] == numpy.arange(len(samples))).astype(float)
     table = numpy.hstack([features, is_in_scene])
     passed, counted = runs.passed, numpy.ones(len(runs))
     if nominal is not None:
-        # One row for each design. It belongs to no scene, because its runs were simulated in all scenes.
+        # The nominal runs of a design are one row. They were simulated in all scenes, so no scene has a 1 in this row.
         has_runs = nominal.counted > 0
         scores = numpy.tile(nominal.scores, (int(has_runs.sum()), 1))
         nominal_features = _features(_shaped(scores), design_features[has_runs])
         no_scene = numpy.zeros((len(nominal_features), len(samples)))
         table = numpy.vstack([table, numpy.hstack([nominal_features, no_scene])])
+        # Such a row counts as at most NOMINAL_RUNS runs.
         weights = numpy.minimum(NOMINAL_RUNS, nominal.counted[has_runs])
-        passed = numpy.concatenate([passed, weights * nominal.passed[has_runs] / nominal.counted[has_runs]])
+        rates = nominal.passed[has_runs] / nominal.counted[has_runs]
+        passed = numpy.concatenate([passed, weights * rates])
         counted = numpy.concatenate([counted, weights])
     number = features.shape[1]
     variances = numpy.repeat([COEFFICIENT_VARIANCE, SCENE_VARIANCE], [number, len(samples)])
@@ -294,15 +298,18 @@ def _design_features(unit: FloatArray, centres: FloatArray, length: float) -> Fl
     return numpy.hstack([_with_constant(centred), _quadratics(centred), bumps])
 
 
-def _distant_designs(unit: FloatArray) -> FloatArray:
-    """Return some of the designs ``unit`` (designs, parameters) that are far from each other.
+def _distant_designs(designs: FloatArray) -> FloatArray:
+    """Choose some designs that are far from each other. Return them as (chosen, parameters).
 
-    The first is the one nearest to the mean. Each further one is the one farthest from those chosen before.
+    ``designs`` (designs, parameters) have their parameters scaled to 0 to 1. The first chosen design is the one nearest
+    to the mean. Each further one is the one that is farthest from those chosen before.
     """
-    designs = numpy.unique(unit, axis=0)
-    number = min(len(designs), BUMPS_PER_PARAMETER * unit.shape[1], MAX_BUMPS)
+    parameters = designs.shape[1]
+    designs = numpy.unique(designs, axis=0)
+    number = min(len(designs), BUMPS_PER_PARAMETER * parameters, MAX_BUMPS)
 
     def squared_distances(point: FloatArray) -> FloatArray:
+        """Return the squared distance of each design to a point."""
         return numpy.asarray(((designs - point) ** 2).sum(axis=1))
 
     chosen = [int(squared_distances(designs.mean(axis=0)).argmin())]

@@ -59,11 +59,14 @@ NODE_WEIGHTS = NODE_WEIGHTS / NODE_WEIGHTS.sum()
 
 @dataclass(frozen=True)
 class Trials:
-    """Completed trials, grouped by car and scene.
+    """Completed trials. The trials of one car in one scene form a group.
 
-    For each group: ``car`` (groups,) is the index of its car, ``passed`` and ``counted`` (groups,) are its numbers of
-    trials, ``easier`` (groups,) is how much easier the scene is than all scenes, in log-odds. ``design`` (cars,) is the
-    index of each car's design among the belief's, ``names`` are the cars' names, None for a car without a name.
+    These have an entry for each group: ``car`` (groups,) is the index of its car. ``passed`` and ``counted`` (groups,)
+    are its numbers of passed trials and of all trials. ``scene_ease`` (groups,) is how much easier its scene is than an
+    average scene, in log-odds.
+
+    These have an entry for each car: ``design`` (cars,) is the index of its design among those of the belief. ``names``
+    is its name, None for a car without a name.
     """
 
     design: NDArray[Any]
@@ -71,7 +74,7 @@ class Trials:
     car: NDArray[Any]
     passed: FloatArray
     counted: FloatArray
-    easier: FloatArray
+    scene_ease: FloatArray
 
     @classmethod
     def of_counts(cls, counts: Sequence[tuple[int, int, int]]) -> "Trials":
@@ -83,7 +86,7 @@ class Trials:
             car=numpy.arange(cars),
             passed=numpy.array([passed for _, passed, _ in counts], float),
             counted=numpy.array([counted for _, _, counted in counts], float),
-            easier=numpy.zeros(cars),
+            scene_ease=numpy.zeros(cars),
         )
 
     @property
@@ -92,17 +95,18 @@ class Trials:
         return numpy.unique(self.design)
 
     def without(self, design: int) -> "Trials":
-        """Return the trials of all other designs; their cars are numbered anew."""
-        is_other_car = self.design != design
-        is_other_group = is_other_car[self.car]
-        new_index_of_car = numpy.cumsum(is_other_car) - 1
+        """Return the trials of all other designs. The remaining cars get new indices."""
+        keeps_car = self.design != design
+        keeps_group = keeps_car[self.car]
+        # A car's new index is the number of kept cars before it.
+        new_index_of_car = numpy.cumsum(keeps_car) - 1
         return Trials(
-            design=self.design[is_other_car],
-            names=tuple(self.names[car] for car in numpy.flatnonzero(is_other_car)),
-            car=new_index_of_car[self.car[is_other_group]],
-            passed=self.passed[is_other_group],
-            counted=self.counted[is_other_group],
-            easier=self.easier[is_other_group],
+            design=self.design[keeps_car],
+            names=tuple(self.names[car] for car in numpy.flatnonzero(keeps_car)),
+            car=new_index_of_car[self.car[keeps_group]],
+            passed=self.passed[keeps_group],
+            counted=self.counted[keeps_group],
+            scene_ease=self.scene_ease[keeps_group],
         )
 
     def counts_of(self, design: int) -> tuple[int, int]:
@@ -246,13 +250,15 @@ class Draws:
         Both have the shape (n, cars, nodes). A car's log-odds of passing are normally distributed around those of its
         design. The nodes are values of this distribution, with the probabilities NODE_WEIGHTS.
         """
-        design_log_odds = self.log_odds(self.driven)[:, numpy.searchsorted(self.driven, trials.design)]
+        driven_index_of_car = numpy.searchsorted(self.driven, trials.design)
+        design_log_odds = self.log_odds(self.driven)[:, driven_index_of_car]
         centre = centre_of_cars(design_log_odds, self.car_sd[:, None])
         car_log_odds = centre[:, :, None] + self.car_sd[:, None, None] * NODES
         log_likelihood = numpy.zeros(car_log_odds.shape)
         for group, car in enumerate(trials.car.tolist()):
-            log_odds = car_log_odds[:, car] + float(trials.easier[group])
+            log_odds = car_log_odds[:, car] + float(trials.scene_ease[group])
             passed, counted = float(trials.passed[group]), float(trials.counted[group])
+            # The log probability of passing is log_odds - log(1 + odds), that of failing is -log(1 + odds).
             log_likelihood[:, car] += passed * log_odds - counted * numpy.logaddexp(0, log_odds)
         return log_likelihood, car_log_odds
 
@@ -280,24 +286,27 @@ class Draws:
 
 
 def weigh(prior: Prior, trials: Trials, seed: int = 1) -> Draws:
-    """Return draws of realities, weighed by the trials; the same for the same input.
+    """Draw realities from the prior and weigh them by the trials. Equal input gives equal draws.
 
-    Without trials all draws have the same weight.
+    Without trials all draws have the same weight. If the trials leave weight to only a few draws, these are moved, so
+    that the answers do not rest on a handful of draws.
     """
     random = numpy.random.default_rng(seed)
-    numbers_of_draw = max(1, len(prior.designs), len(NODES) * len(trials.design))
-    number = int(numpy.clip(MAX_NUMBERS // numbers_of_draw, MIN_DRAWS, MAX_DRAWS))
-    normal = random.standard_normal((number, _SMOOTH.stop + len(trials.driven)))
-    draws = Draws(prior, trials.driven, normal, _equal_weights(number))
+    # The largest arrays have this many numbers for each draw, so there are fewer draws if it is large.
+    numbers_per_draw = max(1, len(prior.designs), len(NODES) * len(trials.design))
+    draw_count = int(numpy.clip(MAX_NUMBERS // numbers_per_draw, MIN_DRAWS, MAX_DRAWS))
+    columns = _SMOOTH.stop + len(trials.driven)
+    normal = random.standard_normal((draw_count, columns))
+    draws = Draws(prior, trials.driven, normal, _equal_weights(draw_count))
     if not len(trials.car):
         return draws
     log_likelihood = draws.log_likelihood(trials)
     weighed_draws = Draws(prior, trials.driven, normal, normalised(log_likelihood))
     if weighed_draws.effective >= MIN_EFFECTIVE:
         return weighed_draws
-    moved_number = min(number, MOVED_DRAWS)
-    unmoved_draws = Draws(prior, trials.driven, normal[:moved_number], _equal_weights(moved_number))
-    return _moved(unmoved_draws, trials, log_likelihood[:moved_number], random)
+    moved_count = min(draw_count, MOVED_DRAWS)
+    unmoved_draws = Draws(prior, trials.driven, normal[:moved_count], _equal_weights(moved_count))
+    return _moved(unmoved_draws, trials, log_likelihood[:moved_count], random)
 
 
 def _equal_weights(number: int) -> FloatArray:

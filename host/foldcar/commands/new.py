@@ -71,10 +71,15 @@ def new(
         raise FoldcarError(f"--example {example}: unknown example; choose one of {', '.join(EXAMPLES)}")
     if folder.is_dir() and any(folder.iterdir()):
         raise FoldcarError(f"{folder}: is not empty; name a new folder")
-    names, commands = (FILES, FIRST_COMMANDS) if example is None else EXAMPLES[example]
-    place = files("foldcar.study") / "starter" if example is None else source_tree() or PACKAGE / "examples"
+    if example is None:
+        names, commands = FILES, FIRST_COMMANDS
+        source = files("foldcar.study") / "starter"
+    else:
+        names, commands = EXAMPLES[example]
+        # A clone of the project has the files of the examples at their places; an installed package has copies.
+        source = source_tree() or PACKAGE / "examples"
     try:
-        contents = {name: (place / name).read_bytes() for name in names}
+        contents = {name: (source / name).read_bytes() for name in names}
     except OSError as error:
         raise FoldcarError(f"--example: {error.filename} is not in this installation") from error
     was_created = make_output_folder(folder)

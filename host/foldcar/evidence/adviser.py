@@ -213,10 +213,10 @@ class Adviser:
 
     @property
     def _basis(self) -> str:
-        """The sentences on what the numbers of sheets and minutes assume."""
+        """Two sentences that say how the numbers of sheets and minutes are estimated."""
         car_minutes = car_min(self.evidence.info.vehicle_type)
         return (
             f"Sheets are an estimate: 12 x 12 inch, of which the pieces fill {percent(FILLING)}. Minutes assume "
             f"{car_minutes:.0f} min to cut and build a car (without loading the firmware), "
-            f"{PLACING_MIN:g} min to place a trial, and for the drive as much time as in simulation."
+            f"{PLACING_MIN:g} min to place the car for a trial, and a drive that takes as long as in simulation."
         )

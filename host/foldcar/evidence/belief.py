@@ -230,11 +230,17 @@ def _varied_values(info: ExperimentInfo, designs: Sequence[Design]) -> NDArray[A
 
 
 def learned_rate(store: Store, info: ExperimentInfo) -> Learned | None:
-    """Return the success rate learned from an experiment's runs in other realities; None with fewer than MIN_LEARNED."""
-    if not info.success_defined or not info.stored_runs or info.under is not None:
+    """Return the success rate that is learned from an experiment's runs in other realities.
+
+    Returns None if the experiment defines no success, has no runs, was itself simulated in another reality, or has fewer
+    than MIN_LEARNED runs in other realities.
+    """
+    is_in_other_reality = info.under is not None
+    if not info.success_defined or not info.stored_runs or is_in_other_reality:
         return None
 
     def read() -> Learned | None:
+        """Read the runs from the store and learn from them."""
         runs = planned_reality_runs(store, info.id, info.variation_seed, info.environments)
         if len(runs) < MIN_LEARNED:
             return None
@@ -247,7 +253,10 @@ def learned_rate(store: Store, info: ExperimentInfo) -> Learned | None:
 
 
 def _trials(designs: Sequence[DesignEvidence], learned: Learned) -> Trials:
-    """Return the designs' trials, grouped by car and scene; of more than MAX_CARS cars, those with most trials."""
+    """Return the trials of the designs, grouped by car and scene.
+
+    If there are more than MAX_CARS cars, only the trials of those with most trials are returned.
+    """
     drives: list[tuple[DrivenCar, PairedTrial]] = []
     for design_index, design in enumerate(designs):
         drives += [(DrivenCar(design_index, trial.car_name), trial) for trial in design.trials]
@@ -263,18 +272,18 @@ def _trials(designs: Sequence[DesignEvidence], learned: Learned) -> Trials:
             passed[group] += trial.passed
             counted[group] += 1
     groups = list(counted)
-    easier = []
+    scene_ease = []
     for group in groups:
         # An unknown scene counts as an average one.
         scene_offset = 0.0 if group.sample is None else learned.scene_offsets.get(group.sample, 0.0)
-        easier.append(SCENE_TRUST * scene_offset)
+        scene_ease.append(SCENE_TRUST * scene_offset)
     return Trials(
         design=numpy.array([car.design_index for car in cars], int),
         names=tuple(car.name for car in cars),
         car=numpy.array([group.car_index for group in groups], int),
         passed=numpy.array([passed[group] for group in groups], float),
         counted=numpy.array([counted[group] for group in groups], float),
-        easier=numpy.array(easier, float),
+        scene_ease=numpy.array(scene_ease, float),
     )
 
 

@@ -270,10 +270,10 @@ def built_rate(belief: Belief, row: int) -> Rate:
 
 
 def _gap(belief: Belief, designs: Sequence[DesignEvidence]) -> Gap:
-    """Return the mean gap over the designs, which must have runs.
+    """Return the mean gap between simulation and reality over the designs, with its interval.
 
-    A design's gap is the success rate expected of a further built car minus the success rate in simulation. Designs that
-    the belief is not about are left out.
+    A design's gap is its success rate if a further car is built, as the belief expects it, minus its success rate in
+    simulation. The designs must have runs. Designs that are not part of the belief are left out.
     """
     rows = [row for row in map(belief.row_of, designs) if row is not None]
     passed_runs = numpy.array([belief.designs[row].runs_passed for row in rows])
@@ -284,6 +284,7 @@ def _gap(belief: Belief, designs: Sequence[DesignEvidence]) -> Gap:
     random = numpy.random.default_rng(GAP_SEED)
     simulated_rates = random.beta(passed_runs + JEFFREYS, failed_runs + JEFFREYS, built_rates.shape)
     mean_gaps = (built_rates - simulated_rates).mean(axis=1)
+    # The function takes a table with a column for each quantity. Here there is one.
     (estimate,) = estimates(mean_gaps[:, None], belief.answers.draws.weights)
     return Gap(estimate.value, estimate.low, estimate.high, CONFIDENCE)
 

@@ -252,7 +252,7 @@ def _evidence(
         completed_trials = [trial for trial in trials if trial.completed]
         belief = read_belief(store, info, evidence.family, completed_trials, bool(simulated))
     if info.success_defined:
-        sentences += remarks.cars_of_designs(with_trials)
+        sentences += remarks.cars_without_names(with_trials)
         sentences += remarks.pairs(with_trials) if resimulation is not None else []
     sentences += resimulation.remarks(info.id) if resimulation is not None else []
     if belief is not None:

@@ -135,7 +135,7 @@ def unswept_designs(designs_and_reasons: Sequence[tuple[DesignEvidence, str | No
     return sentences
 
 
-def cars_of_designs(designs: Sequence[DesignEvidence]) -> list[str]:
+def cars_without_names(designs: Sequence[DesignEvidence]) -> list[str]:
     """Return a remark on designs that have several trials without a car's name; an empty list if there are none."""
     labels = []
     for design in designs:
@@ -145,8 +145,8 @@ def cars_of_designs(designs: Sequence[DesignEvidence]) -> list[str]:
     if not labels:
         return []
     return [
-        f"Trials without a car's name are taken for those of one car of their design, at {_shown_names(labels)}: "
-        "`foldcar log --car` and `foldcar trials correct --car` tell cars apart."
+        f"Some trials of {_shown_names(labels)} have no car's name. foldcar assumes that one car of each design drove "
+        "them. If there were several, name them with `foldcar log --car` or `foldcar trials correct --car`."
     ]
 
 

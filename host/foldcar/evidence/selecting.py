@@ -30,10 +30,10 @@ def select(
 
 
 def select_evidence(evidence: Sequence[Evidence], threshold: float | None = None) -> list[Selection]:
-    """Advise as :func:`select` does, given evidence.
+    """Return the advice for each experiment of ``evidence``, as :func:`select` does for the experiments of a store.
 
-    A search chose its designs in the same environments, so its rates are biased. If its designs were also simulated in
-    fresh environments, the advice is that of the fresh experiment.
+    A search chooses designs by their runs, so the rates of these runs are biased. If the chosen designs were also
+    simulated in fresh environments, the advice for the search is that for the experiment with the fresh environments.
     """
     experiment_by_id = {experiment.info.id: experiment for experiment in evidence}
     # The experiment in fresh environments, by the id of the search.
@@ -53,9 +53,11 @@ def select_evidence(evidence: Sequence[Evidence], threshold: float | None = None
             selections.append(selection_by_id[experiment.info.id])
             continue
         fresh = fresh_by_id[experiment.info.id]
-        were = "was" if len(fresh.designs) == 1 else "were"
-        judged = f"{len(fresh.designs):,} {were} judged in {count(fresh.info.environments, 'fresh environment')}"
-        search_text = f"A search tried {count(experiment.swept, 'design')}; {judged}."
+        verb = "was" if len(fresh.designs) == 1 else "were"
+        environments = count(fresh.info.environments, "fresh environment")
+        search_text = (
+            f"A search tried {count(experiment.swept, 'design')}; {len(fresh.designs):,} {verb} judged in {environments}."
+        )
         selection = selection_by_id[fresh.info.id]
         selections.append(replace(selection, info=experiment.info, works=f"{search_text} {selection.works}"))
     return selections

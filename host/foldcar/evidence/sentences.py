@@ -161,9 +161,9 @@ def _reaching_in_simulation(evidence: Evidence, threshold: float) -> str:
 
 
 def _none_reaching(evidence: Evidence, rates: NDArray[numpy.float64], threshold: float) -> str:
-    """Return that no design reaches the threshold in nominal simulation, and the best of the success ``rates`` (family,).
+    """Say that no design reaches the threshold in nominal simulation, and which design is the best, with its rate.
 
-    The rate of a design without runs is 0.
+    ``rates`` (family,) are the success rates of the designs; the rate of a design without runs is 0.
     """
     limit = threshold_text(threshold)
     if not rates.any():

@@ -48,7 +48,11 @@ class RankAgreement:
 
 
 def rank_agreement(simulated: ArrayLike, driven: ArrayLike) -> RankAgreement:
-    """Compare the ranks of designs by their ``simulated`` and ``driven`` rates (designs,), as in RankAgreement."""
+    """Compare the order of designs in simulation with their order in trials.
+
+    ``simulated`` and ``driven`` (designs,) are their success rates in simulation and in trials. The result is explained
+    in RankAgreement; it has no violation if there are fewer than 2 designs.
+    """
     simulated, driven = numpy.asarray(simulated, float), numpy.asarray(driven, float)
     if len(simulated) < 2:
         return RankAgreement(len(simulated))
@@ -57,5 +61,6 @@ def rank_agreement(simulated: ArrayLike, driven: ArrayLike) -> RankAgreement:
     lower_in_trials = driven[:, None] < driven[None, :]
     rate_differences = numpy.abs(driven[:, None] - driven[None, :])
     violations = rate_differences * (lower_in_simulation != lower_in_trials)
-    # Each design counts with its worst pair.
-    return RankAgreement(len(simulated), float(violations.max(axis=1).mean()))
+    # The worst pair of each design counts.
+    worst_of_design = violations.max(axis=1)
+    return RankAgreement(len(simulated), float(worst_of_design.mean()))

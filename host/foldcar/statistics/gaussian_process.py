@@ -239,10 +239,11 @@ def logistic(log_odds: NDArray[Any]) -> NDArray[Any]:
 
 
 def success_model(parameters: ArrayLike, passed: ArrayLike, counted: ArrayLike) -> SuccessModel:
-    """Fit a model to designs with ``parameters`` (d, k); ``passed`` (d,) of their ``counted`` (d,) runs passed.
+    """Fit a Gaussian process to the success rates of designs with ``parameters`` (d, k).
 
-    Candidates, pairs of lengths and strength, are weighted by their evidence. Raises FoldcarError if there are runs of
-    fewer than 4 designs or a parameter does not vary.
+    ``passed`` (d,) of the ``counted`` (d,) runs of each design passed. The model is fitted with several settings (lengths
+    and strength), and their fits are averaged with their evidence as weight. Raises FoldcarError if fewer than 4 designs
+    have runs, or if a parameter does not vary.
     """
     designs = numpy.asarray(parameters, dtype=float)
     passed_runs = numpy.asarray(passed, dtype=float)
@@ -256,11 +257,13 @@ def success_model(parameters: ArrayLike, passed: ArrayLike, counted: ArrayLike) 
 
     @cache
     def fitted(setting: Setting) -> tuple[Matern, Factors]:
+        """Fit the model with one setting."""
         process = Matern(inducing, setting.lengths)
         functions = basis_functions(process, setting.strength, scaled)
         return process, laplace(functions, numpy.zeros(len(scaled)), binomial(passed_runs, counted_runs))
 
     def evidence(setting: Setting) -> float:
+        """Return the log evidence of a setting: how probable it makes the runs."""
         _, factors = fitted(setting)
         return float(factors.evidence)
 

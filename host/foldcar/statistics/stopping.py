@@ -98,9 +98,9 @@ def _decided(rule: StoppingRule, runs: int) -> NDArray[Any]:
 
 @lru_cache(maxsize=4096)
 def _later_chance(rule: StoppingRule, passed: int, runs: int, later_runs: int) -> float:
-    """Return the probability that a design is decided after ``later_runs`` runs in all, by Jeffreys' prior.
+    """Return the probability that the rule has decided a design when it has ``later_runs`` runs.
 
-    ``passed`` of the ``runs`` so far passed.
+    ``later_runs`` includes the ``runs`` so far, of which ``passed`` passed. The success rate has Jeffreys' prior.
     """
     from scipy.stats import betabinom
 

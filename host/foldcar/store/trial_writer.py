@@ -284,8 +284,8 @@ class TrialWriter(StoreConnection):
 
         Each of ``trials`` is a row of the table of trials, with its ``uuid``. A trial that another store has exported
         also has ``environment_fingerprint``, ``settings`` (JSON) and ``corrections`` (rows of that table, oldest first).
-        Its other fields have their values after the corrections. If such a trial is stored already, only those corrections
-        are added that the stored trial lacks. Raises StoreError if a trial is stored with other contents; then nothing is
+        Its other fields have their values after the corrections. If such a trial is stored already, only the corrections
+        are added that it lacks. Raises StoreError if a trial is stored with other contents; then nothing is
         stored.
         """
         new_numbers = []

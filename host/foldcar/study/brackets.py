@@ -18,6 +18,7 @@ def unclosed(text: str) -> str | None:
     Example: ``line 3, column 5: "[" of line 1, column 7 is still open: write "]" before this "}"``.
     """
     open_brackets: list[Token] = []
+    # The tokens are the brackets outside of strings, and the quotation marks of strings that are not closed.
     for token in _tokens(text):
         place = _place(text, token.position)
         if token.character in CLOSING:

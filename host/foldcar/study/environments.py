@@ -34,9 +34,9 @@ class ExperimentEnvironment:
     def __init__(self, experiment: Experiment) -> None:
         self._experiment = experiment
         self._source: SceneSource | None = None
-        # The program's files of an earlier sweep, if none has changed (see recall).
+        # The program's files as an earlier sweep has stored them, if none of them has changed since (see recall).
         self._recalled: Files | None = None
-        # If a reality has changed this environment: the fingerprint of the environment in the listing, else None.
+        # The fingerprint that the environment has without the reality. It is None if no reality changes the environment.
         self.listed_fingerprint: str | None = None
         variation = experiment.variation
         self.spread_fingerprint = spread_fingerprint(variation, experiment.variation_seed) if variation else NOMINAL

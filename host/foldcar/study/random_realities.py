@@ -23,10 +23,11 @@ class RandomRealities(ChangedEnvironment):
     """
 
     def __init__(self, experiment: Experiment) -> None:
+        # The text ends the error about a program that Scenic must evaluate during runs.
         super().__init__(experiment, "realities cannot change; search for the nominal rate with --objective success")
-        # Before any trial, as for `select`: a car that will be built from the sheets.
+        # The priors of a car that will be built from foldcar's sheets. `select` assumes the same before any trial.
         self._priors = built_priors(experiment.family.vehicle_type, from_sheets=True)
-        priors = {str(index): prior[:2] for index, prior in self._priors.items()}
+        priors = {str(index): (prior.mean, prior.sd) for index, prior in self._priors.items()}
         identity = hashed(RANDOM_REALITIES, reality_spread(experiment), priors)
         self.fingerprint = hashed(self.fingerprint, identity)
         self.spread_fingerprint = identity

@@ -60,13 +60,13 @@ def draw_runs(seed: int, numbers: range, designs: int, samples: int) -> Drawn:
 
 
 def draw_sample_scores(seed: int, sample: int, priors: Mapping[int, ScorePrior]) -> FloatArray:
-    """Return the scores (parameters,) of the reality in which a search simulates a sample.
+    """Draw the reality in which a search simulates a sample, and return its scores (parameters,).
 
-    ``priors`` replace the standard normal prior, by the parameter's index.
+    A score has a standard normal prior, unless ``priors`` has another one for the parameter's index.
 
     Example: ``draw_sample_scores(1, 0, built_priors("W_B_W", from_sheets=True))``
     """
-    # Other numbers than those of the runs of a sweep with the same seed.
+    # With the same seed, a search draws other random numbers than a sweep.
     generator = np.random.PCG64([seed, SAMPLE_STREAM])
     generator.advance(sample * len(NAMES))
     scores = ndtri(_uniform(generator, 1, len(NAMES))[0])

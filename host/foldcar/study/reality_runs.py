@@ -59,10 +59,10 @@ DRAWN_RUNS = 200 * BLOCK
 def why_no_realities(
     experiment: Experiment, environment: ExperimentEnvironment, requested: int | None, dynamic: bool, success: SuccessRule
 ) -> str | None:
-    """Return why an experiment has no runs in other realities, as a sentence without a full stop; None if it has some.
+    """Return the reason why an experiment gets no runs in other realities, or None if it gets some.
 
-    ``requested`` is the number that a person asked for, None to let the learning's error decide. ``dynamic`` is whether
-    the program runs beside the simulation.
+    The reason is a sentence without a full stop. ``requested`` is the number of runs that a person asked for; None lets
+    the error of learning decide. ``dynamic`` is whether the program runs during the simulation.
     """
     if environment.reality is not None:
         return "the experiment itself is simulated in another reality"
@@ -78,10 +78,10 @@ def why_no_realities(
 
 
 def reality_facts(experiment: Experiment, requested: int | None, stored: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the facts of ExperimentInfo on the runs of an experiment that has runs in other realities.
+    """Return what the store keeps about an experiment's runs in other realities: their number and their origin.
 
-    ``requested`` is as in :func:`why_no_realities`. ``stored`` are the facts of the last sweep: without a request, a
-    sweep plans at least as many runs as that.
+    ``requested`` is the number of runs that a person asked for; None lets the error of learning decide. ``stored`` are
+    the facts of the last sweep. If nobody asked for a number, this sweep plans at least as many runs as the last one.
     """
     spread = reality_spread(experiment)
     planned = requested
@@ -298,12 +298,12 @@ class RealitySimulation:
         return learning_error(runs, designs, experiment.variation, counts)
 
     def _inputs(self, runs: Sequence[RealityRun]) -> ChunkInputs:
-        """Look up the simulator's input of runs, and draw their realities."""
+        """Return what the simulator needs for these runs: their stored bodies, scenes and settings, and their realities."""
         variation, seed = self.experiment.variation, self.experiment.variation_seed
         values_of_runs = values_of(np.array([run.scores for run in runs]))
         realities = []
         for run, values in zip(runs, values_of_runs, strict=True):
-            # The name makes these draws differ from those of the nominal run with the same number.
+            # A car's name is a part of the random seed. So this car differs from that of the nominal run of this number.
             car = f"reality {run.number}"
             realities.append(canonical_json(drawn_reality(values, variation, seed, drive=run.number, car=car)))
         labels = [f"design {run.design + 1}, run {run.number} in another reality" for run in runs]

@@ -148,24 +148,26 @@ def _symmetric_ground(
 
 
 def _track_points(bodies: Sequence[Mapping[str, Any]], scene: Mapping[str, Any]) -> tuple[list[float], list[float]]:
-    """Return x and y (m) of points straight ahead from the start to the course's end, under tyres of all bodies.
+    """Return x and y (m) of the points of the ground under the tyres of cars that drive straight on.
 
-    The points are under each tyre's inner edge, middle and outer edge; those of the left tyres come first.
+    The points are on lines from a little behind the start to the end of the course, SPACING_M apart. Each body's tyres
+    have lines under their inner edges, middles and outer edges. The points under the left tyres come first.
     """
     start, course = scene["start"], scene["course"]
     cos, sin = math.cos(start["heading_rad"]), math.sin(start["heading_rad"])
     # How far ahead of the start the farthest corner of the course lies.
     corners = product((course["x_min_m"], course["x_max_m"]), (course["y_min_m"], course["y_max_m"]))
     end_m = max((x_m - start["x_m"]) * cos + (y_m - start["y_m"]) * sin for x_m, y_m in corners)
-    # Behind the start, too, because rear wheels stand there.
+    # Rear wheels stand behind the start.
     along_m = numpy.arange(-BEHIND_M, max(end_m, BEHIND_M), SPACING_M)
-    # Distances of inner edges, middles and outer edges from the car's middle.
+    # How far the lines are from the car's middle.
     offsets_m = set()
     for body in bodies:
         for wheel, edge in product(body["wheels"], (-1, 0, 1)):
             offsets_m.add(0.5 * (body["track_m"] + edge * wheel["width_m"]))
     left_offsets_m = sorted(offsets_m)
     right_offsets_m = [-offset_m for offset_m in left_offsets_m]
+    # All points, by their distances ahead of the start and to the left of the car's middle.
     ahead_m, left_m = numpy.meshgrid(along_m, numpy.array(left_offsets_m + right_offsets_m))
     x_m = start["x_m"] + ahead_m * cos - left_m * sin
     y_m = start["y_m"] + ahead_m * sin + left_m * cos

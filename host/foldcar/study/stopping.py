@@ -100,23 +100,29 @@ class Batch:
 
 
 class Schedule:
-    """The schedule of a sweep: :meth:`next` returns batches, :meth:`record` takes their results, until all are closed.
+    """Decides which runs a sweep with a stopping rule makes next.
 
-    A design has at most ``max_runs`` runs. ``reached`` is each design's highest stored sample + 1: stored runs always
-    count. All designs advance together in the listing's order. Of each design's ``runs``, ``counted`` were not rejected
-    and ``passed`` passed; it is ``decided`` by the rule, and ``closed`` if it gets no more runs.
+    :meth:`next` returns a batch of runs for each design that needs some, and :meth:`record` takes their results. This is
+    repeated until every design is closed, which means that it gets no more runs. All designs advance together.
     """
 
-    def __init__(self, rule: StoppingRule, max_runs: int, reached: Sequence[int]) -> None:
+    def __init__(self, rule: StoppingRule, max_runs: int, stored_samples: Sequence[int]) -> None:
+        """Begin the schedule of designs with at most ``max_runs`` runs each.
+
+        ``stored_samples`` has for each design the number of samples in which it may have stored runs. Stored runs always
+        count.
+        """
         self._rule, self._max_runs = rule, max_runs
-        self._reached = numpy.asarray(reached, int)
-        # By design.
-        self.passed = numpy.zeros(len(reached), int)
-        self.runs = numpy.zeros(len(reached), int)
-        self.counted = numpy.zeros(len(reached), int)
-        self.decided = numpy.zeros(len(reached), bool)
-        self.closed = numpy.zeros(len(reached), bool)
-        # The end of the next batch, by (passed, runs, counted): designs with equal counts get equal batches.
+        self._stored_samples = numpy.asarray(stored_samples, int)
+        # Each of these arrays has an entry for each design. Of its runs, ``counted`` were not rejected.
+        designs = len(stored_samples)
+        self.runs = numpy.zeros(designs, int)
+        self.counted = numpy.zeros(designs, int)
+        self.passed = numpy.zeros(designs, int)
+        # Whether the rule has decided the design, and whether it gets no more runs.
+        self.decided = numpy.zeros(designs, bool)
+        self.closed = numpy.zeros(designs, bool)
+        # The end of the next batch, by (passed, runs, counted). Designs with equal counts get equal batches.
         self._ends: dict[tuple[int, int, int], int] = {}
 
     def next(self) -> list[Batch]:
@@ -124,9 +130,9 @@ class Schedule:
         return [self._batch(design) for design in numpy.flatnonzero(~self.closed).tolist()]
 
     def record(self, counts: Mapping[int, tuple[int, int]], batches: Sequence[Batch]) -> None:
-        """Record a step's results.
+        """Record the results of ``batches``, and decide which designs are closed.
 
-        ``counts`` has for each design of the ``batches`` how many of its new runs passed, and how many were not rejected.
+        ``counts`` has, for each design of the batches, how many of its new runs passed and how many were not rejected.
         """
         for batch in batches:
             design = batch.design
@@ -135,11 +141,12 @@ class Schedule:
             self.counted[design] += counted
             self.runs[design] = batch.samples.stop
         self.decided = self._rule.decided(self.passed, self.counted)
-        # All stored runs of a design are counted, even if fewer would have decided it.
+        # A design is closed only when all its stored runs are counted, even if fewer have decided it.
         for design in {batch.design for batch in batches}:
-            self.closed[design] = self.runs[design] >= self._reached[design] and self._ended(design)
+            has_counted_stored = self.runs[design] >= self._stored_samples[design]
+            self.closed[design] = has_counted_stored and self._needs_no_runs(design)
 
-    def _ended(self, design: int) -> bool:
+    def _needs_no_runs(self, design: int) -> bool:
         """Return whether a design is decided, has all its runs, or has little chance to be decided by more runs."""
         passed, runs, counted = int(self.passed[design]), int(self.runs[design]), int(self.counted[design])
         if self.decided[design] or runs >= self._max_runs:
@@ -151,26 +158,26 @@ class Schedule:
     def _batch(self, design: int) -> Batch:
         """Return the next samples of a design."""
         passed, runs, counted = int(self.passed[design]), int(self.runs[design]), int(self.counted[design])
-        if runs and self._ended(design):
-            # The design needs no further runs, but its stored ones count.
-            return Batch(design, range(runs, int(self._reached[design])))
+        if runs and self._needs_no_runs(design):
+            # The batch consists of stored runs, which are only counted.
+            return Batch(design, range(runs, int(self._stored_samples[design])))
         counts = passed, runs, counted
         if counts not in self._ends:
-            self._ends[counts] = self._end(*counts)
+            self._ends[counts] = self._batch_end(*counts)
         return Batch(design, range(runs, self._ends[counts]))
 
-    def _end(self, passed: int, runs: int, counted: int) -> int:
-        """Return the number of runs, in all, at which a design's next batch ends.
+    def _batch_end(self, passed: int, runs: int, counted: int) -> int:
+        """Return how many runs a design has at the end of its next batch.
 
-        It is the first of BATCH_ENDS numbers at which the design would be decided with probability BATCH_CHANCE, else the
-        last of them.
+        BATCH_ENDS numbers are tried, from few runs to many. The result is the first number at which the rule decides the
+        design with a probability of at least BATCH_CHANCE, or else the last number.
         """
         masses = _rate_masses(passed, counted)
         last = min(self._max_runs, runs + max(BATCH_RUNS, int(BATCH_SHARE * runs)))
         first = min(last, max(runs + 1, MIN_RUNS))
         ends = numpy.unique(numpy.linspace(first, last, BATCH_ENDS).round().astype(int))
         for end in ends.tolist():
-            # Only runs that are not rejected decide; no later run is expected to be rejected.
+            # Only runs that are not rejected count. Assume that no further run is rejected.
             later_counted = counted + (end - runs)
             if self._rule.chance(RATES, masses, passed, counted, later_counted) >= BATCH_CHANCE:
                 return int(end)

@@ -81,8 +81,8 @@ def test_easy_scenes_count_less() -> None:
     prior = Prior(hand_learned(friction=1.5), DESIGNS, {})
     car = numpy.array([0])
 
-    def rate(easier: float) -> float:
-        trials = Trials(car, (None,), car, numpy.array([8.0]), numpy.array([10.0]), numpy.array([easier]))
+    def rate(scene_ease: float) -> float:
+        trials = Trials(car, (None,), car, numpy.array([8.0]), numpy.array([10.0]), numpy.array([scene_ease]))
         return mean_rate(weigh(prior, trials), 0)
 
     assert rate(1.0) < rate(0.0) - 0.05 < rate(-1.0) - 0.1

@@ -72,6 +72,6 @@ def test_each_car_of_a_design_is_counted_by_itself(tmp_path: Path, foldcar: Any)
     assert [two_cars["cars"], one_car["cars"], two_cars["trials"], one_car["trials"]] == [2, 1, 8, 8]
     assert two_cars["driven"]["method"].endswith("8 trials of 2 cars")
     remarks = " ".join(experiment["remarks"])
-    assert "Trials without a car's name are taken for those of one car of their design, at 120 mm" in remarks
+    assert "Some trials of 120 mm have no car's name." in remarks
     shown = foldcar("compare", "s.db").stdout
     assert "further car %" in shown and "these: the cars that drove" in shown

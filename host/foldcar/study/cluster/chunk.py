@@ -42,19 +42,30 @@ class Recipe:
 
 
 def recipe_of(runner: Runner, carsim: Carsim) -> Recipe:
-    """Return the recipe of ``runner``, which is ``carsim`` or a ScenicRunner that uses it."""
+    """Return the recipe from which a worker on another machine makes an equal runner.
+
+    ``runner`` is ``carsim``, or a ScenicRunner that uses it. A ScenicRunner's recipe contains the program and its files.
+    """
     engine = engine_of(carsim.engine)
     if not isinstance(runner, ScenicRunner):
         return Recipe(engine, carsim.build)
-    digests, folder = runner.environment["files"], runner.program.parent
-    # Names are relative to the program's folder. Files outside are not sent: a worker reads its own.
-    names = [name for name in sorted(digests) if not Path(name).is_absolute() and digests[name] != MISSING]
-    sent = {name: content(folder, name, digests[name]) for name in names if not (folder / name).is_dir()}
-    # A folder that the program lists has all its files on the worker.
-    for listed in (file for name in names if (folder / name).is_dir() for file in listed_files(folder / name)):
-        if listed.is_file():
-            sent.setdefault(listed.relative_to(folder).as_posix(), listed.read_bytes())
-    files = tuple(sorted(sent.items()))
+    folder = runner.program.parent
+    contents: dict[str, bytes] = {}
+    listed_folders: list[Path] = []
+    for name, digest in sorted(runner.environment["files"].items()):
+        # An absolute name is that of a file outside the program's folder. A worker reads its own file of that name.
+        if Path(name).is_absolute() or digest == MISSING:
+            continue
+        if (folder / name).is_dir():
+            listed_folders.append(folder / name)
+        else:
+            contents[name] = content(folder, name, digest)
+    # If the program lists a folder, the worker needs all files in it.
+    for listed_folder in listed_folders:
+        for file in listed_files(listed_folder):
+            if file.is_file():
+                contents.setdefault(file.relative_to(folder).as_posix(), file.read_bytes())
+    files = tuple(sorted(contents.items()))
     code = (scene_code(), scenic_version())
     return Recipe(engine, carsim.build, str(runner.program), files, json.dumps(runner.environment), code)
 

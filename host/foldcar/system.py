@@ -119,12 +119,15 @@ class TypedInput:
 
     @contextlib.contextmanager
     def keys(self) -> Iterator[Callable[[], str | None]]:
-        """Yield a function that returns the last key pressed, or None, without waiting. A key counts without Enter."""
+        """Yield a function that returns the last key that was pressed, or None if there was none.
+
+        The function does not wait, and a key needs no Enter.
+        """
         if not self.is_terminal:
             yield lambda: None
             return
         if self._console is not None:
-            # Keys pressed before do not count; those left over must not reach the next question.
+            # Keys that were pressed before do not count. Keys that are left over must not answer the next question.
             self._last_console_key()
             yield self._last_console_key
             self._last_console_key()
@@ -132,7 +135,7 @@ class TypedInput:
         termios, tty = importlib.import_module("termios"), importlib.import_module("tty")
         before = termios.tcgetattr(INPUT)
         try:
-            # Keys pressed before do not count; those left over must not reach the shell.
+            # Keys that were pressed before do not count. Keys that are left over must not reach the shell.
             tty.setcbreak(INPUT)
             termios.tcflush(INPUT, termios.TCIFLUSH)
             yield self._last_key

@@ -71,13 +71,10 @@ def new(
         raise FoldcarError(f"--example {example}: unknown example; choose one of {', '.join(EXAMPLES)}")
     if folder.is_dir() and any(folder.iterdir()):
         raise FoldcarError(f"{folder}: is not empty; name a new folder")
-    if example is None:
-        names, commands = FILES, FIRST_COMMANDS
-        source = files("foldcar.study") / "starter"
-    else:
-        names, commands = EXAMPLES[example]
-        # A clone of the project has the files of the examples at their places; an installed package has copies.
-        source = source_tree() or PACKAGE / "examples"
+    names, commands = (FILES, FIRST_COMMANDS) if example is None else EXAMPLES[example]
+    # A clone of the project has the files of the examples at their places; an installed package has copies.
+    examples_source = source_tree() or PACKAGE / "examples"
+    source = files("foldcar.study") / "starter" if example is None else examples_source
     try:
         contents = {name: (source / name).read_bytes() for name in names}
     except OSError as error:

@@ -69,11 +69,11 @@ def height_map(heights: Heights, scene: Mapping[str, Any], extent: Extent, cells
 
 
 def height_scale(maps: Sequence[HeightMap]) -> ScalarMappable:
-    """Return the colour scale (mm) over all heights of the maps: white at 0, linear in height above and below.
+    """Return a colour scale (mm) for all heights of the maps. It is white at height 0 and darker above and below.
 
-    Below 0 the colours reach down to half of the maximum height at least, so that shallow holes stay pale.
+    The darkest colour below 0 stands for the deepest hole, or for half of the maximum height if that is more. So shallow
+    holes stay pale.
     """
-    # The scale contains 0, and is not empty.
     low_mm = high_mm = 0.0
     for ground in maps:
         low_mm = min(low_mm, 1e3 * float(numpy.min(ground.z_m)))

@@ -15,7 +15,8 @@ from foldcar.figures.top_view import draw_top_view, view_of
 from foldcar.scenes.obstacles import CAR, Obstacle
 from foldcar.simulation.heights import Heights
 
-WIDTH_IN = 10.0
+WIDTH_IN, MAX_HEIGHT_IN = 10.0, 9.0
+TITLE_AND_LEGEND_IN = 0.8
 CELLS = 600
 # An edge is long if its half length is above this.
 LONG_M = 0.2
@@ -31,9 +32,10 @@ def draw_placement(
     file: Path,
     title: str,
 ) -> None:
-    """Draw ``scene`` (docs/carsim.md), its lettered obstacles and the outline of a car of that size into ``file``.
+    """Draw a picture that shows where a person places the car and the obstacles of a scene, and save it as ``file``.
 
-    Raises FoldcarError.
+    ``scene`` is a scene of docs/carsim.md. ``obstacles`` are its obstacles by letter. ``length_m`` and ``width_m`` are
+    the size of the car. Raises FoldcarError.
     """
     check_format(file)
     extent = view_of([scene])
@@ -41,7 +43,8 @@ def draw_placement(
     scale = height_scale([ground])
     long_m, wide_m = extent.size_m
     with drawing_style():
-        figure = Figure(figsize=(WIDTH_IN, min(9.0, WIDTH_IN * wide_m / long_m + 0.8)), layout="constrained")
+        height_in = min(MAX_HEIGHT_IN, WIDTH_IN * wide_m / long_m + TITLE_AND_LEGEND_IN)
+        figure = Figure(figsize=(WIDTH_IN, height_in), layout="constrained")
         axes = figure.subplots()
         draw_top_view(axes, scene, ground, scale)
         _draw_car(axes, scene["start"], length_m, width_m)
@@ -72,8 +75,10 @@ def _draw_obstacle(axes: Any, letter: str, obstacle: Obstacle, edge_m: Sequence[
     middle_y_m = sum(y_m for _, y_m in edge_m) / len(edge_m)
     for x_m, y_m in edge_m:
         is_long = abs(y_m - middle_y_m) > LONG_M
-        # The text is away from the other end. A long edge may end where the picture ends: there it is towards it.
-        above = (y_m >= middle_y_m) != is_long
+        # The text of an upper end is above it, that of a lower end below it. A long edge may end where the picture ends,
+        # so there the texts are on the inner sides.
+        is_upper_end = y_m >= middle_y_m
+        above = not is_upper_end if is_long else is_upper_end
         right = x_m > obstacle.x_m
         axes.annotate(
             f"{round(1000 * x_m)}, {round(1000 * y_m)}",

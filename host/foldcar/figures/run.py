@@ -28,6 +28,10 @@ MAX_SIDE_IN, MAX_ABOVE_IN = 3.0, 4.2
 LABELS_IN = 0.8
 TITLE_IN = 0.3
 MAX_POSES = 12
+# Distance between two pictures of the car, as a factor on its largest extent from its middle.
+POSE_SPACING = 2.05
+# Gap between the car and its time, and below the ground.
+GAP_M = 0.012
 
 
 def draw_run(
@@ -141,6 +145,7 @@ def _draw_side(
 ) -> None:
     """Draw the car at several times over the ground under its wheels, seen from the right side."""
     wheels = body["wheels"]
+    # How far the car extends from its middle, forwards or backwards.
     reach = max(abs(wheel["x_m"]) + wheel["radius_m"] for wheel in wheels)
     reach = max(reach, *(abs(box["x_m"]) + box["length_m"] / 2 for box in body["segments"]))
     line = driven_line(rows, margin_m=reach + MARGIN_M)
@@ -154,17 +159,18 @@ def _draw_side(
         axes.plot(line.distance_m, strip, color="#6b4a17", linewidth=0.8, linestyle=line_style, zorder=3)
     travelled = travelled_m(rows)
     # A little more than the length of the car, so that its pictures do not overlap.
-    spacing_m = max(2.05 * reach, (line.distance_m[-1] - line.distance_m[0]) / MAX_POSES)
+    spacing_m = max(POSE_SPACING * reach, (line.distance_m[-1] - line.distance_m[0]) / MAX_POSES)
     drawn_rows = poses_to_draw(list(travelled), spacing_m)
     for index in drawn_rows:
         is_last = index == drawn_rows[-1]
         colour = FAILURE if is_last and result["outcome"] != "passed" else ACCENT
         top = _draw_car(axes, body, travelled[index], rows[index], colour)
-        axes.annotate(f"{rows[index, 0]:.2f} s", (travelled[index], top + 0.012), ha="center", fontsize=8, color=INK)
+        axes.annotate(f"{rows[index, 0]:.2f} s", (travelled[index], top + GAP_M), ha="center", fontsize=8, color=INK)
     axes.set_aspect("equal")
     axes.grid(False)
     axes.set_xlim(line.distance_m[0], line.distance_m[-1])
-    axes.set_ylim(lowest - 0.012, max(rows[:, 3].max(), highest) + reach * 1.1)
+    # Above the highest place there is room for the car and its time.
+    axes.set_ylim(lowest - GAP_M, max(rows[:, 3].max(), highest) + reach * 1.1)
     axes.set_xlabel("distance driven (m)")
     axes.set_ylabel("height (m)")
     axes.set_title("from the right side")
@@ -175,14 +181,16 @@ def _draw_car(axes: Axes, body: Mapping[str, Any], distance_m: float, row: Any, 
     """Draw the car at a row of the path, and return the height (m) of its highest point."""
     # A row is time, x, y, z, heading, pitch, roll, hinge angles.
     z, roll = float(row[3]), float(row[6])
-    # Each segment's matrix and origin, which take points (x, z) of the straight car to the picture.
+    # The pose of each segment: a matrix and an origin, which turn and move its points (x, z) to their places.
     poses = segment_places(body, row)
     top = z
     # Left wheels are drawn first, because they are behind.
     for wheel in sorted(body["wheels"], key=lambda wheel: str(wheel["side"])):
         is_near = wheel["side"] == "right"
-        # Roll lifts the left wheels.
-        lift = body["track_m"] / 2 * numpy.sin(roll) * (-1.0 if is_near else 1.0)
+        # Roll lifts the left wheels and lowers the right ones.
+        lift = body["track_m"] / 2 * numpy.sin(roll)
+        if is_near:
+            lift = -lift
         turn, origin = poses[wheel["segment"]]
         x, height = numpy.array([wheel["x_m"], 0.0]) @ turn + origin + [distance_m, z + lift]
         top = max(top, height + wheel["radius_m"])

@@ -24,7 +24,11 @@ OUTLINE = {"fill": False, "edgecolor": "#00000059", "linewidth": 0.5, "zorder": 
 
 
 def view_of(scenes: Sequence[Mapping[str, Any]], path: Any = ()) -> Extent:
-    """Return the extent that shows starts, goals, terrain and the path of several scenes, and courses without a goal."""
+    """Return the part of the ground that a picture of these scenes shows.
+
+    It contains their starts, goals and terrain, and the ``path`` of a car. If a scene has no goal, it contains the whole
+    course.
+    """
     # All points that the view must show.
     points_m: list[tuple[float, float]] = []
     for scene in scenes:
@@ -134,12 +138,12 @@ def _draw_course(axes: Axes, course: Mapping[str, float]) -> None:
 
 
 def _visible_radius_m(piece: Mapping[str, Any]) -> float:
-    """Return the distance (m) from the middle of a piece to which the picture should show it."""
+    """Return how far from its middle a piece of terrain must be visible in the picture (m)."""
     along, across = reach_m(piece)
     shape = kind_of(piece).shape
     if shape == "rectangle":
         return math.hypot(along, across)
-    # A hill's visible rise begins at half of its reach.
+    # A bell-shaped hill is nearly flat in the outer half of its extent.
     return max(along, across) / 2 if shape == "bell" else along
 
 

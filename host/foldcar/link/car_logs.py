@@ -46,7 +46,7 @@ def list_logs(car: ConnectedCar) -> list[StoredLog]:
             if entry.num_logs:
                 logs[entry.id] = StoredLog(entry.id, entry.size)
         if log_count is not None and len(logs) == log_count:
-            # The car sends the oldest first. Sorting by number would be wrong: after number 65535 comes 1.
+            # The car sends the oldest log first. Do not sort by number: the log after number 65535 has the number 1.
             return list(logs.values())
     raise FoldcarError(f"{car.port}: the car does not list its logs{_status_suffix(car)}")
 
@@ -80,10 +80,10 @@ def fetch_log(car: ConnectedCar, log: StoredLog) -> bytes:
 
 
 def erase_logs(car: ConnectedCar, logs: Sequence[StoredLog]) -> None:
-    """Erase all logs in the car, which must be ``logs``.
+    """Erase all logs in the car. ``logs`` are the logs that the caller expects there.
 
-    Raises FoldcarError if the car does not erase its logs. Also raises it, without erasing any log, if the car has other
-    logs than these, for example because a trial was driven since.
+    If the car has other logs than these, for example because a trial was driven since, nothing is erased. Raises
+    FoldcarError in this case, and if the car does not erase its logs.
     """
     if list_logs(car) != list(logs):
         raise FoldcarError(f"{car.port}: the car's logs have changed since they were compared: nothing is erased")

@@ -14,7 +14,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy
 
@@ -68,8 +68,11 @@ def log_features(file: Path) -> LogFeatures:
     trial = [message for message in messages if message.get_type() == "FOLDCAR_TRIAL"][-1]
     elapsed_s = trial.elapsed_ms / 1000 if trial.end else None
     duration_s = math.inf if elapsed_s is None else elapsed_s
-    tilts, heading, shocks = _motion(messages, start_s, duration_s)
-    roll, pitch = (None, None) if tilts is None else (float(max(column, key=abs)) for column in tilts.T)
+    motion = _motion(messages, start_s, duration_s)
+    roll = pitch = None
+    if motion.tilts is not None:
+        # The largest tilts of the drive, with their signs.
+        roll, pitch = (float(max(column, key=abs)) for column in motion.tilts.T)
     sag_v = _sag_v(messages, start_s, duration_s)
     servo_v, rest_v = _servo_battery_v(messages, start_s, duration_s)
     if roll is None or pitch is None:
@@ -80,34 +83,41 @@ def log_features(file: Path) -> LogFeatures:
         max_roll_rad=roll,
         max_pitch_rad=pitch,
         tilt_error_rad=TILT_ERROR_RAD,
-        heading_change_rad=heading,
+        heading_change_rad=motion.turned_rad,
         heading_error_rad=heading_error,
-        shocks_s=shocks,
+        shocks_s=motion.shocks_s,
         battery_sag_v=sag_v,
         servo_battery_v=servo_v,
         servo_battery_rest_v=rest_v,
     )
 
 
-def _motion(
-    messages: Sequence[Any], start_s: float, duration_s: float
-) -> tuple[Any, float | None, tuple[float, ...] | None]:
-    """Return the drive's tilts, its change of heading (rad), and the times of its shocks (s).
+class _Motion(NamedTuple):
+    """What the IMU says of a drive; every field is None if it has no data before the drive or in it.
 
-    Tilts are (n, 2: roll and pitch, rad), the pitch corrected for the error of the car's filter. The drive begins at
-    ``start_s`` (time since boot) and takes ``duration_s``. All are None without IMU data both before and in the drive.
+    ``tilts`` (n, 2) are roll and pitch (rad), where the pitch is corrected for the error of the car's filter.
+    ``turned_rad`` is the change of the heading. ``shocks_s`` are the times of shocks since the start.
     """
+
+    tilts: Any = None
+    turned_rad: float | None = None
+    shocks_s: tuple[float, ...] | None = None
+
+
+def _motion(messages: Sequence[Any], start_s: float, duration_s: float) -> _Motion:
+    """Return the motion in a drive that begins at ``start_s`` (time since boot) and takes ``duration_s``."""
     attitudes = {message.time_boot_ms: message for message in messages if message.get_type() == "ATTITUDE"}
     samples = {message.time_boot_ms: message for message in messages if message.get_type() == "SCALED_IMU"}
     common_ms = sorted(attitudes.keys() & samples.keys())
-    # (time since the start in s, ATTITUDE, SCALED_IMU)
+    # A row has the time since the start (s), the message ATTITUDE and the message SCALED_IMU of this time.
     rows = [(ms / 1000 - start_s, attitudes[ms], samples[ms]) for ms in common_ms]
     # The second before the start is needed for the filter's error and the first heading.
     rows = [row for row in rows if -1.0 <= row[0] <= duration_s]
     rows_before, rows_during = [row for row in rows if row[0] <= 0], [row for row in rows if row[0] > 0]
     if not rows_before or not rows_during:
-        return None, None, None
-    # The error of the car's pitch is forgotten slowly, and learnt while the accelerometer measures little but gravity.
+        return _Motion()
+    # The accelerometer shows the error of the car's pitch while it measures little but gravity. At all other times the
+    # error is forgotten slowly.
     filter_error, tilts, shocks = 0.0, [], []
     last_s = rows[0][0]
     for time_s, attitude, sample in rows:
@@ -126,7 +136,7 @@ def _motion(
                 shocks.append(round(time_s, 3))
     yaws = numpy.unwrap([attitude.yaw for _, attitude, _ in (rows_before[-1], *rows_during)])
     # MAVLink's yaw is clockwise.
-    return numpy.array(tilts), float(yaws[0] - yaws[-1]), tuple(shocks)
+    return _Motion(tilts=numpy.array(tilts), turned_rad=float(yaws[0] - yaws[-1]), shocks_s=tuple(shocks))
 
 
 def _sag_v(messages: Sequence[Any], start_s: float, duration_s: float) -> float | None:

@@ -24,15 +24,16 @@ def main() -> None:
         motor.setPosition(float("inf"))
         motor.setVelocity(0.0)
         motor.setAvailableTorque(0.0)
-    # A row is a time (s) and each motor's fraction of full speed from then on, None for no torque.
-    rows = iter(drive["changes"])
-    row = next(rows, None)
+    # A change is a time (s) and each motor's fraction of full speed from then on; None is a motor without torque.
+    changes = iter(drive["changes"])
+    change = next(changes, None)
     while robot.step(step_ms) != -1:
-        while row is not None and robot.getTime() - drive["settling_s"] >= row[0] - LATE_S:
-            for motor, fraction in zip(motors, row[1:]):  # noqa: B905 - Python 3.8 has no strict
+        drive_time_s = robot.getTime() - drive["settling_s"]
+        while change is not None and drive_time_s >= change[0] - LATE_S:
+            for motor, fraction in zip(motors, change[1:]):  # noqa: B905 - Python 3.8 has no strict
                 motor.setVelocity((fraction or 0.0) * motor.getMaxVelocity())
                 motor.setAvailableTorque(0.0 if fraction is None else motor.getMaxTorque())
-            row = next(rows, None)
+            change = next(changes, None)
 
 
 if __name__ == "__main__":

@@ -81,7 +81,11 @@ BODY_COLOUR, TYRE_COLOUR = vector(0.1, 0.45, 0.7), vector(0.15, 0.15, 0.15)
 
 
 def webots_proto(body: Mapping[str, Any], name: str, comment: str) -> str:
-    """Return the text of the PROTO ``name``, as its file must be called too; ``comment`` describes it in one line."""
+    """Return the text of a Webots PROTO, which is a file that describes a robot.
+
+    The file must be called ``name`` too. ``comment`` describes the robot in one line.
+    """
+    # The fields that a world can set: type, name, default.
     fields = (
         ("SFVec3f", "translation", f"0 0 {max(wheel['radius_m'] for wheel in body['wheels']):.9g}"),
         ("SFRotation", "rotation", "0 0 1 0"),

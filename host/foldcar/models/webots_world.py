@@ -40,9 +40,10 @@ def webots_world(
     grid: HeightGrid | None = None,
     drive: str = "",
 ) -> str:
-    """Return the world file. Without a scene it has a level floor with friction 1 and the car at its origin.
+    """Return the text of a Webots world with the car ``proto`` in a scene.
 
-    ``drive`` names the controller's file of the car's drive.
+    Without a scene, the world has a level floor with friction 1, and the car stands at its origin. ``drive`` is the name
+    of the file with the servos' movements, which the car's controller plays.
     """
     scene = scene or LEVEL_SCENE
     contacts = [_contact(name, scene["friction"] * grip) for name, grip in contact_materials(body).items()]
@@ -154,10 +155,10 @@ def controller_program() -> str:
 
 
 def controller_drive(body: Mapping[str, Any], pulses: PulseTrain, settling_s: float) -> str:
-    """Return the controller's JSON file: the motors, and at which times their fractions of full speed change.
+    """Return the JSON text of the file that tells the controller how to drive.
 
-    A row has a time (s) and the fraction of each motor, which is null without a pulse. The car first stands for
-    ``settling_s``.
+    It has the names of the motors, how long the car stands before it drives (``settling_s``), and a list of changes. Each
+    change is a time (s) and, from then on, the fraction of full speed of each motor; null is a motor without a pulse.
     """
     rows: list[list[float | None]] = []
     for t_s, widths_us in zip(pulses.times_s, pulses.widths_us, strict=True):
@@ -166,9 +167,9 @@ def controller_drive(body: Mapping[str, Any], pulses: PulseTrain, settling_s: fl
         if not rows or rows[-1][1:] != row:
             rows.append([round(t_s, 6), *row])
     motors = [f"{wheel_name(wheel)} servo" for wheel in driven_wheels(body)]
-    lines = ",\n  ".join(json.dumps(row) for row in rows)
-    header = f'"settling_s": {json.dumps(settling_s)},\n "motors": {json.dumps(motors)}'
-    return f'{{{header},\n "changes": [\n  {lines}]}}\n'
+    # Each change has a line of its own, so that people can read the file.
+    changes = ",\n  ".join(json.dumps(row) for row in rows)
+    return f'{{"settling_s": {json.dumps(settling_s)},\n "motors": {json.dumps(motors)},\n "changes": [\n  {changes}]}}\n'
 
 
 def drive_fraction(servo: Mapping[str, float], pulse_us: float) -> float | None:

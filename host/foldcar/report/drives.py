@@ -173,16 +173,17 @@ def _slider(name: str, unit: str, meaning: str, nominal: float, low: float, high
     }
 
 
-def _shown_designs(count: int, recommended: int | None) -> list[int]:
-    """Return the indices of the designs that the page simulates, of ``count`` swept ones.
+def _shown_designs(swept: int, recommended: int | None) -> list[int]:
+    """Choose the designs that the page can simulate, and return their indices.
 
-    These are all, or MAX_DESIGNS that are evenly spread over the family, and the recommended one.
+    ``swept`` is the number of swept designs, which come first in the family. If there are at most MAX_DESIGNS, all of
+    them are chosen. Otherwise MAX_DESIGNS are chosen, evenly spread over the family, and the recommended one.
     """
-    if count <= MAX_DESIGNS:
-        return list(range(count))
-    shown = {place * (count - 1) // (MAX_DESIGNS - 1) for place in range(MAX_DESIGNS)}
-    # A recommended design that was not swept has no runs to simulate.
-    if recommended is not None and recommended < count:
+    if swept <= MAX_DESIGNS:
+        return list(range(swept))
+    shown = {place * (swept - 1) // (MAX_DESIGNS - 1) for place in range(MAX_DESIGNS)}
+    # A recommended design may be one that was only driven. It has no runs that the page could simulate.
+    if recommended is not None and recommended < swept:
         shown.add(recommended)
     return sorted(shown)
 
@@ -252,13 +253,17 @@ def _car_blobs(info: ExperimentInfo, drives: StoredDrives, designs: Sequence[int
 
 
 def _trial(store: Store, blobs: Blobs, trial: Trial) -> TrialReplay:
-    """Return what is drawn of a trial, and add its path to the ``blobs``."""
+    """Return what the page draws of a trial. If the trial has a path, add it to the ``blobs``."""
     path = trial_path(store, trial)
-    has_path = path.rows is not None
     if path.rows is not None:
         blobs[f"trial-{trial.id}"] = blob(path.rows.round(4).tolist())
-    attitude = None if path.attitude is None else [list(row) for row in path.attitude]
-    return {"moved": len(trial.deviations), "path": has_path, "attitude": attitude, "missing": path.missing}
+    return {
+        # The number of things that did not stand where the sample has them.
+        "moved": len(trial.deviations),
+        "path": path.rows is not None,
+        "attitude": None if path.attitude is None else [list(row) for row in path.attitude],
+        "missing": path.missing,
+    }
 
 
 def blob(head: Any, content: bytes = b"") -> str:

@@ -144,7 +144,10 @@ def _object_columns(names: Sequence[str]) -> list[str]:
 
 
 def _read(store: Store, info: ExperimentInfo) -> EnvironmentValues:
-    """Read the scenes and built cars of an experiment into a table."""
+    """Return a table with the random values of an experiment's environments and of the cars that drive in them.
+
+    The table has a row for each sample, and a column for each value that differs between the samples.
+    """
     experiment = store.row(EXPERIMENT, id=info.id)
     scenes = read_scenes(store, info)
     objects_by_sample = _object_parameters(store, experiment, scenes)
@@ -155,6 +158,7 @@ def _read(store: Store, info: ExperimentInfo) -> EnvironmentValues:
     scene_values = {sample: _scene(scene, objects_by_sample.get(sample)) for sample, scene in scenes.items()}
     car_values = _by_sample(store, experiment, _VARIATIONS, read=lambda drawn: _car(drawn, wheels))
     samples_with_values = [*scene_values.items(), *car_values.items()]
+    # The columns are in the order in which their names occur first.
     index_by_name: dict[str, int] = {}
     for _, values_by_name in samples_with_values:
         for name in values_by_name:

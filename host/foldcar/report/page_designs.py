@@ -62,7 +62,7 @@ class DesignColumns:
 
     @property
     def simulation(self) -> list[Band]:
-        """Success in this simulator."""
+        """The rate of success in simulation of each design, with its interval: (rate, low, high), None without runs."""
         bands: list[Band] = []
         for interval, (passed, runs) in zip(self.run_intervals, self.evidence.run_counts.tolist(), strict=True):
             if interval is None:

@@ -18,9 +18,10 @@ DIGITS = 4
 
 
 def read_effects(evidence: Evidence) -> tuple[Effects | None, list[int]]:
-    """Fit the smooth model of the parameters with several values in the runs; return it and the indices of these.
+    """Fit a smooth model of how the parameters change success.
 
-    The model is None if there are too few designs, or success is undefined.
+    Only parameters that have several values in the runs are in the model. Returns the model and the indices of these
+    parameters. The model is None if there are too few designs, or if success is undefined.
     """
     swept = [design for design in evidence.family if design.swept]
     has_runs = numpy.array([design.runs > 0 for design in swept])
@@ -44,10 +45,13 @@ def read_effects(evidence: Evidence) -> tuple[Effects | None, list[int]]:
     return effects, indices
 
 
-def effect_rows(effects: Effects, indices: list[int]) -> list[ParameterEffect]:
-    """Return a row with the effect of each parameter."""
+def effect_rows(effects: Effects, parameters: list[int]) -> list[ParameterEffect]:
+    """Return a row for each parameter of the model: how the success rate changes with it.
+
+    ``parameters`` are the indices of the model's parameters among those of the family.
+    """
     rows: list[ParameterEffect] = []
-    for index, parameter in enumerate(indices):
+    for index, parameter in enumerate(parameters):
         effect = effects.effect(index)
         rows.append(
             {
@@ -57,8 +61,8 @@ def effect_rows(effects: Effects, indices: list[int]) -> list[ParameterEffect]:
                 "low": effect.low.round(DIGITS).tolist(),
                 "high": effect.high.round(DIGITS).tolist(),
                 "level": [round(end, DIGITS) for end in effect.level],
-                "curves": effect.curves.round(DIGITS).tolist() if len(indices) > 1 else [],
-                "over": combinations_text(effect, len(indices)),
+                "curves": effect.curves.round(DIGITS).tolist() if len(parameters) > 1 else [],
+                "over": combinations_text(effect, len(parameters)),
             }
         )
     return rows

@@ -72,8 +72,8 @@ def _ratio(numerator: NDArray[Any], denominator: NDArray[Any]) -> NDArray[Any]:
     return numpy.asarray(numpy.divide(numerator, denominator, out=unknown, where=denominator > 0))
 
 
-def _masses_g(store: Store, info: ExperimentInfo, number: int) -> NDArray[Any]:
-    """Return the designs' masses (g) from their simulated bodies; NaN for designs that were not simulated."""
+def _masses_g(store: Store, info: ExperimentInfo, design_count: int) -> NDArray[Any]:
+    """Return the masses (g) of the first ``design_count`` designs, as simulated; NaN for those that were not."""
     designs = list(store.rows(DESIGN, "WHERE experiment = ? ORDER BY position", info.id))
     body_ids = {design["body_id"] for design in designs}
     mass_g_by_body: dict[int, float] = {}
@@ -82,7 +82,7 @@ def _masses_g(store: Store, info: ExperimentInfo, number: int) -> NDArray[Any]:
             body = json.loads(row["json"])
             parts = [*body.get("segments", ()), *body.get("wheels", ())]
             mass_g_by_body[row["id"]] = 1000 * sum(part["mass_kg"] for part in parts) if parts else numpy.nan
-    masses_g = numpy.full(number, numpy.nan)
+    masses_g = numpy.full(design_count, numpy.nan)
     for index, design in enumerate(designs):
         masses_g[index] = mass_g_by_body.get(design["body_id"], numpy.nan)
     return masses_g

@@ -29,16 +29,17 @@ def range_sentences(evidence: Evidence, effects: Effects | None, indices: Sequen
 
 
 def _gap(effects: Effects, names: Sequence[str], threshold: float, simulation: str) -> list[str]:
-    """Return a sentence on the gap between simulated values that most needs runs; an empty list if there is none.
+    """Return a sentence on the gap between simulated values that most needs runs; an empty list if no gap needs any.
 
-    It is least certain of a design in this gap whether it reaches the threshold, less than of any simulated design.
+    For a design in the middle of each gap, the model gives a probability that it reaches the threshold. The sentence is
+    about the gap where this is least certain. There is no sentence if the answer is less certain for a simulated design.
     """
     simulated_designs = effects.parameters
     gaps = _gaps(simulated_designs, names)
     if not gaps:
         return []
     designs = numpy.vstack([simulated_designs, *(gap.design for gap in gaps)])
-    # The probability to reach the threshold, and the probability of the less probable side of it.
+    # The probability to reach the threshold, and the probability that the more probable answer is wrong.
     chances = (effects.rates(designs) >= threshold).mean(axis=0)
     doubts = numpy.minimum(chances, 1 - chances)
     number = len(simulated_designs)
@@ -63,7 +64,11 @@ class _Gap(NamedTuple):
 
 
 def _gaps(designs: NDArray[Any], names: Sequence[str]) -> list[_Gap]:
-    """Return the gaps between the values in ``designs`` (d, parameters), one for each design in a gap's middle."""
+    """Return the gaps between the values of each parameter in ``designs`` (d, parameters).
+
+    A gap is an interval between two successive values that is much longer than usual. It is returned once for each
+    combination of the other parameters, with the design that has this combination and lies in the middle of the gap.
+    """
     gaps = []
     for index, name in enumerate(names):
         column = designs[:, index]

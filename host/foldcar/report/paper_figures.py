@@ -167,16 +167,19 @@ def _placed_bands(axis: Axis, bands: Sequence[Band]) -> NDArray[Any]:
 
 
 def _draw_realities(axes: Axes, axis: Axis, designs: DesignColumns) -> None:
-    """Draw a thin curve for each drawn reality; nothing without a belief."""
-    drawn = drawn_realities(designs.evidence)
-    if drawn is None:
+    """Draw a thin curve for each of some realities: the success rate of every design in it.
+
+    Nothing is drawn if there is no belief.
+    """
+    realities = drawn_realities(designs.evidence)
+    if realities is None:
         return
-    _, rates_of_realities = drawn
+    _, rates_of_realities = realities
     in_belief = numpy.flatnonzero(numpy.isfinite(rates_of_realities).all(axis=0)).tolist()
     ascending = sorted(in_belief, key=lambda index: axis.place[index])
     x = [axis.place[index] for index in ascending]
     curves = [numpy.column_stack([x, 100 * rates[ascending]]) for rates in rates_of_realities]
-    # One artist for all curves, so that the legend has one entry for them.
+    # All curves are one object, so that the legend has one entry for them.
     lines = LineCollection(
         curves, colors=ACCENT, linewidths=0.4, alpha=0.25, zorder=0.5, label="ways in which reality may differ"
     )
@@ -184,8 +187,13 @@ def _draw_realities(axes: Axes, axis: Axis, designs: DesignColumns) -> None:
 
 
 def draw_success(designs: DesignColumns, thresholds: Sequence[float], figure: Figure | None = None) -> Figure:
-    """Draw bars for simulated runs in the colours of their classes, and diamonds for trials."""
-    axis, figure = Axis(designs), figure or Figure(figsize=(WIDE_IN, HEIGHT_IN), layout="constrained")
+    """Draw the success rates of designs: a bar for the runs of each design, and a diamond for its trials.
+
+    A bar has the colour of its class; the ``thresholds`` divide the classes.
+    """
+    # Where each design stands on the horizontal axis.
+    axis = Axis(designs)
+    figure = figure or Figure(figsize=(WIDE_IN, HEIGHT_IN), layout="constrained")
     axes = figure.subplots()
     # A white outline keeps the dark error bars visible on navy.
     outline = [withStroke(linewidth=2.2, foreground="white")]
@@ -204,7 +212,7 @@ def draw_success(designs: DesignColumns, thresholds: Sequence[float], figure: Fi
     class_texts.append(f"above {limits[-1]} %")
     colours = class_colours(thresholds)
     handles = [Patch(color=colour, label=text) for colour, text in zip(colours, class_texts, strict=True)]
-    # The highest class first.
+    # The legend begins with the highest class.
     handles.reverse()
     drawn_handles, _ = axes.get_legend_handles_labels()
     figure.legend(handles=[*handles, *drawn_handles], loc="outside lower center", ncols=5)

@@ -94,16 +94,17 @@ def _refuse_shared(scenario: Any, frozen_parts: Collection[Any]) -> None:
 
 
 def _owner_by_value(scenario: Any) -> dict[int, Any]:
-    """Return the owner of each random value, by the value's id: the first part of the scene that depends on it.
+    """Return which part of the scene each random value belongs to, by the value's id.
 
-    The parts of a scene are the values of parameters, then objects and named points.
+    The parts of a scene are the values of its parameters, its objects and its named points, in this order. A value
+    belongs to the first part that depends on it.
     """
     name_by_id = _name_by_id(scenario)
     parts = list(scenario.params.values())
     for instance in scenic_private.instances(scenario):
         if isinstance(instance, Object) or id(instance) in name_by_id:
             parts.append(instance)
-    # Each part owns itself, even if a part before it depends on it.
+    # A part belongs to itself, even if an earlier part depends on it.
     owner_by_value = {id(part): part for part in parts}
     for part in list(owner_by_value.values()):
         for random_value in _unfrozen_values(part):
@@ -117,9 +118,9 @@ def _unfrozen_values(root: Any) -> Iterator[Any]:
 
 
 def _reachable(root: Any, stop: Callable[[Any], bool] = lambda node: False) -> Iterator[Any]:
-    """Yield once every random value on which ``root`` depends, including itself.
+    """Yield every random value on which ``root`` depends, and ``root`` itself if it is random. No value comes twice.
 
-    Values for which ``stop`` is true are left out, and so are those on which only they depend.
+    Values for which ``stop`` is true are left out. Values on which only these depend are left out, too.
     """
     seen_ids: set[int] = set()
     waiting = [root]
@@ -128,7 +129,7 @@ def _reachable(root: Any, stop: Callable[[Any], bool] = lambda node: False) -> I
         if id(value) in seen_ids or not isinstance(value, Samplable) or not needsSampling(value) or stop(value):
             continue
         seen_ids.add(id(value))
-        # Scenic's pruning also conditions distributions, in order to narrow them.
+        # Scenic's pruning replaces a value by a narrower one, so these are the dependencies of both.
         waiting += scenic_private.dependencies(value)
         yield value
 

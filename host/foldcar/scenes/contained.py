@@ -53,6 +53,7 @@ def time_limit(limit_s: float, what: str) -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread() or not hasattr(signal, "setitimer"):
         yield
         return
+    # The signal handler reads the first variable and sets the second one.
     in_block = True
     time_is_up = False
 
@@ -64,8 +65,9 @@ def time_limit(limit_s: float, what: str) -> Iterator[None]:
             raise _TimeUpError
 
     outer_handler = signal.signal(signal.SIGALRM, interrupt)
-    # The signal repeats, because the block may suppress the first interruption. A block may be within another one with
-    # a limit, whose timer runs on afterwards.
+    # The signal repeats, because the block may suppress the first interruption. This block may lie within another block
+    # with a time limit. Then setitimer returns the time that the outer block has left, and its timer is set again at the
+    # end.
     outer_s, outer_repeat_s = signal.setitimer(signal.ITIMER_REAL, limit_s, REPEAT_S)
     started_s = time.monotonic()
     try:
@@ -81,7 +83,7 @@ def time_limit(limit_s: float, what: str) -> Iterator[None]:
     finally:
         in_block = False
         if outer_s:
-            # An overdue timer fires at once; 0 would switch it off.
+            # If the outer block has no time left, its timer must fire at once. 0 would switch it off.
             outer_s = max(outer_s - (time.monotonic() - started_s), 0.001)
         signal.signal(signal.SIGALRM, outer_handler)
         signal.setitimer(signal.ITIMER_REAL, outer_s, outer_repeat_s)

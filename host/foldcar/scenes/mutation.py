@@ -58,9 +58,9 @@ class Mutations:
         return thing
 
     def mutate_points(self, things: Sequence[Any], scale: Any) -> list[Any]:
-        """Mutate the Points among ``things``; return the other things, for Scenic's `mutate`.
+        """Add noise to the Points among ``things``. Return the other things, which Scenic's own `mutate` can handle.
 
-        ``scale`` is that of the noise. Raises TypeError if it is not a number, like Scenic's `mutate`.
+        ``scale`` is the scale of the noise. Like Scenic's `mutate`, this raises TypeError if it is not a number.
         """
         points = [thing for thing in things if isinstance(thing, Point) and not isinstance(thing, Object)]
         if points and not isinstance(scale, int | float):
@@ -70,7 +70,7 @@ class Mutations:
             if number is not None:
                 self.points.add(number)
             if self._followed:
-                # In this compilation the hidden copy gets the noise, and the Point takes its place from the copy.
+                # The Point takes its place from its hidden copy, so the copy gets the noise.
                 if number not in self._copies:
                     raise InvalidScenarioError("the program mutates other Points whenever it is compiled")
                 self._copies[number].mutationScale = scale

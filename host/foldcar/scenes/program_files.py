@@ -85,20 +85,21 @@ class ProgramFiles:
             raise error_of_block
 
     def _record_digests(self, opened: RecordedFiles) -> None:
-        """Record the digests of the files that the block has read.
+        """Record the digests of the files that the program has read, and of the folders that it has listed.
 
+        ``opened`` are the files and folders. Files that the program wrote itself and installed files are not recorded.
         Raises FoldcarError if a file has changed, or is read for the first time after sample 0.
-        Files that the program wrote itself and installed files are not recorded.
         """
         self._written |= opened.written
         for path, state in opened.read.items():
             if path in self._written or not is_own(path, self._folder):
                 continue
             is_missing = state is None
-            # If such a file appears later, reading it is noticed then.
+            # A missing file need not be recorded after sample 0, or outside the folder: if it appears and is read later,
+            # that is noticed then.
             if is_missing and (self._fixed or not path.is_relative_to(self._folder)):
                 continue
-            # None if the file is no longer as the block has read it.
+            # The digest is None if the file has changed since the program read it.
             current = digest_or_missing(path) if file_state(path) == state else None
             self._record(path, current, verb="reads", remedy="read it at the program's head")
         # The program's own folder may hold the store and the report, and Python lists it to find packages.

@@ -31,7 +31,8 @@ def is_a(thing: Any, kind: str) -> bool:
 def finite(name: str, value: Any, thing: Any = None) -> float:
     """Return ``value`` as a rounded float. Raises UnusableError if it is not a finite number.
 
-    The error names ``name`` and, if given, the ``thing`` of the Scenic program that has the value.
+    The error names the value by ``name``. ``thing`` is the object of the Scenic program that has the value; the error
+    then also names its line.
     """
     try:
         number = float(value)

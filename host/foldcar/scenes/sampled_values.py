@@ -120,7 +120,10 @@ class SampledValues:
         return [bool(value)]
 
     def place(self, node: Any) -> Terms:
-        """Return the terms x, y, z (m) of a place; z is relative to the car's height at the start."""
+        """Return the coordinates x, y, z (m) of a place, as a part of carsim's expression.
+
+        z is relative to the height of the car at the start.
+        """
         from scenic.core.type_support import toVector
 
         value = self.value(node)

@@ -88,9 +88,10 @@ class SceneSource:
         return self.sample_with_parameters(k)[0]
 
     def sample_with_parameters(self, k: int) -> tuple[dict[str, Any], list[Parameters]]:
-        """Return what :meth:`sample` returns, and the name and the parameters of each terrain object."""
+        """Draw sample ``k``. Return its scene, as :meth:`sample` does, and the parameters of each terrain object."""
         scenic_scene = self.scenic_scene(k)
         scene = self.describe(scenic_scene, k)
+        # Sample 0 may have been drawn before. A second time it must be the same.
         if k == 0 and self._first is not None and scene != self._first:
             raise other_scene(self.program, k)
         if self._terrain_names is None:
@@ -176,12 +177,13 @@ def open_environment(
     condition: Mapping[str, Any] | None = None,
     files: Files | None = None,
 ) -> SceneSource:
-    """Compile ``program`` with ``params`` in place of its own parameters; return the source of its scenes.
+    """Compile a Scenic program and return the source of its scenes.
 
-    ``files`` are the files that the program must consist of, as fixed_files returned them; None allows any files.
+    ``params`` replace the program's own parameters. ``files`` are the files that the program must consist of, as
+    fixed_files returns them; None allows any files.
 
-    ``condition`` fixes parts of the environment at their values in one of its samples:
-    {"sample": its number, "objects": names, "params": names}; without "objects" and "params", everything.
+    ``condition`` freezes parts of the environment at their values in one of its samples. It has the keys "sample" (its
+    number), "objects" and "params" (names). Without "objects" and "params", everything is frozen.
 
     Raises FoldcarError of one line if the file is missing or does not compile, or if a parameter or a name is unknown or
     of the wrong type.

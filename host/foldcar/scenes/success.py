@@ -77,9 +77,9 @@ def success_rule(scenario: Any, program: Path) -> SuccessRule:
 
 
 def _approaches(program: Path, scenario: Any, has_goal: bool) -> Iterator[_Approach]:
-    """Yield the conditions to terminate that hold when the car is close to its target.
+    """Yield the statements that end a run when the car has come close to its target.
 
-    The target is the Goal or, in a program without a Goal, a place.
+    The target is the Goal. In a program without a Goal, it is a place.
     """
     source = read_text(program)
     things = named_things(scenario)

@@ -59,12 +59,17 @@ class Carsim:
     """
 
     def __init__(self, binary: Path | None = None, engine: str = MULTIBODY) -> None:
-        """Find carsim, or take ``binary``, and ask it for its build, firmware and engine. Raises CarsimError."""
+        """Find the program carsim and ask it for its build, its firmware and its engine.
+
+        ``binary`` is the program to use; None searches for the one with this ``engine``. Raises CarsimError if there is
+        none, or if it has another engine.
+        """
         self.binary = binary if binary is not None else find_carsim(engine)
         # A binary that the caller names has one engine; no option chooses it.
         engine_options = ENGINES[engine].options if binary is None else ()
         self.command = (*program_command(self.binary), *engine_options)
         self._running: set[subprocess.Popen[str]] = set()
+        # How often `stop` was called.
         self._stops = 0
         self._limits: CarsimLimits | None = None
         self.build, self.firmware, reported_engine = self._ask(
@@ -72,7 +77,7 @@ class Carsim:
             lambda output: (str(output["build"]), str(output["firmware"]), str(output["engine"])),
             "is not carsim (`--version` does not print its build)",
         )
-        # The default engine has no name in stores.
+        # In stores the default engine, multibody, is the empty string.
         self.engine = "" if reported_engine == MULTIBODY else reported_engine
         if self.engine:
             # Results of another engine must not count as those of this build.

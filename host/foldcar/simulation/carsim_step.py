@@ -130,7 +130,7 @@ class SteppedCarsim:
         """Send lines and return the JSON answer. Raises SimulatorDiedError, TrialFailedError or CarsimError."""
         if self._process is None:
             raise CarsimError(f"{self.binary}: no trial is running")
-        # Remains set if an exception, such as that of a time limit, interrupts the question.
+        # If an exception interrupts the question, such as that of a time limit, this remains True.
         self._awaits_answer = True
         line = self._process.ask(*lines)
         if not line:
@@ -139,7 +139,7 @@ class SteppedCarsim:
         self._awaits_answer = False
         if "error" in answer:
             problem = answer["error"]
-            # After a refused body or scene, further answers refuse the lines that use it: a new process is simpler.
+            # If carsim has refused a body or a scene, it will also refuse everything that uses it. So end the process.
             self.close()
             if problem.get("kind") == "simulation":
                 raise TrialFailedError(str(problem["message"]))

@@ -93,14 +93,16 @@ class CarSimulator(Simulator):  # type: ignore[misc]
         return _result(simulation, None)
 
     def _has_passed(self, simulation: "CarSimulation") -> bool:
-        """Return whether a run that the program ended has passed, by its recorded verdict or the condition that ended it.
+        """Return whether a run that the program ended has passed.
 
-        The car is upright, because carsim has ended the run otherwise.
+        If the program records a verdict, its last value decides. Otherwise the condition that ended the run decides. The
+        car is upright, because carsim itself ends the run of a car that tips over.
         """
         verdict = simulation.recorded.get(VERDICT, {"kind": "initial"})
         if verdict["kind"] == "final":
             return bool(verdict["value"])
         if verdict["kind"] == "series":
+            # A series is a list of (time, value).
             return bool(verdict["value"] and verdict["value"][-1][1])
         return simulation.result.terminationReason in self._passing
 
@@ -203,13 +205,14 @@ class CarSimulation(Simulation):  # type: ignore[misc]
             self._move_back(limit_s)
 
     def _move_back(self, limit_s: float) -> None:
-        """Move the look back to the first step of the last advance at which the program ends or rejects the run.
+        """Go back to the first step of the last advance at which the program ends or rejects the run, if there is one.
 
-        Scenic then evaluates everything at that step. Without this, a condition that holds only between two looks would
-        be missed. ``limit_s`` is the program's time limit.
+        carsim advances by several steps at once, and Scenic sees only the state after the last of them. A condition may
+        hold at a step between. This shows Scenic the state at that step, so that it evaluates everything there.
+        ``limit_s`` is the program's time limit.
         """
         assert self._state is not None
-        look, steps = self._state, self._steps
+        last_state, last_steps = self._state, self._steps
         for row, state in enumerate(self._carsim.rows()[:-1]):
             self._show(state, self._steps_at(state))
             violated = [requirement for requirement in self._requirements if requirement.value() is B4.FALSE]
@@ -220,7 +223,7 @@ class CarSimulation(Simulation):  # type: ignore[misc]
                     # Scenic checks the time limit first, and would name it as the reason of the end.
                     scenic_private.defer_time_limit(self.scene.dynamicScenario)
                 return
-        self._show(look, steps)
+        self._show(last_state, last_steps)
 
     def _ending_holds(self) -> bool:
         """Return whether a condition that ends the run holds in the state that is shown to the program."""

@@ -236,19 +236,22 @@ def writing(path: Path, synchronous: str = "NORMAL") -> Iterator[sqlite3.Connect
 
 @contextlib.contextmanager
 def _writer_lock(path: Path) -> Iterator[None]:
-    """Hold the lock for writing to the store at ``path``. Raises StoreError if another process holds it."""
+    """Hold the lock of the store at ``path`` during the block, so that only this process writes to it.
+
+    The lock is that of a database file beside the store. Raises StoreError if another process holds it.
+    """
     file = beside(path, "-lock")
     in_use_error = StoreError(f"{path}: another sweep or trial is writing this store; wait for it or use another store")
     try:
         file.touch()
         status = file.stat()
-        # Processes that begin at the same time may refuse each other the lock; one of them gets it when it tries again.
+        # SQLite tries again for LOCK_S. If two processes begin at the same time, one of them gets the lock in this time.
         lock = sqlite3.connect(file, timeout=LOCK_S, isolation_level=None)
     except OSError as error:
         raise StoreError(f"{path}: cannot be written: {error.strerror or error}") from error
     with contextlib.closing(lock):
         try:
-            # No journal file, because nothing is written to this database.
+            # Nothing is written to this database, so it needs no journal file.
             lock.execute("PRAGMA journal_mode = MEMORY")
             lock.execute("BEGIN EXCLUSIVE")
         except sqlite3.Error as error:

@@ -47,8 +47,9 @@ def log_file(store: Path, log: str) -> Path:
             is_inside = (folder / path).resolve().is_relative_to(folder.resolve())
     if not is_inside:
         raise StoreError(f'{store}: log: "{_escaped(log)}" is outside the folder {folder}')
-    # A name with characters that a terminal does not show could look like the name of another log.
-    if _LOG_NAME.fullmatch(log) is None or log != shown_line(log):
+    # If a terminal shows some of its characters in another way, the name could look like that of another log.
+    has_log_form = _LOG_NAME.fullmatch(log) is not None
+    if not has_log_form or log != shown_line(log):
         expected_name = "NAME-logs/trial-NUMBER-TIME.tlog"
         raise StoreError(f'{store}: log: "{_escaped(log)}" is not named as `foldcar log` names logs: {expected_name}')
     return folder / path

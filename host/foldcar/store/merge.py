@@ -55,7 +55,10 @@ CHANGE = CORRECTION.names[2:]
 
 
 def merge_stores(stores: Sequence[Path], merged: Path) -> dict[str, int]:
-    """Create the store ``merged``, which must not exist; return its number of rows by table. Raises StoreError."""
+    """Create the store ``merged`` with the contents of several stores. Return its number of rows by table.
+
+    Raises StoreError if ``merged`` exists, or if the stores contradict each other; then nothing is created.
+    """
     check_new(merged)
     copied: list[Path] = []
     try:
@@ -64,6 +67,7 @@ def merge_stores(stores: Sequence[Path], merged: Path) -> dict[str, int]:
             for path in stores:
                 with contextlib.closing(connect_reading(path)) as source, store_errors(path):
                     source.execute("BEGIN")
+                    # The first missing reference is enough for an error.
                     for missing in missing_references(source):
                         raise StoreError(f"{path}: {missing}")
                     merge.add(path, source)
@@ -204,9 +208,10 @@ class Merge:
             self._insert(STUDY, row, "OR REPLACE")
 
     def _unite(self, table: Table, row: Row) -> None:
-        """Compare a row with the merged row of its key, and give it that row's number. Raises StoreError if they differ.
+        """Compare a row with the row of the merged store that has the same key. Raises StoreError if they differ.
 
-        One of them may lack a value that the other has; the merged row then gets it.
+        ``row`` gets the number of that row. In some tables one of the two rows may lack a value that the other has. Then
+        the merged store gets the value.
         """
         key = (table.unique,) if table.unique else table.key
         where = " AND ".join(f"{name} = ?" for name in key)

@@ -64,14 +64,15 @@ def take_trials(store: Path, other: Path) -> TakenTrials:
     store_existed = store.exists()
     if store_existed and store.samefile(other):
         raise StoreError(f"{store}: is the store itself; name another store")
-    # Deleted again if taking the trials fails.
+    # These files are deleted again if taking the trials fails.
     new_files: list[Path] = [] if store_existed else [store]
     with contextlib.closing(connect_reading(other, OLDEST_TRIALS)) as source, _in_this_version(other, source) as trials:
+        # The first missing reference is enough for an error.
         for missing in missing_references(trials):
             raise StoreError(f"{other}: {missing}")
         (trial_count,) = trials.execute("SELECT count(*) FROM trial").fetchone()
         try:
-            # FULL: the trials survive a power cut after this transaction.
+            # With FULL, the trials survive a power cut after this transaction.
             with writing(store, synchronous="FULL") as connection, store_errors(store), transaction(connection):
                 uuids_before = {uuid for (uuid,) in connection.execute("SELECT uuid FROM trial")}
                 merge = Merge(connection, store)

@@ -319,31 +319,39 @@ class TrialWriter(StoreConnection):
     ) -> int:
         """Store an imported trial with its corrections, and return its number.
 
-        ``environment_id`` and ``program`` are those of the trial's experiment, if it was swept. The trial gets them if it
-        has none itself; it gets the environment only if it has a sample.
+        ``environment_id`` and ``program`` are those of the trial's experiment, if it was swept. A trial that names no
+        environment or no program gets these. Without a sample it gets no environment.
         """
-        row = {
-            "deviations": "{}", "ending": "imported", "note": "", "operator": "", "withdrawn": 0,
+        defaults = {
+            "deviations": "{}",
+            "ending": "imported",
+            "note": "",
+            "operator": "",
+            "withdrawn": 0,
             "environment_id": environment_id if trial.get("sample") is not None else None,
-            "scenic_program": program, **trial, "design": json.dumps(trial["design"]),
-        }  # fmt: skip
+            "scenic_program": program,
+        }
+        row = {**defaults, **trial, "design": json.dumps(trial["design"])}
         number = self._add(TRIAL, row)
         for correction in corrections:
             self._add(CORRECTION, {**correction, "trial_id": number})
         return number
 
     def _add_corrections(self, trial: Row, corrections: Iterable[Row]) -> None:
-        """Add to a stored trial those of the ``corrections`` that it lacks, and change its fields accordingly.
+        """Add the corrections that a stored trial lacks, and change its fields accordingly.
 
         If a field was corrected several times, it gets the value of the latest correction.
         """
         stored_corrections = self.rows(CORRECTION, "WHERE trial_id = ? ORDER BY id", trial["id"])
         for correction in corrections:
             row = {**correction, "trial_id": trial["id"]}
-            if any(row.items() <= stored.items() for stored in stored_corrections):
+            # A stored correction has a number in addition to the fields of this one.
+            is_stored = any(row.items() <= stored.items() for stored in stored_corrections)
+            if is_stored:
                 continue
-            times_of_field = [stored["corrected_utc"] for stored in stored_corrections if stored["field"] == row["field"]]
-            if all(time_utc <= row["corrected_utc"] for time_utc in times_of_field):
+            same_field = [stored for stored in stored_corrections if stored["field"] == row["field"]]
+            is_latest = all(stored["corrected_utc"] <= row["corrected_utc"] for stored in same_field)
+            if is_latest:
                 trial[row["field"]] = row["after"]
             self._add(CORRECTION, row)
         self._update(TRIAL, trial)

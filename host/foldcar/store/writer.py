@@ -272,6 +272,7 @@ class StoreWriter(StoreConnection):
 
     def run_counts(self, plan: PlannedExperiment, design: int, samples: range) -> tuple[int, int]:
         """Return how many stored runs of a design in those samples passed, and how many were not rejected."""
+        # RESULT_JOIN joins the tables of experiments (e), designs (d), samples (s) and runs (r), among others.
         passed, not_rejected = self._run(
             f"SELECT total(r.outcome = 'passed'), total(r.outcome <> '{REJECTED}') {RESULT_JOIN} "
             "AND e.id = ? AND d.position = ? AND s.sample >= ? AND s.sample < ?",

@@ -298,7 +298,7 @@ class RealitySimulation:
         return learning_error(runs, designs, experiment.variation, counts)
 
     def _inputs(self, runs: Sequence[RealityRun]) -> ChunkInputs:
-        """Return what the simulator needs for these runs: their stored bodies, scenes and settings, and their realities."""
+        """Return what the simulator needs for these runs: stored bodies, scenes and settings, and drawn realities."""
         variation, seed = self.experiment.variation, self.experiment.variation_seed
         values_of_runs = values_of(np.array([run.scores for run in runs]))
         realities = []

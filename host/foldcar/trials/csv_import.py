@@ -209,7 +209,11 @@ def _trial(
 def _design(
     place: str, row: Mapping[str, str], experiment_id: str, swept: ExperimentInfo | None, defaults: dict[str, float]
 ) -> Design:
-    """Return the car of a row; add the parameters that are not in the row, nor fixed in the sweep, to ``defaults``."""
+    """Return the design of the car in a row of the table.
+
+    A parameter that the row lacks has the value that is fixed in the sweep, if there is one. Otherwise it has foldcar's
+    default value, and is added to ``defaults``.
+    """
     design_values = {name: _number(place, row, name, decimal_number) for name in row if key_of(name)}
     is_swept_type = swept is not None and row["vehicle_type"] == swept.vehicle_type
     if swept is not None and is_swept_type:
@@ -258,7 +262,7 @@ def _number(
 def _time_utc(place: str, text: str) -> str:
     """Return the date, or date and time, as written; a time with a time zone is converted to UTC."""
     try:
-        # Python 3.10 cannot parse the Z.
+        # Python 3.10 cannot parse the Z that stands for UTC.
         time = datetime.fromisoformat(text.removesuffix("Z"))
         if not time.utcoffset():
             # There is no time zone, or it is UTC.

@@ -89,7 +89,8 @@ class DriveView:
     def _show(self, car: ConnectedCar) -> None:
         """Show the car's state every REFRESH_S until the drive has ended."""
         has_announced = False
-        # Its own file: while a write to the terminal blocks, it holds the file's lock. A closed terminal is no error.
+        # This thread writes to a file object of its own. A write to a blocked terminal holds the lock of its file object,
+        # and other threads must still be able to print. A closed terminal is no error.
         with (
             contextlib.suppress(OSError),
             os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding=sys.stdout.encoding) as file,

@@ -53,7 +53,10 @@ class ExportedCorrection(TypedDict):
 
 
 def exported_facts(place: str, row: Mapping[str, str]) -> dict[str, Any]:
-    """Return what only an exported row says of a trial: its identity, corrections and deviations. Raises FoldcarError."""
+    """Return the facts of a trial that only a table from `foldcar export` has, such as its identity and corrections.
+
+    ``row`` is the trial's row. Error messages begin with ``place``. Raises FoldcarError.
+    """
     facts: dict[str, Any] = {
         name: row[name]
         for name in ("ending", "ended_utc", "firmware_build", "design_hash", "scenic_program", "environment_fingerprint")
@@ -81,7 +84,8 @@ def exported_facts(place: str, row: Mapping[str, str]) -> dict[str, Any]:
             raise FoldcarError(f"{place}: corrections: an outcome is not one of {', '.join(TRIAL_OUTCOMES)}")
     settings = facts.pop("settings")
     if settings is not None:
-        # The cell's own numbers: a whole one stays whole, so that the text equals that of the store.
+        # The numbers are read again from the cell, because the check has converted whole numbers to fractions. So the
+        # text equals that of the store.
         facts["settings"] = canonical_json(json.loads(row["settings"]))
     facts["deviations"] = canonical_json({name: list(pose) for name, pose in facts["deviations"].items()})
     return facts

@@ -9,7 +9,7 @@ import itertools
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 from foldcar.scenes.obstacles import Obstacle
 from foldcar.statistics.words import listed
@@ -20,42 +20,52 @@ BLOCK = 6
 # Smaller moves cannot be measured with a tape.
 MIN_M, MIN_RAD = 0.001, math.radians(0.5)
 
-# The obstacles on the floor by letter: an obstacle at its pose, and its description. The same letter may mean an obstacle
-# of another size in another sample.
-Standing = Mapping[str, tuple[Obstacle, str]]
+
+class PlacedObstacle(NamedTuple):
+    """An obstacle at its pose on the floor, and a description of its kind and size."""
+
+    obstacle: Obstacle
+    description: str
 
 
-def standing(scene: Mapping[str, Any], obstacles: Mapping[str, Obstacle], deviations: Deviations) -> Standing:
-    """Return the obstacles of a scene at their measured poses, each with what it is, by letter."""
-    result = {}
+# The obstacles on the floor by letter. The same letter may mean an obstacle of another size in another sample.
+Arrangement = Mapping[str, PlacedObstacle]
+
+
+def arrangement_of(scene: Mapping[str, Any], obstacles: Mapping[str, Obstacle], deviations: Deviations) -> Arrangement:
+    """Return how the obstacles of a scene really stand: at their planned poses, changed by the measured deviations."""
+    arrangement = {}
     for letter, planned in obstacles.items():
         x_m, y_m, turned_rad = deviations.get(letter, (0.0, 0.0, 0.0))
         heading_rad = planned.heading_rad + turned_rad
         measured = replace(planned, x_m=planned.x_m + x_m, y_m=planned.y_m + y_m, heading_rad=heading_rad)
-        result[letter] = measured, what_it_is(scene, planned)
-    return result
+        arrangement[letter] = PlacedObstacle(measured, what_it_is(scene, planned))
+    return arrangement
 
 
 def next_sample(
-    samples: int, counts: Mapping[int, int], current: Standing | None, standing_in_sample: Callable[[int], Standing]
+    samples: int,
+    counts: Mapping[int, int],
+    current: Arrangement | None,
+    arrangement_in_sample: Callable[[int], Arrangement],
 ) -> int:
     """Return the sample (0 to ``samples`` - 1) to drive next.
 
-    ``counts`` is the number of trials in each sample. ``current`` are the obstacles on the floor, None if unknown.
+    ``counts`` is the number of trials in each sample. ``current`` are the obstacles as they stand now, None if unknown.
 
-    The candidates are the samples with the fewest trials. Those of the first block that contains a candidate are put into
-    the order that moves the fewest obstacles; of equal orders, into the one that moves them the shortest distance. The
-    result is the first sample in that order.
+    The candidates are the samples with the fewest trials. Only the candidates of one block are considered: that of the
+    first candidate. All orders of these are compared. The best order moves the fewest obstacles; of equally good orders,
+    the best one moves them the shortest distance. The result is the first sample in the best order.
     """
     min_count = min(counts.get(sample, 0) for sample in range(samples))
     candidates = [sample for sample in range(samples) if counts.get(sample, 0) == min_count]
     block = [sample for sample in candidates if sample // BLOCK == candidates[0] // BLOCK]
-    standing_by_sample: dict[int | None, Standing | None] = {sample: standing_in_sample(sample) for sample in block}
-    # None stands for the floor as it is now.
-    standing_by_sample[None] = current
+    arrangements: dict[int | None, Arrangement | None] = {sample: arrangement_in_sample(sample) for sample in block}
+    # The key None is the floor as it is now.
+    arrangements[None] = current
     cost_of_step = {}
-    for before, after in itertools.permutations(standing_by_sample, 2):
-        cost_of_step[before, after] = _cost(standing_by_sample[before], standing_by_sample[after])
+    for before, after in itertools.permutations(arrangements, 2):
+        cost_of_step[before, after] = _cost(arrangements[before], arrangements[after])
 
     def cost(order: tuple[int, ...]) -> tuple[float, ...]:
         """Return how many obstacles an order of samples moves in all, and their total distance (m)."""
@@ -69,30 +79,32 @@ def next_sample(
     return first_sample
 
 
-def _cost(current: Standing | None, next_standing: Standing | None) -> tuple[int, float]:
-    """Return how many obstacles move from one arrangement to the next, and their total distance (m).
+def _cost(before: Arrangement | None, after: Arrangement | None) -> tuple[int, float]:
+    """Return how many obstacles a person moves between two arrangements, and their total distance (m).
 
-    Both are 0 if an arrangement is unknown: then the order does not matter.
+    Both are 0 if an arrangement is unknown, because then the order does not matter. Obstacles that are put down or taken
+    away have no distance.
     """
-    if current is None or next_standing is None:
+    if before is None or after is None:
         return 0, 0.0
-    pairs = [(current.get(letter), next_standing.get(letter)) for letter in {**current, **next_standing}]
-    moves = [(old, new) for old, new in pairs if _move(old, new)]
-    # Obstacles that are put down or taken away have no distance. An arrangement has (obstacle, what it is) pairs.
-    distances_m = []
-    for old, new in moves:
+    moved_count, distance_m = 0, 0.0
+    for letter in {**before, **after}:
+        old, new = before.get(letter), after.get(letter)
+        stays = _move_text(old, new) == ""
+        if stays:
+            continue
+        moved_count += 1
         if old is not None and new is not None:
-            (old_obstacle, _), (new_obstacle, _) = old, new
-            distances_m.append(math.hypot(new_obstacle.x_m - old_obstacle.x_m, new_obstacle.y_m - old_obstacle.y_m))
-    return len(moves), sum(distances_m)
+            distance_m += math.hypot(new.obstacle.x_m - old.obstacle.x_m, new.obstacle.y_m - old.obstacle.y_m)
+    return moved_count, distance_m
 
 
-def moves_text(current: Standing, next_standing: Standing) -> str:
+def moves_text(current: Arrangement, next_arrangement: Arrangement) -> str:
     """Return how to move the obstacles, such as "A and D stay; move B 120 mm back along x; take E away"."""
     staying: list[str] = []
     letters_by_move: dict[str, list[str]] = {}
-    for letter in {**current, **next_standing}:
-        move = _move(current.get(letter), next_standing.get(letter))
+    for letter in {**current, **next_arrangement}:
+        move = _move_text(current.get(letter), next_arrangement.get(letter))
         if move:
             letters_by_move.setdefault(move, []).append(letter)
         else:
@@ -106,17 +118,19 @@ def moves_text(current: Standing, next_standing: Standing) -> str:
     return "; ".join(texts) or "nothing to move"
 
 
-def _move(current: tuple[Obstacle, str] | None, next_standing: tuple[Obstacle, str] | None) -> str:
-    """Return how to move one obstacle, with {} for its letter; "" if it stays."""
-    if current is None:
+def _move_text(old: PlacedObstacle | None, new: PlacedObstacle | None) -> str:
+    """Return how to move one obstacle, with {} in place of its letter, or "" if it stays where it is.
+
+    ``old`` is None if the obstacle is put down, and ``new`` is None if it is taken away.
+    """
+    if old is None:
         return "put {} down"
-    if next_standing is None:
+    if new is None:
         return "take {} away"
-    (old, old_text), (new, new_text) = current, next_standing
-    if old_text != new_text:
+    if old.description != new.description:
         return "exchange {} for another size"
-    x_m, y_m = new.x_m - old.x_m, new.y_m - old.y_m
-    turned_rad = math.remainder(new.heading_rad - old.heading_rad, math.tau)
+    x_m, y_m = new.obstacle.x_m - old.obstacle.x_m, new.obstacle.y_m - old.obstacle.y_m
+    turned_rad = math.remainder(new.obstacle.heading_rad - old.obstacle.heading_rad, math.tau)
     shifts = []
     if abs(x_m) >= MIN_M:
         direction = "on along x" if x_m > 0 else "back along x"

@@ -41,7 +41,10 @@ def lettered(obstacles: Iterable[Obstacle]) -> dict[str, Obstacle]:
 
 
 def instructions(scene: Mapping[str, Any], obstacles: Mapping[str, Obstacle]) -> Iterator[tuple[str, ...]]:
-    """Yield rows with the columns HEADS: the car, the obstacles with their pieces, rough ground, the goal, the floor."""
+    """Yield the rows of the table that says where a person places everything; HEADS are its columns.
+
+    The rows are the car, the obstacles with their pieces, rough ground, the goal and the floor.
+    """
     start = scene["start"]
     yield CAR, *_place(start["x_m"], start["y_m"], start["heading_rad"]), "its middle"
     obstacle_pieces = {index for obstacle in obstacles.values() for index in obstacle.pieces}
@@ -62,7 +65,8 @@ def instructions(scene: Mapping[str, Any], obstacles: Mapping[str, Obstacle]) ->
         is_line = goal["kind"] == "line"
         text = "a line across, to be crossed" if is_line else f"a disc of radius {1000 * goal['radius_m']:.0f} mm"
         yield "goal", *_place(goal["x_m"], goal["y_m"], goal.get("heading_rad", 0.0)), text
-    yield "floor", *[""] * 3, f"friction {scene['friction']:g} in the simulation"
+    # The floor has no position.
+    yield "floor", "", "", "", f"friction {scene['friction']:g} in the simulation"
 
 
 def _whole(scene: Mapping[str, Any], obstacle: Obstacle) -> str:

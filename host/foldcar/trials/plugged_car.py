@@ -207,8 +207,10 @@ def design_of(identity: CarIdentity, experiment: Experiment, family: Family) -> 
     for design in family:
         if design_hash(design) == identity.hash:
             return design
-    family_text = f"one of the {len(family)} of experiment {experiment.id}"
-    expected_text = "the one that --set chooses" if len(family) == 1 else family_text
+    expected_text = f"one of the {len(family)} of experiment {experiment.id}"
+    if len(family) == 1:
+        # The options --set have chosen a single design.
+        expected_text = "the one that --set chooses"
     raise FoldcarError(
         f"the car is {identity.name} ({identity.hash}), which is not {expected_text}: name its own listing, or load the "
         "design that was built with `foldcar flash`"

@@ -37,7 +37,7 @@ from foldcar.trials.drive_view import DriveView
 from foldcar.trials.driving import CTRL_C, DRIVES_ON, DriveEnd, drive
 from foldcar.trials.faults import CarFaultError, acknowledge_faults
 from foldcar.trials.media import Arrivals, media_kind
-from foldcar.trials.order import Standing, moves_text, next_sample, standing
+from foldcar.trials.order import Arrangement, arrangement_of, moves_text, next_sample
 from foldcar.trials.person import IDLE_S, PersonAnswers, print_line, print_warning
 from foldcar.trials.placement import ask_deviations, draw_placement, lettered, scene_as_placed, show_placement
 from foldcar.trials.plugged_car import SIMULATED_TEXT, PluggedCar, enter_sample, require_same_car, welcome
@@ -114,7 +114,7 @@ class Session:
         # Scene and obstacles by sample.
         self._scenes: dict[int, tuple[dict[str, Any], dict[str, Obstacle]]] = {}
         # Where obstacles stand since the last trial (None: unknown), and the sample to drive again (None: the next one).
-        self._standing: Standing | None = None
+        self._arrangement: Arrangement | None = None
         self._again: int | None = None
         self._arrivals = Arrivals(options.media_folder)
         self.driven: list[int] = []
@@ -174,9 +174,9 @@ class Session:
         return CheckedCar(identity, design)
 
     def _ask_what_next(self, writer: TrialWriter, trial: "_Driven") -> bool:
-        """Ask what to do after a trial and do it. Return whether the session continues.
+        """Ask what to do after a trial, and do it, until the answer is to go on or to end the session.
 
-        Another outcome is stored as a correction, so that the first one is kept.
+        Return whether the session goes on. A changed outcome is stored as a correction, so that the first one is kept.
         """
         options, answers, number, ending = self._options, self._questions, trial.number, trial.stored
         self._again = None
@@ -196,7 +196,7 @@ class Session:
                     self._again = trial.sample
                     self._repeated += 1
                     return True
-                # "u" changes the outcome, "n" adds to the note, "m" attaches a file.
+                # The key "u" changes the outcome, "n" adds to the note, and "m" attaches a file.
                 if key == "u" and not argument:
                     outcome = answers.choice(f"{OUTCOME_QUESTION} [{ending.outcome}]: ", OUTCOME_KEYS, ending.outcome)
                     if outcome != ending.outcome:
@@ -247,7 +247,12 @@ class Session:
         if sample is None:
             kind = SIMULATED if identity.simulated else BUILT
             counts = writer.trial_counts(experiment.id, trial_design, fingerprint, kind)
-            sample = next_sample(experiment.environments, counts, self._standing, lambda k: standing(*self._scene(k), {}))
+            sample = next_sample(
+                experiment.environments,
+                counts,
+                current=self._arrangement,
+                arrangement_in_sample=lambda k: arrangement_of(*self._scene(k), {}),
+            )
         mark = f" ({SIMULATED_TEXT})" if identity.simulated else ""
         number = writer.next_number()
         print_line(f"\nTrial {number}: sample {sample} of experiment {experiment.id}{mark}")
@@ -260,8 +265,8 @@ class Session:
         if identity.simulated:
             enter_sample(self._plugged.connected, scene, sample, experiment)
         show_placement(scene, obstacles)
-        if self._standing is not None:
-            moves = moves_text(self._standing, standing(scene, obstacles, {}))
+        if self._arrangement is not None:
+            moves = moves_text(self._arrangement, arrangement_of(scene, obstacles, {}))
             print_line(f"after trial {self.driven[-1]}: {moves}; the car goes back to its place")
         if not options.yes:
             self._draw(sample, checked_car)
@@ -290,7 +295,7 @@ class Session:
             options.operator,
         )
         self.driven.append(trial_number)
-        self._standing = standing(scene, obstacles, deviations)
+        self._arrangement = arrangement_of(scene, obstacles, deviations)
         view = DriveView(options.countdown_s, settings["time_limit_s"], self._answers.waitable)
         end, faults = self._drive(settings, trial_number, log, identity, view)
         if end.ending == DRIVES_ON:

@@ -7,17 +7,17 @@ from dataclasses import replace
 import numpy
 
 from foldcar.scenes.obstacles import Obstacle
-from foldcar.trials.order import BLOCK, Standing, moves_text, next_sample
+from foldcar.trials.order import BLOCK, Arrangement, PlacedObstacle, moves_text, next_sample
 
 BOX = Obstacle("Box", (0,), 0.4, 0.1, 0.0, 0.2, 0.1)
 
 
-def standing(**places: tuple[float, float]) -> Standing:
-    return {letter: (replace(BOX, x_m=x_m, y_m=y_m), "box") for letter, (x_m, y_m) in places.items()}
+def arranged(**places: tuple[float, float]) -> Arrangement:
+    return {letter: PlacedObstacle(replace(BOX, x_m=x_m, y_m=y_m), "box") for letter, (x_m, y_m) in places.items()}
 
 
 def test_fewest_trials_come_before_short_ways_and_a_block_is_driven_whole() -> None:
-    places = [standing(A=(k, 0)) for k in range(3 * BLOCK)]
+    places = [arranged(A=(k, 0)) for k in range(3 * BLOCK)]
 
     assert next_sample(3, {0: 2, 1: 1, 2: 2, 7: 0}, places[0], places.__getitem__) == 1
     assert next_sample(3, {0: 1, 1: 1}, places[0], places.__getitem__) == 2
@@ -32,7 +32,7 @@ def test_the_order_moves_the_fewest_obstacles_of_all_orders() -> None:
         # Few places, so that some obstacles stay.
         drawn = rng.integers([3, 2], size=(5, 3, 2)).astype(float)
         places = [
-            standing(**{name: (x, y) for name, (x, y) in zip("ABC", variation, strict=True)})
+            arranged(**{name: (x, y) for name, (x, y) in zip("ABC", variation, strict=True)})
             for variation in drawn.tolist()
         ]
         now, met = places[0], {0: 1}
@@ -53,10 +53,11 @@ def test_the_order_moves_the_fewest_obstacles_of_all_orders() -> None:
 
 
 def test_what_moves_is_said_letter_by_letter() -> None:
-    now = standing(A=(0.4, 0.1), B=(0.5, 0.0), D=(1.0, 0.0))
-    then = {**standing(A=(0.4, 0.1), B=(0.62, -0.03), E=(0.2, 0.0)), "D": (replace(BOX, x_m=1.0, y_m=0.0), "ramp")}
-    turned = {"F": (replace(BOX, heading_rad=math.radians(170)), "box")}
-    on = {"F": (replace(BOX, heading_rad=math.radians(-175)), "box")}
+    now = arranged(A=(0.4, 0.1), B=(0.5, 0.0), D=(1.0, 0.0))
+    ramp = PlacedObstacle(replace(BOX, x_m=1.0, y_m=0.0), "ramp")
+    then = {**arranged(A=(0.4, 0.1), B=(0.62, -0.03), E=(0.2, 0.0)), "D": ramp}
+    turned = {"F": PlacedObstacle(replace(BOX, heading_rad=math.radians(170)), "box")}
+    on = {"F": PlacedObstacle(replace(BOX, heading_rad=math.radians(-175)), "box")}
 
     assert moves_text(now, then) == (
         "A stays; move B 120 mm on along x and 30 mm to the right; exchange D for another size; put E down"
@@ -66,4 +67,4 @@ def test_what_moves_is_said_letter_by_letter() -> None:
     assert moves_text({}, {}) == "nothing to move"
     # What a tape does not show stays.
     for by_mm, text in ((0.4, "A stays"), (2.0, "move A 2 mm on along x")):
-        assert moves_text(standing(A=(0.4, 0.1)), standing(A=(0.4 + by_mm / 1000, 0.1))) == text
+        assert moves_text(arranged(A=(0.4, 0.1)), arranged(A=(0.4 + by_mm / 1000, 0.1))) == text

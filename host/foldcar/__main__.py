@@ -21,36 +21,42 @@ def _end(number: int, frame: FrameType | None) -> None:
 
 
 def fix_hash_seed() -> None:
-    """Start this program again with PYTHONHASHSEED 0, unless it runs with that."""
+    """Start this program again with PYTHONHASHSEED=0, unless Python already has this hash seed.
+
+    The seed decides in which order Python goes through a set, and so which samples a program draws.
+    """
     if not sys.flags.hash_randomization:
         return
-    # With -R, Python has a random seed although this variable is 0.
+    # Some options of Python make it ignore the variable. Then a new start would not help.
     if sys.flags.ignore_environment or os.environ.get("PYTHONHASHSEED") == "0":
         message = b"python -E, -I and -R ignore PYTHONHASHSEED, without which samples differ: omit them"
         os.write(2, b"foldcar: error: %s\n" % message)
         sys.exit(2)
     environment = {**os.environ, "PYTHONHASHSEED": "0"}
     if hasattr(signal, "pthread_sigmask"):
-        # They wait until the new Python handles them.
+        # Signals that arrive meanwhile wait until the new process handles them.
         signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
         os.execve(sys.executable, [sys.executable, *sys.orig_argv[1:]], environment)
-    # Windows cannot replace a process: its parent would see this one end.
+    # On Windows, replacing a process means that this one ends, and its parent would not wait for the new one. So this
+    # process starts a second one and waits.
     import subprocess
 
-    # Ctrl-C reaches both processes; this one waits for the other.
+    # Ctrl-C reaches both processes. The second one handles it.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     sys.exit(subprocess.call([sys.executable, *sys.orig_argv[1:]], env=environment))
 
 
 def main() -> None:
     """Run the command line and exit."""
-    # Handles signals until foldcar.interrupts does. Signals that the caller ignores (nohup) stay ignored.
+    # These handlers serve until foldcar.interrupts installs its own. A signal that the caller ignores, as nohup does,
+    # stays ignored.
     for number in SIGNALS:
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, _end)
     if hasattr(signal, "pthread_sigmask"):
         signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
     fix_hash_seed()
+    # The import takes long, so the hash seed and the signals come first.
     from foldcar.cli import main as run
 
     run()

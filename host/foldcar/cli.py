@@ -132,8 +132,8 @@ def main() -> None:
     handle_signals()
     enable_completion()
     keep_caches_in_checkout()
-    # Most objects live until the command ends; garbage collection at the default rate takes a tenth of the time of
-    # `foldcar pattern`.
+    # Most objects live until the command ends, so collecting garbage is seldom worth its time. At Python's default rate
+    # it takes a tenth of the time of `foldcar pattern`.
     gc.set_threshold(GARBAGE_THRESHOLD)
     # The matrices are small: starting threads for them takes longer than it saves, and slows the simulators.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -149,22 +149,26 @@ def main() -> None:
         sys.stderr.write(f"{message}\n")
         if code != EXIT_CODE:
             sys.exit(code)
-        # After a KeyboardInterrupt within `exec` (of dataclasses), Python ends itself by SIGINT even if it is handled.
+        # EXIT_CODE is that of a command that was interrupted. If a KeyboardInterrupt came within `exec`, which
+        # dataclasses use, Python would end itself by SIGINT now. So this ends the process itself.
         atexit._run_exitfuncs()
         os._exit(code)
 
 
 def _ending(error: BaseException) -> tuple[str | None, int]:
-    """Return the message and the exit code with which ``error`` ends the command; the message is None for a bug."""
-    if (line := stop_line()) is not None:
-        # The signal raised the error, directly or indirectly.
+    """Return the message and the exit code with which an error ends the command. A bug has no message, but None."""
+    line = stop_line()
+    if line is not None:
+        # A signal has stopped the command. The error is its consequence.
         return line, EXIT_CODE
     if isinstance(error, FoldcarError):
         return "foldcar: error: " + "\n".join(error.lines()), error.exit_code
     if isinstance(error, ModuleNotFoundError):
-        # None: the module belongs to no extra, so this is a bug.
         remedy = missing_extra(error)
-        return remedy and f"foldcar: error: {remedy}", 2
+        if remedy is None:
+            # The module belongs to no extra, so this is a bug.
+            return None, 2
+        return f"foldcar: error: {remedy}", 2
     if isinstance(error, OSError):
         where = f"{error.filename}: " if error.filename is not None else ""
         return "foldcar: error: " + " ".join(f"{where}{error.strerror or error}".split()), 2

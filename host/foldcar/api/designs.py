@@ -30,10 +30,11 @@ KEPT_DESIGNS = 1000
 
 
 def design(type: str, /, **values: float) -> Design:
-    """Return the car of this type string with these parameters (mm, degrees), and defaults for all others.
+    """Return the design of a car from its type string and its parameters (mm, degrees).
 
-    Names are columns of tables, with or without unit. Raises FoldcarError if there is no such parameter or the car cannot
-    be built.
+    Parameters that are not given have their default values. A parameter is named as in foldcar's tables, and its unit may
+    be left out: ``width_mm`` or ``width``. Raises FoldcarError if there is no such parameter, or if the car cannot be
+    built.
 
     >>> car = foldcar.design("W_B_W", width_mm=95, W_length=60, W2_radius=50)
     >>> car.width_mm, car.radii_mm
@@ -45,16 +46,18 @@ def design(type: str, /, **values: float) -> Design:
     # The parameters that all modules of a kind share.
     key_by_column = {parameter.column: key for key, parameter in parameters().items() if parameter.modules & letters}
     # The parameters of single modules, such as W2, that the arguments name.
-    for place in {name.partition("_")[0] for name in values}:
-        for name in names_in(place):
-            parameter = find_parameter(place, name)
+    modules_named = {name.partition("_")[0] for name in values}
+    for module in modules_named:
+        for name in names_in(module):
+            parameter = find_parameter(module, name)
             if parameter is not None and parameter.modules & letters:
                 key_by_column[parameter.column] = parameter.key
     values_by_column = columns_named(values, key_by_column, f'design("{type}")')
-    result = compose(type, {key_by_column[column]: value for column, value in values_by_column.items()})
-    # Raises DesignError if the car cannot be folded.
-    folded_car(result)
-    return result
+    values_by_key = {key_by_column[column]: value for column, value in values_by_column.items()}
+    car_design = compose(type, values_by_key)
+    # This raises DesignError if the car cannot be folded.
+    folded_car(car_design)
+    return car_design
 
 
 def design_of(car: Design | Mapping[str, Any]) -> Design:
@@ -77,28 +80,32 @@ def design_of(car: Design | Mapping[str, Any]) -> Design:
 def body_and_settings(
     design: Design, timeout_s: float, speed_m_s: float | None, yaw_rate_rad_s: float
 ) -> tuple[str, str]:
-    """Return body and settings of a design's runs as JSON texts. Raises FoldcarError if an argument is out of limits."""
-    # In the order of LISTING_KEYS.
-    numbers = (
+    """Return the body of a design and the settings of its runs, as JSON texts.
+
+    Raises FoldcarError if an argument is outside its limits.
+    """
+    return _body_and_settings(
+        design.type,
+        tuple(design.values.items()),
         finite("timeout_s", timeout_s),
         None if speed_m_s is None else finite("speed_m_s", speed_m_s),
         finite("yaw_rate_rad_s", yaw_rate_rad_s),
     )
-    return _body_and_settings(design.type, tuple(design.values.items()), *numbers)
 
 
-def built_cars(count: int, spread: str | Mapping[str, float], seed: int) -> list[str]:
-    """Return how each of ``count`` built cars differs from its design, as JSON texts.
+def built_cars(count: int, variation: str | Mapping[str, float], variation_seed: int) -> list[str]:
+    """Draw how each of ``count`` built cars differs from its design, and return these differences as JSON texts.
 
-    The differences are drawn like those of a listing with this ``variation``. Raises FoldcarError.
+    ``variation`` and ``variation_seed`` mean the same as in a listing. Raises FoldcarError.
     """
-    if not isinstance(spread, str | Mapping):
+    if not isinstance(variation, str | Mapping):
         raise FoldcarError(
-            f'variation: {shown_value(spread)} is neither "workshop" nor standard deviations, {{"from": "workshop", …}}'
+            f'variation: {shown_value(variation)} is neither "workshop" nor standard deviations, '
+            '{"from": "workshop", …}'
         )
-    standard_deviations = spread_named(spread, "variation")
-    number = checked_int("variation_seed", seed, 0, MAX_SEED)
-    return [canonical_json(draw(standard_deviations, number, k)) for k in range(count)]
+    standard_deviations = spread_named(variation, "variation")
+    seed = checked_int("variation_seed", variation_seed, 0, MAX_SEED)
+    return [canonical_json(draw(standard_deviations, seed, sample)) for sample in range(count)]
 
 
 @lru_cache(KEPT_DESIGNS)

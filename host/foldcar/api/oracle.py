@@ -113,7 +113,10 @@ def simulate(
     label = f"{car.title}, sample {sample}"
 
     def run(used_runner: Runner, **extra_settings: float) -> dict[str, Any]:
-        """Simulate the run with this runner, and return its answer. Raises FoldcarError if an input is refused."""
+        """Simulate the run with this runner, and return its result.
+
+        ``extra_settings`` are added to the settings of the run. Raises FoldcarError if an input is refused.
+        """
         settings = settings_text
         if extra_settings:
             settings = canonical_json({**json.loads(settings_text), **extra_settings})
@@ -122,7 +125,7 @@ def simulate(
         try:
             (result,) = used_runner.run({"car": body}, {"scene": scene_text}, [request])
         except InputRefusedError as refusal:
-            # Settings of a run are arguments here.
+            # carsim names a setting "run.timeout_s"; the caller of this function knows it as the argument "timeout_s".
             raise FoldcarError(refusal.reason.removeprefix("run.")) from None
         return result
 

@@ -84,15 +84,17 @@ class Study:
         return lines_html([f"Study {self.path.name}"]) + table + self._picture(rows[0][0] if rows else None)
 
     def _contents(self) -> Iterator[tuple[str, str, str, str, str, str]]:
-        """Yield id, vehicle, environment, and numbers of designs, runs and trials of each experiment."""
-        trials = Counter(self.trials["experiment"])
-        for name in dict.fromkeys([*self.experiments, *trials]):
-            info, driven = self.experiments.get(name), count_text(trials[name], "trial")
+        """Yield a row of texts for each experiment: id, vehicle, environment, and how many designs, runs and trials."""
+        trial_counts = Counter(self.trials["experiment"])
+        # An experiment may have trials without having been swept.
+        for name in dict.fromkeys([*self.experiments, *trial_counts]):
+            info = self.experiments.get(name)
+            trials_text = count_text(trial_counts[name], "trial")
             if info is None:
-                yield name, "", "", "no design", "no run", driven
+                yield name, "", "", "no design", "no run", trials_text
             else:
-                designs, runs = count_text(info.designs, "design"), count_text(info.stored_runs, "run")
-                yield name, info.vehicle_type, Path(info.scenic_program).name, designs, runs, driven
+                designs_text, runs_text = count_text(info.designs, "design"), count_text(info.stored_runs, "run")
+                yield name, info.vehicle_type, Path(info.scenic_program).name, designs_text, runs_text, trials_text
 
     def reload(self) -> None:
         """Forget the tables, so that the next access also reads new runs and trials.
@@ -292,9 +294,10 @@ class Study:
         return table[table["passed"].notna()]
 
     def _of_experiment(self, table: "pandas.DataFrame", experiment: str | None, source: str) -> "pandas.DataFrame":
-        """Return the rows of one experiment; None stands for the only one.
+        """Return the rows of ``table`` that belong to an experiment; None is the only experiment.
 
-        Raises FoldcarError if the table has no rows of it, or has several experiments. ``source`` is for the message.
+        ``source`` is "simulation" or "trials", and says what the rows are. Raises FoldcarError if there are no such rows,
+        or if ``experiment`` is None and there are several.
         """
         ids = list(dict.fromkeys(table["experiment"]))
         if not ids:
@@ -307,9 +310,11 @@ class Study:
         return table if experiment is None else table[table["experiment"] == experiment]
 
     def _of_design(self, table: "pandas.DataFrame", design: Mapping[str, float], source: str) -> "pandas.DataFrame":
-        """Return the rows of the design with these values. Raises FoldcarError if no design, or several, have them.
+        """Return the rows of ``table`` that belong to one design.
 
-        ``source`` is what the rows are, for the message.
+        ``design`` has the values of the design's parameters, or of enough of them to tell it from the other designs.
+        ``source`` says in an error message what the rows are, such as "trials". Raises FoldcarError if no design has
+        these values, or if several have them.
         """
         parameters = _parameters(table)
         result = table

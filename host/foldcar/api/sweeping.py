@@ -47,12 +47,15 @@ def planned_sweep(
 
 
 def _check_same_study(study: ListedStudy, store: Path) -> None:
-    """Raise FoldcarError if the store has a study of another listing, whose experiments this sweep might replace."""
+    """Raise FoldcarError if the store has the study of another listing, because a sweep would replace its experiments.
+
+    It is another listing if it has another name, and if no experiment has the same id and the same Scenic program.
+    """
     if not store.is_file() or not store.stat().st_size:
         return
     with Store.open(store) as reader:
         name_row = next(reader.rows(STUDY, "WHERE key = 'listing_name'"), None)
-        # Checked first, because reading all facts counts runs, which takes long in large stores.
+        # The name is compared first, because reading all facts takes long if the store is large.
         if name_row is None or Path(name_row["value"]).name == Path(study.listing_name).name:
             return
         stored = reader.info()

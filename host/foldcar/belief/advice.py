@@ -92,9 +92,10 @@ def steps(
 
 
 class _Valuation:
-    """Values steps on STEP_DRAWS draws of equal weight.
+    """Computes how much the next steps, such as trials of a new car, are worth.
 
-    A draw is a possible reality: in each, every design has another success rate.
+    It uses STEP_DRAWS draws of equal weight. A draw is a possible reality, in which every design has a certain success
+    rate.
     """
 
     def __init__(self, answers: Answers) -> None:
@@ -107,7 +108,7 @@ class _Valuation:
         self._rates = answers.rates[self._draw_indices]
         self._log_odds = logit(self._rates.clip(MIN_RATE, 1 - MIN_RATE))
         self._car_sd = answers.draws.car_sd[self._draw_indices][:, None]
-        # With no new result, the expected rate is the one of now.
+        # The expected rate of the recommended design as things are: a step with a single result, which is certain.
         self._rate_now = self._expected_rate(numpy.ones((STEP_DRAWS, 1)))
         self.driven_designs = set(answers.trials.driven.tolist())
 
@@ -134,12 +135,13 @@ class _Valuation:
 
         ``outcomes`` (draws, results) are the probabilities of the step's results in each draw.
         """
-        # Neighbouring draws are alike, so both halves represent all draws.
+        # If the same draws chose a design and judged it, its rate would look too good. So the draws are divided into two
+        # halves. Systematic resampling makes neighbouring draws alike, so every second draw represents all of them.
         even, odd = slice(0, None, 2), slice(1, None, 2)
         # For each result and design, the sum over draws of the result's probability times the rate.
         even_rates = outcomes[even].T @ self._rates[even]
         odd_rates = outcomes[odd].T @ self._rates[odd]
-        # Each half chooses a design for each result, and the other half says how good the design is.
+        # For each result, each half chooses the design with the highest rate, and the other half says how good it is.
         results = numpy.arange(outcomes.shape[1])
         chosen_by_odd = even_rates[results, odd_rates.argmax(axis=1)].sum()
         chosen_by_even = odd_rates[results, even_rates.argmax(axis=1)].sum()
@@ -152,9 +154,10 @@ class _Valuation:
         return _pass_count_probabilities(car_log_odds, NODE_WEIGHTS[None], trials)
 
     def driven_car_outcomes(self, trials: int) -> dict[int, FloatArray]:
-        """Return the probabilities as in :meth:`new_car_outcomes` of cars that drove already, by the car's index.
+        """Return the probabilities that a car passes 0, 1, … of further ``trials``, for cars that drove already.
 
-        Of more than MAX_CARS cars, those with the highest rates are taken.
+        The result has an array (draws, trials + 1) by the car's index. If there are more than MAX_CARS cars, it has those
+        with the highest rates.
         """
         if not self._answers.driven:
             return {}
@@ -163,7 +166,7 @@ class _Valuation:
         best_cars = sorted(range(len(cars)), key=lambda car: -cars[car].rate.value)[:MAX_CARS]
         outcomes = {}
         for car in best_cars:
-            # (draws, nodes); the car's own trials make some of its possible log-odds more probable than others.
+            # The car's own trials make some of its possible log-odds (draws, nodes) more probable than others.
             logs = log_likelihoods[self._draw_indices, car]
             weights = numpy.exp(logs - logs.max(axis=1, keepdims=True)) * NODE_WEIGHTS
             weights = weights / weights.sum(axis=1, keepdims=True)
@@ -171,14 +174,16 @@ class _Valuation:
         return outcomes
 
     def measurement_results(self, parameter: int, precision: float) -> FloatArray:
-        """Return the probabilities (draws, RESULTS) of possible results of measuring the parameter with this index.
+        """Return how probable RESULTS possible results of a measurement are in each draw, as (draws, RESULTS).
 
-        ``precision`` is the standard deviation of the measured score.
+        ``parameter`` is the index of the measured parameter. ``precision`` is the standard deviation of the measured
+        score.
         """
         scores = self._answers.draws.scores[self._draw_indices, parameter]
         # The results are the midpoints of equally probable parts of the scores' distribution.
         results = numpy.quantile(scores, (numpy.arange(RESULTS) + 0.5) / RESULTS)
-        # Neighbouring results must overlap, or each draw would have a result of its own.
+        # A draw gives each result a probability that falls with its distance. The width of this bell curve is at least
+        # the distance of two results, because otherwise each draw would have only one possible result.
         width = max(precision, float(numpy.ptp(results)) / RESULTS)
         density = numpy.exp(-(((scores[:, None] - results) / width) ** 2) / 2)
         return numpy.asarray(density / density.sum(axis=1, keepdims=True))

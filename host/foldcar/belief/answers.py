@@ -214,9 +214,10 @@ class Answers:
         return CAR_SD, _median_estimate(self.draws.car_sd, self.draws.weights).value
 
     def single_cars(self, design: int) -> tuple[float, float]:
-        """Return the interval (low, high) that contains the success rates of two of three further cars of a design."""
+        """Return an interval (low, high): two thirds of the further cars of a design have a success rate within it."""
         log_odds = self.draws.log_odds(numpy.array([design]))[:, 0]
         median_log_odds = _median_estimate(log_odds, self.draws.weights).value
+        # The standard deviation of the log-odds of cars after the trials.
         _, car_sd = self.car_sd
         centre = centre_of_cars(numpy.asarray(median_log_odds), car_sd)
         half_width = TWO_THIRDS_SD * car_sd
@@ -224,7 +225,7 @@ class Answers:
 
     @cached_property
     def surprises(self) -> list[Surprise]:
-        """The driven designs whose trials are unlike what the trials of all other designs lead one to expect."""
+        """The driven designs whose number of passed trials is improbable, judged by the trials of all other designs."""
         if len(self.trials.driven) < 2:
             return []
         by_trials = sorted(self.trials.driven.tolist(), key=lambda design: -self.trials.counts_of(design)[1])
@@ -232,22 +233,26 @@ class Answers:
         for design in sorted(by_trials[:MAX_COMPARED]):
             passed, counted = self.trials.counts_of(design)
             expected_passed = self._passed_by_other_designs(design)
-            as_few, as_many = (expected_passed <= passed).mean(), (expected_passed >= passed).mean()
-            if min(as_few, as_many) < SURPRISE:
+            # The probabilities of so few passed trials, and of so many.
+            chance_of_so_few = (expected_passed <= passed).mean()
+            chance_of_so_many = (expected_passed >= passed).mean()
+            if min(chance_of_so_few, chance_of_so_many) < SURPRISE:
                 low, high = numpy.quantile(expected_passed / counted, INTERVAL).tolist()
                 expected = Estimate(float(expected_passed.mean()) / counted, low, high)
                 surprises.append(Surprise(design, passed, counted, expected))
         return surprises
 
     def _passed_by_other_designs(self, design: int) -> FloatArray:
-        """Draw how many trials of a design pass (SURPRISE_DRAWS,) by what all other designs' trials have taught."""
+        """Draw how many trials of a design pass, knowing only the trials of all other designs.
+
+        The result (SURPRISE_DRAWS,) is for other cars of the design, each of which drives as often as one that drove.
+        """
         draws = self._draws_without(design)
         random = numpy.random.default_rng(SURPRISE_SEED)
         chosen = random.choice(len(draws.weights), SURPRISE_DRAWS, p=draws.weights)
         log_odds = draws.log_odds(numpy.array([design]))[chosen, 0]
         car_sd = draws.car_sd[chosen]
         passed = numpy.zeros(SURPRISE_DRAWS)
-        # Other cars of the design drive as often as those that drove.
         for car in numpy.flatnonzero(self.trials.design == design):
             trials_of_car = int(self.trials.counted[self.trials.car == car].sum())
             car_log_odds = centre_of_cars(log_odds, car_sd) + car_sd * random.standard_normal(SURPRISE_DRAWS)
@@ -306,12 +311,15 @@ def believe(
 def estimates(values: FloatArray, weights: FloatArray) -> list[Estimate]:
     """Return the weighted mean and interval of each column of ``values`` (n, columns)."""
     means = weights @ values
+    # The rows of each column in ascending order, and the weight of all values up to each of them.
     order = numpy.argsort(values, axis=0)
     cumulated_weights = numpy.cumsum(weights[order], axis=0)
     column_estimates = []
     for column in range(values.shape[1]):
+        # The ends of the interval are weighted quantiles.
         positions = numpy.searchsorted(cumulated_weights[:, column], INTERVAL).clip(max=len(values) - 1)
-        low, high = values[order[positions, column], column]
+        rows = order[positions, column]
+        low, high = values[rows, column]
         column_estimates.append(Estimate(float(means[column]), float(low), float(high)))
     return column_estimates
 

@@ -73,13 +73,13 @@ class Learned:
     design_offsets: FloatArray = field(default_factory=lambda: numpy.zeros(0))
 
     def log_odds(self, scores: FloatArray, designs: FloatArray) -> FloatArray:
-        """Return the log-odds (n, d) of passing in realities with ``scores`` (n, K), for ``designs`` (d, parameters).
+        """Return the log-odds (n, d) that a random car of each design passes in a random scene.
 
-        They are those of a random scene and a random car of the design.
+        ``scores`` (n, K) are those of n realities, and ``designs`` (d, parameters) the parameters of d designs.
         """
         scores = _shaped(scores)
         quadratics = _quadratics(scores)
-        # The two kinds of coefficients are a and G in the file's head.
+        # The file's head calls these coefficients a and G.
         of_quadratics = self.coefficients[: quadratics.shape[1]]
         of_products = self.coefficients[quadratics.shape[1] :].reshape(1 + scores.shape[1], -1)
         score_effects = of_products @ self._design_features(designs).T
@@ -87,6 +87,7 @@ class Learned:
         scene_variance = 0.0
         if self.scene_offsets:
             scene_variance = float(numpy.var(list(self.scene_offsets.values())))
+        # So far these are log-odds in the average scene. Over random scenes they are closer to 0.
         log_odds /= numpy.sqrt(1 + SLOPE * scene_variance)
         return numpy.asarray(numpy.clip(log_odds, -MAX_LOG_ODDS, MAX_LOG_ODDS))
 
@@ -109,20 +110,27 @@ class NominalRuns:
 
 
 def nominal_runs(variation: Collection[str], counts: DesignCounts) -> NominalRuns:
-    """Return the nominal runs of an experiment's designs; ``variation`` has the names of what varies between cars."""
+    """Return how many nominal runs each design of an experiment has, how many passed, and in which reality they are.
+
+    ``variation`` has the names of the quantities that vary between the cars of these runs.
+    """
     scores = numpy.array(NOMINAL_SCORES)
     wheel_quantities = {name for name, quantity in workshop().items() if quantity.per == "wheel"}
     if wheel_quantities.intersection(variation):
-        # The listing's wheels differ as those of the workshop, which is the score 0.
+        # The wheels of these cars differ by the variation "workshop", and the score 0 stands for this.
         scores[NAMES.index(WHEEL_SPREAD)] = 0.0
     return NominalRuns(scores, numpy.array(counts.passed, float), numpy.array(counts.counted, float))
 
 
 def learn(runs: RealityRuns, designs: FloatArray, nominal: NominalRuns | None = None) -> Learned:
-    """Learn the success rate from runs; ``designs`` (designs, parameters) are the parameters of the family's designs.
+    """Learn the success rate as a function of reality and design, from runs in many realities.
 
-    The first CHECK of every BLOCK runs are a check group: they share reality and design. The error is measured on these
-    groups with a function that was learned from all other runs. Raises FoldcarError without runs.
+    ``runs`` are these runs. ``nominal`` are runs in nominal simulation, if there are any. ``designs`` (designs,
+    parameters) are the parameters of the family's designs.
+
+    The first CHECK runs of every BLOCK runs are a check group: they are runs of one design in one reality. To measure the
+    error, the function is first learned without the check groups, and then compared with them. Raises FoldcarError if
+    there are no runs.
     """
     runs = runs.taken(numpy.isfinite(runs.passed))
     if not len(runs):
@@ -144,8 +152,9 @@ def learn(runs: RealityRuns, designs: FloatArray, nominal: NominalRuns | None = 
 def _design_offsets(learned: Learned, runs: RealityRuns, designs: FloatArray, nominal: NominalRuns | None) -> FloatArray:
     """Return by how much the log-odds of each design (designs,) differ from the smooth function that was learned.
 
-    A smooth function of several parameters cannot follow every single design, and the best of many designs would be those
-    whose rates it overestimates. This is one Newton step of a logistic regression on the designs, with a penalty.
+    A smooth function of several parameters cannot follow every single design. Without these offsets, the designs that
+    look best would be those that the function overestimates. The offsets are the coefficients of a penalised logistic
+    regression with one coefficient for each design, after one step of Newton's method from 0.
     """
     learned_rates = _rates_of_runs(learned, runs, designs)
     gradient = numpy.bincount(runs.design, runs.passed - learned_rates, minlength=len(designs))
@@ -239,10 +248,11 @@ def _objective(
 
 
 def _check_error(learned: Learned, checks: RealityRuns, designs: FloatArray) -> float | None:
-    """Return the root mean square error of the learned rate on check groups; None without a group of several runs.
+    """Return the root mean square error of the learned rate on check groups, or None if no group has several runs.
 
-    The squared difference between the learned rate and the fraction of a group that passed has the variance of counting
-    in it, p (1 - p) / n, which is estimated without bias by k/n (1 - k/n) / (n - 1) and subtracted.
+    k of the n runs of a group passed. The difference between k/n and the learned rate has two causes: the error of the
+    learned rate, and chance, because n is small. The variance of chance is p (1 - p) / n for a true rate p. Its unbiased
+    estimate k/n (1 - k/n) / (n - 1) is subtracted from the squared difference.
     """
     block_and_design = numpy.stack([checks.number // BLOCK, checks.design])
     _, first_run, group = numpy.unique(block_and_design, axis=1, return_index=True, return_inverse=True)

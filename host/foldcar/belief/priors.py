@@ -36,13 +36,17 @@ class UnknownParameter:
     source: str
 
     def value(self, score: Any) -> Any:
-        """Return the value that is the same quantile of the prior as the score (or scores) of the standard normal."""
+        """Return the value that belongs to a score, or the values of an array of scores.
+
+        A score of 0 is the median of the prior, and 1 is the quantile that lies one standard deviation above it in a
+        normal distribution.
+        """
         if self.prior == "log-normal":
             return self.middle * np.exp(self.sd * score)
         if self.prior == "normal":
             return self.middle + self.sd * score
-        # A half-normal value has P(|x| < value) = P(z < score). It is computed from the upper tail, P(z > score), which
-        # does not lose its digits where the score is large.
+        # The prior is half-normal: x is normal with mean 0, and P(|x| < value) = P(z < score). So P(x > value) is half of
+        # P(z > score). This tail probability keeps its digits if the score is large.
         return -self.sd * ndtri(ndtr(-np.asarray(score, dtype=float)) / 2)
 
     def score(self, value: float) -> float:
@@ -145,10 +149,11 @@ def values_of(scores: FloatArray) -> list[dict[str, float]]:
 def parameter_named(
     name: str, value: float, place: str, largest_score: float, with_nominal: bool, others: Iterable[str] = ()
 ) -> UnknownParameter:
-    """Return the parameter ``name`` after a check that the score of ``value`` is at most ± ``largest_score``.
+    """Return the unknown parameter ``name``, after checking that it can have this ``value``.
 
-    ``with_nominal`` also allows the values from there to the nominal one. Raises FoldcarError, which starts with
-    ``place`` and names the limits. ``others`` are further valid names, for the message about an unknown name.
+    The value's score must be between -``largest_score`` and ``largest_score``. If ``with_nominal`` is True, the nominal
+    value and all values between it and this range are allowed, too. Raises FoldcarError, which begins with ``place``, if
+    the name is unknown or the value is outside the limits. ``others`` are further names that the error lists as valid.
     """
     if name not in NAMES:
         valid_names = [*NAMES, *others]
@@ -208,10 +213,13 @@ def measured_priors(measured: Mapping[str, float], place: str) -> dict[int, Scor
 
 
 def built_priors(vehicle_type: str, from_sheets: bool, supply_ratio: float | None = None) -> dict[int, ScorePrior]:
-    """Return narrower priors for what is known of built cars, by the parameter's index.
+    """Return the priors of unknown parameters about which more is known in built cars, by the parameter's index.
 
-    A type that names its cells fixes their supply; a car built ``from_sheets`` has its parts where they are drawn. With a
-    measured ``supply_ratio``, the supply's voltage divided by the design's, torque and speed of the servos grow with it.
+    Three things narrow a prior. If ``vehicle_type`` names the cells of the battery, their voltage is known. If the car
+    was built ``from_sheets``, its parts lie where they are drawn. If the battery's voltage was measured,
+    ``supply_ratio`` is the measured voltage divided by that of the design, and the servos' torque and speed are
+    proportional to it.
+
     Example: ``built_priors("W_B_W+cells=nimh", from_sheets=True)``
     """
     _, part_choices = split_type(vehicle_type)
@@ -228,6 +236,6 @@ def built_priors(vehicle_type: str, from_sheets: bool, supply_ratio: float | Non
     for narrowed in narrowed_parameters:
         index = NAMES.index(narrowed.name)
         wide = PARAMETERS[index]
-        # The narrow prior's middle and deviation, as scores of the wide one.
+        # A score counts in standard deviations of the usual, wider prior.
         priors[index] = ScorePrior(wide.score(narrowed.middle), narrowed.sd / wide.sd, narrowed.source)
     return priors

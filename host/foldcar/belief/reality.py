@@ -42,10 +42,11 @@ REAL_ONLY = {
 def drawn_reality(
     values: Mapping[str, float], listed: Mapping[str, float], seed: int, drive: int, car: int | str
 ) -> dict[str, Any]:
-    """Return how car and ground of a drive differ from design and scene, as ``reality`` in a run line of carsim.
+    """Draw how car and ground differ from design and scene in one drive. Return it as ``reality`` of carsim's run line.
 
-    ``values`` are the simulator's parameters by name. ``listed`` are the listing's spreads by name; ``wheel_spread``, if
-    in ``values``, replaces those of wheels. The number ``drive`` selects the random start, ``car`` the car's differences.
+    ``values`` are the unknown parameters of the reality, by name. ``listed`` are the standard deviations of the listing's
+    variation, by name. If ``values`` has a ``wheel_spread``, it replaces the listing's deviations of wheels. Drives with
+    the same ``seed`` and the same ``car`` have the same car; ``drive`` is the number that decides its start.
     """
     spread = dict(listed)
     if "wheel_spread" in values:
@@ -54,12 +55,14 @@ def drawn_reality(
                 spread[name] = values["wheel_spread"] * quantity.sd
     reality = draw(spread, seed, car)
     for name in ("servo_torque", "servo_speed"):
-        # A reality has relative differences, 0 for the design's value; ``values`` has factors.
-        reality[name] = [values[name] * (1 + deviation) - 1 for deviation in reality.get(name, [0.0] * CHANNELS)]
+        # ``values`` has a factor for all servos. A reality has a relative difference for each servo, where 0 stands for
+        # the value of the design.
+        differences_of_servos = reality.get(name, [0.0] * CHANNELS)
+        reality[name] = [values[name] * (1 + difference) - 1 for difference in differences_of_servos]
     reality["com_z_m"] = reality.get("com_z_m", 0.0) + values["com_height_m"]
     reality["track_m"] = values["track_m"]
     for name in REAL_ONLY.keys() & values.keys():
-        # The listing's own spread may have drawn a difference, to which this one is added.
+        # This is added to the difference that the listing's variation may have drawn.
         reality[name] = reality.get(name, 0.0) + values[name]
     reality |= {name: values[name] for name in GROUND_FACTORS}
     for name, deviate in start_deviates(seed, drive).items():

@@ -234,9 +234,13 @@ class Draws:
         return numpy.asarray(self.size[:, None] * (common + numpy.sqrt(SMOOTH) * smooth))
 
     def log_odds(self, designs: NDArray[Any]) -> FloatArray:
-        """Return the log-odds (n, d) that a random car of each design (by index) passes in a random scene."""
+        """Return the log-odds (n, d) that a random car of each design passes in a random scene, in each draw.
+
+        ``designs`` (d,) are the indices of the designs.
+        """
         log_odds = self.prior.log_odds(self.scores, designs) + self.unexplained(designs)
-        # Only driven designs have a column for their own error. The own errors of others are drawn here.
+        # Each design has an error of its own. A draw contains those of the driven designs; those of the others are
+        # random.
         own_errors = numpy.random.default_rng(OWN_ERROR_SEED).standard_normal(log_odds.shape)
         driven_designs = self.driven.tolist()
         for column, design in enumerate(designs.tolist()):
@@ -274,11 +278,12 @@ class Draws:
         return numpy.asarray(greatest[..., 0] + numpy.log(numpy.exp(by_node - greatest) @ NODE_WEIGHTS))
 
     def car_rates(self, trials: Trials) -> FloatArray:
-        """Return the rate (n, cars) of each car that drove, given its own trials, under each draw."""
-        by_node, car_log_odds = self.car_log_likelihood(trials)
-        probabilities = numpy.exp(by_node - by_node.max(axis=2, keepdims=True)) * NODE_WEIGHTS
+        """Draw the success rate (n, cars) of each car that drove, in each draw, given the car's own trials."""
+        log_likelihood, car_log_odds = self.car_log_likelihood(trials)
+        # A car's log-odds have the values of the nodes. This is the probability of each node.
+        probabilities = numpy.exp(log_likelihood - log_likelihood.max(axis=2, keepdims=True)) * NODE_WEIGHTS
         cumulated = probabilities.cumsum(axis=2) / probabilities.sum(axis=2, keepdims=True)
-        # One node is drawn for each draw and car: the first one whose cumulated probability is not below a random number.
+        # Draw a node for each draw and car: the first one whose cumulated probability is not below a random number.
         thresholds = numpy.random.default_rng(CAR_SEED).random((*cumulated.shape[:2], 1))
         nodes = (cumulated < thresholds).sum(axis=2).clip(max=len(NODES) - 1)
         drawn_log_odds = numpy.take_along_axis(car_log_odds, nodes[:, :, None], axis=2)[..., 0]
@@ -331,9 +336,11 @@ def normalised(log_weights: FloatArray) -> FloatArray:
 
 
 def _moved(draws: Draws, trials: Trials, log_likelihood: FloatArray, random: numpy.random.Generator) -> Draws:
-    """Return draws of equal weight: resampled and moved, while the power of the likelihood grows from 0 to 1.
+    """Turn draws from the prior into draws from the belief after the trials, all of equal weight.
 
-    ``log_likelihood`` (n,) is the log probability that each of the draws gives to the trials.
+    This is a sequential Monte Carlo sampler. The trials count with a power that grows in steps from 0 to 1. At each step
+    the draws are resampled, and then moved by a random walk, so that equal draws separate. ``log_likelihood`` (n,) is the
+    log probability that each of the draws gives to the trials.
     """
     number, power, stride = len(log_likelihood), 0.0, FIRST_STRIDE
     for _ in range(MAX_STEPS):
@@ -343,7 +350,8 @@ def _moved(draws: Draws, trials: Trials, log_likelihood: FloatArray, random: num
         draws = replace(draws, normal=draws.normal[chosen])
         log_likelihood = log_likelihood[chosen]
         for _ in range(MOVES):
-            # This proposal leaves the standard normal distribution unchanged, so the likelihood alone decides.
+            # A random step to a new draw. Such steps leave the standard normal distribution, which is the prior,
+            # unchanged. So only the likelihood decides whether the new draw is accepted.
             noise = random.standard_normal(draws.normal.shape)
             proposed = replace(draws, normal=numpy.sqrt(1 - stride**2) * draws.normal + stride * noise)
             proposed_log_likelihood = proposed.log_likelihood(trials)
@@ -351,7 +359,7 @@ def _moved(draws: Draws, trials: Trials, log_likelihood: FloatArray, random: num
             is_accepted = numpy.log(random.random(number)) < log_ratio
             draws = replace(draws, normal=numpy.where(is_accepted[:, None], proposed.normal, draws.normal))
             log_likelihood = numpy.where(is_accepted, proposed_log_likelihood, log_likelihood)
-            # Strides that are accepted about every fourth time explore fastest.
+            # Draws separate fastest if about a quarter of the steps is accepted. A longer stride is accepted less often.
             change = 1.2 if is_accepted.mean() > 0.25 else 0.8
             stride = float(numpy.clip(stride * change, MIN_STRIDE, 1.0))
         if power >= 1:

@@ -89,12 +89,11 @@ def link(
 
 
 def _world(run: ListedRun, k: int, values: Mapping[str, float] | None, car: str | None) -> tuple[Any, Any]:
-    """Return the scene of sample ``k``, with the id that `foldcar log` expects, and the reality of car and ground.
+    """Return the scene of sample ``k``, and the reality: how car and ground differ from design and scene.
 
-    A reality is how the true car and ground differ from what the simulator assumes.
-
-    ``values`` are the parameters of a reality file, None without one. ``car`` is the name of a built car, whose
-    differences from the design are the same in all samples; None stands for another car in each sample.
+    The scene has the id that `foldcar log` expects. ``values`` are the parameters of a reality file, or None if none was
+    given. ``car`` is the name of a car, which then differs from its design in the same way in all samples. If it is None,
+    each sample has a car of its own.
     """
     from foldcar.belief.reality import drawn_reality
     from foldcar.car.variation import named_car

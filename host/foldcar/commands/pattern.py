@@ -181,7 +181,10 @@ def _car_options(settings: Sequence[str], components: Sequence[Path]) -> list[st
 def listed_car(
     listing: Path, data: "ListingData", vehicle: str, settings: Sequence[str], components: Sequence[Path]
 ) -> "ListedCar":
-    """Return where a car is listed, with the first experiment of its vehicle, as the guide's commands name it."""
+    """Return how the commands in the assembly guide name a car: listing, experiment and options.
+
+    The experiment is the first one of the listing that has this ``vehicle``.
+    """
     from foldcar.fabrication.assembly.guide_service import ListedCar
 
     experiments = [name for name, entry in data.experiments.items() if entry.veh_id == vehicle]

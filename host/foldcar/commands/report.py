@@ -66,7 +66,7 @@ def report(
 
 
 def _carsim(engine: str) -> "Carsim | str":
-    """Return the simulator with that engine, or the reason why it cannot be started; the report is written anyway."""
+    """Return the simulator with that engine, or the reason why it cannot be started."""
     from foldcar.simulation.carsim import Carsim
     from foldcar.simulation.engines import engine_of
     from foldcar.simulation.runner import CarsimError
@@ -116,12 +116,12 @@ def _lines(experiment: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _table(experiment: Mapping[str, Any]) -> "ResultTable":
-    """Return the table of designs, best first."""
+    """Return the table that the command prints: a row for each of the MAX_DESIGNS best designs, best first."""
     from foldcar.shown_console import ResultTable
 
     designs = experiment["designs"]
     driven = any(designs["trials"])
-    # Code 0 is "passed", which has a column of its own.
+    # The outcomes that occur. Code 0 is "passed", which has a column of its own.
     outcome_codes = [code for code, column in enumerate(designs["outcomes"]) if code and any(column)]
     trial_titles = ["trials", "cars"] if driven else []
     titles = ["runs", "passed %", "95 % interval", *trial_titles, "built cars %"]

@@ -114,7 +114,11 @@ def variation_text(variation: Mapping[str, Any]) -> str:
 
 
 def _recorded_text(kind: str, value: Any) -> str:
-    """Return a recorded value as text; of a series, a list of [time in s, value], its length and last value."""
+    """Return a recorded value as text.
+
+    ``kind`` is "initial", "final" or "series". A series is a list of [time in s, value]; its text is its length and its
+    last value.
+    """
     if kind == "initial":
         return f"{_value_text(value)} at the start"
     if kind != "series":

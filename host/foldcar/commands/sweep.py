@@ -230,7 +230,10 @@ def _counts(progress: "Progress", with_success: bool) -> str:
 
 
 def _success(progress: "Progress") -> str:
-    """Return the success rate of the runs that count, as text, and how many runs have no definition of success."""
+    """Return a text with the success rate of the runs that count, and the number of runs without a rate.
+
+    Rejected runs do not count, nor do runs of environments that define no success.
+    """
     from foldcar.statistics.words import percent
 
     if not progress.judged:
@@ -284,7 +287,8 @@ def reality_lines(experiment: str, counts: "RealityCounts") -> Iterator[str]:
         return
     error = "an unknown error" if counts.error is None else f"an error of {100 * counts.error:.1f} points"
     if counts.error is not None and round(100 * counts.error, 1) == 0:
-        # The error is what the differences in the check groups have beyond their counting errors: here, nothing.
+        # The error is measured in groups of runs. Here their differences are not larger than chance alone would make
+        # them.
         error = f"an error that is too small to be measured by {count(counts.total // BLOCK, 'group')} of runs"
     yield (f"experiment {experiment}: {runs}; the success rate of built cars is learned from them with {error}")
     more = offered_runs(counts.total, counts.error)

@@ -77,24 +77,29 @@ def print_comparison(comparison: "Comparison") -> None:
 def _print_rates(console: Console, comparison: "ExperimentComparison") -> None:
     """Print a row for each design with its rates, its gap and its verdict."""
     designs = comparison.designs
-    built = ["further car %"] if any(design.built is not None for design in designs) else []
-    # A list of one column, or of none if no trial has a simulation of its own environment.
-    paired = ["same outcome"] if any(design.paired for design in designs) else []
-    heads = ("design", "runs", "simulated %", "cars", "passed", "these %", *built, *paired, "gap")
-    table = ResultTable(*heads, "verdict", left=("design", "verdict"))
+    heads = ["design", "runs", "simulated %", "cars", "passed", "these %"]
+    has_built_rates = any(design.built is not None for design in designs)
+    if has_built_rates:
+        heads.append("further car %")
+    # Some trials may have a run in their own environment, so that both outcomes can be compared.
+    has_pairs = any(design.paired for design in designs)
+    if has_pairs:
+        heads.append("same outcome")
+    table = ResultTable(*heads, "gap", "verdict", left=("design", "verdict"))
     for design in designs:
-        table.add_row(
+        cells = [
             design.label,
             str(design.evidence.runs),
             _rate(design.simulated),
             str(design.cars),
             f"{design.evidence.trials_passed} of {len(design.evidence.trials)}",
             _rate(design.driven),
-            *(_rate(design.built) for _ in built),
-            *(f"{design.agreeing} of {design.paired}" if design.paired else "-" for _ in paired),
-            _gap(design.gap),
-            design.verdict or "-",
-        )
+        ]
+        if has_built_rates:
+            cells.append(_rate(design.built))
+        if has_pairs:
+            cells.append(f"{design.agreeing} of {design.paired}" if design.paired else "-")
+        table.add_row(*cells, _gap(design.gap), design.verdict or "-")
     table.print_on(console)
 
 
@@ -255,16 +260,18 @@ STANDING_TEXTS = {
 
 
 def print_trials(trials: Sequence[Trial], varied_of: Mapping[str, Sequence[str]]) -> None:
-    """Print a row for each trial, and how many trials of each standing passed.
+    """Print a row for each trial, and then how many trials of each standing passed.
 
-    ``varied_of`` are the varied parameters of each swept experiment: by these, designs are named. If the trials' cars are
-    of several types, so of other modules or parts, the type is named, too.
+    The standing of a trial says whether it counts, for example "built" or "withdrawn". ``varied_of`` has the parameters
+    that vary in each swept experiment: designs are named by these. If the cars have different types, which means other
+    modules or parts, the type is named, too.
     """
     console = shown_console(PLAIN_WIDTH)
-    # A list of one column, or of none if no car has a name.
-    named = ["name"] if any(trial.car_name for trial in trials) else []
-    heads = ("trial", "experiment", "design", "sample", "car", *named, "outcome", "time (s)", "ending", "started (UTC)")
-    table = ResultTable(*heads, "note", left=("design", "car", "name", "outcome", "ending", "note"))
+    has_names = any(trial.car_name for trial in trials)
+    name_heads = ["name"] if has_names else []
+    heads = ["trial", "experiment", "design", "sample", "car", *name_heads, "outcome", "time (s)", "ending"]
+    left = ("design", "car", "name", "outcome", "ending", "note")
+    table = ResultTable(*heads, "started (UTC)", "note", left=left)
     differing = _varied(trials)
     several_types = len({trial.vehicle_type for trial in trials}) > 1
     for trial in trials:
@@ -276,7 +283,7 @@ def print_trials(trials: Sequence[Trial], varied_of: Mapping[str, Sequence[str]]
             f"{trial.vehicle_type} of {design}" if several_types else design,
             "-" if trial.sample is None else str(trial.sample),
             trial.car or UNKNOWN,
-            *(trial.car_name or "-" for _ in named),
+            *([trial.car_name or "-"] if has_names else []),
             f"{trial.outcome}, {WITHDRAWN}" if trial.withdrawn else trial.outcome,
             seconds_text(trial.elapsed_time_s),
             trial.ending,
@@ -290,9 +297,9 @@ def print_trials(trials: Sequence[Trial], varied_of: Mapping[str, Sequence[str]]
         completed = [trial for trial in group if trial.completed]
         if group:
             passed = sum(trial.outcome == "passed" for trial in completed)
-            tail = "" if standing == BUILT else "; these do not count"
+            do_not_count = "" if standing == BUILT else "; these do not count"
             aborted = len(group) - len(completed)
-            console.print(f"{text}: {passed} of {len(completed)} passed, {aborted} aborted{tail}")
+            console.print(f"{text}: {passed} of {len(completed)} passed, {aborted} aborted{do_not_count}")
 
 
 def _varied(trials: Sequence[Trial]) -> list[str]:

@@ -43,10 +43,10 @@ def correct(
     from foldcar.store.trial_records import checked_name
 
     outcome, kind = (None if word is None else word.lower() for word in (outcome, kind))
-    name = None if car is None else checked_name(car, "--car")
-    # The store's column `car` has the kind of car.
-    new_values = {"outcome": outcome, "note": note, "elapsed_time_s": elapsed_time, "car": kind, "car_name": name}
-    changes = {name: value for name, value in new_values.items() if value is not None}
+    car_name = None if car is None else checked_name(car, "--car")
+    # The store calls the kind of a car "car".
+    new_values = {"outcome": outcome, "note": note, "elapsed_time_s": elapsed_time, "car": kind, "car_name": car_name}
+    changes = {column: value for column, value in new_values.items() if value is not None}
     if not changes:
         raise FoldcarError("trials correct: nothing to change; use --outcome, --note, --elapsed-time, --kind or --car")
     _change("correct", store, reason, lambda writer: writer.correct(number, changes, reason, operator))

@@ -213,4 +213,6 @@ def test_a_car_with_other_parts_is_named_by_its_type(tmp_path: Path, foldcar: An
     listed = foldcar("trials", "list", "s.db").stdout
     assert listed.count("  W_B_W+tyre=grip_tape of width 95 mm, ") == 2 and listed.count("  W_B_W of width 95 mm, ") == 4
     compared = foldcar("compare", "s.db").stdout
-    assert "Some trials of 95 mm; W_B_W+tyre=grip_tape of 95 mm; width 95 mm, height 60 mm have no car's name." in compared
+    assert (
+        "Some trials of 95 mm; W_B_W+tyre=grip_tape of 95 mm; width 95 mm, height 60 mm have no car's name." in compared
+    )

@@ -88,7 +88,7 @@ class Belief:
         ]
 
     def _car_remarks(self) -> list[str]:
-        """Return a sentence on how much cars of one design differ; an empty list if only one car of each design drove."""
+        """Return a sentence on how much cars of one design differ, or nothing if only one car of each design drove."""
         trials = self.answers.trials
         driven_cars, driven_designs = len(trials.design), len(trials.driven)
         if driven_cars == driven_designs:
@@ -98,7 +98,7 @@ class Belief:
         low, high = self.answers.single_cars(best)
         return [
             f"Cars of one design differ by {learned_sd:.1f} in log-odds, by the trials of several cars; {assumed_sd:.1f} "
-            f"was assumed. So two of three further cars of {self.labels[best]} pass between {percent(low)} and "
+            f"was assumed. So about two thirds of the further cars of {self.labels[best]} pass between {percent(low)} and "
             f"{percent(high)} of their trials."
         ]
 

@@ -208,16 +208,17 @@ def compare_evidence(evidence: Sequence[Evidence], unswept: Sequence[Trial] = ()
 
 
 def compare_experiment(evidence: Evidence, margin: float = MARGIN) -> ExperimentComparison:
-    """Compare the trials of one experiment with its runs, as :func:`compare` does."""
+    """Compare the trials of one experiment with its runs, as :func:`compare` does for all experiments of a store."""
     info, remarks, belief = evidence.info, evidence.remarks, evidence.belief
     driven_designs = evidence.driven
     if info.success_defined:
         compared = tuple(_compare_design(design, belief, margin) for design in driven_designs)
     else:
+        # Without a definition of success, runs have no rate. Only the rates of the trials are shown.
         compared = tuple(DesignComparison(design, design.driven(CONFIDENCE)) for design in driven_designs)
     reason = _why_not_comparable(evidence)
     if reason is not None:
-        return ExperimentComparison(info, compared, f"Nothing to compare: {reason}", remarks)
+        return ExperimentComparison(info, compared, sentence=f"Nothing to compare: {reason}", remarks=remarks)
     with_runs = [design for design in driven_designs if design.runs]
     ranks = rank_agreement(
         [design.runs_passed / design.runs for design in with_runs],
@@ -226,8 +227,9 @@ def compare_experiment(evidence: Evidence, margin: float = MARGIN) -> Experiment
     designs_with_gap = [design.evidence for design in compared if design.gap is not None]
     if belief is None or not designs_with_gap:
         sentence = f"{_counts_text(compared)} {why_no_belief(info)}"
-        return ExperimentComparison(info, compared, sentence, remarks, ranks)
+        return ExperimentComparison(info, compared, sentence=sentence, remarks=remarks, ranks=ranks)
     mean_gap = _gap(belief, designs_with_gap)
+    # The experiment as a whole has a verdict, with a sentence that explains it.
     verdict, sentence = _verdict(compared, mean_gap, margin, info.simulation)
     return ExperimentComparison(
         info, compared, sentence, remarks, ranks, mean_gap, verdict, unknowns=tuple(belief.answers.unknowns)
@@ -304,8 +306,8 @@ def _counts_text(compared: Sequence[DesignComparison]) -> str:
 def _verdict(compared: Sequence[DesignComparison], mean_gap: Gap, margin: float, simulation: str) -> tuple[str, str]:
     """Return the experiment's verdict and a sentence that explains it.
 
-    Designs whose gap excludes 0 decide first, then the mean gap, then designs that agree. ``simulation`` names the
-    simulation in the sentence.
+    Three things are asked, in this order. Is simulation optimistic or pessimistic at single designs? Is it so on average?
+    Do simulation and trials agree at some designs? ``simulation`` names the simulation in the sentence.
     """
     labels_by_verdict: dict[str, list[str]] = {}
     for design in compared:
@@ -313,6 +315,7 @@ def _verdict(compared: Sequence[DesignComparison], mean_gap: Gap, margin: float,
             labels_by_verdict.setdefault(design.verdict, []).append(design.label)
     subject = simulation[0].upper() + simulation[1:]
     average = _average_text(compared, mean_gap, simulation)
+    # TOO_FEW is a verdict and also the words "too few trials".
     unsure = ""
     if TOO_FEW in labels_by_verdict:
         unsure = f"; {TOO_FEW} to say at {listed(labels_by_verdict[TOO_FEW])}"

@@ -253,11 +253,11 @@ def _evidence(
         belief = read_belief(store, info, evidence.family, completed_trials, bool(simulated))
     if info.success_defined:
         sentences += remarks.cars_without_names(with_trials)
-        sentences += remarks.pairs(with_trials) if resimulation is not None else []
+        sentences += remarks.on_pairs(with_trials) if resimulation is not None else []
     sentences += resimulation.remarks(info.id) if resimulation is not None else []
     if belief is not None:
         sentences += belief.remarks()
-    return replace(evidence, belief=belief, remarks=(*remarks.runs(store, info), *sentences))
+    return replace(evidence, belief=belief, remarks=(*remarks.on_runs(store, info), *sentences))
 
 
 def _design_of(trials: Sequence[Trial]) -> tuple[str, Mapping[str, float]]:
@@ -266,15 +266,15 @@ def _design_of(trials: Sequence[Trial]) -> tuple[str, Mapping[str, float]]:
 
 
 def _swept_designs(store: Store, info: ExperimentInfo, runs: RunArrays) -> list[DesignEvidence]:
-    """Return the swept designs of the family with their runs."""
+    """Return the designs of the family that were swept, in their order, each with its runs."""
     designs = list(store.designs(info.id).values())
-    # Sorted by design, the runs of one design are neighbours.
+    # Sort the runs by design, and divide them where the next design begins.
     run_indices = numpy.argsort(runs.design, kind="stable")
     first_runs = numpy.searchsorted(runs.design[run_indices], numpy.arange(1, len(designs)))
     run_indices_by_design = numpy.split(run_indices, first_runs)
     elapsed_s = runs.metrics[:, NUMBERS.index("elapsed_time_s")]
     swept_designs = []
-    # Not strict: without designs, numpy.split still returns one part.
+    # If there are no designs, numpy.split still returns one part, so both may have different lengths.
     for design, all_runs in zip(designs, run_indices_by_design, strict=False):
         outcomes = runs.outcome[all_runs]
         is_rejected = outcomes == OUTCOMES.index(REJECTED)
@@ -327,16 +327,17 @@ def _simulated_design(
 def _trials(
     info: ExperimentInfo, trials: Sequence[Trial], other_programs: Mapping[int, str | None], simulated_trials: bool
 ) -> tuple[list[Trial], list[str]]:
-    """Return the trials to compare with the runs, aborted ones included, and remarks on them and on those left out.
+    """Choose the trials that are compared with the runs. Return them, and remarks on them and on those left out.
 
-    ``other_programs`` has the Scenic program, by the trial's number, of trials in other environments than the runs.
+    Aborted trials are among the chosen ones. ``other_programs`` has an entry for each trial that was driven in another
+    environment than the runs: the environment's Scenic program, by the trial's number.
     """
     selected_trials, left_out = select_trials(trials, simulated_trials)
     if info.is_over_realities:
         return [], remarks.trials_beside_realities(info, len(selected_trials))
     left_out_sentence = left_out_text(left_out)
     sentences = [] if left_out_sentence is None else [left_out_sentence]
-    sentences += remarks.trials(info, selected_trials)
+    sentences += remarks.on_trials(info, selected_trials)
     programs_elsewhere = [other_programs[trial.id] for trial in selected_trials if trial.id in other_programs]
     sentences += remarks.trials_in_other_environments(programs_elsewhere, info)
     return [trial for trial in selected_trials if trial.id not in other_programs], sentences
@@ -349,10 +350,10 @@ def _with_trials(
     ids_in_samples: Container[int],
     resimulation: Resimulation | None,
 ) -> DesignEvidence:
-    """Return the design with its trials, each paired with the simulation of its environment.
+    """Return the design with its trials. Each trial is paired with a run in the same environment, if there is one.
 
-    A trial placed as planned is paired with the stored run; another one is simulated again as placed. ``ids_in_samples``
-    are the ids of the trials that were driven in an environment of the runs.
+    If everything was placed as planned, this is the stored run. Otherwise the trial is simulated now, as it was placed.
+    ``ids_in_samples`` are the ids of the trials that were driven in a sampled environment of the runs.
     """
     if not trials:
         return design
@@ -362,11 +363,13 @@ def _with_trials(
     for trial in completed_trials:
         sample = trial.sample if trial.id in ids_in_samples else None
         as_planned = sample is not None and not trial.deviations
-        # The trial has no counterpart if its stored run was rejected, or if it cannot be simulated again.
+        has_stored_run = as_planned and sample in passed_by_sample
+        has_rejected_run = as_planned and sample in design.rejected
+        # A trial has no partner if its stored run was rejected, or if it cannot be simulated now.
         simulated, resimulated = None, False
-        if as_planned and sample in passed_by_sample:
+        if has_stored_run:
             simulated = int(passed_by_sample[sample])
-        elif resimulation is not None and not (as_planned and sample in design.rejected):
+        elif resimulation is not None and not has_rejected_run:
             outcome = resimulation.trial(info, trial)
             if outcome is not None:
                 simulated, resimulated = int(outcome == "passed"), True

@@ -15,8 +15,11 @@ from foldcar.study.reality_runs import missing_realities
 SHOWN = 5
 
 
-def runs(store: Store, info: ExperimentInfo) -> list[str]:
-    """Return remarks on runs: what their engine cannot simulate, how many are missing or rejected."""
+def on_runs(store: Store, info: ExperimentInfo) -> list[str]:
+    """Return remarks on the runs of an experiment.
+
+    They say what the engine cannot simulate, what the rates mean, and how many runs are missing or were rejected.
+    """
     sentences = [info.warning] if info.warning else []
     if info.is_over_realities:
         sentences.append(
@@ -57,8 +60,11 @@ def _rejected_runs(counts: DesignCounts) -> list[str]:
     return [sentence]
 
 
-def trials(info: ExperimentInfo, selected_trials: Sequence[Trial]) -> list[str]:
-    """Return remarks on the trials that are compared with runs: by simulated cars, or corrected afterwards."""
+def on_trials(info: ExperimentInfo, selected_trials: Sequence[Trial]) -> list[str]:
+    """Return remarks on the trials that are compared with runs.
+
+    They say how many were driven by simulated cars, and how many were corrected afterwards.
+    """
     sentences = []
     if info.under is not None and selected_trials:
         sentences.append(f"The runs are of {info.under}: its parameters come from a file, not from trials.")
@@ -72,12 +78,15 @@ def trials(info: ExperimentInfo, selected_trials: Sequence[Trial]) -> list[str]:
 
 
 def trials_beside_realities(info: ExperimentInfo, number: int) -> list[str]:
-    """Return a remark on trials of the listed experiment, which are not compared with rates over realities."""
+    """Return a remark on trials that are left out because the runs are in random realities.
+
+    ``number`` is the number of these trials, which belong to the listed experiment.
+    """
     if not number:
         return []
     return [
-        f"{count(number, 'trial')} left out, because these rates are those before any trial: sweep experiment "
-        f"{info.listed_id} to compare."
+        f"{count(number, 'trial')} left out, because the rates of runs in random realities are those before any trial. "
+        f"To compare the trials with simulation, sweep experiment {info.listed_id}."
     ]
 
 
@@ -150,10 +159,11 @@ def cars_without_names(designs: Sequence[DesignEvidence]) -> list[str]:
     ]
 
 
-def pairs(designs: Sequence[DesignEvidence]) -> list[str]:
-    """Return remarks on how trials are paired with runs of the same environment, and on repeated environments.
+def on_pairs(designs: Sequence[DesignEvidence]) -> list[str]:
+    """Return remarks on the runs with which trials are compared, and on environments that were driven several times.
 
-    Some trials are paired with a run that was made now, and some cannot be paired.
+    Each trial should have a run in the same environment. Some of these runs had to be made now, and some trials have
+    none.
     """
     sentences = []
     all_trials = [trial for design in designs for trial in design.trials]

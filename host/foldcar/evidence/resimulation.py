@@ -83,8 +83,9 @@ class Resimulation:
         if refusal is not None:
             return [], refusal
         scenes = self._scenes(info)
-        # The first design is simulated in however many environments.
-        if self._runs and self._runs + len(scenes) > MAX_RUNS:
+        # The limit does not stop the first design.
+        is_first_design = self._runs == 0
+        if not is_first_design and self._runs + len(scenes) > MAX_RUNS:
             return [], f"no more than {MAX_RUNS:,} runs are made at a time; sweep it"
         self._runs += len(scenes)
         try:
@@ -110,24 +111,23 @@ class Resimulation:
 
     def remarks(self, experiment: str) -> list[str]:
         """Return remarks on trials of an experiment that could not be simulated as placed."""
-        counts_by_reason = {
-            f"no more than {MAX_TRIALS:,} are simulated at a time": self._over_limit[experiment],
-            str(self._refusals.get(experiment)): self._refused[experiment],
-        }
-        return [
-            f"{count(number, 'trial')} not simulated as placed: {reason}."
-            for reason, number in counts_by_reason.items()
-            if number
-        ]
+        sentences = []
+        over_limit, refused = self._over_limit[experiment], self._refused[experiment]
+        if over_limit:
+            reason = f"no more than {MAX_TRIALS:,} are simulated at a time"
+            sentences.append(f"{count(over_limit, 'trial')} not simulated as placed: {reason}.")
+        if refused:
+            sentences.append(f"{count(refused, 'trial')} not simulated as placed: {self._refusals[experiment]}.")
+        return sentences
 
     def _refusal(self, info: ExperimentInfo) -> str | None:
-        """Return why an experiment's runs cannot be reproduced now; None if they can. Checked once."""
+        """Return the reason why an experiment's runs cannot be repeated now, or None if they can. It is found once."""
         if info.id not in self._refusals:
-            self._refusals[info.id] = self._check_reproducible(info)
+            self._refusals[info.id] = self._why_not_repeatable(info)
         return self._refusals[info.id]
 
-    def _check_reproducible(self, info: ExperimentInfo) -> str | None:
-        """Return why runs of the experiment cannot be repeated here; None if they can."""
+    def _why_not_repeatable(self, info: ExperimentInfo) -> str | None:
+        """Return the reason why an experiment's runs cannot be repeated with this simulator, or None if they can."""
         if info.under is not None:
             return f"the runs are those of {info.under}"
         if read_drives(self._store, info.id).dynamic:

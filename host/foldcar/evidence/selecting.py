@@ -64,7 +64,11 @@ def select_evidence(evidence: Sequence[Evidence], threshold: float | None = None
 
 
 def _select_one(evidence: Evidence, threshold: float | None) -> Selection:
-    """Advise on one experiment; a ``threshold`` of None stands for the highest one of the listing, or THRESHOLD."""
+    """Return the advice for one experiment.
+
+    ``threshold`` is the success rate that a good car reaches. If it is None, it is the highest threshold of the listing,
+    or THRESHOLD if the listing has none.
+    """
     info, belief = evidence.info, evidence.belief
     if threshold is None:
         threshold = max(info.thresholds, default=THRESHOLD)
@@ -73,12 +77,13 @@ def _select_one(evidence: Evidence, threshold: float | None) -> Selection:
         with threadpool_limits(1):
             selection = Adviser(evidence, belief, threshold).selection()
     elif info.success_defined and evidence.run_counts[:, 1].any():
+        # Without a belief, the rates in simulation are all that can be said.
         selection = Selection(
-            info, threshold, grounds(evidence, threshold), learn=why_no_belief(info), remarks=evidence.remarks
+            info, threshold, works=grounds(evidence, threshold), learn=why_no_belief(info), remarks=evidence.remarks
         )
     else:
-        selection = Selection(info, threshold, _no_advice_text(evidence), remarks=evidence.remarks)
-    # Begins with a warning if trials of simulated cars count.
+        selection = Selection(info, threshold, works=_no_advice_text(evidence), remarks=evidence.remarks)
+    # If trials of simulated cars count, the text begins with a warning.
     return replace(selection, works=f"{simulated_text(evidence)}{selection.works}")
 
 

@@ -134,10 +134,13 @@ def band_text(rate: Estimate) -> str:
 
 
 def _reaching_in_simulation(evidence: Evidence, threshold: float) -> str:
-    """Return which designs reach the threshold in nominal simulation, such as "75 to 150 mm reach 75 %"."""
+    """Say which designs reach the threshold in nominal simulation, such as "75 to 150 mm reach 75 %".
+
+    The text also says for which of these designs the runs show it with 95 % confidence.
+    """
     passed_runs, counted_runs = evidence.run_counts.T
     is_simulated = counted_runs > 0
-    # Divides by 1 instead of 0; designs without runs are masked.
+    # The rate of a design without runs is 0, and does not count.
     rates = passed_runs / numpy.maximum(counted_runs, 1)
     reaches = is_simulated & (rates >= threshold)
     if not reaches.any():
@@ -156,8 +159,9 @@ def _reaching_in_simulation(evidence: Evidence, threshold: float) -> str:
         return f"{text} with 95 % confidence"
     if surely_reaches.any():
         return f"{text}, {_family_names(evidence, surely_reaches, counted)} with 95 % confidence each"
-    none = "but not" if len(evidence.family) == 1 else "none"
-    return f"{text}, {none} with 95 % confidence"
+    if len(evidence.family) == 1:
+        return f"{text}, but not with 95 % confidence"
+    return f"{text}, none with 95 % confidence"
 
 
 def _none_reaching(evidence: Evidence, rates: NDArray[numpy.float64], threshold: float) -> str:
@@ -212,16 +216,19 @@ def _with_verb(names: str, chosen: NDArray[numpy.bool_], verb: str) -> str:
 
 
 def _family_names(evidence: Evidence, chosen: NDArray[numpy.bool_], counted: _Counted) -> str:
-    """Name the designs of the family in the mask ``chosen`` (n,): ranges if one parameter varies, else their number.
+    """Return a text that names some designs of the family, those for which ``chosen`` (n,) is True.
 
-    ``counted`` designs are those that could have been chosen.
+    If one parameter varies, the text has ranges of its values, otherwise the number of designs. ``counted`` are the
+    designs among which these were chosen.
     """
     number, total = int(chosen.sum()), len(chosen)
+    one_parameter_varies = len(evidence.parameters) == 1
     if total == 1:
         return "the design"
-    if number == total or (number > 1 and number == counted.mask.sum() and len(evidence.parameters) != 1):
+    has_all_counted = number > 1 and number == counted.mask.sum()
+    if number == total or (has_all_counted and not one_parameter_varies):
         return f"each of {counted.count()}"
-    if len(evidence.parameters) == 1:
+    if one_parameter_varies:
         return _value_ranges(evidence, evidence.parameters[0], chosen)
     if number == 1:
         return evidence.family[int(chosen.argmax())].label

@@ -72,8 +72,10 @@ class Importance:
 
 @dataclass(frozen=True)
 class Effects:
-    """A fit by :func:`fit_effects`: ``parameters`` (d, k) of the designs with runs, and draws of the model's factors.
+    """What :func:`fit_effects` has learned about the effects of the parameters on success.
 
+    ``model`` is the fitted Gaussian process. ``parameters`` (d, k) are the parameters of the designs with runs.
+    ``factors`` has, for each candidate of the model, draws of the coefficients of its basis functions.
     ``designs_differ`` is whether the designs passed at different rates.
     """
 
@@ -83,13 +85,17 @@ class Effects:
     designs_differ: bool = True
 
     def rates(self, parameters: NDArray[Any]) -> NDArray[Any]:
-        """Draw the rates (draws, m) of designs with parameters (m, k), within the range of the designs that were run."""
+        """Draw the success rates (draws, m) of m designs with parameters (m, k).
+
+        The parameters must be within the range of the designs that were run.
+        """
         scaled = (parameters - self.model.low) / self.model.span
         random = numpy.random.default_rng(1)
         log_odds_of_candidates = []
         for candidate, drawn_factors in zip(self.model.candidates, self.factors, strict=True):
             functions = basis_functions(candidate.process, candidate.strength, scaled)
-            # Between the inducing designs the functions lack this variance; the first function is the constant.
+            # The basis functions represent the process exactly at the inducing designs. Elsewhere a part of its variance,
+            # strength², is missing, and is added as noise. The first function is the constant.
             residual_variance = candidate.strength**2 - (functions[:, 1:] ** 2).sum(axis=1)
             residual_sd = numpy.sqrt(numpy.maximum(residual_variance, 0))
             noise = random.standard_normal((len(drawn_factors), len(scaled)))
@@ -97,8 +103,8 @@ class Effects:
         return logistic(numpy.concatenate(log_odds_of_candidates))
 
     def effect(self, parameter: int) -> Effect:
-        """Return success over the values of the parameter with this index, averaged over the other parameters."""
-        combinations, all_run = self._combinations([parameter])
+        """Return how success changes with the parameter of this index, averaged over the other parameters."""
+        combinations, are_complete = self._combinations([parameter])
         grid = numpy.unique(self.parameters[:, parameter])
         if len(grid) > MAX_VALUES:
             grid = numpy.linspace(grid[0], grid[-1], MAX_VALUES)
@@ -107,20 +113,21 @@ class Effects:
         mean_curves = rates.mean(axis=1)
         levels = mean_curves.mean(axis=1)
         level_low, level_high = numpy.quantile(levels, INTERVAL_95).tolist()
-        # The band shows the uncertainty of the curve's shape: the draws are shifted to a common level.
+        # The band shows how uncertain the shape of the curve is, not its level. So all draws are shifted to one level.
         shapes = mean_curves - levels[:, None]
         low, high = levels.mean() + numpy.quantile(shapes, INTERVAL_95, axis=0)
         shown_combinations = _evenly_spaced(len(combinations), MAX_CURVES)
         return Effect(
             grid,
             mean=mean_curves.mean(axis=0),
-            # A shifted draw may leave the range of rates.
+            # Shifted draws may be below 0 or above 1.
             low=low.clip(0, 1),
             high=high.clip(0, 1),
             level=(level_low, level_high),
             curves=numpy.median(rates[:, shown_combinations], axis=0),
             combinations=len(combinations),
-            run=all_run,
+            run=are_complete,
+            # The probabilities that success rises towards the lowest value, and towards the highest value.
             rises=(
                 float((mean_curves[:, 0] > mean_curves[:, 1]).mean()),
                 float((mean_curves[:, -1] > mean_curves[:, -2]).mean()),
@@ -152,10 +159,11 @@ class Effects:
         return self.rates(designs).reshape(-1, len(combinations), len(values))
 
     def _combinations(self, indices: Sequence[int]) -> tuple[NDArray[Any], bool]:
-        """Return combinations of the parameters other than those at ``indices``, and whether they are complete.
+        """Return the combinations of all other parameters than those at ``indices``, and whether they are complete.
 
-        The combinations (c, k) are given by one design for each. A combination is complete if it was run at every value
-        of the parameters at ``indices``. If there are too few complete ones, all combinations are returned.
+        A combination is complete if it was run with every value of the parameters at ``indices``. If there are too few
+        complete combinations, all of them are returned. The result (c, k) has a design for each combination, with
+        arbitrary values of the parameters at ``indices``.
         """
         other_parameters = numpy.delete(self.parameters, list(indices), axis=1)
         number_of_values = len(numpy.unique(self.parameters[:, list(indices)], axis=0))
@@ -170,9 +178,9 @@ class Effects:
         return self.parameters[designs].copy(), enough_complete
 
     def importance(self) -> list[Importance]:
-        """Return the importance of each parameter; an empty list if all designs have the same rate.
+        """Return the importance of each parameter: its share of the differences between the designs' rates.
 
-        The draws then differ by chance only, and fractions of their variance mean nothing.
+        The list is empty if all designs have the same rate, because then there is no difference to share.
         """
         if not self.designs_differ:
             return []
@@ -193,7 +201,10 @@ class Effects:
         return self.rates(self.parameters)
 
     def _variance_over(self, parameter: int) -> NDArray[Any]:
-        """Return the mean variance (draws,) of the rate over the parameter's values with the other parameters fixed."""
+        """Return, for each draw, by how much the rate varies with one parameter while the others are fixed.
+
+        The result (draws,) is the variance over the parameter's values, averaged over the designs.
+        """
         other_parameters = numpy.delete(self.parameters, parameter, axis=1)
         # The designs of a group differ in this parameter alone.
         _, group, counts = numpy.unique(other_parameters, axis=0, return_inverse=True, return_counts=True)
@@ -208,7 +219,8 @@ class Effects:
         chosen = _evenly_spaced(len(self.parameters), MAX_COMBINATIONS)
         designs = numpy.repeat(self.parameters[chosen], len(values), axis=0)
         designs[:, parameter] = numpy.tile(values, len(chosen))
-        return _variance_within_groups(self.rates(designs), numpy.repeat(numpy.arange(len(chosen)), len(values)))
+        group_of_design = numpy.repeat(numpy.arange(len(chosen)), len(values))
+        return _variance_within_groups(self.rates(designs), group_of_design)
 
 
 def _variance_within_groups(rates: NDArray[Any], group: NDArray[Any]) -> NDArray[Any]:

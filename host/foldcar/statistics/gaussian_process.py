@@ -200,20 +200,23 @@ class SuccessModel:
     span: NDArray[Any]
 
     def rates(self, parameters: ArrayLike, confidence: float = 0.95) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-        """Return the rate and its credible band (rate, low, high), each (m,) and 0 to 1, at parameters (m, k).
+        """Return the success rates of m designs with parameters (m, k), and their credible bands: (rate, low, high).
 
-        Raises FoldcarError outside the range of the designs that were simulated.
+        Each is an array (m,) of values from 0 to 1. Raises FoldcarError if a design is outside the range of the designs
+        that were simulated.
         """
         from scipy.special import ndtri
 
         check_confidence(confidence)
         scaled = self.scaled(parameters, range(len(self.low)))
-        # The mixture of the candidates' log-odds counts as normal with its mean and variance.
+        # The model is a mixture of candidates, each with normal log-odds. It is treated as a normal distribution with the
+        # mean and the variance of the mixture.
         mean, mean_square = numpy.zeros(len(scaled)), numpy.zeros(len(scaled))
         for candidate in self.candidates:
             functions = basis_functions(candidate.process, candidate.strength, scaled)
             log_odds = functions @ candidate.factors.mode
-            # The variance between the inducing designs, which the functions lack; the first function is the constant.
+            # The basis functions represent the process exactly at the inducing designs. Elsewhere this part of its
+            # variance, strength², is missing from them. The first function is the constant.
             residual_variance = numpy.maximum(candidate.strength**2 - (functions[:, 1:] ** 2).sum(axis=1), 0)
             variance = ((functions @ candidate.factors.root) ** 2).sum(axis=1) + residual_variance
             mean += candidate.weight * log_odds

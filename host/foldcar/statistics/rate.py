@@ -123,15 +123,16 @@ def anytime_interval(
 def limited_mean(
     crossed: int, runs: int, sum_s: float, sum_squares_s2: float, limit_s: float
 ) -> tuple[float, float, float]:
-    """Return the restricted mean time to cross with its 95 % interval (mean, low, high), in seconds.
+    """Return the mean time of all runs with its 95 % interval (mean, low, high), in seconds.
 
-    ``crossed`` of ``runs`` crossed; ``sum_s`` and ``sum_squares_s2`` are sums of their times and of the squares. A run
-    that did not cross counts as ``limit_s``. The interval is a Bayesian bootstrap (Rubin 1981,
-    doi:10.1214/aos/1176345338). Two pseudo-runs of weight 1/2 are added: one crosses at time 0, the other never. So it is
-    Jeffreys' interval if all runs cross at time 0 or never. One step is approximate: the mean time of crossing gets a
-    beta distribution with the bootstrap's mean and variance. Student's t covers too little at ten runs.
+    ``crossed`` of the ``runs`` passed, which means that they crossed the course. ``sum_s`` is the sum of their times, and
+    ``sum_squares_s2`` the sum of the squares of their times. A run that did not cross counts as ``limit_s``. Raises
+    FoldcarError if counts or times are impossible.
 
-    Raises FoldcarError if counts or times are impossible.
+    The interval is a Bayesian bootstrap (Rubin 1981, doi:10.1214/aos/1176345338), because Student's t covers too little
+    at ten runs. Two pseudo-runs of weight 1/2 are added: one crosses at time 0, the other never. So the interval is
+    Jeffreys' interval if all runs cross at time 0 or never. One step is approximate: the mean time of the runs that cross
+    gets a beta distribution with the mean and the variance of the bootstrap.
     """
     from scipy.special import betaincinv
 
@@ -141,15 +142,15 @@ def limited_mean(
         raise FoldcarError(f"times to cross must be 0 to {limit_s:g} s, the limit")
     failed = runs - crossed
     mean = (sum_s + failed * limit_s) / runs
-    # Under the bootstrap the fraction that crosses and the mean time of crossing are independent.
-    # Each is represented by its quantiles at MIDPOINTS; times are fractions of the limit.
+    # In the bootstrap, the fraction of runs that cross and the mean time of these runs are independent. Each is
+    # represented by its quantiles at MIDPOINTS. Times are fractions of the limit.
     crossed_fractions = betaincinv(crossed + 0.5, failed + 0.5, MIDPOINTS)
     mean_time = sum_s / (crossed + 0.5) / limit_s
     mean_square = sum_squares_s2 / (crossed + 0.5) / limit_s**2
     variance = (mean_square - mean_time**2) / (crossed + 1.5)
     crossing_times = numpy.zeros(1)
     if variance > 0 and 0 < mean_time < 1:
-        # The sum of both parameters of the beta distribution with this mean and variance.
+        # The beta distribution with this mean and variance has the parameters mean * strength and (1 - mean) * strength.
         strength = mean_time * (1 - mean_time) / variance - 1
         crossing_times = betaincinv(mean_time * strength, (1 - mean_time) * strength, MIDPOINTS)
     mean_times_s = limit_s * (1 - numpy.outer(crossed_fractions, 1 - crossing_times))
@@ -171,11 +172,11 @@ def check_confidence(confidence: float) -> None:
         raise FoldcarError(f"confidence must be between 0 and 1, as 0.95; it is {confidence:g}")
 
 
-def _lowest_rate(passed: NDArray[Any], total: NDArray[Any], threshold: float) -> NDArray[Any]:
-    """Return the lower ends of anytime-valid intervals, for ``passed`` of ``total`` runs (arrays), by bisection.
+def _lowest_rate(passed: NDArray[Any], total: NDArray[Any], log_ratio_limit: float) -> NDArray[Any]:
+    """Return the lower ends of the intervals of :func:`anytime_interval`, for ``passed`` of ``total`` runs (arrays).
 
-    They are the lowest rates at which the log of (likelihood under the Beta mixture / likelihood at the rate) is at most
-    ``threshold``.
+    The lower end is the lowest rate at which the log of the ratio (likelihood under the mixture of rates / likelihood at
+    this rate) is at most ``log_ratio_limit``. It is found by bisection.
     """
     from scipy.special import betaln, xlog1py, xlogy
 
@@ -185,7 +186,7 @@ def _lowest_rate(passed: NDArray[Any], total: NDArray[Any], threshold: float) ->
     for _ in range(HALVINGS):
         middle = (rate_below + rate_within) / 2
         log_ratio = log_mixture - xlogy(passed, middle) - xlog1py(total - passed, -middle)
-        is_within = log_ratio <= threshold
+        is_within = log_ratio <= log_ratio_limit
         rate_below = numpy.where(is_within, rate_below, middle)
         rate_within = numpy.where(is_within, middle, rate_within)
     return numpy.where(passed > 0, rate_within, 0.0)

@@ -123,9 +123,11 @@ class _ComparedColumn(NamedTuple):
 def _compare_column(
     column: int, values: NDArray[Any], pairs: NDArray[Any], excess: NDArray[Any]
 ) -> _ComparedColumn | None:
-    """Return Somers' D of a column's values (environments,); None if it is left out.
+    """Return Somers' D of a column, which says how well its values separate passed from failed runs.
 
-    ``pairs`` are those of :func:`_passed_failed_pairs`, and ``excess`` is A in the file's head.
+    ``values`` (environments,) are the values of the column, NaN if unknown. ``pairs`` (environments, environments) are
+    the numbers of pairs of a passed and a failed run. ``excess`` is A in the file's head. Returns None if the column is
+    left out, because it has too few environments, a single value or no pairs.
     """
     is_known = ~numpy.isnan(values)
     number_of_pairs = float(is_known @ pairs @ is_known)
@@ -135,19 +137,21 @@ def _compare_column(
     ranks = ranks.astype(numpy.float32)
     signs = numpy.sign(ranks[:, None] - ranks[None, :])
     signs[~is_known], signs[:, ~is_known] = 0, 0
-    # The matrix has each pair of environments twice.
-    difference = float((excess * signs).sum(dtype=float)) / 2 / number_of_pairs
+    # The matrices have each pair of environments twice.
+    sum_over_pairs = float((excess * signs).sum(dtype=float)) / 2
+    difference = sum_over_pairs / number_of_pairs
     return _ComparedColumn(column, difference, number_of_pairs, signs.sum(axis=1, dtype=float))
 
 
 def _critical_values(scores: NDArray[Any], excess: NDArray[Any]) -> NDArray[Any]:
-    """Return the critical value of each column's sum of A_ij S_ij over i < j. The file's head derives it.
+    """Return the critical value of each column: its sum of A_ij S_ij over i < j exceeds this by chance in 5 % of cases.
 
-    ``scores`` are s (environments, columns), and ``excess`` is A (environments, environments).
+    The file's head derives it, and defines these symbols. ``scores`` are s (environments, columns), and ``excess`` is A
+    (environments, environments).
     """
-    # The least-squares fit of A_ij = w_i - w_j, and what it leaves.
+    # The least-squares fit of A_ij = w_i - w_j, and its residual.
     weights = excess.mean(axis=1, dtype=float)
-    # Each pair is in A twice, so its squares count half.
+    # Each pair is in A twice. With this factor, the sum of squares counts it once.
     residual = (excess - weights[:, None] + weights[None, :]) / numpy.sqrt(2)
     random = numpy.random.default_rng(0)
     orders = random.permuted(numpy.tile(numpy.arange(len(weights)), (PERMUTATIONS, 1)), axis=1)
@@ -155,7 +159,8 @@ def _critical_values(scores: NDArray[Any], excess: NDArray[Any]) -> NDArray[Any]
     deviations = numpy.sqrt((permuted_sums**2).mean(axis=0))
     max_standardised = (numpy.abs(permuted_sums) / numpy.maximum(deviations, 1e-12)).max(axis=1)
     quantile = numpy.quantile(max_standardised, 0.95, method="higher")
-    return numpy.asarray(quantile * numpy.sqrt(deviations**2 + (residual**2).sum(dtype=float) / 3))
+    residual_variance = (residual**2).sum(dtype=float) / 3
+    return numpy.asarray(quantile * numpy.sqrt(deviations**2 + residual_variance))
 
 
 @dataclass(frozen=True)

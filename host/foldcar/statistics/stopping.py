@@ -54,25 +54,25 @@ class StoppingRule:
         return float(numpy.asarray(masses) @ probabilities.sum(axis=1))
 
     def _deciding_passes(self, passed: int, runs: int, later_runs: int) -> NDArray[Any]:
-        """Return how many of the new runs must pass for the design to be decided after ``later_runs`` runs.
+        """Return all numbers of new passed runs with which the rule decides the design after ``later_runs`` runs.
 
-        So far ``passed`` of ``runs`` passed. The result has each number with which the design is decided.
+        So far ``passed`` of ``runs`` passed. The others of the ``later_runs`` runs are the new ones.
         """
         new_passed = numpy.arange(later_runs - runs + 1)
         is_decided = _decided(self, later_runs)[passed + new_passed]
         return numpy.asarray(new_passed[is_decided])
 
     def hopeless(self, passed: int, runs: int, max_runs: int) -> bool:
-        """Return whether ``max_runs`` runs in all would decide the design with a probability below MIN_CHANCE.
+        """Return whether the rule has little chance to decide a design, even with ``max_runs`` runs.
 
-        The probability follows from the ``runs`` so far and Jeffreys' prior. A rule with a ``half_width`` is never
-        hopeless, because further runs always narrow the interval.
+        So far ``passed`` of its ``runs`` passed. Little chance means a probability below MIN_CHANCE, computed with
+        Jeffreys' prior. A rule with a ``half_width`` always has a chance, because further runs narrow the interval.
         """
         if self.half_width is not None:
             return False
-        # The near horizon is checked first, because the far one needs a long table.
-        horizons = (min(max_runs, NEAR_HORIZON * (runs + 1)), max_runs)
-        return all(_later_chance(self, passed, runs, later_runs) < MIN_CHANCE for later_runs in horizons)
+        # A smaller number of runs is tried first: its chance is computed faster, and often it is already large enough.
+        fewer_runs = min(max_runs, NEAR_HORIZON * (runs + 1))
+        return all(_later_chance(self, passed, runs, later_runs) < MIN_CHANCE for later_runs in (fewer_runs, max_runs))
 
     @classmethod
     def from_facts(cls, facts: Mapping[str, Any]) -> "StoppingRule":
@@ -111,11 +111,12 @@ def _later_chance(rule: StoppingRule, passed: int, runs: int, later_runs: int) -
 
 
 def evidence_of_worse(excess: ArrayLike, number: int, max_advantage: float) -> float:
-    """Return a betting score, the evidence that a design's total loss over ``number`` environments exceeds another's.
+    """Return a score that is high if a design is worse than another one, judged by some of ``number`` environments.
 
-    ``excess`` (n,) is its loss minus the other's in the environments so far, in random order, at least
-    -``max_advantage``. If the sum over all environments is 0 or less, the score ever reaches 1/risk with a probability of
-    at most ``risk``. It is infinite if the remaining environments cannot bring the sum down to 0.
+    ``excess`` (n,) is the loss of the design minus the loss of the other one, in the environments so far, in random
+    order. It is never below -``max_advantage``. If the design is not worse, which means that the sum over all
+    environments is 0 or less, the score ever reaches 1/risk with a probability of at most ``risk``. The score is
+    infinite if the remaining environments cannot bring the sum down to 0.
 
     Let x_i be the excess in environment i of N, and b ``max_advantage``. If the sum is at most 0, the mean of x_i given
     those before is at most μ_i = -(x_1 + … + x_(i-1)) / (N - i + 1). So Π (1 + c (x_i - μ_i) / (b + μ_i)) is a
@@ -130,5 +131,6 @@ def evidence_of_worse(excess: ArrayLike, number: int, max_advantage: float) -> f
     if ((denominators < ROUNDING) & (x - max_mean > ROUNDING)).any():
         return math.inf
     gains = numpy.divide(x - max_mean, denominators, out=numpy.zeros(len(x)), where=denominators >= ROUNDING)
-    # A product over environments for each stake; the score is their mean.
-    return float(numpy.prod(1 + STAKES * gains, axis=1).mean())
+    # There is a product over the environments for each stake. The score is the mean of these products.
+    products = numpy.prod(1 + STAKES * gains, axis=1)
+    return float(products.mean())

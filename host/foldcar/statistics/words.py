@@ -59,12 +59,16 @@ def percent(share: float, digits: int = 0) -> str:
 
 
 def percent_number(share: float, digits: int = 0) -> str:
-    """Return a fraction of 0 to 1 in per cent for a table: ``12``, ``<1`` or ``>99`` beside the ends."""
-    number, step = f"{100 * share:.{digits}f}", 10.0**-digits
+    """Return a fraction of 0 to 1 as a number in per cent, such as ``12``.
+
+    Only 0 itself is shown as ``0``, and only 1 as ``100``. Other fractions that round to these are ``<1`` and ``>99``.
+    """
+    number = f"{100 * share:.{digits}f}"
+    smallest_step = 10.0**-digits
     if share > 0 and float(number) == 0:
-        return f"<{step:.{digits}f}"
+        return f"<{smallest_step:.{digits}f}"
     if share < 1 and float(number) == 100:
-        return f">{100 - step:.{digits}f}"
+        return f">{100 - smallest_step:.{digits}f}"
     return number
 
 

@@ -177,7 +177,10 @@ def test_rates_are_said_to_be_expected_and_not_compared_with_trials(store: Path,
         comparison = compare(opened)
         page = page_data(opened)
 
-    left_out = "2 trials left out, because these rates are those before any trial: sweep experiment 1 to compare."
+    left_out = (
+        "2 trials left out, because the rates of runs in random realities are those before any trial. "
+        "To compare the trials with simulation, sweep experiment 1."
+    )
     for selection in selections:
         assert "Expected over realities, " in selection.works and "trials" not in selection.works
         assert selection.learn == "Trials do not change these rates: sweep experiment 1 to learn from trials."

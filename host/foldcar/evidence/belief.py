@@ -98,8 +98,8 @@ class Belief:
         low, high = self.answers.single_cars(best)
         return [
             f"Cars of one design differ by {learned_sd:.1f} in log-odds, by the trials of several cars; {assumed_sd:.1f} "
-            f"was assumed. So about two thirds of the further cars of {self.labels[best]} pass between {percent(low)} and "
-            f"{percent(high)} of their trials."
+            f"was assumed. So about two thirds of the further cars of {self.labels[best]} pass between "
+            f"{percent(low)} and {percent(high)} of their trials."
         ]
 
     def _learning_remarks(self) -> list[str]:

@@ -131,10 +131,10 @@ def sliders() -> list[Slider]:
     """Return the parameters that a page can change, each with its range and its nominal value."""
     rows = []
     for parameter in SLIDERS:
-        # The nominal value must be on the slider.
+        # The range must contain the nominal value.
         low = min(float(parameter.value(-MAX_SCORE)), parameter.nominal)
         if parameter.prior == "half-normal":
-            # A standard deviation, which may be 0.
+            # This is a standard deviation, which may be 0.
             low = 0.0
         rows.append(
             _slider(
@@ -146,7 +146,7 @@ def sliders() -> list[Slider]:
                 high=float(parameter.value(MAX_SCORE)),
             )
         )
-    # Only a reality of a file has this parameter.
+    # This parameter is not among the unknowns that foldcar draws, but a reality file may contain it.
     supply = REAL_ONLY["supply_resistance_ohm"]
     rows.append(
         _slider(
@@ -215,9 +215,10 @@ def _inputs(info: ExperimentInfo, drives: StoredDrives, designs: Sequence[int], 
 
 
 def _checks(runs: RunArrays) -> str:
-    """Return a blob with a hash (FNV-1a, 32 bits) of outcome and metrics of each run.
+    """Return a blob with a hash for each run, by which the page checks a run that it has simulated again.
 
-    The hash is 0 for a rejected or failed run, because it did not end in the simulator alone.
+    It is the 32-bit FNV-1a hash of the run's outcome and metrics. It is 0 for a rejected or failed run, because the page
+    cannot repeat what ended it.
     """
     hashes = result_hashes(runs.outcome, runs.metrics)
     for name in (REJECTED, FAILED):

@@ -70,10 +70,11 @@ def environment_values(store: Store, info: ExperimentInfo) -> EnvironmentValues:
 
 
 def read_scenes(store: Store, info: ExperimentInfo) -> dict[int, Mapping[str, Any]]:
-    """Return the stored scenes of an experiment by sample, read once from an open store. Raises StoreError."""
+    """Return the stored scenes of an experiment by sample. They are read once from an open store. Raises StoreError."""
     row = store.row(EXPERIMENT, id=info.id)
 
     def read() -> dict[int, Mapping[str, Any]]:
+        """Read the scenes from the store."""
         return _by_sample(store, row, _SCENES, read=lambda scene: scene)
 
     return store.once(("read scenes", info.id), read)
@@ -130,7 +131,10 @@ def _object_parameters(store: Store, experiment: Any, samples: Iterable[int]) ->
 
 
 def _object_columns(names: Sequence[str]) -> list[str]:
-    """Return the beginning of the names of each object's columns, ``scene_kerb_2`` of ``kerb 2``; all differ."""
+    """Return for each object how the names of its columns begin, such as ``scene_kerb_2`` for the object ``kerb 2``.
+
+    No two objects get the same name.
+    """
     counts = Counter[str]()
     columns = []
     for name in names:
@@ -188,7 +192,11 @@ def _labels_of_objects(objects_by_sample: Mapping[int, Sequence[Any]]) -> dict[s
 
 
 def _prefixes_of_pieces(info: ExperimentInfo, scenes: Mapping[int, Mapping[str, Any]]) -> dict[str, str]:
-    """Return the beginning of the labels of each piece, such as box_2: ``kerb ``, or ``stair, block 2: `` of several."""
+    """Return how the labels of a piece's columns begin, by the piece's name.
+
+    The piece ``box_2`` of the object ``kerb`` has the prefix "kerb ". If the object has several pieces, the prefix names
+    the piece, too, such as "stair, block 2: ".
+    """
     objects = objects_of_pieces(info.terrain_objects, scenes.values())
     if objects is None:
         return {}
@@ -200,7 +208,7 @@ def _prefixes_of_pieces(info: ExperimentInfo, scenes: Mapping[int, Mapping[str, 
         if len(indices) == 1:
             prefixes[piece_names[indices[0]]] = f"{object_name} "
             continue
-        # The pieces of an object are counted anew.
+        # Within an object, pieces are counted from 1.
         names_in_object = _piece_names(kinds[index] for index in indices)
         for index, name_in_object in zip(indices, names_in_object, strict=True):
             prefixes[piece_names[index]] = f"{object_name}, {_piece_label(name_in_object)}: "
@@ -241,9 +249,11 @@ def _by_sample(store: Store, experiment: Any, drawn: _Drawn, read: Callable[[Any
 
 
 def _scene(scene: Mapping[str, Any], objects: Sequence[Any] | None) -> dict[str, float]:
-    """Return the numbers of a scene: friction, start, goal, terrain, the number of pieces, the highest.
+    """Return the numbers of a scene by the name of their column.
 
-    Those of the terrain are the parameters of its ``objects``, or of each piece if these are unknown.
+    They are its friction, its start, its goal, its number of pieces, the height of its highest piece (m), and the numbers
+    of its terrain. The latter are the parameters of the ``objects``. If these are unknown, they are the numbers of each
+    piece.
     """
     values = _numbers("scene", {"friction": scene.get("friction")})
     for position in ("start", "goal"):
@@ -336,9 +346,10 @@ def _informative(values: NDArray[Any]) -> list[int]:
 
 
 def _column(name: str, labels: Mapping[str, str], prefixes: Mapping[str, str]) -> EnvironmentColumn:
-    """Return the column of this name.
+    """Return the column ``name`` with its label, its unit, and the factor from SI units to this unit.
 
-    ``labels`` are those of objects' columns. ``prefixes`` begin the labels of pieces' columns, by piece.
+    ``labels`` has the labels of the columns that belong to objects, by the column's name. ``prefixes`` has the beginning
+    of the labels of the columns that belong to a piece, by the piece's name.
     """
     _, si_unit = label_and_unit(name)
     unit, scale = READERS_UNITS.get(si_unit, (si_unit, 1.0))

@@ -74,27 +74,30 @@ def write_csv(store: Store, text: TextIO, failed: bool = False) -> int:
 
 
 def export_parquet(store: Store, file: Path, failed: bool = False) -> int:
-    """Write the runs, or only the ``failed`` ones, as Parquet atomically; return the number of rows.
+    """Write the runs of a store to a Parquet file, and return the number of rows.
 
-    Raises FoldcarError if the store cannot be read or the file cannot be written.
+    If ``failed`` is True, only the failed runs are written. The file appears only when it is complete. Raises
+    FoldcarError if the store cannot be read or the file cannot be written.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     table = _RunTable(store, failed)
-    # Recorded lists of one type become Parquet lists; other recorded JSON remains JSON text.
-    nested = [name for name, kind in table.recorded.items() if kind == "json"]
-    types_of_lists = {name: list_type(result.recorded.get(name) for result in store.results()) for name in nested}
-    lists = {name: kind for name, kind in types_of_lists.items() if kind is not None}
-    of_kind = {"number": pa.float64(), "text": pa.string(), "truth": pa.bool_(), "json": pa.string()}
-    types = {
-        **dict.fromkeys((*TEXT_COLUMNS, "outcome", "message"), pa.string()),
-        "sample": pa.int64(),
-        "passed": pa.bool_(),
-        **{f"{RECORDED_PREFIX}{name}": lists.get(name, of_kind[kind]) for name, kind in table.recorded.items()},
-    }
+    # Recorded lists of one type become Parquet lists. Other recorded JSON remains JSON text.
+    list_types: dict[str, Any] = {}
+    for name, kind in table.recorded.items():
+        if kind == "json":
+            type_of_lists = list_type(result.recorded.get(name) for result in store.results())
+            if type_of_lists is not None:
+                list_types[name] = type_of_lists
+    type_of_kind = {"number": pa.float64(), "text": pa.string(), "truth": pa.bool_(), "json": pa.string()}
+    # All other columns are numbers.
+    types = dict.fromkeys((*TEXT_COLUMNS, "outcome", "message"), pa.string())
+    types |= {"sample": pa.int64(), "passed": pa.bool_()}
+    for name, kind in table.recorded.items():
+        types[f"{RECORDED_PREFIX}{name}"] = list_types.get(name, type_of_kind[kind])
     schema = pa.schema([_field(column, types.get(column, pa.float64())) for column in table.columns])
-    count, rows = 0, table.rows(lists)
+    count, rows = 0, table.rows(list_types)
     with atomic_file(file) as binary, pq.ParquetWriter(binary, schema) as writer:
         while batch := list(itertools.islice(rows, BATCH_ROWS)):
             writer.write_table(pa.table(list(zip(*batch, strict=True)), schema=schema))
@@ -249,9 +252,9 @@ def _field(name: str, kind: Any) -> Any:
 
 
 def list_type(recorded: Iterable[Recorded | None]) -> Any:
-    """Return pyarrow's list type that holds all values of a name; None if only JSON holds them.
+    """Return the list type of pyarrow that can hold all these recorded values, or None if no list type can.
 
-    A list of numbers is list<double>, a series list<struct<time_s, value>>.
+    For lists of numbers it is list<double>. For series it is list<struct<time_s, value>>.
     """
     import pyarrow as pa
 

@@ -85,18 +85,23 @@ class DesignColumns:
         return bands
 
     def page(self, threshold: float, measures: list[Measure]) -> DesignTable:
-        """Return the page's table of designs; ``threshold`` is the success rate of good designs."""
+        """Return the page's table of designs, column by column. Each column has an entry for each design.
+
+        ``threshold`` is the success rate that a good design reaches.
+        """
         evidence, family = self.evidence, self.evidence.family
         driven = evidence.belief is not None and evidence.belief.driven
-        # Verdicts are about built cars as soon as one was driven, before that and without a belief about simulation.
+        # If a car was driven, verdicts are about the rates of built cars. Otherwise they are about the rates in
+        # simulation.
         judged = self.built if driven else self.simulation
         index_by_value = {}
         for name, values in evidence.values.items():
             index_by_value[name] = {value: index for index, value in enumerate(values)}
-        # Of each design, the index of each varied parameter's value among all its values.
+        # For each design and each parameter that varies: the index of its value among all values of the parameter.
         value_indices = []
         for design in family:
             value_indices.append([index_by_value[name][float(design.design[name])] for name in index_by_value])
+        # Where the trials contradict simulation, the page marks the design.
         verdict_by_name = {design.label: design.verdict for design in compare_experiment(evidence).designs}
         refuted = []
         for name in self.names:

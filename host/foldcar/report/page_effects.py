@@ -69,13 +69,13 @@ def effect_rows(effects: Effects, parameters: list[int]) -> list[ParameterEffect
 
 
 def combinations_text(effect: Effect, parameters: int) -> str:
-    """Describe the combinations that an effect is a mean over; "" with a single parameter."""
+    """Say over which combinations of the other parameters an effect is averaged; "" if there are no others."""
     if parameters < 2:
         return ""
     number = f"{count(effect.combinations, 'combination')} of the other parameters"
     if effect.run:
         return f"mean over the same {number}, each of which was run at every value"
-    return f"mean over the same {number} by the smooth model: hardly any was run at every value"
+    return f"mean over the same {number} by the smooth model, because few of them were run at every value"
 
 
 def importance_rows(effects: Effects, indices: Sequence[int]) -> list[ParameterImportance]:

@@ -15,9 +15,10 @@ from foldcar.study.search.objectives import OBJECTIVES, Objective, is_dominated
 
 
 def search_front(evidence: Evidence, areas: Sequence[float | None], fresh: Evidence | None) -> SearchFront | None:
-    """Return the designs of a search with their objectives; None if the experiment is not of a search.
+    """Return the designs of a search as points with the values of their objectives.
 
-    ``areas`` are the designs' sheet areas (cm²), ``fresh`` is the evidence of the best designs in fresh environments.
+    ``areas`` are the areas of film of the designs (cm²). ``fresh`` is the evidence of the best designs in new, "fresh"
+    environments. If a design has fresh runs, its point comes from these. Returns None if the experiment is no search.
     """
     info = evidence.info
     objectives = [OBJECTIVES[name] for name in info.objectives if name in OBJECTIVES]
@@ -33,12 +34,12 @@ def search_front(evidence: Evidence, areas: Sequence[float | None], fresh: Evide
         is_fresh = bool(runs)
         if not is_fresh:
             runs = searched_runs[index]
-            # A design that the search abandoned was not tried in all environments, so it has no point.
+            # If the search has stopped a design early, its runs are not in all environments, so it has no point.
             if len(runs) < max_runs:
                 continue
         points.append(_point(index, objectives, runs, info.timeout_s, areas[index], is_fresh))
     signs = [-1 if objective.largest else 1 for objective in objectives]
-    # Points from the environments of the search are too good, so points are compared only with those of the same kind.
+    # In the environments of the search, the best designs look too good. So these points are not compared with fresh ones.
     for is_fresh in (True, False):
         points_alike = [point for point in points if point["fresh"] == is_fresh]
         losses = [_losses(point["values"], signs) for point in points_alike]

@@ -15,17 +15,18 @@ REALITIES = 100
 
 
 def drawn_realities(evidence: Evidence) -> tuple[FloatArray, FloatArray] | None:
-    """Return the values (REALITIES, parameters) of drawn realities, and the success of all designs in each.
+    """Draw some realities from the belief. Return their values and the success rates of all designs in each of them.
 
-    The rates (REALITIES, designs of the family) are NaN for designs outside the belief. Returns None without a belief.
+    The values are (REALITIES, parameters). The rates are (REALITIES, designs of the family), and NaN for designs that do
+    not belong to the belief. Returns None if there is no belief.
     """
     belief = evidence.belief
     if belief is None:
         return None
     values, rates = belief.answers.realities(REALITIES)
-    columns = numpy.full((REALITIES, len(evidence.family)), numpy.nan)
-    columns[:, belief.design_indices] = rates
-    return values, columns
+    rates_of_family = numpy.full((REALITIES, len(evidence.family)), numpy.nan)
+    rates_of_family[:, belief.design_indices] = rates
+    return values, rates_of_family
 
 
 def page_realities(evidence: Evidence) -> PageRealities | None:

@@ -57,13 +57,16 @@ def _failures(store: Store, info: ExperimentInfo, failed: int) -> list[str]:
 
 
 def _undecided_text(info: ExperimentInfo) -> str:
-    """Return the end of a sentence, on the designs that the stopping rule has not decided; "" if all are decided."""
+    """Return the part of the sentence on decided designs that is about the others, or "" if all are decided.
+
+    The sentence begins, for example, with "3 of 5 designs are decided".
+    """
     undecided = info.designs - info.decided
     if not undecided:
         return ""
     are = "is" if undecided == 1 else "are"
     if info.stored_runs < info.planned_runs:
-        return f"; {undecided} {are} not yet"
+        return f"; {undecided} {are} not decided yet"
     text = f"; {undecided} {are} undecided, simulated in {count(info.environments, 'environment')}"
     if info.until is not None and info.until.thresholds:
         text += f", or fewer if the chance that all would decide fell below {100 * MIN_CHANCE:g} %"
@@ -71,28 +74,28 @@ def _undecided_text(info: ExperimentInfo) -> str:
 
 
 def stopped_remarks(info: ExperimentInfo) -> list[str]:
-    """Return remarks on how a search or a stopping rule affects the rates; none after a sweep of all runs."""
+    """Return remarks on how a search or a stopping rule affects the rates; an empty list if all runs were made."""
     if info.searched:
-        sentences = (
+        remark = (
             "A search chose these designs by their rates, so the rates of the best are biased upwards. Trust the rates "
             "in fresh environments."
         )
         if len(info.objectives) == 1:
-            sentences += (
-                " It stopped early with designs that were worse than the best. At most 10 % of designs as good as the "
-                "best are stopped wrongly."
+            remark += (
+                " The search stopped designs early that were worse than the best. A design that is as good as the best "
+                "is stopped with a probability of at most 10 %."
             )
-        return [sentences]
+        return [remark]
     if info.until is None:
         return []
     max_runs = info.designs * info.environments
-    are_decided = "is decided" if 1 in (info.decided, info.designs) else "are decided"
-    were_made = "was made" if info.stored_runs == 1 else "were made"
+    decided_verb = "is decided" if info.decided == 1 or info.designs == 1 else "are decided"
+    made_verb = "was made" if info.stored_runs == 1 else "were made"
     reference = "the thresholds" if info.until.thresholds else "50 %"
     return [
         f"The sweep stopped simulating a design when {info.until.text}: {info.decided:,} of "
-        f"{count(info.designs, 'design')} {are_decided}{_undecided_text(info)}. {info.stored_runs:,} of at most "
-        f"{count(max_runs, 'run')} {were_made}.",
+        f"{count(info.designs, 'design')} {decided_verb}{_undecided_text(info)}. {info.stored_runs:,} of at most "
+        f"{count(max_runs, 'run')} {made_verb}.",
         "Intervals are anytime-valid (Beta-binomial mixture): each holds at whatever number of runs its design stopped. "
         "They hold for single designs, not jointly. Rates of designs that stopped early lie on average "
         f"somewhat too far from {reference}. Rates over several designs give each design the same weight.",

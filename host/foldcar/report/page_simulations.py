@@ -13,11 +13,14 @@ from foldcar.store.info import ExperimentInfo
 
 
 def other_simulations(evidence: Evidence, experiments: Sequence[Evidence]) -> list[OtherSimulation]:
-    """Return an entry for each other simulation that has runs in common with this one."""
+    """Compare the runs of an experiment with the same runs in other simulations, such as another engine.
+
+    Returns an entry for each of the ``experiments`` that has runs of the same designs in the same samples.
+    """
     own_runs = _passed_runs(evidence)
     simulations: list[OtherSimulation] = []
     for other in experiments:
-        if other.info.id == evidence.info.id or _samples(other.info) != _samples(evidence.info):
+        if other.info.id == evidence.info.id or _identity_of_samples(other.info) != _identity_of_samples(evidence.info):
             continue
         other_indices = [other.index_of(design) for design in evidence.family]
         other_runs = _passed_runs(other)
@@ -34,7 +37,7 @@ def other_simulations(evidence: Evidence, experiments: Sequence[Evidence]) -> li
             agreeing += has_passed == has_passed_in_other
         if not common_runs:
             continue
-        # Each is named by its difference from the other.
+        # The name of a simulation says how it differs from the other one.
         name, own_name = _simulation_name(other.info, evidence.info), _simulation_name(evidence.info, other.info)
         text = f"{name}: {other_passed:,} of the same {count(common_runs, 'run')} passed, {own_name}: {own_passed:,}"
         if other.info.under == evidence.info.under:
@@ -60,7 +63,7 @@ def _simulation_name(info: ExperimentInfo, other: ExperimentInfo) -> str:
     return info.under or "nominal"
 
 
-def _samples(info: ExperimentInfo) -> tuple[Any, ...]:
+def _identity_of_samples(info: ExperimentInfo) -> tuple[Any, ...]:
     """Return a key that is equal for two experiments with the same cars and samples."""
     return (
         info.listed_id,

@@ -4,6 +4,7 @@ Input: an experiment's designs and smooth model. Output: drawings in the order i
 parameters vary, all drawings are of the smooth model of simulation, over the same combinations of the other parameters.
 """
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -29,6 +30,8 @@ from foldcar.statistics.effects import Effects
 from foldcar.statistics.words import label_and_unit
 
 WIDE_IN, HEIGHT_IN = 7.2, 3.7
+# Heights of a panel of the effects, and of their title.
+PANEL_IN, TITLE_IN = 2.7, 0.4
 GREEN, BLUE, NAVY, REGION, NOT_RUN = "#62b85f", "#3f7fd0", "#14265c", "#dff1ea", "#e6e6e6"
 # Colours of the publication's figure by number of thresholds; more thresholds take colours of a map.
 PUBLISHED = {1: (NAVY, GREEN), 2: (NAVY, BLUE, GREEN)}
@@ -55,22 +58,25 @@ class PaperFigure:
 def drawings(
     designs: DesignColumns, effects: Effects | None, indices: Sequence[int], thresholds: Sequence[float]
 ) -> Iterator[PaperFigure]:
-    """Yield the drawings of an experiment; ``effects`` are of the parameters with ``indices``."""
+    """Yield the drawings of an experiment, each with the name of its file and a caption.
+
+    ``effects`` are the effects of the parameters with these ``indices``, or None.
+    """
     start = "experiment_" + file_name_part(designs.evidence.info.id)
-    judged, run = designs.evidence.info.success_defined, bool(designs.evidence.outcome_counts.any())
-    if len(designs.evidence.values) == 1 and (run or designs.evidence.trial_counts.any()):
+    success_defined, has_runs = designs.evidence.info.success_defined, bool(designs.evidence.outcome_counts.any())
+    if len(designs.evidence.values) == 1 and (has_runs or designs.evidence.trial_counts.any()):
         (name,) = designs.evidence.values
         label = label_and_unit(name)[0]
-        if judged:
+        if success_defined:
             caption = f"Success by {label}: what simulation and trials say, with 95 % bands"
             draw = partial(draw_feasibility, designs, thresholds)
             yield PaperFigure("feasibility", f"{start}_feasibility_by_{name}", caption, draw)
-        if judged and run:
+        if success_defined and has_runs:
             caption = f"Mean success by {label} over all environments, with {designs.interval_name} 95 % intervals"
             yield PaperFigure(
                 "success", f"{start}_success_by_{name}", caption, partial(draw_success, designs, thresholds)
             )
-        if run:
+        if has_runs:
             caption = f"Outcomes by {label}"
             yield PaperFigure("outcomes", f"{start}_outcomes_by_{name}", caption, partial(draw_outcomes, designs))
     if len(indices) > 1 and effects is not None:
@@ -79,18 +85,18 @@ def drawings(
         caption = f"{caption_start}: {combinations}, for the first. Thin: single combinations."
         draw = partial(draw_effects, designs, effects, indices, thresholds)
         yield PaperFigure("effects", f"{start}_effects", caption, draw)
-        # The most important parameters first.
-        ordered_indices = [row["parameter"] for row in importance_rows(effects, indices)]
-        # Without differences between designs no parameter is more important than another.
-        two = (ordered_indices or list(indices))[:2]
-        first, second = (list(designs.evidence.values)[index] for index in two)
+        # The map shows the two most important parameters. If all designs have the same rate, no parameter is more
+        # important than another, and it shows the first two.
+        by_importance = [row["parameter"] for row in importance_rows(effects, indices)]
+        mapped = (by_importance or list(indices))[:2]
+        first, second = (list(designs.evidence.values)[index] for index in mapped)
         first_label, second_label = label_and_unit(first)[0], label_and_unit(second)[0]
         caption_start = f"Success over {first_label} and {second_label} by the smooth model"
         yield PaperFigure(
             "map",
             f"{start}_map_by_{first}_and_{second}",
             f"{caption_start}, a mean over the same combinations of the others",
-            partial(draw_map, designs, effects, indices, two, thresholds),
+            partial(draw_map, designs, effects, indices, mapped, thresholds),
         )
 
 
@@ -134,11 +140,14 @@ class Axis:
 
 
 def draw_feasibility(designs: DesignColumns, thresholds: Sequence[float], figure: Figure | None = None) -> Figure:
-    """Draw success in simulation and of built cars, each with its 95 % band; tint values whose built cars are good.
+    """Draw the success rates of designs in simulation and of built cars, each with its 95 % band.
 
-    A thin curve is success in one drawn reality.
+    A thin curve is the success rate in one reality. Designs whose built cars reach the highest of the ``thresholds`` on
+    average have a tinted background.
     """
-    axis, figure = Axis(designs), figure or Figure(figsize=(WIDE_IN, 4.0), layout="constrained")
+    # Where each design stands on the horizontal axis.
+    axis = Axis(designs)
+    figure = figure or Figure(figsize=(WIDE_IN, 4.0), layout="constrained")
     axes = figure.subplots()
     x, mean, low, high = _placed_bands(axis, designs.built)
     for place in x[mean >= thresholds[-1]]:
@@ -292,11 +301,14 @@ def draw_effects(
     thresholds: Sequence[float],
     figure: Figure | None = None,
 ) -> Figure:
-    """Draw success over each parameter with its band, and curves of single combinations of the others."""
+    """Draw how success changes with each parameter, in a panel of its own.
+
+    A panel has the mean over the combinations of the other parameters, with a band, and a thin curve for each of some
+    combinations. ``indices`` are the indices of the parameters.
+    """
     names = [list(designs.evidence.values)[parameter] for parameter in indices]
-    # Rounded up.
-    rows = -(-len(names) // COLUMNS)
-    figure = figure or Figure(figsize=(WIDE_IN, 2.7 * rows + 0.4), layout="constrained")
+    rows = math.ceil(len(names) / COLUMNS)
+    figure = figure or Figure(figsize=(WIDE_IN, PANEL_IN * rows + TITLE_IN), layout="constrained")
     grid = figure.subplots(rows, COLUMNS, squeeze=False, sharey=True)
     for index, (name, axes) in enumerate(zip(names, grid.flat, strict=False)):
         effect = effects.effect(index)

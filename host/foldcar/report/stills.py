@@ -20,9 +20,10 @@ class Still:
 
 
 def stills(experiments: Iterable[ReportedExperiment]) -> list[Still]:
-    """Return a picture of each experiment's recommended design.
+    """Return a picture of the recommended design of each experiment.
 
-    It is left out if there is no such design, or if this version of foldcar cannot fold it.
+    An experiment without a recommended design has no picture. Nor has one whose design this version of foldcar cannot
+    fold, because another version may have stored it.
     """
     result = []
     for experiment in experiments:

@@ -144,12 +144,13 @@ class ChunkPool(Generic[R]):
         return True
 
     def add(self, run: R, runs_left: int) -> Iterator[list[FinishedRun[R]]]:
-        """Add a run to the chunk that is being filled; yield the chunks that finish while it waits for a free worker.
+        """Add a run to the present chunk, and submit the chunk to the simulators when it is large enough.
 
-        The chunk is submitted when it is large enough. ``runs_left`` is the number of runs of the sweep without a result,
-        including those that were added.
+        If all simulators are busy, this waits, and yields the chunks that finish meanwhile. ``runs_left`` is the number
+        of runs of the sweep that have no result yet, including those that were added before.
         """
-        not_submitted = runs_left - len(self._in_flight) + len(self._chunk)
+        submitted_runs = len(self._in_flight) - len(self._chunk)
+        not_submitted = runs_left - submitted_runs
         # So far one run of the study needs this result.
         self._in_flight[self._key_of(run)] = 1
         self._chunk.append(run)

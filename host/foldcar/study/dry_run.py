@@ -74,7 +74,10 @@ def estimates(sweep: Sweep, jobs: int) -> list[SweepEstimate]:
 
 
 def _estimate(sweep: Sweep, experiment: Experiment, environment: ExperimentEnvironment, jobs: int) -> SweepEstimate:
-    """Estimate an experiment from some designs that are folded, scenes that are sampled and runs that are simulated."""
+    """Estimate how long an experiment takes and how large its store becomes.
+
+    For this, some designs are folded, some scenes are sampled, and some runs are simulated.
+    """
     sampled_family, folding_s = fold(experiment.family, FOLDING_S)
     folded, refused = sampled_family.combinations, tuple(sampled_family.skipped)
     scenes, sample_s = _sampled_scenes(experiment, environment)
@@ -84,10 +87,11 @@ def _estimate(sweep: Sweep, experiment: Experiment, environment: ExperimentEnvir
     buildable = round(experiment.family.combinations * (1 - len(refused) / folded))
     runs = buildable * experiment.environments
     realities = _max_realities(sweep, experiment, environment)
-    scene_bytes = len(scenes["0"])
+    # How many bytes a sample takes in the store.
+    sample_bytes = len(scenes["0"])
     if environment.variation(0):
         # Each sample also stores how its cars vary, which is about as long as a scene.
-        scene_bytes = 2 * round(_mean_length(scenes))
+        sample_bytes = 2 * round(_mean_length(scenes))
     return SweepEstimate(
         experiment=experiment.id,
         designs=experiment.family.combinations,
@@ -102,7 +106,7 @@ def _estimate(sweep: Sweep, experiment: Experiment, environment: ExperimentEnvir
             + runs * RUN_BYTES
             + realities * REALITY_RUN_BYTES
             + buildable * _mean_length(bodies)
-            + experiment.environments * scene_bytes
+            + experiment.environments * sample_bytes
         ),
     )
 
@@ -140,17 +144,20 @@ def _seconds_of_a_run(
     """Return the mean time to simulate one of these runs (s), without the simulator's start."""
 
     def timed(probes: Sequence[RunRequest]) -> float:
+        """Return how long the simulator takes for these runs, including its start (s)."""
         started_s = time.perf_counter()
         runner.run(bodies, scenes, probes)
         return time.perf_counter() - started_s
 
-    # The start of the simulator and a single run. The shorter of two times is less disturbed by other processes.
-    first_s = min(timed(requests[:1]), timed(requests[:1]))
+    # The time of the start and of a single run. The shorter of two times is less disturbed by other processes.
+    start_and_one_run_s = min(timed(requests[:1]), timed(requests[:1]))
     # A short measurement would be lost in the noise of the start, so the runs are repeated until they take long enough.
     probes = list(requests) * 2
-    while (probes_s := timed(probes)) - first_s < PROBES_S and len(probes) < MAX_PROBES:
+    further_runs_s = timed(probes) - start_and_one_run_s
+    while further_runs_s < PROBES_S and len(probes) < MAX_PROBES:
         probes = probes * 4
-    return max(0.0, probes_s - first_s) / (len(probes) - 1)
+        further_runs_s = timed(probes) - start_and_one_run_s
+    return max(0.0, further_runs_s) / (len(probes) - 1)
 
 
 def _max_realities(sweep: Sweep, experiment: Experiment, environment: ExperimentEnvironment) -> int:

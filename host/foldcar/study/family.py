@@ -63,10 +63,11 @@ class Family:
         return math.prod(len(values) for values in self.choices.values())
 
     def spread_out(self) -> Iterator[tuple[int, tuple[float, ...]]]:
-        """Yield all combinations with their positions, in an order whose first ones are spread over the family.
+        """Yield all combinations with their positions. Any number of first combinations is spread over the whole family.
 
-        Positions advance by about the golden ratio of their number, modulo that number. The step has no common divisor
-        with it, so each position occurs once.
+        From one position to the next, a fixed step is added, and the sum is taken modulo the number of positions. The
+        step is about the golden ratio times this number, which spreads the positions evenly. It has no common divisor
+        with the number, so each position occurs once.
         """
         count = self.combinations
         step = max(1, round(count * GOLDEN_RATIO))
@@ -198,9 +199,10 @@ class Family:
         return remarks
 
     def narrowed(self, settings: Mapping[str, float | str]) -> "Family":
-        """Return the family with some parameters and parts fixed, as ``--set`` does. Raises FoldcarError.
+        """Return the family with some parameters and parts fixed, as the option ``--set`` does.
 
-        ``settings`` has a number for a parameter (``width``, ``W.length``), the name for a kind of part (``cells``).
+        ``settings`` has a number for each parameter, such as ``width`` or ``W.length``, and a name for each part, such as
+        ``cells``. Raises FoldcarError.
         """
         choices, origins, parts = dict(self.choices), dict(self.origins), self.parts
         # A type such as W_B_W has the letters of the car's modules.
@@ -221,13 +223,14 @@ class Family:
                 raise ListingError(f"--set {key}", reason)
             choices[key] = (value,)
             origins[key] = f"--set {key}"
-        # If each module has its own value of a parameter, the common value has no effect.
+        # A parameter may have a common value for all modules, and values for single modules. If every module has a
+        # value of its own, the common value has no effect and is removed.
         common_keys = [key for key in choices if key in parameters() and key not in settings]
         for key in common_keys:
             module_keys = place_keys(key, letters)
             if module_keys and choices.keys() >= set(module_keys):
                 del choices[key]
-        # Which designs can be built must be found out anew.
+        # The new family does not know yet which of its designs can be built.
         return replace(self, choices=choices, origins=origins, parts=parts, _checked={})
 
     def single(self) -> Design:

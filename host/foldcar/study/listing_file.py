@@ -88,7 +88,10 @@ def read_listing(file: Path, programs: bool = False) -> tuple[Listing, str]:
 
 
 def load_listing(file: Path) -> tuple[Any, str]:
-    """Return the JSON data in ``file`` and the file's text. Raises ListingError if it is not JSON, or not readable."""
+    """Read a listing and return its JSON data and its text.
+
+    Raises ListingError if the file cannot be read, or if it is not JSON.
+    """
     if file.suffix == ".scenic" and file.is_file():
         raise ListingError(file, "is a Scenic program; name a listing that has it as a scenic_filename (docs/listing.md)")
     try:
@@ -106,7 +109,7 @@ def load_listing(file: Path) -> tuple[Any, str]:
         raise ListingError(file, "is nested too deeply") from error
     try:
         check_numbers(data)
-        # Escapes such as \ud83d are half a character, which UTF-8 does not have.
+        # An escape such as \ud83d is the first half of a character. Alone, it cannot be encoded as UTF-8.
         json.dumps(data, ensure_ascii=False).encode()
     except UnicodeEncodeError as error:
         half = ascii(error.object[error.start])[1:-1]
@@ -143,14 +146,15 @@ def validated_listing(data: Any) -> tuple[Listing, list[str]]:
 
 
 def listing_mistake(mistake: Any) -> str:
-    """Return one of pydantic's mistakes as a line that names key, value and limit."""
+    """Return a line about one of pydantic's mistakes. It names the key, the value and the limit."""
     location = mistake["loc"]
     path = shown_line(".".join(map(str, location))) or "the file"
     kind, message = mistake["type"], mistake["msg"].removeprefix("Value error, ")
     if kind == "extra_forbidden":
-        # A location is, for example, (experiments, 1, params, speed): every second element is a section, of which OBJECTS
-        # has the schema. `wbt_filename` is accepted, but unused, so it is not suggested.
-        schema = OBJECTS[location[:-1:2]]
+        # A location is, for example, (experiments, 1, params, speed). Its sections are then (experiments, params), and
+        # OBJECTS has the schema of each section. `wbt_filename` is accepted, but unused, so it is not suggested.
+        sections = location[:-1:2]
+        schema = OBJECTS[sections]
         valid_keys = [key for key in schema.model_fields if key != "wbt_filename"]
         suggestion = did_you_mean(location[-1], valid_keys)
         return f"{path}: unknown key; known: {', '.join(valid_keys)}{suggestion}"

@@ -149,7 +149,10 @@ def _reality_facts(
 
 
 def _option_facts(options: SweepOptions | SearchOptions) -> dict[str, Any]:
-    """Return what a sweep or a search adds; an option that was not used is no fact."""
+    """Return the facts of an experiment that follow from the options of its sweep or its search.
+
+    An option that was not used gives no fact.
+    """
     if isinstance(options, SearchOptions):
         return {"searched": True, "objectives": list(options.objectives)} if options.objectives else {}
     facts: dict[str, Any] = {}

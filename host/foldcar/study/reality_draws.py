@@ -37,15 +37,18 @@ class Drawn:
 
 
 def draw_runs(seed: int, numbers: range, designs: int, samples: int) -> Drawn:
-    """Return the runs of consecutive ``numbers``, each with one of ``designs`` designs and of ``samples`` samples.
+    """Draw runs in other realities: for each number, a reality, a design and a sample.
+
+    ``numbers`` are the numbers of the runs, which follow each other. There are ``designs`` designs and ``samples``
+    samples to choose from. Equal seeds and numbers give equal runs.
 
     Example: ``draw_runs(1, range(2000), 37, 100).scores.shape`` is (2000, 9).
     """
-    # Check groups need the first number of their block.
+    # Some runs share the reality of the first run of their block, so begin with the first run of a block.
     first = numbers.start - numbers.start % BLOCK
     generator = np.random.PCG64(seed)
     generator.advance(first * COLUMNS)
-    # A row of random numbers for each run.
+    # Each run has a row of random numbers: the reality's scores, the design, the sample.
     uniform = _uniform(generator, numbers.stop - first, COLUMNS)
     number = np.arange(first, numbers.stop)
     # A run of a check group has the reality and the design of the first run of its block, other runs have their own.

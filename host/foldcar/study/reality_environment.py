@@ -55,7 +55,10 @@ class ChangedEnvironment(ExperimentEnvironment):
     """An environment in which car and ground differ from design and scene by the simulator's parameters."""
 
     def __init__(self, experiment: Experiment, remedy: str) -> None:
-        """Raise FoldcarError, which ends with ``remedy``, if the program needs Scenic in runs."""
+        """Create the environment. Raises FoldcarError if the program runs during the simulation.
+
+        Other realities cannot change such a program's scenes. ``remedy`` ends the error: "... whose scenes REMEDY".
+        """
         super().__init__(experiment)
         if super().dynamic:
             raise FoldcarError(

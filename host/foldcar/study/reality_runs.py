@@ -115,9 +115,10 @@ def next_number(runs: int, error: float | None) -> int | None:
 
 
 def offered_runs(runs: int, error: float | None) -> int | None:
-    """Return the number of runs to offer to a person after ``runs`` have given the learning's ``error``.
+    """Return with how many runs a person could make the error of learning smaller.
 
-    It is twice as many, rounded up to 200; None if the error is small enough, or unknown, or there can be no more.
+    So far ``runs`` runs have led to this ``error``. The result is twice as many, in whole blocks of BLOCK runs. It is
+    None if the error is small enough or unknown, or if there may be no more than MAX_REALITIES runs.
     """
     if error is None or error <= MAX_ERROR:
         return None
@@ -173,17 +174,19 @@ def missing_runs(store: ReadableStore, keys: RealityKeys, seed: int, samples: in
 
 
 def planned_reality_runs(store: ReadableStore, experiment: str, seed: int, samples: int) -> RealityRuns:
-    """Return the stored runs of ``experiment`` in other realities that its latest sweep planned. Raises StoreError.
+    """Return the stored runs of an experiment in other realities that belong to its latest sweep.
 
-    ``seed`` is that of its variation, ``samples`` its number of samples. A store may have more runs of the same designs
-    and scenes: those of another experiment, or of an earlier family, which drew another design or scene by a number. What
-    is learned must not depend on them.
+    ``seed`` is the seed of the experiment's variation, and ``samples`` its number of samples. The store may contain
+    further runs of the same designs and scenes, which another experiment or an earlier sweep has made. In those, the same
+    run number drew another design or another scene. They are left out, because what is learned must not depend on them.
+    Raises StoreError.
     """
     keys, runs = reality_keys(store, experiment), read_reality_runs(store, experiment)
     if keys is None or not len(runs):
         return runs
     drawn = draw_runs(seed, range(int(runs.number[-1]) + 1), len(keys.designs), samples)
-    # Designs may have equal bodies, and samples equal scenes, so ids are compared. Scenes that are not stored have none.
+    # Compare the ids of bodies and scenes, because several designs may have equal bodies, and several samples equal
+    # scenes. A scene that is not stored has the id 0.
     design_ids = np.array(keys.designs)
     scene_ids = np.array([keys.scenes.get(sample, 0) for sample in range(samples)])
     own_design = (design_ids[drawn.design[runs.number]] == design_ids[runs.design]).all(axis=1)
@@ -203,16 +206,16 @@ def missing_realities(store: Store, info: ExperimentInfo) -> int:
 def learning_error(
     runs: RealityRuns, designs: FloatArray, variation: Collection[str], counts: DesignCounts
 ) -> float | None:
-    """Return the error of the success rate that is learned from runs, 0 to 1; None if it is unknown.
+    """Learn the success rate from runs in other realities, and return its error (0 to 1), or None if it is unknown.
 
-    ``designs`` (designs, parameters) are the designs' parameters that vary. ``variation`` names what varies between the
-    cars of the nominal runs, ``counts`` has their numbers.
+    ``designs`` (designs, parameters) are the values of the parameters that vary. ``counts`` are the numbers of nominal
+    runs of each design, and ``variation`` has the names of the quantities that vary between the cars of these runs.
     """
     from threadpoolctl import threadpool_limits
 
     from foldcar.belief.learning import learn, nominal_runs
 
-    # As `foldcar select` learns, so that both state the same error.
+    # This learns exactly as `foldcar select` does, so that both state the same error.
     with threadpool_limits(1):
         error: float | None = learn(runs, designs, nominal_runs(variation, counts)).error
     return error
@@ -261,19 +264,22 @@ class RealitySimulation:
     report: Callable[[], None]
 
     def simulate(self, total: int) -> None:
-        """Simulate those of the first ``total`` runs that the store lacks. Raises FoldcarError."""
+        """Simulate those of the first ``total`` runs that are not in the store. Raises FoldcarError."""
         experiment, counts = self.experiment, self.counts
         keys = reality_keys(self.writer, experiment.id)
         assert keys is not None, "the experiment was planned with runs in other realities"
 
         def missing() -> Iterator[RealityRun]:
+            """Yield the runs that are not in the store."""
             seed, samples = experiment.variation_seed, experiment.environments
             return missing_runs(self.writer, keys, seed, samples, total)
 
         number_missing = sum(1 for _ in missing())
-        counts.total, counts.reused = total, total - number_missing - counts.new
+        counts.total = total
+        # The runs of earlier calls are stored, too, but they count as new ones.
+        counts.reused = total - number_missing - counts.new
         self.report()
-        # As if the runs of earlier calls had just ended.
+        # The time of earlier calls is included.
         started_s = time.perf_counter() - counts.seconds
         pool = ChunkPool(self.simulators, self._inputs, lambda run: run.key)
         with pool, pool.using(self.runner):

@@ -97,6 +97,7 @@ class Sweep:
     def _check_environments(self) -> None:
         """Raise FoldcarError if a program has an error, or defines no success although a stopping rule needs it."""
         if not self.store.exists():
+            # Sample each program once, so that no store is created if one of them has an error.
             for environment in self.environments:
                 environment.sample(0)
         if self.until:
@@ -171,8 +172,9 @@ class _Simulation:
         return self.sweep.progress
 
     def simulate_study(self, experiments: Sequence[_SweptExperiment]) -> None:
-        """Simulate all runs with the nominal values of the listing."""
+        """Simulate all nominal runs, which are those with the values of the listing."""
         counts = self.counts
+        # At first all runs of environments that define success are expected to be judged.
         for experiment in experiments:
             if experiment.plan.facts["success_defined"]:
                 counts.judged += experiment.design_count * experiment.plan.environments
@@ -181,16 +183,18 @@ class _Simulation:
             for experiment in experiments:
                 earlier_rejected = counts.rejected
                 self._simulate_experiment(experiment, pool)
-                # Only dynamic programs reject runs, and all runs of those are finished here.
+                # Rejected runs are not judged. Only a program that runs during the simulation rejects runs, and all
+                # runs of such a program are finished at this point.
                 if experiment.plan.facts["success_defined"]:
                     counts.judged -= counts.rejected - earlier_rejected
             self._finish(pool)
         counts.ended_s = time.perf_counter()
         if self.sweep.until:
+            # A stopping rule needs a definition of success in all environments, and makes fewer runs than were expected.
             counts.judged = counts.total - counts.rejected
 
     def _simulate_experiment(self, experiment: _SweptExperiment, pool: ChunkPool[PlannedRun]) -> None:
-        """Give an experiment's runs to the pool; the last of them may still be running afterwards."""
+        """Give the runs of an experiment to the pool. The last of them may still be running when this returns."""
         environment, plan, rule, carsim = experiment.environment, experiment.plan, experiment.rule, self.sweep.carsim
         is_dynamic = self.writer.is_dynamic(plan.environment_id, lambda: environment.dynamic)
         with environment.runner(carsim, is_dynamic) as runner, pool.using(runner):
@@ -203,11 +207,14 @@ class _Simulation:
                 design_counts = self.writer.design_counts(plan.id)
                 self.counts.states += design_states(experiment.experiment, rule, design_counts)
             if runner is not carsim:
-                # This runner is closed at the end of its experiment, so its chunks must finish first.
+                # The runner of a dynamic program is closed at the end of the block, so its chunks must finish first.
                 self._finish(pool)
 
     def simulate_realities(self, experiment: _SweptExperiment) -> None:
-        """Simulate an experiment's runs in other realities: as many as planned, or as its learning needs."""
+        """Simulate the runs of an experiment in other realities.
+
+        Their number is the planned one. If no number was requested, it grows until the error of learning is small enough.
+        """
         plan, environment, writer = experiment.plan, experiment.environment, self.writer
         counts = RealityCounts(left_out=plan.facts.get("no_realities", ""))
         self.counts.realities[plan.id] = counts
@@ -215,14 +222,14 @@ class _Simulation:
         if number is None:
             return
         writer.spread(plan.facts["reality_spread"])
-        # With a stopping rule, fewer samples may be stored.
+        # These runs need stored samples. A stopping rule may have left some of them out.
         StoredSamples(environment, writer, dynamic=False).reach(min(plan.environments, MAX_SCENES) - 1)
         with environment.runner(self.sweep.carsim, dynamic=False) as runner:
             simulation = RealitySimulation(
                 experiment.experiment, writer, self.simulators, runner, counts, lambda: self.report(self.counts)
             )
             while number is not None:
-                # Stored first, so that an interrupted sweep is known to be unfinished.
+                # The number is stored first. So an interrupted sweep is known to be unfinished.
                 writer.update_facts(plan.id, realities=number)
                 simulation.simulate(number)
                 counts.error = simulation.error()

@@ -189,7 +189,7 @@ def test_a_stopped_sweep_keeps_finished_chunks_and_resumes(
     assert 40 <= kept < 150 and not learned
     with Store.open(tmp_path / "s.db") as opened:
         info = opened.info().experiments["1"]
-        (sentence,) = remarks.runs(opened, info)
+        (sentence,) = remarks.on_runs(opened, info)
     assert sentence == (
         f"Unfinished: {kept} of 150 planned runs in other realities are here. If the sweep does not run any more, its "
         "command resumes it."
@@ -200,7 +200,7 @@ def test_a_stopped_sweep_keeps_finished_chunks_and_resumes(
     assert (counts.new, counts.reused, counts.done) == (150 - kept, kept, 150)
     assert rows_of(tmp_path / "s.db") == rows_of(tmp_path / "whole.db")
     with Store.open(tmp_path / "s.db") as opened:
-        assert remarks.runs(opened, opened.info().experiments["1"]) == []
+        assert remarks.on_runs(opened, opened.info().experiments["1"]) == []
 
 
 def test_ctrl_c_says_how_many_runs_are_stored(widths: Path, tmp_path: Path) -> None:
@@ -282,7 +282,7 @@ def test_help_and_page_have_the_numbers_of_the_code(foldcar: Any) -> None:
     assert f"The sweep simulates {first:,} runs in other realities." in page
     assert f"is then above {100 * MAX_ERROR:g} percentage points, it simulates {last - first:,} more." in page
     numbers = {10: "ten", 20: "twenty"}
-    assert f"Of each hundred numbers the first {numbers[CHECK]} share" in page and BLOCK == 100
+    assert f"The first {numbers[CHECK]} runs of a group drive the same design" in page and BLOCK == 100
 
 
 def test_the_number_may_be_given_and_the_output_offers_more(widths: Path, tmp_path: Path) -> None:
@@ -511,7 +511,7 @@ def test_a_search_keeps_those_of_the_sweep(widths: Path, tmp_path: Path, carsim_
     assert facts_of(store) == (20, "")
     with Store.open(store) as opened:
         assert len(read_reality_runs(opened, "1").number) == 20
-        assert not any("realities" in sentence for sentence in remarks.runs(opened, opened.info().experiments["1"]))
+        assert not any("realities" in sentence for sentence in remarks.on_runs(opened, opened.info().experiments["1"]))
 
 
 def test_a_second_bar_counts_them(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -111,7 +111,7 @@ def test_a_sweep_in_mujoco_makes_the_runs_of_the_schedule(
         info = store.info().experiments["1 (MuJoCo)"]
         assert 12 <= info.stored_runs < info.planned_runs
         remark = f"{info.stored_runs} of at most {info.planned_runs} planned runs are here."
-        assert remark in remarks.runs(store, info)[0]
+        assert remark in remarks.on_runs(store, info)[0]
     resumed = swept(listing, stores[1], native, 3, until="decided")
 
     orders = []

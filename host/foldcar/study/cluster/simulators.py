@@ -214,11 +214,14 @@ class ClusterSimulators:
                 self._threads, self._updated_s = self._client.nthreads(), time.monotonic()
 
     def _check_workers(self, recipe: Recipe) -> None:
-        """Check whether new workers can run the recipe; print a line for each worker that cannot."""
+        """Check whether new workers can run a recipe, and print a line for each worker that cannot.
+
+        The fault of each worker is kept; it is "" if there is none.
+        """
         new_workers = [worker for worker in self._threads if (recipe, worker) not in self._faults]
         if not new_workers:
             return
-        # Calls a function of Python's library, which a worker without foldcar has, too.
+        # A worker without foldcar can call this function, because it belongs to Python.
         versions = self._client.run(importlib.metadata.version, "foldcar", workers=new_workers, on_error="return")
         same_version = [worker for worker in new_workers if versions.get(worker) == __version__]
         faults = (
@@ -233,7 +236,8 @@ class ClusterSimulators:
             else:
                 fault = f"it has no foldcar: pip install 'foldcar[cluster]=={__version__}' in its environment"
             # A worker's fault is printed once, not for each recipe.
-            was_printed = any(fault for (_, other), fault in self._faults.items() if other == worker)
+            earlier_faults = [earlier for (_, other), earlier in self._faults.items() if other == worker]
+            was_printed = any(earlier != "" for earlier in earlier_faults)
             self._faults[recipe, worker] = fault
             if fault and not was_printed:
                 self._print_line(f"worker {worker} gets no runs: {fault}")

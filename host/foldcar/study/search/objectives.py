@@ -47,19 +47,25 @@ class Objective:
         return self.meaning if self.name == BUILT else self.name
 
     def excess(self, rows: Sequence[RunRow], best: Sequence[RunRow], limit_s: float) -> tuple[list[float], float]:
-        """Return each run's loss minus the best design's loss in the same environment, and the largest advantage.
+        """Compare a design with the best design so far, environment by environment.
 
-        ``rows`` and ``best`` are in the order of environments and include rejected runs. If one of both losses is
-        unknown, the excess is 0. The largest advantage is the best design's largest loss minus that of a perfect run.
+        ``rows`` are the results of the design in the first environments, and ``best`` those of the best design in all of
+        them, in the same order, rejected runs included. Returns two things. The first is a list: the loss of each run
+        minus the loss of the best design's run in the same environment, or 0 if one of them is unknown. The second is the
+        largest advantage that the design could have in an environment: the largest loss of the best design minus that of
+        a perfect run.
         """
         assert self.run_loss is not None and self.value is not None
-        # The runs' losses are against this value (see run_loss).
+        # A loss counts from the value of the best design.
         target = self.value([row for row in best if row.passed is not None], limit_s)
-        losses, best_losses = ([self.run_loss(row, limit_s, target) for row in group] for group in (rows, best))
-        finite = [loss for loss in best_losses if math.isfinite(loss)]
-        differences = [loss - best_loss for loss, best_loss in zip(losses, best_losses[: len(losses)], strict=True)]
-        excess = [difference if math.isfinite(difference) else 0.0 for difference in differences]
-        return excess, max(finite, default=0.0) - self.run_loss(PERFECT, limit_s, target)
+        losses = [self.run_loss(row, limit_s, target) for row in rows]
+        best_losses = [self.run_loss(row, limit_s, target) for row in best]
+        excess = []
+        for loss, best_loss in zip(losses, best_losses, strict=False):
+            difference = loss - best_loss
+            excess.append(difference if math.isfinite(difference) else 0.0)
+        max_best_loss = max((loss for loss in best_losses if math.isfinite(loss)), default=0.0)
+        return excess, max_best_loss - self.run_loss(PERFECT, limit_s, target)
 
 
 def _times_s(rows: Sequence[RunRow], limit_s: float) -> list[float]:

@@ -54,15 +54,20 @@ def message_on_signal(last_line: Callable[[], str]) -> Iterator[None]:
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
-    """Handle a signal: raise KeyboardInterrupt, but not during an import. A second signal ends the process."""
-    if not _stopped.is_set():
+    """Handle a signal: raise KeyboardInterrupt, but not during an import.
+
+    If the user sends a second signal, this ends the process. A thread repeats the first signal, because its
+    KeyboardInterrupt may be lost (see _repeat_interrupt).
+    """
+    is_first = not _stopped.is_set()
+    is_repetition = _repeating.is_set()
+    if is_first:
         _stopped.set()
         threading.Thread(target=_repeat_interrupt, args=(number,), daemon=True).start()
-    elif not _repeating.is_set():
-        # Not a repetition by _repeat_interrupt, so the user has sent it.
+    elif not is_repetition:
         _end()
     _repeating.clear()
-    # An import that is interrupted would leave a half-initialised module; _repeat_interrupt interrupts later.
+    # If an import were interrupted, it would leave a half-initialised module. The signal is repeated after the import.
     if not _imports(frame):
         raise KeyboardInterrupt
 
@@ -86,16 +91,16 @@ def _imports(frame: FrameType | None) -> bool:
 
 
 def _repeat_interrupt(number: int) -> None:
-    """Send signal ``number`` to the main thread every RETRY_S until the process ends; after GRACE_S, end it.
+    """Send signal ``number`` to the main thread every RETRY_S until the process ends. After GRACE_S, end the process.
 
-    The first KeyboardInterrupt may be lost: it is not raised within an import, and libraries may suppress it. The main
-    thread is not interrupted while it imports a module or handles an exception.
+    This is necessary because the first KeyboardInterrupt may be lost: it is not raised within an import, and libraries
+    may suppress it. The signal is not sent while the main thread imports a module or handles an exception.
     """
     # The identifier is None only before a thread starts.
     main = threading.main_thread().ident or 0
     for _ in range(round(GRACE_S / RETRY_S)):
         time.sleep(RETRY_S)
-        # Without an exception this is None, before Python 3.12 (None, None, None).
+        # If the main thread handles no exception, this is None. Before Python 3.12 it is (None, None, None).
         exception = sys._current_exceptions().get(main)
         handles_exception = exception is not None and exception != (None, None, None)
         if not handles_exception and not _imports(sys._current_frames().get(main)):

@@ -154,11 +154,13 @@ def _check_access(folder: Path, named: Path) -> None:
 
 
 def file_name_part(name: str) -> str:
-    """Return a name for files that every file system allows, different for different ``name``.
+    """Return a part of a file name that every file system allows. Different names give different parts.
 
-    It is ``name`` itself if that is short and plain, else its plain characters and eight digits of its SHA-256.
+    If ``name`` is short and consists of plain characters, it is returned as it is. Otherwise the result has its plain
+    characters and eight digits of its SHA-256.
     """
-    # A plain name that ends like a result with digits gets digits, too: else it could equal another name's result.
+    # A plain name may look like such a result with digits. It gets digits, too, because otherwise it could be equal to
+    # the result of another name.
     if len(name) <= MAX_NAME_LENGTH and PLAIN_NAME.fullmatch(name) and not HASHED_NAME.fullmatch(name):
         return name
     plain = re.sub("[^a-z0-9-]+", "_", name.lower())[:MAX_NAME_LENGTH].strip("_")

@@ -44,17 +44,25 @@ class RecordedFiles:
         self.written: set[Path] = set()
 
     def record(self, path_or_descriptor: Any, mode: object, flags: int) -> None:
-        """Record an audit event `open` with these arguments, unless it is of another thread or of a stack trace."""
+        """Record that the program opens a file. The arguments are those of Python's audit event `open`.
+
+        Files that another thread opens, or that are opened for a stack trace, are not recorded.
+        """
         # An integer is a descriptor. Its file was recorded when the file's path was opened.
         if isinstance(path_or_descriptor, int) or self._is_other_thread() or _is_for_stack_trace():
             return
         with suppress(OSError, TypeError, ValueError):
             path = _normal_path(path_or_descriptor)
-            # A file that existed when it was first read stays an input, even if it is written later.
-            if flags & (os.O_WRONLY | os.O_RDWR) and self.read.get(path) is None:
+            is_for_writing = bool(flags & (os.O_WRONLY | os.O_RDWR))
+            # A file that was read before it is written stays an input.
+            was_read_before = self.read.get(path) is not None
+            if is_for_writing and not was_read_before:
                 self.written.add(path)
-            # Regular and missing files count as read; folders and devices do not.
-            elif (state := file_state(path)) is not None or not path.exists():
+                return
+            state = file_state(path)
+            is_folder_or_device = state is None and path.exists()
+            if not is_folder_or_device:
+                # A missing file is recorded, too, with the state None.
                 self.read.setdefault(path, state)
 
     def record_database(self, name: object) -> None:
@@ -86,8 +94,8 @@ def _is_for_stack_trace() -> bool:
 
     Scenic makes such traces of every running file, even foldcar's own.
     """
-    # The caller of `open`, above this function, `record` and the audit hook. linecache calls tokenize.open, which calls
-    # `open`, so the caller's caller counts, too.
+    # The frames 0 to 2 are this function, `record` and the audit hook. So frame 3 is the caller of `open`, and the next
+    # one its caller. linecache may be either of them, because it opens files by tokenize.open.
     frame = sys._getframe(3)
     callers = (frame, frame.f_back)
     return any(caller is not None and caller.f_globals.get("__name__") == "linecache" for caller in callers)

@@ -106,13 +106,18 @@ class ResultTable:
         return self._heads, []
 
     def _min_widths(self, heads: Sequence[str], wrapping: bool) -> list[int]:
-        """Return the least width of each column with these titles, in characters; ``wrapping`` lets left cells wrap."""
+        """Return the smallest width of each column in characters, if the columns have these titles.
+
+        Without ``wrapping``, a column is as wide as its longest line. With it, the cells of columns that are aligned to
+        the left may be broken into lines of MIN_WRAPPED characters.
+        """
+        widths = []
         columns = zip(heads, *self._rows, strict=True)
-        widths = [max(cell_len(line) for cell in cells for line in cell.split("\n")) for cells in columns]
-        return [
-            min(width, MIN_WRAPPED) if wrapping and title in self._left else width
-            for title, width in zip(self._heads, widths, strict=True)
-        ]
+        for name, cells in zip(self._heads, columns, strict=True):
+            lines = [line for cell in cells for line in cell.split("\n")]
+            width = max(cell_len(line) for line in lines)
+            widths.append(min(width, MIN_WRAPPED) if wrapping and name in self._left else width)
+        return widths
 
     def _blocks(self, width: int) -> Iterator[str]:
         """Yield each row as lines of ``title  cell``, without empty cells, in at most ``width`` characters."""

@@ -103,7 +103,11 @@ def plain_stream(stream: Any) -> Any:
 
 
 def data_output() -> TextIO:
-    """Return standard output for data: unescaped, and in UTF-8 unless it has a Unicode encoding; a terminal as it is."""
+    """Return the stream to which a command writes data, such as a table for another program.
+
+    A terminal is returned as it is, so control characters are shown escaped. Otherwise data is written unescaped. If the
+    encoding of the output lacks some letters, it becomes UTF-8.
+    """
     if sys.stdout.isatty():
         return sys.stdout
     output = plain_stream(sys.stdout)

@@ -109,7 +109,10 @@ class TypedInput:
         return os.read(INPUT, 4096) if is_typed else None
 
     def _pressed_within(self, wait_s: float) -> bool:
-        """Return whether a key is pressed within that time in Windows' console, for which nothing waits."""
+        """Return whether a key is pressed within ``wait_s`` in the console of Windows.
+
+        Windows cannot wait for a key with a timeout, so this asks again and again.
+        """
         end_s = time.monotonic() + wait_s
         while not self._console.kbhit():
             if time.monotonic() >= end_s:

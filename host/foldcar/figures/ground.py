@@ -87,7 +87,10 @@ def height_scale(maps: Sequence[HeightMap]) -> ScalarMappable:
 
 
 def shaded(ground: HeightMap, scale: ScalarMappable) -> NDArray[Any]:
-    """Return the map's colours, (rows, columns, 3); level ground has the scale's colour."""
+    """Return the colours (rows, columns, 3) of a map of heights that is lit from the side.
+
+    Level ground has the colour of the ``scale``. Slopes towards the light are brighter, and slopes away from it darker.
+    """
     colours = scale.to_rgba(ground.z_m * 1e3)[..., :3]
     slope_y, slope_x = numpy.gradient(ground.z_m * STEEPER, ground.cell_m)
     slope_to_light = numpy.cos(ALTITUDE_RAD) * (slope_y * numpy.sin(AZIMUTH_RAD) + slope_x * numpy.cos(AZIMUTH_RAD))

@@ -36,10 +36,11 @@ def web_page(package: str, name: str, **values: Any) -> str:
 
 
 def content_policy(program: str = "") -> str:
-    """Return the Content-Security-Policy of a page: it runs ``program`` and no other script, and asks no other host.
+    """Return the Content-Security-Policy of a page, which tells a browser what the page may do.
 
-    Whatever a name or a note in a store contains, a browser then does not run it. Pictures and films may lie beside
-    the page, also as files. Workers are made from the page's own text.
+    The page may run the script ``program`` and no other one. So a browser does not run a script that somebody has put
+    into a name or a note of a store. The page may show pictures and films from its own folder, also if it was opened as a
+    file, and it cannot contact another computer. Workers are made from the page's own text.
     """
     digest = b64encode(sha256(program.encode()).digest()).decode()
     scripts = f"'sha256-{digest}' 'wasm-unsafe-eval'" if program else "'none'"

@@ -43,7 +43,7 @@ def driven_line(path: Sequence[Sequence[float]], margin_m: float, spacing_m: flo
     """
     rows = numpy.asarray(path, dtype=float)
     travelled = travelled_m(path)
-    # Rolling back does not lengthen the line.
+    # Leave out the rows in which the car has rolled back, so that the distance always grows.
     farthest = numpy.maximum.accumulate(travelled)
     is_farther = numpy.concatenate([[True], travelled[1:] > farthest[:-1]])
     path_distance_m = travelled[is_farther]
@@ -53,7 +53,8 @@ def driven_line(path: Sequence[Sequence[float]], margin_m: float, spacing_m: flo
     distance_m = numpy.arange(first_m, last_m + spacing_m / 2, spacing_m)
     x_m = numpy.interp(distance_m, path_distance_m, path_x_m)
     y_m = numpy.interp(distance_m, path_distance_m, path_y_m)
-    # Beyond both ends interp keeps the values of the end; the distance beyond is added along the heading there.
+    # Beyond both ends of the path, interp returns the place of the end. Add the rest of the distance in the direction
+    # of the car there. Before the start this distance is negative.
     before_start_m = numpy.minimum(distance_m - path_distance_m[0], 0.0)
     beyond_end_m = numpy.maximum(distance_m - path_distance_m[-1], 0.0)
     start_rad, end_rad = path_heading_rad[0], path_heading_rad[-1]

@@ -95,13 +95,17 @@ def _draw_profile(axes: Axes, scene: Mapping[str, Any], heights: Heights) -> Non
 
 
 def _straight_way(scene: Mapping[str, Any]) -> tuple[float, float]:
-    """Return heading (rad) and distance (m) from the start straight to the goal; without a goal, to the course's edge."""
+    """Return heading (rad) and length (m) of the straight way from the start to the goal.
+
+    Without a goal, the way goes straight on from the start to the edge of the course.
+    """
     start, goal, course = scene["start"], scene["goal"], scene["course"]
     if goal is not None:
         x_m, y_m = goal["x_m"] - start["x_m"], goal["y_m"] - start["y_m"]
-        # A line is crossed in the direction of its heading.
+        # If the goal is a line, the way meets it at a right angle: it has the heading in which the line is crossed.
         heading_rad = goal["heading_rad"] if goal["kind"] == "line" else math.atan2(y_m, x_m)
-        return heading_rad, x_m * math.cos(heading_rad) + y_m * math.sin(heading_rad)
+        length_m = x_m * math.cos(heading_rad) + y_m * math.sin(heading_rad)
+        return heading_rad, length_m
     heading_rad = start["heading_rad"]
     distances_m = []
     for axis, slope in (("x", math.cos(heading_rad)), ("y", math.sin(heading_rad))):

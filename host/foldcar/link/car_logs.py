@@ -52,16 +52,18 @@ def list_logs(car: ConnectedCar) -> list[StoredLog]:
 
 
 def fetch_log(car: ConnectedCar, log: StoredLog) -> bytes:
-    """Return the bytes of a log. Raises FoldcarError if they are incomplete after 120 s.
+    """Fetch a log from the car and return its bytes. Raises FoldcarError if they are incomplete after FETCH_S.
 
-    They are requested in windows of WINDOW_BYTES; after a lost packet, from the first missing byte on.
+    The log is requested in windows of WINDOW_BYTES. If a packet is lost, the next request begins at the first missing
+    byte.
     """
     content = bytearray()
-    # Parts that arrived after a lost part, by their offsets.
+    # Parts that arrived, by their offsets, until they can be appended to the content.
     parts: dict[int, bytes] = {}
     car.connection.status_text = None
     end_s = time.monotonic() + FETCH_S
-    while (start := len(content)) < log.size_bytes:
+    while len(content) < log.size_bytes:
+        start = len(content)
         if time.monotonic() > end_s:
             gap = f"byte {start} is missing{_status_suffix(car)}"
             raise FoldcarError(f"{car.port}: log {log.id} is incomplete after {FETCH_S:g} s: {gap}")
@@ -74,8 +76,8 @@ def fetch_log(car: ConnectedCar, log: StoredLog) -> bytes:
                 break
             if start <= part.ofs < start + count:
                 parts[part.ofs] = bytes(part.data[: part.count])
-            while next_part := parts.pop(len(content), b""):
-                content += next_part
+            while parts.get(len(content)):
+                content += parts.pop(len(content))
     return bytes(content[: log.size_bytes])
 
 

@@ -40,10 +40,12 @@ MAX_STATUS_LENGTH = 1000
 class Connection:
     """A connection to a car. Create it with :func:`connect`.
 
-    ``latest`` has the car's last message of each type, by name. ``status_text`` is its last status text (STATUSTEXT),
-    joined from its parts, None before the first; ``warning_text`` is the last warning or error among them. ``log``, if
-    set, gets every packet of both directions. ``received`` counts the car's packets, ``lost`` the gaps in their sequence
-    numbers, ``damaged`` invalid packets and messages with impossible numbers. ``clock_rate`` is that of the car's clock.
+    ``latest`` has the car's last message of each type, by the type's name. ``status_text`` is the car's last status
+    text (STATUSTEXT), joined from its parts; it is None before the first one. ``warning_text`` is the last of these
+    texts that was a warning or an error. If ``log`` is set, every packet of both directions is written to it.
+    ``received`` counts the packets of the car, and ``lost`` the packets that are missing according to their numbers.
+    ``damaged`` counts invalid packets and messages with impossible numbers. ``clock_rate`` is how fast the car's clock
+    goes.
     """
 
     def __init__(self, stream: Stream) -> None:
@@ -67,7 +69,7 @@ class Connection:
         self._heartbeats: deque[tuple[int, bytes]] = deque()
         # The sequence number of the last packet of each component, to count lost packets.
         self._sequences: dict[int, int] = {}
-        # Messages that arrived in one packet of input with the one for which wait_for waited.
+        # If wait_for has found its message, these are the messages that arrived together with it and after it.
         self._unread: list[Any] = []
         self._closed = threading.Event()
         self._heart = threading.Thread(target=self._send_heartbeats, daemon=True)
@@ -181,7 +183,10 @@ class Connection:
         return packet
 
     def _send_heartbeats(self) -> None:
-        """Send heartbeats until the connection is closed; a faster clock of the car needs more of them."""
+        """Send heartbeats until the connection is closed. If the car's clock is faster, they are sent more often.
+
+        This runs in a thread of its own.
+        """
         dialect = self.dialect
         # The zeros are modes, which a ground station does not have; 3 is MAVLink's version.
         heartbeat = dialect.MAVLink_heartbeat_message(
@@ -190,9 +195,11 @@ class Connection:
         interval_s = 0.0
         while not self._closed.wait(interval_s):
             interval_s = max(MIN_HEARTBEAT_S, HEARTBEAT_S / self.clock_rate.value)
+            # If this program has not listened for so long, it hangs and could not stop the car. Without heartbeats the
+            # car stops by itself.
             if time.monotonic() - self._listened_at_s > LISTENING_S:
                 continue
-            # The first thread notices a lost link by itself.
+            # If the link is lost, the thread that receives messages notices it and reports it.
             with contextlib.suppress(LinkLostError):
                 packet, log = self._send_packet(heartbeat), self.log
                 if log is not None:
@@ -207,7 +214,11 @@ class Connection:
 
 
 class CarClockRate:
-    """Measures the rate of the car's clock relative to the host's: ``value``, at least 1, above in a fast simulation."""
+    """Measures how fast the car's clock goes relative to the host's.
+
+    ``value`` is 1 for a real car, and more in a simulation that is faster than real time. It is never below 1, because
+    a slow simulation does not need fewer heartbeats.
+    """
 
     # The host's time between two measurements.
     SPAN_S = 0.3

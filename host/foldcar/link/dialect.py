@@ -36,7 +36,10 @@ class DialectError(Exception):
 
 
 def load_dialect() -> ModuleType:
-    """The module with the classes of messages and enums; it also becomes mavutil's current dialect. FoldcarError."""
+    """Return the Python module with the classes of messages and enums. It is generated if it does not exist yet.
+
+    pymavlink's mavutil uses this dialect from then on. Raises FoldcarError if the module cannot be generated or loaded.
+    """
     from foldcar.errors import FoldcarError
 
     if MODULE in sys.modules:

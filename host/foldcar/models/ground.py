@@ -68,11 +68,11 @@ def smooth_bounds_m(scene: Mapping[str, Any]) -> tuple[float, float, float, floa
 def smooth_ground(
     scene: Mapping[str, Any], heights: Heights, spacings_m: Sequence[float] = SPACINGS_M
 ) -> HeightGrid | None:
-    """Return a grid of the heights of a scene's smooth ground; None if the scene has none.
+    """Return a grid with the heights of a scene's smooth ground, or None if the scene has no smooth ground.
 
-    The grid has the largest spacing of ``spacings_m`` whose error at the centres of cells is at most ERROR_M; if
-    there is none, it has the smallest spacing. Raises FoldcarError if even the coarsest grid has more than MAX_POINTS
-    points.
+    Grids are tried from the coarsest of ``spacings_m`` to the finest. The result is the first one whose error at the
+    centres of its cells is at most ERROR_M. If there is none, it is the finest one that has at most MAX_POINTS points.
+    Raises FoldcarError if even the coarsest grid has more points.
     """
     bounds = smooth_bounds_m(scene)
     if bounds is None:
@@ -124,14 +124,17 @@ class _Part:
 
 
 def start_height_m(body: Mapping[str, Any], scene: Mapping[str, Any], grid: HeightGrid | None) -> float:
-    """Return the height (m) of the car's frame at the start of the scene: just above the contact of any part with
-    the ground.
+    """Return the height (m) of the car's frame at the start of a scene, so that no part of the car touches the ground.
 
-    The highest ground below each part is found at points of its footprint.
+    The height is rounded up to RASTER_M, and the car then falls by FALL_M. The ground below a part is examined at points
+    of the part's footprint.
     """
-    start, min_height = scene["start"], -math.inf
+    start = scene["start"]
+    # The frame must be at least so high that the part which needs most height just touches the ground.
+    min_height = -math.inf
     cos, sin = math.cos(start["heading_rad"]), math.sin(start["heading_rad"])
     blocks = [piece for piece in scene["terrain"] if kind_of(piece).form == "block"]
+    # Each surface of the ground: its area, and a function that returns its height at points.
     surfaces = [(rectangle(block, reach_m(block)), partial(_block_top, block)) for block in blocks]
     for part in _parts(body):
         ahead, left = part.x_m * cos - part.y_m * sin, part.x_m * sin + part.y_m * cos
@@ -142,7 +145,8 @@ def start_height_m(body: Mapping[str, Any], scene: Mapping[str, Any], grid: Heig
             if overlap.area > MIN_AREA_M2:
                 x, y = _points(overlap)
                 along = (x - start["x_m"]) * cos + (y - start["y_m"]) * sin
-                min_height = max(min_height, float(numpy.max(top(x, y) - part.underside(along))))
+                needed_height = float(numpy.max(top(x, y) - part.underside(along)))
+                min_height = max(min_height, needed_height)
     return float(math.ceil(min_height / RASTER_M) * RASTER_M + FALL_M)
 
 
@@ -184,9 +188,10 @@ def _block_top(block: Mapping[str, Any], x: Floats, y: Floats) -> Floats:
 
 
 def _grid_top(grid: HeightGrid | None, x: Floats, y: Floats) -> Floats:
-    """Return the heights (m) of the grid at points x, y; 0 on the level floor around it.
+    """Return the heights (m) of the ground at points x, y: those of the grid, and 0 on the level floor around it.
 
-    A cell can be split into two triangles in two ways, and engines differ in them. The higher height of both counts.
+    Engines divide each cell of a grid into two triangles, by one of its two diagonals. They differ in which one they
+    take. So the result is the height that is higher with either diagonal.
     """
     if grid is None:
         return numpy.zeros_like(x)
@@ -196,10 +201,12 @@ def _grid_top(grid: HeightGrid | None, x: Floats, y: Floats) -> Floats:
     inside = (u >= 0) & (u <= columns - 1) & (v >= 0) & (v <= rows - 1)
     column = numpy.clip(u.astype(int), 0, columns - 2)
     row = numpy.clip(v.astype(int), 0, rows - 2)
-    # Corners of the cell: a and b in its lower row, c and d in its upper row.
+    # The corners of the cell are a and b in its lower row, and c and d in its upper row. s and t are the point's place
+    # in the cell, from 0 to 1.
     s, t = u - column, v - row
     a, b = grid.z_m[row, column], grid.z_m[row, column + 1]
     c, d = grid.z_m[row + 1, column], grid.z_m[row + 1, column + 1]
+    # The rising diagonal goes from a to d, the falling one from c to b.
     rising = numpy.where(s >= t, a + s * (b - a) + t * (d - b), a + t * (c - a) + s * (d - c))
     falling = numpy.where(s + t <= 1, a + s * (b - a) + t * (c - a), d + (1 - s) * (c - d) + (1 - t) * (b - d))
     return numpy.where(inside, numpy.maximum(rising, falling), 0.0)

@@ -119,10 +119,12 @@ def _block(piece: Mapping[str, Any], name: str) -> Node:
 
 
 def _wedge(length: float, width: float, height: float) -> Node:
-    """Return a ramp as a closed face set, faces counter-clockwise seen from outside."""
+    """Return a ramp as a closed set of faces. It rises in the direction of x, and its underside is SUNK_M below 0."""
     x, y = length / 2, width / 2
+    # The upper face has the points 0 to 3, and the underside the points 4 to 7 below them.
     points = [(-x, -y, 0), (-x, y, 0), (x, -y, height), (x, y, height)]
     points += [(px, py, -SUNK_M) for px, py, _ in points]
+    # Upper face, underside, high end, low end, right side, left side: counter-clockwise seen from outside.
     faces = [(0, 2, 3, 1), (4, 5, 7, 6), (2, 6, 7, 3), (0, 1, 5, 4), (0, 4, 6, 2), (1, 3, 7, 5)]
     coordinates = Node("Coordinate", {"point": [vector(*point) for point in points]})
     indices = [index for face in faces for index in (*face, -1)]

@@ -121,6 +121,7 @@ class Carsim:
         refuses its input or ends with another error, and after `stop`.
         """
         answers: list[dict[str, Any]] = []
+        # If this number changes, `stop` was called in another thread, and the batch ends.
         stops = self._stops
         while len(answers) < len(requests):
             batch_answers, death = self._batch(bodies, scenes, requests[len(answers) :], stops)
@@ -175,9 +176,9 @@ class Carsim:
         return results, ""
 
     def _read_answer(self, line: str, requests: Sequence[RunRequest]) -> dict[str, Any]:
-        """Parse a line of carsim's output, the answer to one of ``requests``.
+        """Return the answer to one of ``requests``, from a line of carsim's output.
 
-        Raises CarsimError if carsim refused the input, or the answer is not a possible result.
+        Raises CarsimError if carsim has refused the input, or if the line is not a possible result.
         """
         try:
             answer = json.loads(line)
@@ -185,13 +186,13 @@ class Carsim:
                 error = answer["error"]
                 if error["kind"] == "simulation":
                     return {"error": str(error["message"])}
-                # With a single run, an error of a body or scene concerns this run.
+                # An error names the run, or only the line of a body or a scene. If there is one run, it concerns this
+                # run.
                 index = 0 if len(requests) == 1 else error["run"]
                 label = requests[int(index)].label if index is not None else f"line {error['line']}"
                 raise InputRefusedError(self.binary, label, str(error["message"]))
-            is_possible = answer["outcome"] in results.NATIVE_OUTCOMES and all(
-                _is_possible(answer[metric.name], metric.optional) for metric in results.METRICS
-            )
+            has_possible_metrics = all(_is_possible(answer[m.name], m.optional) for m in results.METRICS)
+            is_possible = answer["outcome"] in results.NATIVE_OUTCOMES and has_possible_metrics
         except (ValueError, TypeError, KeyError, IndexError) as error:
             raise CarsimError(f"{self.binary}: its answer is not a result: {line[:80]}") from error
         if not is_possible:

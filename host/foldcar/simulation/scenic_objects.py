@@ -34,11 +34,11 @@ class ShownEgo:
         self._derives_more = not scenic_private.derived_while_driving(type(ego)).issubset(DERIVED)
 
     def show(self, state: State) -> None:
-        """Set the ego's properties to those of ``state``, and clear what Scenic has derived from the old ones."""
-        # Scenic's headings start at +y.
+        """Give the ego the properties of a state of the car, such as its position and its speed."""
+        # Headings count from the y axis in Scenic, and from the x axis in carsim.
         yaw = math.remainder(state.heading_rad - math.pi / 2, 2 * math.pi)
         angles = yaw, state.pitch_rad, state.roll_rad
-        # Relative to the parent orientation, if the program sets one.
+        # Scenic's yaw, pitch and roll are relative to the parent orientation, if the program sets one.
         local: tuple[float, ...] = angles
         if self._parent is not None:
             local = tuple(map(float, self._parent.localAnglesFor(_orientation(*angles))))
@@ -59,7 +59,7 @@ class ShownEgo:
         attributes["orientation"] = _orientation(*angles)
         if self._derives_more:
             scenic_private.derive_again(self._copy)
-        # Scenic computes a deleted value again when it is read.
+        # Scenic keeps values that it has derived from the old properties. Once deleted, they are computed again.
         for cache_name in self._caches.intersection(attributes):
             del attributes[cache_name]
 

@@ -109,22 +109,23 @@ class ScenicRunner:
     def run(
         self, bodies: Mapping[str, str], scenes: Mapping[str, str], requests: Sequence[RunRequest]
     ) -> list[dict[str, Any]]:
-        """Return answers to ``requests`` in order, as a Runner does; a worker runs them one by one."""
+        """Simulate the requested runs one by one in a worker process, and return their answers in order."""
         answers: list[dict[str, Any]] = []
         process: _Worker | None = None
         try:
             for request in requests:
                 answer, ending = None, ""
-                # If the process dies, retry the run once; it has failed if the next process dies, too.
+                # If the process dies, the run is tried once more in a new one. If that dies, too, the run has failed.
                 for _ in range(2):
                     process = process or self._take_worker()
                     answer = process.answer(bodies[request.body], scenes[request.scene], request)
-                    # `stop` takes workers out of the busy ones and ends them.
+                    # If a worker is no longer among the busy ones, `stop` has ended it.
                     if process not in self._busy:
                         raise CarsimError("stopped")
                     if answer is not None:
                         break
-                    ending, process = f"{CRASH} ({process_ending(self._end_worker(process))})", None
+                    ending = f"{CRASH} ({process_ending(self._end_worker(process))})"
+                    process = None
                 answers.append({"error": ending} if answer is None else answer)
         except BaseException:
             if process is not None:

@@ -1,8 +1,11 @@
 """Scenic's own simulations over `carsim step`: any program's records, conditions, monitors and requirements work.
 
 Input: a car (body and settings of docs/carsim.md), then Scenic scenes. Output: Scenic's Simulation objects, or the
-result of a run with what the program recorded. Scenic evaluates the simulation ("looks") once every outer step, which is
-`param outer_step_s`. If a run ends between two looks, the second look is moved back to the step of 1/240 s of the end.
+result of a run with what the program recorded.
+
+carsim simulates in steps of 1/240 s. Scenic evaluates the program's conditions and records only at times that are called
+*looks*: at the start, and then once every outer step, which is `param outer_step_s`. If the program would end the run
+between two looks, the second look is moved back to the step at which this happens.
 
 For people who script with Scenic: ``CarSimulator(...).simulate(scene)`` is Scenic's own interface, and
 ``CarSimulator(...).run(scene)`` gives the result that a sweep stores.
@@ -87,9 +90,10 @@ class CarSimulator(Simulator):  # type: ignore[misc]
         except (RejectSimulationException, RejectionException, GuardViolation) as rejection:
             refuse_misplaced(scene.dynamicScenario)
             return _result(rejection.simulation, "rejected")
-        ended_itself = simulation.run_result is not None and simulation.run_result["outcome"] == "terminated"
-        if ended_itself and self._has_passed(simulation):
+        program_ended_run = simulation.run_result is not None and simulation.run_result["outcome"] == "terminated"
+        if program_ended_run and self._has_passed(simulation):
             return _result(simulation, "passed")
+        # The outcome remains that of carsim, or "terminated".
         return _result(simulation, None)
 
     def _has_passed(self, simulation: "CarSimulation") -> bool:
@@ -130,7 +134,7 @@ class CarSimulation(Simulation):  # type: ignore[misc]
         self._steps: float = 0.0
         # Time (s) and outer steps at the beginning of the last advance.
         self._begun: tuple[float, float] = (0.0, 0.0)
-        # The row of the last advance to which the look was moved back, if it was.
+        # If the look was moved back: the row of the last advance that it was moved to. A row is a step of 1/240 s.
         self._row: int | None = None
         self._endings: list[Any] = []
         self._requirements: list[Any] = []
@@ -188,20 +192,18 @@ class CarSimulation(Simulation):  # type: ignore[misc]
             )
 
     def step(self) -> None:
-        """Advance to the next look, or to the end of the run if that is earlier (Scenic's hook).
-
-        At a look, which is at each whole outer step, Scenic evaluates the program.
-        """
+        """Advance to the next look, or to the end of the run if that is earlier. Scenic calls this at each outer step."""
         assert self._state is not None
         self._begun, self._row = (self._state.t_s, self._steps), None
-        # The steps have a fraction if the last look was moved back.
+        # The next whole number of outer steps. If the last look was moved back, the present number has a fraction.
         look = math.floor(self._steps + ROUNDING_S) + 1
         advanced = self._carsim.advance(look * self.timestep)
         self._native = advanced.result
         self._show(advanced.state, self._steps_at(advanced.state) if advanced.result else look)
+        # The program can end or reject the run before the look by its time limit, its endings and its requirements.
         limit_s = self._time_limit_s() - ROUNDING_S
-        # Only the time limit, endings and requirements of the program can end or reject the run before the look.
-        if limit_s < advanced.state.t_s - 2 * ROUNDING_S or self._endings or self._requirements:
+        limit_is_before_look = limit_s < advanced.state.t_s - 2 * ROUNDING_S
+        if limit_is_before_look or self._endings or self._requirements:
             self._move_back(limit_s)
 
     def _move_back(self, limit_s: float) -> None:
@@ -233,16 +235,18 @@ class CarSimulation(Simulation):  # type: ignore[misc]
         )
 
     def updateObjects(self) -> None:  # noqa: N802
-        """Update the objects (Scenic's hook). The ego is up to date, because step() has shown it the car's state.
+        """Prepare the requirements at the start of a simulation. Scenic calls this at each look, to update its objects.
 
-        At the start, the requirements are collected, and their monitors replaced by faster ones.
+        The ego needs no update, because step() has shown it the state of the car. At the start, the requirements are
+        collected. Their monitors are replaced by monitors that evaluate only what has changed, which is faster.
         """
         super().updateObjects()
         scenario = self.scene.dynamicScenario
         if self._steps > 0:
             return
-        # Scenic has just started the scenario.
+        # Scenic has just started the scenario, so its requirements exist now.
         scenic_private.round_time_limit(scenario)
+        # A requirement with `next` depends on Scenic's own steps, so it keeps its monitor.
         self._requirements = [
             monitor for monitor in scenic_private.requirement_monitors(scenario) if not has_next(monitor)
         ]
@@ -250,7 +254,10 @@ class CarSimulation(Simulation):  # type: ignore[misc]
             requirement.monitor = ChangesMonitor(requirement.proposition)
 
     def actionsAreCompatible(self, agent: Any, actions: tuple[Any, ...]) -> bool:  # noqa: N802
-        """Check that actions can be taken together (Scenic's hook). Raises InvalidScenarioError for other objects."""
+        """Return whether an agent can take these actions together. Scenic calls this at each look.
+
+        Raises InvalidScenarioError if one of them is not an action.
+        """
         for action in actions:
             if not isinstance(action, Action):
                 error: Any = InvalidScenarioError(f"a {type(agent).__name__} takes {action!r}, which is no action")
@@ -273,13 +280,13 @@ class CarSimulation(Simulation):  # type: ignore[misc]
         return tuple(thing.position for thing in self.objects)
 
     def destroy(self) -> None:
-        """End the trial and store carsim's result (Scenic's hook, called after every simulation)."""
+        """End the trial and keep carsim's result. Scenic calls this after every simulation."""
         if self._state is None or not self._carsim.alive:
             return
         if self._native is not None:
             self.run_result = self._native
         else:
-            # The trial ends at the look: at the last row, unless the look was moved back to an earlier one.
+            # The trial ends at the last look. This is the last row of the advance, unless the look was moved back.
             look_row = len(self._carsim.rows()) - 1 if self._row is None else self._row
             self.run_result = self._carsim.end(look_row)
 

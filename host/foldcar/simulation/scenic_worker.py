@@ -29,8 +29,9 @@ RUN_LIMIT_S = 480.0
 
 
 def main() -> None:
-    """Answer standard input until its end."""
-    # Output that a program prints must not mix with the answers.
+    """Run the worker process: answer the requests on standard input, line by line, until its end."""
+    # Answers are written to a copy of standard output. Standard output itself becomes standard error, so that what a
+    # program prints does not mix with the answers.
     with os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8") as output:
         os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
         set_answer_descriptors(output.fileno())
@@ -92,7 +93,11 @@ class ScenicWorker:
         return self._copy.ask(request)
 
     def _answer_for_sample(self, request: dict[str, Any]) -> dict[str, Any]:
-        """Answer a run in the copy for its sample: draw the sample at the first run, and simulate in another copy."""
+        """Answer a request for a run. This is called in the copy of the process that belongs to the run's sample.
+
+        The first call draws the sample. Each run is simulated in a copy of this copy, so that every run starts from the
+        same state.
+        """
         try:
             self._open_sample(request["sample"])
         except FoldcarError as error:
@@ -117,9 +122,10 @@ class ScenicWorker:
             return {"refused": str(error)}
 
     def _run(self, request: dict[str, Any]) -> dict[str, Any]:
-        """Simulate a run and return its result. Raises TrialFailedError for errors of the program during the run.
+        """Simulate a run and return its result.
 
-        Raises FoldcarError if the program no longer gives the scene that the request has.
+        Raises TrialFailedError if the program has an error during the run, and FoldcarError if the program no longer
+        draws the scene of the request.
         """
         sample, program = request["sample"], self._source.program
         self._open_sample(sample)
@@ -127,7 +133,7 @@ class ScenicWorker:
             raise other_scene(program, sample)
         assert self._carsim is not None
         body, settings, scene = request["body"], request["settings"], str(request["scene"])
-        # carsim gets the scene's text as the store has it.
+        # carsim gets the text of the scene from the store, instead of a new description of the drawn scene.
         simulator = self._simulator(self._carsim, body, settings, lambda _: scene, self._passing)
         place = f"{program}: sample {sample}"
         with self._source.files.inside():
@@ -135,8 +141,10 @@ class ScenicWorker:
                 with seeded(f"{self._source.seed}/{sample}/run"), contained(RUN_LIMIT_S, "running", program):
                     return simulator.run(self._scene)
             except FoldcarError as error:
-                # A CarsimError is not the program's fault; all others come from its records.
-                raise error if isinstance(error, CarsimError) else TrialFailedError(f"{place}: {error}") from None
+                # A CarsimError is not the program's fault. All other errors come from the program's records.
+                if isinstance(error, CarsimError):
+                    raise
+                raise TrialFailedError(f"{place}: {error}") from None
             except Exception as error:
                 raise TrialFailedError(f"{place}: {one_line(error, program)}") from error
 

@@ -63,10 +63,11 @@ class Forked:
         """Copy this process (fork). The copy reads questions from a pipe and writes their ``answer`` to another one."""
         question_pipe, self._questions = os.pipe()
         self._answers, answer_pipe = os.pipe()
-        # Garbage collection in the copy would write to every page with an object, and so copy the page.
+        # Both processes share memory until one of them writes to it. Garbage collection would write to all objects.
         gc.freeze()
         with warnings.catch_warnings():
-            # The copy does not need the other threads, which wait for a closed pipe or belong to linear algebra.
+            # Python warns that a copy has none of the other threads. It needs none: these threads only wait for a pipe
+            # to be closed, or belong to linear algebra.
             warnings.simplefilter("ignore", DeprecationWarning)
             self._process = os.fork()
         if self._process == 0:

@@ -47,13 +47,13 @@ class ListedRun:
         It is "" if this engine can simulate everything that matters, or if another engine simulates the run.
         """
         from foldcar.simulation.engines import ENGINES, SIDE_VIEW
-        from foldcar.store.info import unlike_sides_text
+        from foldcar.store.info import side_view_warning
         from foldcar.study.side_view_check import side_view_limits
 
         if self.carsim.engine != ENGINES[SIDE_VIEW].title:
             return ""
         difference = side_view_limits(self.carsim, self.experiment, self.environment)
-        return f"note: {unlike_sides_text(difference)}" if difference else ""
+        return f"note: {side_view_warning(difference)}" if difference else ""
 
     def with_design(self, design: "Design") -> "ListedRun":
         """Return the run of another design in the same environment, with the same variation."""

@@ -27,16 +27,18 @@ def condition(
     objects: Collection[str] | None = None,
     params: Collection[str] | None = None,
 ) -> None:
-    """Freeze parts of ``scenario`` as they are in ``scene``, for all scenes it generates from now on.
+    """Freeze parts of ``scenario`` as they are in ``scene``, for all scenes that it generates from now on.
 
-    ``objects`` are names that the program gives to objects, points or lists of them; ``params`` are names of global
-    parameters. With neither, everything is frozen. With one of them, only the named parts are frozen, with the random
-    values that they depend on; other parts that depend on these follow. A random value that is a parameter belongs to it.
-    A shared value belongs to the first parameter that depends on it, else to the first object or named point.
+    ``objects`` are names that the program gives to objects, points or lists of them. ``params`` are names of global
+    parameters. If both are None, everything is frozen. Otherwise the named parts are frozen, together with the random
+    values that they depend on. Parts that are not named, but depend on a frozen one, are computed from it.
 
-    Changes ``scenario`` in place, like Scenic's `conditionOn`, but never ``scene``. Raises FoldcarError for unknown
-    names, with the known ones, and if a named part depends on a random value that belongs to another part: this value
-    would be frozen for both parts, or differ between them.
+    Each random value belongs to one part: to the parameter that it is, or else to the first parameter that depends on
+    it, or else to the first object or named point. A named part must not depend on a value of another part, because
+    this value would then be frozen for both, or differ between them.
+
+    ``scenario`` is changed in place, as by Scenic's `conditionOn`; ``scene`` is not changed. Raises FoldcarError if a
+    name is unknown, or if a named part depends on a random value that belongs to another part.
     """
     for name, value, kind in (("scenario", scenario, Scenario), ("scene", scene, Scene)):
         if not isinstance(value, kind):
@@ -60,7 +62,7 @@ def condition(
 
 def _freeze(roots: Collection[Any], sample: Any) -> None:
     """Fix the random values ``roots``, and those that they depend on, at their values in ``sample``."""
-    # The list is complete before a value is fixed, because fixing changes what can be reached.
+    # First collect all values, because a fixed value no longer leads to those that it depends on.
     random_values: list[Any] = []
     for root in roots:
         random_values += _reachable(root)
@@ -69,7 +71,8 @@ def _freeze(roots: Collection[Any], sample: Any) -> None:
             continue
         value = sample[random_value]
         constant = _without_noise(value) if isinstance(random_value, Constructible) else ConstantSamplable(value)
-        # Not the value's own method: that of a converted value would also fix the value before conversion.
+        # A converted value has a method of its own for this, which would also fix the value before its conversion. So
+        # call the method of the base class.
         Samplable.conditionTo(random_value, constant)
 
 
@@ -156,14 +159,14 @@ def _label(part: Any, name_by_id: Mapping[int, str]) -> str:
 def _without_noise(thing: Any) -> Any:
     """Return a copy of a sampled object to which Scenic's `mutate` does not add noise.
 
-    An Object forwards assignments to its dynamic proxy, which is still the original in a copy. So the copy's attributes
-    are set by ``object``.
+    An Object forwards assignments to its dynamic proxy, and the proxy of the copy is still the original object. So the
+    attributes of the copy are set by ``object.__setattr__``.
     """
     noiseless = copy.copy(thing)
     if isinstance(thing, Object):
-        # Attributes are also read from the proxy, which outside simulations is the object itself.
+        # Attributes are read from the proxy, too. Outside of simulations an object is its own proxy.
         object.__setattr__(noiseless, "_dynamicProxy", noiseless)
-    # The copy still refers to the original here, and would be sampled as that: with noise.
+    # Scenic samples the object to which "_conditioned" refers. In the copy this is still the original, which has noise.
     object.__setattr__(noiseless, "_conditioned", noiseless)
     object.__setattr__(noiseless, "mutationScale", 0)
     return noiseless

@@ -42,7 +42,9 @@ def open_fixed_environment(
     condition: Mapping[str, Any] | None = None,
     files: Files | None = None,
 ) -> SceneSource:
-    """Return what open_environment returns; its samples are those of a process with the hash seed 0.
+    """Compile a Scenic program and return the source of its scenes, as open_environment does.
+
+    Its samples are drawn with Python's hash seed 0: in this process if it has this seed, otherwise in another process.
 
     Example: open_fixed_environment(Path("steps.scenic"), {"friction": 0.5}, 42).sample(3)
     """

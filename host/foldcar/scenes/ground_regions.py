@@ -18,7 +18,11 @@ SIZES = {"CircularRegion": ("radius",), "SectorRegion": ("radius", "angle"), "Re
 
 @functools.cache
 def use_ground_regions() -> None:
-    """Change Scenic's regions of this process, once."""
+    """Change Scenic's classes of regions, so that they lie in the ground plane and say why a shape has no area.
+
+    A point is then inside a region if it is inside in the view from above, whatever its height. This changes the classes
+    in this process; later calls do nothing.
+    """
     from scenic.core.distributions import distributionFunction
     from scenic.core.regions import CircularRegion, PolygonalRegion, RectangularRegion, SectorRegion
     from scenic.core.type_support import toVector
@@ -28,6 +32,7 @@ def use_ground_regions() -> None:
         """Return a method like Scenic's ``contains_point`` that ignores the height of the point."""
 
         def containsPoint(self: Any, point: Any) -> bool:  # noqa: N802
+            """Return whether the point, moved to the height of the region, is inside."""
             position = toVector(point)
             position_at_height_of_region = Vector(position.x, position.y, self.z)
             return bool(contains_point(self, position_at_height_of_region))
@@ -53,6 +58,7 @@ def _constructor_with_reasons(kind: Any, init: Any) -> Any:
 
     @functools.wraps(init)
     def __init__(self: Any, *args: Any, **keywords: Any) -> None:  # noqa: N807
+        """Create a region. Raises InvalidScenarioError if it has no area."""
         try:
             init(self, *args, **keywords)
         except (AssertionError, AttributeError, TypeError, ValueError, GEOSException) as error:

@@ -33,7 +33,8 @@ class Mutations:
     def __init__(self, followed: Collection[int] = ()) -> None:
         self.points: set[int] = set()
         self._followed = frozenset(followed)
-        # All created objects: while an object lives, its id is unique.
+        # All created things, in the order of their numbers. They are kept, because an id is unique only while a thing
+        # lives.
         self._created: list[Any] = []
         self._number_by_id: dict[int, int] = {}
         # The hidden copies, by the numbers of their Points.
@@ -42,15 +43,15 @@ class Mutations:
     def create(self, cls: Any, specifiers: list[Any]) -> Any:
         """Create an instance of a Scenic class, like Scenic's `new`.
 
-        A Point to be followed is created twice: a hidden copy, to which Scenic adds noise, and the Point, which takes its
-        place from the copy.
+        If it is one of the Points that a hidden copy must lead, two things are created: first the copy, to which Scenic
+        will add noise, and then the Point, whose place is that of the copy.
         """
         number = len(self._created)
-        # The number is taken first, because a property's default may create things too.
+        # Take the number first: computing the default of a property may create further things.
         self._created.append(None)
         if number in self._followed:
             copy = self._copies[number] = scenic_private.made(cls, specifiers, is_object=False)
-            # Like Scenic's `mutate`: the copy must be sampled even if it depends on nothing random.
+            # The copy must be sampled even if it depends on nothing random, because it gets noise.
             scenic_private.sample_always(copy)
             specifiers = [_place_of(copy, specifiers)]
         thing = self._created[number] = scenic_private.made(cls, specifiers)
@@ -78,15 +79,16 @@ class Mutations:
 
 
 def _place_of(copy: Any, specifiers: Sequence[Any]) -> Any:
-    """Return a specifier that gives a Point the noisy pose of its hidden ``copy``.
+    """Return a specifier that places a Point where its hidden ``copy`` is, including the copy's noise.
 
-    The specifier also gives it those properties of the copy that the Point's own ``specifiers`` set.
+    ``specifiers`` are those that the program gives to the Point. The properties that they set are taken from the copy,
+    too.
     """
-    # Without "mutationScale": the copy has the noise already, so the Point gets none.
+    # The copy has the noise already, so the Point must not have a "mutationScale" of its own.
     specified = {name for specifier in specifiers for name in specifier.priorities} - {"mutationScale"}
     values = {name: getattr(copy, name) for name in copy.properties if name in specified}
     for name, kind in NOISY.items():
         if name in copy.properties:
             values[name] = AttributeDistribution(name, copy, kind)
-    # All have priority 1, like properties that a program gives by `with`.
+    # They get the priority 1, which properties have that a program gives by `with`.
     return Specifier("mutated", dict.fromkeys(values, 1), values)

@@ -41,7 +41,7 @@ MOTION = {
 # carsim's limit (program_input.cpp).
 MAX_CORNERS = 1000
 COMPARISONS = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">="}
-# Names with a standard meaning, unless the program redefines them.
+# Names that have a standard meaning, unless the program gives them another one.
 STANDARD = (*FUNCTIONS, *REGIONS, "math", "simulation")
 
 
@@ -65,11 +65,13 @@ class Translator:
         self._ego = scenario.egoObject
         self._params = scenario.params
         named_values = named_things(scenario)
-        # The names of Scenic, Python and math to which the program gives another meaning.
+        # The names of STANDARD to which the program gives another meaning. They are names of Scenic, of Python, or
+        # `math`.
         self._redefined = set()
         for name in STANDARD:
             standard_value = getattr(veneer, name, getattr(builtins, name, math))
-            if named_values.get(name, standard_value) is not standard_value:
+            value_in_program = named_values.get(name, standard_value)
+            if value_in_program is not standard_value:
                 self._redefined.add(name)
         assignment_counts = Counter(
             node.id for node in ast.walk(tree) if isinstance(node, ast.Name) and not isinstance(node.ctx, ast.Load)
@@ -108,14 +110,19 @@ class Translator:
         return self.truth(node)
 
     def number(self, node: Any) -> Terms:
-        """Translate an expression that is a number to terms in postfix order. Raises NotNativeError for other forms."""
+        """Translate an expression that is a number to terms in postfix order, such as ["speed_m_s", "negate"].
+
+        Raises NotNativeError for expressions that need Scenic.
+        """
         if self.is_constant(node):
             return [PerSample(lambda sample: sample.number(node))]
         match node:
+            # `simulation().currentRealTime`
             case ast.Attribute(value=ast.Call(func=ast.Name(id="simulation") as called), attr="currentRealTime") if (
                 self._is_standard(called)
             ):
                 return ["time_s"]
+            # A property of the car, such as `ego.speed` or `ego.position.x`.
             case ast.Attribute() if self._is_ego(node.value) or self.is_position(node.value):
                 return self._motion(node)
             case ast.UnaryOp(op=ast.USub()):
@@ -143,13 +150,16 @@ class Translator:
         return self.truth(node) if is_truth(node) else self.number(node)
 
     def is_constant(self, node: Any) -> bool:
-        """Whether an expression is known once the scene is sampled, and evaluating it runs no code of the program."""
+        """Return whether an expression does not depend on the drive, so that its value is known once a scene is sampled.
+
+        Evaluating it must not run code of the program.
+        """
         match node:
             case ast.Constant():
                 return True
             case ast.Name():
                 value = self.names.get(node.id)
-                # Scenic samples the members of a container only where the container is used as a value.
+                # A container of random values is not plain: Scenic samples such values only where the container is used.
                 return node.id in self.names and value is not self._ego and is_plain(value)
             case ast.Attribute(value=ast.Name(id="globalParameters")):
                 return self._params.get(node.attr) is not self._ego
@@ -220,8 +230,12 @@ class Translator:
         return ["rise_m", PerSample(lambda sample: [finite("z", sample.ego.position.z)]), "+"]
 
     def _distance(self, node: Any) -> Terms:
-        """Translate `distance from A to B`, where one of them is the car or a side of it, the other a constant place."""
-        # Without a second point it is the distance from the ego.
+        """Translate `distance from A to B` to terms in postfix order.
+
+        One of the two must be the car or a side of it, such as `front of ego`, and the other a constant place. Raises
+        NotNativeError otherwise.
+        """
+        # `distance to B` is the distance from the ego.
         ego = ast.Name("ego", ast.Load())
         points: list[Any] = [ego if point is None else point for point in (node.target, node.base)]
         constant_points = [point for point in points if self.is_constant(point)]
@@ -234,6 +248,7 @@ class Translator:
         place_terms = PerSample(lambda sample: sample.place(constant_point))
         if self._is_ego(car_point) or self.is_position(car_point):
             return [place_terms, "distance_m"]
+        # Scenic's syntax tree has a node PositionOfOp for `front of ego`, and a class for each side.
         if type(car_point).__name__ == "PositionOfOp" and self._is_ego(car_point.target):
             side = type(car_point.position).__name__
             if side in SIDES:
@@ -241,7 +256,10 @@ class Translator:
         raise NotNativeError(shown(node))
 
     def _inside(self, thing: Any, region: Any) -> Terms:
-        """Translate `ego.position in REGION`; not `ego in REGION`, which holds if the whole car is inside."""
+        """Translate `ego.position in REGION`. Raises NotNativeError for other things than the car's position.
+
+        `ego in REGION` is another condition, which holds if the whole car is inside.
+        """
         if not (self.is_position(thing) and self._is_region(region)):
             raise NotNativeError("a region")
         if not self.is_constant(region):
@@ -249,6 +267,7 @@ class Translator:
         value = self.names.get(region.id) if isinstance(region, ast.Name) else None
         if type(value).__name__ == "PolygonalRegion":
             return _polygonal(value)
+        # All other regions may be random, so their terms are computed for each sample.
         return [PerSample(lambda sample: sample.region(region))]
 
     def _is_region(self, node: Any) -> bool:
@@ -292,9 +311,9 @@ def joined(operands: list[Terms], operation: str) -> Terms:
 
 
 def _gives_truth(node: Any) -> bool:
-    """Return False if an expression is an `and` or `or` that may give something else than True or False.
+    """Return whether an `and` or `or` always gives True or False; True for all other expressions.
 
-    In Python these give one of their operands, so `a > b and 1` may be 1.
+    In Python these operators give one of their operands, so `a > b and 1` may be 1.
     """
     if not isinstance(node, ast.BoolOp):
         return True

@@ -67,15 +67,18 @@ class NativeProgram:
         records: list[dict[str, Any]] = []
         verdict: Any = None
         for record in self._records:
-            is_verdict = record.name == VERDICT and record.kind != "initial"
             if record.terms:
                 value = _resolved(record.terms, sample)
                 records.append({"name": record.name, "kind": record.kind, "value": value})
-                verdict = _as_truth(record.node, value) if is_verdict else verdict
+                as_verdict = _as_truth(record.node, value)
             else:
+                # The record does not depend on the drive.
                 constant = to_json(sample.value(record.node), record.name)
                 records.append({"name": record.name, "kind": record.kind, "constant": constant})
-                verdict = [bool(constant)] if is_verdict else verdict
+                as_verdict = [bool(constant)]
+            is_verdict = record.name == VERDICT and record.kind != "initial"
+            if is_verdict:
+                verdict = as_verdict
         return {
             "endings": endings,
             "time_limit_s": self._time_limit_s(sample, step_s),

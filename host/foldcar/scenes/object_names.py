@@ -77,9 +77,9 @@ def _terrain(scene: Any) -> list[Any]:
 
 
 def _own_numbers(thing: Any) -> dict[str, float]:
-    """Return an object's properties that are numbers, except those of every Terrain, by name with the unit.
+    """Return the properties of a terrain object that are numbers, by their name with its unit.
 
-    The properties of derived classes come first.
+    Properties that every Terrain has are left out. The properties of derived classes come before those of their bases.
     """
     classes = type(thing).__mro__
     terrain_position = [cls.__name__ for cls in classes].index("Terrain")
@@ -91,10 +91,10 @@ def _own_numbers(thing: Any) -> dict[str, float]:
         names += declared
         if cls.__module__ == VOCABULARY:
             lengths.update(name for name in declared if name not in UNITLESS)
-    # Properties that the program gives by `with`.
+    # The program may give further properties by `with`.
     names += [name for name in thing.properties if name not in properties_of_terrain]
     numbers = {}
-    # Each name once, at its first place.
+    # A name may occur several times. Only its first place counts.
     for name in dict.fromkeys(names):
         value = getattr(thing, name)
         if _is_quantity(value):

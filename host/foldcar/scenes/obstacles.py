@@ -47,24 +47,29 @@ class Obstacle:
         return corners
 
     def near_edge_m(self, terrain: Sequence[Mapping[str, Any]]) -> list[tuple[float, float]]:
-        """Return the points (x, y) of the obstacle whose distances from the mark on the floor (the origin) are measured.
+        """Return the points (x, y) of the obstacle to which a person measures from the mark on the floor, the origin.
 
-        An obstacle with corners has two: its nearest corner, and the other end of the longer edge at this corner, because
-        a long edge determines the heading best. A round obstacle has one, the nearest; none if the mark is in its middle.
+        An obstacle with corners has two points: the nearest corner, and the other end of the longer of the two edges at
+        this corner, because a long edge determines the heading best. A round obstacle has one point, the nearest one. It
+        has none if the mark is in its middle.
         """
         if len(self.pieces) == 1 and kind_of(terrain[self.pieces[0]]).shape == "disc":
             distance_m = math.hypot(self.x_m, self.y_m)
-            # The nearest point is on the line from the mark to the middle, one radius before the middle.
-            scale = abs(1 - self.length_m / 2 / distance_m) if distance_m else 0.0
-            return [(scale * self.x_m, scale * self.y_m)] if scale else []
+            if not distance_m:
+                return []
+            # The nearest point is on the line from the mark to the middle, one radius before the middle. ``fraction``
+            # says how far along this line it is.
+            radius_m = self.length_m / 2
+            fraction = abs(1 - radius_m / distance_m)
+            return [(fraction * self.x_m, fraction * self.y_m)] if fraction else []
         corners = self.corners_m
-        # Rounded to micrometres, so that of corners at equal distance the first is chosen on every machine.
+        # Distances are rounded to micrometres. So if two corners are equally near, every machine chooses the same one.
         distances_m = [round(math.hypot(*corner), 6) for corner in corners]
         nearest_index = distances_m.index(min(distances_m))
         nearest = corners[nearest_index]
 
         def edge_length_and_nearness(corner: tuple[float, float]) -> tuple[float, float]:
-            """Return what decides between the two edges: the length and, if it is equal, how near the other end is."""
+            """Return the length of the edge to this corner. If the edges are equally long, the nearer corner counts."""
             return round(math.dist(corner, nearest), 6), -math.hypot(*corner)
 
         # The corners are in order around the obstacle.

@@ -33,16 +33,17 @@ VOCABULARY = VOCABULARY_DIR / "model.scenic"
 
 
 def compile_program(program: Path, params: Mapping[str, Any], files: ProgramFiles | None = None) -> Any:
-    """Compile ``program``, its parameters overridden by ``params``; ``files`` records the files that it reads.
+    """Compile a Scenic program and return Scenic's scenario.
 
-    Raises FoldcarError if the program cannot be compiled or sampled.
+    ``params`` override the program's own parameters. ``files`` records the files that the program reads. Raises
+    FoldcarError if the program cannot be compiled, or cannot be used by foldcar.
     """
     files = ProgramFiles(program) if files is None else files
     if not program.is_file():
         raise FoldcarError(f"{program}: no such Scenic program{did_you_mean_file(program)}")
     if program.suffix != ".scenic":
         raise FoldcarError(f"{program}: a Scenic program's name ends in .scenic")
-    # For its error, if the file is no readable text.
+    # This raises FoldcarError if the file is not a readable text.
     read_text(program)
     if params:
         # Scenic accepts any name as an override; compiling without overrides shows the declared names.
@@ -50,7 +51,8 @@ def compile_program(program: Path, params: Mapping[str, Any], files: ProgramFile
         _check_params(program, params, declaring_scenario.params)
     scenario, mutated = _compiled(program, files, params)
     if mutated:
-        # Only now is it known which Points are mutated, and must be followed while they are created.
+        # The program mutates some Points. Objects that are placed relative to these must follow them, for which the
+        # numbers of the Points must be known before they are created. So compile it a second time.
         scenario, _ = _compiled(program, files, params, mutated)
     if len(scenario.objects) > MAX_OBJECTS:
         raise FoldcarError(f"{program}: {len(scenario.objects)} objects are above the limit {MAX_OBJECTS} of a scene")
@@ -64,9 +66,11 @@ def compile_program(program: Path, params: Mapping[str, Any], files: ProgramFile
 def _compiled(
     program: Path, files: ProgramFiles, params: Mapping[str, Any], followed: Collection[int] = ()
 ) -> tuple[Any, set[int]]:
-    """Compile the program once; return the scenario, and the numbers of the Points that it mutates.
+    """Compile the program once. Return Scenic's scenario, and the numbers of the Points to which `mutate` adds noise.
 
-    ``followed`` are the numbers of mutated Points known from an earlier compilation (see Mutations). Raises FoldcarError.
+    Things are numbered in the order in which the program creates them. ``followed`` are the numbers of mutated Points,
+    if they are known from an earlier compilation; objects that are placed relative to these follow them. Raises
+    FoldcarError.
     """
     with _no_garbage_collection(), warnings.catch_warnings():
         # Scenic installs an excepthook, and warns if another library has done so before.
@@ -148,22 +152,24 @@ def _place(error: BaseException) -> tuple[str | None, int | None, int | None]:
         return file, line, offset - 1 if offset else None
     for frame in reversed(traceback.extract_tb(error.__traceback__)):
         if frame.filename.endswith(".scenic"):
-            # Python has columns from 3.11 on. The column of a statement is not that of a name in it.
+            # Python knows columns from 3.11 on. The column is that of the statement, so it would be wrong for an
+            # unknown name in the statement.
             column = None if _undefined_name(error) else getattr(frame, "colno", None)
             return frame.filename, frame.lineno, column
     return None, line, None
 
 
 def one_line(error: BaseException, program: Path) -> str:
-    """Format the error as one line of text, with the program's line number if it is known, and a hint."""
+    """Return an error as one line of text, with the program's line number if it is known, and with a hint."""
     file, line, _ = _place(error)
     line_text = "" if line is None else line_prefix(file, line, program)
     error_class = "" if type(error).__module__.startswith("scenic.") else f"{type(error).__name__}: "
     message = overlap_hint(" ".join(str(error).split()) or "no message")
     text = linecache.getline(file, line).rstrip() if file is not None and line is not None else ""
     hint = syntax_hint(error, text)
-    # Scenic's guess is wrong where `new` is present.
-    message = message.removesuffix(" Perhaps you forgot 'new'?").removesuffix(".") if hint else message
+    if hint:
+        # foldcar's hint replaces that of Scenic, which is often wrong.
+        message = message.removesuffix(" Perhaps you forgot 'new'?").removesuffix(".")
     return line_text + error_class + message + hint + _name_hint(error)
 
 
@@ -176,19 +182,21 @@ def _undefined_name(error: BaseException) -> str | None:
 
 
 def _name_hint(error: BaseException) -> str:
-    """Return a hint on a name, or a world model, that is not defined; "" for other errors."""
+    """Return a hint for an error about a name or a world model that is not defined, or "" for other errors."""
+    # A program begins with `model model`, which defines foldcar's objects.
     if str(error).startswith("could not import world model"):
         return "; foldcar's is `model model`"
     name = _undefined_name(error)
     if name is None:
         return ""
     classes = re.findall(r"^class (\w+)", VOCABULARY.read_text(encoding="utf-8"), re.MULTILINE)
-    # The names that are defined in the program, or in the imported program, in which the error occurred.
+    # The names that are defined where the error occurred: in the program, or in a program that it imports.
     names: Mapping[str, Any] = {}
     for frame, _line in traceback.walk_tb(error.__traceback__):
         if frame.f_code.co_filename.endswith(".scenic"):
             names = frame.f_globals
-    if name in classes and not names.keys() & set(classes):
+    has_no_foldcar_objects = not names.keys() & set(classes)
+    if name in classes and has_no_foldcar_objects:
         return "; the line `model model` at the top of the program defines foldcar's objects"
     if name[:1].isupper():
         return f"; foldcar's objects: {', '.join(sorted(classes))}{did_you_mean(name, classes)}"

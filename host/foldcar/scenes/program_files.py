@@ -109,9 +109,11 @@ class ProgramFiles:
                 self._record(path, digest, verb="lists the folder", remedy="list it at the program's head")
 
     def _record(self, path: Path, current: str | None, verb: str, remedy: str) -> None:
-        """Record the digest ``current`` of a file or folder, None if it has changed; see :meth:`_record_digests`.
+        """Record the digest of a file that the program has read, or of a folder that it has listed.
 
-        ``verb`` says what the program does with it, ``remedy`` what it should do, for the message.
+        ``current`` is the digest, or None if the file has changed since it was read. ``verb`` and ``remedy`` are parts of
+        error messages: what the program does with the file, and what it should do. Raises FoldcarError if the file has
+        changed since its digest was recorded first, or if it is new after sample 0.
         """
         name = self._name(path)
         recorded_digest = self._digests.get(name)
@@ -185,13 +187,13 @@ class _Modules:
 
 
 def _pop_own_modules(folder: Path) -> dict[str, ModuleType]:
-    """Remove the program's modules from sys.modules, and return them by name."""
+    """Remove the program's own modules from sys.modules, so that they are loaded anew. Return them by name."""
     names = sys.modules.keys() - _installed
     own_names = {name for name in names if _is_own_module(sys.modules[name], folder)} - {"__main__"}
     _installed.update(names - own_names)
     if own_names:
-        # Compiled code cannot be loaded twice. Compiled modules count as installed, and the packages of installed modules
-        # stay in sys.modules.
+        # A compiled module cannot be loaded twice, so it counts as installed. If a package has an installed module, all
+        # of the package stays in sys.modules.
         installed_packages = {name.partition(".")[0] for name in _installed}
         own_names = {name for name in own_names if name.partition(".")[0] not in installed_packages}
     return {name: sys.modules.pop(name) for name in own_names}

@@ -58,10 +58,12 @@ def at(error: Any, file: str | None, line: int | None) -> Exception:
 
 
 def refuse_useless_properties(cls: Any, specifiers: Sequence[Any], caller: FrameType) -> None:
-    """Raise Scenic's SpecifierError if ``caller`` makes an object with a property that has no effect on it.
+    """Raise Scenic's SpecifierError if a program creates an object of class ``cls`` with a property that has no effect.
 
-    Such a property resembles one of ``cls``, belongs to another class of the vocabulary, follows from others, or is one
-    of Scenic's that has no meaning here.
+    ``specifiers`` give the object its properties. ``caller`` is the frame of the program, for the line of the error.
+    There are four kinds of such properties: those that follow from others, or mean nothing in foldcar; those without
+    effect on this class; those of another class; and misspelt ones. A property that the program itself reads has an
+    effect.
     """
     names = [name for specifier in specifiers for name in specifier.priorities]
     is_of_vocabulary = _derives(cls, "Thing")
@@ -73,7 +75,6 @@ def refuse_useless_properties(cls: Any, specifiers: Sequence[Any], caller: Frame
             sources = scenic_private.sources_of(cls, name)
             remedy = f"follows from {', '.join(sources)}: set these" if sources else "has no meaning here"
             raise at(SpecifierError(f"{cls.__name__}: {name} {remedy}"), *_line_of(caller))
-        # If the program reads a property itself, the property has an effect.
         for kind, useless_names, reason in USELESS:
             if name in useless_names and _derives(cls, kind) and not _reads(caller, name):
                 raise at(SpecifierError(f"{cls.__name__}: {name} has no effect: {reason}"), *_line_of(caller))
@@ -128,8 +129,11 @@ def _reads(caller: FrameType, name: str) -> bool:
     if not file.is_file():
         # Scenic also compiles programs that are in no file: nobody knows what they read.
         return True
-    # `.name = …` assigns the property, `.name == …` reads it.
-    return re.search(rf"\.\s*{name}\b(?!\s*=(?!=))|(['\"]){name}\1", read_text(file)) is not None
+    text = read_text(file)
+    # `.name = …` assigns the property, but `.name == …` reads it.
+    reads_attribute = re.search(rf"\.\s*{name}\b(?!\s*=(?!=))", text) is not None
+    has_string = f"'{name}'" in text or f'"{name}"' in text
+    return reads_attribute or has_string
 
 
 def refuse_misspelt_attributes(scenario: Any, program: Path) -> None:
@@ -203,15 +207,17 @@ def refuse_degrees(node: ast.AST, file: str) -> None:
 
 
 def refuse_unordered_sets(node: ast.AST, file: str) -> None:
-    """Raise Scenic's InvalidScenarioError, with file and line, if ``node`` is a set of other things than literals.
+    """Raise Scenic's InvalidScenarioError if ``node`` is a set whose order differs between processes.
 
     Python orders classes, objects and None by their place in memory, so a loop over such a set draws other scenes in each
-    process, also with a fixed hash seed. A set after `in` has no order.
+    process, even with a fixed hash seed. A set of literal texts and numbers has the same order in all of them. The order
+    of a set that stands after `in` does not matter. ``file`` is the program, for the error.
     """
     if isinstance(node, ast.Compare):
-        for operator, other in zip(node.ops, node.comparators, strict=True):
+        for operator, operand in zip(node.ops, node.comparators, strict=True):
             if isinstance(operator, ast.In | ast.NotIn):
-                other.only_contains = True  # type: ignore[attr-defined]
+                # This function is called for the operand later, and then finds the mark.
+                operand.only_contains = True  # type: ignore[attr-defined]
     if not isinstance(node, ast.Set) or getattr(node, "only_contains", False):
         return
     if not all(map(_has_lasting_order, node.elts)):
@@ -220,7 +226,8 @@ def refuse_unordered_sets(node: ast.AST, file: str) -> None:
 
 
 def _has_lasting_order(element: ast.expr) -> bool:
-    """Whether an element of a set is a literal text or number, whose hash is the same in every process."""
+    """Return whether an element of a set has the same hash in every process: a text, a number, or a tuple of these."""
+    # An f-string is a text.
     if isinstance(element, ast.JoinedStr):
         return True
     try:
@@ -244,11 +251,14 @@ def _numbers(angle: ast.AST) -> Iterator[float]:
 
 
 def refuse_lost_statements(inherited: Any) -> None:
-    """Raise Scenic's InvalidScenarioError if an ``inherited`` scenario has statements that Scenic drops."""
+    """Raise Scenic's InvalidScenarioError if a scenario that another one inherits has statements that Scenic drops.
+
+    The error names the last of these statements.
+    """
     statements = [statement for attribute in DROPPED for statement in getattr(inherited, attribute)]
     dropped = [(statement.line, statement.ty.value) for statement in statements]
     if scenic_private.is_limited(inherited):
-        # Scenic does not keep this statement's line. With 0, the message names it only if it is the only one.
+        # Scenic does not keep the line of this statement. With the line 0 it is named only if it is the only one.
         dropped.append((0, "terminate after"))
     if dropped:
         line, kind = max(dropped)

@@ -136,10 +136,10 @@ def terrain_pieces(thing: Any) -> list[dict[str, Any]]:
 
 
 def _checked(part: Any, thing: Any) -> dict[str, Any]:
-    """Return ``part``, a piece as the object ``thing`` gives it, with all keys of its kind.
+    """Check a piece of terrain and return it with all keys of its kind.
 
-    The piece is still in the object's frame. Raises UnusableError for an unknown or missing key, or a value outside its
-    limits.
+    ``part`` is the piece as the object ``thing`` of the program describes it, with its place relative to this object.
+    Raises UnusableError if a key is unknown or missing, or if a value is outside its limits.
     """
     if not isinstance(part, Mapping) or part.get("kind") not in KINDS:
         raise UnusableError(f"{part!r} is not a piece of terrain; its kind must be one of {', '.join(KINDS)}", thing)
@@ -154,9 +154,10 @@ def _checked(part: Any, thing: Any) -> dict[str, Any]:
             raise UnusableError(f"{kind}: {key} is missing", thing)
         piece[key] = finite(f"{kind}: {key}", part.get(key, 0.0), thing)
         if not minimum <= piece[key] <= maximum:
-            # Heights have the lowest limits; a value above them is probably in mm.
+            # Of all limits, that of heights is the lowest. A value above it is probably in mm.
             hint = "; lengths are in metres" if maximum == HEIGHT_M[1] else ""
             raise UnusableError(f"{kind}: {key}: {part[key]} is not within {minimum:g} to {maximum:g}{hint}", thing)
+    # The limit of some keys depends on the piece's other values.
     if kind in BOUNDED:
         key, limit, maximum_text = BOUNDED[kind]
         if piece[key] > limit(piece):

@@ -26,7 +26,7 @@ def scene_notes(scene: Mapping[str, Any]) -> list[str]:
     notes = []
     for ground in scene["terrain"]:
         for block in scene["terrain"]:
-            note = _hidden(ground, block)
+            note = _hidden_ground(ground, block)
             if note is not None:
                 notes.append(note)
     goal = scene.get("goal")
@@ -50,12 +50,13 @@ def _is_straight_on(start: Mapping[str, Any], goal: Mapping[str, Any]) -> bool:
     return distance_ahead_m > 0 and distance_aside_m <= goal["radius_m"]
 
 
-def _hidden(ground: Mapping[str, Any], block: Mapping[str, Any]) -> str | None:
-    """Return a remark if a block covers most of a piece of smooth ground, or stands on it with most of its own area.
+def _hidden_ground(ground: Mapping[str, Any], block: Mapping[str, Any]) -> str | None:
+    """Return a remark if a block hides a piece of smooth ground, such as a hill, or None if it does not.
 
-    Returns None if it does not, if ``ground`` is not smooth ground, or if ``block`` is not a block that is higher.
+    A block hides the ground if it is higher, and covers most of the ground or stands on it with most of its own area.
     """
-    if kind_of(ground).form != "smooth" or kind_of(block).form != "block" or block["height_m"] <= _height_m(ground):
+    are_ground_and_block = kind_of(ground).form == "smooth" and kind_of(block).form == "block"
+    if not are_ground_and_block or block["height_m"] <= _height_m(ground):
         return None
     # Round ground has no heading.
     ground_area = rectangle({"heading_rad": 0.0, **ground}, reach_m(ground))

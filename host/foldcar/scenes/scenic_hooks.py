@@ -67,7 +67,10 @@ def hooks(mutations: Mutations) -> Iterator[None]:
         scenics_param(params)
 
     def visit(self: Any, node: Any) -> Any:
-        """Compile a node of the syntax tree, like Scenic's; nodes that it creates without a line get the node's."""
+        """Compile a node of the syntax tree, as Scenic does.
+
+        Some of the nodes that Scenic creates have no line. They get the line of the node, so that errors can name it.
+        """
         refuse_degrees(node, self.filename)
         refuse_unordered_sets(node, self.filename)
         compiled = scenics_visit(self, node)

@@ -104,7 +104,8 @@ class SceneSource:
 
         if k < 0:
             raise FoldcarError(f"{self.program}: sample {k} is below the minimum 0")
-        # Sampling binds the program's names to sampled values, so the program is translated before.
+        # Sampling gives the program's names sampled values. So the program is translated before the first sample: reading
+        # this cached property does it.
         self._native  # noqa: B018
         try:
             with (

@@ -44,9 +44,9 @@ class _Approach(NamedTuple):
 
 
 def success_rule(scenario: Any, program: Path) -> SuccessRule:
-    """Return the success rule of a compiled program (see the head of this file)."""
+    """Return the rule by which a run of a compiled program has passed, as the head of this file describes it."""
     has_goal = any(is_a(thing, "Goal") for thing in scenario.objects)
-    # The ways to pass, as clauses after "if"; any of them suffices.
+    # A run has passed if one of these holds. Each text completes the words "a run has passed if".
     alternatives = ["it reaches its Goal"] if has_goal else []
     endings: frozenset[str] = frozenset()
     ambiguous = ""
@@ -125,18 +125,25 @@ def _approached_place(condition: ast.AST) -> ast.expr | None:
 
 
 def _is_target(place: ast.expr, things: dict[str, Any], has_goal: bool) -> bool:
-    """Whether a place can be the car's target: the Goal if the program has one, else a point or a Marker."""
+    """Return whether a place that an ending measures the distance to can be the car's target.
+
+    If the program has a Goal, only the Goal can be the target. Otherwise it can be any place but terrain and cars:
+    coordinates that are written in the program, a point or a Marker.
+    """
     root = place
     while isinstance(root, ast.Attribute):
         root = root.value
     if not isinstance(root, ast.Name):
-        return not has_goal and all(isinstance(part, LITERALS) or _is_vector(part) for part in ast.walk(place))
+        # The place has no name, so it must be written as coordinates.
+        is_coordinates = all(isinstance(part, LITERALS) or _is_vector(part) for part in ast.walk(place))
+        return is_coordinates and not has_goal
     if root.id not in things:
         return False
     thing = things[root.id]
     if has_goal:
         return is_a(thing, "Goal")
-    return not (is_a(thing, "Terrain") or is_a(thing, "Robot") or isinstance(thing, list | tuple | dict | set))
+    is_several_things = isinstance(thing, list | tuple | dict | set)
+    return not (is_a(thing, "Terrain") or is_a(thing, "Robot") or is_several_things)
 
 
 def _is_vector(part: ast.AST) -> bool:

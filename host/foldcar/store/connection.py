@@ -32,17 +32,18 @@ MAX_LISTING_BYTES = 2**20
 
 
 def open_reading(path: Path) -> sqlite3.Connection:
-    """Return a read-only connection to a snapshot of an existing store, which later writers do not change.
+    """Return a read-only connection to an existing store, in which later changes by other programs are not seen.
 
-    The snapshot is a copy in a temporary database, which is checked. A store above MAX_COPIED_BYTES is not copied, but
-    read in a transaction. Raises StoreError if the file is not a store, or is damaged.
+    The connection is to a copy of the store in a temporary database, which is checked for damage. If the store has more
+    than MAX_COPIED_BYTES, it is not copied; the connection then stays in one transaction. Raises StoreError if the file
+    is not a store, or is damaged.
     """
     with contextlib.ExitStack() as stack:
         connection = stack.enter_context(contextlib.closing(connect_reading(path)))
         with store_errors(path):
             if path.stat().st_size > MAX_COPIED_BYTES:
                 connection.execute("BEGIN")
-                # Without an error the connection stays open.
+                # There was no error, so the connection must not be closed at the end of the block.
                 stack.pop_all()
                 return connection
             copy = sqlite3.connect("", isolation_level=None)
@@ -55,14 +56,17 @@ def open_reading(path: Path) -> sqlite3.Connection:
                 raise StoreError(f"{path}: is damaged: {first_damage}; `foldcar check {path}` lists all damage")
             for damaged_number in numbers_beyond_limits(copy):
                 raise StoreError(f"{path}: {damaged_number}")
-        # Without an error the copy stays open.
+        # There was no error, so the copy must not be closed at the end of the block. The original is not needed any more.
         stack.pop_all()
         connection.close()
         return copy
 
 
 def numbers_beyond_limits(connection: sqlite3.Connection) -> Iterator[str]:
-    """Yield a line for each number outside LIMITS, but of each table only those in the first such row."""
+    """Yield a line for each number in the store that is outside its limits.
+
+    If several rows of a table have such numbers, only the first of these rows is reported.
+    """
     for table in TABLES:
         limits = {column.name: LIMITS[column.type] for column in table.columns if column.type in LIMITS}
         if not limits:
@@ -95,7 +99,7 @@ def connect_reading(path: Path, oldest: int = VERSION) -> sqlite3.Connection:
         connection.execute("PRAGMA query_only = ON")
         if _is_blank(path, connection, oldest):
             raise StoreError(f"{path}: is not a foldcar store")
-        # Without an error the connection stays open.
+        # There was no error, so the connection must not be closed at the end of the block.
         stack.pop_all()
         return connection
 
@@ -278,10 +282,14 @@ def is_same_file(path: Path, status: os.stat_result) -> bool:
 
 
 def _open_writing(path: Path) -> sqlite3.Connection:
-    """Return a connection in write-ahead mode, or with a rollback journal if the file system has no shared memory."""
+    """Return a connection for writing to a store.
+
+    It uses SQLite's write-ahead mode, so that readers need not wait. This mode needs shared memory. Where the file system
+    has none, the connection uses a rollback journal instead. Raises StoreError.
+    """
     with store_errors(path), contextlib.ExitStack() as stack:
         connection = sqlite3.connect(path, timeout=BUSY_S, isolation_level=None)
-        # A lambda, because the fallback below replaces the connection.
+        # The lambda closes the connection that exists at the end, because the one below may replace this one.
         stack.callback(lambda: connection.close())
         _is_blank(path, connection)
         try:
@@ -293,12 +301,12 @@ def _open_writing(path: Path) -> sqlite3.Connection:
                 raise
             connection.close()
             connection = sqlite3.connect(path, timeout=BUSY_S, isolation_level=None)
-            # Only a connection with exclusive access can leave write-ahead mode without shared memory.
+            # Without shared memory, only a connection with exclusive access can leave write-ahead mode.
             connection.execute("PRAGMA locking_mode = EXCLUSIVE")
             connection.execute("PRAGMA journal_mode = DELETE")
             connection.execute("PRAGMA locking_mode = NORMAL")
             connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
-        # Without an error the connection stays open.
+        # There was no error, so the connection must not be closed at the end of the block.
         stack.pop_all()
         return connection
 

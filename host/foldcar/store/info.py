@@ -36,10 +36,11 @@ def listed_id(experiment: str, reality: Mapping[str, str] | None, engine: str) -
     return name_without_reality.removesuffix(engine_suffix)
 
 
-def unlike_sides_text(difference: str) -> str:
-    """Return the warning that the side view does not simulate ``difference``, a difference between the car's two sides.
+def side_view_warning(difference: str) -> str:
+    """Return a warning that the results of the side view may be wrong.
 
-    The side view is an engine that simulates the car in a vertical plane.
+    The side view is an engine that simulates the car in a vertical plane, as if its left and its right side were alike.
+    ``difference`` says what differs between the sides.
     """
     return (
         f"The side view simulates neither roll, yaw nor sides, which matter here: {difference}. Use --engine multibody."
@@ -140,7 +141,7 @@ class ExperimentInfo:
     @property
     def warning(self) -> str:
         """A warning to print wherever its rates are shown; "" if the engine can simulate all that matters."""
-        return unlike_sides_text(self.unlike_sides) if self.unlike_sides else ""
+        return side_view_warning(self.unlike_sides) if self.unlike_sides else ""
 
     @property
     def simulation(self) -> str:

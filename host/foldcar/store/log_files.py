@@ -75,9 +75,11 @@ def intact_log(store: Path, number: int, log: str, sha256: str | None) -> Path |
 
 
 def reference(store: Path, file: Path) -> str:
-    """Return the name by which a store refers to a file: relative to its folder if it is inside, else absolute.
+    """Return the name by which a store refers to a file.
 
-    If the file is a symbolic link, its own name is kept: that of its target may not end as a photo's (git-annex).
+    It is relative to the store's folder if the file is in this folder, and absolute otherwise. If the file is a symbolic
+    link, the name is that of the link. A tool such as git-annex replaces photos by links to files that have other names,
+    without the ending of a photo.
     """
     absolute_path = file.parent.resolve() / file.name
     folder = store_folder(store).resolve()

@@ -50,6 +50,8 @@ REALITY_FACTS = ("realities", "no_realities", "reality_spread")
 SAME_COLUMNS = ("build_id", "environment_id", "spread_id", "vehicle", "environment")
 # Whether a program is dynamic is known after its first run, parameters of objects only since version 5.
 MAY_BE_UNKNOWN = {ENVIRONMENT.name: "dynamic", SAMPLE.name: "objects"}
+# In messages, longer values are cut, and a row is named by the first digits of its hash.
+MAX_SHOWN, HASH_DIGITS = 80, 12
 # The columns that distinguish the corrections of a trial: all except the numbers of correction and trial.
 CHANGE = CORRECTION.names[2:]
 
@@ -127,7 +129,7 @@ class Merge:
 
     def add(self, path: Path, source: sqlite3.Connection, tables: Sequence[Table] = TABLES) -> None:
         """Add all rows of a store, or of some of its tables. Raises StoreError if they contradict earlier stores."""
-        # Readers refuse such a store, so they would refuse the merged one.
+        # No command reads a store with such numbers, so it would not read the merged store. The first one is enough.
         for damage in numbers_beyond_limits(source):
             raise StoreError(f"{path}: {damage}")
         self._stores.append(path)
@@ -138,15 +140,16 @@ class Merge:
             order = ("position",) if table is EXPERIMENT else table.order or table.key
             for row in read_rows(path, source, table, f"ORDER BY {', '.join(order)}"):
                 self._add_source_row(path, table, row)
-        # A store with more or fewer designs of an experiment contradicts none of its single rows.
+        # The rows above are compared one by one. If a store has more or fewer designs of an experiment than another,
+        # none of these comparisons shows it.
         for experiment, count in source.execute(DESIGN_COUNTS):
             earlier_count = earlier_design_counts.get(experiment, count)
             if earlier_count != count:
                 self._raise_difference(EXPERIMENT, {"id": experiment}, "designs", count, earlier_count)
 
     def _add_source_row(self, path: Path, table: Table, row: Row) -> None:
-        """Add a row of the store at ``path``, whose numbers are still those of that store."""
-        # The recorded values of a run are looked up in the added store by the run's key there.
+        """Add a row of the store at ``path`` to the merged store, after giving it the numbers of the merged store."""
+        # The key of a run in its own store, by which its recorded values are found there.
         source_key = tuple(row.get(name) for name in RUN.key)
         self._renumber(table, row)
         if table is EXPERIMENT:
@@ -256,10 +259,11 @@ class Merge:
         self._insert(table, {**row, "id": self._last[table.name]})
 
     def _add_experiment(self, row: Row) -> None:
-        """Add an experiment, or compare it with the merged experiment of its name.
+        """Add an experiment. If the merged store has an experiment of this name, unite both.
 
-        They may differ in three things: the number of environments and the number of runs in other realities, of which
-        the larger one is kept, and whether their sweeps have ended. Raises StoreError if they differ in anything else.
+        The two may differ in three things. If they have different numbers of environments, the larger one is kept. The
+        same holds for the number of runs in other realities. And one of the sweeps may have ended, the other not. Raises
+        StoreError if they differ in anything else.
         """
         facts = json.loads(row["facts"])
         self._ended.setdefault(row["id"], set()).add(facts.pop(ENDED, None))
@@ -286,10 +290,10 @@ class Merge:
         self._insert(EXPERIMENT, merged_row, "OR REPLACE")
 
     def _add_trial(self, path: Path, row: Row) -> None:
-        """Add a trial with its log, unless the merged store has a newer copy of the trial, with the same UUID.
+        """Add a trial with its log. If the merged store has a copy of the trial, with the same UUID, keep the newer one.
 
-        A copy is newer if the other one is still running, or has only a part of its corrections. Raises StoreError if
-        neither copy is newer and they differ.
+        A copy is newer if the other one is still running, or if the other one has only a part of its corrections. Raises
+        StoreError if neither copy is newer and they differ.
         """
         if row["log"] is not None:
             row["log"] = self._log(path, row)
@@ -300,18 +304,20 @@ class Merge:
         (existing,) = copies
         self._numbers[TRIAL.name][row["id"]] = existing["id"]
         row = {**row, "id": existing["id"]}
+        # A copy that was imported from a table lacks some values. It takes them from the other copy.
         for name in UNKNOWN_IF_IMPORTED:
             if row[name] is None:
                 row[name] = existing[name]
             existing[name] = row[name]
-        # A table may write a number in another way, and shortens spaces.
+        # The texts of such a copy may differ although they mean the same: a table may write a number in another way, and
+        # shortens spaces.
         for name, meaning in (("design", json.loads), ("deviations", json.loads), ("note", str.split)):
             if meaning(row[name]) == meaning(existing[name]):
                 row[name] = existing[name]
         of_trial = "WHERE trial_id = (SELECT id FROM trial WHERE uuid = ?)"
         corrections = _changes(read_rows(path, self._source, CORRECTION, of_trial, row["uuid"]))
         existing_corrections = _changes(self._corrections(existing["id"]))
-        # A trial is never corrected twice in the same way at the same time, so a proper subset is a part.
+        # These are sets, and `<` says whether a set is a proper part of another one.
         is_newer = existing["ending"] == RUNNING or existing_corrections < corrections
         is_older = row["ending"] == RUNNING or corrections < existing_corrections
         if not is_newer and not is_older:
@@ -323,9 +329,10 @@ class Merge:
         return self._merged_rows(CORRECTION, "WHERE trial_id = ?", trial)
 
     def _log(self, path: Path, trial: Row) -> str:
-        """Return the name of a trial's log in the new store's folder, and plan to copy it there.
+        """Plan to copy a trial's log into the folder of the merged store, and return the name of the copy.
 
-        If another log has that name, the trial's UUID is added to it. Raises StoreError if that name is taken, too.
+        If another log has its name, a part of the trial's UUID is added to the name. Raises StoreError if this name is
+        taken, too.
         """
         source, name = log_file(path, trial["log"]), trial["log"]
         digest = sha256_of(source)
@@ -335,25 +342,36 @@ class Merge:
         logs_by_target = {target: log for log, target in self.logs.items()}
         for candidate in (Path(name), Path(name).with_stem(f"{Path(name).stem}-{trial['uuid'][:8]}")):
             target = log_file(self._merged, str(candidate))
-            # Equal to the log that will be copied there, or to the file that is there now, or nothing is there.
-            if sha256_of(logs_by_target.get(target, target)) in (None, digest):
+            # Another log may be planned for this name, or a file of this name may exist.
+            log_of_this_name = logs_by_target.get(target, target)
+            is_free_or_equal = sha256_of(log_of_this_name) in (None, digest)
+            if is_free_or_equal:
                 if not os.path.lexists(target):
                     self.logs[source] = target
                 return str(candidate)
         raise StoreError(f"{target}: already exists with other contents; move it away first")
 
     def end(self) -> None:
-        """Mark experiments' sweeps as ended, if one of the merged sweeps ended with as many runs. Raises StoreError."""
+        """Mark the sweep of an experiment as ended if it has as many runs as one of the merged sweeps had at its end.
+
+        This is done for all experiments. Raises StoreError.
+        """
         for row in self._merged_rows(EXPERIMENT):
             facts = json.loads(row["facts"])
             runs = sum(design_counts(self._merged, self._connection, row["id"]).runs)
-            # If both are equal, the row stays: it says correctly that the sweep has ended.
-            if facts.pop(ENDED, None) != runs:
-                facts |= {ENDED: runs} if runs in self._ended[row["id"]] else {}
-                self._insert(EXPERIMENT, {**row, "facts": json.dumps(facts)}, "OR REPLACE")
+            if facts.pop(ENDED, None) == runs:
+                # The row says already, and correctly, that the sweep has ended.
+                continue
+            if runs in self._ended[row["id"]]:
+                facts[ENDED] = runs
+            self._insert(EXPERIMENT, {**row, "facts": json.dumps(facts)}, "OR REPLACE")
 
     def _raise_difference(self, table: Table, row: Row, name: str, value: Any, before: Any) -> None:
-        """Raise a StoreError: in ``row``, ``name`` is ``value`` in the added store, ``before`` in earlier stores."""
+        """Raise a StoreError about a value that differs between the added store and earlier ones.
+
+        ``name`` is the name of the value in ``row`` of ``table``. It is ``value`` in the added store, and ``before`` in
+        the earlier ones.
+        """
         new, old = self._stores[-1], ", ".join(map(str, self._stores[:-1])) or self._merged
         values = f"{name} is {self._shown(name, value)} in {new}, {self._shown(name, before)} in {old}"
         if table in (EXPERIMENT, DESIGN):
@@ -363,10 +381,9 @@ class Merge:
                 f'experiment "{experiment}": {place}{values}: give one of them another name and sweep it again'
             )
         if table is TRIAL:
-            # The trial's number in the added store.
-            number = next(
-                number for number, merged_number in self._numbers[TRIAL.name].items() if merged_number == row["id"]
-            )
+            # The row has the trial's number in the merged store; the message needs that in the added store.
+            number_in_source = {merged: number for number, merged in self._numbers[TRIAL.name].items()}
+            number = number_in_source[row["id"]]
             raise StoreError(f"trial {number} of {new} ({row['uuid']}): {values}: correct one of them")
         is_run = table in (RUN, RECORDED, REALITY_RUN)
         shown_table = RUN if table is RECORDED else table
@@ -375,10 +392,15 @@ class Merge:
         raise StoreError(f"{shown_table.name} ({key}): {values}{explanation}")
 
     def _shown(self, column: str, value: Any) -> str:
-        """Return a value for messages; a row's number is replaced by a build's name or the beginning of a hash."""
+        """Return a value of a column as text for a message.
+
+        A number of another row means nothing to a person. It is replaced by the name of a build, or by the first digits
+        of a hash.
+        """
         referred = BY_NAME.get(column.removesuffix("_id")) if column.endswith("_id") else None
         if value is not None and referred is not None and referred.unique:
+            length = MAX_SHOWN if referred is BUILD else HASH_DIGITS
             query = f"SELECT substr({referred.unique}, 1, ?) FROM {referred.name} WHERE id = ?"
-            (value,) = self._connection.execute(query, (80 if referred is BUILD else 12, value)).fetchone()
+            (value,) = self._connection.execute(query, (length, value)).fetchone()
         text = value if isinstance(value, str) else json.dumps(value)
-        return text if len(text) <= 80 else f"{text[:77]}…"
+        return text if len(text) <= MAX_SHOWN else f"{text[: MAX_SHOWN - 3]}…"

@@ -23,7 +23,9 @@ STOPWATCH_ERROR_S = 1.0
 
 
 def other_drives(store: Store, info: ExperimentInfo, trials: Sequence[Trial]) -> dict[int, str]:
-    """Return how trials were driven otherwise than the runs, by the trial's number; other trials are left out.
+    """Return which trials were driven in another way than the runs, and in which way, by the trial's number.
+
+    Trials that were driven like the runs are not in the result.
 
     Example: {7: "speed 0.05 m/s, not 0.3 m/s"}: trial 7 was driven at 0.05 m/s, the runs of its design at 0.3 m/s.
     """
@@ -55,7 +57,10 @@ def other_drives(store: Store, info: ExperimentInfo, trials: Sequence[Trial]) ->
 
 
 def _setting_differences(trial: Trial, settings: Mapping[str, Any], expected: Mapping[str, Any]) -> Iterator[str]:
-    """Yield how a trial's ``settings`` differ from the ``expected`` ones of the runs; unknown settings are missing."""
+    """Yield a text for each difference between a trial's settings and the settings of the runs.
+
+    ``settings`` are those of the trial; an imported trial lacks some or all of them. ``expected`` are those of the runs.
+    """
     for name, label, unit in ((SPEED, "speed", "m/s"), (YAW_RATE, "turn rate", "rad/s")):
         value, expected_value = settings.get(name), expected.get(name)
         if value is None or expected_value is None:
@@ -65,7 +70,7 @@ def _setting_differences(trial: Trial, settings: Mapping[str, Any], expected: Ma
     expected_limit_s = expected[TIME_LIMIT]
     limit_s = settings.get(TIME_LIMIT, expected_limit_s)
     elapsed_s = trial.elapsed_time_s
-    # A car that stopped before both limits would have stopped at the same time under either of them.
+    # If a trial ended before both limits, the limits have no effect on its outcome.
     lower_limit_s = min(limit_s, expected_limit_s) + LIMIT_OVERRUN_S
     stopped_before_both = elapsed_s is not None and elapsed_s <= lower_limit_s and trial.outcome != "timeout"
     if not _equal(limit_s, expected_limit_s) and not stopped_before_both:
@@ -73,7 +78,7 @@ def _setting_differences(trial: Trial, settings: Mapping[str, Any], expected: Ma
     elif elapsed_s is not None:
         if trial.outcome == "passed" and elapsed_s > lower_limit_s:
             yield f"passed after {elapsed_s:g} s, above the time limit of {expected_limit_s:g} s"
-        # An imported trial has no settings, but the time at which it timed out shows which limit it had.
+        # An imported trial has no settings. If it timed out, its time shows which limit it had.
         elif trial.outcome == "timeout" and not settings and elapsed_s < expected_limit_s - STOPWATCH_ERROR_S:
             yield f"timed out after {elapsed_s:g} s, below the time limit of {expected_limit_s:g} s"
 

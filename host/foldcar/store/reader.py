@@ -165,26 +165,27 @@ class Store:
         return self.once(("trials in environment", info.id), lambda: self._find_trials_in_environment(info))
 
     def _find_trials_in_environment(self, info: ExperimentInfo) -> set[int]:
-        """Return the ids of the trials whose scenes are those of the experiment's samples.
+        """Return the ids of the trials that were driven in scenes of the experiment's samples.
 
-        A trial is one of them in three cases. It has the experiment's environment. Or its environment and the
-        experiment's have samples in common, and each of these is the same scene in both. Or the trial's own scene equals
-        the scene of its sample.
+        There are three such cases. The trial has the environment of the experiment. Or it has another one, but the
+        samples that both environments have in the store are the same scenes in both. Or the trial's own scene is equal
+        to the scene of its sample.
         """
         environment_id = self._environment_id(info)
         trials = list(self.rows(TRIAL, "WHERE experiment = ? AND environment_id IS NOT NULL", info.listed_id))
         has_other_environments = any(trial["environment_id"] != environment_id for trial in trials)
         scenes = self._sampled_scenes(environment_id) if has_other_environments else {}
-        is_equal_environment = {environment_id: True}
+        # Whether an environment has the same scenes as that of the experiment, by its id.
+        has_same_scenes = {environment_id: True}
         trial_ids = set()
         for trial in trials:
             trial_environment_id = trial["environment_id"]
-            if trial_environment_id not in is_equal_environment:
+            if trial_environment_id not in has_same_scenes:
                 other_scenes = self._sampled_scenes(trial_environment_id)
                 common_samples = other_scenes.keys() & scenes.keys()
-                has_equal_scenes = all(other_scenes[sample] == scenes[sample] for sample in common_samples)
-                is_equal_environment[trial_environment_id] = bool(common_samples) and has_equal_scenes
-            if is_equal_environment[trial_environment_id] or self._is_planned_scene(trial, scenes):
+                are_equal = all(other_scenes[sample] == scenes[sample] for sample in common_samples)
+                has_same_scenes[trial_environment_id] = bool(common_samples) and are_equal
+            if has_same_scenes[trial_environment_id] or self._is_planned_scene(trial, scenes):
                 trial_ids.add(trial["id"])
         return trial_ids
 
@@ -270,6 +271,7 @@ class Store:
 
         The number of a sample in a message is replaced by "…", so that messages of different samples count together.
         """
+        # RESULT_JOIN joins the tables of experiments (e), designs, samples and runs (r), and ends with conditions.
         query = f"SELECT r.message, count(*) {RESULT_JOIN} AND e.id = ? AND r.outcome = 'failed' GROUP BY 1"
         counts: Counter[str] = Counter()
         for name in experiments:
@@ -348,18 +350,18 @@ class Store:
         return self.rows(RECORDED, f"WHERE {has_key_of_run} ORDER BY name", *(run[column] for column in RUN.key))
 
     def _experiments(self) -> Iterator[ExperimentInfo]:
-        """Yield the swept experiments with their counts."""
+        """Yield the swept experiments, each with the numbers of its designs and runs."""
         build_names = {row["id"]: row["name"] for row in self.rows(BY_NAME["build"])}
         for row in self.rows(EXPERIMENT, "ORDER BY position"):
             counts = self.design_counts(row["id"])
             facts = self._facts(row)
             until, decided = _stopping_rule(facts.pop("until", None), counts)
-            # A sweep that has ended stores how many runs it has, and no more are planned.
+            # A sweep that has ended has stored how many runs it has. No more are planned.
             planned_runs = facts.pop("ended_runs", None)
             if planned_runs is None:
                 planned_runs = 0
                 for stored_runs, is_decided in zip(counts.runs, decided, strict=True):
-                    # Decided designs, and designs of a search, get no more runs.
+                    # A design gets no more runs if the stopping rule has decided it, or if it belongs to a search.
                     is_complete = is_decided or facts.get("searched")
                     planned_runs += stored_runs if is_complete else row["environments"]
             facts.pop("files", None)

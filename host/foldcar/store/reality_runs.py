@@ -78,26 +78,28 @@ class RealityKeys:
 
 
 def reality_keys(store: ReadableStore, experiment: str) -> RealityKeys | None:
-    """Return the ids of an experiment's runs in other realities; None if its last sweep planned no such runs."""
-    for row in store.rows(EXPERIMENT, "WHERE id = ?", experiment):
-        facts = json.loads(row["facts"])
-        # If no such runs are planned, the experiment has no fingerprint, and no row is found.
-        for spread_row in store.rows(SPREAD, "WHERE fingerprint = ?", facts.get("reality_spread")):
-            designs = store.rows(DESIGN, "WHERE experiment = ? ORDER BY position", experiment)
-            samples = store.rows(
-                SAMPLE,
-                "WHERE environment_id = ? AND sample < ? ORDER BY sample",
-                row["environment_id"],
-                row["environments"],
-            )
-            return RealityKeys(
-                planned=facts.get("realities", 0),
-                build_id=row["build_id"],
-                spread_id=spread_row["id"],
-                designs=[(design["body_id"], design["settings_id"]) for design in designs],
-                scenes={sample["sample"]: sample["scene_id"] for sample in samples},
-            )
-    return None
+    """Return the ids by which an experiment's runs in other realities are found.
+
+    Returns None if there is no such experiment, or if its last sweep planned no such runs.
+    """
+    row = next(iter(store.rows(EXPERIMENT, "WHERE id = ?", experiment)), None)
+    if row is None:
+        return None
+    facts = json.loads(row["facts"])
+    # An experiment without such runs has no fingerprint of what its realities are drawn from.
+    spread_row = next(iter(store.rows(SPREAD, "WHERE fingerprint = ?", facts.get("reality_spread"))), None)
+    if spread_row is None:
+        return None
+    designs = store.rows(DESIGN, "WHERE experiment = ? ORDER BY position", experiment)
+    of_experiment = "WHERE environment_id = ? AND sample < ? ORDER BY sample"
+    samples = store.rows(SAMPLE, of_experiment, row["environment_id"], row["environments"])
+    return RealityKeys(
+        planned=facts.get("realities", 0),
+        build_id=row["build_id"],
+        spread_id=spread_row["id"],
+        designs=[(design["body_id"], design["settings_id"]) for design in designs],
+        scenes={sample["sample"]: sample["scene_id"] for sample in samples},
+    )
 
 
 class _StoredRun(NamedTuple):
@@ -132,7 +134,7 @@ def read_reality_runs(store: ReadableStore, experiment: str) -> RealityRuns:
 
 
 def _stored_runs(store: ReadableStore, keys: RealityKeys) -> Iterator[_StoredRun]:
-    """Yield the stored runs of an experiment in other realities, in the order of the table's rows."""
+    """Yield the stored runs of an experiment in other realities, in the order in which the table has them."""
     # Several designs may have equal bodies and settings. Their runs have equal ids.
     indices_by_ids: dict[tuple[int, int], list[int]] = {}
     for design_index, ids in enumerate(keys.designs):
@@ -146,9 +148,10 @@ def _stored_runs(store: ReadableStore, keys: RealityKeys) -> Iterator[_StoredRun
         equal_designs = indices_by_ids.get((row["body_id"], row["settings_id"]))
         sample_of_run = sample_by_scene.get(row["scene_id"])
         if equal_designs is None or sample_of_run is None:
-            # The run belongs to a design or scene that the experiment no longer has.
+            # The run has a design or a scene that the experiment no longer has.
             continue
-        # Equal designs share the runs: each gets whole blocks, because some runs of a block must share a design.
+        # Designs with equal ids share the runs in turn: one block of runs for each. Blocks are not divided, because some
+        # runs of a block must have the same design.
         block = row["number"] // BLOCK
         yield _StoredRun(
             number=row["number"],

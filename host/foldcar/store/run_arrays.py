@@ -41,7 +41,7 @@ def run_arrays(store: Store, experiment: str) -> RunArrays:
 
 
 def _read_runs(store: Store, name: str) -> RunArrays:
-    """Read an experiment's runs into arrays. Raises StoreError if a design is missing."""
+    """Read the runs of an experiment into arrays with an entry for each run. Raises StoreError if a design is missing."""
     index_of_outcome = {outcome: index for index, outcome in enumerate(OUTCOMES)}
     # Each list has an array for each batch of runs. The empty first arrays give an experiment without runs the right
     # shapes.
@@ -54,11 +54,11 @@ def _read_runs(store: Store, name: str) -> RunArrays:
         positions_and_samples.append(np.array(batch_positions_and_samples, dtype=np.int64))
         batch_outcomes = (index_of_outcome[outcome] for outcome in values_by_column["outcome"])
         outcomes.append(np.fromiter(batch_outcomes, np.uint8, len(cells_of_runs)))
-        # As numbers, None becomes NaN.
+        # A missing number, None, becomes NaN.
         batch_metrics = np.array([values_by_column[metric] for metric in NUMBERS], dtype=np.float64)
         metrics.append(batch_metrics.T)
     position_of_run, sample_of_run = np.concatenate(positions_and_samples).T
-    # A design's position in its family is its index, unless designs are missing from a damaged store.
+    # Find the index of each run's design. In a damaged store designs may be missing.
     design_positions = np.array(list(store.designs(name)), dtype=np.int64)
     design_of_run = np.searchsorted(design_positions, position_of_run)
     if len(position_of_run):

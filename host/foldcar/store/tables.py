@@ -92,7 +92,11 @@ def _text_table(name: str, meaning: str) -> Table:
     """Return a table of JSON texts, each of which is stored once and found by its hash."""
     columns = (
         Column("id", "INTEGER", "number"),
-        Column("hash", "TEXT", "SHA-256 of the JSON text and of what else tells it from an equal one"),
+        Column(
+            "hash",
+            "TEXT",
+            "SHA-256 of the JSON text, and of the code's hash if the same text may mean another thing in another version",
+        ),
         Column("json", "JSON", "the object; the names in it end with their units"),
     )
     return Table(name, meaning, columns, unique="hash")

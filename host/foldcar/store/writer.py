@@ -102,7 +102,7 @@ class StoreWriter(StoreConnection):
     def put_experiment(
         self, plan: PlannedExperiment, designs: Iterable[PlannedDesign], fingerprint: str | None = None
     ) -> None:
-        """Store an experiment and its designs, replacing an earlier one with the same id. Its runs are kept.
+        """Store an experiment and its designs. They replace a stored experiment with the same id. All runs are kept.
 
         ``fingerprint`` is a hash of everything that the designs depend on; None if this is not known. If the stored
         designs have the same fingerprint, they are kept, and ``designs`` is not read.
@@ -129,13 +129,14 @@ class StoreWriter(StoreConnection):
                 "designs": None if kept_designs is None else len(kept_designs.parameters),
                 "designs_fingerprint": fingerprint,
             }
-            # Inserted before the designs, which refer to it.
+            # The designs refer to the experiment, so it is inserted before them.
             self._insert(EXPERIMENT, [experiment], "OR REPLACE")
             if kept_designs is None:
                 for position, design in enumerate(designs):
                     self._put_design(plan.id, position, design)
                 if fingerprint is not None:
-                    # The number of designs is stored last: without it, the designs are known to be incomplete.
+                    # The number of designs is stored when all designs are. A program that finds no number knows that the
+                    # designs are incomplete.
                     (count,) = self._run("SELECT count(*) FROM design WHERE experiment = ?", plan.id).fetchone()
                     self._update(EXPERIMENT, {**experiment, "designs": count})
 

@@ -4,7 +4,7 @@ from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 
 from foldcar.statistics.words import count
-from foldcar.store.info import unlike_sides_text
+from foldcar.store.info import side_view_warning
 from foldcar.store.writer import PlannedExperiment
 from foldcar.study.environments import ExperimentEnvironment
 from foldcar.study.experiments import Experiment
@@ -36,7 +36,7 @@ def engine_lines(limits_by_experiment: Mapping[str, str]) -> Iterator[str]:
     """
     for experiment_id, reason in limits_by_experiment.items():
         if reason:
-            yield f"experiment {experiment_id}: {unlike_sides_text(reason)}"
+            yield f"experiment {experiment_id}: {side_view_warning(reason)}"
 
 
 def skipped_lines(experiment: Experiment) -> Iterator[str]:

@@ -238,24 +238,30 @@ def _number(
     place: str,
     row: Mapping[str, str],
     name: str,
-    kind: Callable[[str], float],
+    parse: Callable[[str], float],
     minimum: int = 0,
     maximum: float = math.inf,
 ) -> float:
-    """Return a cell as a number, converted by ``kind``. Raises FoldcarError if it is not one, or beyond its limits."""
+    """Return a cell of a row as a number.
+
+    ``parse`` is decimal_number or whole_number. Raises FoldcarError if the cell is not such a number, or is outside its
+    limits.
+    """
     try:
-        value = kind(row[name])
+        value = parse(row[name])
     except ValueError:
-        kind_text = "whole " if kind is whole_number else ""
+        kind_text = "whole " if parse is whole_number else ""
         raise FoldcarError(f'{place}: {name}: "{row[name]}" is not a {kind_text}number') from None
-    # Only NaN differs from itself; a whole number may be too large for isfinite.
-    if abs(value) == math.inf or value != value:
+    # NaN is the only number that differs from itself. math.isfinite cannot be used, because it fails for very large whole
+    # numbers.
+    is_nan = value != value
+    if abs(value) == math.inf or is_nan:
         raise FoldcarError(f"{place}: {name}: {row[name]} is not finite")
     if value > maximum:
         raise FoldcarError(f"{place}: {name}: {row[name]} is above the maximum {maximum}")
     if value < minimum:
         raise FoldcarError(f"{place}: {name}: {row[name]} is below the minimum {minimum}")
-    # A time of -0 s is 0 s.
+    # Adding 0 turns -0.0 into 0.0.
     return value + 0
 
 

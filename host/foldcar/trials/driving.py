@@ -176,19 +176,21 @@ def _has_cable(car: ConnectedCar) -> bool:
 
 
 def _watch(car: ConnectedCar, trial: int, view: DriveView, end_s: float, must_be_unplugged: bool = False) -> DriveEnd:
-    """Wait for the end of the drive. Raises LinkLostError if the car is silent or does not end.
+    """Wait for the end of a drive and return how it ended.
 
-    ``end_s`` is the latest end, by time.monotonic(). A car that ``must_be_unplugged`` is stopped if its wheels start
-    while the cable is still plugged in.
+    ``end_s`` is the latest possible end, by time.monotonic(). If ``must_be_unplugged`` is True, a car whose wheels start
+    while its cable is still plugged in is stopped. Raises LinkLostError if the car is silent, or has not ended at
+    ``end_s``.
     """
     dialect, connection = car.dialect, car.connection
+    # The car's time in its last message, and the host's time of the last turn of the loop.
     last_boot_ms, turn_s = 0, time.monotonic()
 
     while True:
         for message in connection.receive(STEP_S, view.other_input):
             message_type = message.get_type()
             if message_type == "FOLDCAR_TRIAL":
-                # The time since the car's boot has begun again.
+                # If the time since the car's boot becomes smaller, the car has restarted.
                 if message.time_boot_ms < last_boot_ms:
                     return _car_restarted(car)
                 last_boot_ms = message.time_boot_ms
@@ -206,7 +208,7 @@ def _watch(car: ConnectedCar, trial: int, view: DriveView, end_s: float, must_be
             raise LinkLostError(f"{car.port}: the car is silent for {SILENCE_S:g} s")
         now_s = time.monotonic()
         if now_s - turn_s > SILENCE_S:
-            # The time in which this program stood still does not count.
+            # This program stood still, for example because a person has stopped it. This time does not count.
             end_s += now_s - turn_s
         turn_s = now_s
         if now_s > end_s:
@@ -222,10 +224,10 @@ def _car_restarted(car: ConnectedCar) -> DriveEnd:
 
 
 def _car_ended(car: ConnectedCar, message: Any, view: DriveView) -> DriveEnd:
-    """Return how the car ended the drive by itself; ``message`` is its FOLDCAR_TRIAL.
+    """Return how a drive ended that the car itself has ended. ``message`` is the car's FOLDCAR_TRIAL that says so.
 
-    If this program stood still, messages and keys have waited meanwhile. So if the car reports a fault, the simulator's
-    outcome or a pressed key is examined first: it came before the fault, which the silent host has caused.
+    The car stops with a fault if this program stands still. Then messages and keys wait until it goes on. The outcome of
+    the simulator or a key may be among them, and came before the fault. So these are examined before the fault.
     """
     elapsed_s = message.elapsed_ms / 1000
     if message.end == car.dialect.FOLDCAR_END_TIME_LIMIT:
@@ -313,22 +315,21 @@ def _stand_still(car: ConnectedCar) -> None:
 
 
 def merge_cars_log(car: ConnectedCar, trial: int, log: Path, tell: Callable[[str], None]) -> DriveEnd:
-    """Merge the car's own log of ``trial`` into the host's file ``log``; return how the drive ended.
+    """Fetch the car's own log of a trial, merge it into the host's file ``log``, and return how the drive ended.
 
-    ``tell`` is called with a line to print if the car's flash must be waited for.
+    The times in the car's log count from its boot. They are converted to the host's clock by the first packet of the
+    trial in ``log``, which has both times. ``tell`` is called with a line to print if this has to wait for the car's
+    flash.
 
-    Raises FoldcarError if the car is still storing its log after STORING_S, has no log of the trial, or if ``log`` has no
-    message of the trial.
-
-    The car's times count from its boot. The first packet of the trial that the host received gives the offset to the
-    host's clock.
+    Raises FoldcarError if the car is still storing its log after STORING_S, if it has no log of the trial, or if ``log``
+    has no message of the trial.
     """
     offset_us = _clock_offset_us(log, trial)
     status = wait_for_storage(car, tell)
     if status is None:
         raise FoldcarError(f"{car.port}: the car is still storing its log after {STORING_S:g} s")
     lost_bytes = status.log_lost if status.trial_id == trial else 0
-    # The latest log is the last one.
+    # The list begins with the oldest log, and the trial is probably in the latest one.
     for stored_log in reversed(list_logs(car)):
         records, damaged_bytes = records_of(fetch_log(car, stored_log))
         messages = [message for _, message in messages_of(records) if _is_of(message, trial)]
@@ -338,7 +339,8 @@ def merge_cars_log(car: ConnectedCar, trial: int, log: Path, tell: Callable[[str
         last_message = messages[-1]
         end = drive_end(car.dialect, last_message, lost_bytes + damaged_bytes)
         if last_message.end == car.dialect.FOLDCAR_END_NONE:
-            # The log breaks off: the firmware may have crashed. A board whose battery stayed on still knows where.
+            # The log does not contain the end of the drive, so the firmware may have crashed. If the battery of the
+            # board has stayed on, the board still knows where it crashed.
             crash = crash_line(car)
             if crash is not None:
                 return replace(end, ending=f"{end.ending}: {crash}")
@@ -360,10 +362,11 @@ def _clock_offset_us(log: Path, trial: int) -> int:
 
 
 def wait_for_storage(car: ConnectedCar, tell: Callable[[str], None]) -> Any | None:
-    """Return the next FOLDCAR_TRIAL after the car's flash is ready for a log; None if it is not ready after STORING_S.
+    """Wait until the car's flash is ready for a new log. Return the car's first FOLDCAR_TRIAL then.
 
-    The car stores its last log and then erases space for the next one, also after its start. If this is not done yet,
-    ``tell`` is given WAITING.
+    After a drive, the car stores its log and erases space for the next one; it also does so after its start. If this is
+    not done yet, ``tell`` is called with WAITING. Returns None if the car sends no FOLDCAR_TRIAL, or is not ready after
+    STORING_S.
     """
     is_open = car.dialect.FOLDCAR_LOG_OPEN
     status = car.connection.wait_for(lambda m: m.get_type() == "FOLDCAR_TRIAL", SILENCE_S)

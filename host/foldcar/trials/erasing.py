@@ -36,11 +36,12 @@ class ComparedLog:
 
 
 def erase_stored_logs(car: ConnectedCar, store: Path, answers: PersonAnswers | None) -> None:
-    """Print the logs in the car with their trials in the store; ask, unless ``answers`` is None; erase them.
+    """Erase the logs in a car, after comparing them with the logs of the store and printing them.
 
-    Raises FoldcarError if a log is not in the store; then nothing is erased.
+    A person is asked before, unless ``answers`` is None. Raises FoldcarError if a log is not in the store; then nothing
+    is erased.
     """
-    # Until then the car lists none.
+    # While the car stores a log, it lists no logs.
     wait_for_storage(car, print_line)
     logs = list_logs(car)
     if not logs:

@@ -92,14 +92,14 @@ def exported_facts(place: str, row: Mapping[str, str]) -> dict[str, Any]:
 
 
 def require_corrected(place: str, trial: Mapping[str, Any]) -> None:
-    """Raise FoldcarError if a column of an exported trial is not what its latest correction made it.
+    """Raise FoldcarError if an exported trial contradicts its own corrections.
 
-    A spreadsheet may have changed the cell: then the trial and its corrections would contradict each other.
+    A field must have the value that its latest correction gave it. A person may have changed the cell in a spreadsheet.
     """
-    # Of corrections of one second, the last one counts; sorting keeps their order.
+    # Sorting keeps the order of corrections that were made in the same second, so the last of them counts.
     corrections = sorted(trial["corrections"], key=lambda correction: str(correction["corrected_utc"]))
     for name, after in {correction["field"]: correction["after"] for correction in corrections}.items():
-        # A withdrawn trial is not exported.
+        # Withdrawn trials are not exported, so the trial is not withdrawn.
         value = 0 if name == "withdrawn" else trial.get(name)
         if not _is_same(value, after):
             raise FoldcarError(

@@ -44,6 +44,7 @@ class Arrivals:
         self._begun: list[tuple[float, int]] = []
         # For files whose times are in the future: their last state, and when it was first seen.
         self._states: dict[Path, tuple[FileState | None, float]] = {}
+        # The files that are not new. At first these are all files that are in the folder now.
         self._known: set[Path] = set()
         self._known |= set(self._new())
 

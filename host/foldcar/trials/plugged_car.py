@@ -186,9 +186,10 @@ def require_same_car(car: ConnectedCar, identity: CarIdentity) -> None:
 
 
 def _end_earlier_trial(car: ConnectedCar) -> None:
-    """Stop a car that still drives after an earlier program was ended, and ask for its current state.
+    """Stop a car that still drives a trial of an earlier program, and ask for its state afterwards.
 
-    Otherwise it would latch the fault of a silent host at the next long pause, after faults were checked.
+    Such a car waits for heartbeats of its host. At the next pause of this program, it would report the fault of a silent
+    host, although this program has already found it without faults.
     """
     car.connection.catch_up()
     if car.is_under_way(car.request("FOLDCAR_TRIAL")):

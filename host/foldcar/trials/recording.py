@@ -27,13 +27,14 @@ OUTCOME_QUESTION = "Outcome: (p)assed, (t)ipped, (s)tuck, (o)ff course, t(i)me l
 
 
 def store_end(writer: TrialWriter, number: int, end: DriveEnd, log: Path) -> str | None:
-    """Complete the row of trial ``number``, before anybody is asked; return the hash of its log, None if there is none.
+    """Store how a trial ended, before the person is asked for its outcome. Return the hash of its log, if there is one.
 
-    Raises StoreError.
+    So the trial is stored even if the program ends before there is an answer. Raises StoreError.
     """
     digest = sha256_of(log)
     stored_ending = Ending(
-        # Until the person has entered an outcome, the trial counts in no success rate.
+        # A drive may have no outcome of its own. Until the person has entered one, the trial is an aborted one, which
+        # does not count in any success rate.
         outcome=end.outcome or "aborted",
         ending=end.ending if end.outcome else ending_without_outcome(end.ending),
         elapsed_time_s=end.elapsed_time_s,

@@ -63,11 +63,14 @@ def find_edges(direction_at: Callable[[int], int], expected: ServoEdges) -> Serv
 
 
 def _find_edge(direction_at: Callable[[int], int], observed: dict[int, int], minimum: int, expected_us: float) -> float:
-    """Return the pulse (µs) from which on the servo turns with at least the direction ``minimum``.
+    """Find the edge of a direction: the pulse (µs) from which on the servo turns with at least the direction ``minimum``.
 
-    ``observed`` has the observed directions by pulse, and gets the new ones. The search moves away from ``expected_us``
-    in steps that double, until the edge is passed; from then on it bisects.
+    A direction is -1 (backwards), 0 (still) or 1 (forwards), and it grows with the pulse. ``observed`` has the directions
+    that were observed so far, by pulse; new observations are added. ``direction_at`` observes a pulse. The search begins
+    at ``expected_us`` and moves towards the edge in steps that double. As soon as it has seen both sides of the edge, it
+    bisects.
     """
+    # The edge lies between these two pulses.
     below = max(pulse for pulse, direction in observed.items() if direction < minimum)
     above = min(pulse for pulse, direction in observed.items() if direction >= minimum)
     pulse, step_us = round(expected_us), FIRST_STEP_US

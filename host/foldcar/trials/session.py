@@ -109,18 +109,20 @@ class Session:
         self._answers = PersonAnswers(self._idle)
         self._questions = None if options.yes else self._answers
         self._plugged = PluggedCar()
-        # The (sample, hash of the car) whose placement has been drawn.
+        # The samples whose placement was drawn, each with the hash of the car.
         self._drawn: set[tuple[int, str]] = set()
         # Scene and obstacles by sample.
         self._scenes: dict[int, tuple[dict[str, Any], dict[str, Obstacle]]] = {}
-        # Where obstacles stand since the last trial (None: unknown), and the sample to drive again (None: the next one).
+        # Where the obstacles stand since the last trial; None if this is unknown.
         self._arrangement: Arrangement | None = None
+        # The sample to drive again; None if the next one is driven.
         self._again: int | None = None
         self._arrivals = Arrivals(options.media_folder)
         self.driven: list[int] = []
-        # How many of them are driven again, beyond the requested number, and how many were aborted: by a fault, a lost
-        # link, another error, or before the start.
-        self._repeated = self.aborted = 0
+        # How many trials repeat an earlier one; these are driven in addition to the requested number.
+        self._repeated = 0
+        # How many trials were aborted: by a fault, a lost link, another error, or before the start.
+        self.aborted = 0
 
     def run(self, named_port: str | None) -> None:
         """Drive trials until their number is reached, or until the person ends the session.
@@ -352,8 +354,9 @@ class Session:
     def _after_error(self, error: FoldcarError, checked_car: CheckedCar) -> CheckedCar:
         """Print the error that aborted a trial, and return the car for the next trial.
 
-        A fault ends a trial, not the session. After a refused command or a lost link a person must help; a lost car is
-        checked again. Raises ``error`` if nobody can be asked, if it is another error, or if the person ends the session.
+        After a fault of the car the session goes on. After a command that the car has refused it goes on, too, if there
+        is a person who has read the error. If the link is lost, the person plugs the car in again, and the car is
+        checked again. In all other cases, or if the person ends the session, this raises ``error``.
         """
         has_person = not self._options.yes and self._answers.is_terminal
         if isinstance(error, CarFaultError) or (has_person and isinstance(error, CommandRefusedError)):

@@ -10,8 +10,8 @@ import scipy.linalg
 import shapely
 
 from foldcar.car.components.assemble import assemble, build
-from foldcar.car.components.hooked_strip import WheelSize
 from foldcar.car.components.wheel import Wheel
+from foldcar.car.components.wheel_size import WheelSize
 from foldcar.car.design import DesignError, compose
 from foldcar.car.folded.model import Axle, FoldedCar
 from foldcar.car.folded.placed import PlacedFace, place

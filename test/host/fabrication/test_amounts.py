@@ -6,7 +6,7 @@ from functools import cache
 
 import pytest
 
-from foldcar.car.components.hooked_strip import TYRE_PULL_N
+from foldcar.car.components.wheel_size import TYRE_PULL_N
 from foldcar.car.design import compose
 from foldcar.car.folded.model import FoldedCar
 from foldcar.car.folded_car import folded_car

@@ -10,6 +10,7 @@ from foldcar.car.proof.blocks import Blocks, first_obstacle, merge_blocks, solid
 from foldcar.car.proof.prove import assembly_steps
 from foldcar.car.proof.roles import roles_of
 from foldcar.car.proof.scene import CarSolids, Stage
+from foldcar.car.proof.step import PartKey
 from foldcar.fabrication.patterns import piece_shapes as piece_shapes_module
 from foldcar.fabrication.patterns.flat_piece import flat_piece
 from foldcar.fabrication.patterns.options import options
@@ -84,8 +85,8 @@ def standing(folded: FoldedCar) -> Blocks:
         stage = stage.closed(step.folds)
         if step.title.startswith("Put the bridge"):
             break
-    scene, bodies = CarSolids(roles), roles.bodies
-    things = [("piece", copy.piece, copy.copy) for copy in folded.placed if copy.body in bodies]
-    things += [("mount", mount.name, 0) for mount in folded.mounts if mount.body in bodies
+    scene, bodies = CarSolids(roles), roles.segments
+    things = [PartKey("piece", copy.piece, copy.copy) for copy in folded.placed if copy.body in bodies]
+    things += [PartKey("mount", mount.name, 0) for mount in folded.mounts if mount.body in bodies
                and mount.part not in (folded.parts.battery.name, folded.parts.pad.name)]  # fmt: skip
     return merge_blocks(scene.solid(thing, stage) for thing in things)

@@ -22,30 +22,34 @@ from foldcar.car.parts.catalogue import Catalogue
 
 
 def _min_height_mm(parts: Catalogue) -> float:
-    """Return the minimum outer height (mm).
+    """Return the minimum outer height of the body (mm).
 
-    The body must be high enough for the boards over the floor, and for the layer of a servo between two flaps.
+    Both the stack of boards and a servo must fit below the lid.
     """
     film, assembly = parts.film_mm, parts.assembly
     boards = stack_height_mm(parts) + film / 2
     if parts.battery_place == "roof":
         # Its leads come through the lid, above the boards.
         boards += parts.wiring.wire_diameter_mm.value
-    # A servo's layer in the middle of the right wall ends below the lid's flap.
-    beside_flap = min_doubler_mm(parts) + 2 * (assembly.flap_mm.value + film + assembly.slot_clearance_mm.value)
-    return max(boards, beside_flap) + film
+    # In the right wall, the layer of film behind a servo must end below the lid's flap. The servo is in the middle of
+    # the wall's height, so the flap's depth counts above it and below it.
+    flap = assembly.flap_mm.value + film + assembly.slot_clearance_mm.value
+    servo_and_flap = min_doubler_mm(parts) + 2 * flap
+    return max(boards, servo_and_flap) + film
 
 
 def _min_width_mm(parts: Catalogue) -> float:
-    """Return the minimum outer width (mm).
+    """Return the minimum outer width of the body (mm).
 
     The body must be wide enough for the boards on their bridge, and for two servos whose undersides touch.
     """
     assembly, film = parts.assembly, parts.film_mm
-    _, right = span_mm(parts)
-    # The lid's flap goes down between the boards and the right wall.
-    beside = max(assembly.bridge_gap_mm.value, assembly.flap_gap_mm.value + film)
-    boards = assembly.usb_inside_mm.value + mouth_mm(parts) + right + beside
+    # Across the body from the left wall: the gap to the USB socket, the boards up to the right end of their bridge, and
+    # the gap to the right wall. The lid's flap hangs down in this last gap.
+    socket_to_middle = mouth_mm(parts)
+    _, middle_to_right_end = span_mm(parts)
+    gap_to_right_wall = max(assembly.bridge_gap_mm.value, assembly.flap_gap_mm.value + film)
+    boards = assembly.usb_inside_mm.value + socket_to_middle + middle_to_right_end + gap_to_right_wall
     return max(boards, 2 * parts.servo.ear_underside_mm.value) + 2 * film
 
 
@@ -61,6 +65,8 @@ PANELS = ("floor", "right", "left", "lid", "flap")
 LENGTH = Parameter("length", 80, 1, 1000, "length of a box beam", "a strip that can be folded")
 # A lever is wider than its tongue by this (mm).
 LEVER_OVER_MM = 1.0
+# Corners of levers and tongues are cut off by this (mm), so that they do not catch.
+CORNER_MM = 1.0
 
 
 def wall_mm(outer_mm: float, parts: Catalogue) -> float:
@@ -100,9 +106,13 @@ class BoxBeam(Component):
         width, height = wall_mm(self["width"], self.parts), wall_mm(self["height"], self.parts)
         for name, size in (("floor", width), ("right", height), ("left", height)):
             shape.rectangle(name, length, size, piece="beam")
-        # From each end of the beam to its flap's fold.
+        # The flap's fold begins behind the tab of a cap and behind the notch of a latch.
         notch, _ = latch_mm(self.parts)
-        fold_starts = {end: self[f"flap_{end}"] + notch * self[f"latch_{end}"] for end in ("front", "rear")}
+        fold_starts: dict[str, float] = {}
+        for end in ("front", "rear"):
+            fold_starts[end] = self[f"flap_{end}"]
+            if self[f"latch_{end}"]:
+                fold_starts[end] += notch
         self._add_lid(shape, fold_starts)
         self._add_flap(shape, fold_starts)
         for panel, following in (("right", "floor"), ("floor", "left"), ("left", "lid"), ("lid", "flap")):
@@ -115,10 +125,14 @@ class BoxBeam(Component):
                 self._add_latch(shape, end)
 
     def _add_lid(self, shape: Shape, fold_starts: Mapping[str, float]) -> None:
-        """Add the lid, with a notch for each latch. The flap hangs at its far edge, inside the right wall.
+        """Add the lid, with a notch for each latch.
 
-        ``fold_starts`` are the distances (mm) from each end of the beam to the fold of the flap. The outline goes
-        counter-clockwise, and a point has the name of the edge that starts at it.
+        Its frame: the origin is the rear end of the left wall's upper edge; x points forward and y to the right wall.
+        The flap hangs at the lid's right edge, ``far``, between the latches. ``fold_starts`` has, for the front and the
+        rear of the beam, the distance (mm) from that end to the beginning of this fold. Where a cap's tab is beside the
+        lid, the rest of its right edge is called ``far front`` or ``far rear``.
+
+        The outline goes counter-clockwise, and a point has the name of the edge that starts at it.
         """
         assembly, film = self.parts.assembly, self.parts.film_mm
         length = self["length"]
@@ -140,110 +154,145 @@ class BoxBeam(Component):
         shape.face("lid", points)
 
     def _notch(self, end: str, front_x: float, lid_width: float) -> dict[str, Point]:
-        """Return the points of a notch in the lid, from its front side at ``front_x`` (mm) to its rear side.
+        """Return the points of a notch in the lid's right edge, from its front side at ``front_x`` (mm) to its rear side.
 
-        If the pull tab is at this end, it grows from the edge between the notch's corners.
+        A notch is as deep as its lever needs, and deeper if the pull tab is in it, too. The pull tab grows from the
+        middle of the notch's bottom, the edge ``END grip``.
         """
         assembly = self.parts.assembly
-        notch_length, depth = latch_mm(self.parts)
-        rear_x = front_x - notch_length
-        bottom = lid_width - depth - self[f"pull_{end}"] * assembly.grip_mm.value
-        points: dict[str, Point] = {f"{end} side": (front_x, lid_width), f"{end} corner": (front_x, bottom)}
-        if self[f"pull_{end}"]:
+        length, depth = latch_mm(self.parts)
+        has_pull_tab = bool(self[f"pull_{end}"])
+        rear_x = front_x - length
+        bottom_y = lid_width - depth
+        if has_pull_tab:
+            bottom_y -= assembly.grip_mm.value
+        points: dict[str, Point] = {f"{end} side": (front_x, lid_width), f"{end} corner": (front_x, bottom_y)}
+        if has_pull_tab:
             gap = assembly.grip_gap_mm.value
-            points |= {f"{end} grip": (front_x - gap, bottom), f"{end} corner 2": (rear_x + gap, bottom)}
-        points[f"{end} side 2"] = (rear_x, bottom)
+            points |= {f"{end} grip": (front_x - gap, bottom_y), f"{end} corner 2": (rear_x + gap, bottom_y)}
+        points[f"{end} side 2"] = (rear_x, bottom_y)
         return points
 
     def _add_flap(self, shape: Shape, fold_starts: Mapping[str, float]) -> None:
-        """Add the flap.
+        """Add the flap, which hangs from the lid inside the right wall.
 
-        For each latch it has a lever at the edge of its fold, and the edge of a tongue at its lower edge.
+        Its frame: the origin is the rear end of the fold between lid and flap; x points forward and y down.
+        ``fold_starts`` has, for the front and the rear of the beam, the distance (mm) from that end to the fold.
 
-        ``fold_starts`` are the distances (mm) of the ends of the fold from the ends of the beam. The origin is the
-        rear end of the fold; x runs forward and y down. A point has the name of the edge that starts at it. A lever
-        stands up, at negative y, in the middle of its notch. Its upper corners are cut off by 1 mm.
+        At a latch the flap continues beyond its fold, below the notch of the lid. There it has a lever that stands up
+        through the notch, at negative y, and the edge ``lock END`` at its lower edge, from which the tongue grows. The
+        outline goes around the flap from the origin. A point has the name of the edge that starts at it.
         """
         assembly = self.parts.assembly
         fold_length = self["length"] - sum(fold_starts.values())
         notch, _ = latch_mm(self.parts)
-        depth, grip = assembly.flap_mm.value, assembly.grip_mm.value
-        gap, half = assembly.grip_gap_mm.value, assembly.lock_mm.value / 2
-        front: dict[str, Point] = {"front": (fold_length, 0.0)}
-        rear: dict[str, Point] = {"far": (fold_length, depth), "rear": (0.0, depth)}
+        depth, gap = assembly.flap_mm.value, assembly.grip_gap_mm.value
+        half_tongue = assembly.lock_mm.value / 2
+        points: dict[str, Point] = {"near": (0.0, 0.0), "front": (fold_length, 0.0)}
         if self["latch_front"]:
-            near, far, middle = fold_length + gap, fold_length + notch - gap, fold_length + notch / 2
-            front = {"front": (fold_length, 0.0), "front lever": (near, 0.0), "front lever 2": (near + 1, -grip),
-                     "front lever 3": (far - 1, -grip), "front lever 4": (far, 0.0)}  # fmt: skip
-            rear = {"before front": (far, depth), "lock front": (middle + half, depth), "far": (middle - half, depth),
-                    "rear": (0.0, depth)}  # fmt: skip
+            rear_x, front_x = fold_length + gap, fold_length + notch - gap
+            middle_x = fold_length + notch / 2
+            points |= self._lever("front", rear_x, front_x)
+            points |= {"before front": (front_x, depth), "lock front": (middle_x + half_tongue, depth)}
+            points["far"] = (middle_x - half_tongue, depth)
+        else:
+            points["far"] = (fold_length, depth)
         if self["latch_rear"]:
-            near, far, middle = -gap, gap - notch, -notch / 2
-            del rear["rear"]
-            rear |= {"lock rear": (middle + half, depth), "behind rear": (middle - half, depth), "rear": (far, depth),
-                     "rear lever": (far, 0.0), "rear lever 2": (far + 1, -grip), "rear lever 3": (near - 1, -grip),
-                     "rear lever 4": (near, 0.0)}  # fmt: skip
-        shape.face("flap", {"near": (0.0, 0.0), **front, **rear})
+            rear_x, front_x = gap - notch, -gap
+            middle_x = -notch / 2
+            points |= {"lock rear": (middle_x + half_tongue, depth), "behind rear": (middle_x - half_tongue, depth)}
+            points["rear"] = (rear_x, depth)
+            points |= self._lever("rear", rear_x, front_x)
+        else:
+            points["rear"] = (0.0, depth)
+        shape.face("flap", points)
+
+    def _lever(self, end: str, rear_x: float, front_x: float) -> dict[str, Point]:
+        """Return the points of a lever in the flap's frame, from its rear side to its front side."""
+        top_y = -self.parts.assembly.grip_mm.value
+        return {
+            f"{end} lever": (rear_x, 0.0),
+            f"{end} lever 2": (rear_x + CORNER_MM, top_y),
+            f"{end} lever 3": (front_x - CORNER_MM, top_y),
+            f"{end} lever 4": (front_x, 0.0),
+        }
 
     def _add_latch(self, shape: Shape, end: str) -> None:
-        """Add the latch at an end: a tongue at the lower edge of the flap, folded outwards through a slot of the
+        """Add the latch at an end: a tongue that is folded outwards from the flap's lower edge, through a slot of the
         right wall.
 
-        The flap hangs down inside the wall. If its lever, above, is pushed outwards, the tongue is drawn in. The
-        finger that pushes it needs free space. The pull tab is added, too, if it is set for this end.
+        A finger that pushes the flap's lever outwards draws the tongue in. Both the finger and the tongue need free
+        space. The pull tab is added, too, if it is set for this end.
         """
         assembly, film = self.parts.assembly, self.parts.film_mm
-        width, play, (notch, _) = assembly.lock_mm.value, assembly.slot_clearance_mm.value, latch_mm(self.parts)
+        width, play = assembly.lock_mm.value, assembly.slot_clearance_mm.value
+        notch, _ = latch_mm(self.parts)
+        # The tongue passes the gap and the wall. Half a film is counted to the middle of the flap.
         reach = 1.5 * film + assembly.flap_gap_mm.value + assembly.lock_reach_mm.value
-        # From the beam's end to the middle of the notch.
-        x = self[f"flap_{end}"] + notch / 2
-        slot_center = (self["length"] - x if end == "front" else x, assembly.flap_mm.value)
+        middle_from_end = self[f"flap_{end}"] + notch / 2
+        slot_x = self["length"] - middle_from_end if end == "front" else middle_from_end
+        slot_y = assembly.flap_mm.value
         shape.face(f"{end} tongue", _tongue_outline(width, reach), role="tab")
         shape.connect(f"flap.lock {end}", f"{end} tongue.near", "fold", -90)
-        shape.rectangular_hole("right", f"{end} lock slot", "slot", slot_center, width + 2 * play, film + play)
+        slot_size = (width + 2 * play, film + play)
+        shape.rectangular_hole("right", f"{end} lock slot", "slot", (slot_x, slot_y), *slot_size)
         shape.touch("lock", f"{end} tongue.tip", "right", f"{end} lock slot")
-        # A finger pushes the lever outwards until the tip is within the wall; the lever, equally high, moves as far out.
+        # The tongue's frame: the origin is an end of its fold; x points along the fold, y outwards to the tip, z down.
+        # The tongue is free once it has moved by this stroke. The lever is as high above the flap's fold as the tongue is
+        # low, so it moves as far outwards.
+        stroke, lid_z = assembly.lock_reach_mm.value + film, -(slot_y + film)
+        # The finger is a cylinder that stands on the lid, behind the lever. It follows the lever by the stroke.
         finger, finger_length = self.parts.tools.finger_mm
-        stroke, lid_z = assembly.lock_reach_mm.value + film, -(slot_center[1] + film)
-        # Both clearances are cylinders in the tongue's frame: the finger's stands on the lid, the tongue's lies along it.
         finger_pose = compose(translation(width / 2, stroke - finger / 2, lid_z), rotation("x", math.pi))
-        tongue_pose = compose(translation(0.0, -(film + stroke) / 2, 0.0), rotation("y", math.pi / 2))
         shape.require_clearance(f"{end} tongue", ToolClearance("finger", finger_pose, finger, finger_length))
+        # The space into which the tongue's fold moves is a cylinder along the fold, inside of the flap.
+        tongue_pose = compose(translation(0.0, -(film + stroke) / 2, 0.0), rotation("y", math.pi / 2))
         shape.require_clearance(f"{end} tongue", ToolClearance("tongue", tongue_pose, stroke, width))
         if self[f"pull_{end}"]:
             self._add_pull_tab(shape, end, notch - 2 * assembly.grip_gap_mm.value)
 
     def _add_pull_tab(self, shape: Shape, end: str, width_mm: float) -> None:
-        """Add the lid's pull tab across a notch, with room for two fingers."""
+        """Add the lid's pull tab, which stands up from the bottom of a notch, with room for a finger on each side.
+
+        The tab's frame: the origin is an end of its fold; x points along the fold, y up, z across the tab.
+        """
         film, (finger, finger_length) = self.parts.film_mm, self.parts.tools.finger_mm
         shape.face(f"{end} pull tab", _tongue_outline(width_mm, self.parts.assembly.grip_mm.value), role="tab")
         shape.connect(f"lid.{end} grip", f"{end} pull tab.near", "fold", -90)
         for side in (-1, 1):
-            finger_start = translation(width_mm / 2, film, side * (finger / 2 + film))
-            pose = compose(finger_start, rotation("x", -math.pi / 2))
+            # A finger comes from above: it is a cylinder whose axis, z of its own frame, points up from the fold.
+            finger_tip = translation(width_mm / 2, film, side * (finger / 2 + film))
+            pose = compose(finger_tip, rotation("x", -math.pi / 2))
             shape.require_clearance(f"{end} pull tab", ToolClearance("finger", pose, finger, finger_length))
 
 
 def _tongue_outline(width_mm: float, reach_mm: float) -> dict[str, Point]:
     """Return the outline of a tongue that is folded along its first edge; its other corners are cut off."""
-    corner = min(1.0, reach_mm / 2)
+    corner = min(CORNER_MM, reach_mm / 2)
     return {"near": (0.0, 0.0), "1": (width_mm, 0.0), "tip": (width_mm - corner, reach_mm), "3": (corner, reach_mm)}
 
 
-ARROW_MM, MIN_ARROW_MM, ARROW_WIDTH_MM = 24.0, 16.0, 9.0
+# The printed arrow to the front: its length, the minimum length that has room for its word, its width, and its distance
+# from the ends of the floor.
+ARROW_MM, MIN_ARROW_MM, ARROW_WIDTH_MM, ARROW_MARGIN_MM = 24.0, 16.0, 9.0, 2.0
 
 
 def _mark_front(shape: Shape, floor: str) -> None:
-    """Print an arrow to the front on a floor, behind the tab of the cap, if the floor is long enough for its word."""
+    """Print an arrow with the word FRONT on a floor, near its front end, where the tab of the cap does not cover it.
+
+    A floor that is too short for the word gets no arrow.
+    """
     length, width = shape.face_size_mm(floor)
-    tip, y, half = length - flap_end_mm(shape.parts) - 2.0, width / 2, ARROW_WIDTH_MM / 2
-    start = max(2.0, tip - ARROW_MM)
+    y, half = width / 2, ARROW_WIDTH_MM / 2
+    tip = length - flap_end_mm(shape.parts) - ARROW_MARGIN_MM
+    start = max(ARROW_MARGIN_MM, tip - ARROW_MM)
     if tip - start >= MIN_ARROW_MM:
         corners = ((start, y - half), (tip - half, y - half), (tip, y), (tip - half, y + half), (start, y + half))
         shape.mark(floor, "FRONT", corners)
 
 
-# Edge of a front cap, seen from inside, at each wall; on a rear cap left and right are exchanged.
+# The edge of a front cap, seen from inside, that meets each wall. A rear cap is seen from the other direction, so its
+# edges meet the OPPOSITE walls.
 CAP_EDGES = {"floor": "near", "right": "front", "lid": "far", "left": "rear"}
 OPPOSITE = {"left": "right", "right": "left", "floor": "floor", "lid": "lid"}
 
@@ -256,28 +305,34 @@ def cap_inset_mm(parts: Catalogue) -> float:
 
 
 def put_cap(shape: Shape, cap: str, end: str, module: str, outer_mm: Point, slit_mm: float) -> None:
-    """Tape a cap into the ``end`` (front or rear) of the beam of ``module``; with ``slit_mm`` > 0 it has a cable
-    slit so long.
+    """Add the cap that closes one end of a beam, and tape it to the beam's walls and floor.
 
-    The face ``CAP.cap`` is seen from inside, with the edges near (floor), front, far (lid) and rear. ``CAP.flange``
-    lies under the lid. x points right on a front cap and left on a rear cap. ``outer_mm`` is the width and height of
-    the body.
+    ``end`` is ``front`` or ``rear``, ``module`` the name of the module with the beam, ``outer_mm`` the width and height
+    of the body. ``slit_mm`` is the length of a slit for cables in the cap's middle; with 0 there is none.
+
+    The cap is the face ``CAP.cap``, seen from inside the car: its edge ``near`` is at the floor and ``far`` at the lid;
+    ``front`` and ``rear`` are at the side walls. x points right on a front cap and left on a rear cap. A second face,
+    ``CAP.flange``, is folded from the cap's upper edge and lies under the lid.
     """
     parts, assembly, inset = shape.parts, shape.parts.assembly, cap_inset_mm(shape.parts)
     width, height = (wall_mm(size, parts) - 2 * inset for size in outer_mm)
     body, depth = shape.body_of(f"{module}.beam.floor"), assembly.cap_tab_mm.value
-    # "front cap 1" is the one of segment 1.
-    shape.rectangle(f"{cap}.cap", width, height, piece=cap.rpartition(" ")[0], body=body)
-    shape.face(f"{cap}.flange", ((0.0, 0.0), (width, 0.0), (width - depth, depth), (depth, depth)), body=body)
-    shape.connect(f"{cap}.cap.far", f"{cap}.flange.0", "fold", 90)
+    # The cap of segment 1 is called "front cap 1", and its piece is a "front cap".
+    piece = cap.rpartition(" ")[0]
+    shape.rectangle(f"{cap}.cap", width, height, piece=piece, body=body)
+    flange = {"fold": (0.0, 0.0), "1": (width, 0.0), "2": (width - depth, depth), "3": (depth, depth)}
+    shape.face(f"{cap}.flange", flange, body=body)
+    shape.connect(f"{cap}.cap.far", f"{cap}.flange.fold", "fold", 90)
     if slit_mm > 0:
-        at = (width / 2, height / 2)
-        shape.rectangular_hole(f"{cap}.cap", f"{cap}.slit", "slit", at, slit_mm, assembly.cable_slit_mm.value)
+        middle = (width / 2, height / 2)
+        shape.rectangular_hole(f"{cap}.cap", f"{cap}.slit", "slit", middle, slit_mm, assembly.cable_slit_mm.value)
     if end == "front":
         _mark_front(shape, f"{module}.beam.floor")
-    for panel, edge in CAP_EDGES.items():
-        wall = f"{module}.beam.{panel if end == 'front' else OPPOSITE[panel]}.{end}"
-        if panel == "lid":
-            shape.touch("tuck", f"{cap}.cap.{edge}", wall)
+    for front_wall, edge in CAP_EDGES.items():
+        wall = front_wall if end == "front" else OPPOSITE[front_wall]
+        cap_edge, wall_edge = f"{cap}.cap.{edge}", f"{module}.beam.{wall}.{end}"
+        if wall == "lid":
+            # The lid is not taped, because it opens.
+            shape.touch("tuck", cap_edge, wall_edge)
         else:
-            shape.connect(wall, f"{cap}.cap.{edge}", "tab", 90, depth_mm=depth, inset_mm=inset)
+            shape.connect(wall_edge, cap_edge, "tab", 90, depth_mm=depth, inset_mm=inset)

@@ -22,6 +22,8 @@ DIVIDER_UPPER, DIVIDER_LOWER, OE_PULL_UP = "20 kΩ resistor", "10 kΩ resistor",
 BUTTON_PIN, DIVIDER_PIN, OE_PIN = "32", "34", "27"
 # Resistors are soldered below the Feather, beside its legs: height of their middles below the board, distance from a row.
 RESISTOR_DOWN_MM, RESISTOR_BESIDE_MM = 2.0, 3.6
+# Distance along the row from the leg of a pin to the end of a resistor beside it, for the bend of the wire; chosen.
+RESISTOR_FROM_LEG_MM = 1.0
 # Distance of a flange's ends from the legs' feet.
 FOOT_CLEARANCE_MM = 0.5
 
@@ -71,76 +73,111 @@ def middle_mm(parts: Catalogue, y_mm: float) -> float:
 def put_bridge(shape: Shape, floor: str, x_mm: float, y_mm: float, side: int) -> None:
     """Add the bridge that carries the boards over the LiPo, and the boards on it, to the face ``floor``.
 
-    The middle of the boards is at (x, y), with USB towards +y. The faces are ``bridge.shelf`` (x forward, its origin
-    at its right rear corner), a leg and a foot on each side, and ``bridge.flange``, at the front edge if ``side`` is
-    1 and at the rear edge if it is -1.
+    In the floor's frame x points forward, y to the left and z up. The middle of the boards is at (x, y), with USB
+    towards +y. The faces are ``bridge.shelf``, a leg and a foot at its right and at its left end, and
+    ``bridge.flange``, which hangs from the shelf's front edge if ``side`` is 1 and from its rear edge if it is -1. The
+    origin of the shelf's frame is its right rear corner; its axes point as those of the floor.
     """
     parts, assembly, film = shape.parts, shape.parts.assembly, shape.parts.film_mm
-    half_length, (_, right_span), shelf_z = half_width_mm(parts), span_mm(parts), shelf_height_mm(parts)
-    length, width = 2 * half_length, sum(span_mm(parts))
+    half_length, shelf_z = half_width_mm(parts), shelf_height_mm(parts)
+    left_span, right_span = span_mm(parts)
+    length, width = 2 * half_length, left_span + right_span
     shape.rectangle("bridge.shelf", length, width, piece="bridge")
     for leg, edge in (("right", "near"), ("left", "far")):
-        # The feet lie on the floor, the flange ends above it.
+        # A foot lies on the floor, so the leg ends one film above the floor's middle.
         shape.rectangle(f"bridge.{leg} leg", length, shelf_z - film)
         shape.rectangle(f"bridge.{leg} foot", length, assembly.bridge_foot_mm.value)
         shape.connect(f"bridge.shelf.{edge}", f"bridge.{leg} leg.near", "fold", -90)
         shape.connect(f"bridge.{leg} leg.far", f"bridge.{leg} foot.near", "fold", -90)
-    # The flange hangs down from the shelf's edge; from its middle a tongue reaches through the floor.
-    inset, depth = assembly.bridge_foot_mm.value + FOOT_CLEARANCE_MM, shelf_z - film / 2 - assembly.cap_clearance_mm.value
-    tip = shelf_z + film / 2 + assembly.floor_tongue_reach_mm.value
-    tongue_start, tongue_end = (width / 2 + sign * assembly.tongue_mm.value / 2 for sign in (-1, 1))
-    points = {
-        "near": (0.0, 0.0), "1": (width, 0.0), "2": (width - inset, depth), "3": (tongue_end, depth),
-        "tip": (tongue_end, tip), "5": (tongue_start, tip), "6": (tongue_start, depth), "7": (inset, depth),
-    }  # fmt: skip
-    shape.face("bridge.flange", points)
-    shape.connect("bridge.shelf.front" if side > 0 else "bridge.shelf.rear", "bridge.flange.near", "fold", -90)
+    _add_flange(shape, width, shelf_z, side)
     shape.place("bridge.shelf", floor, translation(x_mm - half_length, y_mm - right_span, shelf_z))
     for leg in ("right", "left"):
         shape.touch("laminate", f"bridge.{leg} foot", floor)
-    slot_center, play = (x_mm + side * half_length, middle_mm(parts, y_mm)), assembly.slot_clearance_mm.value
+    play = assembly.slot_clearance_mm.value
+    slot_center = (x_mm + side * half_length, middle_mm(parts, y_mm))
     shape.rectangular_hole(floor, "bridge slot", "slot", slot_center, film + play, assembly.tongue_mm.value + 2 * play)
     shape.touch("tab_slot", "bridge.flange.tip", floor, "bridge slot")
     _add_boards_with_fasteners(shape, "bridge.shelf", (half_length, right_span))
 
 
-def _add_boards_with_fasteners(shape: Shape, shelf: str, middle: tuple[float, float]) -> None:
+def _add_flange(shape: Shape, width: float, shelf_z: float, side: int) -> None:
+    """Add the flange that hangs down from an edge of the shelf. A tongue in its middle reaches through the floor.
+
+    Its frame: x runs along the edge, which is ``width`` long, and y down. ``shelf_z`` is the height of the shelf over the
+    floor, ``side`` as in :func:`put_bridge`.
+    """
+    assembly, film = shape.parts.assembly, shape.parts.film_mm
+    # The flange ends above the floor, and between the feet.
+    depth = shelf_z - film / 2 - assembly.cap_clearance_mm.value
+    inset = assembly.bridge_foot_mm.value + FOOT_CLEARANCE_MM
+    tip = shelf_z + film / 2 + assembly.floor_tongue_reach_mm.value
+    tongue_start = width / 2 - assembly.tongue_mm.value / 2
+    tongue_end = width / 2 + assembly.tongue_mm.value / 2
+    points = {
+        "near": (0.0, 0.0), "1": (width, 0.0), "2": (width - inset, depth), "3": (tongue_end, depth),
+        "tip": (tongue_end, tip), "5": (tongue_start, tip), "6": (tongue_start, depth), "7": (inset, depth),
+    }  # fmt: skip
+    shape.face("bridge.flange", points)
+    shelf_edge = "front" if side > 0 else "rear"
+    shape.connect(f"bridge.shelf.{shelf_edge}", "bridge.flange.near", "fold", -90)
+
+
+def _add_boards_with_fasteners(shape: Shape, shelf: str, middle: Point) -> None:
     """Add the boards on the shelf: spacers and screws at two holes of the Feather, a foam pad under its other end.
 
     ``middle`` is the middle of the boards on the shelf. There are no screws at the other holes, because the radio
     module covers them in part. The pad is pressed to the height of the spacers.
     """
-    parts, film = shape.parts, shape.parts.film_mm
-    feather, spacer = parts.feather, parts.spacer
-    holes, height = [], spacer.length_mm.value
-    size = (spacer.diameter_mm.value, spacer.diameter_mm.value, height)
-    # The board's x points to -y of the shelf, as USB points to +y: it is turned by -90°.
-    for i, (x, y) in enumerate(((y, -x) for x, y in feather.free_holes(parts.board_screw)), 1):
-        position = (middle[0] + x, middle[1] + y)
-        holes.append(shape.round_hole(shelf, f"board screw {i}", "screw", position, parts.assembly.screw_hole_mm.value))
-        pose = translation(*position, (film + height) / 2)
-        spacer_solids = (cylinder(spacer.diameter_mm.value, -height / 2, height / 2, bore_mm=spacer.hole_mm.value),)
-        shape.box(spacer.name, f"spacer {i}", shelf, pose, size, spacer.mass_kg.value, (), spacer_solids)
-        under_head = compose(translation(*position, -film / 2), rotation("x", math.pi))
-        add_screw(shape, parts.board_screw, f"board screw {i}", shelf, under_head, film + height + feather.board_mm.value)
+    parts, film, feather = shape.parts, shape.parts.film_mm, shape.parts.feather
+    middle_x, middle_y = middle
+    height = parts.spacer.length_mm.value
+    screw_holes = []
+    for number, (board_x, board_y) in enumerate(feather.free_holes(parts.board_screw), 1):
+        # USB lies at the board's -x and points to +y of the shelf. So the board is turned by -90°, which takes its
+        # x to -y of the shelf and its y to +x.
+        at_mm = (middle_x + board_y, middle_y - board_x)
+        name = f"board screw {number}"
+        screw_holes.append(shape.round_hole(shelf, name, "screw", at_mm, parts.assembly.screw_hole_mm.value))
+        _add_spacer(shape, shelf, f"spacer {number}", at_mm)
+        # The screw comes from below.
+        under_head = compose(translation(*at_mm, -film / 2), rotation("x", math.pi))
+        add_screw(shape, parts.board_screw, name, shelf, under_head, film + height + feather.board_mm.value)
     pad = parts.board_pad
-    size = (pad.width_mm.value, pad.length_mm.value, height)
-    pose = translation(middle[0], middle[1] - (feather.length_mm.value - pad.length_mm.value) / 2, (film + height) / 2)
-    shape.box(pad.name, pad.name, shelf, pose, size, pad.mass_kg.value)
-    _put_boards(shape, shelf, compose(translation(*middle, film / 2 + height), rotation("z", -math.pi / 2)), holes)
+    pad_y = middle_y - (feather.length_mm.value - pad.length_mm.value) / 2
+    pad_pose = translation(middle_x, pad_y, (film + height) / 2)
+    pad_size = (pad.width_mm.value, pad.length_mm.value, height)
+    shape.box(pad.name, pad.name, shelf, pad_pose, pad_size, pad.mass_kg.value)
+    board_pose = compose(translation(middle_x, middle_y, film / 2 + height), rotation("z", -math.pi / 2))
+    _put_boards(shape, shelf, board_pose, screw_holes)
+
+
+def _add_spacer(shape: Shape, shelf: str, name: str, at_mm: Point) -> None:
+    """Add a spacer that stands on the shelf at a point."""
+    spacer = shape.parts.spacer
+    diameter, height = spacer.diameter_mm.value, spacer.length_mm.value
+    pose = translation(*at_mm, (shape.parts.film_mm + height) / 2)
+    solid = cylinder(diameter, -height / 2, height / 2, bore_mm=spacer.hole_mm.value)
+    size = (diameter, diameter, height)
+    shape.box(spacer.name, name, shelf, pose, size, spacer.mass_kg.value, solids=[solid])
 
 
 def option_resistors(parts: Catalogue) -> dict[str, Point]:
-    """Return the middle (x, y) of each resistor below the Feather, in the Feather's frame (mm), by its value as text."""
+    """Return the places of the resistors that are soldered below the Feather for the options of a car.
+
+    A resistor is known by its value, as text. Its place is its middle (x, y) in the Feather's frame (mm).
+    """
     feather, length = parts.feather, parts.resistor.length_mm.value
     resistors: dict[str, Point] = {}
     if parts.divider == "fitted":
-        # The lower one lies between the legs of its pin and of GND, the upper one goes on towards the other end.
-        (pin_x, row_y), (ground_x, _) = feather.pin_mm(DIVIDER_PIN), feather.pin_mm("GND")
+        pin_x, row_y = feather.pin_mm(DIVIDER_PIN)
+        ground_x, _ = feather.pin_mm("GND")
+        # Both resistors lie along the pins' row. The lower one is between the leg of its pin and that of GND, the upper
+        # one on the other side of the pin.
         resistors[DIVIDER_LOWER] = ((pin_x + ground_x) / 2, row_y + RESISTOR_BESIDE_MM)
-        resistors[DIVIDER_UPPER] = (pin_x + 1.0 + length / 2, row_y + RESISTOR_BESIDE_MM)
+        resistors[DIVIDER_UPPER] = (pin_x + RESISTOR_FROM_LEG_MM + length / 2, row_y + RESISTOR_BESIDE_MM)
     if parts.oe_wire == "fitted":
-        (pin_x, row_y), (supply_x, _) = feather.pin_mm(OE_PIN), feather.pin_mm("3V")
+        pin_x, row_y = feather.pin_mm(OE_PIN)
+        supply_x, _ = feather.pin_mm("3V")
         resistors[OE_PULL_UP] = ((pin_x + supply_x) / 2, row_y - RESISTOR_BESIDE_MM)
     return resistors
 
@@ -157,9 +194,9 @@ def plug_room_mm(plug: PartData) -> float:
 
 
 def _put_boards(shape: Shape, on: str, under: Pose, holes: Sequence[str]) -> None:
-    """Add the Feather and the wing with the plugs of the servos.
+    """Add the Feather, and on it the wing with the plugs of the servos.
 
-    ``under`` is the pose of the Feather in the face ``on``.
+    ``under`` is the pose of the Feather in the frame of the face ``on``, and ``holes`` are those of the Feather's screws.
     """
     parts, feather, wing = shape.parts, shape.parts.feather, shape.parts.featherwing
 
@@ -167,62 +204,65 @@ def _put_boards(shape: Shape, on: str, under: Pose, holes: Sequence[str]) -> Non
         data: PartData = getattr(parts.plugs, name)
         return ToolClearance("plug", pose, plug_room_mm(data), data.length_mm.max_value)
 
-    (_, y, z), socket = feather.usb.at_mm, feather.battery_socket
-    usb_plug_pose = compose(translation(-mouth_mm(parts), y, z), rotation("y", -math.pi / 2))
-    (along, across, up), (_, reach, _) = socket.at_mm, socket.size_mm
-    battery_plug_pose = compose(translation(along, across + reach / 2, up), rotation("x", -math.pi / 2))
+    _, usb_y, usb_z = feather.usb.at_mm
+    usb_plug_pose = compose(translation(-mouth_mm(parts), usb_y, usb_z), rotation("y", -math.pi / 2))
+    socket = feather.battery_socket
+    socket_x, socket_y, socket_z = socket.at_mm
+    socket_mouth = translation(socket_x, socket_y + socket.size_mm[1] / 2, socket_z)
+    battery_plug_pose = compose(socket_mouth, rotation("x", -math.pi / 2))
+    resistors = []
+    for x, y in option_resistors(parts).values():
+        at_mm = (x, y, -RESISTOR_DOWN_MM)
+        resistors.append(Box(at_mm=at_mm, size_mm=parts.resistor.size_mm, tolerance=1.0, source="chosen"))
     _put_board(
         shape,
         feather,
         on,
         under,
-        (*feather.standing, *feather.joints(parts.headers)),
-        [plug("usb", usb_plug_pose), plug("battery", battery_plug_pose)],
-        holes,
-        [
-            Box(at_mm=(x, y, -RESISTOR_DOWN_MM), size_mm=parts.resistor.size_mm, tolerance=1.0, source="chosen")
-            for x, y in option_resistors(parts).values()
-        ],
+        boxes=(*feather.standing, *feather.joints(parts.headers)),
+        clearances=[plug("usb", usb_plug_pose), plug("battery", battery_plug_pose)],
+        holes=holes,
+        pins=resistors,
     )
     # The servos' plugs stand upright with their leads bent over them: each is one solid with its header.
-    plugs_top_mm, plugs_bottom_mm = wing.plug_top_mm.value + wing.plug_bend_mm.value, wing.board_mm.value
-    solids, clearances = [*wing.headers, wing.terminal_block, wing.reset], []
+    bottom_z, top_z = wing.board_mm.value, wing.plug_top_mm.value + wing.plug_bend_mm.value
+    boxes, clearances = [*wing.headers, wing.terminal_block, wing.reset], []
     for header in wing.servo_headers:
-        (x, y, _), size = header.at_mm, (*header.size_mm[:2], plugs_top_mm - plugs_bottom_mm)
-        solids.append(header.model_copy(update={"at_mm": (x, y, (plugs_top_mm + plugs_bottom_mm) / 2), "size_mm": size}))
-        clearances.append(plug("servo", translation(x, y, plugs_top_mm)))
+        x, y, _ = header.at_mm
+        length, width, _ = header.size_mm
+        changes = {"at_mm": (x, y, (top_z + bottom_z) / 2), "size_mm": (length, width, top_z - bottom_z)}
+        boxes.append(header.model_copy(update=changes))
+        clearances.append(plug("servo", translation(x, y, top_z)))
     # The reset button stands between plugs, so that a screwdriver's tip presses it, not a finger.
     x, y, z = wing.reset.at_mm
-    clearances.append(ToolClearance("driver", translation(x, y, z + wing.reset.size_mm[2] / 2), *parts.tools.driver_mm))
-    _put_board(
-        shape,
-        wing,
-        on,
-        compose(under, translation(0, 0, feather.board_mm.value + wing.gap_mm.value)),
-        solids,
-        clearances,
-        (),
-        wing.pins,
-    )
+    reset_top = translation(x, y, z + wing.reset.size_mm[2] / 2)
+    clearances.append(ToolClearance("driver", reset_top, *parts.tools.driver_mm))
+    on_feather = compose(under, translation(0, 0, feather.board_mm.value + wing.gap_mm.value))
+    _put_board(shape, wing, on, on_feather, boxes=boxes, clearances=clearances, holes=(), pins=wing.pins)
 
 
 def _put_board(
-    shape: Shape, board: Feather | FeatherWing, on: str, under: Pose, boxes: Sequence[Box],
-    clearances: Sequence[ToolClearance], holes: Sequence[str], pins: Sequence[Box] = (),
+    shape: Shape, board: Feather | FeatherWing, on: str, under: Pose, *, boxes: Sequence[Box],
+    clearances: Sequence[ToolClearance], holes: Sequence[str], pins: Sequence[Box],
 ) -> None:  # fmt: skip
-    """Add a board on the face ``on``; ``under`` is the pose of the middle of its underside, which is the board's frame.
+    """Add a board on the face ``on``.
 
-    ``boxes``, weightless ``pins`` and ``clearances`` are in the frame of the board. ``holes`` are those of its
-    screws.
+    The origin of a board's frame is the middle of its underside. ``under`` is the pose of this frame in that of the
+    face. ``boxes`` (what stands on the board), weightless ``pins`` and ``clearances`` are given in the board's frame.
+    ``holes`` are those of its screws.
     """
     length, width, height = board.size_mm
-    # From the frame of the mount, the middle of its box, to the board's frame, on its underside.
-    down = translation(0, 0, -height / 2)
-    middle = translation(0, 0, (board.board_mm.value - height) / 2)
+    # A mount's frame has its origin in the middle of the mount, half the height above the board's frame.
+    board_in_mount = translation(0, 0, -height / 2)
+    plate_middle = translation(0, 0, (board.board_mm.value - height) / 2)
     screw_holes = tuple((x, y, pattern.diameter_mm) for pattern in board.holes for x, y in pattern.at_mm)
-    plate = Solid("box", (length, width, board.board_mm.value), middle, screw_holes)
-    solids = [plate, *(Solid("box", box.size_mm, compose(down, translation(*box.at_mm))) for box in boxes)]
-    solids += [Solid("box", pin.size_mm, compose(down, translation(*pin.at_mm)), weightless=True) for pin in pins]
-    clearances = [replace(clearance, pose=compose(down, clearance.pose)) for clearance in clearances]
+    solids = [Solid("box", (length, width, board.board_mm.value), plate_middle, screw_holes)]
+    solids += [Solid("box", box.size_mm, compose(board_in_mount, translation(*box.at_mm))) for box in boxes]
+    for pin in pins:
+        solids.append(Solid("box", pin.size_mm, compose(board_in_mount, translation(*pin.at_mm)), weightless=True))
+    mount_clearances = [replace(clearance, pose=compose(board_in_mount, clearance.pose)) for clearance in clearances]
     pose = compose(under, translation(0, 0, height / 2))
-    shape.box(board.name, board.name, on, pose, board.size_mm, board.mass_kg.value, holes, solids, clearances)
+    shape.box(
+        board.name, board.name, on, pose, board.size_mm, board.mass_kg.value, holes=holes, solids=solids,
+        clearances=mount_clearances,
+    )  # fmt: skip

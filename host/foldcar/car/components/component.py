@@ -122,9 +122,11 @@ class Component:
         self, values: Mapping[str, float] | None = None, path: str = "", body: str = "", parts: Catalogue | None = None,
         keys: Mapping[str, str] | None = None,
     ) -> None:  # fmt: skip
-        """``keys`` has the outermost component's key for each value that is given, for messages.
+        """Check the values and make the subcomponents.
 
-        Raises ComponentError for a value outside its limits.
+        ``keys`` says, for each value, which key of the outermost component (in a car: of the design) sets it. Messages
+        about a value name this key. By default, each value has its own name. Raises ComponentError for a value outside
+        its limits.
         """
         self.path, self.body, self.parts = path, body, parts or catalogue()
         given_values = dict(values or {})
@@ -138,11 +140,14 @@ class Component:
         for sub in self.subcomponents():
             if sub.name in self.children:
                 raise ComponentError(path, f'two subcomponents are called "{sub.name}"')
-            # The subcomponent's values that were given from outside, with the outermost keys that gave them.
-            outer_keys = {name: self.keys.get(sub.keys.get(name, name)) for name in sub.values}
-            outermost = {name: key for name, key in outer_keys.items() if key is not None}
-            child = sub.kind(sub.values, self._under(sub.name), sub.body or self.body, self.parts, outermost)
-            self.children[sub.name] = child
+            # A value that this component has computed has no key of the outermost component.
+            child_keys: dict[str, str] = {}
+            for name in sub.values:
+                own_name = sub.keys.get(name, name)
+                if own_name in self.keys:
+                    child_keys[name] = self.keys[own_name]
+            child_path, child_body = self._under(sub.name), sub.body or self.body
+            self.children[sub.name] = sub.kind(sub.values, child_path, child_body, self.parts, child_keys)
 
     def subcomponents(self) -> Sequence[Sub]:
         """Return the subcomponents; none by default."""

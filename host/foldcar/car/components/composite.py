@@ -41,18 +41,20 @@ class Composite(Component):
         """
         for name in self._order():
             child = self.children[name]
+            is_root = name == self.root
             if isinstance(child, Composite):
-                # The root of a nested composite is the root here only if that composite is named as the root.
-                yield from (CompositePart(link.module, name == self.root and link.root) for link in child.modules())
+                # This composite may name a nested composite as its root. The root of that one then carries the
+                # electronics.
+                for part in child.modules():
+                    yield CompositePart(part.module, root=is_root and part.root)
             elif isinstance(child, Module | HingeModule):
-                yield CompositePart(child, name == self.root)
+                yield CompositePart(child, root=is_root)
             else:
                 raise ComponentError(child.path, f"is a {type(child).__name__}, not a module, a hinge or a composite")
 
     def check(self) -> None:
         """Raise ComponentError if its modules do not form a chain, or its root cannot carry the electronics."""
-        links = list(self.modules())
-        roots = [link.module for link in links if link.root]
+        roots = [part.module for part in self.modules() if part.root]
         if self.root and (len(roots) != 1 or not isinstance(roots[0], BrainModule)):
             raise ComponentError(self.path, f'root "{self.root}" is not one module B, nor a composite whose root is one')
 
@@ -63,20 +65,28 @@ class Composite(Component):
         """
         module_behind: dict[str, str] = {}
         for connection in self.connections:
-            ends = {end: name for name, end in map(self._end, connection)}
+            name_by_end = {end: name for name, end in map(self._end, connection)}
             meeting = " meets ".join(connection)
-            if len(ends) < len(ENDS):
+            if len(name_by_end) < len(ENDS):
                 raise ComponentError(self.path, f"{meeting}: a rear end must meet a front end")
-            if ends["rear"] in module_behind or ends["front"] in module_behind.values():
+            if name_by_end["rear"] in module_behind or name_by_end["front"] in module_behind.values():
                 raise ComponentError(self.path, f"{meeting}, but an end can be connected once only")
-            module_behind[ends["rear"]] = ends["front"]
-        chains = [[name] for name in self.children if name not in module_behind.values()]
-        for chain in chains:
-            while chain[-1] in module_behind:
-                chain.append(module_behind[chain[-1]])
-        ring = [name for name in self.children if all(name not in chain for chain in chains)]
+            module_behind[name_by_end["rear"]] = name_by_end["front"]
+        # A chain begins with a module that is behind no other.
+        chains: list[list[str]] = []
+        for first in self.children:
+            if first not in module_behind.values():
+                chain = [first]
+                while chain[-1] in module_behind:
+                    chain.append(module_behind[chain[-1]])
+                chains.append(chain)
+        # Modules that belong to no chain are connected to a ring.
+        in_chains = {name for chain in chains for name in chain}
+        ring = [name for name in self.children if name not in in_chains]
         if len(chains) != 1 or ring:
-            parts = [*(" - ".join(chain) for chain in chains), *([f"{' - '.join(ring)}, a ring"] if ring else [])]
+            parts = [" - ".join(chain) for chain in chains]
+            if ring:
+                parts.append(f"{' - '.join(ring)}, a ring")
             chains_text = "; ".join(parts) or "nothing"
             raise ComponentError(self.path, f"its connections must make one chain, but make {chains_text}")
         return chains[0]

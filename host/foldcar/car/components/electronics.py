@@ -6,7 +6,7 @@ behind or before them, or on the roof; both may reach into the free floor of the
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -22,13 +22,14 @@ from foldcar.car.components.bridge import (
     put_bridge,
     usb_height_mm,
 )
-from foldcar.car.components.component import ROUNDING
+from foldcar.car.components.component import ROUNDING, ComponentError
 from foldcar.car.components.module import BrainModule
 from foldcar.car.components.mounts import BOARD_SWITCH, BUTTON, SERVO_SWITCH, cylinder
 from foldcar.car.components.shape import Shape, rectangle_around
 from foldcar.car.folded.model import IDENTITY, Point, Solid, Wire
 from foldcar.car.folded.pose import translation
 from foldcar.car.parts.catalogue import Catalogue
+from foldcar.car.parts.quantity import BoxPart
 
 # The layer below a battery on the floor is longer than the battery by this at both ends: so its outline is printed on
 # film, and the slot of the bridge's tongue, which is 0.8 mm from the battery, stays free.
@@ -65,175 +66,202 @@ class ElectronicsModule(BrainModule):
     """
 
     def build(self, shape: Shape) -> None:
-        """Place the parts in the floor's frame: x from the rear, y from the right wall, z from the middle surface."""
+        """Place the parts in the frame of the floor.
+
+        Its origin is the rear right corner of the floor, in the middle of the film's thickness: x points forward, y to
+        the left wall and z up.
+        """
         parts, assembly, layout = self.parts, self.parts.assembly, self.layout
-        x = layout.boards_mm
         film, across = parts.film_mm, wall_mm(self["width"], parts)
-        y = across - film / 2 - assembly.usb_inside_mm.value - mouth_mm(parts)
-        put_bridge(shape, "beam.floor", x, y, layout.side)
-        lipo = (layout.lipo_mm, middle_mm(parts, y), film / 2 + parts.lipo.height_mm.value / 2)
-        shape.part(parts.lipo, "beam.floor", lipo, turned=True, marked=True)
-        self._cut_usb_opening(shape, x)
-        self._place_battery(shape, layout, y)
+        # The mouth of the USB socket is just inside the left wall, and the boards are to the right of it.
+        socket_mouth_y = across - film / 2 - assembly.usb_inside_mm.value
+        boards_y = socket_mouth_y - mouth_mm(parts)
+        put_bridge(shape, "beam.floor", layout.boards_mm, boards_y, layout.side)
+        lipo_center = (layout.lipo_mm, middle_mm(parts, boards_y), film / 2 + parts.lipo.height_mm.value / 2)
+        shape.part(parts.lipo, "beam.floor", lipo_center, turned=True, marked=True)
+        self._cut_usb_opening(shape, layout.boards_mm)
+        self._place_battery(shape, layout, boards_y)
         # All wires count as one part in the module's middle.
-        wires = (self["length"] / 2, across / 2, wall_mm(self["height"], parts) / 2)
-        shape.part(parts.wiring, "beam.floor", wires)
+        wires_center = (self["length"] / 2, across / 2, wall_mm(self["height"], parts) / 2)
+        shape.part(parts.wiring, "beam.floor", wires_center)
         shape.graph.wires += _power_wires(parts)
 
     def _cut_usb_opening(self, shape: Shape, x: float) -> None:
-        """Cut the openings of the left wall: for the USB plug, for the light, and two slots for the cable's tie
-        above them.
+        """Cut the openings of the left wall: for the USB plug, for the board's light, and for the tie of the USB cable.
 
-        ``x`` is the middle of the boards. The light is beside the socket, where a plug hides it from straight ahead.
-        So its window lies beside the plug, and one sees the light aslant from the front.
+        ``x`` is the middle of the boards. The light is beside the socket, so from straight ahead a plug would hide it.
+        Its window is in front of the plug, and you see the light through it when you look backwards at an angle.
         """
         parts, assembly, z = self.parts, self.parts.assembly, usb_height_mm(self.parts)
         hole = plug_room_mm(parts.plugs.usb) + 2 * (parts.feather.usb.tolerance + assembly.slot_clearance_mm.value)
         shape.round_hole("beam.left", "USB", "opening", (x, z), hole)
         window = assembly.light_window_mm.value
-        beside = x + (hole + window) / 2 + assembly.grip_gap_mm.value
-        shape.round_hole("beam.left", "light", "opening", (beside, z), window)
-        tie = assembly.tie_slot_mm.value
-        slots_z = wall_mm(self["height"], parts) - assembly.fold_distance_mm.value - 1.5 * tie
+        window_x = x + (hole + window) / 2 + assembly.grip_gap_mm.value
+        shape.round_hole("beam.left", "light", "opening", (window_x, z), window)
+        # The tie goes through two slots above the plug, half as wide as they are high. Their upper ends are as far below
+        # the fold of the lid as every hole must be, and by their own height more.
+        slot_height = assembly.tie_slot_mm.value
+        slots_z = wall_mm(self["height"], parts) - assembly.fold_distance_mm.value - 1.5 * slot_height
         for name, side in (("tie 1", -1), ("tie 2", 1)):
-            middle = (x + side * (assembly.tie_apart_mm.value + tie) / 2, slots_z)
-            shape.rectangular_hole("beam.left", name, "slit", middle, tie / 2, tie)
+            middle = (x + side * (assembly.tie_apart_mm.value + slot_height) / 2, slots_z)
+            shape.rectangular_hole("beam.left", name, "slit", middle, slot_height / 2, slot_height)
 
     def _place_battery(self, shape: Shape, layout: Layout, boards_y: float) -> None:
         """Add pad and battery on the floor or on the roof, so far to one side of the car that they balance the boards.
 
         ``boards_y`` is y of the middle of the boards. The walls limit y of the battery.
         """
-        parts, film, across = self.parts, self.parts.film_mm, wall_mm(self["width"], self.parts)
-        battery, pad = parts.battery, parts.pad
+        parts, across = self.parts, wall_mm(self["width"], self.parts)
+        battery, middle_y = parts.battery, across / 2
         boards_kg = sum(part.mass_kg.value for part in (parts.feather, parts.featherwing, parts.lipo))
-        reach = (across - film - (battery.length_mm if layout.turned else battery.width_mm).value) / 2
-        # How far from the middle, on the other side, the battery would balance the boards. The y of lid and floor run in
-        # opposite directions.
-        offset = (boards_y - across / 2) * boards_kg / battery.mass_kg.value
+        # At this distance from the car's middle, on the side away from the boards, the battery balances them.
+        distance = (boards_y - middle_y) * boards_kg / battery.mass_kg.value
         if parts.battery_place == "roof":
-            self._place_on_roof(shape, layout.battery_mm, across / 2 + offset)
+            # The lid's y runs in the direction opposite to the floor's.
+            self._place_on_roof(shape, layout.battery_mm, middle_y + distance)
             return
-        x, y = layout.battery_mm, across / 2 - min(max(offset, -reach), reach)
+        width = (battery.length_mm if layout.turned else battery.width_mm).value
+        max_distance = (across - parts.film_mm - width) / 2
+        y = middle_y - _clamped(distance, max_distance)
+        self._place_on_floor(shape, layout, y)
+
+    def _place_on_floor(self, shape: Shape, layout: Layout, y: float) -> None:
+        """Add pad and battery on the floor, with a second layer of film below them, their middle at ``y``."""
+        parts, across = self.parts, wall_mm(self["width"], self.parts)
+        battery, x, middle_y = parts.battery, layout.battery_mm, across / 2
+
+        def size_of(part: BoxPart) -> Point:
+            """Return the extent of a part along x and y (mm)."""
+            length, width, _ = part.size_mm
+            return (width, length) if layout.turned else (length, width)
+
         # A second layer of film from wall to wall stiffens the floor. In a car of 95 mm, of 0.25 mm PET, the battery
         # (1.2 N, 31.5 mm wide) hangs by two strips L = 18 mm long: clamped at both ends they sag by
         # F L³ / (12 E I) = 1.6 mm, four times as much if the folds turn freely. Two layers are two to eight times
         # as stiff.
-        along_mm, wide_mm = battery.size_mm[1::-1] if layout.turned else battery.size_mm[:2]
-        low = max(x - along_mm / 2 - DOUBLER_EDGE_MM, -self["floor_rear"])
-        high = min(x + along_mm / 2 + DOUBLER_EDGE_MM, self["length"] + self["floor_front"])
-        clear_of_folds_mm = across - 2 * self.parts.assembly.fold_distance_mm.value
-        size_mm = (high - low, max(clear_of_folds_mm, wide_mm + 2 * DOUBLER_EDGE_MM))
-        middle = (low + high) / 2
+        battery_x_mm, battery_y_mm = size_of(battery)
+        low = max(x - battery_x_mm / 2 - DOUBLER_EDGE_MM, -self["floor_rear"])
+        high = min(x + battery_x_mm / 2 + DOUBLER_EDGE_MM, self["length"] + self["floor_front"])
+        clear_of_folds_mm = across - 2 * parts.assembly.fold_distance_mm.value
+        size_mm = (high - low, max(clear_of_folds_mm, battery_y_mm + 2 * DOUBLER_EDGE_MM))
+        layer_x = (low + high) / 2
         # An outline on the beam shows where the layer lies; the longer part beside the battery tells which way round.
-        shape.mark("beam.floor", "floor doubler", rectangle_around((middle, across / 2), *size_mm))
+        shape.mark("beam.floor", "floor doubler", rectangle_around((layer_x, middle_y), *size_mm))
         outline = rectangle_around((0.0, 0.0), *size_mm)
-        shape.layer("floor doubler", "beam.floor", outline, (middle, across / 2), "floor doubler")
-        z = film / 2 + film
-        for part in (pad, battery):
-            height, part_size = part.height_mm.value, part.size_mm[1::-1] if layout.turned else part.size_mm[:2]
-            shape.mark("floor doubler", part.name, rectangle_around((x - middle, y - across / 2), *part_size))
-            shape.part(part, "beam.floor", (x, y, z + height / 2), turned=layout.turned)
-            z += height
+        shape.layer("floor doubler", "beam.floor", outline, (layer_x, middle_y), "floor doubler")
+        # Pad and battery are stacked on the layer.
+        bottom_z = parts.film_mm / 2 + parts.film_mm
+        for part in (parts.pad, battery):
+            height = part.height_mm.value
+            shape.mark("floor doubler", part.name, rectangle_around((x - layer_x, y - middle_y), *size_of(part)))
+            shape.part(part, "beam.floor", (x, y, bottom_z + height / 2), turned=layout.turned)
+            bottom_z += height
 
-    def _place_on_roof(self, shape: Shape, x: float, y: float) -> None:
-        """Add pad and battery on the unprinted side of the lid, their middle at ``x``, and as near to ``y`` as its
-        folds allow.
+    def _place_on_roof(self, shape: Shape, x: float, wanted_y: float) -> None:
+        """Add pad and battery on the roof, with their middle at ``x``, and as near to ``wanted_y`` as the folds allow.
 
-        Holes at the corners show their place on both sides. The lid's y runs from the left wall, and its z points
-        into the car.
+        The lid's frame: the origin is the rear end of its left edge; x points forward, y to the right and z down into the
+        car. The roof is the lid's outer, unprinted side, so holes at the corners of pad and battery show their places.
         """
         parts, assembly, film = self.parts, self.parts.assembly, self.parts.film_mm
-        battery, corner = parts.battery, assembly.corner_hole_mm.value
-        edge = assembly.fold_distance_mm.value + corner / 2
-        lid_mm = shape.face_size_mm("beam.lid")[1]
-        reach = lid_mm / 2 - edge - battery.length_mm.value / 2
-        y = lid_mm / 2 + (min(max(y - lid_mm / 2, -reach), reach) if reach > 0 else 0.0)
-        shape.part(parts.pad, "beam.lid", (x, y, -(film + parts.pad.height_mm.value) / 2), turned=True)
-        battery_z = film / 2 + parts.pad.height_mm.value + battery.height_mm.value / 2
-        hole = self._cut_lead_hole(shape, x + battery.width_mm.value / 2)
-        # The leads pass the hole as one round of two wires.
-        wire_mm, lid_z = parts.wiring.wire_diameter_mm.value, battery_z - film / 2
-        lead = cylinder(2 * wire_mm, lid_z - 2 * wire_mm, lid_z + film + wire_mm, hole[0] - x, hole[1] - y)
-        size = (battery.width_mm.value, battery.length_mm.value, battery.height_mm.value)
-        solids = (Solid("box", size, IDENTITY), replace(lead, weightless=True))
+        battery, pad, hole_mm = parts.battery, parts.pad, assembly.corner_hole_mm.value
+        # A hole's middle must be as far from a fold as this. The battery's length lies across the car.
+        fold_distance = assembly.fold_distance_mm.value + hole_mm / 2
+        middle_y = shape.face_size_mm("beam.lid")[1] / 2
+        max_distance = middle_y - fold_distance - battery.length_mm.value / 2
+        y = middle_y + _clamped(wanted_y - middle_y, max(max_distance, 0.0))
+        shape.part(pad, "beam.lid", (x, y, -(film + pad.height_mm.value) / 2), turned=True)
+        battery_size = (battery.width_mm.value, battery.length_mm.value, battery.height_mm.value)
+        battery_z = film / 2 + pad.height_mm.value + battery.height_mm.value / 2
+        lead_x, lead_y = self._cut_lead_hole(shape, x + battery.width_mm.value / 2)
+        # The leads pass the hole as one cylinder of two wires. In the battery's frame, z points down as in the lid's.
+        wire_mm, lid_top_z = parts.wiring.wire_diameter_mm.value, battery_z - film / 2
+        lead = cylinder(2 * wire_mm, lid_top_z - 2 * wire_mm, lid_top_z + film + wire_mm, lead_x - x, lead_y - y)
+        solids = (Solid("box", battery_size, IDENTITY), replace(lead, weightless=True))
         pose = translation(x, y, -battery_z)
-        shape.box(battery.name, battery.name, "beam.lid", pose, size, battery.mass_kg.value, solids=solids)
-        for part in (parts.pad, battery):
+        shape.box(battery.name, battery.name, "beam.lid", pose, battery_size, battery.mass_kg.value, solids=solids)
+        for part in (pad, battery):
             half_length, half_width = part.length_mm.value / 2, part.width_mm.value / 2
-            if lid_mm / 2 - abs(y - lid_mm / 2) - half_length >= edge - ROUNDING:
+            to_fold = middle_y - abs(y - middle_y) - half_length
+            if to_fold >= fold_distance - ROUNDING:
                 corners = itertools.product((-half_width, half_width), (-half_length, half_length))
-                for i, (dx, dy) in enumerate(corners, 1):
-                    shape.round_hole("beam.lid", f"{part.name} corner {i}", "mark", (x + dx, y + dy), corner)
+                for number, (dx, dy) in enumerate(corners, 1):
+                    name = f"{part.name} corner {number}"
+                    shape.round_hole("beam.lid", name, "mark", (x + dx, y + dy), hole_mm)
 
-    def _cut_lead_hole(self, shape: Shape, end_mm: float) -> Point:
-        """Cut a hole into the lid for the battery's leads, in front of the battery and near the left wall; return
-        its middle.
+    def _cut_lead_hole(self, shape: Shape, battery_front_x: float) -> Point:
+        """Cut a hole for the battery's leads into the lid, before the battery and near the left wall; return its middle.
 
-        Raises ComponentError if the module is too short for battery, hole, latch, and fingers at the pull tab.
+        The battery lies in the middle of the module, and ``battery_front_x`` is its front end. Raises ComponentError if
+        the module is too short for battery and hole, or for a latch beside the battery with the fingers at its pull
+        tab.
         """
         battery, assembly = self.parts.battery, self.parts.assembly
-        hole, edge = assembly.lead_hole_mm.value, assembly.fold_distance_mm.value
-        minimum = battery.width_mm.value + 2 * (2 * edge + hole)
-        (notch, _), (finger, _) = latch_mm(self.parts), self.parts.tools.finger_mm
-        latch = notch / 2 + max(notch, finger) / 2
-        latch_end_mm = max(self[f"latch_{end}"] * (self[f"flap_{end}"] + latch) for end in ("front", "rear"))
-        if latch_end_mm:
-            minimum = max(minimum, battery.width_mm.max_value + 2 * (assembly.placement_mm.value + latch_end_mm))
-        if self["length"] < minimum - ROUNDING:
+        hole, fold_distance = assembly.lead_hole_mm.value, assembly.fold_distance_mm.value
+        # The hole has this distance from the battery and from the end of the lid.
+        min_length = battery.width_mm.value + 2 * (2 * fold_distance + hole)
+        notch, _ = latch_mm(self.parts)
+        finger, _ = self.parts.tools.finger_mm
+        # Measured from the end of the lid: the middle of the notch, and half of the notch or of a finger.
+        fingers_end = notch / 2 + max(notch, finger) / 2
+        latch_ends = [self[f"flap_{end}"] + fingers_end for end in ("front", "rear") if self[f"latch_{end}"]]
+        if latch_ends:
+            beside_battery = assembly.placement_mm.value + max(latch_ends)
+            min_length = max(min_length, battery.width_mm.max_value + 2 * beside_battery)
+        if self["length"] < min_length - ROUNDING:
             parts_text = f"the {battery.name} on the roof beside its lead and the lid's latch"
-            raise self.parameter_error("length", _too_small(self["length"], minimum, parts_text))
-        center = (end_mm + edge + hole / 2, edge + hole)
+            raise self.parameter_error("length", _too_small(self["length"], min_length, parts_text))
+        center = (battery_front_x + fold_distance + hole / 2, fold_distance + hole)
         shape.round_hole("beam.lid", "lead", "slit", center, hole)
         return center
 
     def _layouts(self) -> Iterator[Layout]:
-        """Yield the possible layouts, also those for which the module is too short.
-
-        If ``side`` is 1, the order along x is LiPo, boards, battery; if it is -1, the order is reversed. A battery on
-        the floor lies along or across the car, if the floor is wide enough for that.
-        """
-        parts, length = self.parts, self["length"]
-        # The battery's length along x (0 on the roof), ``side`` and ``turned`` of each layout.
-        variants = [(0.0, -1, True)] if parts.battery_place == "roof" else self._floor_variants()
-        for battery_mm, side, turned in variants:
-            # The distance from the boards' middle to the battery's far end, or to the bridge's end under a roof battery.
-            battery_end_mm = half_width_mm(parts) + parts.film_mm
-            if battery_mm:
-                # The LiPo's lead leaves the Feather at the front, so its plug is between boards and battery there.
-                gap_mm = parts.assembly.part_gap_mm.value if side < 0 else parts.plugs.battery.length_mm.value
-                battery_end_mm += gap_mm + battery_mm
-            lipo_end_mm = self._lipo_end_mm()
-            rear_mm, front_mm = (battery_end_mm, lipo_end_mm) if side < 0 else (lipo_end_mm, battery_end_mm)
-            # The limits of the boards' middle, from the module's rear. Parts may reach into the neighbours' free floor.
-            low = max(rear_mm - self["floor_rear"], self["usb_low"])
-            high = min(length + self["floor_front"] - front_mm, self["usb_high"])
-            boards_middle = min(max(length / 2, low), high)
-            lipo_middle = boards_middle - side * (lipo_end_mm - parts.lipo.width_mm.value / 2)
-            battery_middle = boards_middle + side * battery_end_mm - side * battery_mm / 2 if battery_mm else length / 2
-            yield Layout(low, high, side, turned, boards_middle, lipo_middle, battery_middle)
-
-    def _floor_variants(self) -> list[tuple[float, int, bool]]:
-        """Return the ways to lay a battery on the floor, each as (length along x in mm, ``side``, whether it is turned).
-
-        If ``side`` is 1, the battery is in front of the boards; if it is -1, behind them.
-        """
+        """Yield the possible layouts, also those for which the module is too short."""
+        if self.parts.battery_place == "roof":
+            # A battery on the roof needs no length of the floor. It lies across the car, in the middle of the module.
+            yield self._layout(battery_mm=0.0, side=-1, turned=True)
+            return
         battery, floor_mm = self.parts.battery, self["width"] - 2 * self.parts.film_mm
         orientations = ((battery.width_mm, battery.length_mm, True), (battery.length_mm, battery.width_mm, False))
-        return [
-            (along.value, side, turned)
-            for along, across, turned in orientations
-            for side in (-1, 1)
-            if across.max_value + 2 * self.parts.assembly.cut_mm.value <= floor_mm + ROUNDING
-        ]
+        for along, across, turned in orientations:
+            fits_across = across.max_value + 2 * self.parts.assembly.cut_mm.value <= floor_mm + ROUNDING
+            if fits_across:
+                for side in (-1, 1):
+                    yield self._layout(along.value, side, turned)
+
+    def _layout(self, battery_mm: float, side: int, turned: bool) -> Layout:
+        """Return a layout, with the boards as near to the middle of the module as its limits allow.
+
+        ``battery_mm`` is the battery's extent along x, 0 on the roof. If ``side`` is 1, the parts follow each other along
+        x in the order LiPo, boards, battery, else in the reverse order. If the battery is ``turned``, its length lies
+        across the car.
+        """
+        parts, length = self.parts, self["length"]
+        # The ends of battery and LiPo as distances from the boards' middle. The bridge ends there under a roof battery.
+        battery_end_mm = half_width_mm(parts) + parts.film_mm
+        if battery_mm:
+            # The LiPo's lead leaves the Feather at the front, so its plug is between the boards and a battery there.
+            gap_mm = parts.plugs.battery.length_mm.value if side > 0 else parts.assembly.part_gap_mm.value
+            battery_end_mm += gap_mm + battery_mm
+        lipo_end_mm = self._lipo_end_mm()
+        rear_mm, front_mm = (lipo_end_mm, battery_end_mm) if side > 0 else (battery_end_mm, lipo_end_mm)
+        # The limits of the boards' middle, from the module's rear. Parts may reach into the neighbours' free floor.
+        low = max(rear_mm - self["floor_rear"], self["usb_low"])
+        high = min(length + self["floor_front"] - front_mm, self["usb_high"])
+        boards_x = min(max(length / 2, low), high)
+        lipo_x = boards_x - side * (lipo_end_mm - parts.lipo.width_mm.value / 2)
+        battery_x = boards_x + side * battery_end_mm - side * battery_mm / 2 if battery_mm else length / 2
+        return Layout(low, high, side, turned, boards_mm=boards_x, lipo_mm=lipo_x, battery_mm=battery_x)
 
     def _lipo_end_mm(self) -> float:
-        """Return the distance along x from the middle of the boards to the far side of the LiPo (mm).
+        """Return the distance along x from the middle of the boards to the far end of the LiPo (mm).
 
-        The flange of the bridge comes down beside the LiPo, which may lie anywhere within its outline.
+        The bridge's flange hangs down half a width of the bridge from the boards' middle, and the LiPo lies beside it. As
+        it is laid by eye into its printed outline, it needs a gap to the flange.
         """
         assembly, lipo = self.parts.assembly, self.parts.lipo.width_mm
         gap_mm = assembly.placement_mm.value + lipo.tolerance / 2 + assembly.slot_clearance_mm.value
+        # Half of the flange's film, the gap and the LiPo, from the flange back under the boards and beyond their middle.
         return self.parts.film_mm / 2 + gap_mm + lipo.value - half_width_mm(self.parts)
 
     @property
@@ -242,21 +270,34 @@ class ElectronicsModule(BrainModule):
 
         Raises ComponentError if none fits.
         """
-        battery, length, layouts = self.parts.battery, self["length"], list(self._layouts())
+        layouts = list(self._layouts())
         if not layouts:
-            min_width_part = min(size.max_value for size in (battery.length_mm, battery.width_mm))
-            min_width = min_width_part + 2 * (self.parts.assembly.cut_mm.value + self.parts.film_mm)
-            raise self.parameter_error("width", _too_small(self["width"], min_width, battery.name))
+            raise self._too_narrow()
         fitting = [layout for layout in layouts if layout.missing_mm <= ROUNDING]
-        if fitting:
-            return min(fitting, key=lambda layout: abs(layout.boards_mm - length / 2))
+        if not fitting:
+            raise self._too_short(layouts)
+        return min(fitting, key=lambda layout: abs(layout.boards_mm - self["length"] / 2))
+
+    def _too_narrow(self) -> ComponentError:
+        """Return the error of a body in which the battery fits on the floor neither along nor across the car."""
+        battery = self.parts.battery
+        battery_mm = min(battery.length_mm.max_value, battery.width_mm.max_value)
+        min_width = battery_mm + 2 * (self.parts.assembly.cut_mm.value + self.parts.film_mm)
+        return self.parameter_error("width", _too_small(self["width"], min_width, battery.name))
+
+    def _too_short(self, layouts: Sequence[Layout]) -> ComponentError:
+        """Return the error of a module that is too short for all layouts; it names the least length that would do."""
+        length = self["length"]
         nearest = min(layouts, key=lambda layout: layout.missing_mm)
-        parts_text = "the boards" if self.parts.battery_place == "roof" else f"the boards and the {battery.name}"
-        if all(not layout.turned for layout in layouts):
+        on_roof = self.parts.battery_place == "roof"
+        parts_text = "the boards" if on_roof else f"the boards and the {self.parts.battery.name}"
+        if not any(layout.turned for layout in layouts):
             parts_text += f" lengthwise at width {self['width']:g}"
-        if nearest.low == self["usb_low"] or nearest.high == self["usb_high"]:
+        # The limits of USB are set by the tyres beside the module.
+        is_limited_by_tyres = nearest.low == self["usb_low"] or nearest.high == self["usb_high"]
+        if is_limited_by_tyres:
             parts_text += ", with a USB plug clear of the tyres"
-        raise self.parameter_error("length", _too_small(length, length + nearest.missing_mm, parts_text))
+        return self.parameter_error("length", _too_small(length, length + nearest.missing_mm, parts_text))
 
 
 def _power_wires(parts: Catalogue) -> list[Wire]:
@@ -290,6 +331,11 @@ def _option_wires(parts: Catalogue) -> list[Wire]:
     if parts.oe_wire == "fitted":
         wires.append(Wire(f"{feather} {OE_PIN}", f"{wing} #OE", "control", "ends the pulses while the board hangs"))
     return wires
+
+
+def _clamped(value: float, limit: float) -> float:
+    """Return the number nearest to ``value`` between ``-limit`` and ``limit``."""
+    return min(max(value, -limit), limit)
 
 
 def _too_small(value: float, needed: float, what: str) -> str:

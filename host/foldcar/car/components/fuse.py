@@ -1,6 +1,7 @@
 """Fuses rigidly linked faces to one face with a common outline and all their holes, marks and clearances.
 
-Input: a graph of faces and links. Output: fused faces, their atoms' poses, and the outline edge of each atom's edge.
+Input: a graph of components' faces and links. Output: the fused faces, each with the poses of the components' faces that
+it consists of, and with the outline edge in which each of their edges lies.
 """
 
 import math
@@ -10,7 +11,7 @@ from dataclasses import replace
 from typing import NamedTuple, TypeVar
 
 from foldcar.car.components.component import ComponentError
-from foldcar.car.components.shape import Atom, Edge, Graph
+from foldcar.car.components.shape import ComponentFace, Edge, Graph
 from foldcar.car.folded.model import IDENTITY, Face, Hole, Point, Pose, PrintedOutline, ToolClearance
 from foldcar.car.folded.pose import across_crease, apply, compose
 
@@ -20,47 +21,57 @@ GRID_MM = 1e-6
 
 
 class Fused(NamedTuple):
-    """A face made of atoms. Its frame is that of the atom ``first``.
+    """A face that consists of one or several components' faces. Its frame is that of ``first``, one of them.
 
-    ``poses`` are the atoms' poses in it, ``edges`` maps an atom's edge to the index of an outline edge.
+    ``poses`` are their poses in it, by path. ``edges`` has the index of the outline edge in which each of their edges
+    lies.
     """
 
     face: Face
-    first: Atom
+    first: ComponentFace
     poses: dict[str, Pose]
     edges: dict[Edge, int]
 
 
-def fuse(graph: Graph) -> dict[str, Fused]:
-    """Unite the faces of a graph that rigid links connect; return the united faces by the path of their first atom.
+class RingEdge(NamedTuple):
+    """An outer edge of a fused face, with its start and its end (mm) in the frame of that face."""
 
-    An *atom* is a face as one component has made it. Edges between two atoms of a group disappear. Raises ComponentError
-    if the outline of a group is not one polygon.
+    edge: Edge
+    start: Point
+    end: Point
+
+
+def fuse(graph: Graph) -> dict[str, Fused]:
+    """Unite the faces of a graph that rigid links connect.
+
+    Return the fused faces, each by the path of the first component's face in it. A face without rigid links is a fused
+    face of its own. Edges between two united faces disappear. Raises ComponentError if the outline of a fused face is
+    not one polygon.
     """
     rigid_links = [link for link in graph.links if link.kind == "rigid"]
-    # For each atom: the atoms that rigid links connect it with, and their poses in its frame.
+    # The faces to which each face is rigidly linked, with their poses in its frame.
     neighbours: dict[str, list[tuple[str, Pose]]] = defaultdict(list)
     inner_edges: set[Edge] = set()
     for link in rigid_links:
         inner_edges.update((link.a, link.b))
-        for edge, opposite_edge in ((link.a, link.b), (link.b, link.a)):
-            pose = across_crease(graph.ends_mm(edge), graph.ends_mm(opposite_edge), 0.0)
-            atom, opposite_atom = edge[0], opposite_edge[0]
-            neighbours[atom].append((opposite_atom, pose))
-    poses_by_first: dict[str, dict[str, Pose]] = {}
-    first_of_atom: dict[str, str] = {}
-    for path in graph.atoms:
-        if path not in first_of_atom:
-            poses_by_first[path] = propagate_poses(path, IDENTITY, neighbours)
-            first_of_atom |= dict.fromkeys(poses_by_first[path], path)
-    # Two edges in a line become one edge if they are linked in the same way to the same face: if their tags are equal.
+        for edge, opposite in ((link.a, link.b), (link.b, link.a)):
+            pose = across_crease(graph.ends_mm(edge), graph.ends_mm(opposite), 0.0)
+            neighbours[edge.face].append((opposite.face, pose))
+    # The groups of connected faces, each by the path of its first face, with the poses in the frame of that face.
+    groups: dict[str, dict[str, Pose]] = {}
+    first_of_face: dict[str, str] = {}
+    for path in graph.faces:
+        if path not in first_of_face:
+            groups[path] = propagate_poses(path, IDENTITY, neighbours)
+            first_of_face |= dict.fromkeys(groups[path], path)
+    # A tag says how an edge is linked and to which fused face. Two edges in a line with equal tags become one edge.
     tags: dict[Edge, object] = {}
     for link in graph.links:
         if link.kind != "rigid":
             kind = (link.kind, link.angle_rad, link.depth_mm)
-            tags[link.a] = (*kind, "a", first_of_atom[link.b[0]])
-            tags[link.b] = (*kind, "b", first_of_atom[link.a[0]])
-    return {first: _fused(graph, poses, tags, inner_edges) for first, poses in poses_by_first.items()}
+            tags[link.a] = (*kind, "a", first_of_face[link.b.face])
+            tags[link.b] = (*kind, "b", first_of_face[link.a.face])
+    return {first: _fused(graph, poses, tags, inner_edges) for first, poses in groups.items()}
 
 
 def propagate_poses(start: Key, pose: Pose, steps: Mapping[Key, list[tuple[Key, Pose]]]) -> dict[Key, Pose]:
@@ -79,68 +90,78 @@ def propagate_poses(start: Key, pose: Pose, steps: Mapping[Key, list[tuple[Key, 
 
 
 def _fused(graph: Graph, poses: dict[str, Pose], tags: dict[Edge, object], inner: set[Edge]) -> Fused:
-    """Unite the atoms with these poses in the frame of the first atom.
+    """Unite the components' faces whose ``poses`` are given in the frame of the first one.
 
-    ``inner`` edges lie between two atoms and disappear. Neighbouring edges in a line become one edge if their ``tags``
-    are equal.
+    ``inner`` are the edges between two of them, which disappear. Neighbouring edges in a line become one edge if their
+    ``tags``, which say what they are linked to, are equal.
     """
-    first = graph.atoms[next(iter(poses))]
+    first = graph.faces[next(iter(poses))]
     ring = _ring(graph, poses, inner)
     corners = [index for index in range(len(ring)) if not _is_collinear(ring, tags, index)]
-    # Edge n of the outline starts at corner n. Edges of the ring before the first corner continue the last edge.
+    # Outline edge n starts at corner n, so an edge belongs to the last corner up to its start. Edges before the first
+    # corner continue the last outline edge, whose index is -1 modulo the number of corners.
     edges: dict[Edge, int] = {}
-    for index, (edge, _) in enumerate(ring):
-        corners_until_here = sum(corner <= index for corner in corners)
-        edges[edge] = (corners_until_here - 1) % len(corners)
-    holes, marks, clearances = list[Hole](), list[PrintedOutline](), list[ToolClearance]()
+    for index, ring_edge in enumerate(ring):
+        corner_count = sum(corner <= index for corner in corners)
+        edges[ring_edge.edge] = (corner_count - 1) % len(corners)
+    holes: list[Hole] = []
+    marks: list[PrintedOutline] = []
+    clearances: list[ToolClearance] = []
     for path, pose in poses.items():
-        atom = graph.atoms[path]
-        holes += atom.holes if pose is IDENTITY else (_moved(hole, pose) for hole in atom.holes)
-        marks += (PrintedOutline(mark.name, tuple(_flat(pose, at) for at in mark.outline_mm)) for mark in atom.marks)
-        clearances += (replace(clearance, pose=compose(pose, clearance.pose)) for clearance in atom.clearances)
-    outline = tuple(ring[i][1] for i in corners)
-    face = Face(first.path, outline, tuple(holes), first.role, tuple(marks), tuple(clearances))
-    return Fused(face, first, poses, edges)
+        face = graph.faces[path]
+        # The first face's holes keep their exact coordinates.
+        holes += face.holes if pose is IDENTITY else (_moved(hole, pose) for hole in face.holes)
+        marks += (PrintedOutline(mark.name, tuple(_flat(pose, at) for at in mark.outline_mm)) for mark in face.marks)
+        clearances += (replace(clearance, pose=compose(pose, clearance.pose)) for clearance in face.clearances)
+    outline = tuple(ring[index].start for index in corners)
+    fused_face = Face(
+        first.path, outline, holes=tuple(holes), role=first.role, marks=tuple(marks), clearances=tuple(clearances)
+    )
+    return Fused(fused_face, first, poses, edges)
 
 
-def _ring(graph: Graph, poses: dict[str, Pose], inner_edges: set[Edge]) -> list[tuple[Edge, Point]]:
-    """Return the outer edges of the atoms in the order in which they follow each other, each with its start (mm).
+def _ring(graph: Graph, poses: dict[str, Pose], inner_edges: set[Edge]) -> list[RingEdge]:
+    """Return the outer edges of the faces in ``poses``, in the order in which they follow each other.
 
-    ``inner_edges`` lie between two atoms and are left out. Raises ComponentError if the outer edges form no single ring.
+    ``inner_edges`` lie between two faces and are left out. Raises ComponentError if the outer edges form no single ring.
     """
-    first = next(iter(poses))
-    if len(poses) == 1:
-        return [((first, i), point) for i, point in enumerate(graph.atoms[first].outline_mm)]
-    # Edges with their start and end in the first atom's frame, by the rounded start.
-    edges_by_start: dict[tuple[int, int], tuple[Edge, Point, Point]] = {}
+    outer_edges: list[RingEdge] = []
     for path, pose in poses.items():
-        for index in range(len(graph.atoms[path].outline_mm)):
-            edge = path, index
+        for index in range(len(graph.faces[path].outline_mm)):
+            edge = Edge(path, index)
             if edge not in inner_edges:
-                start, end = (_flat(pose, point) for point in graph.ends_mm(edge))
-                edges_by_start[_key(start)] = edge, start, end
-    edge, first_start, end = next(iter(edges_by_start.values()))
-    ring = [(edge, first_start)]
-    while _key(end) != _key(first_start):
-        if _key(end) not in edges_by_start or len(ring) > len(edges_by_start):
-            # The ring ends at a gap, or runs into its own middle.
-            raise ComponentError(edge[0], "is fused with its neighbours into something without a closed outline")
-        edge, start, end = edges_by_start[_key(end)]
-        ring.append((edge, start))
-    if len(ring) != len(edges_by_start):
-        raise ComponentError(edge[0], "is fused with its neighbours into more than one outline")
+                ends = graph.ends_mm(edge)
+                # The corners of a single face keep their exact coordinates.
+                start, end = ends if len(poses) == 1 else (_flat(pose, point) for point in ends)
+                outer_edges.append(RingEdge(edge, start, end))
+    if len(poses) == 1:
+        return outer_edges
+    # Rounded, the end of an edge equals the start of the next one.
+    edge_by_start = {_key(ring_edge.start): ring_edge for ring_edge in outer_edges}
+    first = next(iter(edge_by_start.values()))
+    ring = [first]
+    while _key(ring[-1].end) != _key(first.start):
+        following = edge_by_start.get(_key(ring[-1].end))
+        is_endless = len(ring) > len(edge_by_start)
+        # Without an edge that follows, there is a gap. An endless walk goes round in a part of the edges, without the
+        # first one.
+        if following is None or is_endless:
+            message = "is fused with its neighbours into something without a closed outline"
+            raise ComponentError(ring[-1].edge.face, message)
+        ring.append(following)
+    if len(ring) != len(edge_by_start):
+        raise ComponentError(ring[-1].edge.face, "is fused with its neighbours into more than one outline")
     return ring
 
 
-def _is_collinear(ring: list[tuple[Edge, Point]], tags: dict[Edge, object], i: int) -> bool:
-    """Return whether the edges before and after point ``i`` of the ring lie in a line and have equal tags."""
-    edge_before, point_before = ring[i - 1]
-    edge_after, point = ring[i]
-    _, point_after = ring[(i + 1) % len(ring)]
-    if tags.get(edge_before) != tags.get(edge_after):
+def _is_collinear(ring: list[RingEdge], tags: dict[Edge, object], index: int) -> bool:
+    """Return whether edge ``index`` of the ring continues the edge before it: in a line, and with an equal tag."""
+    before, after = ring[index - 1], ring[index]
+    if tags.get(before.edge) != tags.get(after.edge):
         return False
-    ux, uy = point[0] - point_before[0], point[1] - point_before[1]
-    vx, vy = point_after[0] - point[0], point_after[1] - point[1]
+    point_after = ring[(index + 1) % len(ring)].start
+    ux, uy = after.start[0] - before.start[0], after.start[1] - before.start[1]
+    vx, vy = point_after[0] - after.start[0], point_after[1] - after.start[1]
     cross, dot = ux * vy - uy * vx, ux * vx + uy * vy
     return abs(cross) <= GRID_MM * math.hypot(ux, uy) * math.hypot(vx, vy) and dot > 0
 

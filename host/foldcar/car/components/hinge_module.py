@@ -28,7 +28,8 @@ def _length_mm(parts: Catalogue) -> float:
     return max(6.0, math.ceil(parts.film.least_bend_radius_mm.value * math.radians(FOLD_DOWN_DEG)))
 
 
-# The stop is a square tube of film below the lids. STOP_SHARE is a fraction of the body's width, GLUE_SHARE of the web.
+# The stop is a square tube of film below the lids. Its length is STOP_SHARE of the body's width. Its height is that of
+# its web, the face that meets the other cap. Each of the two flaps that are glued to the cap is GLUE_SHARE as high.
 STOP_FROM_LID_MM = 2.0
 STOP_WEB_MM = 12.0
 MIN_STOP_MM = 1.0
@@ -66,11 +67,28 @@ class HingeModule(Component):
     )  # fmt: skip
 
     def build(self, shape: Shape) -> None:
-        """Add the faces ``front half`` and ``rear half`` (y to the left), the flexure at their common edge, and the stop.
+        """Add the two halves of the strip with the flexure between them, and the stop, if there is room for one.
 
+        The halves are the faces ``front half`` and ``rear half``. In their frames x points forward and y to the left.
         Raises ComponentError if ``fold_up`` is larger than the angle at which the lids meet, or if the strip would
         have to bend too sharply.
         """
+        self._check_angles()
+        glue_mm, width = self.parts.assembly.hinge_glue_mm.value, wall_mm(self["width"], self.parts)
+        half_length = self["length"] / 2 + glue_mm
+        for name in ("front half", "rear half"):
+            shape.rectangle(name, half_length, width, piece="hinge strip", thickness_mm=self["thickness"])
+        # A printed outline shows where each floor is glued: at the end of its half that is away from the flexure.
+        for name, rear_x in (("front half", half_length - glue_mm), ("rear half", 0.0)):
+            front_x = rear_x + glue_mm
+            shape.mark(name, "floor", ((rear_x, 0.0), (front_x, 0.0), (front_x, width), (rear_x, width)))
+        limits = (-math.radians(self["fold_down"]), math.radians(self["fold_up"]))
+        shape.connect("front half.rear", "rear half.front", "hinge", 0, limits_rad=limits)
+        if self._stop_mm() >= MIN_STOP_MM:
+            self._add_stop(shape, width * STOP_SHARE)
+
+    def _check_angles(self) -> None:
+        """Raise ComponentError if the lids meet before the upper limit, or if the strip bends too sharply at a limit."""
         # The segments turn about the middle of the strip.
         max_fold_up_deg = math.degrees(2 * math.atan2(self["length"] / 2, wall_mm(self["height"], self.parts)))
         if self["fold_up"] > max_fold_up_deg + ROUNDING:
@@ -80,29 +98,23 @@ class HingeModule(Component):
         # At either limit the strip is an arc.
         film = film_of(self.parts.film, self["thickness"])
         bend_rad = math.radians(max(self["fold_down"], self["fold_up"]))
-        minimum = film.least_bend_radius_mm.value * bend_rad
-        if self["length"] < minimum - ROUNDING:
+        min_length = film.least_bend_radius_mm.value * bend_rad
+        if self["length"] < min_length - ROUNDING:
             reason = f"{film.title} bent by {math.degrees(bend_rad):g}° on {film.least_bend_radius_mm.value:g} mm"
-            falls_short = f"{self['length']:g} is below the minimum {minimum_text(minimum)}"
+            falls_short = f"{self['length']:g} is below the minimum {minimum_text(min_length)}"
             raise self.parameter_error("length", f"{falls_short} ({reason})")
-        glue_mm, width = self.parts.assembly.hinge_glue_mm.value, wall_mm(self["width"], self.parts)
-        half_length = self["length"] / 2 + glue_mm
-        for name in ("front half", "rear half"):
-            shape.rectangle(name, half_length, width, piece="hinge strip", thickness_mm=self["thickness"])
-        # The floors' ends lie along the marks' inner edges.
-        for name, low in (("front half", half_length - glue_mm), ("rear half", 0.0)):
-            shape.mark(name, "floor", ((low, 0.0), (low + glue_mm, 0.0), (low + glue_mm, width), (low, width)))
-        limits = (-math.radians(self["fold_down"]), math.radians(self["fold_up"]))
-        shape.connect("front half.rear", "rear half.front", "hinge", 0, limits_rad=limits)
-        if self._stop_mm() >= MIN_STOP_MM:
-            # The stop's tube: two flaps glued to the cap, two sides, and the face that the other cap meets.
-            web, reach = self._web_mm(), self._stop_mm()
-            flap = web * GLUE_SHARE
-            sizes = {"glue 1": flap, "side 1": reach, "stop": web, "side 2": reach, "glue 2": flap}
-            for name, size in sizes.items():
-                shape.rectangle(name, width * STOP_SHARE, size, piece="hinge stop")
-            for name, following in pairwise(sizes):
-                shape.connect(f"{name}.far", f"{following}.near", "fold", 90)
+
+    def _add_stop(self, shape: Shape, length_mm: float) -> None:
+        """Add the stop, a tube of this length: two flaps that are glued to one cap, two sides, the face that meets the
+        other cap.
+        """
+        web_mm, depth_mm = self._web_mm(), self._stop_mm()
+        flap_mm = web_mm * GLUE_SHARE
+        widths_mm = {"glue 1": flap_mm, "side 1": depth_mm, "stop": web_mm, "side 2": depth_mm, "glue 2": flap_mm}
+        for name, width_mm in widths_mm.items():
+            shape.rectangle(name, length_mm, width_mm, piece="hinge stop")
+        for name, following in pairwise(widths_mm):
+            shape.connect(f"{name}.far", f"{following}.near", "fold", 90)
 
     def join(self, shape: Shape, hinge: str, modules: tuple[str, str], caps: tuple[str, str]) -> None:
         """Glue the strip under the floors of the modules before and behind it, and the stop onto the cap before the gap.
@@ -110,31 +122,41 @@ class HingeModule(Component):
         ``hinge`` is the path of this component. ``modules`` and ``caps`` are those in front of and behind the gap.
         The pose of everything behind the strip follows from it.
         """
-        film, (front, rear) = self.parts.film_mm, modules
-        strip_z_mm, glue_mm = -(film + self["thickness"]) / 2, self.parts.assembly.hinge_glue_mm.value
-        front_pose = translation(-self["length"] / 2, 0, strip_z_mm)
+        (front, rear), (front_cap, _) = modules, caps
+        film, glue_mm = self.parts.film_mm, self.parts.assembly.hinge_glue_mm.value
+        # A floor's frame has its origin at the rear right corner, and z points up. The strip lies under the floor.
+        strip_z = -(film + self["thickness"]) / 2
+        front_pose = translation(-self["length"] / 2, 0, strip_z)
         shape.place(f"{hinge}.front half", f"{front}.beam.floor", front_pose, laminated=True)
-        length = shape.face_size_mm(f"{rear}.beam.floor")[0]
-        shape.place(
-            f"{hinge}.rear half", f"{rear}.beam.floor", translation(length - glue_mm, 0, strip_z_mm), laminated=True
-        )
+        rear_floor_mm, _ = shape.face_size_mm(f"{rear}.beam.floor")
+        rear_pose = translation(rear_floor_mm - glue_mm, 0, strip_z)
+        shape.place(f"{hinge}.rear half", f"{rear}.beam.floor", rear_pose, laminated=True)
         if self._stop_mm() >= MIN_STOP_MM:
-            cap_width_mm = shape.face_size_mm(f"{caps[0]}.cap")[0]
-            stop_top_mm = wall_mm(self["height"], self.parts) - STOP_FROM_LID_MM - cap_inset_mm(self.parts)
+            # In the frame of the front segment's rear cap, x points left, y up and z into the segment, as its printed
+            # side does. The stop stands outside, so it is turned over: its x runs to the right. It is in the middle of
+            # the cap, so its left end is half of its length beyond the cap's middle.
+            cap_width_mm, _ = shape.face_size_mm(f"{front_cap}.cap")
+            left_end_x = cap_width_mm * (1 + STOP_SHARE) / 2
+            stop_top_y = wall_mm(self["height"], self.parts) - STOP_FROM_LID_MM - cap_inset_mm(self.parts)
             flap_mm = self._web_mm() * GLUE_SHARE
-            # A cap's printed side faces inwards, and the stop stands outside: it is turned over.
-            stop_pose = translation(cap_width_mm * (1 + STOP_SHARE) / 2, stop_top_mm - flap_mm, -film)
-            shape.place(f"{hinge}.glue 1", f"{caps[0]}.cap", compose(stop_pose, rotation("y", math.pi)), laminated=True)
+            stop_pose = compose(translation(left_end_x, stop_top_y - flap_mm, -film), rotation("y", math.pi))
+            shape.place(f"{hinge}.glue 1", f"{front_cap}.cap", stop_pose, laminated=True)
 
     def _stop_mm(self) -> float:
-        """Return how deep (mm) the stop is.
+        """Return the depth of the stop along the car (mm), with which it meets the other cap at the upper limit.
 
-        It stands on the cap of the front segment and meets the other cap at the upper limit.
+        Less than MIN_STOP_MM, or a negative depth, means that there is no room for a stop.
         """
-        half, up = self["length"] / 2, math.radians(self["fold_up"])
-        gap = half + half / math.cos(up) - (wall_mm(self["height"], self.parts) - STOP_FROM_LID_MM) * math.tan(up)
-        # Less the film: half a thickness each of cap and stop at the contact, and of cap and flap at the glued end.
-        return gap - 2 * self.parts.film_mm
+        # Seen from the side, with the origin in the middle of the strip, z up and x towards the front segment: the
+        # front cap is the line x = a, where a is half the strip's length. At the upper limit u, the rear cap leans
+        # forward. It is the line x = -a / cos u + z tan u. The stop fills the distance of the two lines at its upper
+        # edge.
+        a, u = self["length"] / 2, math.radians(self["fold_up"])
+        z = wall_mm(self["height"], self.parts) - STOP_FROM_LID_MM
+        distance = a + a / math.cos(u) - z * math.tan(u)
+        # The lines are the middles of films: half a thickness each of cap and stop at the contact, and of cap and flap at
+        # the glued end, are subtracted.
+        return distance - 2 * self.parts.film_mm
 
     def _web_mm(self) -> float:
         """Return height of the stop (mm), which ends above the slit for cables."""

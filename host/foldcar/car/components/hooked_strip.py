@@ -1,7 +1,4 @@
-"""Sizes of a wheel, and its strips of film between two discs, with hooks on their edges that hold the discs: rim, hub.
-
-A strip is a polygon of facets in the model and a smooth curve when built: its facets are together as long as the circle
-that its middle surface bends to.
+"""A wheel's strips of film between two discs, with hooks on their edges that hold the discs: rim, hub.
 
 The rim is equal strips around the discs, each hooked to the next one. A strip's hooks drop from outside into notches in
 the discs' edges, where its necks lie flush with the running circle. Its first facet has a tongue, the last facet of the
@@ -18,115 +15,22 @@ import math
 from typing import NamedTuple
 
 from foldcar.car.components.shape import Shape, on_circle
+from foldcar.car.components.wheel_size import NECK_MM, PLAY_MM, WALL_RAD, WALLS, WheelSize, arc_steps
 from foldcar.car.folded.model import Point, Pose
 from foldcar.car.folded.pose import compose, rotation, translation
-from foldcar.car.parts.bought import Horn
-from foldcar.car.parts.catalogue import Catalogue
 
-# The maximum length of a rim strip, so that it fits on a sheet of A4.
-MAX_STRIP_MM = 250.0
-# Minimum number of ties from rim to disc. Spans shorter than the minimum do not make a disc of thin film stiffer.
-MIN_TIES = 4
-MIN_SPAN_MM = 65.0
-# A tyre pulls with this force around the discs: a band of 12 x 1 mm² of natural rubber (1.5 MPa), stretched by a tenth.
-TYRE_PULL_N = 1.8
-# A disc is clamped at its hub, held inwards by the rim and outwards at the ties. It buckles above an edge load of
-# CRITICAL D / span², with the bending stiffness D (Ritz solution: 22 to 33 for 4 to 6 ties and radii of 30 to 150 mm).
-CRITICAL = 25.0
-POISSON = 0.38
-# Minimum length of a facet of the rim: the last facet has the slot for the next strip's tongue.
-RIM_FACET_MM = 7.8
-# The hub's walls, each an eighth of a turn wide, as seen from the axle.
-WALLS = 3
-WALL_RAD = math.pi / 4
-# Film between a slot and another edge, and between the notches of the rim and the hub's walls.
-BRIDGE_MM = 1.5
-MIN_WEB_MM = 4.0
-# Neck and hooks of the rim.
-NECK_MM = 3.0
+# Hooks of the rim: how far a head extends on each side of its neck, and the length of every head.
 HOOK_MM = 1.5
-# Play of the hub's necks towards the axle, which lets the outer disc run out of true: the repeatability of the machines.
-PLAY_MM = 0.1
-
-
-class WheelSize:
-    """The sizes of a wheel, from its rolling ``radius_mm`` with tyre and its ``width_mm`` from outside to outside
-    of the discs.
-    """
-
-    def __init__(self, radius_mm: float, width_mm: float, parts: Catalogue) -> None:
-        self.radius_mm, self.width_mm, self.film_mm = radius_mm, width_mm, parts.film_mm
-        # Play of a neck in its slot or notch on each side.
-        self.clearance_mm = parts.assembly.slot_clearance_mm.value / 2
-        # Radius of the discs and of the rim's outer face, on which the tyre lies.
-        self.disc_radius_mm = radius_mm - parts.tyre.thickness_mm.value
-        # Width of the strips between the discs, with some play.
-        self.between_mm = width_mm - 2 * (self.film_mm + self.clearance_mm)
-        # Length of the rim along the film's middle, and the number of equal strips that it consists of.
-        length_mm = 2 * math.pi * (self.disc_radius_mm - self.film_mm / 2)
-        self.strips = math.ceil(length_mm / MAX_STRIP_MM)
-        # The tyre's pull T loads the edge of each disc with N = T / 2 R. A disc does not buckle up to N = CRITICAL D /
-        # span², which limits the span between ties on each edge of a strip.
-        radius_m, modulus = self.disc_radius_mm * 1e-3, parts.film.youngs_modulus_pa.value
-        stiffness_n_m = modulus * (self.film_mm * 1e-3) ** 3 / 12 / (1 - POISSON**2)
-        span_mm = max(MIN_SPAN_MM, 1e3 * math.sqrt(CRITICAL * stiffness_n_m * 2 * radius_m / TYRE_PULL_N))
-        spans = math.ceil(2 * math.pi * self.disc_radius_mm / self.strips / span_mm)
-        self.ties = max(spans, math.ceil(MIN_TIES / self.strips))
-        # Directions of the ties around the axle, from x towards z of the wheel's frame; strip after strip.
-        count = self.strips * self.ties
-        self.tie_angles_rad = [2 * math.pi * i / count for i in range(count)]
-        # Facets of the rim from tie to tie; each one's length, its angle to the next, its distance from the axle.
-        self.facets_per_tie = max(1, math.floor(length_mm / (count * RIM_FACET_MM)))
-        self.facet_mm = length_mm / (count * self.facets_per_tie)
-        self.turn_rad = 2 * math.pi / (count * self.facets_per_tie)
-        self.apothem_mm = self.facet_mm / 2 / math.tan(self.turn_rad / 2)
-        # A strip's last facet dips until its end is one film inside the next strip's first facet, at this slope to it.
-        self.slope_rad = math.asin(math.sin(self.turn_rad) - self.film_mm / self.facet_mm)
-        # Half the width of a notch in a disc, and the distance of its bottom from the axle.
-        self.notch_mm = NECK_MM / 2 + self.clearance_mm, self.apothem_mm - self.film_mm / 2 - self.clearance_mm
-        # Distance of the hub's walls from the axle: a driver reaches every screw between them.
-        self.hub_mm = hub_mm(parts)
-        # Height of the hub's walls, from the middle of its layer on the inner disc to the outer disc, with some play.
-        self.wall_mm = width_mm - 2.5 * self.film_mm - self.clearance_mm
-
-
-def wheel_screws_mm(horn: Horn) -> tuple[Point, Point]:
-    """Return the two holes that hold the wheel, which are the farthest from each other: points of the horn's frame."""
-    holes = horn.wheel_screws.at_mm
-    return max(((a, b) for a in holes for b in holes), key=lambda pair: (math.dist(*pair), pair[0]))
-
-
-def access_radius_mm(parts: Catalogue) -> float:
-    """Return radius of a hole through which a driver reaches all screws of the horn."""
-    reach = max(math.hypot(*at) for at in wheel_screws_mm(parts.horn))
-    play = max(0.5, parts.horn.wheel_screws.tolerance)
-    return reach + max(parts.tools.driver_diameter_mm.value, parts.horn_screw.head_diameter_mm.value) / 2 + play
-
-
-def hub_mm(parts: Catalogue) -> float:
-    """Return the distance of the hub's walls from the axle (mm).
-
-    It leaves film between their slots and the driver's hole.
-    """
-    return access_radius_mm(parts) + BRIDGE_MM + PLAY_MM + parts.film_mm / 2
-
-
-def min_radius_mm(parts: Catalogue) -> float:
-    """Return minimum rolling radius of a wheel: hub, film to the rim's notches, tyre; rounded up to 0.1 mm."""
-    corner = hub_mm(parts) / math.cos(WALL_RAD / 2)
-    least = corner + MIN_WEB_MM + 2 * parts.film_mm + parts.tyre.thickness_mm.value
-    return math.ceil(10 * least - 1e-9) / 10
-
-
 DEPTH_MM = 2.5
 # The tip of a hook is shorter than its head by this on each hooking side, so that it finds its slot.
 TAPER_MM = 1.0
 
 
 class Hook(NamedTuple):
-    """A neck and a head.
+    """A neck and a head at an edge of a facet. They hold a disc.
 
-    The neck passes through a disc over ``reach_mm``; the head is wider, to the left, right or both.
+    The neck passes through the disc over ``reach_mm``. The head is wider than the neck, by ``left_mm`` on its left and
+    by ``right_mm`` on its right; one of them may be 0.
     """
 
     neck_mm: float
@@ -137,44 +41,47 @@ class Hook(NamedTuple):
     def path(self, side: str, x: float, y: float) -> dict[str, Point]:
         """Return the hook as a part of the outline of a facet, where it replaces the middle of the edge ``side``.
 
-        ``side`` is ``inner`` or ``outer``. The neck begins at (``x``, ``y``), and the hook points away from the
-        facet. The points run counter-clockwise around the facet, and each has the name of the edge that starts at it.
-        The edge at the tip of the hook is ``inner tip`` or ``outer tip``.
+        ``side`` is ``inner`` or ``outer``. The middle of the neck begins at (``x``, ``y``), and the hook points away from
+        the facet. The points run counter-clockwise around the facet, and each has the name of the edge that starts at
+        it. The edge at the tip of the hook is ``inner tip`` or ``outer tip``; the others are numbered.
         """
-        direction = -1 if side == "inner" else 1
-        head_y, tip_y = y + direction * self.reach_mm, y + direction * (self.reach_mm + DEPTH_MM)
-        neck_left, neck_right = x - self.neck_mm / 2, x + self.neck_mm / 2
-        head_left, head_right = neck_left - self.left_mm, neck_right + self.right_mm
-        left_half, right_half = [(neck_left, y)], [(neck_right, y)]
-        tip_left, tip_right = (head_left, tip_y), (head_right, tip_y)
-        if self.left_mm > 0:
-            left_half += [(neck_left, head_y), (head_left, head_y)]
-            tip_left = head_left + TAPER_MM, tip_y
-        if self.right_mm > 0:
-            right_half += [(neck_right, head_y), (head_right, head_y)]
-            tip_right = head_right - TAPER_MM, tip_y
-        halves = [*left_half, tip_left], [*right_half, tip_right]
-        # The inner edge runs from left to right, the outer edge from right to left.
-        first, second = halves if side == "inner" else halves[::-1]
-        points, tip_index = [*first, *reversed(second)], len(first) - 1
-        return {f"{side} {'tip' if i == tip_index else i}": point for i, point in enumerate(points)}
+        outwards = -1 if side == "inner" else 1
+        head_y, tip_y = y + outwards * self.reach_mm, y + outwards * (self.reach_mm + DEPTH_MM)
+
+        def half(direction: int, hook_mm: float) -> list[Point]:
+            """Return the half to the left (-1) or right (1) of the hook's middle, from the facet to the tip."""
+            neck_x = x + direction * self.neck_mm / 2
+            if hook_mm == 0:
+                return [(neck_x, y), (neck_x, tip_y)]
+            head_x = neck_x + direction * hook_mm
+            return [(neck_x, y), (neck_x, head_y), (head_x, head_y), (head_x - direction * TAPER_MM, tip_y)]
+
+        left, right = half(-1, self.left_mm), half(1, self.right_mm)
+        # Counter-clockwise, the inner edge runs from left to right, the outer edge from right to left.
+        to_tip, from_tip = (left, right) if side == "inner" else (right, left)
+        points = [*to_tip, *reversed(from_tip)]
+        names = [f"{side} {number}" for number in range(len(points))]
+        names[len(to_tip) - 1] = f"{side} tip"
+        return dict(zip(names, points, strict=True))
 
 
 def facet(
     length_mm: float, width_mm: float, hooks: tuple[Hook | None, Hook | None] = (None, None), base_mm: float = 0.0
 ) -> dict[str, Point]:
-    """Return the outline of a facet with the names of its edges, counter-clockwise from the origin.
+    """Return the outline of a facet, counter-clockwise from the origin: each point by the edge that starts at it.
 
-    The edges ``next`` and ``last`` lie at x = length and x = 0, the edges ``inner`` and ``outer`` at y = 0 and y =
-    width. ``hooks``, one for the inner and one for the outer disc, stand in the middles of the latter two. With
-    ``base_mm``, a tongue grows from the middle of ``last``; there the edge is called ``base`` and has that length.
+    The edge ``inner`` lies at y = 0, at the inner disc, and ``outer`` at y = width. The edge ``last``, towards the facet
+    before, lies at x = 0, and ``next`` at x = length. ``hooks`` are the hook for the inner disc and the one for the outer
+    disc; they stand in the middles of these edges. With ``base_mm``, a tongue grows from the middle of the edge at
+    x = 0: the part of this length is called ``base``, and the rest behind it ``behind``.
     """
+    inner_hook, outer_hook = hooks
     outline = {"inner": (0.0, 0.0)}
-    if hooks[0] is not None:
-        outline |= hooks[0].path("inner", length_mm / 2, 0.0)
+    if inner_hook is not None:
+        outline |= inner_hook.path("inner", length_mm / 2, 0.0)
     outline |= {"next": (length_mm, 0.0), "outer": (length_mm, width_mm)}
-    if hooks[1] is not None:
-        outline |= hooks[1].path("outer", length_mm / 2, width_mm)
+    if outer_hook is not None:
+        outline |= outer_hook.path("outer", length_mm / 2, width_mm)
     outline["last"] = (0.0, width_mm)
     if base_mm:
         outline |= {"base": (0.0, (width_mm + base_mm) / 2), "behind": (0.0, (width_mm - base_mm) / 2)}
@@ -186,121 +93,161 @@ OUTSIDE_MM = 1.9
 THROUGH_MM = 1.4
 THROUGH_FILMS = 2.8
 HEAD_MM = 3.4
+# The tongue's width, and by how much its head is wider on each side. In a narrow strip they are fractions of its width.
+TONGUE_MM, TONGUE_SHARE = 4.0, 0.36
+SPREAD_MM, SPREAD_SHARE = 1.5, 0.15
+# The head has its full width between these distances from its root. The corners of its tip are this far from the sides
+# of the tongue.
+HEAD_WIDE_FROM_MM, HEAD_WIDE_TO_MM = 0.3, 1.3
+HEAD_TIP_INSET_MM = 0.5
 # The slot: how far its narrow part extends over the head, and the length of the wide part.
 OVER_MM = 0.7
 WIDE_MM = 1.2
 
 
 def build_rim(shape: Shape, size: WheelSize) -> None:
-    """Add faces ``rim 0 0`` … (strip, facet) and tongues, and join their hooks to the edges ``notch i`` of the discs."""
-    per_strip = size.ties * size.facets_per_tie
+    """Add the strips of the rim, and join each to the strip before it and to both discs.
+
+    Strip s has the faces ``rim s 0``, ``rim s 1`` … and its tongue. The tongue locks into a slot in the last facet of
+    the strip before. A *tie* is a place of the rim that holds the discs: its facet has a hook for each disc, which lies
+    in the disc's edge ``notch i``. Ties are counted around the whole wheel.
+    """
+    facet_count = size.ties * size.facets_per_tie
     for strip in range(size.strips):
-        _add_strip(shape, size, strip, per_strip)
+        _add_strip(shape, size, strip, facet_count)
     for strip in range(size.strips):
         previous = (strip - 1) % size.strips
-        shape.touch("lock", f"rim {strip} tongue head.tip", f"rim {previous} {per_strip - 1}", f"rim {previous} slot")
+        last_facet, slot = f"rim {previous} {facet_count - 1}", f"rim {previous} slot"
+        shape.touch("lock", f"rim {strip} tongue head.tip", last_facet, slot)
         for tie in range(size.ties):
-            name, notch = f"rim {strip} {tie * size.facets_per_tie}", strip * size.ties + tie
-            shape.touch("rim", f"{name}.inner tip", f"inner.notch {notch}")
-            shape.touch("rim", f"{name}.outer tip", f"outer.notch {notch}")
+            tied_facet, notch = f"rim {strip} {tie * size.facets_per_tie}", strip * size.ties + tie
+            shape.touch("rim", f"{tied_facet}.inner tip", f"inner.notch {notch}")
+            shape.touch("rim", f"{tied_facet}.outer tip", f"outer.notch {notch}")
 
 
 def first_facet_pose(size: WheelSize, strip: int) -> Pose:
-    """Return the pose of a strip's first facet in the frame of the wheel.
+    """Return the pose of a strip's first facet in the frame of the wheel, whose y is the axle.
 
-    The middle of the facet lies at the first tie.
+    The middle of the facet lies at the strip's first tie.
     """
-    # x along the circle, y along the axle, z towards it.
-    axes: Pose = ((0.0, 0.0, -1.0, 0.0), (0.0, 1.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
-    turn = compose(rotation("y", -size.tie_angles_rad[strip * size.ties]), axes)
-    return compose(turn, translation(-size.facet_mm / 2, -size.between_mm / 2, -size.apothem_mm))
+    # A facet on the wheel's x axis: its x points along z of the wheel, around the circle; its y along the axle; its z
+    # along -x of the wheel, towards the axle. The columns of the matrix are these axes.
+    on_x_axis: Pose = ((0.0, 0.0, -1.0, 0.0), (0.0, 1.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+    # A tie's angle runs from x towards z, which is backwards for a rotation about y.
+    to_tie = rotation("y", -size.tie_angles_rad[strip * size.ties])
+    # From the axle to the facet's origin, half a length and half a width beside its middle.
+    to_origin = translation(-size.facet_mm / 2, -size.between_mm / 2, -size.apothem_mm)
+    return compose(to_tie, on_x_axis, to_origin)
 
 
-def _add_strip(shape: Shape, size: WheelSize, strip: int, count: int) -> None:
-    """Add one strip of the wheel's rim: ``count`` facets, with hooks that hold the discs at each tie.
+def _add_strip(shape: Shape, size: WheelSize, strip: int, facet_count: int) -> None:
+    """Add one strip of the wheel's rim, with hooks that hold the discs at each tie.
 
     A tongue at the first facet and a slot in the last one join the strips to a ring.
     """
-    length_mm, width_mm, turn_deg = size.facet_mm, size.between_mm, math.degrees(size.turn_rad)
-    dip_deg = math.degrees(size.turn_rad - size.slope_rad)
-    hook = Hook(NECK_MM, left_mm=HOOK_MM, right_mm=HOOK_MM, reach_mm=2 * size.clearance_mm + size.film_mm)
-    tongue_mm, _ = _tongue_width_mm(size)
-    for i in range(count):
-        hooks = (None, None) if i % size.facets_per_tie else (hook, hook)
-        # The tongue grows from the first facet.
-        outline = facet(length_mm, width_mm, hooks, base_mm=0.0 if i else tongue_mm)
-        shape.face(f"rim {strip} {i}", outline, role="rim", piece="wheel rim")
-    for i in range(count - 1):
+    reach_mm = 2 * size.clearance_mm + size.film_mm
+    hook = Hook(NECK_MM, left_mm=HOOK_MM, right_mm=HOOK_MM, reach_mm=reach_mm)
+    for number in range(facet_count):
+        # The first facet after each tie has the hooks.
+        is_at_tie = number % size.facets_per_tie == 0
+        hooks = (hook, hook) if is_at_tie else (None, None)
+        base_mm = _tongue(size).width_mm if number == 0 else 0.0
+        outline = facet(size.facet_mm, size.between_mm, hooks, base_mm)
+        shape.face(f"rim {strip} {number}", outline, role="rim", piece="wheel rim")
+    turn_deg, last_dip_deg = math.degrees(size.turn_rad), math.degrees(size.turn_rad - size.slope_rad)
+    last = facet_count - 1
+    for number in range(last):
         # The last facet dips under the start of the next strip.
-        extra_deg = dip_deg if i == count - 2 else 0.0
-        shape.connect(f"rim {strip} {i}.next", f"rim {strip} {i + 1}.last", "bend", turn_deg + extra_deg)
+        dip_deg = last_dip_deg if number + 1 == last else 0.0
+        edge, next_edge = f"rim {strip} {number}.next", f"rim {strip} {number + 1}.last"
+        shape.connect(edge, next_edge, "bend", turn_deg + dip_deg)
     _add_tongue(shape, size, strip)
-    shape.polygon_hole(f"rim {strip} {count - 1}", f"rim {strip} slot", "slot", _slot_outline(size))
+    shape.polygon_hole(f"rim {strip} {last}", f"rim {strip} slot", "slot", _slot_outline(size))
 
 
-def _tongue_width_mm(size: WheelSize) -> tuple[float, float]:
-    """Return the tongue's width (mm), and how far its head reaches beyond it on each side (mm)."""
-    return min(4.0, 0.36 * size.between_mm), min(1.5, 0.15 * size.between_mm)
+class Tongue(NamedTuple):
+    """The sizes of the tongue at the start of a strip (mm).
+
+    Its head is wider by ``spread_mm`` on each side. Its part ``through`` the slot leads from above the last facet of the
+    strip before to below it. The start of the strip overlaps that facet by ``overlap_mm``, and the tongue lies
+    ``distance_mm`` above it.
+    """
+
+    width_mm: float
+    spread_mm: float
+    through_mm: float
+    overlap_mm: float
+    distance_mm: float
+
+
+def _tongue(size: WheelSize) -> Tongue:
+    """Return the sizes of the tongues of a wheel."""
+    # Seen from the side, along the first facet of a strip and across it: the last facet of the strip before ends beyond
+    # the start of the first one by `beyond`, because it rises less than other facets do, and one film inside.
+    slope, film = size.slope_rad, size.film_mm
+    beyond = size.facet_mm * (math.cos(slope) - math.cos(size.turn_rad))
+    return Tongue(
+        width_mm=min(TONGUE_MM, TONGUE_SHARE * size.between_mm),
+        spread_mm=min(SPREAD_MM, SPREAD_SHARE * size.between_mm),
+        through_mm=max(THROUGH_MM, THROUGH_FILMS * film),
+        # The same two distances, turned by the slope: along the last facet and across it.
+        overlap_mm=beyond * math.cos(slope) - film * math.sin(slope),
+        distance_mm=beyond * math.sin(slope) + film * math.cos(slope),
+    )
 
 
 def _slot_outline(size: WheelSize) -> list[Point]:
-    """Return the outline of the slot in the last facet.
+    """Return the outline of the slot in the last facet of a strip, for the tongue of the next strip.
 
-    It is narrow where the tongue passes, and wide where its head goes in.
-
-    The slot is narrow from ``right`` to ``middle`` and wide from there to ``left``. x runs towards the next strip,
-    whose tongue comes back over the facet in the direction of -x.
+    In the facet's frame x runs towards the next strip, whose tongue comes back over the facet in the direction of -x.
+    So the slot is narrow on its right, where the tongue passes, and wide on its left, where the head goes in.
     """
-    overlap, distance_mm = _start_mm(size)
+    tongue = _tongue(size)
     # The part through the slot descends from above the facet to the same distance below it; this is its extent along x.
-    through_length = math.sqrt(_through_mm(size) ** 2 - (2 * distance_mm) ** 2)
-    start = size.facet_mm - overlap - OUTSIDE_MM
-    right = start + size.film_mm / 2 + size.clearance_mm
-    middle, left = start - through_length - OVER_MM, start - through_length - OVER_MM - WIDE_MM
-    width, spread = _tongue_width_mm(size)
-    narrow_half = width / 2 + size.clearance_mm
-    wide_half = narrow_half + spread
+    through_length = math.sqrt(tongue.through_mm**2 - (2 * tongue.distance_mm) ** 2)
+    through_start = size.facet_mm - tongue.overlap_mm - OUTSIDE_MM
+    right = through_start + size.film_mm / 2 + size.clearance_mm
+    middle = through_start - through_length - OVER_MM
+    left = middle - WIDE_MM
+    narrow_half = tongue.width_mm / 2 + size.clearance_mm
+    wide_half = narrow_half + tongue.spread_mm
+    # The half at smaller y, from left to right, and then its mirror image back.
     half_outline = [(left, wide_half), (middle, wide_half), (middle, narrow_half), (right, narrow_half)]
     middle_y = size.between_mm / 2
-    return [*((x, middle_y - y) for x, y in half_outline), *((x, middle_y + y) for x, y in reversed(half_outline))]
-
-
-def _through_mm(size: WheelSize) -> float:
-    """Return the length (mm) of the part of the tongue that leads from one side of the facet to the other."""
-    return max(THROUGH_MM, THROUGH_FILMS * size.film_mm)
-
-
-def _start_mm(size: WheelSize) -> tuple[float, float]:
-    """Return overlap (mm) of the next strip's start along the last facet, and distance of the strip's tongue from
-    that facet.
-    """
-    slope, film = size.slope_rad, size.film_mm
-    shift = size.facet_mm * (math.cos(slope) - math.cos(size.turn_rad))
-    return shift * math.cos(slope) - film * math.sin(slope), shift * math.sin(slope) + film * math.cos(slope)
+    lower = [(x, middle_y - y) for x, y in half_outline]
+    upper = [(x, middle_y + y) for x, y in reversed(half_outline)]
+    return [*lower, *upper]
 
 
 def _add_tongue(shape: Shape, size: WheelSize, strip: int) -> None:
-    """Add the tongue that joins a strip of the rim to the strip before it, and the slot in that strip.
+    """Add the tongue that joins a strip of the rim to the strip before it.
 
     The tongue has three faces. ``out`` lies parallel to the facet under it, ``through`` goes through the slot of that
-    facet, and ``head``, which is wider than the slot, holds behind it.
+    facet, and ``head``, which is wider than the slot, holds behind it. In their frames, x runs across the tongue and y
+    towards its tip.
     """
-    width, spread = _tongue_width_mm(size)
-    for name, length in (("out", OUTSIDE_MM), ("through", _through_mm(size))):
-        corners = {"root": (0.0, 0.0), "b": (width, 0.0), "end": (width, length), "a": (0.0, length)}
-        shape.face(f"rim {strip} tongue {name}", corners, role="rim")
+    tongue, name = _tongue(size), f"rim {strip} tongue"
+    width, spread = tongue.width_mm, tongue.spread_mm
+    for part, length in (("out", OUTSIDE_MM), ("through", tongue.through_mm)):
+        corners = {"root": (0.0, 0.0), "right": (width, 0.0), "end": (width, length), "left": (0.0, length)}
+        shape.face(f"{name} {part}", corners, role="rim")
     # The head widens at its root, and narrows towards its tip, so that it finds the slot.
-    head = {"root": (0.0, 0.0), "b": (width, 0.0), "c": (width + spread, 0.3), "d": (width + spread, 1.3),
-            "tip": (width - 0.5, HEAD_MM), "e": (0.5, HEAD_MM), "f": (-spread, 1.3), "g": (-spread, 0.3)}  # fmt: skip
-    shape.face(f"rim {strip} tongue head", head, role="rim")
-    parallel_deg = math.degrees(size.slope_rad)
+    head = {
+        "root": (0.0, 0.0),
+        "right shoulder": (width, 0.0),
+        "right side": (width + spread, HEAD_WIDE_FROM_MM),
+        "right taper": (width + spread, HEAD_WIDE_TO_MM),
+        "tip": (width - HEAD_TIP_INSET_MM, HEAD_MM),
+        "left taper": (HEAD_TIP_INSET_MM, HEAD_MM),
+        "left side": (-spread, HEAD_WIDE_TO_MM),
+        "left shoulder": (-spread, HEAD_WIDE_FROM_MM),
+    }
+    shape.face(f"{name} head", head, role="rim")
     # The part through the slot begins at a distance from the facet and ends at the same distance behind it.
-    _, distance_mm = _start_mm(size)
-    through_deg = math.degrees(math.asin(2 * distance_mm / _through_mm(size)))
-    tongue = f"rim {strip} tongue"
-    shape.connect(f"rim {strip} 0.base", f"{tongue} out.root", "bend", parallel_deg)
-    shape.connect(f"{tongue} out.end", f"{tongue} through.root", "bend", through_deg)
-    shape.connect(f"{tongue} through.end", f"{tongue} head.root", "bend", -through_deg)
+    through_deg = math.degrees(math.asin(2 * tongue.distance_mm / tongue.through_mm))
+    shape.connect(f"rim {strip} 0.base", f"{name} out.root", "bend", math.degrees(size.slope_rad))
+    shape.connect(f"{name} out.end", f"{name} through.root", "bend", through_deg)
+    shape.connect(f"{name} through.end", f"{name} head.root", "bend", -through_deg)
 
 
 WALL_NECK_MM = 5.0
@@ -309,55 +256,70 @@ WALL_HOOK_MM = 1.6
 # the screws and their slots need the layer's film.
 DIRECTIONS_RAD = [math.pi / 2 + 2 * math.pi * i / WALLS for i in range(WALLS)]
 ARC_STEPS = 8
-# Deviation of the layer's outline from a circle.
-EVEN_MM = 0.02
 
 
 def build_hub(shape: Shape, size: WheelSize) -> None:
     """Add the hub: a layer on the inner disc whose walls are folded up, with hooks that lock into slots of the
     outer disc.
 
-    The faces are ``hub`` and ``wall 1`` …; the slots are cut into the face ``outer``.
+    The faces are ``hub`` and ``wall 1`` …; the slots are cut into the face ``outer``. The outer disc is put on with its
+    slots before the hooks, and is then turned until the heads lie behind film.
     """
     shape.face("hub", _hub_outline(size), piece="wheel hub")
     shape.place("hub", "inner", translation(0, 0, size.film_mm), laminated=True)
     length = 2 * size.hub_mm * math.tan(WALL_RAD / 2)
-    hook = Hook(WALL_NECK_MM, left_mm=WALL_HOOK_MM, right_mm=0.0, reach_mm=2 * size.clearance_mm + size.film_mm)
-    for i, direction in enumerate(DIRECTIONS_RAD, 1):
-        shape.face(f"wall {i}", facet(length, size.wall_mm, (None, hook)), role="rim")
-        shape.connect(f"hub.wall {i}", f"wall {i}.inner", "fold", 90)
-        # Directions around the axle run the other way in the outer disc's frame; its hooks point backwards.
-        slot = f"wall slot {i}"
+    # The neck passes the outer disc. The head is wider on one side only, where the film is after the turn.
+    reach_mm = 2 * size.clearance_mm + size.film_mm
+    hook = Hook(WALL_NECK_MM, left_mm=WALL_HOOK_MM, right_mm=0.0, reach_mm=reach_mm)
+    for number, direction in enumerate(DIRECTIONS_RAD, 1):
+        wall, slot = f"wall {number}", f"wall slot {number}"
+        shape.face(wall, facet(length, size.wall_mm, (None, hook)), role="rim")
+        shape.connect(f"hub.{wall}", f"{wall}.inner", "fold", 90)
+        # The outer disc's frame is that of the hub seen from the other side, so directions run the other way.
         shape.polygon_hole("outer", slot, "slot", _wall_slot_outline(size, -direction))
-        shape.touch("lock", f"wall {i}.outer tip", "outer", slot)
+        shape.touch("lock", f"{wall}.outer tip", "outer", slot)
 
 
 def turn_rad(size: WheelSize) -> float:
-    """Return angle (rad) by which the outer disc is turned relative to the hub until the hooks hold."""
+    """Return the angle (rad) by which the outer disc is turned relative to the hub until the hooks hold.
+
+    It is the angle that the head of a hook spans beside its neck, seen from the axle.
+    """
     inside = size.hub_mm - size.film_mm / 2
     return math.atan((WALL_NECK_MM / 2 + WALL_HOOK_MM) / inside) - math.atan(WALL_NECK_MM / 2 / inside)
 
 
 def _hub_outline(size: WheelSize) -> dict[str, Point]:
-    """Return the outline of the hub's layer: a circle with a straight edge ``wall 1``, ``wall 2``, … for each wall."""
-    radius, half_wall = size.hub_mm / math.cos(WALL_RAD / 2), WALL_RAD / 2
+    """Return the outline of the hub's layer: a circle with a straight edge ``wall 1``, ``wall 2``, … for each wall.
+
+    A point has the name of the edge that starts at it.
+    """
+    half_wall = WALL_RAD / 2
+    # The walls' middles have the distance hub_mm from the axle, so the corners beside them lie on this circle.
+    radius = size.hub_mm / math.cos(WALL_RAD / 2)
+    # From wall to wall the outline follows the circle.
     arc_rad = 2 * math.pi / WALLS - WALL_RAD
-    steps = math.ceil(arc_rad / 2 / math.acos(1 - EVEN_MM / radius))
+    steps = arc_steps(radius, arc_rad)
     angles = {}
-    for i, direction in enumerate(DIRECTIONS_RAD, 1):
-        angles[f"wall {i}"] = direction - half_wall
-        angles |= {f"arc {i} {k}": direction + half_wall + arc_rad * k / steps for k in range(steps)}
+    for number, direction in enumerate(DIRECTIONS_RAD, 1):
+        angles[f"wall {number}"] = direction - half_wall
+        for step in range(steps):
+            angles[f"arc {number} {step}"] = direction + half_wall + arc_rad * step / steps
     return dict(zip(angles, on_circle(radius, angles.values()), strict=True))
 
 
 def _wall_slot_outline(size: WheelSize, angle_rad: float) -> list[Point]:
-    """Return the outline of a slot in the outer disc: an arc around the axle, along which a hook turns into its lock.
+    """Return the outline of a slot in the outer disc for the hook of a wall: an arc around the axle.
 
-    ``angle_rad`` is the direction of the hook before it turns. The hook points clockwise.
+    The hook is put through the counter-clockwise part of the slot. Then the disc turns until the hook is in the
+    direction ``angle_rad``, at the slot's clockwise end; its head points clockwise and holds behind the film there.
     """
-    inner_radius = size.hub_mm - size.film_mm / 2 - PLAY_MM
-    outer_radius = math.hypot(size.hub_mm + size.film_mm / 2, WALL_NECK_MM / 2 + WALL_HOOK_MM) + size.clearance_mm
-    half_angle = math.atan(WALL_NECK_MM / 2 / (size.hub_mm - size.film_mm / 2)) + size.clearance_mm / size.hub_mm
-    start, end = angle_rad - half_angle, angle_rad + half_angle + turn_rad(size)
-    angles = [start + (end - start) * i / ARC_STEPS for i in range(ARC_STEPS + 1)]
+    # Along the radius, the slot reaches from the neck's inner face, with some play, to the outer corner of the head.
+    inside, outside = size.hub_mm - size.film_mm / 2, size.hub_mm + size.film_mm / 2
+    inner_radius = inside - PLAY_MM
+    outer_radius = math.hypot(outside, WALL_NECK_MM / 2 + WALL_HOOK_MM) + size.clearance_mm
+    # Half of the neck's angle as seen from the axle, with its clearance.
+    half_neck_rad = math.atan(WALL_NECK_MM / 2 / inside) + size.clearance_mm / size.hub_mm
+    start, end = angle_rad - half_neck_rad, angle_rad + half_neck_rad + turn_rad(size)
+    angles = [start + (end - start) * step / ARC_STEPS for step in range(ARC_STEPS + 1)]
     return [*on_circle(outer_radius, angles), *on_circle(inner_radius, reversed(angles))]

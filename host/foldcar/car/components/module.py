@@ -73,50 +73,70 @@ class WheelModule(Module):
     def build(self, shape: Shape) -> None:
         """Mount a servo with a wheel in each side wall, its long side towards the segment's middle; or a rod."""
         parts, servo, horn = self.parts, self.parts.servo, self.parts.horn
+        # The axis passes the middle of a side wall. So its place is the same in the frames of both walls.
         axis = (self["length"] / 2, wall_mm(self["height"], parts) / 2)
         # From the side wall's outer surface to the wheel: the inner disc lies on the horn's outer face.
         horn_face_mm = servo.spline_top_mm.value - horn.spline_depth_mm.value + horn.height_mm.value
-        gap = horn_face_mm - servo.ear_underside_mm.value
-        wheel_z = -(parts.film_mm / 2 + gap + self["tire_thickness"] / 2)
-        running_width_mm = self.parts.tyre.running_width_mm(self["tire_thickness"])
-        if not self["driven"]:
-            wall_distance_mm = wall_mm(self["width"], parts)
-            walls = "beam.left", "beam.right"
-            put_rod(shape, walls, axis, apart_mm=wall_distance_mm, gap_mm=gap, wheel_mm=self["tire_thickness"])
+        gap_mm = horn_face_mm - servo.ear_underside_mm.value
+        if self["driven"]:
+            self._check_length()
+            self._check_switches()
+            servos = {}
             for side in SIDES:
-                # No servo drives the wheel.
-                shape.axle(f"beam.{side}", "", side, (*axis, wheel_z), self["radius"], running_width_mm)
-            return
-        # The layer behind a servo, or the nut of its screw, must not meet the tab of a cap.
-        # The axis is in the middle of the length, so the limit is twice the reach, rounded up to 0.1 mm.
-        long_reach_mm, _ = servo_reach_mm(parts)
-        min_length_mm = math.ceil(20 * (long_reach_mm + self["tab_depth"])) / 10
-        if self["tab_depth"] > 0 and self["length"] < min_length_mm:
-            reason = f"a segment of its own: one {servo.name} and the cap's tabs"
-            raise self.parameter_error("length", f"{self['length']:g} is below the minimum {min_length_mm:g} ({reason})")
-        self._check_switches()
-        # The layer behind a servo, its doubler, is at most twice as high as the servo, and clear of the lid's flap and
-        # locks.
-        flap_depth_mm = parts.assembly.flap_mm.value + parts.film_mm + parts.assembly.slot_clearance_mm.value
-        clear_height_mm = min(wall_mm(self["height"], parts) - 2 * flap_depth_mm, 2 * servo.width_mm.value)
-        height = max(min_doubler_mm(parts), clear_height_mm)
+                name, height_mm = f"{side} servo", self._doubler_height_mm()
+                servos[side] = put_servo(shape, name, f"beam.{side}", axis, self["towards_middle"], height_mm)
+        else:
+            walls = ("beam.left", "beam.right")
+            wall_distance_mm = wall_mm(self["width"], parts)
+            put_rod(shape, walls, axis, apart_mm=wall_distance_mm, gap_mm=gap_mm, wheel_mm=self["tire_thickness"])
+            # No servo drives the wheels.
+            servos = dict.fromkeys(SIDES, "")
+        # z of a wall's frame points into the car.
+        wheel_z = -(parts.film_mm / 2 + gap_mm + self["tire_thickness"] / 2)
+        running_width_mm = parts.tyre.running_width_mm(self["tire_thickness"])
         for side in SIDES:
-            wall = f"beam.{side}"
-            name = put_servo(shape, f"{side} servo", wall, axis, self["towards_middle"], height)
-            shape.axle(wall, name, side, (*axis, wheel_z), self["radius"], running_width_mm)
+            shape.axle(f"beam.{side}", servos[side], side, (*axis, wheel_z), self["radius"], running_width_mm)
+
+    def _check_length(self) -> None:
+        """Raise ComponentError if the layer of film behind a servo, or the nut of its screw, meets the tab of a cap."""
+        # The axis is in the middle of the length, so the limit is twice the servo's reach and the tab's depth.
+        min_length_mm = _rounded_up(2 * (servo_reach_mm(self.parts).long_mm + self["tab_depth"]))
+        if self["tab_depth"] > 0 and self["length"] < min_length_mm:
+            reason = f"a segment of its own: one {self.parts.servo.name} and the cap's tabs"
+            raise self.parameter_error("length", f"{self['length']:g} is below the minimum {min_length_mm:g} ({reason})")
+
+    def _doubler_height_mm(self) -> float:
+        """Return the height of the layer of film behind a servo, its doubler (mm).
+
+        It is clear of the lid's flap and its latches, and at most twice as high as the servo.
+        """
+        parts = self.parts
+        flap_depth_mm = parts.assembly.flap_mm.value + parts.film_mm + parts.assembly.slot_clearance_mm.value
+        clear_height_mm = wall_mm(self["height"], parts) - 2 * flap_depth_mm
+        return max(min_doubler_mm(parts), min(clear_height_mm, 2 * parts.servo.width_mm.value))
 
     def _check_switches(self) -> None:
         """Raise ComponentError if the switches in the cap at this module's end have no room between or beside servos."""
-        parts, gap_mm = self.parts, self.parts.assembly.part_gap_mm.value
-        # Ears lie on the wall's outside.
-        between_mm = wall_mm(self["width"], parts) + parts.film_mm - 2 * parts.servo.ear_underside_mm.max_value
-        if not self["switch_depth"] or between_mm >= switches_width_mm(parts) + 2 * gap_mm:
+        if not self["switch_depth"]:
             return
-        min_length_mm = math.ceil(20 * (servo_reach_mm(parts)[1] + self["switch_depth"] + gap_mm)) / 10
+        parts, gap_mm = self.parts, self.parts.assembly.part_gap_mm.value
+        # A servo hangs with its ears on the outer surface of its wall. It reaches into the car by the height of the ears.
+        outer_mm = wall_mm(self["width"], parts) + parts.film_mm
+        between_servos_mm = outer_mm - 2 * parts.servo.ear_underside_mm.max_value
+        needed_mm = switches_width_mm(parts) + 2 * gap_mm
+        if between_servos_mm >= needed_mm:
+            return
+        # Else the switches must end before the servos. The servos' short sides point to the cap.
+        min_length_mm = _rounded_up(2 * (servo_reach_mm(parts).short_mm + self["switch_depth"] + gap_mm))
         if self["length"] < min_length_mm:
-            needed_mm = math.ceil(self["width"] - between_mm + switches_width_mm(parts) + 2 * gap_mm)
-            reason = f"the servos beside the switches in the cap, if width is below {needed_mm}"
+            wide_enough_mm = math.ceil(self["width"] - between_servos_mm + switches_width_mm(parts) + 2 * gap_mm)
+            reason = f"the servos beside the switches in the cap, if width is below {wide_enough_mm}"
             raise self.parameter_error("length", f"{self['length']:g} is below the minimum {min_length_mm:g} ({reason})")
+
+
+def _rounded_up(length_mm: float) -> float:
+    """Return a length rounded up to 0.1 mm."""
+    return math.ceil(10 * length_mm) / 10
 
 
 LENGTH = Parameter("length", 80, 10, 400, "length of a body module", "a strip that can be folded")

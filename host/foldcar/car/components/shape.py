@@ -31,12 +31,18 @@ from foldcar.car.parts.catalogue import Catalogue
 from foldcar.car.parts.quantity import BoxPart
 
 LinkKind = Literal["fold", "bend", "rigid", "hinge", "tab"]
-# The path of a face, and the index of its edge.
-Edge = tuple[str, int]
+
+
+@dataclass(frozen=True, slots=True)
+class Edge:
+    """An edge of a face: the path of the face, and the edge's index in the outline of that face."""
+
+    face: str
+    index: int
 
 
 @dataclass
-class Atom:
+class ComponentFace:
     """A face as one component made it, before it is fused with its neighbours."""
 
     path: str
@@ -53,9 +59,7 @@ class Atom:
 
 @dataclass(frozen=True)
 class EdgeJoin:
-    """Two edges that meet at ``angle_rad``, each as (path of the face, index).
-
-    A tab grows from ``b`` and is glued at ``a``.
+    """Two edges that meet at ``angle_rad``. A tab grows from edge ``b`` and is glued at edge ``a``.
 
     ``depth_mm`` and ``inset_mm`` describe a tab (see Shape.connect), ``min_rad`` and ``max_rad`` a hinge.
     """
@@ -101,7 +105,7 @@ class Graph:
     has, for each edge that is linked, the path of the edge that it is linked to.
     """
 
-    atoms: dict[str, Atom] = field(default_factory=dict)
+    faces: dict[str, ComponentFace] = field(default_factory=dict)
     links: list[EdgeJoin] = field(default_factory=list)
     placements: list[FacePose] = field(default_factory=list)
     contacts: list[Contact] = field(default_factory=list)
@@ -113,11 +117,11 @@ class Graph:
 
     def edge_path(self, edge: Edge) -> str:
         """Return the readable path of an edge: face path and edge name."""
-        return f"{edge[0]}.{self.atoms[edge[0]].edges[edge[1]]}"
+        return f"{edge.face}.{self.faces[edge.face].edges[edge.index]}"
 
     def ends_mm(self, edge: Edge) -> tuple[Point, Point]:
         """Return the ends of an edge in its face's frame (mm)."""
-        return ends_of(self.atoms[edge[0]].outline_mm, edge[1])
+        return ends_of(self.faces[edge.face].outline_mm, edge.index)
 
 
 CIRCLE_POINTS = 48
@@ -136,16 +140,17 @@ class Shape:
         self, name: str, outline_mm: Sequence[Point] | Mapping[str, Point], *, piece: str = "",
         role: Literal["panel", "tab", "rim"] = "panel", thickness_mm: float | None = None, body: str = "",
     ) -> None:  # fmt: skip
-        """Add a polygon, counter-clockwise.
+        """Add a face: a polygon of film whose outline runs counter-clockwise.
 
-        The keys of ``outline_mm`` name the edges that begin there; by default "0", "1", …
+        ``outline_mm`` maps the name of each edge to the point at which the edge begins. If it is a sequence of points,
+        the edges are called "0", "1", …
 
-        If the face is the root of a piece, ``piece`` is the name of that piece. ``body`` is its rigid body, by
-        default that of the component. Raises ComponentError for a second face of that name, and for an outline that
-        runs clockwise.
+        The faces of a piece are folded from one of them, its root. If this face is the root, ``piece`` is the name of
+        the piece. ``body`` is the rigid body of the face, by default that of the component. Raises ComponentError for a
+        second face of that name, and for an outline that runs clockwise.
         """
         path = self.path(name)
-        if path in self.graph.atoms:
+        if path in self.graph.faces:
             raise ComponentError(path, "there is a face of that name already")
         if not isinstance(outline_mm, Mapping):
             outline_mm = {str(i): point for i, point in enumerate(outline_mm)}
@@ -153,7 +158,9 @@ class Shape:
         if area_mm2(points) <= 0:
             raise ComponentError(path, "its outline does not run counter-clockwise around an area")
         thickness = self.parts.film_mm if thickness_mm is None else thickness_mm
-        self.graph.atoms[path] = Atom(path, points, tuple(outline_mm), role, piece, thickness, body or self._body)
+        self.graph.faces[path] = ComponentFace(
+            path, points, edges=tuple(outline_mm), role=role, piece=piece, thickness_mm=thickness, body=body or self._body
+        )
 
     def rectangle(
         self, name: str, length_mm: float, width_mm: float, *, piece: str = "", thickness_mm: float | None = None,
@@ -203,25 +210,31 @@ class Shape:
         self, a: str, b: str, kind: LinkKind, angle_deg: float = 0.0, *, depth_mm: float = 0.0, inset_mm: float = 0.0,
         limits_rad: tuple[float, float] = (0.0, 0.0),
     ) -> None:  # fmt: skip
-        """Join two edges of equal length by a fold or bend of that angle, rigidly, by a hinge, or by a tab.
+        """Join two edges by a fold or bend of that angle, rigidly, by a hinge, or by a tab.
 
-        A tab grows from edge ``b`` and is glued at edge ``a``. It is ``depth_mm`` deep. It lies ``inset_mm`` above
-        the face that it is glued to, and its edge is shorter by twice this. ``limits_rad`` is the range of a hinge.
-        Raises ComponentError if the lengths differ, or if an edge is joined already.
+        The two edges are equally long. Only the edge of a tab may be shorter than the edge to which it is glued: a tab
+        grows from edge ``b`` and is glued at edge ``a``. It is ``depth_mm`` deep, lies ``inset_mm`` above the face that
+        it is glued to, and ends ``inset_mm`` before each end of edge ``a``. ``limits_rad`` is the range of a hinge.
+        Raises ComponentError if the lengths do not match, or if an edge is joined already.
         """
         first, second = self._edge(a), self._edge(b)
-        lengths = [math.dist(*self.graph.ends_mm(edge)) for edge in (first, second)]
-        if abs(lengths[0] - lengths[1] - 2 * inset_mm) > LENGTH_TOLERANCE_MM:
+        first_mm, second_mm = (math.dist(*self.graph.ends_mm(edge)) for edge in (first, second))
+        if abs(first_mm - second_mm - 2 * inset_mm) > LENGTH_TOLERANCE_MM:
             first_path, second_path = self.graph.edge_path(first), self.graph.edge_path(second)
-            sizes = f"is {lengths[0]:g} mm long, {second_path} is {lengths[1]:g} mm"
+            sizes = f"is {first_mm:g} mm long, {second_path} is {second_mm:g} mm"
             raise ComponentError(first_path, f"{sizes}: a {kind} joins edges of equal length")
         for edge, other in ((first, second), (second, first)):
-            path = self.graph.edge_path(other)
+            other_path = self.graph.edge_path(other)
             if edge in self.graph.linked:
-                message = f"is connected to {path} and {self.graph.linked[edge]}"
+                message = f"is connected to {other_path} and {self.graph.linked[edge]}"
                 raise ComponentError(self.graph.edge_path(edge), message)
-            self.graph.linked[edge] = path
-        self.graph.links.append(EdgeJoin(kind, first, second, math.radians(angle_deg), depth_mm, *limits_rad, inset_mm))
+            self.graph.linked[edge] = other_path
+        min_rad, max_rad = limits_rad
+        join = EdgeJoin(
+            kind, a=first, b=second, angle_rad=math.radians(angle_deg), depth_mm=depth_mm,
+            min_rad=min_rad, max_rad=max_rad, inset_mm=inset_mm,
+        )  # fmt: skip
+        self.graph.links.append(join)
 
     def place(self, face: str, on: str, pose: Pose, laminated: bool = False) -> None:
         """Set a face's pose in the frame of the face ``on``; if ``laminated``, it is also glued onto that face."""
@@ -236,19 +249,21 @@ class Shape:
         self.place(name, on, translation(*at_mm, level * self.parts.film_mm), laminated=True)
 
     def touch(self, kind: JoinKind, a: str, b: str, slot: str | None = None) -> None:
-        """Join edges or faces whose poses are known from folds and placements. ``kind`` says how:
+        """Join two edges, an edge and a face, or two faces, whose poses are known from folds and placements.
 
-        tuck: edge ``a`` lies loosely inside edge ``b``. rim: the neck behind edge ``a`` lies in a notch, whose bottom
-        is edge ``b``. laminate: face ``a`` is glued onto face ``b``. lock, tab_slot: the tongue with tip ``a`` goes
-        through the hole ``slot`` of face ``b``; a lock can be opened again.
+        A ``tuck`` says that edge ``a`` lies loosely inside edge ``b``. In a ``rim``, the neck behind edge ``a`` lies in
+        the notch whose bottom is edge ``b``. In a ``laminate``, face ``a`` is glued onto face ``b``. In a ``tab_slot``,
+        a tongue with the tip ``a`` goes through the hole ``slot`` of face ``b``. A ``lock`` is a tab_slot that can be
+        opened again.
         """
-        first = (self._face(a), 0) if kind == "laminate" else self._edge(a)
-        second = self._edge(b) if kind in ("tuck", "rim") else (self._face(b), 0)
-        self.graph.contacts.append(Contact(kind, first, second, self.path(slot) if slot else None))
+        first = self._whole_face(a) if kind == "laminate" else self._edge(a)
+        second = self._edge(b) if kind in ("tuck", "rim") else self._whole_face(b)
+        slot_path = self.path(slot) if slot else None
+        self.graph.contacts.append(Contact(kind, first, second, slot_path))
 
     def require_clearance(self, face: str, clearance: ToolClearance) -> None:
         """Require free space at a face that is gripped or pressed; the clearance is given in the face's frame."""
-        self.graph.atoms[self._face(face)].clearances.append(clearance)
+        self.graph.faces[self._face(face)].clearances.append(clearance)
 
     def part(self, part: BoxPart, on: str, center_mm: tuple[float, float, float], *, turned: bool = False,
              marked: bool = False) -> None:  # fmt: skip
@@ -264,33 +279,40 @@ class Shape:
 
     def mark(self, face: str, name: str, outline_mm: Sequence[Point]) -> None:
         """Print an outline, counter-clockwise, with a name in it on a face."""
-        self.graph.atoms[self._face(face)].marks.append(PrintedOutline(name, tuple(outline_mm)))
+        self.graph.faces[self._face(face)].marks.append(PrintedOutline(name, tuple(outline_mm)))
 
     def box(self, part: str, name: str, on: str, pose: Pose, size_mm: tuple[float, float, float],
             mass_kg: float, holes: Sequence[str] = (), solids: Sequence[Solid] = (),
             clearances: Sequence[ToolClearance] = ()) -> None:  # fmt: skip
-        """Add a bought part of that size (x, y, z); ``pose`` is that of its centre in the frame of the face ``on``.
+        """Add a part that is bought, not cut from film, and fix it to the face ``on``.
 
-        ``solids`` and ``clearances`` are given in the frame of its centre.
+        ``part`` is the name of its entry in the parts catalogue, and ``name`` tells it from equal parts of the car.
+        ``pose`` is the pose of its centre in the frame of the face, ``size_mm`` its size along x, y and z. ``holes``
+        are those of the film in which it sits. ``solids`` (its exact shape) and ``clearances`` are given in the frame
+        of its centre.
         """
-        face = self._face(on)
-        body, lists = self.graph.atoms[face].body, (tuple(holes), tuple(solids), tuple(clearances))
-        self.graph.mounts.append(Mount(part, name, body, pose, size_mm, mass_kg, face, *lists))
+        face_path = self._face(on)
+        mount = Mount(
+            part, name, self.graph.faces[face_path].body, pose, size_mm, mass_kg, face_path,
+            holes=tuple(holes), solids=tuple(solids), clearances=tuple(clearances),
+        )  # fmt: skip
+        self.graph.mounts.append(mount)
 
     def axle(self, on: str, servo: str, side: Literal["left", "right"], center_mm: tuple[float, float, float],
              radius_mm: float, tyre_width_mm: float) -> None:  # fmt: skip
-        """Add a wheel with its centre (mm) in the frame of the face ``on``.
+        """Add a wheel to the face ``on``, in whose frame ``center_mm`` is the wheel's centre.
 
-        ``servo`` drives it; with "" it turns freely.
+        ``servo`` is the name of the servo that drives it. A wheel with the name "" turns freely.
         """
-        face = self._face(on)
-        # Servos turn counter-clockwise above neutral, so those on the right turn backwards. The car names the wheel and
-        # numbers the channel later.
+        face_path = self._face(on)
+        # Servos turn counter-clockwise above neutral, so those on the right turn backwards.
+        direction = 1 if side == "left" else -1
+        # A component does not know the other wheels: the car sets the wheel's name and its channel when it is complete.
         axle = Axle(
-            wheel="", body=self.graph.atoms[face].body, servo=servo, channel=-1, side=side,
-            direction=1 if side == "left" else -1, center_mm=center_mm, radius_mm=radius_mm, tyre_width_mm=tyre_width_mm,
+            wheel="", body=self.graph.faces[face_path].body, servo=servo, channel=-1, side=side,
+            direction=direction, center_mm=center_mm, radius_mm=radius_mm, tyre_width_mm=tyre_width_mm,
         )  # fmt: skip
-        self.graph.axles.append((face, axle))
+        self.graph.axles.append((face_path, axle))
 
     def begin_at(self, face: str, pose: Pose) -> None:
         """Set the pose of one face in the car. The poses of all other faces follow from the joins."""
@@ -298,20 +320,20 @@ class Shape:
 
     def body_of(self, face: str) -> str:
         """Return the rigid body of a face."""
-        return self.graph.atoms[self._face(face)].body
+        return self.graph.faces[self._face(face)].body
 
     def face_size_mm(self, face: str) -> Point:
         """Return the extent of a face's outline along x and y (mm)."""
-        outline = self.graph.atoms[self._face(face)].outline_mm
+        outline = self.graph.faces[self._face(face)].outline_mm
         xs, ys = zip(*outline, strict=True)
         return (max(xs) - min(xs), max(ys) - min(ys))
 
     def edges(self, face: str) -> tuple[str, ...]:
         """Return the names of a face's edges."""
-        return self.graph.atoms[self._face(face)].edges
+        return self.graph.faces[self._face(face)].edges
 
     def _hole(self, face: str, hole: Hole) -> str:
-        self.graph.atoms[self._face(face)].holes.append(hole)
+        self.graph.faces[self._face(face)].holes.append(hole)
         return hole.name
 
     def path(self, name: str) -> str:
@@ -320,17 +342,21 @@ class Shape:
 
     def _face(self, name: str) -> str:
         path = self.path(name)
-        if path not in self.graph.atoms:
+        if path not in self.graph.faces:
             raise ComponentError(self.name, f'has no face "{name}"')
         return path
 
     def _edge(self, name: str) -> Edge:
         face, _, edge = name.rpartition(".")
         path = self._face(face)
-        edges = self.graph.atoms[path].edges
+        edges = self.graph.faces[path].edges
         if edge not in edges:
             raise ComponentError(path, f'has no edge "{edge}"; it has {", ".join(edges)}')
-        return path, edges.index(edge)
+        return Edge(path, edges.index(edge))
+
+    def _whole_face(self, name: str) -> Edge:
+        """Return the end of a contact that is a whole face; its edge 0 stands for the face."""
+        return Edge(self._face(name), 0)
 
 
 def rectangle_around(center_mm: Point, length_mm: float, width_mm: float) -> tuple[Point, ...]:

@@ -173,6 +173,12 @@ class Mount:
         """Its solids, or else its box."""
         return self.solids or (Solid("box", self.size_mm, IDENTITY),)
 
+    @property
+    def center_mm(self) -> tuple[float, float, float]:
+        """The centre of its box in the car's frame."""
+        x_row, y_row, z_row, _ = self.pose
+        return x_row[3], y_row[3], z_row[3]
+
     def half_mm(self, axis: int) -> float:
         """Return half of its box along an axis of the car (mm)."""
         return sum(abs(self.pose[axis][k]) * self.size_mm[k] for k in range(3)) / 2

@@ -58,9 +58,15 @@ class Blocks:
         return self.corners_mm[self.starts[i] : self.starts[i + 1] if i + 1 < len(self.titles) else None]
 
     @cached_property
-    def solids(self) -> dict[int, fcl.CollisionObject]:
+    def _collision_objects(self) -> dict[int, fcl.CollisionObject]:
         """Cache of fcl's objects by the solids' indices."""
         return {}
+
+    def collision_object(self, i: int) -> fcl.CollisionObject:
+        """Return solid ``i`` as an object of fcl, which is made once only."""
+        if i not in self._collision_objects:
+            self._collision_objects[i] = hull(self.part(i))
+        return self._collision_objects[i]
 
     def with_titles(self, titles: Collection[str]) -> "Blocks":
         """Return the solids whose title is among ``titles``."""
@@ -127,9 +133,9 @@ def solid_blocks(solid: Solid, title: str) -> Blocks:
     # The polygons of bores enclose their circles, so that a shaft of the same diameter passes.
     scale = 1 / math.cos(math.pi / SIDES)
     bores = [shapely.Point(u, v).buffer(bore_mm / 2 * scale, quad_segs=SIDES // 4) for u, v, bore_mm in solid.bores]
-    # The corners are SKIN_MM inside the solid, and the plate takes off the same again, so it is added here.
-    shape = shapely.MultiPoint(corners[:, :2]).convex_hull.buffer(SKIN_MM, join_style="mitre")
-    return plate(shape.difference(shapely.union_all(bores)), z, title).moved(solid.pose)
+    # `plate` shrinks its shape by the skin, but the corners are shrunk already. So the outline is widened before.
+    outline = shapely.MultiPoint(corners[:, :2]).convex_hull.buffer(SKIN_MM, join_style="mitre")
+    return plate(outline.difference(shapely.union_all(bores)), z, title).moved(solid.pose)
 
 
 def clearance_blocks(clearance: ToolClearance, title: str) -> Blocks:
@@ -185,27 +191,28 @@ def first_obstacle(
 
 
 def swept_obstacle(start: Blocks, end: Blocks, standing: Blocks, ignored: Ignored = NOTHING) -> str | None:
-    """Return the title of the nearest standing solid that solids meet on their way from ``start`` to ``end``; None
-    if none.
+    """Return the title of a standing solid that moving solids meet on their way from ``start`` to ``end``, or None.
 
-    Each solid sweeps the convex hull of its corners at both positions.
+    If they meet several, it is the one that is nearest to them at the start. Each moving solid sweeps the convex hull of
+    its corners at both positions. ``ignored`` are pairs of titles, of a moving and a standing solid, that may overlap.
     """
     if not start.titles or not standing.titles:
         return None
     pairs = _near(np.minimum(start.low, end.low), np.maximum(start.high, end.high), standing)
     moving, obstacles = pairs.T
-    # Distances of the bounds at the start: the nearest obstacle is named.
-    gaps = np.maximum(standing.low[obstacles] - start.high[moving], start.low[moving] - standing.high[obstacles])
-    hulls: dict[int, fcl.CollisionObject] = {}
-    for i, k in pairs[np.argsort(gaps.max(axis=1), kind="stable")].tolist():
-        if (start.titles[i], standing.titles[k]) in ignored:
+    # How far the bounds of each pair are apart at the start, along x, y and z; negative where they overlap.
+    gaps_mm = np.maximum(standing.low[obstacles] - start.high[moving], start.low[moving] - standing.high[obstacles])
+    nearest_first = np.argsort(gaps_mm.max(axis=1), kind="stable")
+    is_at_rest = start is end
+    swept: dict[int, fcl.CollisionObject] = {}
+    for moving_index, standing_index in pairs[nearest_first].tolist():
+        obstacle: str = standing.titles[standing_index]
+        if (start.titles[moving_index], obstacle) in ignored:
             continue
-        if i not in hulls:
-            hulls[i] = hull(start.part(i) if start is end else np.vstack([start.part(i), end.part(i)]))
-        if k not in standing.solids:
-            standing.solids[k] = hull(standing.part(k))
-        if fcl.collide(hulls[i], standing.solids[k]):
-            obstacle: str = standing.titles[k]
+        if moving_index not in swept:
+            corners = start.part(moving_index)
+            swept[moving_index] = hull(corners if is_at_rest else np.vstack([corners, end.part(moving_index)]))
+        if fcl.collide(swept[moving_index], standing.collision_object(standing_index)):
             return obstacle
     return None
 

@@ -7,7 +7,7 @@ prove.py checks parts for overlaps, with the assembly.
 import itertools
 import math
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 
 import numpy as np
 import shapely
@@ -17,8 +17,9 @@ from foldcar.car.folded.model import Face, FoldedCar, Join, Piece
 from foldcar.car.folded.placed import Bodies, Finding, PlacedFace, polygon
 from foldcar.car.folded.pose import edge, folded, hinge_motion
 from foldcar.car.proof.blocks import Blocks, first_obstacle, merge_blocks
-from foldcar.car.proof.roles import roles_of
+from foldcar.car.proof.roles import Roles, roles_of
 from foldcar.car.proof.scene import CarSolids, Stage, title
+from foldcar.car.proof.step import PartKey
 
 # Without a grid, an edge that two faces share up to rounding can make GEOS return its wrong side.
 GRID_MM = 1e-6
@@ -93,31 +94,49 @@ def _check_overlaps(piece: Piece) -> Iterator[Finding]:
 
 
 def check_film_apart(car: FoldedCar) -> Iterator[Finding]:
-    """Yield findings where film collides with other film of its body, or of the next segment at a hinge's limit.
-
-    The other hinges are flat then. Hinge strips bend at the limits and are not checked there.
-    """
+    """Yield findings where film collides with other film of its body, or of the next segment at a hinge's limit."""
     roles = roles_of(car)
-    scene, stage = CarSolids(roles, tongues=True), Stage(roles, {name: roles.all_folded(name) for name in roles.pieces})
+    stage = Stage(roles, {name: roles.all_folded(name) for name in roles.pieces})
+    scene = CarSolids(roles, tongues=True)
+    yield from _check_bodies_apart(roles, scene, stage)
+    yield from _check_segments_apart(roles, scene, stage)
+
+
+def _film_of_body(roles: Roles, scene: CarSolids, stage: Stage, body: str, without: Collection[str] = ()) -> Blocks:
+    """Return the solids of all faces of a body. Pieces named in ``without`` are left out."""
+    copies = (copy for copy in roles.placed(body) if copy.piece not in without)
+    return merge_blocks(scene.solid(PartKey("piece", copy.piece, copy.copy), stage) for copy in copies)
+
+
+def _check_bodies_apart(roles: Roles, scene: CarSolids, stage: Stage) -> Iterator[Finding]:
+    """Yield findings where film collides with other film of its segment or wheel. Equal wheels are checked once."""
     # Beside a bend, which is modelled as an edge, thick film reaches into its neighbour.
-    bends = [(piece.name, c.parent.face, c.child.face) for piece in car.pieces for c in piece.creases if c.bend]
-    joined = scene.ignored(("tab", "lap")) | {(title(name, a), title(name, b)) for name, a, b in bends}
-
-    def film_of_body(body: str, excluded: frozenset[str] = frozenset()) -> Blocks:
-        placed = (copy for copy in roles.placed(body) if copy.piece not in excluded)
-        return merge_blocks(scene.solid(("piece", copy.piece, copy.copy), stage) for copy in placed)
-
-    for body in (*roles.bodies, *(wheels[0] for wheels in roles.wheel_units.values())):
-        solids = film_of_body(body)
-        titles = list(dict.fromkeys(solids.titles))
-        for n, face_title in enumerate(titles, 1):
-            later_faces = solids.with_titles(set(titles[n:]))
-            obstacle = first_obstacle(solids.with_titles({face_title}), later_faces, ignored=joined)
+    may_overlap = set(scene.ignored(("tab", "lap")))
+    for piece in roles.car.pieces:
+        for crease in piece.creases:
+            if crease.bend:
+                may_overlap.add((title(piece.name, crease.parent.face), title(piece.name, crease.child.face)))
+    first_wheels = [wheels[0] for wheels in roles.wheel_units.values()]
+    for body in (*roles.segments, *first_wheels):
+        film = _film_of_body(roles, scene, stage, body)
+        titles = list(dict.fromkeys(film.titles))
+        for number, face_title in enumerate(titles, 1):
+            # Each pair of faces is checked once.
+            later_faces = film.with_titles(set(titles[number:]))
+            obstacle = first_obstacle(film.with_titles({face_title}), later_faces, ignored=frozenset(may_overlap))
             if obstacle is not None:
                 yield Finding("crossing", face_title, f"runs into {obstacle}")
-    strips = frozenset(piece.name for piece in car.pieces if any(crease.flexure for crease in piece.creases))
-    for hinge in car.hinges:
-        front, rear = (film_of_body(body, strips) for body in (hinge.front, hinge.rear))
+
+
+def _check_segments_apart(roles: Roles, scene: CarSolids, stage: Stage) -> Iterator[Finding]:
+    """Yield findings where film of two segments collides when the hinge between them is at one of its limits.
+
+    All other hinges are flat. Hinge strips bend at the limits, so they are not checked.
+    """
+    strips = {piece.name for piece in roles.car.pieces if any(crease.flexure for crease in piece.creases)}
+    for hinge in roles.car.hinges:
+        front = _film_of_body(roles, scene, stage, hinge.front, without=strips)
+        rear = _film_of_body(roles, scene, stage, hinge.rear, without=strips)
         for angle in (hinge.min_rad, hinge.max_rad):
             moved = rear.moved(hinge_motion(hinge, angle))
             for face_title in dict.fromkeys(moved.titles):
@@ -138,29 +157,37 @@ def check_joins(car: FoldedCar, bodies: Bodies) -> Iterator[Finding]:
     """Yield findings about every join, in each body that has both its faces."""
     checks = {"tab": _check_tab, "lap": _check_tab, "tab_slot": _check_tongue, "lock": _check_tongue}
     copies: dict[tuple[str, str], list[PlacedFace]] = defaultdict(list)
-    for face in (face for faces in bodies.values() for face in faces):
-        copies[face.piece.name, face.face.name].append(face)
-    for join in (join for join in car.joins if join.kind in checks):
+    for faces in bodies.values():
+        for face in faces:
+            copies[face.piece.name, face.face.name].append(face)
+    for join in car.joins:
+        if join.kind not in checks:
+            continue
         ends = itertools.product(copies[join.piece_a, join.a.face], copies[join.piece_b, join.b.face])
         for a, b in ends:
-            # Hooks of wheels go through their slots and are turned behind the film then, so they are not at their slots.
+            # A wheel's hooks are put through their slots and then turned. In the finished wheel they are beside their
+            # slots, so this check does not apply to them.
             is_hook = join.kind in ("tab_slot", "lock") and a.body.startswith("wheel")
             if a.body == b.body and not is_hook:
                 yield from checks[join.kind](join, a, b)
 
 
 def _gap_mm(join: Join, a: PlacedFace, b: PlacedFace) -> float:
-    """Return the gap (mm) between two joined edges: the larger of the distances between their ends.
+    """Return the gap (mm) between the two edges of a join, which should meet.
 
-    The edges may run in the same direction or in opposite directions. A tab may be narrower than its wall, and it
-    lies one film inside the wall. So its gap is the largest distance of its ends from the line of the wall's edge,
-    measured in the plane of the wall.
+    For a tab, it is the largest distance of an end of the tab's edge from the line of the wall's edge, measured in the
+    plane of the wall: a tab may be shorter than the wall's edge, and it lies one film inside the wall. For other joins
+    it is the larger of the two distances between the edges' ends.
     """
     first, second = a.edge_mm(join.a.index), b.edge_mm(join.b.index)
     if join.kind == "tab":
-        line = shapely.LineString(b.in_face(second)[:, :2])
-        return float(line.distance(shapely.points(b.in_face(first)[:, :2])).max())
-    return float(min(np.max(np.linalg.norm(first - other, axis=1)) for other in (second, second[::-1])))
+        wall_edge = shapely.LineString(b.in_face(second)[:, :2])
+        tab_ends = shapely.points(b.in_face(first)[:, :2])
+        return float(wall_edge.distance(tab_ends).max())
+    # The edges may run in the same direction or in opposite directions.
+    same_way = np.linalg.norm(first - second, axis=1).max()
+    opposite_way = np.linalg.norm(first - second[::-1], axis=1).max()
+    return float(min(same_way, opposite_way))
 
 
 def _check_tab(join: Join, a: PlacedFace, b: PlacedFace) -> Iterator[Finding]:

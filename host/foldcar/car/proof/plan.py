@@ -24,7 +24,10 @@ USES = {"plug": "Plug a cable into", "finger": "Press", "driver": "Press, with a
 
 
 class Building:
-    """The steps so far, the parts that are in place, and the joins that are made."""
+    """The steps so far, the parts that are in place, and the joins that are made.
+
+    A *unit* is several parts that are put together outside the car, and are then put in as one.
+    """
 
     def __init__(self, roles: Roles) -> None:
         self.roles = roles
@@ -33,7 +36,8 @@ class Building:
         self._present: set[tuple[str, int]] = set()
         self._folded = {piece.name for piece in roles.car.pieces if not piece.creases}
         self._made_joins: set[int] = set()
-        self._in_units: set[str] = set()
+        # The pieces in units that are still outside the car.
+        self._outside: set[str] = set()
         # Joins that shut a lid are made last.
         self._lid_joins = {number for lid in roles.lids.values() for number in lid.joins}
 
@@ -41,7 +45,11 @@ class Building:
         self, title: str, pieces: Iterable[PlacedPiece] = (), mounts: Iterable[Mount] = (),
         units: Iterable[AddedPart] = (), folds: Folds | None = None, unit: str = "", flat: bool = False,
     ) -> None:  # fmt: skip
-        """Append a step, unless it would be empty. Pieces come in folded, unless the step is ``flat``."""
+        """Append a step that adds pieces, mounts and finished units, unless it would be empty.
+
+        A step with the name of a ``unit`` assembles this unit outside the car. Pieces come in folded, unless the step is
+        ``flat``. ``folds`` are further folds that the step closes.
+        """
         pieces, mounts, units, folds = list(pieces), list(mounts), list(units), dict(folds or {})
         for piece in pieces:
             fractions = self.roles.all_folded(piece.piece)
@@ -51,45 +59,61 @@ class Building:
         self.parts |= {mount.name for mount in mounts}
         self._folded |= {name for name, fractions in folds.items() if any(fractions.values())}
         if unit:
-            self._in_units |= {piece.piece for piece in pieces}
-        # The pieces of a unit that is put in are no longer apart from the car.
-        for added_unit in units:
-            self._in_units -= {added.name for step in self.steps if step.unit == added_unit.name for added in step.adds}
+            self._outside |= {piece.piece for piece in pieces}
+        for finished_unit in units:
+            self._outside -= self._names_in_unit(finished_unit.name)
         joins = self._joins(flat, unit)
         adds = (
             *(AddedPart("piece", piece.piece, piece.copy, piece.body) for piece in pieces),
             *units,
             *(AddedPart("mount", mount.name, 0, mount.body) for mount in mounts),
         )
-        screws = [mount for mount in mounts if self.roles.is_fastener(mount)]
-        drivers = ((m.name, i) for m in screws for i, clearance in enumerate(m.clearances) if clearance.tool == "driver")
-        tool_uses = tuple(ToolUse(*place) for place in drivers)
+        tool_uses = []
+        for mount in mounts:
+            if self.roles.is_fastener(mount):
+                for index, clearance in enumerate(mount.clearances):
+                    if clearance.tool == "driver":
+                        tool_uses.append(ToolUse(mount.name, index))
         if adds or joins or folds:
-            self.steps.append(AssemblyStep(title, folds, adds, joins, tool_uses, unit))
+            self.steps.append(AssemblyStep(title, folds, adds, joins, tuple(tool_uses), unit))
+
+    def _names_in_unit(self, unit: str) -> set[str]:
+        """Return the names of the pieces and parts that were added to a unit."""
+        return {added.name for step in self.steps if step.unit == unit for added in step.adds}
 
     def with_screws(self, mounts: Sequence[Mount]) -> list[Mount]:
         """Return the mounts that are not in place yet. A screw follows the last of the parts that it holds."""
-        remaining = [mount for mount in mounts if mount.name not in self.parts]
-        screws: dict[str, list[Mount]] = {}
-        for screw in (m for m in self.roles.car.mounts if self.roles.is_fastener(m) and m.name not in self.parts):
-            held_mounts = [m for m in remaining if m.body == screw.body and m in self.roles.held_by(screw)]
-            if held_mounts:
-                screws.setdefault(held_mounts[-1].name, []).append(screw)
-        return [part for mount in remaining for part in (mount, *screws.get(mount.name, ()))]
+        missing = [mount for mount in mounts if mount.name not in self.parts]
+        screws_after: dict[str, list[Mount]] = {}
+        for screw in self.roles.car.mounts:
+            if not self.roles.is_fastener(screw) or screw.name in self.parts:
+                continue
+            held = [mount for mount in missing if mount.body == screw.body and mount in self.roles.held_by(screw)]
+            if held:
+                screws_after.setdefault(held[-1].name, []).append(screw)
+        with_screws = []
+        for mount in missing:
+            with_screws += [mount, *screws_after.get(mount.name, ())]
+        return with_screws
 
     def _joins(self, flat: bool, unit: str) -> tuple[int, ...]:
-        """Return the joins that can be made now: all copies of both pieces are in place and folded.
+        """Return the joins that can be made in a step, and count them as made.
 
-        Layers are laminated while they are flat. Joins of the lid are made later.
+        All copies of both pieces must be in place and folded; only layers are laminated onto ``flat`` pieces. In a step
+        that assembles a ``unit``, both pieces are outside the car, else none of them. Joins of a lid are left out.
         """
-        pieces = self.roles.car.pieces
-        complete = {piece.name for piece in pieces if all((piece.name, i) in self._present for i in range(piece.count))}
+        complete = set()
+        for piece in self.roles.car.pieces:
+            if all((piece.name, copy) in self._present for copy in range(piece.count)):
+                complete.add(piece.name)
+        not_now = self._made_joins | self._lid_joins
         numbers = set()
         for join in self.roles.car.joins:
             ends = {join.piece_a, join.piece_b}
-            are_folded = ends <= self._folded or (join.kind == "laminate" and flat)
-            are_together = ends <= self._in_units if unit else not ends & self._in_units
-            if join.number not in self._made_joins | self._lid_joins and ends <= complete and are_folded and are_together:
+            are_ready = ends <= self._folded or (join.kind == "laminate" and flat)
+            are_together = ends <= self._outside if unit else ends.isdisjoint(self._outside)
+            can_be_made = ends <= complete and are_ready and are_together
+            if can_be_made and join.number not in not_now:
                 numbers.add(join.number)
         self._made_joins |= numbers
         return tuple(sorted(numbers))
@@ -122,44 +146,62 @@ def _plan_shutting(roles: Roles, building: Building) -> None:
 
 
 def _plan_segments(roles: Roles, building: Building) -> None:
-    """Add the steps that build the segments: beams with their layers and walls, servos, rods, caps and connectors.
-
-    Layers are taped onto flat pieces. So a cap or a connector with layers is a unit, which is put together outside
-    the car.
-    """
-    copies = list(roles.non_base_copies())
-    bases = [roles.base[body] for body in roles.bodies]
-    layers = [other for other in copies if roles.is_layer(other)]
-
-    def layers_on(hosts: Sequence[PlacedPiece]) -> list[PlacedPiece]:
-        return [layer for layer in layers if (host := roles.host(layer)) is not None and host.piece in hosts]
-
-    other_pieces = [other for other in copies if other not in layers]
-    connectors = [piece for piece in other_pieces if roles.is_connector(piece)]
-    caps = [piece for piece in other_pieces if piece not in connectors and not roles.is_carrier(piece)]
-    title = "Tape the layers onto the flat beam" if layers_on(bases) else "Lay out the beam"
-    building.step(title, [*bases, *layers_on(bases)], flat=True)
-    folds = {name: roles.all_folded(name) | dict.fromkeys(roles.lids[name].creases, 0.0) for name in sorted(roles.bases)}
+    """Add the steps that build the segments: beams with their layers and walls, servos, rods, caps and connectors."""
+    car = roles.car
+    beams = [roles.beams[body] for body in roles.segments]
+    layers = _layers_on(roles, beams)
+    title = "Tape the layers onto the flat beam" if layers else "Lay out the beam"
+    building.step(title, [*beams, *layers], flat=True)
+    # The lids stay open.
+    folds = {}
+    for name in sorted(roles.beam_names):
+        folds[name] = roles.all_folded(name) | dict.fromkeys(roles.lids[name].creases, 0.0)
     building.step("Fold the walls up", folds=folds)
-    servos = [m for m in roles.car.mounts if m.part == roles.car.parts.servo.name]
+    servos = [mount for mount in car.mounts if mount.part == car.parts.servo.name]
     building.step("Screw the servos in from outside", mounts=building.with_screws(servos))
-    rods = [m for m in roles.car.mounts if m.part == roles.car.parts.axle_rod.name]
+    rods = [mount for mount in car.mounts if mount.part == car.parts.axle_rod.name]
     building.step("Push the rods through the walls", mounts=rods)
-    for mount in (mount for mount in roles.car.mounts if roles.is_on_lid(mount)):
-        building.step(f"Put the {mount.name} on the open lid", mounts=building.with_screws([mount]))
-    for title, group in (("Close the ends", caps), ("Join the segments", connectors)):
-        with_layers = [piece for piece in group if layers_on([piece])]
-        for piece in with_layers:
-            flat_title, unit = f"Tape the layers onto the flat {piece.piece}", _unit_name(roles, piece)
-            building.step(flat_title, [piece, *layers_on([piece])], unit=unit, flat=True)
-            hosts = ((mount, roles.mount_host(mount)) for mount in roles.car.mounts)
-            for mount in (mount for mount, host in hosts if host is not None and host.piece is piece):
+    for mount in car.mounts:
+        if roles.is_on_lid(mount):
+            building.step(f"Put the {mount.name} on the open lid", mounts=building.with_screws([mount]))
+    others = [copy for copy in roles.non_beam_copies() if not roles.is_layer(copy)]
+    connectors = [copy for copy in others if roles.is_connector(copy)]
+    caps = [copy for copy in others if copy not in connectors and not roles.is_carrier(copy)]
+    _plan_taped(roles, building, "Close the ends", caps)
+    _plan_taped(roles, building, "Join the segments", connectors)
+    loose_layers = [copy for copy in roles.non_beam_copies() if roles.is_layer(copy) and roles.host(copy) is None]
+    building.step("Glue the other layers on", loose_layers)
+
+
+def _layers_on(roles: Roles, hosts: Sequence[PlacedPiece]) -> list[PlacedPiece]:
+    """Return the layers that lie on one of these pieces."""
+    layers = []
+    for copy in roles.non_beam_copies():
+        host = roles.host(copy) if roles.is_layer(copy) else None
+        if host is not None and host.piece in hosts:
+            layers.append(copy)
+    return layers
+
+
+def _plan_taped(roles: Roles, building: Building, title: str, pieces: Sequence[PlacedPiece]) -> None:
+    """Add the step ``title``, which tapes caps or connectors to the beams, and the steps that prepare it.
+
+    Layers are taped onto flat pieces. So a piece with layers is a unit, which is put together outside the car with the
+    parts that are mounted in it.
+    """
+    with_layers = [piece for piece in pieces if _layers_on(roles, [piece])]
+    for piece in with_layers:
+        unit = _unit_name(roles, piece)
+        layers = _layers_on(roles, [piece])
+        building.step(f"Tape the layers onto the flat {piece.piece}", [piece, *layers], unit=unit, flat=True)
+        for mount in roles.car.mounts:
+            host = roles.mount_host(mount)
+            if host is not None and host.piece is piece:
                 building.step(f"Put the {mount.name} into the flat {piece.piece}", mounts=[mount], unit=unit, flat=True)
-        units = [AddedPart("unit", _unit_name(roles, piece), 0, piece.body) for piece in with_layers]
-        without_layers = [piece for piece in group if piece not in with_layers]
-        folds = {piece.piece: roles.all_folded(piece.piece) for piece in with_layers}
-        building.step(title, without_layers, units=units, folds=folds)
-    building.step("Glue the other layers on", [layer for layer in layers if roles.host(layer) is None])
+    units = [AddedPart("unit", _unit_name(roles, piece), 0, piece.body) for piece in with_layers]
+    without_layers = [piece for piece in pieces if piece not in with_layers]
+    folds = {piece.piece: roles.all_folded(piece.piece) for piece in with_layers}
+    building.step(title, without_layers, units=units, folds=folds)
 
 
 def _unit_name(roles: Roles, piece: PlacedPiece) -> str:
@@ -168,67 +210,91 @@ def _unit_name(roles: Roles, piece: PlacedPiece) -> str:
 
 
 def _plan_inside(roles: Roles, building: Building) -> None:
-    """Add the steps of the carriers with their boards, of the parts under them, and of other parts inside."""
+    """Add the steps of what comes into the segments: carriers with their boards, parts under them, other parts, wires."""
     car, wheels = roles.car, set(roles.wheels)
-    carriers = [other for other in roles.non_base_copies() if roles.is_carrier(other)]
-    carried = [m for carrier in carriers for m in roles.carried(carrier) if not roles.is_fastener(m)]
-    parts = [m for m in car.mounts if m.body not in wheels and not roles.is_fastener(m) and m.name not in building.parts]
-    wires = [extension.name for extension in car.parts.extensions.sold] + [car.parts.wiring.name]
-    # Extension cables come before the other wires.
-    plugged_parts = sorted((m for m in parts if m.part in wires), key=lambda m: m.part == wires[-1])
-    axle_parts = (car.parts.axle_tube.name, car.parts.axle_cap.name)
-    # Parts that come in with their carrier, last of all, with the lid or with the axles are not put in one by one.
-    later = (*plugged_parts, *carried)
-    parts = [m for m in parts if m not in later and not roles.is_on_lid(m) and m.part not in axle_parts]
-    under_carrier = [m for m in parts if m.part == car.parts.lipo.name and carriers]
-    for carrier in carriers:
-        boards = sorted((m for m in roles.carried(carrier) if not roles.is_fastener(m)), key=lambda m: m.pose[2][3])
-        name, parts_on = _unit_name(roles, carrier), building.with_screws(boards)
-        all_folds = roles.all_folded(carrier.piece)
-        building.step(f"Screw the boards onto the flat {carrier.piece}", [carrier], parts_on, unit=name, flat=True)
-        building.step(f"Fold the {carrier.piece}", folds={carrier.piece: all_folds} if all_folds else {}, unit=name)
-    for mount in under_carrier:
+    carriers = [copy for copy in roles.non_beam_copies() if roles.is_carrier(copy)]
+    boards_on = {carrier: _boards_on(roles, carrier) for carrier in carriers}
+    for carrier, boards in boards_on.items():
+        unit, folds = _unit_name(roles, carrier), roles.all_folded(carrier.piece)
+        mounts = building.with_screws(boards)
+        building.step(f"Screw the boards onto the flat {carrier.piece}", [carrier], mounts, unit=unit, flat=True)
+        building.step(f"Fold the {carrier.piece}", folds={carrier.piece: folds} if folds else {}, unit=unit)
+    # Wires come last of all, and extension cables before the others.
+    cable_names = [extension.name for extension in car.parts.extensions.sold]
+    wire_names = [*cable_names, car.parts.wiring.name]
+    # Tubes and caps come with the wheels.
+    axle_names = (car.parts.axle_tube.name, car.parts.axle_cap.name)
+    inside = [mount for mount in car.mounts if mount.body not in wheels and mount.name not in building.parts]
+    parts = []
+    for mount in inside:
+        comes_otherwise = mount.part in wire_names or mount.part in axle_names or roles.is_on_lid(mount)
+        if not roles.is_fastener(mount) and not comes_otherwise:
+            parts.append(mount)
+    # The LiPo lies under the carrier, so it comes before it.
+    first_parts = [mount for mount in parts if mount.part == car.parts.lipo.name and carriers]
+    for mount in first_parts:
         building.step(f"Put the {mount.name} in", mounts=building.with_screws([mount]))
     for carrier in carriers:
-        units = [AddedPart("unit", _unit_name(roles, carrier), 0, carrier.body)]
-        building.step(f"Put the {carrier.piece} with the boards in", units=units)
-    for mount in (mount for mount in parts if mount not in under_carrier):
-        building.step(f"Put the {mount.name} in", mounts=building.with_screws([mount]))
-    screws = [m for m in car.mounts if roles.is_fastener(m) and m.name not in building.parts and m.body not in wheels]
+        carrier_unit = AddedPart("unit", _unit_name(roles, carrier), 0, carrier.body)
+        building.step(f"Put the {carrier.piece} with the boards in", units=[carrier_unit])
+    for mount in parts:
+        if mount not in first_parts:
+            building.step(f"Put the {mount.name} in", mounts=building.with_screws([mount]))
+    screws = [mount for mount in inside if roles.is_fastener(mount) and mount.name not in building.parts]
     building.step("Drive the other screws", mounts=screws)
-    building.step("Plug all wires in", mounts=plugged_parts)
+    wires = [mount for mount in inside if mount.part in wire_names]
+    building.step("Plug all wires in", mounts=sorted(wires, key=lambda mount: mount.part not in cable_names))
+
+
+def _boards_on(roles: Roles, carrier: PlacedPiece) -> list[Mount]:
+    """Return the parts on a carrier without their screws, the lowest first."""
+    mounts = [mount for mount in roles.carried(carrier) if not roles.is_fastener(mount)]
+    return sorted(mounts, key=lambda mount: mount.center_mm[2])
 
 
 def _plan_wheels(roles: Roles, building: Building, unit: str, wheels: Sequence[str]) -> None:
-    """Add the steps of a unit's wheels: assembled outside the car, then put onto horns or onto their rod."""
-    car = roles.car
-    placed = [piece for wheel in wheels for piece in roles.placed(wheel)]
-    mounts = [m for m in car.mounts if m.body in wheels]
-    horns = [m for m in mounts if m.part == car.parts.horn.name]
-    screws = [m for m in mounts if roles.is_fastener(m)]
-    centre_screws = [m for m in screws if m.part == car.parts.centre_screw.name]
-    strips = [piece for piece in placed if roles.is_wound(piece.piece)]
-    inner = [piece for piece in placed if piece.piece.endswith(INNER)]
+    """Add the steps of the wheels of one ``unit``, which are alike.
+
+    They are assembled outside the car, and then put onto the horns of their servos or onto a rod.
+    """
+    car, parts = roles.car, roles.car.parts
+    pieces = [piece for wheel in wheels for piece in roles.placed(wheel)]
+    strips = [piece for piece in pieces if roles.is_wound(piece.piece)]
+    inner = [piece for piece in pieces if piece.piece.endswith(INNER)]
+    outer = [piece for piece in pieces if piece not in strips and piece not in inner]
+    mounts = [mount for mount in car.mounts if mount.body in wheels]
     # Wheels of several units are named.
     suffix = "" if len(roles.wheel_units) == 1 else f" ({unit}s)"
     building.step(f"Tape the hubs onto the inner discs{suffix}", inner, unit=unit)
-    others = [piece for piece in placed if piece not in strips and piece not in inner]
-    building.step(f"Put the outer discs on{suffix}", others, unit=unit)
+    building.step(f"Put the outer discs on{suffix}", outer, unit=unit)
     building.step(f"Wind the rims around the discs{suffix}", strips, unit=unit)
-    tyres = [m for m in mounts if m.part == car.parts.tyre.name]
+    tyres = [mount for mount in mounts if mount.part == parts.tyre.name]
     building.step(f"Stretch the tyres over the rims{suffix}", mounts=tyres, unit=unit)
-    units = [AddedPart("unit", unit, n, wheel) for n, wheel in enumerate(wheels)]
-    if not horns:
-        axles = {axle.center_mm[0] for axle in car.axles if axle.unit == unit}
-        on_rods = [m for m in car.mounts if any(abs(m.pose[0][3] - x) < SAME_MM for x in axles)]
-        tubes, caps = ([m for m in on_rods if m.part == part.name] for part in (car.parts.axle_tube, car.parts.axle_cap))
-        building.step(f"Slide the spacer tubes onto the rods{suffix}", mounts=tubes)
-        building.step(f"Slide the wheels onto the rods{suffix}", units=units)
-        building.step(f"Press the caps onto the rods{suffix}", mounts=caps)
+    finished_wheels = [AddedPart("unit", unit, number, wheel) for number, wheel in enumerate(wheels)]
+    horns = [mount for mount in mounts if mount.part == parts.horn.name]
+    if horns:
+        screws = [mount for mount in mounts if roles.is_fastener(mount)]
+        centre_screws = [screw for screw in screws if screw.part == parts.centre_screw.name]
+        wheel_screws = [screw for screw in screws if screw not in centre_screws]
+        building.step(f"Screw the horns onto the servos{suffix}", mounts=[*horns, *centre_screws])
+        building.step(f"Screw the wheels onto the horns{suffix}", units=finished_wheels, mounts=wheel_screws)
         return
-    building.step(f"Screw the horns onto the servos{suffix}", mounts=[*horns, *centre_screws])
-    wheel_screws = [m for m in screws if m not in centre_screws]
-    building.step(f"Screw the wheels onto the horns{suffix}", units=units, mounts=wheel_screws)
+    tubes = _mounts_on_axles(car, unit, parts.axle_tube.name)
+    caps = _mounts_on_axles(car, unit, parts.axle_cap.name)
+    building.step(f"Slide the spacer tubes onto the rods{suffix}", mounts=tubes)
+    building.step(f"Slide the wheels onto the rods{suffix}", units=finished_wheels)
+    building.step(f"Press the caps onto the rods{suffix}", mounts=caps)
+
+
+def _mounts_on_axles(car: FoldedCar, unit: str, part: str) -> list[Mount]:
+    """Return the mounts of a part that are on the axles of a unit's wheels."""
+    axle_xs = {axle.center_mm[0] for axle in car.axles if axle.unit == unit}
+    mounts = []
+    for mount in car.mounts:
+        x = mount.center_mm[0]
+        if mount.part == part and any(abs(x - axle_x) < SAME_MM for axle_x in axle_xs):
+            mounts.append(mount)
+    return mounts
 
 
 @lru_cache(maxsize=16)

@@ -4,9 +4,10 @@ Input: a FoldedCar. Output: its steps with the insertion paths, and findings tha
 bends, tongues snap, rims are wound, tyres stretched: for these no path is searched.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,13 +24,20 @@ from foldcar.car.proof.blocks import (
     vector,
 )
 from foldcar.car.proof.plan import plan_assembly, plan_service
-from foldcar.car.proof.roles import Lid, roles_of
+from foldcar.car.proof.roles import roles_of
 from foldcar.car.proof.scene import CarSolids, Stage, title
 from foldcar.car.proof.step import AddedPart, AssemblyStep, Folds, PartKey, ToolUse, Vector
+from foldcar.car.proof.swing import even_path, lid_path, swing_of
 
-CAR = ("", "")
-# Steps of a lid's turn: film 100 mm from the fold leaves the convex hull of two successive positions by 0.02 mm only.
-SWING_STEPS = 40
+
+class Group(NamedTuple):
+    """Parts that are together: those in the car, or those of a unit of a body that is assembled outside the car."""
+
+    unit: str = ""
+    body: str = ""
+
+
+CAR = Group()
 
 
 @dataclass(frozen=True)
@@ -51,25 +59,35 @@ def prove_steps(car: FoldedCar, planned_steps: Sequence[AssemblyStep]) -> Proof:
     """Prove the assembly of a car in these steps."""
     prover = _Prover(car)
     prover.check_lead_order(planned_steps)
-    steps = tuple(prover.step(f"step {n}", step) for n, step in enumerate(planned_steps, 1))
-    serviced = tuple(prover.service_step(f"service {n}", step) for n, step in enumerate(plan_service(car), 1))
+    steps = tuple(prover.prove_step(f"step {n}", step) for n, step in enumerate(planned_steps, 1))
+    serviced = tuple(prover.prove_service(f"service {n}", step) for n, step in enumerate(plan_service(car), 1))
     return Proof(steps, serviced, tuple(prover.findings))
 
 
+class ScrewPaths(NamedTuple):
+    """The way out of a screw, and that of its nut, or None if it has no nut."""
+
+    screw: ExitPath
+    nut: ExitPath | None
+
+
 class _Prover:
-    """The state of the assembly: the solids that are in place."""
+    """The state of the assembly, which is empty at first, and the findings.
+
+    ``stage`` says which folds are closed. ``standing`` has, for each group, the parts that are in place with their
+    solids at this stage. ``joined`` are the pairs of joined faces, which may overlap.
+    """
 
     def __init__(self, car: FoldedCar) -> None:
         self.car, self.roles = car, roles_of(car)
         self.scene = CarSolids(self.roles)
         self.joined = self.scene.ignored()
-        self.stage = Stage(self.roles, {})
-        # Solids in the car (CAR), and in units by the unit's name and body.
-        self.standing: dict[tuple[str, str], dict[PartKey, Blocks]] = {CAR: {}}
+        self.stage = Stage(self.roles, folds={})
+        self.standing: dict[Group, dict[PartKey, Blocks]] = {CAR: {}}
         self.findings: list[Finding] = []
 
-    def step(self, number: str, step: AssemblyStep) -> AssemblyStep:
-        """Prove one step, carry it out, and return it with the insertion paths of its parts.
+    def prove_step(self, number: str, step: AssemblyStep) -> AssemblyStep:
+        """Carry out one step of the assembly, and return it with the insertion paths of its parts.
 
         Findings name it by ``number``.
         """
@@ -77,23 +95,30 @@ class _Prover:
         self._fold(place, step)
         proved: list[AddedPart] = []
         for added in step.adds:
-            group = (step.unit, added.body) if step.unit else CAR
-            first_body = step.adds[0].body
-            if step.unit in self.roles.wheel_units and added.body != first_body:
-                # Wheels are alike: the insertion path is that of the first wheel's part, turned with the wheel.
-                own_adds = [add for add in step.adds if add.body == added.body]
-                first_part = [earlier for earlier in proved if earlier.body == first_body][own_adds.index(added)]
-                moves = tuple(self._rotated(move, first_body, added.body) for move in first_part.way_mm)
-                proved_part = replace(added, way_mm=moves)
+            group = Group(step.unit, added.body) if step.unit else CAR
+            # Wheels of a unit are alike, so only the parts of the first one are proved.
+            is_proved_already = step.unit in self.roles.wheel_units and added.body != step.adds[0].body
+            if is_proved_already:
+                proved.append(self._like_first_wheel(step, added, proved))
             else:
-                proved_part, present = added, self.standing.get(group, {})
-                if present and not self._is_bent(added):
-                    proved_part = self._with_insertion_path(place, added, present)
-            self.standing.setdefault(group, {}).update({key: self._solid(key) for key in self._part_keys(added)})
-            if proved_part.body == first_body or step.unit not in self.roles.wheel_units:
-                self._check_tool_uses(place, [use for use in step.tool_uses if use.name == added.name], group)
-            proved.append(proved_part)
+                present = self.standing.get(group, {})
+                needs_path = bool(present) and not self._is_bent(added)
+                proved.append(self._with_insertion_path(place, added, present) if needs_path else added)
+            new_parts = {key: self._solid(key) for key in self._part_keys(added)}
+            self.standing.setdefault(group, {}).update(new_parts)
+            if not is_proved_already:
+                tool_uses = [use for use in step.tool_uses if use.name == added.name]
+                self._check_tool_uses(place, tool_uses, group)
         return replace(step, adds=tuple(proved))
+
+    def _like_first_wheel(self, step: AssemblyStep, added: AddedPart, proved: Sequence[AddedPart]) -> AddedPart:
+        """Return a part of a wheel with the insertion path of the same part of the first wheel, turned with the wheel."""
+        first_body = step.adds[0].body
+        first_parts = [part for part in proved if part.body == first_body]
+        own_parts = [part for part in step.adds if part.body == added.body]
+        first_part = first_parts[own_parts.index(added)]
+        moves = tuple(self._rotated(move, first_body, added.body) for move in first_part.way_mm)
+        return replace(added, way_mm=moves)
 
     def check_lead_order(self, planned_steps: Sequence[AssemblyStep]) -> None:
         """Add a finding if the leads of a battery on the lid are soldered before they pass through the lid.
@@ -110,19 +135,20 @@ class _Prover:
                 message = f"leads of {mount.name} must pass the lid, but are joined to {soldered_before[0]} already"
                 self._add_finding(place, message)
 
-    def service_step(self, number: str, step: AssemblyStep) -> AssemblyStep:
-        """Prove one step of service, and return it with the paths of its parts.
+    def prove_service(self, number: str, step: AssemblyStep) -> AssemblyStep:
+        """Carry out one step of service on the finished car, and return it with the paths of its parts.
 
-        Tools must reach what they use, folds must open, and parts must come out; parts that are taken out stay out. A
-        lid opens on the path on which it was shut. If a part is on the lid, this is checked again, because the wheels
-        were added after the lid was shut.
+        Findings name it by ``number``. Tools must reach what they use, lids must open, and parts must come out; parts
+        that are taken out stay out.
         """
         place = f"{number}, {step.title}"
         self._check_tool_uses(place, step.tool_uses, CAR)
+        # A lid opens on the same path on which it was shut, which is proved. But a part on the lid might now meet the
+        # wheels, which were added after the lid was shut.
         if any(self.roles.is_on_lid(mount) for mount in self.car.mounts):
             for name in step.folds:
                 self._check_lid(place, name, "open")
-        self._close(step.folds)
+        self._set_folds(step.folds)
         proved = []
         for added in step.adds:
             for key in self._part_keys(added):
@@ -140,26 +166,25 @@ class _Prover:
 
     def _fold(self, place: str, step: AssemblyStep) -> None:
         """Close the folds of a step. Add a finding if a face that swings meets its own piece or other parts in place."""
+        present = {key.name for standing in self.standing.values() for key in standing}
         for name, fractions in step.folds.items():
-            earlier_fractions = self.stage.folds.get(name, {})
             lid = self.roles.lids.get(name)
-            if lid is not None and lid.creases and set(fractions) == set(lid.creases):
+            is_lid = lid is not None and bool(lid.creases) and set(fractions) == set(lid.creases)
+            if is_lid:
                 self._check_lid(place, name, "shut")
-            elif any(key[1] == name for standing in self.standing.values() for key in standing):
-                path = [
-                    {crease: earlier_fractions.get(crease, 0.0) * (1 - t) + end * t for crease, end in fractions.items()}
-                    for t in (i / SWING_STEPS for i in range(SWING_STEPS + 1))
-                ]
+            elif name in present:
+                path = even_path(self.stage.folds.get(name, {}), fractions)
                 self._check_swing(place, name, f"{name} does not fold", path)
-        self._close(step.folds)
+        self._set_folds(step.folds)
 
     def _check_lid(self, place: str, name: str, action: str) -> None:
         """Add a finding if the lid of a beam, or a part on it, meets other parts on its way between open and shut."""
         angles = {crease.name: crease.angle_rad for crease in self.roles.pieces[name].creases}
-        path = list(_closing(self.roles.lids[name], angles))
+        path = lid_path(self.roles.lids[name], angles)
         self._check_swing(place, name, f"the lid of {name} does not {action}", path)
 
-    def _close(self, folds: Folds) -> None:
+    def _set_folds(self, folds: Folds) -> None:
+        """Set the fractions by which folds are closed, and move all parts in place along with them."""
         if not folds:
             return
         self.stage = self.stage.closed(folds)
@@ -170,14 +195,15 @@ class _Prover:
         return self.scene.solid(key, self.stage)
 
     def _part_keys(self, added: AddedPart) -> list[PartKey]:
+        """Return the keys of a part, or of all parts of a unit."""
         if added.kind == "unit":
-            return list(self.standing.get((added.name, added.body), {}))
-        return [(added.kind, added.name, added.copy)]
+            return list(self.standing.get(Group(added.name, added.body), {}))
+        return [PartKey(added.kind, added.name, added.copy)]
 
     def _is_bent(self, added: AddedPart) -> bool:
         """Return whether a part is laid out, wound or stretched, so that it has no straight insertion path."""
         if added.kind == "piece":
-            return added.name in self.roles.bases or self.roles.is_wound(added.name)
+            return added.name in self.roles.beam_names or self.roles.is_wound(added.name)
         if added.kind == "unit":
             return False
         return self.roles.mounts[added.name].part in (self.car.parts.wiring.name, self.car.parts.tyre.name)
@@ -188,33 +214,34 @@ class _Prover:
         The nut of a screw has a path of its own. If there is no path out, a finding is added, and the path stays
         empty.
         """
+        name = self._name(added)
         moving = merge_blocks(self._solid(key) for key in self._part_keys(added))
         standing = merge_blocks(present.values())
-        own_axes: list[Vector] = []
         mount = self.roles.mounts[added.name] if added.kind == "mount" else None
-        if mount is not None:
-            # The columns of the rotation are the part's axes in the car: +x, -x, +y, -y, +z, -z.
-            axes = np.array(mount.pose)[:3, :3].T
-            own_axes = [vector(sign * axis) for axis in axes for sign in (1.0, -1.0)]
-        nut_path: ExitPath | None = None
-        if mount is not None and self.roles.is_fastener(mount):
-            exit_path, nut_path = self._screw_ways(mount, standing, own_axes)
+        if mount is None:
+            exit_path = find_exit_path(moving, standing, ignored=self.joined)
+        elif self.roles.is_fastener(mount):
+            exit_path, nut_path = self._screw_paths(mount, standing)
             added = replace(added, passes=self.roles.passed_by(mount))
-            for _, missing_name, _ in (key for key in added.passes if key not in present):
-                self._add_finding(place, f"{self._name(added)} passes {missing_name}, which is not there yet")
-        elif mount is not None and self._plugs_onto(mount, present):
+            for key in added.passes:
+                if key not in present:
+                    self._add_finding(place, f"{name} passes {key.name}, which is not there yet")
+            if nut_path is not None:
+                added = replace(added, nut_mm=self._insertion_path(place, f"the nut of {name}", nut_path))
+        elif self._plugs_onto(mount, present):
             # Pins go straight into their sockets, along the part's +z or -z.
-            exit_path = find_exit_path(moving, standing, own_axes[4:], self.joined, only_own=True)
+            *_, up, down = _axes(mount)
+            exit_path = find_exit_path(moving, standing, (up, down), self.joined, only_own=True)
         else:
-            exit_path = find_exit_path(moving, standing, own_axes, self.joined)
-        # The paths of the part and of its nut, each backwards; empty for a part without a nut.
-        insertion_paths = []
-        for subject, path in (("", exit_path), ("the nut of ", nut_path)):
-            if path is not None and path.moves_mm is None:
-                self._add_finding(place, f"{subject}{self._name(added)} {_failure_message(path)}")
-            moves = (path.moves_mm or ()) if path is not None else ()
-            insertion_paths.append(tuple(vector(-np.array(move)) for move in reversed(moves)))
-        return replace(added, way_mm=insertion_paths[0], nut_mm=insertion_paths[1])
+            exit_path = find_exit_path(moving, standing, _axes(mount), self.joined)
+        return replace(added, way_mm=self._insertion_path(place, name, exit_path))
+
+    def _insertion_path(self, place: str, name: str, exit_path: ExitPath) -> tuple[Vector, ...]:
+        """Return a path out backwards. If there is none, add a finding and return no moves."""
+        if exit_path.moves_mm is None:
+            self._add_finding(place, f"{name} {_failure_message(exit_path)}")
+            return ()
+        return tuple(vector(-np.array(move)) for move in reversed(exit_path.moves_mm))
 
     def _plugs_onto(self, mount: Mount, present: Mapping[PartKey, Blocks]) -> bool:
         """Return whether a mount is a board that is plugged onto a board in place, header on header."""
@@ -222,94 +249,83 @@ class _Prover:
         names = {self.roles.mounts[name].part for kind, name, _ in present if kind == "mount"}
         return mount.part in boards and bool(names & (boards - {mount.part}))
 
-    def _screw_ways(self, screw: Mount, standing: Blocks, own_axes: Sequence[Vector]) -> tuple[ExitPath, ExitPath | None]:
+    def _screw_paths(self, screw: Mount, standing: Blocks) -> ScrewPaths:
         """Return how a screw comes out along the axis of the driver, and how its nut comes out, if it has one.
 
         The nut moves along the axis until it is off the shank. Then it may take any path out.
         """
-        head, *nuts = self.scene.screw(screw, self.stage)
-        axis = np.array(compose(self.stage.mount(screw), screw.clearances[0].pose))[:3, 2]
-        screw_path = find_exit_path(head, standing, [vector(axis)], only_own=True)
+        head_and_shank, *nuts = self.scene.screw(screw, self.stage)
+        # The driver's cylinder points along z of its frame, which is the third column of its pose.
+        driver_pose = np.array(compose(self.stage.mount(screw), screw.clearances[0].pose))
+        axis = driver_pose[:3, 2]
+        screw_path = find_exit_path(head_and_shank, standing, [vector(axis)], only_own=True)
         if not nuts:
-            return screw_path, None
-        nut, nut_clearance = merge_blocks(nuts), vector(-axis * self.car.parts.tools.nut_room_mm.value)
-        obstacle = first_obstacle(nut, standing, nut_clearance)
+            return ScrewPaths(screw_path, nut=None)
+        nut = merge_blocks(nuts)
+        off_shank = vector(-axis * self.car.parts.tools.nut_room_mm.value)
+        obstacle = first_obstacle(nut, standing, off_shank)
         if obstacle is not None:
-            return screw_path, ExitPath(None, ((vector(-axis), obstacle),))
-        rest = find_exit_path(nut.moved(translation(*nut_clearance)), standing, own_axes)
-        return screw_path, rest if rest.moves_mm is None else ExitPath((nut_clearance, *rest.moves_mm))
+            return ScrewPaths(screw_path, nut=ExitPath(moves_mm=None, obstacles=((vector(-axis), obstacle),)))
+        rest = find_exit_path(nut.moved(translation(*off_shank)), standing, _axes(screw))
+        if rest.moves_mm is None:
+            return ScrewPaths(screw_path, nut=rest)
+        return ScrewPaths(screw_path, nut=ExitPath(moves_mm=(off_shank, *rest.moves_mm)))
 
     def _name(self, added: AddedPart) -> str:
-        if added.kind == "unit" and added.name not in self.roles.wheel_units:
-            return " with ".join(key[1] for key in self._part_keys(added)[:2])
-        return added.body if added.kind == "unit" else added.name
+        """Return the name of a part or unit in findings; a unit of the body is named by its first two parts."""
+        if added.kind != "unit":
+            return added.name
+        if added.name in self.roles.wheel_units:
+            return added.body
+        return " with ".join(key.name for key in self._part_keys(added)[:2])
 
-    def _check_tool_uses(self, place: str, tool_uses: Sequence[ToolUse], group: tuple[str, str]) -> None:
+    def _check_tool_uses(self, place: str, tool_uses: Sequence[ToolUse], group: Group) -> None:
         """Add a finding for each tool whose clearance is obstructed by parts of ``group`` that are in place."""
-        standing = merge_blocks(self.standing[group].values()) if tool_uses else merge_blocks(())
+        if not tool_uses:
+            return
+        standing = merge_blocks(self.standing[group].values())
         for tool_use in tool_uses:
-            clearance, clearance_blocks = self.scene.clearance(tool_use, self.stage)
-            name = clearance_blocks.titles[0]
-            # A pressed tongue moves together with its flap and its lever (the face that it hangs on), so these do not
-            # obstruct the tool.
-            own_faces = {name}
+            clearance, cylinder = self.scene.clearance(tool_use, self.stage)
+            reached = cylinder.titles[0]
+            # The part or face that a tool reaches is no obstacle. When a finger pushes a lever, the latch's tongue and
+            # the face on which the tongue hangs move together, so that face is none either.
+            no_obstacles = {reached}
             if tool_use.piece:
-                creases = self.roles.pieces[tool_use.piece].creases
-                own_faces |= {title(tool_use.piece, c.parent.face) for c in creases if c.child.face == tool_use.name}
-            obstacle = first_obstacle(
-                clearance_blocks, standing, ignored=frozenset((name, face_title) for face_title in own_faces)
-            )
+                for crease in self.roles.pieces[tool_use.piece].creases:
+                    if crease.child.face == tool_use.name:
+                        no_obstacles.add(title(tool_use.piece, crease.parent.face))
+            ignored = frozenset((reached, face_title) for face_title in no_obstacles)
+            obstacle = first_obstacle(cylinder, standing, ignored=ignored)
             if obstacle is not None:
-                self._add_finding(place, f"{name} has no room for its {clearance.tool}: {obstacle} is in the way")
+                self._add_finding(place, f"{reached} has no room for its {clearance.tool}: {obstacle} is in the way")
 
-    def _check_swing(self, place: str, name: str, failure: str, path: Sequence[Mapping[str, float]]) -> None:
+    def _check_swing(self, place: str, name: str, failure: str, path: Iterable[Mapping[str, float]]) -> None:
         """Add a finding if faces of a piece, or parts on them, meet others while its creases close along ``path``.
 
         ``path`` has the closed fraction of each crease, step by step. The solids that are swept from one step to the
-        next must be free of all that stands still.
+        next must be free of all that stands still. ``failure`` is the beginning of the finding's message.
         """
-        stages = [self.stage.closed({name: fractions}) for fractions in path]
-        first, last = stages[0], stages[-1]
+        fractions_of_steps = list(path)
+        stages = [self.stage.closed({name: fractions}) for fractions in fractions_of_steps]
         for standing in self.standing.values():
-            keys = [key for key in standing if first.poses(key) != last.poses(key)]
-            piece_keys = [key for key in keys if key[:2] == ("piece", name)]
-            faces: set[str] = set()
-            for key in piece_keys:
-                last_poses = last.poses(key)
-                faces |= {title(name, face) for face, pose in first.poses(key).items() if pose != last_poses[face]}
-            still_faces = [standing[key].without_titles(faces) for key in piece_keys]
-            obstacles = merge_blocks([*still_faces, *(blocks for key, blocks in standing.items() if key not in keys)])
+            swing = swing_of(name, stages[0], stages[-1], standing)
             start: Blocks | None = None
-            for fractions_of_creases, stage in zip(path, stages, strict=True):
-                swinging_faces = [self.scene.solid(key, stage).with_titles(faces) for key in piece_keys]
-                end = merge_blocks(
-                    [*swinging_faces, *(self.scene.solid(key, stage) for key in keys if key not in piece_keys)]
-                )
-                obstacle = None if start is None else swept_obstacle(start, end, obstacles, self.joined)
+            for fractions, stage in zip(fractions_of_steps, stages, strict=True):
+                faces = [self.scene.solid(key, stage).with_titles(swing.faces) for key in swing.piece_keys]
+                parts = [self.scene.solid(key, stage) for key in swing.part_keys]
+                end = merge_blocks([*faces, *parts])
+                obstacle = None if start is None else swept_obstacle(start, end, swing.obstacles, self.joined)
                 if obstacle is not None:
-                    closed = 100 * next(iter(fractions_of_creases.values()))
+                    closed = 100 * next(iter(fractions.values()))
                     self._add_finding(place, f"{failure}: {closed:.0f} % closed, it meets {obstacle}")
                     break
                 start = end
 
 
-def _closing(lid: Lid, angles_rad: Mapping[str, float]) -> Iterator[dict[str, float]]:
-    """Yield how far the folds of a lid are closed, step by step, while it shuts: fractions by crease.
-
-    First the flap is bent inwards. Over the first half of the way, while the lid turns down, the flap is bent
-    further, by the angle of the lid. Over the second half it is bent back until it is upright. So it passes the wall.
-    """
-    hinge, *flaps = lid.creases
-    if not flaps:
-        yield from ({hinge: i / SWING_STEPS} for i in range(SWING_STEPS + 1))
-        return
-    flap, *others = flaps
-    all_fractions = dict.fromkeys(others, 1.0)
-    yield from ({hinge: 0.0, flap: i / SWING_STEPS, **all_fractions} for i in range(SWING_STEPS))
-    ratio = angles_rad[hinge] / angles_rad[flap]
-    for i in range(SWING_STEPS + 1):
-        closed = i / SWING_STEPS
-        yield {hinge: closed, flap: 1.0 + ratio * min(closed, 1.0 - closed), **all_fractions}
+def _axes(mount: Mount) -> list[Vector]:
+    """Return the directions +x, -x, +y, -y, +z and -z of a part's own frame in the car."""
+    axes = np.array(mount.pose)[:3, :3].T
+    return [vector(sign * axis) for axis in axes for sign in (1.0, -1.0)]
 
 
 def _failure_message(path: ExitPath) -> str:

@@ -4,6 +4,7 @@ Input: a FoldedCar. Output: its beams, their lids, layers, caps, carriers of boa
 joins, creases and mounts.
 """
 
+from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache, lru_cache
@@ -39,7 +40,13 @@ def roles_of(car: FoldedCar) -> "Roles":
 
 
 class Roles:
-    """The roles in one car."""
+    """The roles in one car.
+
+    ``segments`` and ``wheels`` are the names of its bodies, and ``wheel_units`` the wheels of each unit, which are alike.
+    ``beams`` has the beam of each segment, to which all else is fixed, and ``beam_names`` the names of their pieces.
+    ``finished_poses`` has the poses of the faces of each folded piece, in the frame of its first face. ``host`` and
+    ``held_by`` are the cached methods below.
+    """
 
     def __init__(self, car: FoldedCar) -> None:
         self.car = car
@@ -47,54 +54,59 @@ class Roles:
         self.faces = {piece.name: {face.name: face for face in piece.faces} for piece in car.pieces}
         self.copies = {(copy.piece, copy.copy): copy for copy in car.placed}
         self.mounts = {mount.name: mount for mount in car.mounts}
-        self.bodies = sorted({copy.body for copy in car.placed if copy.body.startswith("segment")})
+        self.finished_poses = {piece.name: folded(piece) for piece in car.pieces}
+        self.segments = sorted({copy.body for copy in car.placed if copy.body.startswith("segment")})
         self.wheels = [axle.wheel for axle in car.axles]
-        # The wheels of each unit, which are alike.
         self.wheel_units: dict[str, list[str]] = {}
         for axle in car.axles:
             self.wheel_units.setdefault(axle.unit, []).append(axle.wheel)
+        # The beam of a segment is its largest piece.
         area = {piece.name: sum(polygon(face).area for face in piece.faces) for piece in car.pieces}
-        self.base = {body: max(self.placed(body), key=lambda copy: area[copy.piece]) for body in self.bodies}
-        self.bases = {copy.piece for copy in self.base.values()}
-        self.lids = {name: lid_of(car, self.pieces[name]) for name in sorted(self.bases)}
-        self.finished = {piece.name: folded(piece) for piece in car.pieces}
+        self.beams = {body: max(self.placed(body), key=lambda copy: area[copy.piece]) for body in self.segments}
+        self.beam_names = {copy.piece for copy in self.beams.values()}
+        self.lids = {name: lid_of(car, self.pieces[name]) for name in sorted(self.beam_names)}
+        self.board_names = {car.parts.feather.name, car.parts.featherwing.name}
         self.fastener_names = {part.name for part in car.parts.bought if isinstance(part, Screw)}
         self.host = cache(self._host)
         self.held_by = cache(self._held_by)
-        self.board_names = {car.parts.feather.name, car.parts.featherwing.name}
 
     def placed(self, body: str) -> list[PlacedPiece]:
         """Return the copies of pieces in a body."""
         return [copy for copy in self.car.placed if copy.body == body]
 
-    def non_base_copies(self) -> Iterator[PlacedPiece]:
+    def non_beam_copies(self) -> Iterator[PlacedPiece]:
         """Yield the copies of pieces in all segments, without the beams."""
-        for body in self.bodies:
-            yield from (copy for copy in self.placed(body) if copy is not self.base[body])
+        for body in self.segments:
+            yield from (copy for copy in self.placed(body) if copy is not self.beams[body])
 
     def _host(self, copy: PlacedPiece) -> Host | None:
         """Return the piece and the face to which a copy is glued and with which it moves.
 
-        The base of the body is preferred. A layer moves with the face that it lies on, and other pieces never move
-        with a layer. The result is None for the base of a body, and for a loose piece.
+        The beam of the segment is preferred. A layer moves with the face that it lies on, and other pieces never move
+        with a layer. The result is None for a beam, and for a piece that is glued to nothing.
         """
-        base = self.base.get(copy.body)
-        if base is None or copy is base:
+        beam = self.beams.get(copy.body)
+        if beam is None or copy is beam:
             return None
+        # The names of the faces to which the copy is glued, by the names of their pieces.
+        glued_faces: dict[str, list[str]] = defaultdict(list)
+        for join in self.joined(copy.piece):
+            if join.kind in GLUED:
+                piece, face = _partner(join, copy.piece)
+                glued_faces[piece].append(face)
         is_layer = self.is_layer(copy)
-        glued = [j for j in self.joined(copy.piece) if j.kind in GLUED]
-        for other in (base, *(p for p in self.placed(copy.body) if p not in (base, copy))):
-            ends = ((j.piece_b, j.b.face) if j.piece_a == copy.piece else (j.piece_a, j.a.face) for j in glued)
-            for face in (face for piece, face in ends if piece == other.piece):
-                is_host = self._lies_on(copy, other, face) if is_layer else not self.is_layer(other)
-                if is_host:
+        others = [other for other in self.placed(copy.body) if other not in (beam, copy)]
+        for other in (beam, *others):
+            for face in glued_faces[other.piece]:
+                carries_copy = self._lies_on(copy, other, face) if is_layer else not self.is_layer(other)
+                if carries_copy:
                     return Host(other, face)
         return None
 
     def mount_host(self, mount: Mount) -> Host | None:
         """Return the piece and the face that a mount is fixed to; None for a mount that is fixed to none."""
-        candidates = (*([self.base[mount.body]] if mount.body in self.base else []), *self.placed(mount.body))
-        hosts = [Host(copy, mount.face) for copy in candidates if mount.face in self.finished[copy.piece]]
+        candidates = (*([self.beams[mount.body]] if mount.body in self.beams else []), *self.placed(mount.body))
+        hosts = [Host(copy, mount.face) for copy in candidates if mount.face in self.finished_poses[copy.piece]]
         # Both caps of a segment have a face of the same name: that with the mount's hole is meant.
         with_hole = (host for host in hosts if self._holes(host) & set(mount.holes))
         return next(with_hole, next(iter(hosts), None))
@@ -118,13 +130,13 @@ class Roles:
 
     def _on_beam(self, host: Host | None, body: str) -> Host | None:
         """Follow a host to the beam that carries it; return the beam and the face on it, or None if there is no beam."""
-        while host is not None and host.piece is not self.base.get(body):
+        while host is not None and host.piece is not self.beams.get(body):
             host = self.host(host.piece)
         return host
 
     def pose_of(self, copy: PlacedPiece, face: str) -> Pose:
         """Return the pose of a face in the finished car."""
-        return compose(copy.pose, self.finished[copy.piece][face])
+        return compose(copy.pose, self.finished_poses[copy.piece][face])
 
     def all_folded(self, piece: str) -> dict[str, float]:
         """Return the fractions of a folded piece's folds: 1 for each crease."""
@@ -139,14 +151,14 @@ class Roles:
         return not self.pieces[copy.piece].creases and {j.kind for j in self.joined(copy.piece)} == {"laminate"}
 
     def is_connector(self, copy: PlacedPiece) -> bool:
-        """Return whether a copy joins segments, or is fixed to other pieces than beams.
+        """Return whether a copy belongs to a hinge: it is the strip that joins two segments, or a stop.
 
-        These are hinge strips and their stops.
+        A stop is joined to caps only, whereas all other pieces are joined to a beam.
         """
         if any(crease.flexure for crease in self.pieces[copy.piece].creases):
             return True
-        partners = {j.piece_b if j.piece_a == copy.piece else j.piece_a for j in self.joined(copy.piece)}
-        return bool(partners) and not partners & self.bases
+        partner_names = {_partner(join, copy.piece)[0] for join in self.joined(copy.piece)}
+        return bool(partner_names) and partner_names.isdisjoint(self.beam_names)
 
     def is_wound(self, piece: str) -> bool:
         """Return whether a piece is wound around discs, into whose edges it hooks."""
@@ -154,9 +166,11 @@ class Roles:
 
     def carried(self, copy: PlacedPiece) -> list[Mount]:
         """Return the mounts on a piece that are on faces of its own, not on faces that its beam has, too."""
-        own_faces = {face.name for face in self.pieces[copy.piece].faces}
-        base = {face.name for face in self.pieces[self.base[copy.body].piece].faces} if copy.body in self.base else set()
-        return [m for m in self.car.mounts if m.body == copy.body and m.face in own_faces - base]
+        faces = {face.name for face in self.pieces[copy.piece].faces}
+        if copy.body in self.beams:
+            beam = self.pieces[self.beams[copy.body].piece]
+            faces -= {face.name for face in beam.faces}
+        return [mount for mount in self.car.mounts if mount.body == copy.body and mount.face in faces]
 
     def is_carrier(self, copy: PlacedPiece) -> bool:
         """Return whether a copy carries boards, which are screwed to it before it goes in."""
@@ -173,23 +187,27 @@ class Roles:
 
     def passed_by(self, screw: Mount) -> tuple[PartKey, ...]:
         """Return what the shank of a screw passes through, in order from its head: parts with bores, and pieces."""
-        # The second of a screw's solids is its shank.
+        # The second of a screw's solids is its shank. Its frame is in its middle, and z points to the head.
         shank = screw.solids[1]
         to_shank = inverse(compose(screw.pose, shank.pose))
-        # Each with its height (mm) along the shank.
-        passed: list[tuple[float, PartKey]] = []
+        # Each part with its height along the shank (mm).
+        heights: list[tuple[float, PartKey]] = []
         for mount in self.held_by(screw):
-            holding_solids = [solid for solid in mount.solids if stands_in(screw, shank, mount, solid)]
-            heights = [compose(to_shank, mount.pose, solid.pose)[2][3] for solid in holding_solids]
-            passed += [(max(heights), ("mount", mount.name, 0))] if heights else []
+            holding = [solid for solid in mount.solids if stands_in(screw, shank, mount, solid)]
+            if holding:
+                middles = [apply(compose(to_shank, mount.pose, solid.pose), 0.0, 0.0) for solid in holding]
+                heights.append((max(z for _, _, z in middles), PartKey("mount", mount.name, 0)))
         for copy in self.placed(screw.body):
             for face in self.pieces[copy.piece].faces:
-                pose = compose(to_shank, self.pose_of(copy, face.name))
-                height, (x, y, _) = pose[2][3], apply(inverse(pose), 0.0, 0.0)
-                is_across = abs(pose[2][2]) > PARALLEL and abs(height) < shank.size_mm[2] / 2
+                face_in_shank = compose(to_shank, self.pose_of(copy, face.name))
+                _, _, height = apply(face_in_shank, 0.0, 0.0)
+                x, y, _ = apply(inverse(face_in_shank), 0.0, 0.0)
+                cosine = face_in_shank[2][2]
+                is_across = abs(cosine) > PARALLEL and abs(height) < shank.size_mm[2] / 2
                 if is_across and shapely.Polygon(face.outline_mm).contains(shapely.Point(x, y)):
-                    passed.append((height, ("piece", copy.piece, copy.copy)))
-        return tuple(part for _, part in sorted(passed, key=lambda height_and_part: -height_and_part[0]))
+                    heights.append((height, PartKey("piece", copy.piece, copy.copy)))
+        from_head = sorted(heights, key=lambda height_and_part: -height_and_part[0])
+        return tuple(part for _, part in from_head)
 
     def from_outside(self, mount: Mount, clearance: ToolClearance) -> bool:
         """Return whether a tool reaches the mount while the lid is shut.
@@ -197,24 +215,35 @@ class Roles:
         This is so if its clearance starts outside the box of the segment, or if it leaves the box through another
         side than the top.
         """
-        base = self.base.get(mount.body)
-        if base is None:
+        beam = self.beams.get(mount.body)
+        if beam is None:
             return True
-        panels = [face for face in self.pieces[base.piece].faces if face.role == "panel"]
-        corners = [apply(self.pose_of(base, face.name), *point) for face in panels for point in face.outline_mm]
+        panels = [face for face in self.pieces[beam.piece].faces if face.role == "panel"]
+        corners = [apply(self.pose_of(beam, face.name), *point) for face in panels for point in face.outline_mm]
         low, high = np.min(corners, axis=0), np.max(corners, axis=0)
         pose = compose(mount.pose, clearance.pose)
         start, end = (np.array(apply(pose, 0.0, 0.0, z)) for z in (0.0, clearance.length_mm))
-        inside = ((start > low) & (start < high)).all()
-        return bool(not inside or (end < low).any() or (end > high)[:2].any())
+        starts_inside = bool(((start > low) & (start < high)).all())
+        is_beyond_low, is_beyond_high = end < low, end > high
+        # Low and high bounds along x, y and z; the high bound of z is the top.
+        leaves_beside_top = bool(is_beyond_low.any() or is_beyond_high[:2].any())
+        return not starts_inside or leaves_beside_top
 
     def _lies_on(self, copy: PlacedPiece, other: PlacedPiece, name: str) -> bool:
-        """Return whether a piece lies on a face of another one."""
+        """Return whether a piece lies on the face ``name`` of another one: in its plane, and inside its outline."""
         to_face = compose(inverse(self.pose_of(other, name)), copy.pose)
         middle = polygon(self.pieces[copy.piece].faces[0]).representative_point()
         x, y, z = apply(to_face, middle.x, middle.y)
         is_inside = shapely.Polygon(self.faces[other.piece][name].outline_mm).contains(shapely.Point(x, y))
-        return bool(is_inside and abs(to_face[2][2]) > PARALLEL and abs(z) < LAYER_MM)
+        cosine = to_face[2][2]
+        return bool(is_inside and abs(cosine) > PARALLEL and abs(z) < LAYER_MM)
+
+
+def _partner(join: Join, piece: str) -> tuple[str, str]:
+    """Return the names of the piece and the face that a join connects with ``piece``."""
+    if join.piece_a == piece:
+        return join.piece_b, join.b.face
+    return join.piece_a, join.a.face
 
 
 # Permanent joins; locks and tucks can be opened.
@@ -235,36 +264,50 @@ class Lid:
     gripped: tuple[Face, ...] = ()
 
 
-def lid_of(car: FoldedCar, base: Piece) -> Lid:
+def lid_of(car: FoldedCar, beam: Piece) -> Lid:
     """Return the lid of a beam: its face ``lid`` and all faces that hang on it.
 
     The lid of a beam without a lock is empty.
     """
-    locked = any(join.kind == "lock" and join.piece_a == join.piece_b == base.name for join in car.joins)
-    moving = {face.name for face in base.faces if locked and face.name.rpartition(".")[2] == "lid"}
-    for crease in base.creases:
+    is_locked = any(join.kind == "lock" and join.piece_a == join.piece_b == beam.name for join in car.joins)
+    if not is_locked:
+        return Lid(frozenset(), (), ())
+    moving = {face.name for face in beam.faces if face.name.rpartition(".")[2] == "lid"}
+    for crease in beam.creases:
         if crease.parent.face in moving:
             moving.add(crease.child.face)
-    panels = {face.name for face in base.faces if face.name in moving and face.role == "panel"}
-    crease_names = tuple(crease.name for crease in base.creases if crease.child.face in panels)
+    panels = {face.name for face in beam.faces if face.name in moving and face.role == "panel"}
+    crease_names = tuple(crease.name for crease in beam.creases if crease.child.face in panels)
     closing_joins = set()
-    for join in (join for join in car.joins if join.kind in ("lock", "tuck")):
-        ends = {(join.piece_a, join.a.face), (join.piece_b, join.b.face)}
-        # A join that shuts the lid has one end on it; a join between two of its own faces has both.
-        if sum(piece == base.name and face in moving for piece, face in ends) == 1:
+    for join in car.joins:
+        # A join that shuts the lid has one end on it; a join between two of the lid's own faces has both.
+        a_is_on_lid = join.piece_a == beam.name and join.a.face in moving
+        b_is_on_lid = join.piece_b == beam.name and join.b.face in moving
+        if join.kind in ("lock", "tuck") and a_is_on_lid != b_is_on_lid:
             closing_joins.add(join.number)
-    gripped = tuple(face for face in base.faces if face.name in moving and face.clearances)
-    return Lid(frozenset(moving), crease_names, tuple(sorted(closing_joins)), gripped)
+    with_clearance = tuple(face for face in beam.faces if face.name in moving and face.clearances)
+    return Lid(frozenset(moving), crease_names, tuple(sorted(closing_joins)), gripped=with_clearance)
 
 
 def stands_in(screw: Mount, solid: Solid, other: Mount, bored: Solid) -> bool:
-    """Return whether a cylinder of one part, a screw's shank, stands in a bore of a solid of another part."""
+    """Return whether a cylinder of a screw, such as its shank, stands in a bore of another part.
+
+    ``solid`` is the solid of the screw, and ``bored`` is the solid of the part ``other``.
+    """
     if solid.kind != "cylinder" or not bored.bores:
         return False
-    to_bored = np.array(compose(inverse(compose(other.pose, bored.pose)), screw.pose, solid.pose))
-    # The shank's middle and axis in the bored solid's frame, whose bores run along z.
-    x, y, z = to_bored[:3, 3]
-    if abs(to_bored[2, 2]) < PARALLEL or abs(z) >= (solid.size_mm[2] + bored.size_mm[2]) / 2:
+    # The cylinder's frame, in its middle with z along its axis, in the frame of the bored solid. Bores run along z, too.
+    cylinder_in_car = compose(screw.pose, solid.pose)
+    bored_in_car = compose(other.pose, bored.pose)
+    cylinder = np.array(compose(inverse(bored_in_car), cylinder_in_car))
+    x, y, z = cylinder[:3, 3]
+    axes_cosine = cylinder[2, 2]
+    is_parallel = abs(axes_cosine) >= PARALLEL
+    overlaps_along_z = abs(z) < (solid.size_mm[2] + bored.size_mm[2]) / 2
+    if not is_parallel or not overlaps_along_z:
         return False
-    radius = solid.size_mm[0] / 2
-    return any(np.hypot(x - u, y - v) + radius <= bore_mm / 2 + TOUCH_MM for u, v, bore_mm in bored.bores)
+    radius_mm = solid.size_mm[0] / 2
+    for bore_x, bore_y, bore_mm in bored.bores:
+        if np.hypot(x - bore_x, y - bore_y) + radius_mm <= bore_mm / 2 + TOUCH_MM:
+            return True
+    return False

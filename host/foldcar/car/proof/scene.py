@@ -4,7 +4,6 @@ Input: a FoldedCar's roles and a Stage. Output: Blocks in the car's frame. A fac
 film bends; tongues are cut off where they reach into what they lock into.
 """
 
-import itertools
 from collections import defaultdict
 from collections.abc import Collection, Iterator
 from functools import cache
@@ -57,21 +56,21 @@ class Stage:
         return {name: self.mount(self.roles.mounts[name])}
 
     def _shift(self, host: Host | None) -> Pose:
-        """Return how a face has moved from its pose in the finished car to its pose at this stage, as a motion in
-        the car's frame.
+        """Return how what is fixed to a host has moved, from its pose in the finished car to its pose at this stage.
 
-        ``host`` is a copy of a piece, and the face of it on which something is fixed. None moves nothing.
+        The result is a motion in the car's frame. Without a host, nothing has moved.
         """
         if host is None:
             return IDENTITY
         copy, face = host
-        # The copy may be fixed to a face that moves itself.
+        # The host piece may itself be fixed to a face that has moved.
         host_motion = self._shift(self.roles.host(copy))
-        # Both are the face's pose in the frame of its piece's first face.
-        current, finished = self._folded(copy.piece)[face], self.roles.finished[copy.piece][face]
+        # Both are poses of the face in the frame of its piece's first face.
+        current, finished = self._folded(copy.piece)[face], self.roles.finished_poses[copy.piece][face]
         if current == finished:
             return host_motion
-        # From the car's frame back to the finished face, then on to the face as it is folded now.
+        # From the car's frame to the finished face, and back to the car's frame from the face as it is folded now. The
+        # motion of the whole host follows.
         return compose(host_motion, copy.pose, current, inverse(finished), inverse(copy.pose))
 
 
@@ -93,33 +92,49 @@ class CarSolids:
 
     def __init__(self, roles: Roles, tongues: bool = False) -> None:
         self.roles = roles
-        # Cache of the solids of pieces and mounts at their latest poses.
-        self._last: dict[PartKey, tuple[dict[str, Pose], Blocks]] = {}
-        self._tongues: dict[tuple[str, str], list[shapely.Geometry]] = defaultdict(list)
-        # One join suffices for each tongue's piece and slotted face, because all faces of the piece are cut there. Of a
-        # piece that locks into itself each tongue's face needs its own.
-        cuts = {(j.piece_a, j.piece_b, j.b.face, j.a.face if j.piece_a == j.piece_b else ""): j for j in roles.car.joins}
-        for join in (join for join in cuts.values() if join.kind in TONGUES and not tongues):
-            for face, tongue in self._through(join):
-                self._tongues[join.piece_a, face].append(tongue)
+        # The solids of pieces and mounts, and the poses for which they were computed last.
+        self._latest: dict[PartKey, tuple[dict[str, Pose], Blocks]] = {}
+        # The regions that are cut off from each face, by the names of its piece and the face.
+        self._cut_off: dict[tuple[str, str], list[shapely.Geometry]] = defaultdict(list)
+        if not tongues:
+            for join in self._tongue_joins():
+                for face, region in self._tongue_regions(join):
+                    self._cut_off[join.piece_a, face].append(region)
         self._face = cache(self._build_face)
         self._mount = cache(lambda mount: merge_blocks(solid_blocks(solid, mount.name) for solid in mount.shape))
+
+    def _tongue_joins(self) -> list[Join]:
+        """Return one join for each piece with tongues and each face with slots for them.
+
+        One join suffices, because all faces of the piece are cut in the same way. If a piece locks into itself, only the
+        face of the tongue is cut, so then there is one join for each tongue.
+        """
+        joins: dict[tuple[str, ...], Join] = {}
+        for join in self.roles.car.joins:
+            if join.kind in TONGUES:
+                tongue_face = join.a.face if join.piece_a == join.piece_b else ""
+                joins[join.piece_a, tongue_face, join.piece_b, join.b.face] = join
+        return list(joins.values())
 
     def solid(self, key: PartKey, stage: Stage) -> Blocks:
         """Return the solids of a copy of a piece, or of a mount; none for loose wires.
 
         As long as a part has not moved, its last result is used again.
         """
-        poses, (kind, name, _) = stage.poses(key), key
-        if key not in self._last or self._last[key][0] != poses:
-            if kind == "piece":
-                parts = [self._face(name, face).moved(pose) for face, pose in poses.items()]
-            else:
-                mount = self.roles.mounts[name]
-                loose = mount.part == self.roles.car.parts.wiring.name
-                parts = [] if loose else [self._mount(mount).moved(poses[name])]
-            self._last[key] = poses, merge_blocks(parts)
-        return self._last[key][1]
+        poses = stage.poses(key)
+        if key in self._latest:
+            latest_poses, blocks = self._latest[key]
+            if latest_poses == poses:
+                return blocks
+        if key.kind == "piece":
+            parts = [self._face(key.name, face).moved(pose) for face, pose in poses.items()]
+        else:
+            mount = self.roles.mounts[key.name]
+            is_loose = mount.part == self.roles.car.parts.wiring.name
+            parts = [] if is_loose else [self._mount(mount).moved(poses[key.name])]
+        blocks = merge_blocks(parts)
+        self._latest[key] = (poses, blocks)
+        return blocks
 
     def screw(self, mount: Mount, stage: Stage) -> list[Blocks]:
         """Return head with shank, the first two solids of a screw, and then its nut, if it has one."""
@@ -127,17 +142,19 @@ class CarSolids:
         return [merge_blocks(solids[:2]), *solids[2:]]
 
     def clearance(self, tool_use: ToolUse, stage: Stage) -> tuple[ToolClearance, Blocks]:
-        """Return the clearance that a tool needs, and its cylinder, whose title is that of the part that the tool
-        reaches.
+        """Return the clearance that a tool needs, and the cylinder that it fills in the car.
+
+        The title of the cylinder is the name of the mount or of the face that the tool reaches.
         """
-        if not tool_use.piece:
-            mount = self.roles.mounts[tool_use.name]
-            clearance, name, pose = mount.clearances[tool_use.index], mount.name, stage.mount(mount)
-        else:
+        if tool_use.piece:
             face = self.roles.faces[tool_use.piece][tool_use.name]
-            clearance, name = face.clearances[tool_use.index], title(tool_use.piece, tool_use.name)
+            clearance, reached = face.clearances[tool_use.index], title(tool_use.piece, tool_use.name)
             pose = stage.faces(self.roles.copies[tool_use.piece, 0])[tool_use.name]
-        return clearance, clearance_blocks(clearance, name).moved(pose)
+        else:
+            mount = self.roles.mounts[tool_use.name]
+            clearance, reached = mount.clearances[tool_use.index], mount.name
+            pose = stage.mount(mount)
+        return clearance, clearance_blocks(clearance, reached).moved(pose)
 
     def ignored(self, kinds: Collection[JoinKind] = ("tab", "lap", "rim")) -> Ignored:
         """Return the pairs of joined faces, which may overlap: in the model, a tab lies in or on the plane it is
@@ -148,19 +165,22 @@ class CarSolids:
         return frozenset(ends) | {(b, a) for a, b in ends}
 
     def _build_face(self, name: str, face_name: str) -> Blocks:
-        """Return the solids of a face in its own frame, without its tongues, and without the strips that bend at
-        its folds.
+        """Return the solids of a face in its own frame.
+
+        Its tongues are cut off. So is a strip, half a film wide, along each of its folds, where the film bends.
         """
         piece, face = self.roles.pieces[name], self.roles.faces[name][face_name]
-        folds = (ref for c in piece.creases if not c.bend for ref in (c.parent, c.child) if ref.face == face_name)
-        lines = (shapely.LineString(side(face.outline_mm, ref.index)) for ref in folds)
-        bends = (line.buffer(piece.thickness_mm / 2, cap_style="flat") for line in lines)
         shape: shapely.Geometry = polygon(face)
-        for removed in (*self._tongues[name, face_name], *bends):
-            shape = shape.difference(removed)
+        for region in self._cut_off[name, face_name]:
+            shape = shape.difference(region)
+        for crease in piece.creases:
+            for ref in (crease.parent, crease.child):
+                if ref.face == face_name and not crease.bend:
+                    fold = shapely.LineString(side(face.outline_mm, ref.index))
+                    shape = shape.difference(fold.buffer(piece.thickness_mm / 2, cap_style="flat"))
         return plate(shape, piece.thickness_mm, title(name, face_name))
 
-    def _through(self, join: Join) -> Iterator[tuple[str, shapely.Geometry]]:
+    def _tongue_regions(self, join: Join) -> Iterator[tuple[str, shapely.Geometry]]:
         """Yield, for each face of a piece with a tongue, the part of it that is in the slot of a join: (name of
         the face, region).
 
@@ -169,22 +189,36 @@ class CarSolids:
         the face of the tongue is cut, because the slot is in another face of the piece.
         """
         roles, piece = self.roles, self.roles.pieces[join.piece_a]
-        tip = np.mean(edge(roles.faces[join.piece_a], join.a), axis=0)
-        copies = ([copy for copy in roles.car.placed if copy.piece == name] for name in (join.piece_a, join.piece_b))
-        # A piece with a tongue occurs only once in a body, so the body tells which copies are joined.
-        tongue, slotted = next(pair for pair in itertools.product(*copies) if pair[0].body == pair[1].body)
+        tongue, slotted = self._joined_copies(join)
         to_slot = inverse(roles.pose_of(slotted, join.b.face))
-        # The tip's height over the slot's face; negative if the tongue comes from above.
-        height = apply(compose(to_slot, roles.pose_of(tongue, join.a.face)), *tip)[2]
+        # The height of the tip's middle over the slotted face; negative if the tongue comes from above.
+        tip = np.mean(edge(roles.faces[join.piece_a], join.a), axis=0)
+        _, _, tip_height = apply(compose(to_slot, roles.pose_of(tongue, join.a.face)), *tip)
+        towards_tip = 1.0 if tip_height > 0 else -1.0
         half_film = roles.pieces[join.piece_b].thickness_mm / 2
-        for face in (face for face in piece.faces if join.piece_a != join.piece_b or face.name == join.a.face):
-            # The face's pose relative to the slot's face; heights count in the direction of the tip.
-            relative = np.array(compose(to_slot, roles.pose_of(tongue, face.name))) * (1.0 if height > 0 else -1.0)
-            # Height of (x, y) of the face over the film: slope @ (x, y) + offset.
-            slope, offset = relative[2, :2], relative[2, 3]
-            heights = np.array(face.outline_mm) @ slope + offset
-            if np.linalg.norm(slope) > UPRIGHT and heights.max() > -half_film:
-                yield face.name, _band(slope, offset, -half_film, abs(height) + BEHIND_MM)
+        locks_into_itself = join.piece_a == join.piece_b
+        for face in piece.faces:
+            if locks_into_itself and face.name != join.a.face:
+                continue
+            # Heights over the slotted face, counted in the direction of the tip: a point (x, y) of this face has the
+            # height slope · (x, y) + offset.
+            height_row = towards_tip * np.array(compose(to_slot, roles.pose_of(tongue, face.name)))[2]
+            slope, offset = height_row[:2], height_row[3]
+            corner_heights = np.array(face.outline_mm) @ slope + offset
+            is_upright = np.linalg.norm(slope) > UPRIGHT
+            if is_upright and corner_heights.max() > -half_film:
+                yield face.name, _band(slope, offset, -half_film, abs(tip_height) + BEHIND_MM)
+
+    def _joined_copies(self, join: Join) -> tuple[PlacedPiece, PlacedPiece]:
+        """Return the first copies of both pieces of a join that are in the same body.
+
+        A piece with a tongue occurs only once in a body, so the body tells which copies are joined.
+        """
+        for first in self.roles.car.placed:
+            for second in self.roles.placed(first.body):
+                if first.piece == join.piece_a and second.piece == join.piece_b:
+                    return first, second
+        raise ValueError(f"no body has both pieces of join {join.number}")
 
 
 def _band(slope: NDArray[np.float64], offset: float, low: float, high: float) -> shapely.Geometry:

@@ -5,13 +5,19 @@ Poses are those of the finished car (folded/model.py), as far as the folds are c
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 Vector = tuple[float, float, float]
-# Identifies a copy of a piece, or a mount: kind ("piece" or "mount"), name, number of the copy (0 for a mount).
-PartKey = tuple[str, str, int]
 # Fractions of folds' angles by piece and crease.
 Folds = Mapping[str, Mapping[str, float]]
+
+
+class PartKey(NamedTuple):
+    """Identifies a copy of a piece, or a mount, whose ``copy`` is 0."""
+
+    kind: Literal["piece", "mount"]
+    name: str
+    copy: int
 
 
 @dataclass(frozen=True, slots=True)

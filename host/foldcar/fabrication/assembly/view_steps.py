@@ -57,7 +57,7 @@ def view_steps(folded: FoldedCar) -> ViewSteps:
     """
     steps = assembly_steps(folded)
     roles = roles_of(folded)
-    bases = {body: _key(item) for body, item in roles.base.items()}
+    bases = {body: _key(item) for body, item in roles.beams.items()}
     result = ViewSteps([step.title for step in steps], bases, {name: lid.creases for name, lid in roles.lids.items()})
     placed_items: list[PlacedPiece | Mount] = [*folded.placed, *folded.mounts]
     item_of = {_key(item): item for item in placed_items}

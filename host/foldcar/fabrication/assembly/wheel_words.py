@@ -6,7 +6,8 @@ Input: an AssemblyStep. Output: lines of text.
 import math
 from collections.abc import Iterator
 
-from foldcar.car.components.hooked_strip import WheelSize, turn_rad
+from foldcar.car.components.hooked_strip import turn_rad
+from foldcar.car.components.wheel_size import WheelSize
 from foldcar.car.folded.model import FoldedCar, Join
 from foldcar.car.proof.step import AssemblyStep
 from foldcar.fabrication.assembly.insertion_words import join_words, number_ranges

@@ -130,7 +130,7 @@ def test_a_wristband_is_stretched_or_cut(radius_mm: float, words: str, taped_mm:
 @pytest.mark.parametrize(
     ("tyre", "words"),
     [
-        ("rubber_band", "Without such a band, cut a strip of 374 x 12 mm."),
+        ("rubber_band", "If you have no such band, cut a strip of 374 x 12 mm."),
         ("grip_tape", "The ends of the strip meet and do not overlap."),
         ("shrink_tube", "Warm it with little heat"),
         ("silicone_band", "Hold a strip with double-sided tape"),

@@ -64,7 +64,7 @@ def test_the_switch_that_is_asked_for_bears_the_stalled_servos(name: str, mark: 
     (switch,) = [row for row in parts_list(car(name)) if row.name == car(name).parts.switch.name]
     text = wiring_text(car(name), "a car")
 
-    assert switch.note.startswith(f"the servos' is marked {mark} A or more") and f"draw {stall} A" in switch.note
+    assert switch.note.startswith(f"the servos' switch is marked {mark} A or more") and f"draw {stall} A" in switch.note
     assert f"must be marked {mark} A or more" in text
     assert "A fuse, " in text and "electrolytic capacitor" in text and "NiMH" in text
 

@@ -35,7 +35,7 @@ class ListedCar:
 
     @property
     def explanation(self) -> str:
-        """What stands for a name in the command that is not known; "" if all names are known."""
+        """Where to run the command, and what to write in place of LISTING and ID if they are not known."""
         folder = "Run it in the folder of the listing."
         if not self.listing:
             return f"LISTING is the file in which this car is listed, ID one of its experiments that drives it. {folder}"
@@ -48,17 +48,26 @@ class ListedCar:
 
 
 def service_lines(car: FoldedCar, steps: Sequence[AssemblyStep]) -> tuple[str, ...]:
-    """Return how the finished car is opened, charged, connected and reset. ``steps`` are the proved steps of service."""
+    """Return the lines that say how the finished car is opened, charged, switched off and reset.
+
+    ``steps`` are the steps of this service: which plugs and fingers reach what, and when the lid is opened.
+    """
     parts = car.parts
     mounts = {mount.name: mount for mount in car.mounts}
-    opening_step = next((number for number, step in enumerate(steps) if step.folds), None)
-    # What plugs and fingers reach, by whether the lid is open.
-    reached: dict[bool, list[str]] = {False: [], True: []}
-    for number, step in enumerate(steps):
-        is_open = opening_step is not None and number > opening_step
-        for use in (use for use in step.tool_uses if not use.piece):
-            reached[is_open].append(reached_part(car, mounts[use.name], use.index))
-    reached_shut, reached_open = (list(dict.fromkeys(reached[is_open])) for is_open in (False, True))
+    # What plugs and fingers reach while the lid is shut, and while it is open.
+    reached_shut: list[str] = []
+    reached_open: list[str] = []
+    is_open = False
+    for step in steps:
+        for use in step.tool_uses:
+            if use.piece:
+                continue
+            reached = reached_open if is_open else reached_shut
+            part = reached_part(car, mounts[use.name], use.index)
+            if part not in reached:
+                reached.append(part)
+        # A step that folds something opens the lid, for the steps after it.
+        is_open = is_open or bool(step.folds)
     lids = {name for step in steps for name in step.folds}
     locks = {join.number for join in car.joins if join.kind == "lock" and {join.piece_a, join.piece_b} & lids}
     lines = []
@@ -77,8 +86,7 @@ def service_lines(car: FoldedCar, steps: Sequence[AssemblyStep]) -> tuple[str, .
         *lines,
         *(_change_cells_line(parts, holder) for holder in sorted(holders)),
         f"Charge the {parts.lipo.name} in the car: the {parts.feather.name} charges it from USB. Stay beside it, and "
-        "never "
-        "charge a cell that is swollen or dented.",
+        "never charge a cell that is swollen or dented.",
         f"After use turn off both switches: the {SERVO_SWITCH} turns off the servos, the {BOARD_SWITCH} the board. "
         f"Before the car is put away for weeks, unplug the {parts.lipo.name}.",
         f"Reset: press the {parts.featherwing.name}'s button with the tip of a screwdriver"
@@ -146,7 +154,10 @@ def _cable_lines() -> Iterator[str]:
 
 
 def reached_part(car: FoldedCar, mount: Mount, index: int) -> str:
-    """Return the name of what a tool (plug, finger or screwdriver) reaches at clearance ``index`` of a mount."""
+    """Return the name of what a plug, a finger or a screwdriver reaches at a part.
+
+    ``index`` is the index of the tool's clearance among those of the part. The first one of the Feather is for USB.
+    """
     parts, tool = car.parts, mount.clearances[index].tool
     if mount.part == parts.switch.name:
         return mount.name

@@ -5,9 +5,9 @@ Input: an AssemblyStep and the AssemblyState before it. Output: lines of text. N
 
 import math
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
-from foldcar.car.folded.model import FoldedCar
+from foldcar.car.folded.model import Crease, FoldedCar
 from foldcar.car.leads import leads
 from foldcar.car.parts.catalogue import Catalogue
 from foldcar.car.proof.plan import SHUT
@@ -71,28 +71,47 @@ def _fold_lines(step: AssemblyStep, state: AssemblyState) -> Iterator[str]:
         creases = folds_of_step(step, state.fold_fractions, piece)
         if not creases:
             continue
+        # Some folds are only folded once and then opened again.
         closed = [crease for crease in creases if fractions[crease.name]]
-        angles_deg = [math.degrees(crease.angle_rad) for crease in closed]
-        kinds = Counter(("valley" if angle > 0 else "mountain", round(abs(angle))) for angle in angles_deg)
-        counts = [f"{n} {kind} fold{'s' if n > 1 else ''} of {degrees}°" for (kind, degrees), n in kinds.items()]
-        # A piece that has folds already: name those of this step.
-        names = f" ({join_words([crease.name for crease in closed])})" if state.fold_fractions.get(name) else ""
         reopened = [crease.name for crease in creases if crease not in closed]
-        reopen = f"; fold {join_words(reopened)} too, and open them again" if reopened else ""
-        labels_by_text.setdefault(f"{join_words(counts)}{names}{reopen}", []).append(f"the {piece.label}")
+        text = _fold_counts(closed)
+        if state.fold_fractions.get(name):
+            # The piece has folds already, so those of this step are named.
+            text += f" ({join_words([crease.name for crease in closed])})"
+        if reopened:
+            text += f"; fold {join_words(reopened)} too, and open them again"
+        labels_by_text.setdefault(text, []).append(f"the {piece.label}")
     for text, piece_labels in labels_by_text.items():
-        yield f"Fold {join_words(piece_labels)}: {text}{', each' if len(piece_labels) > 1 else ''}."
+        each = ", each" if len(piece_labels) > 1 else ""
+        yield f"Fold {join_words(piece_labels)}: {text}{each}."
+
+
+def _fold_counts(creases: Sequence[Crease]) -> str:
+    """Return how many folds of which kind and angle these are, such as "4 valley folds of 90°"."""
+    counts: Counter[tuple[str, int]] = Counter()
+    for crease in creases:
+        angle_deg = math.degrees(crease.angle_rad)
+        kind = "valley" if angle_deg > 0 else "mountain"
+        counts[kind, round(abs(angle_deg))] += 1
+    texts = []
+    for (kind, degrees), number in counts.items():
+        plural = "s" if number > 1 else ""
+        texts.append(f"{number} {kind} fold{plural} of {degrees}°")
+    return join_words(texts)
 
 
 def _join_lines(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
-    """Yield the instructions for the step's joins: tape, slots, locks."""
+    """Yield the instructions for the joins of a step: what is taped, and which tongues go through which slots.
+
+    A *laminate* is a layer of film that is taped onto another piece. Joins of wheels have lines of their own.
+    """
     joins = [join for join in car.joins if join.number in step.joins]
     laminates = {join.number: join for join in joins if join.kind == "laminate"}
     labels = {piece.name: piece.label for piece in car.pieces}
     faces_with_holes = {face.name for piece in car.pieces for face in piece.faces if face.holes}
     tongues = {join.number for join in joins if join.kind == "tab_slot"}
     if tongues and laminates:
-        # What is taped sticks at once: its tongue goes in first.
+        # A taped layer sticks at once and cannot be moved any more, so its tongues go in first.
         yield f"Push the tongues through the slots with the same number: join {number_ranges(tongues)}."
     for number, join in sorted(laminates.items()):
         aligned_by_holes = join.a.face in faces_with_holes
@@ -117,16 +136,19 @@ def _join_lines(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
 
 
 def _shaft_lines(state: AssemblyState) -> Iterator[str]:
-    """Yield to which end of the car the shaft of each servo points, and where the leads go.
+    """Yield a line that says which servos have their shaft towards the front of the car, and one for the rear.
 
-    The shaft is at one end of a servo.
+    The shaft is near one end of a servo, so a servo can be put in the wrong way round.
     """
-    ends: dict[str, list[str]] = {}
-    for axle in (axle for axle in state.car.axles if axle.driven):
-        towards = "front" if axle.center_mm[0] > state.mounts[axle.servo].pose[0][3] else "rear"
-        ends.setdefault(towards, []).append(axle.servo)
-    for towards, servos in ends.items():
-        yield f"Turn each servo so that its shaft is towards the {towards} of the car: {join_words(servos)}."
+    servos_by_end: dict[str, list[str]] = {}
+    for axle in state.car.axles:
+        if not axle.driven:
+            continue
+        middle_of_servo_mm = state.mounts[axle.servo].pose[0][3]
+        end = "front" if axle.center_mm[0] > middle_of_servo_mm else "rear"
+        servos_by_end.setdefault(end, []).append(axle.servo)
+    for end, servos in servos_by_end.items():
+        yield f"Turn each servo so that its shaft is towards the {end} of the car: {join_words(servos)}."
 
 
 def _away_from_boards(state: AssemblyState) -> str:
@@ -183,7 +205,7 @@ def _cut_lengths(car: FoldedCar, step: AssemblyStep, state: AssemblyState) -> It
 
 
 def _cautions(car: FoldedCar, step: AssemblyStep, state: AssemblyState) -> Iterator[str]:
-    """Yield what to look out for with the parts of a step: which way round they go, how they are fixed, what to check."""
+    """Yield what a person must know about the parts of a step: which way round they go, how they hold, what to check."""
     parts = {state.mounts[added.name].part for added in step.adds if added.kind == "mount"}
     sides = {lead.start.removesuffix(" +"): lead.leaves for lead in leads(car)}
     if car.parts.lipo.name in parts:

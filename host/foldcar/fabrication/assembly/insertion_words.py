@@ -6,6 +6,7 @@ Input: a step and the AssemblyState before it. Output: lines of text, in the ord
 import itertools
 import re
 from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -34,20 +35,34 @@ def insertion_lines(step: AssemblyStep, state: AssemblyState) -> list[str]:
     parts = [added for added in of_first_body if added.name not in wires]
     words, screws = _InsertionWords(step, state), _screws(parts, state)
     instructions = [(f"{words.label(part)}: {words.insertion(part)}", part in screws) for part in parts]
-    counted = [(text, turned, len(list(group))) for (text, turned), group in itertools.groupby(instructions)]
-    texts = [f"{count} × {text}" if count > 1 else text for text, _, count in counted]
-    # The length of the shortest sequence of instructions that, repeated, gives all of them.
-    period = next((p for p in range(1, len(texts) + 1) if texts == texts[:p] * (len(texts) // p)), 1)
+    # Equal instructions that follow each other are one text with a count.
+    texts: list[str] = []
+    texts_up_to_last_screw = 0
+    for (text, is_screwed), group in itertools.groupby(instructions):
+        count = len(list(group))
+        texts.append(f"{count} × {text}" if count > 1 else text)
+        if is_screwed:
+            texts_up_to_last_screw = len(texts)
     turn_line = [_turn_line(screws)] if screws else []
+    period = _period(texts)
     if 1 < period < len(texts):
         return [f"{len(texts) // period} times: {'; then '.join(texts[:period])}.", *turn_line]
-    # Screws are turned before the parts that cover them go in.
-    end = max((number for number, (_, turned, _) in enumerate(counted, 1) if turned), default=0)
     lines = [f"{text[0].upper()}{text[1:]}." for text in texts]
-    return [*lines[:end], *turn_line, *lines[end:]]
+    # Screws are turned before the parts that cover them go in.
+    return [*lines[:texts_up_to_last_screw], *turn_line, *lines[texts_up_to_last_screw:]]
+
+
+def _period(texts: Sequence[str]) -> int:
+    """Return the length of the shortest sequence at the beginning of ``texts`` that, repeated, gives all of them."""
+    for length in range(1, len(texts) + 1):
+        repetitions = len(texts) // length
+        if list(texts) == list(texts[:length]) * repetitions:
+            return length
+    return 1
 
 
 def _screws(parts: Sequence[AddedPart], state: AssemblyState) -> list[AddedPart]:
+    """Return those of the added parts that are screws."""
     return [part for part in parts if part.kind == "mount" and is_screw(state.car.parts, state.mounts[part.name])]
 
 
@@ -55,6 +70,21 @@ def _turn_line(screws: Sequence[AddedPart]) -> str:
     """Return how screws are turned, and how their nuts are held."""
     nuts = any(screw.nut_mm for screw in screws)
     return f"Turn the screws with the {DRIVER}{', and hold their nuts with pliers' if nuts else ''}."
+
+
+class _LayerPlace(NamedTuple):
+    """How a layer of film lies on a piece.
+
+    ``height_mm`` is the distance between both films, and ``distance_mm`` that of the middles of their faces.
+    ``is_on_print`` is whether the layer lies on the printed side of the piece. ``prints_agree`` is whether both printed
+    sides point in the same direction.
+    """
+
+    piece: str
+    height_mm: float
+    distance_mm: float
+    is_on_print: bool
+    prints_agree: bool
 
 
 class _InsertionWords:
@@ -77,7 +107,10 @@ class _InsertionWords:
         return self.state.mounts[added.name].part
 
     def insertion(self, added: AddedPart) -> str:
-        """Return what the hand does with a part, and from which side it comes."""
+        """Return what the hand does with a part, and from which side the part comes.
+
+        The words differ for screws, for flat pieces and tyres that have no way, for layers, and for all other parts.
+        """
         if added.kind == "mount" and is_screw(self.state.car.parts, self.state.mounts[added.name]):
             return self._screw(added)
         on_wheel = added.body in {axle.wheel for axle in self.state.car.axles}
@@ -90,9 +123,11 @@ class _InsertionWords:
         if self._is_layer(added):
             return self._layer(added)
         side = self._printed_side(added)
-        # A flat piece that stands upright in the car has no above and below in the hand: its sides are named.
-        upright = self.host is not None and added.kind == "mount" and abs(self._normal(self.host)[2]) < PARALLEL
-        if upright and self.step.unit and not on_wheel:
+        # Some flat pieces stand upright in the car. In the hand, such a piece has no above and below, so the sides of its
+        # film are named.
+        host_is_upright = self.host is not None and abs(self._normal(self.host)[2]) < PARALLEL
+        goes_into_unit = bool(self.step.unit) and added.kind == "mount" and not on_wheel
+        if host_is_upright and goes_into_unit:
             return f"push it in from the {self._film_side(added)}{side}"
         return f"{self._verb(added, on_wheel)} {self._directions(added, added.way_mm)}{side}"
 
@@ -104,20 +139,19 @@ class _InsertionWords:
         return "tube" if tyre.form == "tube" else "tape" if tyre.stretch is None else "band"
 
     def _verb(self, added: AddedPart, on_wheel: bool) -> str:
-        """Return what the hand does with a part.
-
-        The last move decides: it goes down into the car, on top of others, or sideways.
-        """
-        last = added.way_mm[-1]
-        axis = int(np.argmax(np.abs(last)))
+        """Return the verb for a part that moves to its place: move, push or put it in or on."""
         if len(added.way_mm) > 1:
+            # It moves in several directions.
             return "move it in"
         if on_wheel:
             return "push it on"
         if added.kind == "mount" and self.state.roles.is_on_lid(self.state.mounts[added.name]):
             return "put it on"
-        if axis != 2:
+        axis = int(np.argmax(np.abs(added.way_mm[0])))
+        moves_down = axis == 2
+        if not moves_down:
             return "push it in"
+        # It is put onto the piece that lies flat, or else into the car.
         return "put it on" if self.host is not None else "put it in"
 
     def _is_layer(self, added: AddedPart) -> bool:
@@ -129,23 +163,39 @@ class _InsertionWords:
 
     def _layer(self, added: AddedPart) -> str:
         """Return onto which side of which piece a layer is laid, and which side of the layer is up then."""
-        (copy,) = (part for part in self.state.parts_of(added) if isinstance(part, PlacedPiece))
-        meetings = []
-        for join in (join for join in self._laminates() if join.piece_a == added.name):
-            own = np.array(self.state.stage.faces(copy)[join.a.face])
-            middle = self.state.face_centres(copy, self.state.stage)[join.a.face]
-            for under in (part for part in self.state.car.placed if part.piece == join.piece_b):
-                other = np.array(self.state.stage.faces(under)[join.b.face])
-                distance = float(np.linalg.norm(middle - self.state.face_centres(under, self.state.stage)[join.b.face]))
-                height = float(other[:3, 2] @ (own[:3, 3] - other[:3, 3]))
-                aligned = float(own[:3, 2] @ other[:3, 2])
-                meetings.append((abs(height), distance, height > 0, aligned > 0, join.piece_b))
-        # The layer's own film is the nearest parallel one.
-        nearest = min(height for height, *_ in meetings) + self.state.car.parts.film_mm / 2
-        _, _, on_print, aligned, host = min((m for m in meetings if m[0] <= nearest), key=lambda meeting: meeting[1])
-        label = NUMBER.sub("", self.state.pieces[host].label)
-        own_side = "up" if aligned == on_print else "down"
-        return f"lay it onto the {'' if on_print else 'un'}printed side of the {label}, its own printed side {own_side}"
+        (layer,) = (part for part in self.state.parts_of(added) if isinstance(part, PlacedPiece))
+        candidates: list[_LayerPlace] = []
+        for join in self._laminates():
+            if join.piece_a != added.name:
+                continue
+            for placed in self.state.car.placed:
+                if placed.piece == join.piece_b:
+                    candidates.append(self._layer_place(layer, placed, join))
+        # A wheel has several copies of a piece. The layer lies on one that is nearest to it across the film; of these, on
+        # the one whose middle is nearest.
+        nearest_mm = min(place.height_mm for place in candidates) + self.state.car.parts.film_mm / 2
+        touching = [place for place in candidates if place.height_mm <= nearest_mm]
+        place = min(touching, key=lambda place: place.distance_mm)
+        label = NUMBER.sub("", self.state.pieces[place.piece].label)
+        side = "printed" if place.is_on_print else "unprinted"
+        own_side = "up" if place.prints_agree == place.is_on_print else "down"
+        return f"lay it onto the {side} side of the {label}, its own printed side {own_side}"
+
+    def _layer_place(self, layer: PlacedPiece, under: PlacedPiece, join: Join) -> "_LayerPlace":
+        """Return how a layer lies on a placed piece, if ``join`` joins both."""
+        # The pose of each face; its third column points to the printed side.
+        own_face = np.array(self.state.stage.faces(layer)[join.a.face])
+        other_face = np.array(self.state.stage.faces(under)[join.b.face])
+        own_middle = self.state.face_centres(layer, self.state.stage)[join.a.face]
+        other_middle = self.state.face_centres(under, self.state.stage)[join.b.face]
+        height_mm = float(other_face[:3, 2] @ (own_face[:3, 3] - other_face[:3, 3]))
+        return _LayerPlace(
+            piece=join.piece_b,
+            height_mm=abs(height_mm),
+            distance_mm=float(np.linalg.norm(own_middle - other_middle)),
+            is_on_print=height_mm > 0,
+            prints_agree=float(own_face[:3, 2] @ other_face[:3, 2]) > 0,
+        )
 
     def _normal(self, placed: PlacedPiece) -> Vector:
         """Return the direction (3,) to which the printed side of a piece's first face points now."""
@@ -159,49 +209,58 @@ class _InsertionWords:
         return "printed side" if np.dot(added.way_mm[-1], self._normal(self.host)) < 0 else "unprinted side"
 
     def _printed_side(self, added: AddedPart) -> str:
-        """Return to which side the printed side of a piece, or of a unit on it, points; "" for other parts."""
+        """Return words on where the printed side of an added piece points; "" if the part is not a piece.
+
+        A unit counts as the piece that has its name.
+        """
         pieces = [part for part in self.state.parts_of(added) if isinstance(part, PlacedPiece)]
-        own = next((part for part in pieces if part.piece == added.name), None)
-        if own is None:
+        named_piece = next((part for part in pieces if part.piece == added.name), None)
+        if named_piece is None:
             return ""
-        normal = np.array(self._normal(own))
+        normal = np.array(self._normal(named_piece))
         if abs(normal[2]) > PARALLEL:
             return f", its printed side {'up' if normal[2] > 0 else 'down'}"
-        centres_mm = [
-            np.mean([*self.state.face_centres(part, self.state.stage).values()], axis=0)
-            for part in self.state.car.placed
-            if part.body == added.body
-        ]
-        own_mm = np.array(self.state.pose(own))[:3, 3]
-        inwards = float(normal @ (np.mean(centres_mm, axis=0) - own_mm))
-        return f", its printed side {'inside' if inwards > 0 else 'outside'}"
+        # The piece stands upright. Its printed side is inside if it points towards the middle of its body.
+        centres_mm = []
+        for part in self.state.car.placed:
+            if part.body == added.body:
+                face_centres_mm = [*self.state.face_centres(part, self.state.stage).values()]
+                centres_mm.append(np.mean(face_centres_mm, axis=0))
+        piece_mm = np.array(self.state.pose(named_piece))[:3, 3]
+        to_middle_mm = np.mean(centres_mm, axis=0) - piece_mm
+        points_inwards = float(normal @ to_middle_mm) > 0
+        return f", its printed side {'inside' if points_inwards else 'outside'}"
 
     def _screw(self, screw: AddedPart) -> str:
-        """Return from which side a screw comes and what it passes.
+        """Return words on how a screw is put in: from which side, through which parts, and what holds it.
 
-        Then name its nut or, without one, the part that holds it.
+        It is held by its nut or, if it has none, by the last part that it passes.
         """
         state = self.state
         labels = {("mount", name): mount.part for name, mount in state.mounts.items()}
         labels |= {("piece", name): NUMBER.sub("", piece.label) for name, piece in state.pieces.items()}
         passed = [labels[kind, name] for kind, name, _ in screw.passes]
-        into = nut = ""
+        held_by = ""
         if screw.nut_mm:
-            nut = f", and put its nut on {self._directions(screw, screw.nut_mm[-1:])}"
+            last_move = screw.nut_mm[-1:]
+            held_by = f", and put its nut on {self._directions(screw, last_move)}"
         elif passed:
-            *passed, last = passed
-            into = f" into the {last}"
-        through = f" through {join_words([f'the {name}' for name in passed])}" if passed else ""
-        return f"push it in {self._directions(screw, screw.way_mm)}{through}{into}{nut}"
+            *passed, holder = passed
+            held_by = f" into the {holder}"
+        through = ""
+        if passed:
+            names = [f"the {name}" for name in passed]
+            through = f" through {join_words(names)}"
+        return f"push it in {self._directions(screw, screw.way_mm)}{through}{held_by}"
 
     def _directions(self, added: AddedPart, moves: Sequence[Vector]) -> str:
-        """Return from which sides a part comes along its moves (3,).
+        """Return from which sides a part comes, such as ``from above, then from the left``.
 
-        Along y the sides are those of the wheel if the part goes into a unit, such as a wheel, else those of the car.
-
-        Example: ``from above, then from the left``
+        ``moves`` are vectors (3,): x points forwards, y to the left, z up. A part on the left or the right of the car
+        comes from outside if it moves towards the middle plane of the car, y = 0, and otherwise from inside. If it goes
+        into a unit, such as a wheel, these are the outer and the inner side of the unit.
         """
-        # y of the part's wheel, or of the mount: a part that moves towards y = 0 comes from outside.
+        # y of the part's wheel, or of the part itself.
         axle = next((axle for axle in self.state.car.axles if axle.wheel == added.body), None)
         mount_y_mm = self.state.mounts[added.name].pose[1][3] if added.kind == "mount" else 0.0
         y_mm = axle.center_mm[1] if axle else mount_y_mm
@@ -210,7 +269,9 @@ class _InsertionWords:
             axis = int(np.argmax(np.abs(move)))
             comes_from_outside = move[1] * y_mm < 0
             if axis != 1 or abs(y_mm) < MIDDLE_MM:
-                sides.append(SIDES[axis][0 if move[axis] < 0 else 1])
+                # A part that moves backwards comes from the front, and so on.
+                side_if_negative, side_if_positive = SIDES[axis]
+                sides.append(side_if_negative if move[axis] < 0 else side_if_positive)
             elif self.step.unit:
                 sides.append("its outer side" if comes_from_outside else "its inner side")
             else:
@@ -233,10 +294,17 @@ def join_words(names: Sequence[str]) -> str:
 
 def number_ranges(joins: Iterable[int]) -> str:
     """Format numbers with ranges shortened: ``2 to 5, 11``."""
+    # A run is a list of numbers that follow each other.
     runs: list[list[int]] = []
     for number in sorted(joins):
         if runs and number == runs[-1][-1] + 1:
             runs[-1].append(number)
         else:
             runs.append([number])
-    return ", ".join(f"{run[0]} to {run[-1]}" if len(run) > 2 else ", ".join(map(str, run)) for run in runs)
+    texts = []
+    for run in runs:
+        if len(run) > 2:
+            texts.append(f"{run[0]} to {run[-1]}")
+        else:
+            texts += [str(number) for number in run]
+    return ", ".join(texts)

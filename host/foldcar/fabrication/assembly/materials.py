@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import shapely
 
 from foldcar.car.components.bridge import option_resistors
-from foldcar.car.folded.model import Face, FoldedCar
+from foldcar.car.folded.model import Face, FoldedCar, Join
 from foldcar.fabrication.assembly.operations import joints, joints_at_wires, repetitions
 from foldcar.fabrication.assembly.row import Row
 from foldcar.fabrication.patterns.sheets import CutCar
@@ -33,22 +33,33 @@ def _tape_row(car: FoldedCar, cut: CutCar | None) -> Row:
     note = f"{_metres(tabs_mm)} along tabs, {_metres(layers_mm)} below layers"
     if lipos_mm:
         note += f", {_metres(lipos_mm)} below the LiPo"
-    if strips_mm := sum(car.parts.tyre.taped_mm(axle.radius_mm) for axle in car.axles):
+    # A tyre that is cut from a strip needs tape, too. The length of the row does not include it, because a band that was
+    # bought needs none.
+    strips_mm = sum(car.parts.tyre.taped_mm(axle.radius_mm) for axle in car.axles)
+    if strips_mm:
         note += f"; {_metres(strips_mm)} more below tyres that are cut from a strip"
     length_m = math.ceil((tabs_mm + layers_mm + lipos_mm) / 100) / 10
     note += "; its mass and cost are not counted"
-    return Row("double-sided tape", length_m, "m", 0.0, None, note, search=car.parts.film.tape)
+    return Row("double-sided tape", length_m, unit="m", mass_kg=0.0, cost_usd=None, note=note, search=car.parts.film.tape)
 
 
 def tape_mm(car: FoldedCar, cut: CutCar | None = None) -> tuple[float, float]:
-    """Return the length of tape (mm) along tabs, and below layers, which the narrowest tape covers with its strips."""
+    """Return the length of tape (mm) that is needed along tabs, and the length that is needed below layers.
+
+    Strips of the narrowest tape, side by side, cover the whole area of a layer. If ``cut`` is given, the tabs at which
+    split pieces are joined are included.
+    """
     width_mm = car.parts.assembly.tape_width_mm.min_value
     faces = {(piece.name, face.name): face for piece in car.pieces for face in piece.faces}
-    joins = [join for join in car.joins for _ in range(repetitions(car, join))]
+    # Each join, as often as it is made: a join of a wheel once for each wheel.
+    joins: list[Join] = []
+    for join in car.joins:
+        joins += [join] * repetitions(car, join)
     if cut is not None:
-        whole = {join.number for join in car.joins}
-        split = [join for join in cut.car.joins if join.number not in whole]
-        joins += [join for join in split for _ in range(repetitions(cut.car, join))]
+        numbers_without_split = {join.number for join in car.joins}
+        for join in cut.car.joins:
+            if join.number not in numbers_without_split:
+                joins += [join] * repetitions(cut.car, join)
     tabs_mm = sum(join.length_mm for join in joins if join.kind in ("tab", "lap"))
     layers = [faces[join.piece_a, join.a.face] for join in joins if join.kind == "laminate"]
     return tabs_mm, sum(_area_mm2(face) for face in layers) / width_mm
@@ -62,15 +73,20 @@ def _solder_rows(car: FoldedCar) -> Iterator[Row]:
     """Yield the rows of heat-shrink tube, of sleeve for resistors, and of solder."""
     wiring = car.parts.wiring
     tube_mm = wiring.joint_mm.value + 2 * wiring.tube_over_mm.value
-    if tubes := joints_at_wires(car):
+    tubes = joints_at_wires(car)
+    if tubes:
         yield _tube_row(wiring.tube_diameter_mm.value, tubes, tube_mm, "over each joint of a wire")
-    if sleeves := 2 * len(option_resistors(car.parts)):
+    # A resistor has two leads.
+    sleeves = 2 * len(option_resistors(car.parts))
+    if sleeves:
         yield _tube_row(wiring.sleeve_diameter_mm.value, sleeves, wiring.sleeve_mm.value, "over each lead of a resistor")
     thick_mm = wiring.solder_diameter_mm.value
-    length_mm = joints(car) * wiring.solder_mm3.max_value / (math.pi / 4 * thick_mm**2)
+    volume_mm3 = joints(car) * wiring.solder_mm3.max_value
+    length_mm = volume_mm3 / (math.pi / 4 * thick_mm**2)
     note = f"{thick_mm:g} mm thick, for {count(joints(car), 'joint')}; {IN_WIRES}"
     search = f"solder wire {thick_mm:g} mm with flux core"
-    yield Row("solder wire", math.ceil(length_mm / 100) / 10, "m", 0.0, 0.0, note, search=search)
+    length_m = math.ceil(length_mm / 100) / 10
+    yield Row("solder wire", length_m, unit="m", mass_kg=0.0, cost_usd=0.0, note=note, search=search)
 
 
 def _tube_row(diameter_mm: float, pieces: int, length_mm: float, place: str) -> Row:

@@ -28,6 +28,8 @@ PUSHED = ("tab_slot", "lock", "rim")
 # A servo's lead, a lead in a terminal, a board on another board; the computer's cable belongs to driving.
 # Pins of an output, and of the terminal block.
 SERVO_PINS, TERMINALS = 3, 2
+# Two at the fuse, and one to the wire of the switch.
+JOINTS_OF_POSITIVE_LEAD = 3
 PLUGGED = ("signal", "supply", "stack")
 
 
@@ -99,14 +101,15 @@ class Operations:
 
     @property
     def minutes_between(self) -> tuple[float, float]:
-        """The interval of the estimate: minimum and maximum (min).
+        """The shortest and the longest time that a first build may take (min).
 
-        The tolerances of the pace and of the seconds of each kind are independent errors, so their squares add up.
+        The pace of a person and the seconds of each kind of operation have tolerances. They are independent errors, so
+        their squares add up.
         """
-        # Without any operation the errors are 0 too, and 0 / inf is 0.
-        pace, seconds = kinds()["pace"], self._seconds or math.inf
-        errors = math.hypot(*(count * kinds()[kind].tolerance for kind, count in self.counts.items()))
-        relative_error = math.hypot(pace.tolerance / pace.value, errors / seconds)
+        pace = kinds()["pace"]
+        errors_s = math.hypot(*(count * kinds()[kind].tolerance for kind, count in self.counts.items()))
+        relative_error_of_seconds = errors_s / self._seconds if self._seconds else 0.0
+        relative_error = math.hypot(pace.tolerance / pace.value, relative_error_of_seconds)
         return self.minutes * (1 - relative_error), self.minutes * (1 + relative_error)
 
 
@@ -117,18 +120,22 @@ def operations(car: FoldedCar, cut: CutCar) -> Operations:
 
 
 def operations_of_boards(car: FoldedCar) -> Operations:
-    """Return the operations that solder the boards: rows of pins on both, the blocks of the wing, the wires of
-    their switch.
+    """Return the soldered joints of the boards, as operations.
+
+    They are the rows of pins on both boards, the blocks of servo pins and the terminals of the wing, and the ends of
+    wires on the boards. A car without both boards has none.
     """
     parts, boards = car.parts, {mount.part for mount in car.mounts}
     if not {parts.feather.name, parts.featherwing.name} <= boards:
         return Operations()
     rows = len(parts.feather.pins.long_row) + len(parts.feather.pins.short_row)
-    # A switch's or the button's wire has one end here; what begins at the Feather has both, but a wire in a terminal.
     controls = [wire for wire in car.wires if wire.carries == "control"]
-    wires = sum(wire.b.startswith(parts.feather.name) or wire.b.endswith("terminal +") for wire in controls)
-    wires += 2 * sum(wire.b.endswith("#OE") for wire in controls) + 2 * len(option_resistors(parts))
-    return Operations(joint=2 * rows + SERVO_PINS * len(parts.featherwing.outputs.at_mm) + TERMINALS + wires)
+    # One end is soldered to a board if the wire comes from a switch or the button, or if its other end is in a terminal.
+    one_end = sum(wire.b.startswith(parts.feather.name) or wire.b.endswith("terminal +") for wire in controls)
+    # The wire to #OE and the resistors have both ends on the boards.
+    both_ends = sum(wire.b.endswith("#OE") for wire in controls) + len(option_resistors(parts))
+    servo_pins = SERVO_PINS * len(parts.featherwing.outputs.at_mm)
+    return Operations(joint=2 * rows + servo_pins + TERMINALS + one_end + 2 * both_ends)
 
 
 def joints_at_wires(car: FoldedCar) -> int:
@@ -155,17 +162,21 @@ def operations_of_sheets(cut: CutCar) -> Operations:
 
 
 def operations_of_splices(car: FoldedCar, cut: CutCar) -> Operations:
-    """Return the operations that join the parts of split pieces: tabs to tape, and their additional folds."""
+    """Return the operations that join the parts of pieces that were too large for a sheet.
+
+    The parts are taped together at tabs, which are folded before.
+    """
     unsplit_numbers = {join.number for join in car.joins}
     new_joins = [join for join in cut.car.joins if join.number not in unsplit_numbers]
 
     def count_folds(pieces: Sequence[Piece]) -> int:
+        """Return how many folds are made by hand in all copies of these pieces."""
         return sum(piece.count * len(_hand_folds(piece)) for piece in pieces)
 
-    extra_folds = count_folds(cut.car.pieces) - count_folds(car.pieces)
-    return Operations(
-        fold=max(extra_folds, 0), tape=sum(repetitions(cut.car, join) for join in new_joins if join.kind in TAPED)
-    )
+    # The number is negative if a piece was split at folds.
+    extra_folds = max(0, count_folds(cut.car.pieces) - count_folds(car.pieces))
+    taped_tabs = sum(repetitions(cut.car, join) for join in new_joins if join.kind in TAPED)
+    return Operations(fold=extra_folds, tape=taped_tabs)
 
 
 def operations_by_step(car: FoldedCar) -> list[tuple[AssemblyStep, Operations]]:
@@ -182,16 +193,20 @@ def operations_by_step(car: FoldedCar) -> list[tuple[AssemblyStep, Operations]]:
         parts = [mounts[added.name] for added in step.adds if added.kind == "mount"]
         # A cap with a switch is put in as a unit. Taping its tabs is its only operation, as for a cap without a switch.
         taped = {name for join in joins if join.kind == "tab" for name in (join.piece_a, join.piece_b)}
-        # Of the parts, only the LiPo needs tape: pads are adhesive. Wires count as plugs.
+        units = [added for added in step.adds if added.kind == "unit" and added.name not in taped]
+        # Only the LiPo is taped; pads are adhesive themselves.
+        lipos = sum(mount.part == car.parts.lipo.name for mount in parts)
+        screws = [mount for mount in parts if is_screw(car.parts, mount)]
+        # Wires count as plugs, not as parts.
+        wires = [mount for mount in parts if mount.part == car.parts.wiring.name]
         step_operations = Operations(
             fold=sum(piece.count * len(folds_of_step(step, fold_fractions, piece)) for piece in folded_pieces),
             wind=sum(piece.count for piece in folded_pieces if is_wound(piece)),
-            tape=sum(join.kind in TAPED for join in joins) + sum(mount.part == car.parts.lipo.name for mount in parts),
+            tape=sum(join.kind in TAPED for join in joins) + lipos,
             tongue=sum(join.kind in PUSHED for join in joins),
             turn=sum(repetitions(car, join) for join in disc_turns(car, step)),
-            part=sum(not is_screw(car.parts, mount) and mount.part != car.parts.wiring.name for mount in parts)
-            + sum(added.kind == "unit" and added.name not in taped for added in step.adds),
-            screw=sum(is_screw(car.parts, mount) for mount in parts),
+            part=len(parts) - len(screws) - len(wires) + len(units),
+            screw=len(screws),
             nut=sum(mount.part in nutted for mount in parts),
             plug=len(plugs_in(car, step)),
             joint=_joints_of(car, step),
@@ -232,16 +247,18 @@ def soldered_in(car: FoldedCar, step: AssemblyStep) -> list[Wire]:
 
 
 def _joints_of(car: FoldedCar, step: AssemblyStep) -> int:
-    """Return the number of joints of a switch: one for each of its wires, and those of the battery's leads.
+    """Return how many joints are soldered in a step that puts a switch in.
 
-    The + lead has three joints: two at the fuse, and one to the wire of the switch. A - lead that is too short has
-    one.
+    Each wire of the switch has one joint. In the step of the servos' switch, the leads of the battery are soldered, too:
+    the positive lead has two joints at the fuse, and one to the wire of the switch. The negative lead has one joint if it
+    is too short and must be lengthened.
     """
     wires = soldered_in(car, step)
     if not any(wire.a.startswith(SERVO_SWITCH) for wire in wires):
         return len(wires)
-    longer = any(lead.kind == "solder" and lead.start.endswith("-") and lead.missing_mm > 0 for lead in leads(car))
-    return len(wires) + 3 + longer
+    negative_leads = [lead for lead in leads(car) if lead.kind == "solder" and lead.start.endswith("-")]
+    is_lengthened = any(lead.missing_mm > 0 for lead in negative_leads)
+    return len(wires) + JOINTS_OF_POSITIVE_LEAD + int(is_lengthened)
 
 
 def _added_parts(car: FoldedCar, step: AssemblyStep) -> set[str]:
@@ -278,7 +295,7 @@ def _hand_folds(piece: Piece) -> list[Crease]:
 
 
 def _on_wheels(car: FoldedCar) -> set[str]:
-    """Return the pieces of wheels."""
+    """Return the names of the pieces that belong to wheels."""
     wheels = {axle.wheel for axle in car.axles}
     return {placed.piece for placed in car.placed if placed.body in wheels}
 

@@ -173,19 +173,24 @@ def _names_in_order(folded: FoldedCar) -> list[str]:
 
 
 def _board_rows(folded: FoldedCar, boards: int) -> Iterator[Row]:
-    """Yield the rows of what is soldered to the boards and to the battery's lead; nothing for a car without boards."""
+    """Yield the rows of the parts that are soldered to the boards and into the battery's lead.
+
+    A car without boards has none. Their mass is 0 here, because it is a part of the mass of the boards or of the wires.
+    """
     if not boards:
         return
     catalogue = folded.parts
     note = "soldered to the Feather; in its mass"
-    yield Row(catalogue.headers.name, boards, "", 0.0, boards * catalogue.headers.cost_usd.value, note)
+    headers_usd = boards * catalogue.headers.cost_usd.value
+    yield Row(catalogue.headers.name, boards, unit="", mass_kg=0.0, cost_usd=headers_usd, note=note)
     note = f"{supply(folded).fuse_a:g} A, soldered into the battery's + lead; in the wires' mass"
-    yield Row(catalogue.fuse.name, boards, "", 0.0, boards * catalogue.fuse.cost_usd.value, note)
+    fuses_usd = boards * catalogue.fuse.cost_usd.value
+    yield Row(catalogue.fuse.name, boards, unit="", mass_kg=0.0, cost_usd=fuses_usd, note=note)
     resistors = option_resistors(catalogue)
     if resistors:
         cost_usd = len(resistors) * catalogue.resistor.cost_usd.value
         note = f"{', '.join(sorted(resistors))}, 1 %; below the Feather, in the wires' mass"
-        yield Row(catalogue.resistor.name, len(resistors), "", 0.0, cost_usd, note)
+        yield Row(catalogue.resistor.name, len(resistors), unit="", mass_kg=0.0, cost_usd=cost_usd, note=note)
 
 
 def _cell_rows(catalogue: Catalogue, holders: int) -> Iterator[Row]:
@@ -217,7 +222,7 @@ def _cost(part: Bought | None, number: int, folded: FoldedCar) -> tuple[float | 
     if part is folded.parts.switch:
         currents = supply(folded)
         reason = f"{currents.servos} stalled servos draw {currents.stall_a:.1f} A"
-        return number * part.cost_usd.value, f"the servos' is marked {currents.switch_a:g} A or more: {reason}"
+        return number * part.cost_usd.value, f"the servos' switch is marked {currents.switch_a:g} A or more: {reason}"
     if part.cost_usd.value == 0:
         return 0.0, "comes with the servos"
     note = f"{part.note}; {tyre_sizes(folded)}" if isinstance(part, Tyre) else ""
@@ -241,9 +246,10 @@ def tyre_sizes(folded: FoldedCar) -> str:
 
 
 def _balance(folded: FoldedCar) -> dict[str, Any] | None:
-    """Return where the centre of mass is, and how far (mm) it moves if parts are placed inaccurately.
+    """Return where the centre of mass is, for the template of the parts list, or None for a car without axles.
 
-    None without axles.
+    ``where`` is its place along the car as text, and ``high_mm`` its height above the ground. ``placing_mm`` is how far
+    it moves if parts are placed inaccurately.
     """
     if not folded.axles:
         return None

@@ -19,7 +19,10 @@ BUNDLE_MM = 40.0
 
 
 def plug_lines(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
-    """Yield the instructions for the step's plugs and wires; extension cables of servos come first."""
+    """Yield the instructions for the plugs and wires of a step. Extension cables of servos come first.
+
+    A wire goes from ``a`` to ``b``. The signal of a servo with an extension goes from the extension to the servo.
+    """
     wires = plugs_in(car, step)
     part_of_mount = {mount.name: mount.part for mount in car.mounts}
     signals = [wire for wire in wires if wire.carries == "signal"]
@@ -62,12 +65,15 @@ def _connection(car: FoldedCar, wire: Wire) -> str:
         )
     if wire.a == parts.lipo.name:
         return f"Plug the {wire.a} into the socket JST of the {parts.feather.name}."
-    start = (
-        f"free wire of the {SERVO_SWITCH}"
-        if wire.a.startswith(SERVO_SWITCH)
-        else f"{wire.a[-1]} lead of the {wire.a[:-2]}"
-    )
-    return f"Put the {start} into {wire.b[-1]} of the terminal block: it carries {NOTES[wire.b[-1]]}."
+    # The other end is "… terminal +" or "… terminal -".
+    terminal = wire.b[-1]
+    if wire.a.startswith(SERVO_SWITCH):
+        start = f"free wire of the {SERVO_SWITCH}"
+    else:
+        # A battery's lead is named "battery +" or "battery -".
+        battery, sign = wire.a[:-2], wire.a[-1]
+        start = f"{sign} lead of the {battery}"
+    return f"Put the {start} into {terminal} of the terminal block: it carries {NOTES[terminal]}."
 
 
 # What the terminals carry.
@@ -85,11 +91,14 @@ def rests_mm(car: FoldedCar) -> dict[str, float]:
 
 
 def _rest_lines(car: FoldedCar) -> Iterator[str]:
-    """Yield where the rests of the servos' leads lie; nothing if no rest is long."""
-    rests = [f"{name} {math.floor(rest / 10) * 10} mm" for name, rest in rests_mm(car).items()]
-    if rests:
+    """Yield what to do with servo leads that are much longer than they need to be; nothing if there are none."""
+    excess_lengths = []
+    for servo, excess_mm in rests_mm(car).items():
+        rounded_down_mm = math.floor(excess_mm / 10) * 10
+        excess_lengths.append(f"{servo} {rounded_down_mm} mm")
+    if excess_lengths:
         yield (
-            f"Some leads are longer than they need to be: {join_words(rests)}. Fold this rest to and fro in lengths of "
-            f"{BUNDLE_MM:g} mm, and tie it with a cable tie. Lay it on the floor below its servo, beside the wall: no "
-            "wheel, lid or battery meets it there."
+            f"Some leads are longer than they need to be: {join_words(excess_lengths)}. Fold this rest to and fro in "
+            f"lengths of {BUNDLE_MM:g} mm, and tie it with a cable tie. Lay it on the floor below its servo, beside the "
+            "wall: no wheel, lid or battery meets it there."
         )

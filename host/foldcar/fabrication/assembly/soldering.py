@@ -52,6 +52,8 @@ class _Resistor:
 def soldering_step(car: FoldedCar) -> Step:
     """Return the step that solders the boards of a car."""
     parts = car.parts
+    # The two places of #OE on the wing: the pad to which a wire can be soldered, and the pin of the chip.
+    enable_pad_mm, chip_pin_mm = parts.featherwing.output_enable.at_mm
     picture = page_template("foldcar.fabrication.assembly", "boards.svg").render(
         feather=parts.feather,
         wing=parts.featherwing,
@@ -59,8 +61,8 @@ def soldering_step(car: FoldedCar) -> Step:
         wired=wired_pins(parts),
         resistors=[_Resistor(name, at, PINS_OF_RESISTORS[name]) for name, at in option_resistors(parts).items()],
         resistor_mm=parts.resistor.size_mm,
-        enable_mm=parts.featherwing.output_enable.at_mm[0] if parts.oe_wire == "fitted" else None,
-        chip_pin_mm=parts.featherwing.output_enable.at_mm[1],
+        enable_mm=enable_pad_mm if parts.oe_wire == "fitted" else None,
+        chip_pin_mm=chip_pin_mm,
         zip=zip,
     )
     return Step(

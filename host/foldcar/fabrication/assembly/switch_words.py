@@ -22,7 +22,7 @@ TUBE = (
 
 
 def switch_lines(car: FoldedCar, step: AssemblyStep) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return what is done before a switch goes in, and what is done after it; nothing for a step without a switch.
+    """Return the lines before a switch is put in, and the lines after it. Both are empty for a step without a switch.
 
     All this is done while no battery is in the car.
     """
@@ -40,19 +40,26 @@ def switch_lines(car: FoldedCar, step: AssemblyStep) -> tuple[tuple[str, ...], t
     before = f"Cut {wires}. Solder them to the terminals of the {switch}, away from the film.", TUBE
     if switch == BUTTON:
         return before, ("Screw the button's nut on from outside.",)
-    return before, (_position_line(car, switch), *(_fuse_lines(car) if switch == SERVO_SWITCH else ()))
+    if switch == SERVO_SWITCH:
+        return before, (_position_line(car, switch), *_fuse_lines(car))
+    return before, (_position_line(car, switch),)
 
 
 def _position_line(car: FoldedCar, switch: str) -> str:
     """Return how a switch is pressed in, on which side of its cap it lies, and where its ends point."""
     cap = _cap_of(car, switch)
-    up = next(join.number for join in car.joins if join.kind == "tuck" and cap in (join.piece_a, join.piece_b))
+    # The cap has one join of this kind, with the lid. Its number is printed at the cap's upper edge.
+    upper_join = next(join.number for join in car.joins if join.kind == "tuck" and cap in (join.piece_a, join.piece_b))
     mark, effect = "I", ""
     if switch == BOARD_SWITCH:
-        mark, effect = "O", " Closed (I), it turns the board off: so both switches are on with the right end pressed."
+        mark = "O"
+        effect = (
+            " When this switch is closed (I), the board is off. So both switches are on if their right ends are pressed."
+        )
     return (
         "Push the wires through the opening first, and press the switch in until its barbs hold. As seen from outside, "
-        f"with join {up} up, the {switch} is on the {_side_of(switch, car)}, its end marked {mark} to the right.{effect}"
+        f"with join {upper_join} at the top, the {switch} is on the {_side_of(switch, car)}, its end marked {mark} to "
+        f"the right.{effect}"
     )
 
 
@@ -85,10 +92,10 @@ def _fuse_lines(car: FoldedCar) -> tuple[str, ...]:
 
 
 def _side_of(switch: str, car: FoldedCar) -> str:
-    """Return on which side a switch lies, as seen from outside.
-
-    The car's y points to the left of somebody who looks forward.
-    """
+    """Return on which side of its cap a switch lies, "left" or "right", as seen from outside the car."""
     mount = next(mount for mount in car.mounts if mount.name == switch)
-    looks_forwards = mount.pose[0][3] < 0
-    return "left" if (mount.pose[1][3] > 0) == looks_forwards else "right"
+    # x points forwards and y to the left. Somebody who looks at the rear cap looks forwards, so the left of the car is on
+    # the left; at the front cap it is on the right.
+    is_in_rear_cap = mount.pose[0][3] < 0
+    is_left_in_car = mount.pose[1][3] > 0
+    return "left" if is_left_in_car == is_in_rear_cap else "right"

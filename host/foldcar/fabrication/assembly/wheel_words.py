@@ -20,13 +20,16 @@ def is_rim_lock(car: FoldedCar, join: Join) -> bool:
 
 
 def wheel_join_lines(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
-    """Yield the instructions for the joins of a wheel: the hooks of the hub, the hooks of the rim, and the rim's
-    tongues.
+    """Yield the instructions for the joins of a wheel.
+
+    A wheel has two discs on a hub, and a rim, which is a strip of film around the discs. The hooks of the hub go into
+    slots of a disc, the hooks of the rim into notches of both discs, and the tongues at the ends of strips into slots.
     """
     joins = [join for join in car.joins if join.number in step.joins]
     labels = {piece.name: piece.label for piece in car.pieces}
     axle_of_piece = {placed.piece: axle for axle in car.axles for placed in car.placed if placed.body == axle.wheel}
     for join in disc_turns(car, step):
+        # The second piece of such a join is the disc.
         axle = axle_of_piece[join.piece_b]
         angle_deg = math.degrees(turn_rad(WheelSize(axle.radius_mm, axle.tyre_width_mm, car.parts)))
         yield (
@@ -66,11 +69,13 @@ def tyre_lines(car: FoldedCar, unit: str) -> Iterator[str]:
     """Yield what to take or to cut for the tyre of each wheel of a unit, and how it is put on."""
     tyre = car.parts.tyre
     axle = next(axle for axle in car.axles if axle.unit == unit)
-    bought, *cut_instead = tyre.sizes(axle.radius_mm, axle.tyre_width_mm)
+    # The first size is what is bought. A second one describes the strip that replaces a band which nobody sells.
+    bought, *strips = tyre.sizes(axle.radius_mm, axle.tyre_width_mm)
     yield f"The tyre is {tyre.note}. Take for each wheel {bought}."
-    for strip in cut_instead:
-        yield f"Without such a band, cut {strip}."
-    if tyre.taped_mm(axle.radius_mm):
+    for strip in strips:
+        yield f"If you have no such band, cut {strip}."
+    is_taped = tyre.taped_mm(axle.radius_mm) > 0
+    if is_taped:
         yield (
             "Hold a strip with double-sided tape: stick the tape around the rim, and lay the strip on it without "
             "stretching it. The ends of the strip meet and do not overlap."

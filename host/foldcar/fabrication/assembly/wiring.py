@@ -27,7 +27,7 @@ OUTPUTS = 8
 
 
 def wiring_text(folded: FoldedCar, title: str) -> str:
-    """Return the wiring as Markdown."""
+    """Return the text on the car's wiring as Markdown."""
     parts = folded.parts
     axles = sorted((axle for axle in folded.axles if axle.driven), key=lambda axle: axle.channel)
     return page_template("foldcar.fabrication.assembly", "wiring.md").render(
@@ -69,12 +69,15 @@ class OptionalPart:
 
 
 def optional_parts(folded: FoldedCar) -> tuple[OptionalPart, ...]:
-    """Return the parts of the options that the wiring describes and that this car does not have."""
-    servos, divider = supply(folded), f"{DIVIDER_UPPER_OHM / 1000:g} kΩ and {DIVIDER_LOWER_OHM / 1000:g} kΩ"
-    capacitor = OptionalPart(
-        "steadier servos' supply", f"capacitor, {servos.capacitor_uf} µF or more, 10 V", "electrolytic capacitor 10 V"
-    )
-    by_kind = {
+    """Return the parts that a maker may add to this car, as the text on its wiring describes.
+
+    A car can have some of these as options of its type. They are left out if the car has them already.
+    """
+    capacitor_text = f"capacitor, {supply(folded).capacitor_uf} µF or more, 10 V"
+    capacitor = OptionalPart("steadier servos' supply", capacitor_text, "electrolytic capacitor 10 V")
+    divider = f"{DIVIDER_UPPER_OHM / 1000:g} kΩ and {DIVIDER_LOWER_OHM / 1000:g} kΩ"
+    # By the name of the option. The wire to #OE stops the pulses if the board hangs.
+    by_option = {
         "oe_wire": OptionalPart(
             "no pulses while the board hangs", f"resistor, {OE_PULL_UP_OHM / 1000:g} kΩ", "resistor 1/4 W"
         ),
@@ -85,7 +88,8 @@ def optional_parts(folded: FoldedCar) -> tuple[OptionalPart, ...]:
             "voltage of the servos' battery", f"resistors, {divider}, 1 %", "metal film resistor 1/4 W 1 %"
         ),
     }
-    return (capacitor, *(part for kind, part in by_kind.items() if getattr(folded.parts, kind) == "none"))
+    missing_options = [part for option, part in by_option.items() if getattr(folded.parts, option) == "none"]
+    return (capacitor, *missing_options)
 
 
 def _is_switched(folded: FoldedCar) -> bool:
@@ -120,15 +124,18 @@ def wire_length_mm(lead: Lead) -> int:
 
 
 def wiring_drawing(folded: FoldedCar, title: str) -> str:
-    """Return the drawing of the car's wiring as SVG, in mm of a page."""
+    """Return a drawing of the car's wiring as SVG. Its coordinates are mm on a page."""
     car_leads = leads(folded)
+    # The leads to which wire is soldered, so the drawing gives the length of the wire.
     wires = [lead for lead in car_leads if lead.kind == "solder" or lead.start.startswith(SERVO_SWITCH)]
+    # The name of an extension ends with its length: "servo extension, 150 mm".
+    extension_lengths = {lead.start: lead.extension.rpartition(", ")[2] for lead in car_leads if lead.extension}
     axles = {axle.channel: axle for axle in folded.axles if axle.driven}
     page = page_template("foldcar.fabrication.assembly", "wiring.svg").render(
         title=title,
         parts=folded.parts,
         axles=[axles.get(output) for output in range(OUTPUTS)],
-        extended={lead.start: lead.extension.rpartition(", ")[2] for lead in car_leads if lead.extension},
+        extended=extension_lengths,
         switched=_is_switched(folded),
         lengths=[(lead, f"{wire_length_mm(lead)} mm") for lead in wires if lead.missing_mm > 0],
         fuse_a=supply(folded).fuse_a,

@@ -43,6 +43,21 @@ EDGE_SLACK_MM = 0.08
 MARGIN, MIN_ARROW = 0.04, 0.012
 # Height of an arrow's text as a fraction of the larger side, width of a letter as a fraction of that height.
 TEXT, LETTER = 0.03, 0.6
+# Width of the white edge of an arrow's text, as a fraction of the larger side.
+TEXT_EDGE = 0.008
+# The brightness of a face without light, and what full light adds to it.
+AMBIENT, DIRECT = 0.72, 0.28
+# Width of the stroke that closes the gaps between faces, as a fraction of the larger side.
+GAP_STROKE = 0.0015
+# An arrow's tip: its length as a fraction of the larger side, without and for each unit of the arrow's width; its largest
+# length as a fraction of the arrow's last line; half of its width as a fraction of its length; and how far the line
+# reaches into the tip, so that no gap shows.
+TIP, TIP_PER_WIDTH, MAX_TIP, HALF_TIP_WIDTH, INTO_TIP = 0.008, 0.025, 0.6, 0.42, 0.2
+# Widths of the white edges of an arrow's line and tip, in widths of its line.
+LINE_EDGE, TIP_EDGE = 2.2, 0.5
+# A mark is a number in a circle: radius of the circle up to two digits and above, and height of the number, as fractions
+# of the larger side; width of the circle's line as a fraction of its radius.
+MARK_RADIUS, WIDE_MARK_RADIUS, MARK_TEXT, MARK_LINE = 0.017, 0.023, 0.024, 0.12
 # Minimum distance of two marks as a fraction of the larger side, a little more than their diameter.
 MARKS_APART = 0.036
 
@@ -100,12 +115,14 @@ class Drawing:
         regions = [visible.region for visible in facets]
         regions += [shapely.linestrings(view.flat(arrow.points_mm)) for arrow in self.arrows]
         left, low, right, high = shapely.total_bounds(regions)
+        # All sizes of lines and texts are fractions of the picture's larger side, so that pictures look alike.
         size = max(right - left, high - low)
         for arrow in self.arrows:
             text_width = len(arrow.text) * LETTER * TEXT * size
             start_u, _ = view.flat(arrow.points_mm)[0]
-            # A text stands to the left or to the right of its arrow's start (see _arrow).
-            left, right = min(left, start_u - text_width), max(right, start_u + text_width)
+            # A text stands to the left or to the right of its arrow's start. There must be room on both sides.
+            left = min(left, start_u - text_width)
+            right = max(right, start_u + text_width)
         margin = MARGIN * size
         width, height = right - left + 2 * margin, high - low + 2 * margin
         box = f"{left - margin:.2f} {-high - margin:.2f} {width:.2f} {height:.2f}"
@@ -119,20 +136,20 @@ class Drawing:
 
 
 def _face(seen: VisibleFacet, size: float, faded: bool) -> str:
-    """Return a visible facet as a filled path, shaded by its light, and paler if ``faded``.
+    """Return a visible facet as a filled path. Its brightness depends on the light, and it is paler if ``faded``.
 
     ``size`` is the picture's larger side (mm).
     """
-    # A material has two colours: of its front, and of its back.
-    base = np.array(COLOURS[seen.facet.material][0 if seen.front else 1])
+    front_colour, back_colour = COLOURS[seen.facet.material]
+    base = np.array(front_colour if seen.front else back_colour)
     if faded:
         base = base + (PALE - base) * FADED
-    red, green, blue = (base * (0.72 + 0.28 * seen.lit)).astype(int)
+    red, green, blue = (base * (AMBIENT + DIRECT * seen.lit)).astype(int)
     colour = f"#{red:02x}{green:02x}{blue:02x}"
     # The thin stroke closes the gaps that renderers leave between neighbours.
     return (
         f'<path d="{_path(seen.region)}" fill="{colour}" fill-rule="evenodd" '
-        f'stroke="{colour}" stroke-width="{size * 0.0015:.3f}"/>'
+        f'stroke="{colour}" stroke-width="{size * GAP_STROKE:.3f}"/>'
     )
 
 
@@ -151,9 +168,10 @@ def _lines(shape: PictureContent, seen: Sequence[VisibleFacet], view: Camera, si
             edges_by_keys.setdefault((line.kind, keys), []).append(line.ends_mm)
     path_data: dict[str, list[str]] = {kind: [] for kind in LINES}
     for (kind, keys), edges in edges_by_keys.items():
-        # (edges, 2 ends, u and v), without edges that are seen end-on, as points.
+        # The places (edges, 2 ends, 2) in the picture. Edges that are seen end-on, as points, are left out.
         ends = view.flat(np.concatenate(edges)).reshape(-1, 2, 2)
-        ends = ends[np.ptp(ends, axis=1).max(axis=1) > EDGE_SLACK_MM]
+        extents = np.ptp(ends, axis=1).max(axis=1)
+        ends = ends[extents > EDGE_SLACK_MM]
         if any(visible[key].whole for key in keys):
             path_data[kind] += [_polyline(line) for line in ends]
             continue
@@ -163,18 +181,26 @@ def _lines(shape: PictureContent, seen: Sequence[VisibleFacet], view: Camera, si
         path_data[kind] += [_polyline(shapely.get_coordinates(edge)) for edge in visible_edges if edge.length > 0]
     elements = []
     for kind, (colour, dashes, width_percent) in LINES.items():
+        if not path_data[kind]:
+            continue
         width_mm = size * width_percent / 100
-        dashed = "" if dashes is None else ' stroke-dasharray="' + " ".join(f"{n * width_mm:.3f}" for n in dashes) + '"'
-        if path_data[kind]:
-            elements.append(
-                f'<path d="{"".join(path_data[kind])}" fill="none" stroke="{colour}" stroke-width="{width_mm:.3f}" '
-                f'stroke-linecap="round"{dashed}/>'
-            )
+        dashed = ""
+        if dashes is not None:
+            lengths = " ".join(f"{dash * width_mm:.3f}" for dash in dashes)
+            dashed = f' stroke-dasharray="{lengths}"'
+        elements.append(
+            f'<path d="{"".join(path_data[kind])}" fill="none" stroke="{colour}" stroke-width="{width_mm:.3f}" '
+            f'stroke-linecap="round"{dashed}/>'
+        )
     return elements
 
 
 def _marks(marks: Sequence[DrawnText], seen: Sequence[VisibleFacet], view: Camera, size: float) -> list[str]:
-    """Return the numbers of joins on visible faces, in circles. Circles that would overlap are moved apart."""
+    """Return the SVG of the marks on visible faces: numbers of joins in circles.
+
+    Circles that would overlap are moved apart. ``size`` is the picture's larger side (mm), times the enlargement of
+    marks.
+    """
     regions = {visible_facet.facet.key: visible_facet.region for visible_facet in seen}
     elements: list[str] = []
     placed: list[Vector] = []
@@ -185,11 +211,11 @@ def _marks(marks: Sequence[DrawnText], seen: Sequence[VisibleFacet], view: Camer
             continue
         u, v = point = _moved_clear(point, placed, size * MARKS_APART)
         placed.append(point)
-        radius = size * (0.017 if len(mark.text) < 3 else 0.023)
+        radius = size * (MARK_RADIUS if len(mark.text) < 3 else WIDE_MARK_RADIUS)
         elements.append(
             f'<circle cx="{u:.2f}" cy="{-v:.2f}" r="{radius:.2f}" fill="#ffffff" stroke="#222222" '
-            f'stroke-width="{radius * 0.12:.3f}"/>'
-            f'<text x="{u:.2f}" y="{-v:.2f}" font-size="{size * 0.024:.2f}" text-anchor="middle" dy=".35em" '
+            f'stroke-width="{radius * MARK_LINE:.3f}"/>'
+            f'<text x="{u:.2f}" y="{-v:.2f}" font-size="{size * MARK_TEXT:.2f}" text-anchor="middle" dy=".35em" '
             f'fill="#222222">{html.escape(mark.text)}</text>'
         )
     return elements
@@ -212,43 +238,45 @@ def _moved_clear(point: Vector, placed: Sequence[Vector], min_distance: float) -
 
 
 def _arrow(arrow: Arrow, view: Camera, size: float) -> str:
-    """Return the SVG of an arrow, which has a white edge so that it is visible on any colour.
+    """Return the SVG of an arrow with its text. It has a white edge, so that it is visible on any colour.
 
-    "" for a very short arrow.
+    A very short arrow is not drawn: the result is "". ``size`` is the picture's larger side (mm).
     """
     points = view.flat(arrow.points_mm)
     colour, width = ARROWS[arrow.kind]
-    # Lengths are fractions of the picture's larger side, so that arrows look alike in all pictures.
-    line_width, tip_length = size * width / 100, size * (0.008 + 0.025 * width)
+    line_width = size * width / 100
+    tip_length = size * (TIP + TIP_PER_WIDTH * width)
     direction = points[-1] - points[-2]
     last_length = float(np.linalg.norm(direction))
     if last_length < MIN_ARROW * size:
         return ""
-    direction = direction / last_length * min(tip_length, 0.6 * last_length)
-    half_width = 0.42 * np.array([-direction[1], direction[0]])
+    # From here on, the vector from the base of the tip to its point.
+    direction = direction / last_length * min(tip_length, MAX_TIP * last_length)
+    half_width = HALF_TIP_WIDTH * np.array([-direction[1], direction[0]])
     tip_base = points[-1] - direction
-    # The line ends a little inside the tip, so that no gap shows.
-    line_path = _polyline(np.vstack([points[:-1], tip_base + 0.2 * direction]))
+    line_path = _polyline(np.vstack([points[:-1], tip_base + INTO_TIP * direction]))
     tip_path = _polyline(np.stack([points[-1], tip_base + half_width, tip_base - half_width])) + "Z"
     label = ""
     if arrow.text:
-        (u, v), (right, up) = points[0], points[0] - points[-1]
-        # The text stands on the side of the start that is away from the tip.
+        u, v = points[0]
+        # The text stands beside the start of the arrow, on the side that is away from the tip.
+        right, up = points[0] - points[-1]
         anchor = "end" if right < -abs(up) / 2 else "start"
         label = (
             f'<text x="{u:.2f}" y="{-v:.2f}" dy="{-0.4 if up > 0 else 1.1:g}em" font-size="{size * TEXT:.2f}" '
-            f'fill="{colour}" text-anchor="{anchor}" stroke="#ffffff" stroke-width="{size * 0.008:.2f}" '
+            f'fill="{colour}" text-anchor="{anchor}" stroke="#ffffff" stroke-width="{size * TEXT_EDGE:.2f}" '
             'paint-order="stroke">'
             f"{html.escape(arrow.text)}</text>"
         )
     return (
-        f'<path d="{line_path}" fill="none" stroke="#ffffff" stroke-width="{2.2 * line_width:.3f}"/>'
+        f'<path d="{line_path}" fill="none" stroke="#ffffff" stroke-width="{LINE_EDGE * line_width:.3f}"/>'
         f'<path d="{line_path}" fill="none" stroke="{colour}" stroke-width="{line_width:.3f}"/>'
-        f'<path d="{tip_path}" fill="{colour}" stroke="#ffffff" stroke-width="{0.5 * line_width:.3f}"/>' + label
+        f'<path d="{tip_path}" fill="{colour}" stroke="#ffffff" stroke-width="{TIP_EDGE * line_width:.3f}"/>' + label
     )
 
 
 def _path(region: BaseGeometry) -> str:
+    """Return the data of an SVG path with the outlines and the holes of a region's polygons."""
     rings = []
     for polygon in shapely.get_parts(region):
         if polygon.geom_type == "Polygon":
@@ -257,4 +285,5 @@ def _path(region: BaseGeometry) -> str:
 
 
 def _polyline(points: Vector) -> str:
+    """Return the data of an SVG path through these points (n, 2). In SVG, y points down."""
     return "M" + "L".join(f"{u:.2f},{-v:.2f}" for u, v in points.tolist())

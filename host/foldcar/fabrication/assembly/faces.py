@@ -52,22 +52,23 @@ def glued_offset_mm(piece: Piece, fraction: Fraction = 1.0) -> dict[str, float]:
 
 
 def face_points(face: Face) -> tuple[NDArray[np.float64], list[int]]:
-    """Return all points of a face, (n, 2): those of its outline, then those of its holes; and where each of these
-    rings ends.
+    """Return all points of a face (n, 2), and where each of its rings ends.
+
+    The first ring is the outline, and the others are the holes. The end of a ring is the index after its last point.
     """
     rings = [np.array(ring, dtype=np.float64) for ring in (face.outline_mm, *(hole.outline_mm for hole in face.holes))]
     return np.concatenate(rings), list(np.cumsum([len(ring) for ring in rings]))
 
 
 def face_triangles(face: Face) -> NDArray[np.int64]:
-    """Cut a face into triangles; return the indices of their corners, (m, 3), in the points of :func:`face_points`.
+    """Divide a face into triangles. Return the indices of their corners (m, 3) in the points of :func:`face_points`.
 
-    Corners run counter-clockwise as seen from the printed side. Every point of the face is a corner of a triangle,
-    even if it lies inside a straight edge, because a neighbouring face shares it.
+    The corners run counter-clockwise as seen from the printed side. Every point of the face is a corner of a triangle,
+    also a point in the middle of a straight edge. A neighbouring face has a corner there, so there must be no gap.
     """
-    # The outline's points end at the first of `ends`, those of each hole at the next.
     points, ends = face_points(face)
-    polygon = Polygon(points[: ends[0]], [points[a:b] for a, b in itertools.pairwise(ends)])
+    holes = [points[start:end] for start, end in itertools.pairwise(ends)]
+    polygon = Polygon(points[: ends[0]], holes)
     parts = shapely.get_parts(shapely.constrained_delaunay_triangles(polygon))
     index_of = {(x, y): i for i, (x, y) in enumerate(points.tolist())}
     # A triangle has four coordinates, because the last repeats the first.

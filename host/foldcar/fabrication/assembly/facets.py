@@ -6,7 +6,7 @@ Input: pieces with their poses and fold fractions, mounts. Output: Facets and th
 import itertools
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -19,10 +19,31 @@ CYLINDER_ENDS = 2
 # A part of at least this number of boxes is a ring around z, such as a tyre, and is drawn round.
 RING_SOLIDS, RING_SIDES = 16, 40
 CYLINDER_SIDES, SMALL_CYLINDER_SIDES = 16, 8
+HOLE_SIDES, SMALL_HOLE_SIDES = 16, 10
 
 NUT_OF = "nut of "
 
 LineKind = Literal["cut", "mountain", "valley", "flat"]
+
+
+class SolidSide(NamedTuple):
+    """A flat side of a solid: its outline and its holes, each (n, 3), and the direction (3,) away from the solid."""
+
+    rings_mm: tuple[Vector, ...]
+    normal: Vector
+
+
+class EdgeStyle(NamedTuple):
+    """How an edge of a face is drawn. ``kind`` is None if no line is drawn there.
+
+    ``other_face`` is the face on the other side of the edge. The line is also drawn if only that face is visible.
+    """
+
+    kind: LineKind | None
+    other_face: str | None = None
+
+
+CUT = EdgeStyle("cut")
 
 
 @dataclass(frozen=True)
@@ -58,8 +79,8 @@ def film_shape(
 ) -> PictureContent:
     """Return what is drawn of one copy of a piece of film, whose root face is at ``pose``.
 
-    Its folds are closed by ``fraction``. The key of a facet is ``prefix`` and the name of its face. With ``creases``,
-    folds are drawn as folds, else as edges. Without ``tabs``, tabs are left out.
+    Its folds are closed by ``fraction``: 0 is flat, 1 is folded. The key of a facet is ``prefix`` and the name of its
+    face. If ``creases`` is True, folds are drawn as folds, otherwise as edges. If ``tabs`` is False, tabs are left out.
     """
     poses = {name: pose @ local_pose for name, local_pose in face_poses(piece, fraction).items()}
     facets, lines = [], []
@@ -72,15 +93,16 @@ def film_shape(
         face_pose, key = poses[face.name].copy(), prefix + face.name
         # A glued face is drawn beside the face that it lies on, not in the same plane.
         face_pose[:3, 3] += offsets.get(face.name, 0.0) * face_pose[:3, 2]
-        rings = tuple(moved(face_pose, ring) for ring in (np.array(face.outline_mm), *map(_hole_ring, face.holes)))
-        facets.append(Facet(key, rings, face_pose[:3, 2]))
-        for number, ring in enumerate(rings):
-            for i, ends in enumerate(_edges(ring)):
-                # Ring 0 is the outline, the others are holes, whose edges are cut. Kind None: the parent has the line.
-                kind, others = ("cut", ()) if number else folds.get((face.name, i), ("cut", ()))
-                if kind is not None:
-                    keys = (key, *(prefix + other for other in others))
-                    lines.append(EdgeLine(keys, ends, kind if creases else "cut"))
+        outline = moved(face_pose, np.array(face.outline_mm))
+        holes = [moved(face_pose, _hole_ring(hole)) for hole in face.holes]
+        facets.append(Facet(key, (outline, *holes), face_pose[:3, 2]))
+        for index, ends in enumerate(_edges(outline)):
+            style = folds.get((face.name, index), CUT)
+            if style.kind is not None:
+                keys = (key,) if style.other_face is None else (key, prefix + style.other_face)
+                lines.append(EdgeLine(keys, ends, style.kind if creases else "cut"))
+        for hole in holes:
+            lines += [EdgeLine((key,), ends, "cut") for ends in _edges(hole)]
     return PictureContent(tuple(facets), tuple(lines))
 
 
@@ -92,16 +114,20 @@ def mount_shape(mount: Mount, pose: Matrix | None = None) -> PictureContent:
     pose = np.array(mount.pose) if pose is None else pose
     facets, lines = [], []
     # A part of so many solids, all alike, is a ring, such as a tyre.
-    if len(mount.solids) >= RING_SOLIDS and len({solid.size_mm for solid in mount.solids}) == 1:
-        solids = [("round", _ring(mount, pose))]
+    is_ring = len(mount.solids) >= RING_SOLIDS and len({solid.size_mm for solid in mount.solids}) == 1
+    if is_ring:
+        kinds_and_sides = [("round", _ring(mount, pose))]
     else:
-        solids = [(solid.kind, _sides(solid, pose @ np.array(solid.pose))) for solid in mount.shape]
-    for number, (kind, sides) in enumerate(solids):
-        for side, (rings, normal) in enumerate(sides):
-            facets.append(Facet(f"{mount.name} {number}.{side}", rings, normal, mount_material(mount), closed=True))
-            # The sides of a cylinder meet smoothly, without edges; its two ends come first.
-            if kind == "box" or side < CYLINDER_ENDS:
-                lines += [EdgeLine((facets[-1].key,), ends, "cut") for ring in rings for ends in _edges(ring)]
+        kinds_and_sides = [(solid.kind, _sides(solid, pose @ np.array(solid.pose))) for solid in mount.shape]
+    for solid_number, (kind, sides) in enumerate(kinds_and_sides):
+        for side_number, side in enumerate(sides):
+            key = f"{mount.name} {solid_number}.{side_number}"
+            facets.append(Facet(key, side.rings_mm, side.normal, mount_material(mount), closed=True))
+            # The round side of a cylinder is drawn as many flat sides, which meet without a line. Its two ends come
+            # first.
+            if kind == "box" or side_number < CYLINDER_ENDS:
+                for ring in side.rings_mm:
+                    lines += [EdgeLine((key,), ends, "cut") for ends in _edges(ring)]
     return PictureContent(tuple(facets), tuple(lines))
 
 
@@ -115,77 +141,90 @@ def shank_and_nut(screw: Mount) -> tuple[Mount, Mount]:
     return replace(screw, solids=screw.solids[:2]), replace(screw, name=f"{NUT_OF}{screw.name}", solids=screw.solids[2:])
 
 
-def _ring(mount: Mount, pose: Matrix) -> Iterator[tuple[tuple[Vector, ...], Vector]]:
-    """Yield the facets of a ring, such as a tyre, each as (rings, normal): its two faces, then its outer side.
+def _ring(mount: Mount, pose: Matrix) -> Iterator[SolidSide]:
+    """Yield the sides of a ring, such as a tyre: its lower and its upper face, then its outer side in RING_SIDES parts.
 
-    The ring fills the box of the mount, around its z axis. It is as thick as the first of the mount's solids.
+    The ring fills the box of the mount, around the z axis of its ``pose``. It is as thick as the first of the mount's
+    solids.
     """
     circle = _circle(RING_SIDES)
-    outer_mm, half = mount.size_mm[0] / 2, mount.size_mm[2] / 2
+    outer_mm, half_height_mm = mount.size_mm[0] / 2, mount.size_mm[2] / 2
     inner_mm = outer_mm - min(mount.solids[0].size_mm)
-    end_rings = [
-        tuple(moved(pose, np.column_stack([r * circle, np.full(RING_SIDES, z)])) for r in (outer_mm, inner_mm))
-        for z in (-half, half)
-    ]
-    yield from ((rings, sign * pose[:3, 2]) for rings, sign in zip(end_rings, (-1.0, 1.0), strict=True))
+
+    def moved_circle(radius_mm: float, z_mm: float) -> Vector:
+        """Return the corners of a circle around the z axis, at its place in the car."""
+        return moved(pose, np.column_stack([radius_mm * circle, np.full(RING_SIDES, z_mm)]))
+
+    low = (moved_circle(outer_mm, -half_height_mm), moved_circle(inner_mm, -half_height_mm))
+    high = (moved_circle(outer_mm, half_height_mm), moved_circle(inner_mm, half_height_mm))
+    yield SolidSide(low, -1.0 * pose[:3, 2])
+    yield SolidSide(high, 1.0 * pose[:3, 2])
     for i in range(RING_SIDES):
         normal = pose[:3, :2] @ (circle[i] + circle[(i + 1) % RING_SIDES])
-        yield (_side(end_rings[0][0], end_rings[1][0], i),), normal / np.linalg.norm(normal)
+        yield SolidSide((_side(low[0], high[0], i),), normal / np.linalg.norm(normal))
 
 
 def _circle(sides: int) -> Vector:
+    """Return the corners (sides, 2) of a circle of radius 1."""
     turns = np.linspace(0, 2 * np.pi, sides, endpoint=False)
     return np.column_stack([np.cos(turns), np.sin(turns)])
 
 
 def _side(low: Vector, high: Vector, i: int) -> Vector:
-    """Return the corners of the side between two round ends that begins at their corner i."""
+    """Return the corners of the flat side between the corners i and i + 1 of two round ends."""
     j = (i + 1) % len(low)
     return np.stack([low[i], low[j], high[j], high[i]])
 
 
-def _sides(solid: Solid, pose: Matrix) -> Iterator[tuple[tuple[Vector], Vector]]:
-    """Yield the sides of a box or a cylinder, each as (rings, normal). The two ends of a cylinder come first."""
+def _sides(solid: Solid, pose: Matrix) -> Iterator[SolidSide]:
+    """Yield the sides of a box or a cylinder at its place. The two ends of a cylinder come first."""
     half = np.array(solid.size_mm) / 2
     if solid.kind == "box":
         for axis in range(3):
+            # The two other axes of the box.
+            first, second = (axis + 1) % 3, (axis + 2) % 3
             for sign in (-1.0, 1.0):
                 corners = np.zeros((4, 3))
                 corners[:, axis] = sign * half[axis]
-                corners[:, (axis + 1) % 3] = np.array([-1, 1, 1, -1]) * half[(axis + 1) % 3]
-                corners[:, (axis + 2) % 3] = np.array([-1, -1, 1, 1]) * half[(axis + 2) % 3]
-                yield (moved(pose, corners),), sign * pose[:3, axis]
+                corners[:, first] = np.array([-1, 1, 1, -1]) * half[first]
+                corners[:, second] = np.array([-1, -1, 1, 1]) * half[second]
+                yield SolidSide((moved(pose, corners),), sign * pose[:3, axis])
         return
     sides = CYLINDER_SIDES if half[0] > SMALL_HOLE_MM / 2 else SMALL_CYLINDER_SIDES
-    low, high = (moved(pose, np.column_stack([half[0] * _circle(sides), np.full(sides, z)])) for z in (-half[2], half[2]))
-    yield from (((end,), sign * pose[:3, 2]) for end, sign in ((low, -1.0), (high, 1.0)))
+    circle = half[0] * _circle(sides)
+    low = moved(pose, np.column_stack([circle, np.full(sides, -half[2])]))
+    high = moved(pose, np.column_stack([circle, np.full(sides, half[2])]))
+    yield SolidSide((low,), -1.0 * pose[:3, 2])
+    yield SolidSide((high,), 1.0 * pose[:3, 2])
+    # The directions of the middles of the flat sides.
     middles = np.linspace(0, 2 * np.pi, sides, endpoint=False) + np.pi / sides
     for i, middle in enumerate(middles):
-        yield (_side(low, high, i),), pose[:3, 0] * np.cos(middle) + pose[:3, 1] * np.sin(middle)
+        normal = pose[:3, 0] * np.cos(middle) + pose[:3, 1] * np.sin(middle)
+        yield SolidSide((_side(low, high, i),), normal)
 
 
 def _hole_ring(hole: Hole) -> Vector:
-    """Return the hole's outline; a circle has only as many corners as are visible in a picture."""
+    """Return the outline of a hole (n, 2). A round hole has only as many corners as can be seen in a picture."""
     if hole.diameter_mm is None or hole.center_mm is None:
         return np.array(hole.outline_mm)
-    sides = 16 if hole.diameter_mm > SMALL_HOLE_MM else 10
+    sides = HOLE_SIDES if hole.diameter_mm > SMALL_HOLE_MM else SMALL_HOLE_SIDES
     return np.array(hole.center_mm) + hole.diameter_mm / 2 * _circle(sides)
 
 
-def _folded_edges(piece: Piece, shown: set[str]) -> dict[tuple[str, int], tuple[LineKind | None, tuple[str, ...]]]:
-    """Find the edges that two shown faces share; return for each (face, edge) its kind of line and the other face.
+def _folded_edges(piece: Piece, shown: set[str]) -> dict[tuple[str, int], EdgeStyle]:
+    """Return how the edges are drawn that two of the ``shown`` faces share, by (face, index of its edge).
 
-    The line is drawn only once, at the edge of the parent. So the kind is None for the edge of the child, and also
-    for smooth bends.
+    Such an edge is a fold. Its line is drawn once, with the parent face, so the edge of the child face has no line. A
+    smooth bend has no line at all.
     """
-    edges: dict[tuple[str, int], tuple[LineKind | None, tuple[str, ...]]] = {}
+    styles: dict[tuple[str, int], EdgeStyle] = {}
     for crease in piece.creases:
         parent, child = crease.parent, crease.child
         if parent.face in shown and child.face in shown:
             kind = None if crease.bend else _fold_kind(crease.angle_rad)
-            edges[parent.face, parent.index] = (kind, (child.face,))
-            edges[child.face, child.index] = (None, ())
-    return edges
+            styles[parent.face, parent.index] = EdgeStyle(kind, child.face)
+            styles[child.face, child.index] = EdgeStyle(None)
+    return styles
 
 
 def _fold_kind(angle_rad: float) -> LineKind:

@@ -92,41 +92,49 @@ def visible_facets(facets: Sequence[Facet], view: Camera) -> list[VisibleFacet]:
     facets = [facet for facet in facets if not facet.closed or facet.normal @ view.toward > 0]
     rings = [ring for facet in facets for ring in facet.rings_mm]
     corners = np.round(view.flat(np.concatenate(rings)), GRID_DECIMALS)
-    # ``indices`` say to which ring each corner belongs, and to which outline each ring.
-    loops = shapely.linearrings(corners, indices=np.repeat(range(len(rings)), list(map(len, rings))))
-    outlines = shapely.polygons(loops, indices=np.repeat(range(len(facets)), [len(facet.rings_mm) for facet in facets]))
+    ring_of_corner = np.repeat(range(len(rings)), [len(ring) for ring in rings])
+    loops = shapely.linearrings(corners, indices=ring_of_corner)
+    facet_of_ring = np.repeat(range(len(facets)), [len(facet.rings_mm) for facet in facets])
+    outlines = shapely.polygons(loops, indices=facet_of_ring)
     in_picture = np.flatnonzero(shapely.area(outlines) > MIN_AREA_MM2)
     # Rounding can make holes touch the outlines of faces seen almost edge-on.
     shapes = shapely.make_valid(outlines[in_picture])
     planes = np.array([_depth(facets[i], view) for i in in_picture]).reshape(-1, 3)
-    result = []
-    for number, hiding in _hidden(shapes, planes).items():
+    visible = []
+    for number, hiding_regions in _hiding_regions(shapes, planes).items():
         facet, region = facets[in_picture[number]], shapes[number]
-        remaining = _polygons(shapely.difference(region, shapely.union_all(hiding))) if hiding else region
+        remaining = region
+        if hiding_regions:
+            remaining = _polygons(shapely.difference(region, shapely.union_all(hiding_regions)))
         is_whole = region.area - remaining.area < MIN_AREA_MM2
         if not is_whole:
             # Rounding leaves slivers between adjacent hiding faces.
             region = remaining.buffer(-SLIVER_MM, join_style="mitre").buffer(SLIVER_MM, join_style="mitre")
         if region.area > MIN_AREA_MM2:
-            result.append(_visible_facet(facet, region, is_whole, view))
-    return sorted(result, key=lambda seen: float((seen.facet.rings_mm[0] @ view.toward).mean()))
+            visible.append(_visible_facet(facet, region, is_whole, view))
+    return sorted(visible, key=lambda seen: float((seen.facet.rings_mm[0] @ view.toward).mean()))
 
 
-def _hidden(shapes: NDArray[np.object_], planes: Vector) -> dict[int, list[BaseGeometry]]:
-    """Return, for each outline by its number, the regions that hide it: nearer outlines, or the nearer parts of them.
+def _hiding_regions(shapes: NDArray[np.object_], planes: Vector) -> dict[int, list[BaseGeometry]]:
+    """Return the regions of the picture in which each outline is hidden by others, by the outline's number.
 
-    Outlines that are completely hidden are left out. ``planes``, (n, 3), are the depths of the faces (see
+    Outlines that are hidden completely are not in the result. ``planes`` (n, 3) are the depths of the outlines (see
     ``_depth``).
     """
-    behind, ahead, wholly = _overlapping(shapes, planes)
-    # A face completely behind another one is invisible, and hides nothing that the other one does not hide.
-    covered = behind[wholly][shapely.covers(shapes[ahead[wholly]], shapes[behind[wholly]])]
-    hiding: dict[int, list[BaseGeometry]] = {int(rear): [] for rear in np.setdiff1d(range(len(shapes)), covered)}
-    undecided = ~np.isin(behind, covered) & ~np.isin(ahead, covered)
-    for rear, front, is_wholly_hidden in zip(behind[undecided], ahead[undecided], wholly[undecided], strict=True):
+    behind, ahead, everywhere = _overlapping(shapes, planes)
+    # An outline is hidden completely if another one is nearer everywhere and covers it. It then hides nothing that the
+    # other one does not hide, so it is left out of all that follows.
+    is_covered = shapely.covers(shapes[ahead[everywhere]], shapes[behind[everywhere]])
+    covered = behind[everywhere][is_covered]
+    remaining = np.setdiff1d(range(len(shapes)), covered)
+    hiding: dict[int, list[BaseGeometry]] = {int(number): [] for number in remaining}
+    is_pair_of_remaining = ~np.isin(behind, covered) & ~np.isin(ahead, covered)
+    pairs = np.flatnonzero(is_pair_of_remaining)
+    for rear, front, is_nearer_everywhere in zip(behind[pairs], ahead[pairs], everywhere[pairs], strict=True):
         region = shapes[front]
-        if not is_wholly_hidden:
-            region = _nearer_part(_polygons(shapely.intersection(shapes[rear], region)), planes[front] - planes[rear])
+        if not is_nearer_everywhere:
+            common = _polygons(shapely.intersection(shapes[rear], region))
+            region = _nearer_part(common, planes[front] - planes[rear])
         hiding[rear].append(region)
     return hiding
 
@@ -134,23 +142,25 @@ def _hidden(shapes: NDArray[np.object_], planes: Vector) -> dict[int, list[BaseG
 def _overlapping(
     shapes: NDArray[np.object_], planes: Vector
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.bool_]]:
-    """Return the pairs of outlines that overlap, where the first one is behind the second one in a part of their region.
+    """Return the pairs of outlines that overlap, and of which one hides a part of the other.
 
-    The three arrays (n,) are the index of the outline behind, the index of the outline ahead, and whether that is
-    ahead everywhere. ``planes`` (faces, 3) are c, a, b of the depth c + a u + b v. Depths differ linearly over the
-    picture. So over the common region, the difference lies between its minimum and its maximum at the corners of
-    either outline.
+    The three arrays (n,) are the index of the outline behind, the index of the outline ahead, and whether the latter is
+    nearer everywhere. ``planes`` (outlines, 3) are c, a, b of the depth c + a u + b v, where a larger depth is nearer.
+    The difference between two depths is linear over the picture. So within an outline it lies between its minimum and
+    its maximum at the corners of this outline.
     """
     shapely.prepare(shapes)
     behind, ahead = STRtree(shapes).query(shapes, predicate="intersects")
     corners, owners = shapely.get_coordinates(shapes, return_index=True)
     depths = planes[:, :1] + planes[:, 1:2] * corners[:, 0] + planes[:, 2:] * corners[:, 1]
-    # How much nearer the plane of each face is than the corners of each other face, (faces, corners). Then the minimum
-    # and maximum over each face's corners, (faces, faces).
-    leads = depths - depths[owners, np.arange(len(corners))]
-    starts = np.searchsorted(owners, np.arange(len(shapes)))
-    least, greatest = (reduce.reduceat(leads, starts, axis=1) for reduce in (np.minimum, np.maximum))
-    # The common region lies within the corners of both.
+    # How much nearer the plane of each outline (rows) is than each corner (columns).
+    depth_of_corner = depths[owners, np.arange(len(corners))]
+    leads = depths - depth_of_corner
+    # The smallest and the largest lead of each outline (rows) over the corners of each outline (columns).
+    first_corners = np.searchsorted(owners, np.arange(len(shapes)))
+    least = np.minimum.reduceat(leads, first_corners, axis=1)
+    greatest = np.maximum.reduceat(leads, first_corners, axis=1)
+    # The common region lies within both outlines, so the limits from the corners of both hold.
     somewhere = np.minimum(greatest[ahead, behind], -least[behind, ahead]) > TOUCHING_MM
     everywhere = np.maximum(least[ahead, behind], -greatest[behind, ahead]) > -TOUCHING_MM
     pairs = np.flatnonzero(somewhere)
@@ -173,19 +183,22 @@ def _depth(facet: Facet, view: Camera) -> Vector:
 def _nearer_part(region: BaseGeometry, lead_plane: Vector) -> BaseGeometry:
     """Return the part of a region in which one face is nearer than another one, by more than TOUCHING_MM.
 
-    ``lead_plane`` is (c, a, b): the difference of their depths at the point (u, v) of the picture is c + a u + b v.
+    The *lead* says how much nearer it is. ``lead_plane`` is (c, a, b): the lead at the point (u, v) of the picture is
+    c + a u + b v.
     """
     constant, gradient = lead_plane[0], lead_plane[1:]
     corners = shapely.get_coordinates(region)
+    # The leads at the corners of the region, without TOUCHING_MM.
     leads = constant + corners @ gradient - TOUCHING_MM
     if (leads <= 0).all():
         return Polygon()
     if (leads > 0).all():
         return region
-    # The region is intersected with the half plane of positive leads: a square larger than the region, one of whose
-    # sides lies on the line of lead 0.
+    # The lead is positive on one side of a line. This half plane is represented by a square that is larger than the
+    # region. One side of the square lies on the line.
     slope = math.hypot(*gradient)
-    along, inward = np.array([-gradient[1], gradient[0]]) / slope, gradient / slope
+    along = np.array([-gradient[1], gradient[0]]) / slope
+    inward = gradient / slope
     middle = corners.mean(axis=0)
     on_line = middle - inward * (constant + middle @ gradient - TOUCHING_MM) / slope
     size = 4 * (np.ptp(corners, axis=0).sum() + abs(leads).max() / slope)
@@ -201,7 +214,7 @@ def _polygons(geometry: BaseGeometry) -> BaseGeometry:
 
 
 def _visible_facet(facet: Facet, region: BaseGeometry, whole: bool, view: Camera) -> VisibleFacet:
-    """Return the facet with its brightness; the light comes from above and left of the camera."""
+    """Return a facet with its visible region and its brightness. The light comes from above and left of the camera."""
     front = bool(facet.normal @ view.toward > 0)
     light = view.toward + 0.6 * view.up - 0.35 * view.right
     lit = float((facet.normal if front else -facet.normal) @ light / np.linalg.norm(light))

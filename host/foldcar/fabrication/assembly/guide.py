@@ -40,7 +40,8 @@ from foldcar.fabrication.patterns.sheets import CutCar
 from foldcar.figures.page import content_policy, page_template
 from foldcar.statistics.words import count
 
-ABOVE = camera(-90, 90)
+# From above; x points to the right, or to the top of the picture.
+ABOVE, ABOVE_TURNED = camera(-90, 90), camera(180, 90)
 ASLANT = camera(-55, 32)
 # Long pieces are turned along the picture's wider side.
 UPRIGHT = 1.3
@@ -93,15 +94,16 @@ def build_steps(folded: FoldedCar, cut: CutCar, machine: str, listed: ListedCar 
 
 
 def cutting_step(cut: CutCar, machine: str) -> Step:
-    """Return the step that cuts all pieces, with a picture of each, for a machine of that name."""
+    """Return the first step of the guide: cutting all pieces with the given machine. It has a picture of each piece."""
     pictures = []
     for piece in cut.car.pieces:
-        shape = film_shape(piece, np.eye(4), 0.0)
+        # The piece lies flat, as it comes out of the sheet.
+        shape = film_shape(piece, np.eye(4), fraction=0.0)
         points = np.concatenate([facet.rings_mm[0] for facet in shape.facets])
         across, along, _ = np.ptp(points, axis=0)
         # A piece that is long along y is turned to lie across the picture.
-        view = camera(180, 90) if along > UPRIGHT * across else ABOVE
-        marks = join_marks(cut.car, piece, np.eye(4), 0.0)
+        view = ABOVE_TURNED if along > UPRIGHT * across else ABOVE
+        marks = join_marks(cut.car, piece, np.eye(4), fraction=0.0)
         caption = piece.label + (f", {piece.count} times" if piece.count > 1 else "")
         pictures.append(Drawing(shape, view, piece.label, marks, enlarged=2.0, caption=caption))
     wound = [piece.label for piece in cut.car.pieces if is_wound(piece)]

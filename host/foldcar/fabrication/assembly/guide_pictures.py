@@ -6,7 +6,6 @@ one side stand apart in a row, in the order of the step; a nut stands on its own
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from itertools import permutations
 
 import numpy as np
 from markupsafe import Markup
@@ -46,7 +45,8 @@ ACROSS = 0.5
 # Smaller parts, screws and spacers, do not choose the camera. A fold that moves a face by less has no arrow.
 SMALL_MM, MOVED_MM = 14.0, 20.0
 FOLD_ARROWS = 2
-BESIDE_EDGE_MM = 7.0
+# How far a join's number stands from its slot or edge. On a layer, how far along the way from the middle to a corner.
+BESIDE_EDGE_MM, NEAR_CORNER = 7.0, 0.6
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,42 +90,61 @@ def step_pictures(step: AssemblyStep, state: AssemblyState, title: str) -> tuple
 
 
 def service_picture(car: FoldedCar) -> tuple[Drawing, ...]:
-    """Return pictures of the finished car: how its lids open, and what plugs and fingers reach when they are open."""
+    """Return the pictures of the finished car in service.
+
+    The first one shows how its lids are opened, if it has any. The second one shows the car with open lids, and what
+    plugs, fingers and screwdrivers reach then.
+    """
     state = AssemblyState(car)
     for step in assembly_steps(car):
         state.advance(step)
     wheels = {axle.wheel for axle in car.axles}
     parts = [part for part in state.in_place if part.body not in wheels and not is_hidden(state, part)]
-    lids = [step.folds for step in service_steps(car) if step.folds]
+    folds_of_lids = [step.folds for step in service_steps(car) if step.folds]
     pictures: list[Drawing] = []
-    if lids:
-        outside_lid = [part for part in parts if not (isinstance(part, Mount) and roles_of(car).is_on_lid(part))]
+    if folds_of_lids:
+        without_parts_on_lids = [
+            part for part in parts if not (isinstance(part, Mount) and roles_of(car).is_on_lid(part))
+        ]
         caption = "the lid shut, without wheels: push each lever outwards, lift by the pull tab"
-        closed_shape = merge_shapes(map(state.shape, outside_lid))
+        closed_shape = merge_shapes(map(state.shape, without_parts_on_lids))
         pictures.append(Drawing(closed_shape, FROM_RIGHT, "Open", arrows=_opening_arrows(car, state), caption=caption))
-    for folds in lids:
+    for folds in folds_of_lids:
         state.close_folds(folds)
+    open_shape = merge_shapes(map(state.shape, parts))
+    caption = "the lid open, without wheels" if folds_of_lids else "without wheels"
+    arrows = _tool_arrows(car, state)
+    pictures.append(Drawing(open_shape, FROM_RIGHT, "Service", arrows=arrows, caption=caption))
+    return tuple(pictures)
+
+
+def _tool_arrows(car: FoldedCar, state: AssemblyState) -> list[Arrow]:
+    """Return an arrow for each plug, finger or screwdriver that reaches a part of the finished car.
+
+    The arrow has the name of the part, unless another arrow has it already.
+    """
     mounts = {mount.name: mount for mount in car.mounts}
     arrows: list[Arrow] = []
-    for use in (use for step in service_steps(car) for use in step.tool_uses if not use.piece):
+    uses = [use for step in service_steps(car) for use in step.tool_uses]
+    for use in uses:
+        if use.piece:
+            # The lids have arrows in a picture of their own.
+            continue
         mount = mounts[use.name]
         clearance = mount.clearances[use.index]
         longest_mm = DRIVER_MM if clearance.tool == "driver" else TOOL_MM
-        tool_pose = state.pose(mount) @ np.array(clearance.pose)
         # A tool comes along the z axis of its clearance.
-        start_mm = tool_pose[:3, 3] + tool_pose[:3, 2] * min(clearance.length_mm, longest_mm)
+        tool_pose = state.pose(mount) @ np.array(clearance.pose)
+        end_mm = tool_pose[:3, 3]
+        start_mm = end_mm + tool_pose[:3, 2] * min(clearance.length_mm, longest_mm)
         label = reached_part(car, mount, use.index)
         is_labelled = any(arrow.text == label for arrow in arrows)
-        arrows.append(Arrow(np.stack([start_mm, tool_pose[:3, 3]]), "tool", "" if is_labelled else label))
-    caption = "the lid open, without wheels" if lids else "without wheels"
-    open_drawing = Drawing(merge_shapes(map(state.shape, parts)), FROM_RIGHT, "Service", arrows=arrows, caption=caption)
-    return (*pictures, open_drawing)
+        arrows.append(Arrow(np.stack([start_mm, end_mm]), "tool", "" if is_labelled else label))
+    return arrows
 
 
 def _opening_arrows(car: FoldedCar, state: AssemblyState) -> list[Arrow]:
-    """Return arrows that show how to open the lids: fingers push the levers outwards, and lift the lids by the pull
-    tabs.
-    """
+    """Return arrows that show how lids are opened: levers are pushed outwards, and lids are lifted by their pull tabs."""
     arrows: list[Arrow] = []
     for name, lid in sorted(roles_of(car).lids.items()):
         copy = next(copy for copy in car.placed if copy.piece == name)
@@ -135,8 +154,9 @@ def _opening_arrows(car: FoldedCar, state: AssemblyState) -> list[Arrow]:
             kinds = [clearance.tool for clearance in face.clearances]
             middle = max(x for x, _ in face.outline_mm) / 2
             if "tongue" in kinds:
-                # The lever stands as high over the lid as the tongue is below it; printed sides face down.
-                lever_z_mm = (car.parts.assembly.flap_mm.value + car.parts.assembly.grip_mm.value * LEVER_AT) * -1.0
+                # The face has a lever, which stands on the lid. z points to the printed side, which is below.
+                height_mm = car.parts.assembly.flap_mm.value + car.parts.assembly.grip_mm.value * LEVER_AT
+                lever_z_mm = height_mm * -1.0
                 points_mm = [(middle, -PUSH_MM, lever_z_mm), (middle, 0.0, lever_z_mm)]
             else:
                 tip = max(y for _, y in face.outline_mm)
@@ -153,18 +173,24 @@ def _views(scene: "StepPicture") -> list[tuple[Camera, str]]:
     if scene.outward is not None:
         azimuth_deg = 35 if scene.outward[1] > 0 else -35
         return [(camera(azimuth_deg, elevation_deg=18), "seen from its outer side")]
-    # The directions from which large parts come: x forward, y left, z up.
+    # The directions from which large parts come. Their components are x forwards, y to the left and z up.
     sides = scene.sides
-    if not sides and np.ptp(points([scene.shape])[:, 2]) < FLAT_MM:
+    is_flat = np.ptp(points([scene.shape])[:, 2]) < FLAT_MM
+    if not sides and is_flat:
         return [(FLAT, "")]
-    left, right = any(side[1] > SIDEWAYS for side in sides), any(side[1] < -SIDEWAYS for side in sides)
-    if left and right:
+    some_from_left = any(side[1] > SIDEWAYS for side in sides)
+    some_from_right = any(side[1] < -SIDEWAYS for side in sides)
+    all_from_below = bool(sides) and all(side[2] < -SIDEWAYS for side in sides)
+    all_from_rear = bool(sides) and all(side[0] < -SIDEWAYS for side in sides)
+    if some_from_left and some_from_right:
         return [(FROM_RIGHT, "seen from the right"), (FROM_LEFT, "seen from the left")]
-    if sides and all(side[2] < -SIDEWAYS for side in sides):
+    if all_from_below:
         return [(FROM_BELOW, "seen from below")]
-    if sides and all(side[0] < -SIDEWAYS for side in sides):
+    if all_from_rear:
         return [(FROM_REAR, "seen from the rear")]
-    return [(FROM_LEFT, "seen from the left") if left else (FROM_RIGHT, "seen from the right")]
+    if some_from_left:
+        return [(FROM_LEFT, "seen from the left")]
+    return [(FROM_RIGHT, "seen from the right")]
 
 
 @dataclass(frozen=True)
@@ -177,14 +203,17 @@ class _DisplacedPart:
 
 
 class StepPicture:
-    """What the pictures of a step show: the ``shape`` with ``faded`` keys, ``arrows`` and ``marks``.
+    """What the pictures of a step show.
 
-    ``sides`` are the directions that large parts come from. ``outward`` is the direction away from the car, if the
-    step puts a wheel together.
+    ``shape`` is everything that is drawn. The facets whose keys are in ``faded`` belong to parts that were in place
+    before the step, and are drawn paler. ``arrows`` are the ways of new parts, and ``marks`` the numbers of the step's
+    joins. ``sides`` are the directions that large parts come from. ``outward`` is the direction away from the car, if
+    the step puts a wheel together.
     """
 
     def __init__(self, step: AssemblyStep, state: AssemblyState) -> None:
         self.step, self.state = step, state
+        # If the step builds a unit, such as a wheel, that several bodies have, only the first of them is drawn.
         body = state.unit_bodies(step.unit)[0] if step.unit else ""
         axle = next((axle for axle in state.car.axles if axle.wheel == body), None)
         self.axle_mm = None if axle is None else np.array(axle.center_mm)
@@ -193,11 +222,12 @@ class StepPicture:
         self.arrows: list[Arrow] = []
         self.marks: list[DrawnText] = []
         self._displaced: list[_DisplacedPart] = []
-        # Units of several bodies, such as wheels, are alike: the first is drawn.
+        # The parts that are added, and those that are present and are not added.
         added_parts = [added for added in step.adds if not step.unit or added.body == body]
         new_ids = {id(part) for added in added_parts for part in state.parts_of(added)}
         all_parts = state.unit_parts(step.unit, body) if step.unit else state.in_place
         present = [part for part in all_parts if id(part) not in new_ids]
+        # Of the latter, the pieces that the step folds are drawn like new ones.
         folded = [part for part in present if isinstance(part, PlacedPiece) and part.piece in step.folds]
         old_shapes = [state.shape(part) for part in present if part not in folded and not is_hidden(state, part)]
         self.faded = {facet.key for shape in old_shapes for facet in shape.facets}
@@ -216,8 +246,10 @@ class StepPicture:
         return [arrow for arrow, back in arrows if back @ view.toward > -BEHIND * np.linalg.norm(back)]
 
     def _show_added(self, added: AddedPart) -> list[PictureContent]:
-        """Return the shapes of the parts of ``added``, drawn at a distance from their places; a nut at a distance
-        from its screw.
+        """Return the shapes of an added part, drawn at a distance from its place.
+
+        A unit consists of several parts. A screw with a nut is drawn as two parts, with the nut at a distance from the
+        screw.
         """
         parts = self.state.parts_of(added)
         if added.nut_mm:
@@ -230,14 +262,16 @@ class StepPicture:
         return self._show_apart(added, parts)
 
     def _show_apart(self, added: AddedPart, parts: Sequence[Part]) -> list[PictureContent]:
-        """Return the shapes of ``parts`` before they are put in, and add an arrow along their path, and their marks.
+        """Return the shapes of parts before they are put in. Also add the arrow of their path and their marks.
 
-        A part may be hidden by an earlier one that comes from the same direction. So it stands farther out, by the
-        shift of the earlier one.
+        The parts stand at the beginning of their path. An earlier part of the step may stand there already, because it
+        comes from the same direction. Then these parts stand farther out, by the distance of the earlier one from its
+        place.
         """
         corners_mm = points([self.state.shape(part) for part in parts])
         box = np.stack([corners_mm.min(axis=0), corners_mm.max(axis=0)])
         moves = self._moves(added, box)
+        # How far the parts stand from their places.
         shift = -np.sum(moves, axis=0) if moves else np.zeros(3)
         if moves:
             out = shift / np.linalg.norm(shift)
@@ -245,7 +279,8 @@ class StepPicture:
             if np.ptp(box, axis=0).max() > SMALL_MM:
                 self.sides.append(out)
             start = box.mean(axis=0) + obstacle_shift + shift
-            self.arrows.append(Arrow(np.cumsum([start, *moves], axis=0), "tool" if self._is_screw(added) else "way"))
+            path = np.cumsum([start, *moves], axis=0)
+            self.arrows.append(Arrow(path, "tool" if self._is_screw(added) else "way"))
             shift = shift + obstacle_shift
             self._displaced.append(_DisplacedPart(box, out, shift))
         for part in parts:
@@ -269,24 +304,30 @@ class StepPicture:
         return max(shifts, key=lambda shift: float(shift @ out))
 
     def _moves(self, added: AddedPart, box: Vector) -> list[Vector]:
-        """Return the moves of a part's insertion path, shortened for the picture.
+        """Return the moves (3,) of a part's insertion path, with lengths that suit the picture.
 
-        The first one is long enough to be seen.
-
-        A strip that is wound around a wheel has no path. It is drawn as if it came from outside, along the radius.
+        Long moves are shortened. The first move of a part is lengthened if it would be too short to be seen. A strip that
+        is wound around a wheel has no path; it is drawn as if it came from outside, along the radius of the wheel.
         """
         moves = [np.array(move) for move in added.way_mm if np.linalg.norm(move) > 0]
         if not moves and self.axle_mm is not None and added.kind == "piece" and is_wound(self.state.pieces[added.name]):
-            # The axle runs along y.
+            # The axle runs along y, so the radius has no y.
             radial = (box.mean(axis=0) - self.axle_mm) * (1.0, 0.0, 1.0)
-            moves = [-radial] if np.linalg.norm(radial) > 0 else []
-            return [STRIP_APART_MM * move / np.linalg.norm(move) for move in moves]
-        lengths = [float(np.linalg.norm(move)) for move in moves]
-        if self._is_screw(added):
-            return [move * min(1.0, SCREW_APART_MM / length) for move, length in zip(moves, lengths, strict=True)]
-        min_length_mm = min(max(MIN_APART_MM, APART_SHARE * float(np.ptp(box, axis=0).max())), APART_MM)
-        lengths_mm = [min(max(length, 0.0 if i else min_length_mm), APART_MM) for i, length in enumerate(lengths)]
-        return [move * (drawn / length) for move, length, drawn in zip(moves, lengths, lengths_mm, strict=True)]
+            if np.linalg.norm(radial) == 0:
+                return []
+            return [STRIP_APART_MM * -radial / np.linalg.norm(-radial)]
+        size_mm = float(np.ptp(box, axis=0).max())
+        min_first_mm = min(max(MIN_APART_MM, APART_SHARE * size_mm), APART_MM)
+        drawn_moves = []
+        for number, move in enumerate(moves):
+            length_mm = float(np.linalg.norm(move))
+            if self._is_screw(added):
+                drawn_moves.append(move * min(1.0, SCREW_APART_MM / length_mm))
+                continue
+            min_mm = min_first_mm if number == 0 else 0.0
+            drawn_mm = min(max(length_mm, min_mm), APART_MM)
+            drawn_moves.append(move * (drawn_mm / length_mm))
+        return drawn_moves
 
     def _is_screw(self, added: AddedPart) -> bool:
         return added.kind == "mount" and is_screw(self.state.car.parts, self.state.mounts[added.name])
@@ -327,25 +368,29 @@ def _box_area_mm2(outline_mm: Sequence[tuple[float, float]]) -> float:
 def join_marks(folded: FoldedCar, piece: Piece, pose: Matrix, fraction: Fraction, prefix: str = "") -> list[DrawnText]:
     """Return marks with the numbers of all joins of one copy of a piece, whose root face is at ``pose``.
 
-    All teeth around a rim belong to one join. Its number is written once on the strip and once on the disc.
+    A mark is a number at a place of a face. ``fraction`` says how far the folds of the piece are closed. A join around a
+    rim has many teeth, and so many places; its number is written once on the strip and once on the disc.
     """
     poses = {name: pose @ face_pose for name, face_pose in face_poses(piece, fraction).items()}
     offsets = glued_offset_mm(piece, fraction)
-    candidates_by_id: dict[tuple[int, str], list[DrawnText]] = {}
+    # The places where a number may stand. A number that is written once, although its join has many places, has one key
+    # for all of them: its side of the join. Other numbers have a key for each face.
+    candidates_by_key: dict[tuple[int, str], list[DrawnText]] = {}
     for join in folded.joins:
-        for side in ("a", "b"):
-            if (join.piece_a if side == "a" else join.piece_b) != piece.name:
+        for side, piece_of_side in (("a", join.piece_a), ("b", join.piece_b)):
+            if piece_of_side != piece.name:
                 continue
             face_and_point = _number_place(join, piece, side)
             if face_and_point is None:
                 continue
             face, point_mm = face_and_point
-            mark_id = (join.number, side if join.kind in ("rim", "laminate") else f"{side} {face}")
+            is_written_once = join.kind in ("rim", "laminate")
+            key = (join.number, side if is_written_once else f"{side} {face}")
             position = moved(poses[face], np.array([[*point_mm, offsets.get(face, 0.0)]]))[0]
-            candidates_by_id.setdefault(mark_id, []).append(DrawnText(str(join.number), position, prefix + face))
+            candidates_by_key.setdefault(key, []).append(DrawnText(str(join.number), position, prefix + face))
     marks: list[DrawnText] = []
-    # Numbers with one place come first. Of the teeth around a rim, the one farthest from all other numbers is taken.
-    for candidates in sorted(candidates_by_id.values(), key=len):
+    # Numbers with a single place come first. Of several places, the one farthest from all other numbers is taken.
+    for candidates in sorted(candidates_by_key.values(), key=len):
         marks.append(max(candidates, key=lambda mark: round(_min_distance_mm(mark, marks), 3)))
     return marks
 
@@ -366,10 +411,11 @@ def _number_place(join: Join, piece: Piece, side: str) -> tuple[str, Vector] | N
     face = faces.get(reference.face, piece.faces[0])
     outline = np.array(face.outline_mm)
     if join.kind == "laminate" and side == "a":
-        # Off the centre, where hubs and openings are.
-        return face.name, outline.mean(axis=0) * 0.4 + outline[0] * 0.6
+        # The number stands near the first corner, because hubs and openings are in the middle.
+        return face.name, outline.mean(axis=0) * (1 - NEAR_CORNER) + outline[0] * NEAR_CORNER
     if join.kind == "laminate":
         return None
+    # A slot: the number stands beside it, towards the middle of the face.
     hole = next((hole for hole in face.holes if side == "b" and hole.name == join.slot), None)
     if hole is not None:
         middle = np.array(hole.outline_mm).mean(axis=0)
@@ -379,13 +425,19 @@ def _number_place(join: Join, piece: Piece, side: str) -> tuple[str, Vector] | N
             step = inward * BESIDE_EDGE_MM / distance_mm
             is_in_hole = any(Polygon(hole.outline_mm).covers(Point(*(middle + step))) for hole in face.holes)
             return face.name, middle - step if is_in_hole else middle + step
-        # A wound strip's faces are short, so the number is on the next face.
-        fold_ends = [(crease.parent.face, crease.child.face) for crease in piece.creases]
-        neighbours = [faces[other] for pair in fold_ends for this, other in permutations(pair) if this == face.name]
-        neighbour = max(neighbours, key=lambda other: float(np.ptp(other.outline_mm, axis=0).prod()), default=face)
+        # The slot is in the middle of a short face, as in a wound strip. So the number stands on its largest neighbour.
+        neighbours = []
+        for crease in piece.creases:
+            if crease.parent.face == face.name:
+                neighbours.append(faces[crease.child.face])
+            if crease.child.face == face.name:
+                neighbours.append(faces[crease.parent.face])
+        neighbour = max(neighbours, key=lambda other: _box_area_mm2(other.outline_mm), default=face)
         return neighbour.name, np.array(neighbour.outline_mm).mean(axis=0)
+    # A tab: the number stands in its middle.
     if side == "a" and join.kind in ("tab", "lap", "rim"):
         return face.name, outline.mean(axis=0)
+    # The joined edge from a to b: the number stands beside its middle, inside the face.
     a, b = (np.array(point) for point in edge(faces, reference))
     inward = np.array([a[1] - b[1], b[0] - a[0]]) / np.linalg.norm(b - a)
     depth_mm = min(BESIDE_EDGE_MM, float(((outline - a) @ inward).max()) / 2)

@@ -30,6 +30,7 @@ DECIMALS = 3
 
 
 def _without_small_holes(piece: Piece) -> Piece:
+    """Return the piece with only those holes that can be seen on a car that drives."""
     faces = (replace(face, holes=tuple(hole for hole in face.holes if hole.kind in HOLES)) for face in piece.faces)
     return replace(piece, faces=tuple(faces))
 
@@ -43,18 +44,20 @@ class SceneShapes:
 
     def __init__(self) -> None:
         self.pieces: list[dict[str, Any]] = []
-        self._numbers: dict[str, int] = {}
+        self._index_by_text: dict[str, int] = {}
         self._film: dict[Piece, int] = {}
 
     def add(self, folded: FoldedCar) -> list[dict[str, Any]]:
-        """Add a car's shapes; return its parts ``{"piece": the shape's number, "body", "pose": 12 numbers}``.
+        """Add the shapes of a car, and return its parts.
 
-        A hinge's strip also has ``"beyond"``: the body by the number of each face that moves with another body.
+        A part is ``{"piece", "body", "pose"}``: the index of its shape in ``pieces``, the name of its body, and the 12
+        numbers of its pose. Some faces of a hinge's strip move with another body than the strip itself. The strip then
+        also has ``"beyond"``, which is the name of that body by the number of the face.
         """
         pieces, parts = {piece.name: piece for piece in folded.pieces}, []
         for placed in folded.placed:
             piece = pieces[placed.piece]
-            part = {"piece": self._faces(piece), "body": placed.body, "pose": _rows(np.array(placed.pose))}
+            part = {"piece": self._index_of_film(piece), "body": placed.body, "pose": _rows(np.array(placed.pose))}
             bodies = _beyond_hinge(folded, placed, piece)
             if bodies:
                 part["beyond"] = {k: bodies[face.name] for k, face in enumerate(piece.faces) if face.name in bodies}
@@ -62,14 +65,14 @@ class SceneShapes:
         for mount in folded.mounts:
             solids = _solids(mount)
             if solids:
-                number = self._number({"material": mount_material(mount), "solids": solids})
-                parts.append({"piece": number, "body": mount.body, "pose": _rows(np.array(mount.pose))})
+                index = self._index_of({"material": mount_material(mount), "solids": solids})
+                parts.append({"piece": index, "body": mount.body, "pose": _rows(np.array(mount.pose))})
         return parts
 
-    def _faces(self, piece: Piece) -> int:
-        """Return the index of a folded piece among ``pieces``. On first use add its faces, integers in units of UNIT_MM.
+    def _index_of_film(self, piece: Piece) -> int:
+        """Return the index of a folded piece of film in ``pieces``, to which it is added at its first use.
 
-        A face is a list of rings, each x, y, z, x, y, z, …: its outline and its holes.
+        Its coordinates are integers in units of UNIT_MM.
         """
         if piece not in self._film:
             plain, poses, faces = _without_small_holes(piece), face_poses(piece), []
@@ -77,15 +80,16 @@ class SceneShapes:
                 rings = [face.outline_mm, *(hole.outline_mm for hole in face.holes)]
                 points = [moved(poses[face.name], np.array(ring)) / UNIT_MM for ring in rings]
                 faces.append([np.rint(point).astype(int).ravel().tolist() for point in points])
-            self._film[piece] = self._number({"faces": faces})
+            self._film[piece] = self._index_of({"faces": faces})
         return self._film[piece]
 
-    def _number(self, piece: dict[str, Any]) -> int:
+    def _index_of(self, piece: dict[str, Any]) -> int:
+        """Return the index of a shape in ``pieces``, to which it is added unless an equal one is there."""
         text = json.dumps(piece)
-        if text not in self._numbers:
-            self._numbers[text] = len(self.pieces)
+        if text not in self._index_by_text:
+            self._index_by_text[text] = len(self.pieces)
             self.pieces.append(piece)
-        return self._numbers[text]
+        return self._index_by_text[text]
 
 
 def _rows(pose: Any) -> list[float]:
@@ -95,20 +99,22 @@ def _rows(pose: Any) -> list[float]:
 
 
 def _beyond_hinge(folded: FoldedCar, placed: PlacedPiece, piece: Piece) -> dict[str, str]:
-    """Return, for each face of a hinge's strip, the segment with which it moves if that is not the strip's own segment.
+    """Return which faces of a hinge's strip move with the other segment, and the name of that segment, by face.
 
-    The result has the name of the segment's body by the name of the face. It is empty for pieces that are no strip of
-    a hinge. The hinge is the one nearest to the flexure of the strip.
+    The strip of a hinge is taped to two segments of the car and bends between them. It belongs to one of them. The result
+    is empty for all other pieces.
     """
     crease = next((crease for crease in piece.creases if crease.flexure), None)
     if crease is None or not folded.hinges:
         return {}
     faces = {face.name: face for face in piece.faces}
     parent_pose = np.array(placed.pose) @ face_poses(piece)[crease.parent.face]
-    (middle,) = moved(parent_pose, np.array([np.mean(edge(faces, crease.parent), axis=0)]))
+    # The hinge of this strip is the one nearest to the middle of the crease that bends.
+    middle_of_crease = np.mean(edge(faces, crease.parent), axis=0)
+    (middle,) = moved(parent_pose, np.array([middle_of_crease]))
     hinge = min(folded.hinges, key=lambda hinge: float(np.linalg.norm(middle - hinge.center_mm)))
     body_of_face = {crease.child.face: hinge.rear if placed.body == hinge.front else hinge.front}
-    # Creases are ordered from the root, so that each parent is placed before its children.
+    # All faces behind this crease move with the same segment. Creases are in an order in which parents come first.
     for other in piece.creases:
         if other.parent.face in body_of_face:
             body_of_face[other.child.face] = body_of_face[other.parent.face]
@@ -116,21 +122,26 @@ def _beyond_hinge(folded: FoldedCar, placed: PlacedPiece, piece: Piece) -> dict[
 
 
 def _solids(mount: Mount) -> list[dict[str, Any]]:
-    """Return the solids that show a mount: none if it is small, a ring if it has very many, its box if it has none."""
+    """Return the solids by which a bought part is drawn.
+
+    A small part has none. A part without solids is drawn as its box, and a part with very many, such as a tyre, as a
+    ring.
+    """
     if max(mount.size_mm) < MIN_PART_MM:
         return []
     shapes = [(solid.kind, solid.size_mm, np.array(solid.pose)) for solid in mount.solids]
     if not shapes or len(shapes) > MAX_SOLIDS:
-        return [{"kind": "ring" if shapes else "box", "size": _sides(mount.size_mm), "pose": _rows(np.eye(4))}]
+        return [{"kind": "ring" if shapes else "box", "size": _rounded_sizes(mount.size_mm), "pose": _rows(np.eye(4))}]
     # A solid whose second shortest side is too short, such as a wire, cannot be seen.
     return [
-        {"kind": kind, "size": _sides(size), "pose": _rows(pose)}
+        {"kind": kind, "size": _rounded_sizes(size), "pose": _rows(pose)}
         for kind, size, pose in shapes
         if sorted(size)[1] >= MIN_SOLID_MM
     ]
 
 
-def _sides(size_mm: Sequence[float]) -> list[float]:
+def _rounded_sizes(size_mm: Sequence[float]) -> list[float]:
+    """Return the sizes of a solid along x, y and z (mm), rounded to hundredths."""
     return [round(float(side), 2) for side in size_mm]
 
 
@@ -143,18 +154,20 @@ def recorded_run(
     heights: Heights,
     message: str,
 ) -> dict[str, Any]:
-    """Return the object that run.js reads: a car, the ground, and the path of the car.
+    """Return the object from which the script run.js draws a run: the car, the ground, and the path of the car.
 
-    ``answer`` is the result of the run, and ``path`` has its rows of states (docs/carsim.md). ``message`` says which
-    run it is.
+    ``body`` and ``scene`` are the inputs of the run, and ``answer`` is its result. ``path`` is a list of states
+    (docs/carsim.md). ``message`` says which run it is.
     """
     head, content = ground_data(scene, heights)
     shapes = SceneShapes()
     parts = shapes.add(folded)
-    # "told" is the text below the scene; a row is a state of the path.
+    colours = "Orange: the goal."
+    if any(piece["kind"] == "patch" for piece in scene["terrain"]):
+        colours = "Orange: the goal; violet: a friction of its own."
     return {
-        "told": f"{message} The wheels turn as if they did not slip: a path has no angles of wheels. Orange: the goal"
-        + ("; violet: a friction of its own." if any(piece["kind"] == "patch" for piece in scene["terrain"]) else "."),
+        # The text below the scene.
+        "told": f"{message} The wheels turn as if they did not slip: a path has no angles of wheels. {colours}",
         "outcome": answer["outcome"],
         "rows": np.round(np.asarray(path, dtype=float), 5).tolist(),
         "car": {"body": drawn_body(body), "shape": {"pieces": shapes.pieces, "parts": parts}},

@@ -31,6 +31,8 @@ from foldcar.figures.page import web_page
 PACKAGE = "foldcar.fabrication.assembly"
 DECIMALS = 4
 GAP_MM = 12.0
+# How much wider the rows of flat pieces are than a square with the area of all pieces.
+WIDER = 1.15
 
 
 def view_page(folded: FoldedCar, title: str, run: Mapping[str, Any] | None = None) -> str:
@@ -98,10 +100,12 @@ def view_data(folded: FoldedCar) -> dict[str, Any]:
 
 
 def _part(body: str, pose: Pose, steps: ViewSteps, key: Part) -> dict[str, Any]:
-    """Return what the page needs of every part: its body and pose, and how it moves in the steps and in the
-    exploded view.
+    """Return what the page needs of a part: its body, its pose, and how it moves in the steps and in the exploded view.
+
+    ``ways`` are its moves: the number of the step, the vectors of the move, and when the move begins and ends in the
+    step, from 0 to 1. ``rides`` names the part that it moves with.
     """
-    # A part that no step adds is in the car from the first step on.
+    # If no step adds the part, it is in the car from the first step on.
     ways = steps.ways.get(key, [(1, (), 0.0, 1.0)])
     exploded = steps.exploded.get(key, (0.0, 0.0, 0.0))
     return {"body": body, "pose": _numbers(pose), "ways": ways, "exploded": exploded, "rides": steps.rides.get(key)}
@@ -157,11 +161,11 @@ def _is_smooth(crease: Crease, faces: dict[str, Face]) -> bool:
 
 
 def _shared_edges(piece: Piece, faces: dict[str, Face]) -> tuple[dict[str, set[int]], dict[str, list[tuple[int, str]]]]:
-    """Return, by face, which of its edges are not cut, and which points it shares over smooth bends.
+    """Return two things by face: the edges at which it is not cut, and the points that it shares with faces beyond bends.
 
-    Edges are given by their indices, and a shared point is (index, face beyond the bend). Where the two edges of a
-    fold differ in length, the longer one is cut beyond the shorter one. So an edge counts as uncut only if both are
-    equal.
+    An edge is given by its index. A shared point is (index of the point, name of the other face); both faces then have
+    the same normal at this point, so that a bend looks smooth. At a fold, the edges of both faces may differ in length.
+    A part of the longer edge is then cut, so it does not count as uncut.
     """
     uncut: dict[str, set[int]] = {name: set() for name in faces}
     smooth: dict[str, list[tuple[int, str]]] = {name: [] for name in faces}
@@ -214,17 +218,20 @@ class _Row:
 
 
 def arrange_in_rows(extents: list[tuple[float, float, float, float]]) -> list[list[float]]:
-    """Arrange rectangles in rows around the centre, without overlap; return the poses [x, y, turn] of their frames.
+    """Arrange rectangles in rows around the centre, without overlap. Return the poses [x, y, turn] of their frames.
 
-    A rectangle is (minimum x, minimum y, size along x, size along y) in its own frame (mm); turns are in rad. A
+    A rectangle is (minimum x, minimum y, size along x, size along y) in its own frame (mm). A turn is an angle in rad. A
     rectangle that is longer along y is turned by 90°, so that rows are low. The highest rectangles are placed first,
     each in the first row with room.
     """
     sizes = [(max(dx, dy) + GAP_MM, min(dx, dy) + GAP_MM) for _, _, dx, dy in extents]
-    # The rows together should be about square. They cannot be filled completely, so the side is larger than the areas'.
-    width = max(1.15 * math.sqrt(sum(along * across for along, across in sizes)), max(along for along, _ in sizes))
+    # All rows together should be about square. They cannot be filled completely, so they are wider than a square with the
+    # area of all rectangles.
+    area_mm2 = sum(along * across for along, across in sizes)
+    longest_mm = max(along for along, _ in sizes)
+    width = max(WIDER * math.sqrt(area_mm2), longest_mm)
     rows: list[_Row] = []
-    # Each rectangle's corner with the minimum x and y, as it is arranged.
+    # Where the corner of each rectangle lies that has the smallest x and y after turning.
     corners = [(0.0, 0.0)] * len(extents)
     for i in sorted(range(len(extents)), key=lambda i: (-sizes[i][1], i)):
         along, across = sizes[i]
@@ -237,8 +244,11 @@ def arrange_in_rows(extents: list[tuple[float, float, float, float]]) -> list[li
     middle = (rows[-1].low_y_mm + rows[-1].height_mm) / 2
     places = []
     for (x, y), (low_x, low_y, along, across) in zip(corners, extents, strict=True):
-        # A quarter turn maps (x, y) to (-y, x), so the side with the largest y becomes the one with the smallest x.
-        turned = across > along
-        origin = (x + low_y + across, y - low_x) if turned else (x - low_x, y - low_y)
-        places.append([round(origin[0], 3), round(origin[1] - middle, 3), math.pi / 2 if turned else 0.0])
+        is_turned = across > along
+        if is_turned:
+            # A quarter turn maps (x, y) to (-y, x), so the side with the largest y becomes the one with the smallest x.
+            origin_x, origin_y, turn_rad = x + low_y + across, y - low_x, math.pi / 2
+        else:
+            origin_x, origin_y, turn_rad = x - low_x, y - low_y, 0.0
+        places.append([round(origin_x, 3), round(origin_y - middle, 3), turn_rad])
     return places

@@ -6,6 +6,7 @@ stuck on or laid out) is drawn in its place.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -97,6 +98,7 @@ def view_steps(folded: FoldedCar) -> ViewSteps:
 
 
 def _key(item: PlacedPiece | Mount) -> Part:
+    """Return what identifies a placed piece or a mount in the view."""
     return ("piece", item.piece, item.copy) if isinstance(item, PlacedPiece) else ("mount", item.name, 0)
 
 
@@ -116,6 +118,17 @@ def _axis_out(folded: FoldedCar, body: str) -> Vector:
     return (0.0, 1.0 if axle.side == "left" else -1.0, 0.0)
 
 
+class _PartOfGroup(NamedTuple):
+    """A part that comes out of the car in the direction of its group.
+
+    ``depth_mm`` is how far out it is already in that direction, and ``unit_shift_mm`` (3,) how far its unit is moved.
+    """
+
+    part: Part
+    depth_mm: float
+    unit_shift_mm: NDArray[np.float64]
+
+
 def _exploded(
     steps: ViewSteps, folded: FoldedCar, item_of: dict[Part, PlacedPiece | Mount]
 ) -> Iterator[tuple[Part, Vector]]:
@@ -124,28 +137,34 @@ def _exploded(
     Parts of a body that come out in the same direction are ranked by how far out they are, and each rank goes NEXT_MM
     farther. A part without a way out goes outwards along the axle if it belongs to a wheel, else upwards.
     """
-    # By body and rounded direction, the parts with their depth along the direction and the shift of their units.
-    groups: dict[tuple[str, tuple[int, ...]], list[tuple[float, Part, NDArray[np.float64]]]] = {}
+    # The parts that come out in the same direction, by body and rounded direction.
+    groups: dict[tuple[str, tuple[int, ...]], list[_PartOfGroup]] = {}
     for part, ways in steps.ways.items():
         if part in steps.bases.values():
             continue
         item = item_of[part]
-        # A nut stands off the end of its screw, whatever its insertion path.
         kind, _, _ = part
-        ways_out = [way[:1] if kind == NUT else way for _, way, _, _ in ways]
-        directions = [np.array(way).sum(axis=0) if way else np.array(_axis_out(folded, item.body)) for way in ways_out]
-        directions = [direction / np.linalg.norm(direction) for direction in directions]
-        # Rounded to thirds, nearly equal directions are the same.
+        # The first direction is that of the part. Others are those of the unit that it belongs to.
+        directions = []
+        for _, way, _, _ in ways:
+            # A nut comes off the end of its screw, which is the first move of its way.
+            way_out = way[:1] if kind == NUT else way
+            direction = np.array(way_out).sum(axis=0) if way_out else np.array(_axis_out(folded, item.body))
+            directions.append(direction / np.linalg.norm(direction))
+        # Directions are rounded to thirds, so that nearly equal ones are equal.
         key = (item.body, tuple(int(value) for value in np.rint(3 * directions[0])))
-        # Later directions are those of the unit that the part belongs to, which goes out as a whole.
-        unit_shift = sum(directions[1:], np.zeros(3)) * FIRST_MM
-        groups.setdefault(key, []).append((float(np.array(item.pose)[:3, 3] @ directions[0]), part, unit_shift))
+        depth_mm = float(np.array(item.pose)[:3, 3] @ directions[0])
+        unit_shift_mm = sum(directions[1:], np.zeros(3)) * FIRST_MM
+        groups.setdefault(key, []).append(_PartOfGroup(part, depth_mm, unit_shift_mm))
     for (_, rounded), members in groups.items():
         direction = np.array(rounded) / np.linalg.norm(rounded)
-        rank, last_depth = -1, -np.inf
-        for depth, part, unit_shift in sorted(members, key=lambda member: member[0]):
-            rank, last_depth = (rank + 1, depth) if depth > last_depth + SAME_MM else (rank, last_depth)
-            yield part, _vector(unit_shift + direction * (FIRST_MM + NEXT_MM * rank))
+        rank, last_depth_mm = -1, -np.inf
+        for member in sorted(members, key=lambda member: member.depth_mm):
+            # Parts that are equally far out have the same rank.
+            if member.depth_mm > last_depth_mm + SAME_MM:
+                rank += 1
+                last_depth_mm = member.depth_mm
+            yield member.part, _vector(member.unit_shift_mm + direction * (FIRST_MM + NEXT_MM * rank))
 
 
 def _vector(values: NDArray[np.float64]) -> Vector:

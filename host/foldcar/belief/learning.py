@@ -25,7 +25,7 @@ import numpy
 from scipy.special import expit
 
 from foldcar.belief.priors import NAMES, NOMINAL_SCORES, PARAMETERS, FloatArray
-from foldcar.car.variation import workshop
+from foldcar.car.variation import workshop_spreads
 from foldcar.errors import FoldcarError
 from foldcar.store.designs import DesignCounts
 from foldcar.store.reality_runs import BLOCK, CHECK, RealityRuns
@@ -111,7 +111,7 @@ class NominalRuns:
 def nominal_runs(variation: Collection[str], counts: DesignCounts) -> NominalRuns:
     """Return the nominal runs of an experiment's designs; ``variation`` has the names of what varies between cars."""
     scores = numpy.array(NOMINAL_SCORES)
-    wheel_quantities = {name for name, quantity in workshop().items() if quantity.per == "wheel"}
+    wheel_quantities = {name for name, quantity in workshop_spreads().items() if quantity.per == "wheel"}
     if wheel_quantities.intersection(variation):
         # The listing's wheels differ as those of the workshop, which is the score 0.
         scores[NAMES.index(WHEEL_SPREAD)] = 0.0

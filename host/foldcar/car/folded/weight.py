@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foldcar.car.folded.model import FoldedCar, Mount, Point, Pose
-from foldcar.car.folded.placed import PlacedFace, place
+from foldcar.car.folded.placed import PlacedFace, placed_faces
 from foldcar.car.folded.pose import compose
 from foldcar.car.parts.bought import Film
 
@@ -47,7 +47,7 @@ def body_properties(car: FoldedCar, body: str) -> MassProperties:
 
     They are in SI units, in the frame of the car.
     """
-    film = (plate_properties(face, car.parts.film) for face in place(car, (body,))[body])
+    film = (plate_properties(face, car.parts.film) for face in placed_faces(car, (body,))[body])
     return assemble([*film, *(mount_properties(mount) for mount in car.mounts if mount.body == body)])
 
 

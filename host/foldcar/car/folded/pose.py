@@ -52,10 +52,12 @@ def _product(first: Pose, second: Pose) -> Pose:
 def inverse(pose: Pose) -> Pose:
     """Return the inverse of a rigid motion. The inverse of p → R p + t is p → Rᵀ p - Rᵀ t."""
     (xx, xy, xz, shift_x), (yx, yy, yz, shift_y), (zx, zy, zz, shift_z), _ = pose
-    columns = ((xx, yx, zx), (xy, yy, zy), (xz, yz, zz))
-    # The columns of R are the rows of Rᵀ.
-    rows = [(x, y, z, -(x * shift_x + y * shift_y + z * shift_z)) for x, y, z in columns]
-    return (*rows, IDENTITY[3])
+    return (
+        (xx, yx, zx, -(xx * shift_x + yx * shift_y + zx * shift_z)),
+        (xy, yy, zy, -(xy * shift_x + yy * shift_y + zy * shift_z)),
+        (xz, yz, zz, -(xz * shift_x + yz * shift_y + zz * shift_z)),
+        IDENTITY[3],
+    )
 
 
 def apply(pose: Pose, x_mm: float, y_mm: float, z_mm: float = 0.0) -> tuple[float, float, float]:

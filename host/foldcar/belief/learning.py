@@ -25,7 +25,7 @@ import numpy
 from scipy.special import expit
 
 from foldcar.belief.priors import NAMES, NOMINAL_SCORES, PARAMETERS, FloatArray
-from foldcar.car.variation import workshop
+from foldcar.car.variation import workshop_spreads
 from foldcar.errors import FoldcarError
 from foldcar.store.designs import DesignCounts
 from foldcar.store.reality_runs import BLOCK, CHECK, RealityRuns
@@ -115,7 +115,7 @@ def nominal_runs(variation: Collection[str], counts: DesignCounts) -> NominalRun
     ``variation`` has the names of the quantities that vary between the cars of these runs.
     """
     scores = numpy.array(NOMINAL_SCORES)
-    wheel_quantities = {name for name, quantity in workshop().items() if quantity.per == "wheel"}
+    wheel_quantities = {name for name, quantity in workshop_spreads().items() if quantity.per == "wheel"}
     if wheel_quantities.intersection(variation):
         # The wheels of these cars differ by the variation "workshop", and the score 0 stands for this.
         scores[NAMES.index(WHEEL_SPREAD)] = 0.0

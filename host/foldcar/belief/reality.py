@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from foldcar.car.body import CHANNELS
-from foldcar.car.variation import draw, workshop
+from foldcar.car.variation import draw, workshop_spreads
 
 # Parameters that a reality contains unchanged, as factors.
 GROUND_FACTORS = ("friction", "obstacle_height")
@@ -50,7 +50,7 @@ def drawn_reality(
     """
     spread = dict(listed)
     if "wheel_spread" in values:
-        for name, quantity in workshop().items():
+        for name, quantity in workshop_spreads().items():
             if quantity.per == "wheel":
                 spread[name] = values["wheel_spread"] * quantity.sd
     reality = draw(spread, seed, car)

@@ -203,25 +203,32 @@ def _is_of_car(key: str) -> bool:
 
 
 def modules_of(type_string: str) -> tuple[str, ...]:
-    """Parse the module letters of a type string. Raises DesignError for unknown, missing or misplaced modules."""
+    """Parse the letters (or names) of the modules and composites of a type string, front to back.
+
+    Raises DesignError for unknown, missing or misplaced modules.
+    """
     letters = tuple(type_string.partition("+")[0].split("_"))
     for letter in letters:
         if letter not in MODULES:
             known_modules = ", ".join(f"{name} ({kind.title})" for name, kind in MODULES.items())
             raise DesignError(None, f'"{type_string}" has unknown module "{letter}"; known: {known_modules}')
+    # Which modules a composite consists of does not depend on its values, so its defaults do.
     with component_errors(DesignError):
         parts = catalogue_of(DEFAULT_CHOICES)
-        modules = [module for letter in letters for module in _module_values(letter, letter, {}, parts)]
-    order = [module.kind.letter for module in modules]
-    axles = sum(issubclass(module.kind, WheelModule) for module in modules)
-    for kind, count in ((WheelModule, axles), (BrainModule, order.count(BrainModule.letter))):
+        modules: list[ModuleValues] = []
+        for letter in letters:
+            modules += _module_values(letter, place=letter, values={}, parts=parts)
+    resolved = [module.kind.letter for module in modules]
+    axle_count = sum(issubclass(module.kind, WheelModule) for module in modules)
+    for kind, count in ((WheelModule, axle_count), (BrainModule, resolved.count(BrainModule.letter))):
         if not count:
             raise DesignError(None, f'"{type_string}" has no module {kind.letter} ({kind.title})')
-    if axles > MAX_AXLES:
-        raise DesignError(None, f'"{type_string}" has {axles} axles, the servo driver serves {MAX_AXLES}')
-    if order[0] == HINGE or order[-1] == HINGE or (HINGE, HINGE) in itertools.pairwise(order):
+    if axle_count > MAX_AXLES:
+        raise DesignError(None, f'"{type_string}" has {axle_count} axles, the servo driver serves {MAX_AXLES}')
+    has_hinge_at_end = HINGE in (resolved[0], resolved[-1])
+    if has_hinge_at_end or (HINGE, HINGE) in itertools.pairwise(resolved):
         raise DesignError(None, f'"{type_string}" has a hinge (H) at an end or beside another: each joins two segments')
-    segments = order.count(HINGE) + 1
+    segments = resolved.count(HINGE) + 1
     if segments > MAX_SEGMENTS:
         raise DesignError(None, f'"{type_string}" has {segments} segments, the simulator takes {MAX_SEGMENTS}')
     return letters
@@ -230,26 +237,29 @@ def modules_of(type_string: str) -> tuple[str, ...]:
 def _module_values(letter: str, place: str, values: Mapping[str, float], parts: Catalogue) -> list[ModuleValues]:
     """Return the values of the module at a place; for a composite, those of each of its modules.
 
-    The value of the place (``W2.radius``) counts most, then that of the letter (``W.radius``), then the shared one
-    (``radius``).
+    ``values`` are those of the design, by key. The value of the place (``W2.radius``) counts most, then that of the
+    letter (``W.radius``), then the shared one (``radius``).
     """
     kind = MODULES[letter]
-    # The key of the design that sets a parameter, by the parameter's name.
-    keys: dict[str, str] = {}
+    own_values: dict[str, float] = {}
+    # The keys that set them, also by the names of the parameters.
+    own_keys: dict[str, str] = {}
     for parameter in kind.parameters:
-        candidates = (f"{place}.{parameter.name}", f"{letter}.{parameter.name}", parameter.name)
-        key = next((key for key in candidates if key in values), None)
-        if key is not None:
-            keys[parameter.name] = key
-    own_values = {name: values[key] for name, key in keys.items()}
+        for key in (f"{place}.{parameter.name}", f"{letter}.{parameter.name}", parameter.name):
+            if key in values:
+                own_values[parameter.name] = values[key]
+                own_keys[parameter.name] = key
+                break
     if not issubclass(kind, Composite):
         defaults = {option.name: option.default_with(parts) for option in kind.parameters if option.optional}
-        return [ModuleValues(kind, defaults | own_values, keys)]
-    composite = kind(own_values, place, parts=parts, keys=keys)
+        return [ModuleValues(kind, defaults | own_values, own_keys)]
+    # A composite computes the values of its modules, and knows which of the design's keys set them.
+    composite = kind(own_values, place, parts=parts, keys=own_keys)
     module_values = []
-    for module, is_root in composite.modules():
+    for part in composite.modules():
+        module = part.module
         values_of_module = {parameter.name: module[parameter.name] for parameter in module.parameters}
-        module_values.append(ModuleValues(type(module), values_of_module, module.keys, is_root))
+        module_values.append(ModuleValues(type(module), values_of_module, module.keys, part.root))
     return module_values
 
 
@@ -288,10 +298,11 @@ def compose_columns(type_string: str, columns: Mapping[str, float | str]) -> Des
 def _complete_values(
     type_string: str, letters: tuple[str, ...], values: Mapping[str, float], parts: Catalogue
 ) -> dict[str, float]:
-    """Return the values by key, with defaults for parameters that are not set.
+    """Return the values by key: those that are set, and the defaults of parameters that are not set.
 
-    If places (``W1.length``, ``W2.length``) set a parameter for every module, it has no value of its own. Raises
-    DesignError for a key that sets nothing.
+    A parameter may be set by its key, such as ``W.length``, and for single modules by the keys of their places, such as
+    ``W2.length``. If places set it for every module, its own key would set nothing, so it has no value then. Optional
+    parameters have no default either. Raises DesignError for a key that sets nothing.
     """
     complete: dict[str, float] = {}
     for key, parameter in parameters().items():
@@ -300,10 +311,13 @@ def _complete_values(
         keys_of_places = place_keys(key, letters)
         values_by_place = {place: float(values[place]) for place in keys_of_places if place in values}
         all_places_set = bool(keys_of_places) and len(values_by_place) == len(keys_of_places)
-        if key in values and all_places_set:
-            raise DesignError(key, f"sets nothing, as {', '.join(values_by_place)} set it for every module: leave it out")
-        if key in values or not (all_places_set or parameter.declared.optional):
-            complete[key] = float(values.get(key, parameter.declared.default_with(parts)))
+        if key in values:
+            if all_places_set:
+                setting = ", ".join(values_by_place)
+                raise DesignError(key, f"sets nothing, as {setting} set it for every module: leave it out")
+            complete[key] = float(values[key])
+        elif not all_places_set and not parameter.declared.optional:
+            complete[key] = float(parameter.declared.default_with(parts))
         complete |= values_by_place
     for key in values:
         if key not in complete:

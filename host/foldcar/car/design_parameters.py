@@ -67,12 +67,12 @@ def find_parameter(group: str, name: str) -> DesignParameter | None:
     place = PLACE.fullmatch(group)
     if place is None or group in MODULES:
         return parameters().get(f"{group}.{name}")
+    # A place has the parameters of its letter, except uniform ones, which have the same value at all places.
     letter = place[1]
-    of_letter = find_parameter(letter, name)
-    # A uniform parameter has the same value at all places.
-    if of_letter is None or of_letter.declared.uniform:
+    parameter = find_parameter(letter, name)
+    if parameter is None or parameter.declared.uniform:
         return None
-    return DesignParameter(f"{group}.{name}", frozenset((letter,)), of_letter.declared)
+    return DesignParameter(f"{group}.{name}", frozenset((letter,)), parameter.declared)
 
 
 def parameter_of(key: str) -> DesignParameter | None:
@@ -82,14 +82,22 @@ def parameter_of(key: str) -> DesignParameter | None:
 
 
 def key_of(column: str) -> str | None:
-    """Return the key of a column of results: ``W2.radius`` for ``W2_radius_mm``; None if it is not a parameter's."""
+    """Return the key of the parameter whose values are in a column of results, or None if the column has other values.
+
+    For example, ``key_of("W2_radius_mm")`` is ``"W2.radius"``.
+    """
     for key, parameter in parameters().items():
         if parameter.column == column:
             return key
-    group, _, name_and_unit = column.partition("_")
+    # The parameter of a place: the place, the name and the unit, joined by underscores. A name may contain some itself.
+    place, _, name_and_unit = column.partition("_")
     names = {parameter.declared.name for parameter in parameters().values()}
-    candidates = (find_parameter(group, name) for name in names if name_and_unit.startswith(name))
-    return next((p.key for p in candidates if p is not None and p.column == column), None)
+    for name in names:
+        if name_and_unit.startswith(name):
+            of_place = find_parameter(place, name)
+            if of_place is not None and of_place.column == column:
+                return of_place.key
+    return None
 
 
 def places_of(letters: Sequence[str]) -> list[str]:

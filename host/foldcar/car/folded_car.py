@@ -1,7 +1,7 @@
 """The folded car of a design: modules fused to segments, caps on their ends, hinges between them, wheels on servos.
 
 Input: a design. Output: the immutable FoldedCar that every exporter and the simulator's body read. The car gives each
-module the settings that depend on other modules: its segment's ends, the floor beside it, the tyres next to it.
+module the settings that depend on other modules (module_settings.py).
 """
 
 import math
@@ -11,28 +11,23 @@ from functools import lru_cache
 from itertools import pairwise
 
 from foldcar.car.components.assemble import Assembly, assemble, build
-from foldcar.car.components.box_beam import PANELS, flap_end_mm, latch_mm, put_cap, wall_mm
-from foldcar.car.components.bridge import plug_room_mm, usb_height_mm
+from foldcar.car.components.box_beam import PANELS, put_cap, wall_mm
 from foldcar.car.components.component import ROUNDING, Component, Sub, minimum_text
 from foldcar.car.components.electronics import ElectronicsModule
 from foldcar.car.components.hinge_module import HingeModule, stiffness_n_m_rad
-from foldcar.car.components.module import BrainModule
 from foldcar.car.components.mounts import (
-    ROD_LAYER_MM,
-    button_depth_mm,
     put_button,
     put_switches,
-    servo_reach_mm,
-    switch_depth_mm,
 )
 from foldcar.car.components.shape import Shape
 from foldcar.car.components.wheel import Wheel
 from foldcar.car.design import HINGE, Design, DesignError, compose_columns
 from foldcar.car.design_parameters import places_of
-from foldcar.car.folded.model import FoldedCar, HingeJoint, PlacedPiece, Wire
+from foldcar.car.folded.model import Crease, FoldedCar, HingeJoint, Piece, PlacedPiece, Wire
 from foldcar.car.folded.pose import apply, compose, edge, folded, rotation, translation
 from foldcar.car.folded.stance import center_mm, standing
 from foldcar.car.leads import with_extensions
+from foldcar.car.module_settings import button_cap, settings_from_car, switch_cap
 from foldcar.car.parts.catalogue import Catalogue, PartChoices, catalogue_of
 from foldcar.car.user_modules import component_errors, forbid_new_files
 from foldcar.errors import FoldcarError
@@ -190,22 +185,29 @@ def _check_stance(design: Design, car: FoldedCar) -> None:
     ends = [segment.center_mm + side * segment.length_mm / 2 for segment in design.segments for side in (-1, 1)]
 
     def is_clear(min_radius_mm: float) -> bool:
-        """Return whether the body clears the ground if no wheel is smaller than ``min_radius_mm``."""
-        radii = (max(radius, min_radius_mm) for radius in design.radii_mm)
-        stance = standing(list(zip(design.axles_mm, radii, strict=True)), (center_x, center_z))
+        """Return whether the body clears the ground if all smaller wheels are replaced by wheels of this radius."""
+        radii = [max(radius, min_radius_mm) for radius in design.radii_mm]
+        wheels = list(zip(design.axles_mm, radii, strict=True))
+        stance = standing(wheels, (center_x, center_z))
         return all(stance.height_mm(end, -half) >= belly - ROUNDING for end in ends)
 
-    low, high = min(design.radii_mm), max(design.radii_mm)
-    # If the body is not clear with equal wheels either, the radii are not the reason: the car tips over its first or last
-    # axle.
-    if is_clear(low) or not is_clear(high):
+    smallest, largest = min(design.radii_mm), max(design.radii_mm)
+    if is_clear(smallest):
         return
-    module = min(design.wheel_modules, key=lambda i: design.of(i, "radius"))
-    # Bisection: ``high`` is the smallest minimum radius so far with which the body is clear.
+    if not is_clear(largest):
+        # The body is not even clear with equal wheels, because the car tips over its first or last axle. So the different
+        # radii are not the reason.
+        return
+    # Bisection for the smallest radius with which the body is clear; it lies between ``low`` and ``high``.
+    low, high = smallest, largest
     while high - low > STANCE_TOLERANCE_MM:
         middle = (low + high) / 2
-        low, high = (low, middle) if is_clear(middle) else (middle, high)
-    reason = f"beside {max(design.radii_mm):g}: the tilted body is less than {belly:g} above the ground"
+        if is_clear(middle):
+            high = middle
+        else:
+            low = middle
+    module = min(design.wheel_modules, key=lambda i: design.of(i, "radius"))
+    reason = f"beside {largest:g}: the tilted body is less than {belly:g} above the ground"
     message = f"{design.of(module, 'radius'):g} is below the minimum {minimum_text(high)} ({reason})"
     raise DesignError(design.of_modules[module].keys.get("radius"), message)
 
@@ -249,161 +251,37 @@ def _wheel(values: WheelValues, choices: PartChoices) -> Assembly:
 
 
 def _hinges(frame: Assembly, parts: Catalogue) -> list[HingeJoint]:
-    """Return the joint of every hinge, front to back. It lies at the middle of the crease, in the car's frame."""
+    """Return the joint of every hinge, front to back."""
     pieces = {piece.name: piece for piece in frame.pieces}
     hinges = []
     for placed in frame.placed:
-        piece = pieces[placed.piece]
-        faces = {face.name: face for face in piece.faces}
-        for crease in piece.creases:
-            if not crease.flexure:
-                continue
-            pose = compose(placed.pose, folded(piece)[crease.parent.face])
-            a, b = (apply(pose, *end) for end in edge(faces, crease.parent))
-            x, y, z = ((p + q) / 2 for p, q in zip(a, b, strict=True))
-            number = int(placed.body.removeprefix("segment"))
-            # The strip bends in both halves, from the crease to the glue.
-            half_length_mm = max(point[0] for point in faces[crease.parent.face].outline_mm)
-            bending_length_mm = 2 * (half_length_mm - parts.assembly.hinge_glue_mm.value)
-            width_mm = abs(a[1] - b[1]) + parts.film_mm
-            hinges.append(
-                HingeJoint(
-                    front=f"segment{number}",
-                    rear=f"segment{number + 1}",
-                    center_mm=(x, y, z),
-                    stiffness_n_m_rad=stiffness_n_m_rad(width_mm, piece.thickness_mm, bending_length_mm, parts.film),
-                    min_rad=crease.min_rad,
-                    max_rad=crease.max_rad,
-                )
-            )
+        for crease in pieces[placed.piece].creases:
+            if crease.flexure:
+                hinges.append(_hinge(pieces[placed.piece], placed, crease, parts))
     return sorted(hinges, key=lambda hinge: -hinge.center_mm[0])
+
+
+def _hinge(strip: Piece, placed: PlacedPiece, crease: Crease, parts: Catalogue) -> HingeJoint:
+    """Return the joint that a hinge's strip makes. It lies at the middle of the crease, in the car's frame."""
+    faces = {face.name: face for face in strip.faces}
+    pose = compose(placed.pose, folded(strip)[crease.parent.face])
+    start, end = (apply(pose, *point) for point in edge(faces, crease.parent))
+    x, y, z = ((p + q) / 2 for p, q in zip(start, end, strict=True))
+    # The crease is where the strip's two halves meet. The strip bends in both halves, from the crease to the glue. In the
+    # frame of a half, x runs along it from 0.
+    half_length_mm = max(point_x for point_x, _ in faces[crease.parent.face].outline_mm)
+    bending_length_mm = 2 * (half_length_mm - parts.assembly.hinge_glue_mm.value)
+    width_mm = abs(start[1] - end[1]) + parts.film_mm
+    number = int(placed.body.removeprefix("segment"))
+    return HingeJoint(
+        front=f"segment{number}",
+        rear=f"segment{number + 1}",
+        center_mm=(x, y, z),
+        stiffness_n_m_rad=stiffness_n_m_rad(width_mm, strip.thickness_mm, bending_length_mm, parts.film),
+        min_rad=crease.min_rad,
+        max_rad=crease.max_rad,
+    )
 
 
 # Tolerance (mm) of the bisection for the minimum radius of a wheel beside larger ones.
 STANCE_TOLERANCE_MM = 1e-3
-# Limit (mm) of the place of USB on a side without a tyre.
-FAR_MM = 2000.0
-# Minimum length (mm) of the fold of a lid's flap beside its latch.
-MIN_FOLD_MM = 1.0
-
-
-def switch_cap(design: Design) -> str:
-    """Return the name of the cap at an end of the car that carries the switches.
-
-    The cap that is nearer to the electronics gets them. If the electronics are in the first or the last module, there is
-    no room at that end, and the cap at the other end gets the switches.
-    """
-    electronics, last = design.electronics, len(design.modules) - 1
-    is_nearer_to_front = electronics <= last - electronics
-    in_front = electronics > 0 and (electronics == last or is_nearer_to_front)
-    return "front cap 1" if in_front else f"rear cap {len(design.segments)}"
-
-
-def button_cap(design: Design) -> str:
-    """Return the name of the outer cap that carries the button, if the car has one: the cap without switches."""
-    return f"rear cap {len(design.segments)}" if switch_cap(design).startswith("front") else "front cap 1"
-
-
-def _depth_behind_mm(design: Design, cap: str) -> float:
-    """Return how far (mm) switches or the button reach into the car behind a cap; 0 if the cap has none of them."""
-    if cap == switch_cap(design):
-        return switch_depth_mm(design.parts)
-    if cap == button_cap(design) and design.parts.button == "fitted":
-        return button_depth_mm(design.parts)
-    return 0.0
-
-
-def settings_from_car(design: Design, module: int) -> dict[str, float]:
-    """Return the values that a module gets from its place in the car, by name; the module is not a hinge."""
-    settings = _flap_settings(design, module)
-    if module in design.wheel_modules:
-        # Only a module that is a segment of its own has a cap at its inner end.
-        alone = len(design.segment_of(module).modules) == 1
-        tab = design.parts.assembly.cap_tab_mm.value if alone else 0.0
-        segment = design.segment_of(module).modules
-        outer = {
-            f"front cap {design.segment_at(module) + 1}": segment[0],
-            f"rear cap {design.segment_at(module) + 1}": segment[-1],
-        }
-        depth = switch_depth_mm(design.parts) if outer.get(switch_cap(design)) == module else 0.0
-        settings |= {"towards_middle": _towards_middle(design, module), "tab_depth": tab, "switch_depth": depth}
-    if module == design.electronics:
-        settings |= {"floor_front": _free_floor_mm(design, module, -1), "floor_rear": _free_floor_mm(design, module, 1)}
-        settings |= dict(zip(("usb_low", "usb_high"), _between_tyres(design, module), strict=True))
-    return settings
-
-
-def _towards_middle(design: Design, module: int) -> float:
-    """Return 1 if the middle of its segment lies in front of the module's middle, else -1."""
-    return -1.0 if design.module_centers_mm[module] > design.segment_of(module).center_mm else 1.0
-
-
-def _flap_settings(design: Design, module: int) -> dict[str, float]:
-    """Return the settings of a module's flap: ``flap_END`` (mm), ``latch_END`` and ``pull_END`` (0 or 1) of both ends.
-
-    If the segment ends with a cap at that end, the flap stops ``flap_END`` before it; elsewhere ``flap_END`` is 0. A
-    long segment has a latch at each end, a short one has a latch at the end with the longer module. One latch has the
-    pull tab.
-    """
-    segment, length = design.segment_of(module), design.length_of(module)
-    flap_end, (notch, _) = flap_end_mm(design.parts), latch_mm(design.parts)
-    ends = {"front": segment.modules[0], "rear": segment.modules[-1]}
-    is_long = segment.length_mm - 2 * flap_end > design.parts.assembly.lock_distance_mm.value
-    latched_ends = list(ends) if is_long else [max(ends, key=lambda end: design.length_of(ends[end]))]
-    settings: dict[str, float] = {}
-    for end, end_module in ends.items():
-        is_at_end = module == end_module
-        has_latch = is_at_end and end in latched_ends
-        settings[f"flap_{end}"] = flap_end if is_at_end else 0.0
-        settings[f"latch_{end}"] = float(has_latch)
-        settings[f"pull_{end}"] = float(has_latch and end == latched_ends[0])
-    # A segment of a single module has caps at both ends of this module.
-    min_length = notch + MIN_FOLD_MM + settings["flap_front"] + settings["flap_rear"]
-    if (settings["latch_front"] or settings["latch_rear"]) and length < min_length - ROUNDING:
-        key = design.of_modules[module].keys.get("length")
-        reason = "the latch of a segment's lid"
-        raise DesignError(key, f"{length:g} is below the minimum {minimum_text(min_length)} ({reason})")
-    return settings
-
-
-def _free_floor_mm(design: Design, module: int, step: int) -> float:
-    """Return how much floor (mm) is free before (``step`` -1) or behind (``step`` 1) a module.
-
-    It ends at a servo, at the tab of a cap, or at a switch.
-    """
-    free_mm, i = 0.0, module + step
-    while i in design.segment_of(module).modules:
-        if i in design.wheel_modules:
-            driven = design.of(i, "driven")
-            long_reach, short_reach = servo_reach_mm(design.parts) if driven else (ROD_LAYER_MM, ROD_LAYER_MM)
-            # A servo's long side points forward if `_towards_middle` is 1. If that is the direction to this module, the
-            # long side reaches towards it.
-            reach = long_reach if _towards_middle(design, i) == step else short_reach
-            return free_mm + design.length_of(i) / 2 - reach
-        if design.modules[i] != BrainModule.letter:
-            return free_mm
-        free_mm += design.length_of(i)
-        i += step
-    cap = f"{'front' if step < 0 else 'rear'} cap {design.segment_at(module) + 1}"
-    gap = design.parts.assembly.part_gap_mm.value
-    return free_mm - max(design.parts.assembly.cap_tab_mm.value, _depth_behind_mm(design, cap) + gap)
-
-
-def _between_tyres(design: Design, module: int) -> tuple[float, float]:
-    """Return the range of x (mm from the rear of the module) in which a USB plug does not touch the tyres beside it.
-
-    Seen from the side, plug and tyre are circles, which must be a gap apart.
-    """
-    rear = design.module_centers_mm[module] - design.length_of(module) / 2
-    gap = design.parts.assembly.part_gap_mm.value
-    # Height of the plug over the axles.
-    usb_offset_mm = usb_height_mm(design.parts) - wall_mm(design.height_mm, design.parts) / 2
-    low, high = -FAR_MM, FAR_MM
-    for x, radius in zip(design.axles_mm, design.radii_mm, strict=True):
-        reach = radius + plug_room_mm(design.parts.plugs.usb) / 2 + gap
-        min_offset = math.sqrt(max(reach**2 - usb_offset_mm**2, 0.0))
-        if x < rear:
-            low = max(low, x + min_offset - rear)
-        elif x > rear:
-            high = min(high, x - min_offset - rear)
-    return low, high

@@ -7,7 +7,7 @@ distance counts at the hinge angle where it is largest. Lengths are in mm, in th
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,15 +16,17 @@ from foldcar.car.components.bridge import option_resistors
 from foldcar.car.components.mounts import BOARD_SWITCH, BUTTON, SERVO_SWITCH
 from foldcar.car.design import DesignError
 from foldcar.car.folded.model import FoldedCar, Mount, Wire
-from foldcar.car.folded.placed import PlacedFace, place
+from foldcar.car.folded.placed import PlacedFace, placed_faces
 from foldcar.car.folded.pose import apply, hinge_motion, translation
-from foldcar.car.parts.quantity import Bought, BoxPart, PartData
+from foldcar.car.parts.quantity import Bought, Box, BoxPart, PartData
 
 Points = NDArray[np.float64]
+LeadKind = Literal["plug", "solder", "wire"]
 # A direction counts as an axis of the car if its component along this axis is larger.
 ALONG = 0.9
 # Between an extension's joint and the layers of a wall (mm).
 JOINT_GAP_MM = 1.0
+# The sides of the car in the directions -x and +x, -y and +y.
 SIDES = (("rear", "front"), ("right", "left"))
 
 
@@ -39,7 +41,7 @@ class Lead:
 
     start: str
     end: str
-    kind: Literal["plug", "solder", "wire"]
+    kind: LeadKind
     way_mm: float
     needed_mm: float
     available_mm: float
@@ -78,29 +80,37 @@ def with_extensions(car: FoldedCar) -> FoldedCar:
 
     Each extension is the shortest that is long enough. Raises DesignError if even the longest one is too short.
     """
-    extensions, mounts = car.parts.extensions.sold, {mount.name: mount for mount in car.mounts}
-    servos, car_leads = {axle.servo for axle in car.axles if axle.driven}, leads(car)
-    joints: dict[str, Mount] = {}
-    for lead in (lead for lead in car_leads if lead.start in servos and lead.missing_mm > 0):
-        lengths = ((extension, _extended_mm(car, lead.available_mm, extension)) for extension in extensions)
-        extension = next((extension for extension, length in lengths if length >= lead.needed_mm), None)
-        if extension is None:
-            longest_mm = _extended_mm(car, lead.available_mm, extensions[-1])
-            longest = f"{longest_mm:.0f} mm with the longest extension, {extensions[-1].name}"
-            message = f"the lead of the {lead.start} must be {lead.needed_mm:.0f} mm long, but is {longest}"
-            raise DesignError(None, f"{message}: make the car shorter")
-        joints[lead.start] = _joint(car, mounts[lead.start], extension)
+    mounts, car_leads = {mount.name: mount for mount in car.mounts}, leads(car)
+    servos = {axle.servo for axle in car.axles if axle.driven}
+    # The mount of each extension, by the name of its servo.
+    extensions: dict[str, Mount] = {}
+    for lead in car_leads:
+        if lead.start in servos and lead.missing_mm > 0:
+            extensions[lead.start] = _extension_mount(car, mounts[lead.start], _shortest_extension(car, lead))
+    # The servo driver is wired to the extension, and this to the servo.
     wires: list[Wire] = []
     for wire in car.wires:
-        if wire.carries == "signal" and wire.b in joints:
-            joint_name = joints[wire.b].name
-            wires += [replace(wire, b=joint_name), Wire(joint_name, wire.b, "signal", wire.note)]
+        if wire.carries == "signal" and wire.b in extensions:
+            extension_name = extensions[wire.b].name
+            wires += [replace(wire, b=extension_name), Wire(extension_name, wire.b, "signal", wire.note)]
         else:
             wires.append(wire)
     wiring = car.parts.wiring
     extra_kg = extra_wire_m(car_leads, wiring) * wiring.wire_kg_m.value
     own_mounts = (replace(m, mass_kg=m.mass_kg + extra_kg) if m.part == wiring.name else m for m in car.mounts)
-    return replace(car, mounts=(*own_mounts, *joints.values()), wires=tuple(wires))
+    return replace(car, mounts=(*own_mounts, *extensions.values()), wires=tuple(wires))
+
+
+def _shortest_extension(car: FoldedCar, lead: Lead) -> Bought:
+    """Return the shortest extension that makes a servo's lead long enough. Raises DesignError if there is none."""
+    for extension in car.parts.extensions.sold:
+        if _extended_mm(car, lead.available_mm, extension) >= lead.needed_mm:
+            return extension
+    longest = car.parts.extensions.sold[-1]
+    longest_mm = _extended_mm(car, lead.available_mm, longest)
+    is_long = f"{longest_mm:.0f} mm with the longest extension, {longest.name}"
+    message = f"the lead of the {lead.start} must be {lead.needed_mm:.0f} mm long, but is {is_long}"
+    raise DesignError(None, f"{message}: make the car shorter")
 
 
 def _extended_mm(car: FoldedCar, lead_mm: float, extension: Bought) -> float:
@@ -108,16 +118,18 @@ def _extended_mm(car: FoldedCar, lead_mm: float, extension: Bought) -> float:
     return lead_mm + extension.length_mm.min_value - car.parts.plugs.servo.inserted_mm.value
 
 
-def _joint(car: FoldedCar, servo: Mount, extension: Bought) -> Mount:
-    """Return the socket of an extension with the plug of the servo in it.
+def _extension_mount(car: FoldedCar, servo: Mount, extension: Bought) -> Mount:
+    """Return an extension as a part of the car: its socket with the plug of the servo in it.
 
-    It lies on the floor, below the servo and beside the wall of the servo.
+    It lies on the floor, below the servo and beside the wall of the servo. Its lead counts as wiring.
     """
     parts, film, extensions = car.parts, car.parts.film_mm, car.parts.extensions
     size = (extensions.joint_length_mm.value, extensions.joint_width_mm.value, extensions.joint_height_mm.value)
-    # z of the servo's frame points inwards; its ears lie on the wall's outside.
-    wall_z = parts.servo.depth_mm.value / 2 - parts.servo.ear_underside_mm.value + 2 * film
-    x, y, _ = apply(servo.pose, 0.0, 0.0, wall_z + JOINT_GAP_MM + size[1] / 2)
+    # z of the servo's frame points into the car, from the middle of its depth. The wall with its second layer begins at
+    # the undersides of the ears and is two films thick.
+    ears_z = parts.servo.depth_mm.value / 2 - parts.servo.ear_underside_mm.value
+    inside_of_wall_z = ears_z + 2 * film
+    x, y, _ = apply(servo.pose, 0.0, 0.0, inside_of_wall_z + JOINT_GAP_MM + size[1] / 2)
     z = _height_mm(_segments(car)[servo.body], "floor") + film / 2 + size[2] / 2
     name = f"extension of {servo.name}"
     return Mount(extension.name, name, servo.body, translation(x, y, z), size, extension.mass_kg.value)
@@ -125,7 +137,7 @@ def _joint(car: FoldedCar, servo: Mount, extension: Bought) -> Mount:
 
 def _segments(car: FoldedCar) -> dict[str, list[PlacedFace]]:
     """Return the faces of the segments, by body."""
-    return place(car, {placed.body for placed in car.placed if placed.body.startswith("segment")})
+    return placed_faces(car, {placed.body for placed in car.placed if placed.body.startswith("segment")})
 
 
 def _height_mm(faces: Iterable[PlacedFace], name: str) -> float:
@@ -133,13 +145,39 @@ def _height_mm(faces: Iterable[PlacedFace], name: str) -> float:
     return max(float(face.corners_mm[:, 2].max()) for face in faces if face.face.name == name)
 
 
-def _ends(mount: Mount, battery: BoxPart) -> Iterator[tuple[str, Points]]:
-    """Yield (side, point) of both ends of a battery: "front", "rear", "left" or "right", and the end's middle (3,)."""
+class BatteryEnd(NamedTuple):
+    """An end of a battery's length: its side in the car (front, rear, left or right) and its middle (3,), in mm."""
+
+    side: str
+    middle: Points
+
+
+class Way(NamedTuple):
+    """The way of a lead: its length (mm), and the number of hinges that it passes. Ways compare by their lengths."""
+
+    length_mm: float
+    hinges: int
+
+
+class WireStart(NamedTuple):
+    """Where a wire starts: the point (3,) in mm, the body, and how much wire (mm) must be free to lift the boards."""
+
+    point: Points
+    body: str
+    free_mm: float
+
+
+def _ends(mount: Mount, battery: BoxPart) -> Iterator[BatteryEnd]:
+    """Yield both ends of a battery, where its leads may leave it."""
+    # The axis of the mount, x or y, along which the battery's length lies.
     axis = min((0, 1), key=lambda i: abs(mount.size_mm[i] - battery.length_mm.value))
     pose = np.array(mount.pose)
-    for offset in (-pose[:3, axis] * mount.size_mm[axis] / 2, pose[:3, axis] * mount.size_mm[axis] / 2):
-        along = int(np.argmax(np.abs(offset[:2])))
-        yield SIDES[along][int(offset[along] > 0)], pose[:3, 3] + offset
+    half_length = pose[:3, axis] * mount.size_mm[axis] / 2
+    for offset in (-half_length, half_length):
+        car_axis = int(np.argmax(np.abs(offset[:2])))
+        negative_side, positive_side = SIDES[car_axis]
+        side = positive_side if offset[car_axis] > 0 else negative_side
+        yield BatteryEnd(side, pose[:3, 3] + offset)
 
 
 class _Ways:
@@ -154,90 +192,112 @@ class _Ways:
     def servos(self) -> Iterator[Lead]:
         """Yield the servos' leads to their outputs."""
         parts, servo, wing = self.parts, self.parts.servo, self.parts.featherwing
+        # In the frame of the servo's box: the lead leaves at its short end, at a height over its bottom. z points to the
+        # bottom.
         lead_exit_mm = (-servo.length_mm.value / 2, 0.0, servo.depth_mm.value / 2 - servo.lead_height_mm.value)
-        # Where leads bend over the plugs, in the frame of the driver's box.
+        # In the frame of the driver's box, leads bend at this height over their plugs.
         bend_z_mm = wing.plug_top_mm.value + wing.plug_bend_mm.value - wing.height_mm.value / 2
-        allowance_mm = parts.wiring.slack_mm.value + parts.plugs.servo.length_mm.value
-        for axle in (axle for axle in self.car.axles if axle.driven):
+        ends_mm = parts.wiring.slack_mm.value + parts.plugs.servo.length_mm.value
+        for axle in self.car.axles:
+            if not axle.driven:
+                continue
             start = np.array(apply(self.mounts[axle.servo].pose, *lead_exit_mm))
-            way = self.way(
-                start, self._at(self.wing, (*wing.outputs.at_mm[axle.channel], bend_z_mm)), axle.body, self.wing
-            )
-            available, extension_name = servo.lead_length_mm.min_value, ""
-            extension_names = [self.mounts[w.a].part for w in self.car.wires if w.b == axle.servo and w.a in self.mounts]
-            for extension in (extension for extension in parts.extensions.sold if extension.name in extension_names):
-                available, extension_name = _extended_mm(self.car, available, extension), extension.name
-            length, needed = self._lengths_mm(way, allowance_mm)
-            output = f"{self.wing} {axle.channel}"
-            yield Lead(axle.servo, output, "plug", length, needed, available, extension=extension_name)
+            end = self._at(self.wing, (*wing.outputs.at_mm[axle.channel], bend_z_mm))
+            available_mm, extension_name = servo.lead_length_mm.min_value, ""
+            extension = self._extension_of(axle.servo)
+            if extension is not None:
+                available_mm, extension_name = _extended_mm(self.car, available_mm, extension), extension.name
+            way = self.way(start, end, axle.body, self.wing)
+            lead = self._lead(axle.servo, f"{self.wing} {axle.channel}", "plug", way, ends_mm, available_mm)
+            yield replace(lead, extension=extension_name)
+
+    def _extension_of(self, servo: str) -> Bought | None:
+        """Return the extension that is plugged onto a servo's lead, or None if there is none."""
+        wired = {self.mounts[wire.a].part for wire in self.car.wires if wire.b == servo and wire.a in self.mounts}
+        return next((extension for extension in self.parts.extensions.sold if extension.name in wired), None)
 
     def lipo(self) -> Lead:
         """Return the LiPo's lead to its socket on the Feather."""
         feather, lipo = self.parts.feather, self.of_part[self.parts.lipo.name]
-        (x, y, z), (_, width, _) = feather.battery_socket.at_mm, feather.battery_socket.size_mm
-        socket_mouth = self._at(feather.name, (x, y + width / 2, z - feather.height_mm.value / 2))
-        ends = _ends(lipo, self.parts.lipo)
-        way, side = min((self.way(end, socket_mouth, lipo.body, feather.name), side) for side, end in ends)
-        allowance_mm = self.parts.wiring.slack_mm.value + self.parts.plugs.battery.inserted_mm.value
-        available = self.parts.lipo.lead_length_mm.min_value
-        lengths_mm = self._lengths_mm(way, allowance_mm)
-        return Lead(lipo.name, f"{feather.name} JST", "plug", *lengths_mm, available, leaves=side)
+        socket_mouth = self._mouth(feather, feather.battery_socket)
+        # The lead leaves the LiPo at the end from which the way is shorter.
+        ways = []
+        for end in _ends(lipo, self.parts.lipo):
+            ways.append((self.way(end.middle, socket_mouth, lipo.body, feather.name), end.side))
+        way, side = min(ways)
+        ends_mm = self.parts.wiring.slack_mm.value + self.parts.plugs.battery.inserted_mm.value
+        available_mm = self.parts.lipo.lead_length_mm.min_value
+        lead = self._lead(lipo.name, f"{feather.name} JST", "plug", way, ends_mm, available_mm)
+        return replace(lead, leaves=side)
 
     def supply(self) -> Iterator[Lead]:
         """Yield the leads of the battery, + to the switch and - to the terminal block, and the wire between these two."""
         parts, wing = self.parts, self.parts.featherwing
         battery, switch = self.of_part[parts.battery.name], self.mounts[SERVO_SWITCH]
-        joint, available = parts.wiring.joint_mm.value, parts.battery.lead_length_mm.min_value
-        (x, y, z), (_, width, _) = wing.terminal_block.at_mm, wing.terminal_block.size_mm
-        block = self._at(wing.name, (x, y + width / 2, z - wing.height_mm.value / 2))
-        tails = self._terminals(switch)
-        connections = (
-            ("+", f"{SERVO_SWITCH} 1", tails, parts.switch.name),
-            ("-", f"{wing.name} terminal -", block, wing.name),
-        )
-        # To change cells, the battery is lifted above the walls with its leads on, so these reach both places. One on the
-        # roof is turned over.
+        joint_mm, available_mm = parts.wiring.joint_mm.value, parts.battery.lead_length_mm.min_value
+        terminals, block = self._terminals(switch), self._mouth(wing, wing.terminal_block)
+        # To change cells, the battery is lifted above the walls with its leads on, so they must be long enough for this,
+        # too. A battery on the roof is turned over beside its place, which takes its own height.
         wall_top = _height_mm(self.bodies[battery.body], "left")
+        bottom = battery.center_mm[2] - battery.size_mm[2] / 2
         min_lift = battery.size_mm[2] if parts.battery_place == "roof" else 0.0
-        lift = np.array((0.0, 0.0, max(min_lift, wall_top - (battery.pose[2][3] - battery.size_mm[2] / 2))))
-        by_side: list[list[Lead]] = []
-        for side, end in _ends(battery, parts.battery):
-            by_side.append([])
-            for sign, name, target, part in connections:
-                # The longer one of the ways from the battery in its place and from the lifted battery.
-                way = max(self.way(start, target, battery.body, part) for start in (end, end + lift))
-                lengths_mm = self._lengths_mm(way, joint)
-                by_side[-1].append(Lead(f"{battery.name} {sign}", name, "solder", *lengths_mm, available, leaves=side))
-        # The leads leave the battery on the side from which they are shorter.
-        yield from min(by_side, key=lambda pair: sum(lead.needed_mm for lead in pair))
-        lengths_mm = self._lengths_mm(self.way(tails, block, switch.body, wing.name), 2 * joint)
-        # A wire is cut from stock: it has no length of its own.
-        yield Lead(f"{SERVO_SWITCH} 2", f"{wing.name} terminal +", "wire", *lengths_mm, available_mm=0.0)
+        lift = np.array((0.0, 0.0, max(min_lift, wall_top - bottom)))
+
+        def leads_from(end: BatteryEnd) -> tuple[Lead, Lead]:
+            """Return both leads of the battery if they leave it at this end."""
+            starts = (end.middle, end.middle + lift)
+            plus_way = max(self.way(start, terminals, battery.body, parts.switch.name) for start in starts)
+            minus_way = max(self.way(start, block, battery.body, wing.name) for start in starts)
+            plus, minus = f"{battery.name} +", f"{battery.name} -"
+            plus_lead = self._lead(plus, f"{SERVO_SWITCH} 1", "solder", plus_way, joint_mm, available_mm)
+            minus_lead = self._lead(minus, f"{wing.name} terminal -", "solder", minus_way, joint_mm, available_mm)
+            return replace(plus_lead, leaves=end.side), replace(minus_lead, leaves=end.side)
+
+        # They leave the battery at the end from which they are shorter.
+        pairs = [leads_from(end) for end in _ends(battery, parts.battery)]
+        yield from min(pairs, key=lambda pair: sum(lead.needed_mm for lead in pair))
+        way = self.way(terminals, block, switch.body, wing.name)
+        yield self._lead(f"{SERVO_SWITCH} 2", f"{wing.name} terminal +", "wire", way, 2 * joint_mm)
 
     def controls(self) -> Iterator[Lead]:
         """Yield the wires of the board switch and of the options.
 
         They are soldered beside the open car, while the boards are lifted out.
         """
-        feather, wing = self.parts.feather.name, self.parts.featherwing
-        for wire in (wire for wire in self.car.wires if wire.carries == "control"):
-            name = wire.a.rpartition(" ")[0]
-            if name in (BOARD_SWITCH, BUTTON):
-                start, body, lift_mm = self._terminals(self.mounts[name]), self.mounts[name].body, self._lift_mm(feather)
-            else:
-                # Between the boards: the wing can be laid beside the Feather while that is screwed on.
-                x, y = option_resistors(self.parts).get(wire.a) or self.parts.feather.pin_mm(wire.a.rpartition(" ")[2])
-                start, body, lift_mm = self._below_feather(x, y), self.of_part[feather].body, wing.width_mm.value
-            if wire.b.startswith(feather):
-                end = self._below_feather(*self.parts.feather.pin_mm(wire.b.rpartition(" ")[2]))
-            else:
-                # The terminal block, or the pad of #OE that is large enough to be soldered to.
-                enable = (*wing.output_enable.at_mm[0], wing.board_mm.value)
-                at = wing.terminal_block.at_mm if wire.b.endswith("+") else enable
-                end = self._at(wing.name, (*at[:2], at[2] - wing.height_mm.value / 2))
-            way = self.way(start, end, body, feather)
-            lengths_mm = self._lengths_mm(way, 2 * self.parts.wiring.joint_mm.value + lift_mm)
-            yield Lead(wire.a, wire.b, "wire", *lengths_mm, available_mm=0.0)
+        for wire in self.car.wires:
+            if wire.carries == "control":
+                start = self._control_start(wire.a)
+                way = self.way(start.point, self._control_end(wire.b), start.body, self.parts.feather.name)
+                ends_mm = 2 * self.parts.wiring.joint_mm.value + start.free_mm
+                yield self._lead(wire.a, wire.b, "wire", way, ends_mm)
+
+    def _control_start(self, terminal: str) -> WireStart:
+        """Return where the wire at a terminal starts: ``button 1``, ``20 kΩ resistor`` or a pin, ``Feather 27``."""
+        part, _, pin = terminal.rpartition(" ")
+        feather = self.of_part[self.parts.feather.name]
+        if part in (BOARD_SWITCH, BUTTON):
+            switch = self.mounts[part]
+            # The boards are lifted above the walls.
+            wall_top = _height_mm(self.bodies[feather.body], "left")
+            lift_mm = max(0.0, wall_top - feather.center_mm[2] + feather.size_mm[2] / 2)
+            return WireStart(self._terminals(switch), switch.body, lift_mm)
+        resistors = option_resistors(self.parts)
+        x, y = resistors[terminal] if terminal in resistors else self.parts.feather.pin_mm(pin)
+        # This wire is between the boards. While the Feather is screwed on, the wing is laid beside it.
+        return WireStart(self._below_feather(x, y), feather.body, self.parts.featherwing.width_mm.value)
+
+    def _control_end(self, terminal: str) -> Points:
+        """Return the point where a wire ends: a pin of the Feather, the wing's terminal block, or its pad of #OE."""
+        wing = self.parts.featherwing
+        if terminal.startswith(self.parts.feather.name):
+            return self._below_feather(*self.parts.feather.pin_mm(terminal.rpartition(" ")[2]))
+        if terminal.endswith("+"):
+            x, y, z = wing.terminal_block.at_mm
+        else:
+            # The first of the pads is large enough to be soldered to.
+            x, y = wing.output_enable.at_mm[0]
+            z = wing.board_mm.value
+        return self._at(wing.name, (x, y, z - wing.height_mm.value / 2))
 
     def _below_feather(self, x: float, y: float) -> Points:
         """Return a point at the underside of the Feather."""
@@ -247,45 +307,59 @@ class _Ways:
         """Return the inner end of a switch, where its terminals are."""
         return np.array(apply(switch.pose, 0.0, 0.0, -switch.size_mm[2] / 2))
 
-    def _lift_mm(self, part: str) -> float:
-        """Return the height (mm) by which a part is lifted out of the car, above its walls."""
-        mount = self.of_part[part]
-        return max(0.0, _height_mm(self.bodies[mount.body], "left") - mount.pose[2][3] + mount.size_mm[2] / 2)
-
-    def _lengths_mm(self, way: tuple[float, int], ends_mm: float) -> tuple[float, float]:
-        """Return the length of a way (mm), and that of the lead along it, with slack and ``ends_mm`` for its ends.
-
-        ``way`` is the length of the way (mm) and its number of hinges.
-        """
-        wiring, (length, hinges) = self.parts.wiring, way
-        with_slack = length * (1 + wiring.slack_share.value) + hinges * wiring.hinge_slack_mm.value
-        return length, with_slack + ends_mm
+    def _mouth(self, board: BoxPart, box: Box) -> Points:
+        """Return the middle of that side of a socket or block on a board where leads come in, at its +y."""
+        x, y, z = box.at_mm
+        # Boxes are given over the board's underside. The frame of the mount is half its height above.
+        return self._at(board.name, (x, y + box.size_mm[1] / 2, z - board.height_mm.value / 2))
 
     def _at(self, part: str, point: tuple[float, float, float]) -> Points:
+        """Return a point of a mount's frame in the car; ``part`` is the name of the mount's part."""
         return np.array(apply(self.of_part[part].pose, *point))
 
-    def way(self, start: Points, end: Points, body: str, part: str) -> tuple[float, int]:
-        """Return the length (mm) of the way of a lead, and the number of hinges that it passes.
+    def _lead(self, start: str, end: str, kind: LeadKind, way: Way, ends_mm: float, available_mm: float = 0.0) -> Lead:
+        """Return the lead along a way. It needs slack, slack at hinges, and ``ends_mm`` for its ends.
 
-        The lead goes from a point in ``body`` to a point at ``part``. At a hinge it goes through the slits of the
-        caps. Within a segment it runs along the axes of the car, so the differences of x, y and z add up.
+        A wire is cut from stock, so no length of it is available.
+        """
+        wiring = self.parts.wiring
+        with_slack = way.length_mm * (1 + wiring.slack_share.value) + way.hinges * wiring.hinge_slack_mm.value
+        return Lead(start, end, kind, way.length_mm, needed_mm=with_slack + ends_mm, available_mm=available_mm)
+
+    def way(self, start: Points, end: Points, body: str, part: str) -> Way:
+        """Return the way of a lead from a point in ``body`` to a point at ``part``.
+
+        At a hinge it goes through the slits of the caps. Within a segment it runs along the axes of the car, so the
+        differences of x, y and z add up.
         """
         first, last = (int(name.removeprefix("segment")) for name in (body, self.of_part[part].body))
+        # Hinge i joins segment i and, behind it, segment i + 1.
+        goes_rearwards = first < last
+        hinges = range(first, last) if goes_rearwards else range(first - 1, last - 1, -1)
         position = self._inside(start, body)
         length = float(np.abs(start - position).sum())
-        for i in range(first, last) if first < last else range(first - 1, last - 1, -1):
-            # The slits in the caps before and behind the hinge: the rearmost hole of the front segment, the foremost of
-            # the rear segment.
-            slits = [min(self._holes(f"segment{i}", 0), key=lambda point: float(point[0])),
-                     max(self._holes(f"segment{i + 1}", 0), key=lambda point: float(point[0]))]  # fmt: skip
-            hinge = self.car.hinges[i]
-            # The largest gap between the slits counts, at the hinge's limits and when it is straight.
-            motions = (hinge_motion(hinge, angle) for angle in (hinge.min_rad, 0.0, hinge.max_rad))
-            gap = max(float(np.linalg.norm(slits[0] - np.array(apply(turn, *slits[1])))) for turn in motions)
-            own_slit, other_slit = slits if first < last else slits[::-1]
-            length += float(np.abs(own_slit - position).sum()) + gap
-            position = other_slit
-        return length + float(np.abs(end - position).sum()), abs(last - first)
+        for hinge in hinges:
+            front_slit, rear_slit = self._slits_at(hinge)
+            near_slit, far_slit = (front_slit, rear_slit) if goes_rearwards else (rear_slit, front_slit)
+            to_slit = float(np.abs(near_slit - position).sum())
+            length += to_slit + self._max_gap_mm(hinge, front_slit, rear_slit)
+            position = far_slit
+        return Way(length + float(np.abs(end - position).sum()), len(hinges))
+
+    def _slits_at(self, hinge: int) -> tuple[Points, Points]:
+        """Return the middles of the slits in the caps before and behind a hinge."""
+        front_slit = min(self._holes(f"segment{hinge}", 0), key=lambda point: float(point[0]))
+        rear_slit = max(self._holes(f"segment{hinge + 1}", 0), key=lambda point: float(point[0]))
+        return front_slit, rear_slit
+
+    def _max_gap_mm(self, hinge: int, front_slit: Points, rear_slit: Points) -> float:
+        """Return the largest distance of two slits, at the hinge's limits and when it is straight."""
+        joint = self.car.hinges[hinge]
+        gaps = []
+        for angle in (joint.min_rad, 0.0, joint.max_rad):
+            moved_slit = np.array(apply(hinge_motion(joint, angle), *rear_slit))
+            gaps.append(float(np.linalg.norm(front_slit - moved_slit)))
+        return max(gaps)
 
     def _inside(self, start: Points, body: str) -> Points:
         """Return the point where a lead enters the body: the hole in the lid for a battery on the roof."""

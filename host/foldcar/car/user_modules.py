@@ -85,11 +85,14 @@ def _identifies_module(file: Path, folder: Path) -> bool:
 def _outside_files(module: ModuleType, recorded: RecordedFiles, folder: Path) -> Iterator[Path]:
     """Yield the files outside ``folder`` that are not installed, and that the module has read or imports names from."""
     yield from (file for file, state in recorded.read.items() if state is not None and _is_outside(file, folder))
+    # The file of a module that was imported earlier is not read again. So the names that the user's module has imported
+    # are followed to the modules that define them.
     for value in vars(module).values():
-        # A module that was imported before has not been read now.
-        name = value.__name__ if isinstance(value, ModuleType) else getattr(value, "__module__", None)
-        file = getattr(sys.modules.get(str(name)), "__file__", None)
-        if name != module.__name__ and file is not None and _is_outside(Path(file), folder):
+        defining_module = value.__name__ if isinstance(value, ModuleType) else getattr(value, "__module__", None)
+        if defining_module == module.__name__:
+            continue
+        file = getattr(sys.modules.get(str(defining_module)), "__file__", None)
+        if file is not None and _is_outside(Path(file), folder):
             yield Path(file)
 
 
@@ -129,24 +132,26 @@ def _first_line(kind: type) -> int:
 
 
 def _rejections(kind: type[Module] | type[Composite]) -> Iterator[str]:
-    """Yield the reasons for which a user's module is rejected."""
+    """Yield the reasons for which a user's class of modules is rejected, each as the end of a message."""
     for attribute in ("letter", "title"):
         if not isinstance(getattr(kind, attribute, None), str):
             yield f' has no string "{attribute}"'
-    letter = kind.letter
-    if not letter.isalnum() or letter == "common" or letter[-1].isdigit():
-        yield f': letter "{letter}" must consist of letters and digits and end in a letter'
-    if letter in MODULES:
-        yield f': letter "{letter}" is already used by {MODULES[letter].__name__}'
+    # The module's name in type strings. In spite of the attribute's name it may have several characters.
+    name = kind.letter
+    if not name.isalnum() or name == "common" or name[-1].isdigit():
+        yield f': letter "{name}" must consist of letters and digits and end in a letter'
+    if name in MODULES:
+        yield f': letter "{name}" is already used by {MODULES[name].__name__}'
     if issubclass(kind, ElectronicsModule):
         yield ": derives from the class that carries the electronics; derive it from Module"
-    declared_by_key = {key: parameter.declared for key, parameter in parameters().items()}
     for parameter in kind.parameters:
-        of_car = declared_by_key.get(parameter.name, parameter)
+        of_car = parameters().get(parameter.name)
+        if of_car is None or of_car.declared == parameter:
+            continue
         # A shared parameter belongs to the whole car, so each module must declare it in the same way. The same holds
         # for a uniform parameter of a module. A composite may give its modules other values, also of uniform
         # parameters.
-        if of_car != parameter and (parameter.shared or (of_car.uniform and issubclass(kind, Module))):
+        if parameter.shared or (of_car.declared.uniform and issubclass(kind, Module)):
             yield f': its parameter "{parameter.name}" must be declared like that of the whole car'
 
 
@@ -169,16 +174,19 @@ def forbid_new_files() -> Iterator[None]:
     if not USER_FILES:
         yield
         return
-    folder = next(iter(USER_FILES)).parent
-    with only_minimal_variables(), sources_only(folder), recorded_files() as recorded:
+    folders = [file.parent for file in USER_FILES]
+    with only_minimal_variables(), sources_only(folders[0]), recorded_files() as recorded:
         yield
-    read = [file for file, state in recorded.read.items() if state is not None]
-    listed = [folder for folder in recorded.listed if any(path.parent in folder.parents for path in USER_FILES)]
-    for file in (*read, *listed):
-        if file not in _module_files and all(_identifies_module(file, path.parent) for path in USER_FILES):
+    read_files = [file for file, state in recorded.read.items() if state is not None]
+    listed_folders = [listed for listed in recorded.listed if any(folder in listed.parents for folder in folders)]
+    for file in (*read_files, *listed_folders):
+        # A file that is installed, or is a part of foldcar, says nothing about a module.
+        identifies_modules = all(_identifies_module(file, folder) for folder in folders)
+        if identifies_modules and file not in _module_files:
+            first_module = next(iter(USER_FILES))
             raise FoldcarError(
-                f"{next(iter(USER_FILES))}: reads {file} while a car is folded, too late to tell designs apart by it; "
-                "read it at the module's head"
+                f"{first_module}: reads {file} while a car is folded; foldcar tells designs apart by the files that a "
+                "module reads when it is loaded, so read it at the module's head"
             )
 
 
@@ -192,7 +200,9 @@ def component_errors(refusal: Callable[[str | None, str], FoldcarError]) -> Iter
     try:
         yield
     except ComponentError as error:
-        place, message = _place_of(error), error.message if error.key else str(error)
+        # The text of an error without a key names the component.
+        message = str(error) if error.key is None else error.message
+        place = _place_of(error)
         raise refusal(error.key, f"{message} [{place}]" if place else message) from error
     except FoldcarError:
         raise

@@ -36,7 +36,7 @@ class Spread(Data):
 
 
 @cache
-def workshop() -> dict[str, Spread]:
+def workshop_spreads() -> dict[str, Spread]:
     """Return every spread by name, with its default standard deviation."""
     text = files("foldcar.car").joinpath("workshop.json").read_text(encoding="utf-8")
     return TypeAdapter(dict[str, Spread]).validate_python(json.loads(text)["spreads"])
@@ -54,11 +54,11 @@ def spread_named(name_or_object: Any, place: str) -> Mapping[str, float]:
     base = changes.pop("from")
     if base != WORKSHOP:
         raise FoldcarError(f'{place}: unknown variation {base!r}; known: "{WORKSHOP}"')
-    spread = {name: quantity.sd for name, quantity in workshop().items()}
+    spread = {name: quantity.sd for name, quantity in workshop_spreads().items()}
     for name, value in changes.items():
         if name not in spread:
             raise FoldcarError(f'{place}: unknown spread "{name}"; known: {", ".join(spread)}')
-        quantity = workshop()[name]
+        quantity = workshop_spreads()[name]
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise FoldcarError(f"{place}.{name}: {value!r} is not a number")
         if not 0 <= value <= quantity.largest_sd:
@@ -77,12 +77,13 @@ def named_car(name: str) -> str:
 def draw(spread: Mapping[str, float], seed: int, sample: int | str) -> dict[str, Any]:
     """Draw how the built car of a sample differs from its design, for each quantity of the ``spread``.
 
-    ``spread`` has standard deviations by name. The result depends on the arguments only. Each name has a random stream of
-    its own, so its draws do not change if the listing adds another quantity.
+    ``spread`` has standard deviations by name. The result depends on the arguments only. It has a list for a quantity of
+    the wheels, and a number for a quantity of the whole car. Each name has a random stream of its own, so its draws do
+    not change if the listing adds another quantity.
     """
     variation: dict[str, Any] = {}
     for name, sd in spread.items():
-        quantity = workshop()[name]
+        quantity = workshop_spreads()[name]
         stream = random.Random(f"{seed}/{sample}/{name}")
         count = CHANNELS if quantity.per == "wheel" else 1
         draws = []
@@ -90,17 +91,18 @@ def draw(spread: Mapping[str, float], seed: int, sample: int | str) -> dict[str,
             standard_normal = stream.gauss(0, 1)
             draws.append(sd * max(-CUT_OFF, min(CUT_OFF, standard_normal)))
         if quantity.distribution == "half-normal":
-            # The quantity is the magnitude of a vector, such as an eccentricity, whose direction is random.
+            # The quantity is the magnitude of a vector, such as an eccentricity. All of these are of wheels, so the
+            # random directions are a list, too.
             draws = [abs(value) for value in draws]
-            variation[phase_name(name)] = [stream.uniform(0, 2 * math.pi) for _ in range(count)]
+            variation[direction_key(name)] = [stream.uniform(0, 2 * math.pi) for _ in range(count)]
         variation[name] = draws if quantity.per == "wheel" else draws[0]
     return variation
 
 
-def phase_name(name: str) -> str:
+def direction_key(name: str) -> str:
     """Return the key under which a draw has the direction of a half-normal quantity.
 
-    Example: phase_name("eccentricity_m") is "eccentricity_phase_rad"
+    Example: direction_key("eccentricity_m") is "eccentricity_phase_rad"
     """
     return name.removesuffix("_m") + "_phase_rad"
 

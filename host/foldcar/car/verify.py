@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from foldcar.car.design import Design
 from foldcar.car.fits import check_fits
 from foldcar.car.folded.model import FoldedCar
-from foldcar.car.folded.placed import Finding, place
+from foldcar.car.folded.placed import Finding, placed_faces
 from foldcar.car.folded_car import folded_car
 from foldcar.car.proof.check_film import check_film_apart, check_flat, check_joins
 from foldcar.car.proof.prove import prove
@@ -29,7 +29,7 @@ def check_folded_car(car: FoldedCar) -> list[Finding]:
     """Return all findings about a folded car, except those of its assembly."""
     distance_mm = car.parts.assembly.fold_distance_mm.value
     findings = [finding for piece in car.pieces for finding in check_flat(piece, distance_mm)]
-    return [*findings, *check_joins(car, place(car)), *check_film_apart(car), *check_fits(car), *check_supply(car)]
+    return [*findings, *check_joins(car, placed_faces(car)), *check_film_apart(car), *check_fits(car), *check_supply(car)]
 
 
 def verify(design: Design) -> Verification:

@@ -19,7 +19,7 @@ from typing import Any, TypeVar
 import numpy
 from numpy.typing import NDArray
 
-from foldcar.car.variation import SERVO_DIFFERENCES, workshop
+from foldcar.car.variation import SERVO_DIFFERENCES, workshop_spreads
 from foldcar.scenes.terrain_kinds import KIND_NAMES, KINDS
 from foldcar.statistics.words import label_and_unit
 from foldcar.store.info import ExperimentInfo
@@ -291,7 +291,7 @@ def _car(drawn: Mapping[str, Any], wheels: Any) -> dict[str, float]:
     """
     values = {}
     for name, value in drawn.items():
-        if name not in workshop():
+        if name not in workshop_spreads():
             continue
         if not isinstance(value, list):
             values[f"car_{name}"] = float(value)

@@ -10,7 +10,7 @@ from scipy.stats import halfnorm, lognorm, norm
 
 from foldcar.belief.priors import NAMES, NOMINAL, PARAMETERS, built_priors
 from foldcar.belief.reality import drawn_reality
-from foldcar.car.variation import draw, workshop
+from foldcar.car.variation import draw, workshop_spreads
 
 
 def test_a_standard_normal_score_has_the_declared_prior() -> None:
@@ -46,7 +46,9 @@ def test_a_reality_has_the_values_and_random_parts_that_all_values_share() -> No
     assert half["start_x_m"] == starts[7]["start_x_m"]
     # The listing's own spreads of the whole car stay, those of wheels give way.
     varied = drawn_reality(wide, {"mass": 0.03, "tyre_grip": 0.5}, 5, 7, 7)
-    doubled = draw({name: 2 * workshop()[name].sd for name in ("tyre_grip", "servo_torque")} | {"mass": 0.03}, 5, 7)
+    doubled = draw(
+        {name: 2 * workshop_spreads()[name].sd for name in ("tyre_grip", "servo_torque")} | {"mass": 0.03}, 5, 7
+    )
     assert varied["tyre_grip"] == pytest.approx(doubled["tyre_grip"]) and varied["mass"] == doubled["mass"]
     # A servo has its own part of what all servos have.
     torques = [1 + difference for difference in varied["servo_torque"]]

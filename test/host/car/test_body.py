@@ -11,7 +11,7 @@ import trimesh
 from foldcar.car.body import TableRow, body_json, check_parameters, firmware_parameters, full_speed_m_s
 from foldcar.car.design import Design, compose
 from foldcar.car.folded.model import FoldedCar, Solid
-from foldcar.car.folded.placed import place
+from foldcar.car.folded.placed import placed_faces
 from foldcar.car.folded.weight import body_properties
 from foldcar.car.folded_car import folded_car
 from foldcar.car.leads import leads, stock_wire_mm
@@ -30,7 +30,7 @@ def solids(design: Design, body: str) -> list[trimesh.Trimesh]:
     """Every face of the body extruded to its thickness, and every part's shape, in metres, with their densities."""
     car = folded_car(design)
     meshes = []
-    for face in place(car, (body,))[body]:
+    for face in placed_faces(car, (body,))[body]:
         mesh = trimesh.creation.extrude_polygon(face.polygon, face.piece.thickness_mm)
         mesh.apply_translation((0, 0, -face.piece.thickness_mm / 2))
         mesh.apply_transform(face.matrix)

@@ -227,7 +227,7 @@ def test_what_a_user_module_reads_is_part_of_it(tmp_path: Path) -> None:
     at = text.index("        ", text.index("def build"))
     late.write_text(f"{text[:at]}        (DATA / 'late.txt').read_text()\n{text[at:]}")
     load_components(late)
-    with pytest.raises(FoldcarError, match=r"reads .*late\.txt while a car is folded, too late"):
+    with pytest.raises(FoldcarError, match=r"reads .*late\.txt while a car is folded; foldcar tells designs apart"):
         folded_car(compose("W_B_Late", {"Late.length": 52}))
 
 

@@ -11,7 +11,7 @@ from shapely.affinity import translate
 
 from foldcar.car.components.shape import rectangle_around
 from foldcar.car.design import DesignError, compose
-from foldcar.car.fits import check_fits, fits
+from foldcar.car.fits import check_fits, fits_of
 from foldcar.car.folded.model import FoldedCar, Hole
 from foldcar.car.folded.pose import compose as chain
 from foldcar.car.folded.pose import translation
@@ -59,7 +59,7 @@ def test_all_parts_fit_in_the_worst_case(parts: str) -> None:
     car = folded_car(compose(f"W_B_W+{parts}", {"width": 95, "B.length": 120}))
 
     assert [str(fit) for fit in check_fits(car)] == []
-    assert all(fit.parts_mm >= 0 and fit.cutter_mm >= 0 for fit in fits(car))
+    assert all(fit.parts_mm >= 0 and fit.cutter_mm >= 0 for fit in fits_of(car))
 
 
 def test_the_largest_servo_and_its_screws_pass_the_smallest_openings() -> None:
@@ -145,7 +145,7 @@ def test_barbs_in_too_few_layers_and_a_lipo_close_to_the_flange_are_found() -> N
 
 def test_the_room_over_the_servo_leads_ends_at_the_lid_not_at_the_latch_levers() -> None:
     car = study_car()
-    (bend,) = [fit for fit in fits(car) if fit.name == "servo leads' bend under the lid"]
+    (bend,) = [fit for fit in fits_of(car) if fit.name == "servo leads' bend under the lid"]
 
     # The lid's underside lies 49.625 mm over the floor's middle surface, the tops of the plugs at 43.365 mm.
     assert bend.nominal_mm == pytest.approx(6.26, abs=0.005)
@@ -154,7 +154,7 @@ def test_the_room_over_the_servo_leads_ends_at_the_lid_not_at_the_latch_levers()
 def test_the_parts_list_has_every_fit() -> None:
     text = parts_list_text(study_car(), "a car")
 
-    assert all(f"| {fit.name} |" in text for fit in fits(study_car()))
+    assert all(f"| {fit.name} |" in text for fit in fits_of(study_car()))
     assert "| USB plug in its hole | 2.33 | 1.93 | 0.40 | 0.00 |" in text
 
 

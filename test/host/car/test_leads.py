@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from foldcar.car.design import DesignError, compose
 from foldcar.car.folded.model import FoldedCar, Mount
-from foldcar.car.folded.placed import place
+from foldcar.car.folded.placed import placed_faces
 from foldcar.car.folded.pose import apply
 from foldcar.car.folded.pose import compose as chain
 from foldcar.car.folded_car import folded_car
@@ -39,7 +39,7 @@ def shortest_mm(car: FoldedCar, body: str, start: tuple[float, ...], end: tuple[
 
     Such a way exists on the planes that touch the boxes and the ends (Dijkstra's algorithm on their grid).
     """
-    faces = [face for face in place(car)[body] if face.face.role == "panel" and face.piece.name.startswith("beam")]
+    faces = [face for face in placed_faces(car)[body] if face.face.role == "panel" and face.piece.name.startswith("beam")]
     walls = np.concatenate([face.corners_mm for face in faces])
     low, high = walls.min(axis=0) + 1, walls.max(axis=0) - 1
     blocks = []

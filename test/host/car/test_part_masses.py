@@ -16,11 +16,11 @@ import foldcar
 from foldcar.car.body import body_json
 from foldcar.car.design import compose
 from foldcar.car.folded.model import FoldedCar
-from foldcar.car.folded.placed import place
+from foldcar.car.folded.placed import placed_faces
 from foldcar.car.folded_car import folded_car
 from foldcar.car.leads import leads, stock_wire_mm
 from foldcar.car.parts.catalogue import OPTIONS, WITHOUT_DATA, Catalogue
-from foldcar.car.variation import workshop
+from foldcar.car.variation import workshop_spreads
 from foldcar.fabrication.assembly.parts_list import parts_list, parts_list_csv, parts_list_text, total_mass_kg
 from foldcar.fabrication.patterns.labels import join_marks
 from foldcar.fabrication.patterns.options import options
@@ -160,7 +160,7 @@ def test_parts_laid_into_their_outlines_move_the_centre_as_said_and_as_cars_vary
     # Tolerances are two standard deviations; leads, which lie anywhere, add to them.
     for axis, other in (("x", placing), ("y", placing), ("z", high)):
         computed_m = math.hypot(other, math.sqrt(weighed["xyz".index(axis)])) / 2 * 1e-3
-        assert 0.8 < workshop()[f"com_{axis}_m"].sd / computed_m < 2, axis
+        assert 0.8 < workshop_spreads()[f"com_{axis}_m"].sd / computed_m < 2, axis
 
 
 @pytest.mark.parametrize("type_string", ["W_B_W", "W_B_W+battery_place=roof", "W_B_W+battery=4xaa_flat", "W_B_H_W"])
@@ -168,7 +168,7 @@ def test_outlines_on_the_film_are_where_the_parts_lie(type_string: str) -> None:
     car = folded_car(compose(type_string, {"W.length": 130, "B.length": 120, "width": 110}))
     mounts = {mount.name: mount for mount in car.mounts}
     lying = {}
-    for faces in place(car).values():
+    for faces in placed_faces(car).values():
         for face in faces:
             lying |= {mark.name: face.in_car(mark.outline_mm) for mark in face.face.marks if mark.name in mounts}
             # Holes at the corners show what stands on the side without print.

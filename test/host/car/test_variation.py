@@ -10,7 +10,7 @@ import pytest
 
 from foldcar.car.body import body_json, firmware_parameters, full_speed_m_s
 from foldcar.car.design import compose
-from foldcar.car.variation import draw, spread_named, workshop
+from foldcar.car.variation import draw, spread_named, workshop_spreads
 from foldcar.errors import FoldcarError
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.runner import RunRequest
@@ -28,7 +28,7 @@ def body() -> dict[str, Any]:
 def test_draws_are_spread_as_declared() -> None:
     samples = [draw(WORKSHOP, 42, k) for k in range(1500)]
 
-    for name, spread in workshop().items():
+    for name, spread in workshop_spreads().items():
         values = [v for s in samples for v in (s[name] if isinstance(s[name], list) else [s[name]])]
         assert max(abs(value) for value in values) <= 3 * spread.sd
         # Clamping at three standard deviations reduces the spread by 0.7 %; tolerance: five standard errors of a spread.
@@ -134,7 +134,7 @@ def test_carsim_changes_a_car_and_its_ground_as_computed_by_hand(carsim_binary: 
 
 def test_without_spread_nothing_changes(carsim_binary: Path) -> None:
     design = compose("W_B_W", {"width": 95.0})
-    body, still = body_json(design), draw({name: 0.0 for name in workshop()}, 42, 0)
+    body, still = body_json(design), draw({name: 0.0 for name in workshop_spreads()}, 42, 0)
     settings = canonical_json({"speed_m_s": 0.5, "time_limit_s": 0.5, "parameters": firmware_parameters(design, body)})
     requests = [RunRequest("car", "flat", settings, "run", 0, canonical_json(reality)) for reality in ({}, still)]
 
@@ -165,7 +165,7 @@ def test_unknown_spreads_are_refused(spread: Any, message: str) -> None:
 @pytest.mark.parametrize("type_string", ["W_B_W", "W_B_H_W_H_W"])
 def test_the_simulator_takes_every_nearby_car(carsim_binary: Path, type_string: str) -> None:
     # The largest spreads that a listing may ask for.
-    spread = spread_named({"from": "workshop"} | {n: s.largest_sd for n, s in workshop().items()}, "here")
+    spread = spread_named({"from": "workshop"} | {n: s.largest_sd for n, s in workshop_spreads().items()}, "here")
     design = compose(type_string, {"W.length": 140})
     nominal = body_json(design)
     settings = canonical_json(

@@ -14,7 +14,7 @@ from foldcar.car.components.wheel import Wheel
 from foldcar.car.components.wheel_size import WheelSize
 from foldcar.car.design import DesignError, compose
 from foldcar.car.folded.model import Axle, FoldedCar
-from foldcar.car.folded.placed import PlacedFace, place
+from foldcar.car.folded.placed import PlacedFace, placed_faces
 from foldcar.car.folded.pose import compose as chain
 from foldcar.car.folded.pose import rotation, translation
 from foldcar.car.folded_car import folded_car
@@ -36,7 +36,7 @@ def car() -> FoldedCar:
 @pytest.fixture(scope="module")
 def wheel(car: FoldedCar) -> dict[str, PlacedFace]:
     """The faces of its first wheel by piece and face."""
-    return {face.title: face for face in place(car)["wheel0"]}
+    return {face.title: face for face in placed_faces(car)["wheel0"]}
 
 
 @pytest.mark.parametrize("name", OPTIONS["horn"])
@@ -146,7 +146,7 @@ def test_wheels_are_made_with_every_horn_from_the_least_radius_on(horn: str, fil
     least = float(str(caught.value).split("minimum ")[1].split()[0])
     for radius, width in ((least, 12), (47.3, 12), (150, 40)):
         car = alone(radius, width, choices)
-        bodies = place(car)
+        bodies = placed_faces(car)
 
         assert not list(check_film_apart(car)), (radius, least)
         # Every screw's driver passes the access hole, and the hub's layer reaches past every screw's head.

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from foldcar.car.folded.model import FoldedCar, Solid
-from foldcar.car.folded.placed import PlacedFace, place
+from foldcar.car.folded.placed import PlacedFace, placed_faces
 from foldcar.car.folded.pose import translation
 from foldcar.car.proof.blocks import Blocks, first_obstacle, merge_blocks, solid_blocks
 from foldcar.car.proof.prove import assembly_steps
@@ -19,7 +19,7 @@ from published_cars import car
 
 
 def faces(folded: FoldedCar) -> list[PlacedFace]:
-    return [face for faces_of_body in place(folded).values() for face in faces_of_body]
+    return [face for faces_of_body in placed_faces(folded).values() for face in faces_of_body]
 
 
 @pytest.mark.parametrize(("name", "segments"), [("w95", 1), ("hinged", 3)])

@@ -75,35 +75,52 @@ def polygon(face: Face) -> shapely.Polygon:
     return shape if shape.is_valid else shape.buffer(0)
 
 
-def place(car: FoldedCar, bodies: Collection[str] = ()) -> dict[str, list[PlacedFace]]:
-    """Return the placed faces of ``bodies``, by body. By default these are all segments and the first wheel of each unit.
+def placed_faces(car: FoldedCar, bodies: Collection[str] = ()) -> dict[str, list[PlacedFace]]:
+    """Return the faces of ``bodies`` with their poses in the car, by body.
 
-    A face beyond a flexure belongs to the segment behind it.
+    By default these are all segments and the first wheel of each unit. A *unit* is wheels that are alike, so one of them
+    stands for all. A face beyond a flexure, in a hinge's strip, belongs to the segment behind the hinge.
     """
     pieces = {piece.name: piece for piece in car.pieces}
-    rear_of_front = {hinge.front: hinge.rear for hinge in car.hinges}
-    on_wheels = [placed for placed in car.placed if placed.body.startswith("wheel")]
-    # The wheels of a unit are copies of the same pieces: the first stands for all. In reverse, it overwrites the others.
-    first_wheel = {placed.piece: placed.body for placed in reversed(on_wheels)}
-    skipped_wheels = {placed.body for placed in on_wheels} - set(first_wheel.values())
-    shapes: dict[str, dict[str, Pose]] = {}
+    skipped = set() if bodies else _repeated_wheels(car)
+    poses_of_piece: dict[str, dict[str, Pose]] = {}
     placed: dict[str, list[PlacedFace]] = {}
     for copy in car.placed:
+        if copy.body in skipped:
+            continue
         piece = pieces[copy.piece]
-        body_of_face = {piece.faces[0].name: copy.body}
-        for crease in piece.creases:
-            body = body_of_face[crease.parent.face]
-            body_of_face[crease.child.face] = rear_of_front.get(body, body) if crease.flexure else body
-        if bodies:
-            faces = [face for face in piece.faces if body_of_face[face.name] in bodies]
-        else:
-            faces = [] if copy.body in skipped_wheels else list(piece.faces)
-        if faces and piece.name not in shapes:
-            shapes[piece.name] = folded(piece)
-        for face in faces:
-            body, pose = body_of_face[face.name], compose(copy.pose, shapes[piece.name][face.name])
+        body_of_face = _bodies_of_faces(car, piece, copy.body)
+        for face in piece.faces:
+            body = body_of_face[face.name]
+            if bodies and body not in bodies:
+                continue
+            if piece.name not in poses_of_piece:
+                poses_of_piece[piece.name] = folded(piece)
+            pose = compose(copy.pose, poses_of_piece[piece.name][face.name])
             placed.setdefault(body, []).append(PlacedFace(piece, copy.copy, body, face, pose))
     return placed
+
+
+def _repeated_wheels(car: FoldedCar) -> set[str]:
+    """Return the wheels that are not the first of their unit. The wheels of a unit are copies of the same pieces."""
+    first_wheel: dict[str, str] = {}
+    wheels = set()
+    for placed in car.placed:
+        if placed.body.startswith("wheel"):
+            wheels.add(placed.body)
+            first_wheel.setdefault(placed.piece, placed.body)
+    return wheels - set(first_wheel.values())
+
+
+def _bodies_of_faces(car: FoldedCar, piece: Piece, body: str) -> dict[str, str]:
+    """Return the body of each face of a piece, by the face's name. The first face belongs to ``body``."""
+    rear_of_front = {hinge.front: hinge.rear for hinge in car.hinges}
+    body_of_face = {piece.faces[0].name: body}
+    for crease in piece.creases:
+        parent_body = body_of_face[crease.parent.face]
+        is_hinge = crease.flexure and parent_body in rear_of_front
+        body_of_face[crease.child.face] = rear_of_front[parent_body] if is_hinge else parent_body
+    return body_of_face
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,25 +24,38 @@ def rotation(axis: str, angle_rad: float) -> Pose:
 
 
 def compose(*poses: Pose) -> Pose:
-    """Return the product of the 4x4 matrices: the last pose is applied first."""
+    """Return the pose that applies ``poses`` one after the other, the last one first.
+
+    It is the product of their 4x4 matrices.
+    """
     product = poses[0]
     for pose in poses[1:]:
-        (a, b, c, x), (d, e, f, y), (g, h, i, z), _ = pose
-        rows = (
-            (p * a + q * d + r * g, p * b + q * e + r * h, p * c + q * f + r * i, p * x + q * y + r * z + s)
-            for p, q, r, s in product[:3]
-        )
-        product = (*rows, IDENTITY[3])
+        product = _product(product, pose)
     return product
+
+
+def _product(first: Pose, second: Pose) -> Pose:
+    """Return the product of two 4x4 matrices. The last row of a pose is always that of the identity."""
+    x_row, y_row, z_row, _ = second
+    rows = [
+        (
+            x * x_row[0] + y * y_row[0] + z * z_row[0],
+            x * x_row[1] + y * y_row[1] + z * z_row[1],
+            x * x_row[2] + y * y_row[2] + z * z_row[2],
+            x * x_row[3] + y * y_row[3] + z * z_row[3] + shift,
+        )
+        for x, y, z, shift in first[:3]
+    ]
+    return (*rows, IDENTITY[3])
 
 
 def inverse(pose: Pose) -> Pose:
     """Return the inverse of a rigid motion. The inverse of p → R p + t is p → Rᵀ p - Rᵀ t."""
-    (a, b, c, x), (d, e, f, y), (g, h, i, z), _ = pose
+    (xx, xy, xz, shift_x), (yx, yy, yz, shift_y), (zx, zy, zz, shift_z), _ = pose
     return (
-        (a, d, g, -(a * x + d * y + g * z)),
-        (b, e, h, -(b * x + e * y + h * z)),
-        (c, f, i, -(c * x + f * y + i * z)),
+        (xx, yx, zx, -(xx * shift_x + yx * shift_y + zx * shift_z)),
+        (xy, yy, zy, -(xy * shift_x + yy * shift_y + zy * shift_z)),
+        (xz, yz, zz, -(xz * shift_x + yz * shift_y + zz * shift_z)),
         IDENTITY[3],
     )
 
@@ -59,26 +72,42 @@ def across_crease(parent: tuple[Point, Point], child: tuple[Point, Point], angle
     Each edge is given by its ends (mm), in the counter-clockwise order of its own face. So the two edges run in
     opposite directions. Their midpoints coincide.
     """
-    length = math.dist(*parent)
-    dx, dy = (parent[1][0] - parent[0][0]) / length, (parent[1][1] - parent[0][1]) / length
-    length = math.dist(*child)
-    ex, ey = (child[1][0] - child[0][0]) / length, (child[1][1] - child[0][1]) / length
-    c, s = _cos_sin(angle_rad)
-    # d and e are the unit vectors along the parent's and the child's edge. The rotation maps e to u = -d, the child's
-    # inward normal to v, the parent's outward normal turned by the fold, and the child's z to w.
-    ux, uy = -dx, -dy
-    vx, vy, vz = dy * c, -dx * c, s
-    wx, wy, wz = -dy * s, dx * s, c
-    rows = (
-        (ux * ex - vx * ey, ux * ey + vx * ex, wx),
-        (uy * ex - vy * ey, uy * ey + vy * ex, wy),
-        (-vz * ey, vz * ex, wz),
+    parent_x, parent_y = _direction(parent)
+    child_x, child_y = _direction(child)
+    cos, sin = _cos_sin(angle_rad)
+    # Where three axes of the child point in the parent's frame. The direction of the child's edge is opposite to that of
+    # the parent's edge. The child's normal to its edge, which points into the child, is the parent's outward normal,
+    # turned up by the fold. The child's z is the parent's z, turned likewise.
+    along_x, along_y = -parent_x, -parent_y
+    normal_x, normal_y, normal_z = parent_y * cos, -parent_x * cos, sin
+    up_x, up_y, up_z = -parent_y * sin, parent_x * sin, cos
+    # In the child's frame, its edge has the direction (child_x, child_y), and its normal is (-child_y, child_x). So these
+    # are the rows of the rotation that takes the three axes to the above.
+    rotation_rows = (
+        (along_x * child_x - normal_x * child_y, along_x * child_y + normal_x * child_x, up_x),
+        (along_y * child_x - normal_y * child_y, along_y * child_y + normal_y * child_x, up_y),
+        (-normal_z * child_y, normal_z * child_x, up_z),
     )
-    # The translation p - R q maps the midpoint q of the child's edge to the midpoint p of the parent's; R are the rows.
-    px, py = (parent[0][0] + parent[1][0]) / 2, (parent[0][1] + parent[1][1]) / 2
-    qx, qy = (child[0][0] + child[1][0]) / 2, (child[0][1] + child[1][1]) / 2
-    rows_with_p = zip(rows, (px, py, 0.0), strict=True)
-    return (*((rx, ry, rz, p - rx * qx - ry * qy) for (rx, ry, rz), p in rows_with_p), IDENTITY[3])
+    # The translation takes the middle of the child's edge, after the rotation, to the middle of the parent's edge.
+    parent_middle = (*_middle(parent), 0.0)
+    middle_x, middle_y = _middle(child)
+    rows = []
+    for (x, y, z), target in zip(rotation_rows, parent_middle, strict=True):
+        rows.append((x, y, z, target - x * middle_x - y * middle_y))
+    return (*rows, IDENTITY[3])
+
+
+def _direction(edge: tuple[Point, Point]) -> Point:
+    """Return the unit vector from the start of an edge to its end."""
+    (x0, y0), (x1, y1) = edge
+    length = math.dist(*edge)
+    return (x1 - x0) / length, (y1 - y0) / length
+
+
+def _middle(edge: tuple[Point, Point]) -> Point:
+    """Return the middle of an edge."""
+    (x0, y0), (x1, y1) = edge
+    return (x0 + x1) / 2, (y0 + y1) / 2
 
 
 def _cos_sin(angle_rad: float) -> tuple[float, float]:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foldcar.car.folded.model import FoldedCar, Mount, Point, Pose
-from foldcar.car.folded.placed import PlacedFace, place
+from foldcar.car.folded.placed import PlacedFace, placed_faces
 from foldcar.car.folded.pose import compose
 from foldcar.car.parts.bought import Film
 
@@ -47,7 +47,7 @@ def body_properties(car: FoldedCar, body: str) -> MassProperties:
 
     They are in SI units, in the frame of the car.
     """
-    film = (plate_properties(face, car.parts.film) for face in place(car, (body,))[body])
+    film = (plate_properties(face, car.parts.film) for face in placed_faces(car, (body,))[body])
     return assemble([*film, *(mount_properties(mount) for mount in car.mounts if mount.body == body)])
 
 
@@ -72,7 +72,7 @@ def mount_properties(mount: Mount) -> MassProperties:
             squares = np.square((x, y, z))
             moments = mass_kg / 12 * (squares.sum() - squares)
         about_centre = MassProperties(mass_kg, np.zeros(3), np.diag(moments))
-        properties.append(_turned(about_centre, compose(mount.pose, solid.pose)))
+        properties.append(_moved(about_centre, compose(mount.pose, solid.pose)))
     return assemble(properties)
 
 
@@ -81,10 +81,15 @@ def max_placement_shift_mm(car: FoldedCar) -> float:
 
     These are the parts with a printed outline, or with holes that mark their corners.
     """
-    faces = [face for piece in car.pieces for face in piece.faces]
-    marked = {mark.name for face in faces for mark in face.marks}
-    holes = [hole for face in faces for hole in face.holes if hole.kind == "mark"]
-    marked |= {hole.name.rpartition(".")[2].partition(" corner ")[0] for hole in holes}
+    marked: set[str] = set()
+    for piece in car.pieces:
+        for face in piece.faces:
+            marked.update(mark.name for mark in face.marks)
+            for hole in face.holes:
+                if hole.kind == "mark":
+                    # A hole is called such as "B1.PART corner 2".
+                    last_name = hole.name.rpartition(".")[2]
+                    marked.add(last_name.partition(" corner ")[0])
     placed_by_eye_kg = sum(mount.mass_kg for mount in car.mounts if mount.name in marked)
     car_kg = sum(body_properties(car, body).mass_kg for body in {placed.body for placed in car.placed})
     return car.parts.assembly.placement_mm.value * placed_by_eye_kg / car_kg
@@ -109,22 +114,32 @@ def plate_properties(placed: PlacedFace, film: Film) -> MassProperties:
     """Return the mass properties of a face as a plate of uniform thickness (SI units, in the frame of the car)."""
     face, thickness_mm = placed.face, placed.piece.thickness_mm
     moments = _moments(face.outline_mm) - sum((_moments(hole.outline_mm) for hole in face.holes), np.zeros(6))
-    area, first_x, first_y, xx, yy, xy = moments
-    x, y = first_x / area, first_y / area
-    # Second moments about the centre of area.
-    xx, yy, xy = xx - area * x * x, yy - area * y * y, xy - area * x * y
-    density_kg_mm2 = thickness_mm * MM**3 * film.density_kg_m3.value
+    area, first_x, first_y, second_xx, second_yy, second_xy = moments
+    center_x, center_y = first_x / area, first_y / area
+    # Moments about the centre of area (parallel-axis theorem), and across the thickness.
+    xx = second_xx - area * center_x * center_x
+    yy = second_yy - area * center_y * center_y
+    xy = second_xy - area * center_x * center_y
     zz = area * thickness_mm**2 / 12
     inertia = np.array([[yy + zz, -xy, 0.0], [-xy, xx + zz, 0.0], [0.0, 0.0, xx + yy]])
+    # The mass of a plate's area (kg/mm²) turns moments of area into moments of mass.
+    density_kg_mm2 = thickness_mm * MM**3 * film.density_kg_m3.value
     inertia *= density_kg_mm2 * MM**2
-    center = np.array([x * MM, y * MM, 0.0])
-    return _turned(MassProperties(area * density_kg_mm2, center, inertia), placed.pose)
+    center_m = np.array([center_x * MM, center_y * MM, 0.0])
+    in_face = MassProperties(area * density_kg_mm2, center_m, inertia)
+    return _moved(in_face, placed.pose)
 
 
 def _moments(outline: Sequence[Point]) -> NDArray[np.float64]:
-    """(6,): area (mm²), first moments (x, y) and second moments (x², y², xy) of area, by Green's theorem."""
+    """Return six moments of the area of a polygon about its frame's origin, by Green's theorem.
+
+    These are the area (mm²), its first moments along x and y (mm³), and its second moments xx, yy and xy (mm⁴). They are
+    positive if the polygon runs counter-clockwise.
+    """
+    # The start and the end of each edge.
     x0, y0 = np.array(outline).T
     x1, y1 = np.array((*outline[1:], outline[0])).T
+    # Twice the area of the triangle between the origin and each edge. Each sum adds up the moments of these triangles.
     cross = x0 * y1 - x1 * y0
     return np.array([
         cross.sum() / 2,
@@ -136,7 +151,7 @@ def _moments(outline: Sequence[Point]) -> NDArray[np.float64]:
     ])  # fmt: skip
 
 
-def _turned(properties: MassProperties, pose: Pose) -> MassProperties:
+def _moved(properties: MassProperties, pose: Pose) -> MassProperties:
     """Return the mass properties of the body moved by the pose (mm)."""
     matrix = np.array(pose)
     turn, shift = matrix[:3, :3], matrix[:3, 3] * MM

@@ -160,9 +160,10 @@ class Cells(Bought):
 class Tyre(Bought):
     """A wheel's tyre; without a ``width_mm`` of its own it is cut to the rim's width. Its cost is a wheel's.
 
-    It is a band or a strip, or a tube that shrinks. Without a ``friction`` of its own it has the film's. ``stretch`` is
-    the fraction by which a closed band is longer on its rim than before, None if it is no band. ``inside_mm`` is the
-    length around the inside of a band that is sold in one size only.
+    It is a band or a strip, or a tube that shrinks. Without a ``friction`` of its own it has the film's. A band can be
+    put on closed: ``stretch`` is the fraction by which it is then longer on its rim than before. A tyre with
+    ``stretch`` None is no band. ``inside_mm`` is the length around the inside of a band that is sold in one size only.
+    With None, a band of any size can be bought.
     """
 
     form: Literal["strip", "tube"]
@@ -177,51 +178,60 @@ class Tyre(Bought):
         return rim_width_mm if self.width_mm is None else min(self.width_mm.value, rim_width_mm)
 
     def sizes(self, radius_mm: float, rim_width_mm: float) -> tuple[str, ...]:
-        """Return what to take or to cut for a wheel of that outer radius (mm), as texts: a closed band, a strip, a tube.
+        """Describe what to take or to cut for a wheel of that outer radius (mm), each way of doing so as a text.
 
-        A strip is as long as the circumference of the tyre's middle.
+        This is a tube, a closed band, or a strip, which is as long as the circumference of the tyre's middle.
         """
         width, thickness = self.running_width_mm(rim_width_mm), self.thickness_mm.value
         rim_mm = 2 * (radius_mm - thickness)
         if self.form == "tube":
             flat = math.ceil(math.pi * rim_mm / 2)
             return (f"{width:g} mm of a tube that is wider than {rim_mm:g} mm before it shrinks ({flat} mm flat)",)
-        strip = f"a strip of {round(math.pi * (rim_mm + thickness))} x {width:g} mm"
+        strip_mm = math.pi * (rim_mm + thickness)
+        strip = f"a strip of {round(strip_mm)} x {width:g} mm"
         stretch = self.closed_stretch(radius_mm)
-        if stretch is None and self.inside_mm is not None:
-            bands = math.ceil(math.pi * (rim_mm + thickness) / self.inside_mm.value)
+        if stretch is None:
+            # It is no band, or a band of one size that does not fit closed, so it is cut open.
+            if self.inside_mm is None:
+                return (strip,)
+            bands = math.ceil(strip_mm / self.inside_mm.value)
             source = "one band, cut open" if bands == 1 else f"{bands} bands, cut open and laid end to end"
             return (f"{strip}, of {source}",)
-        if stretch is None:
-            return (strip,)
         on_rim = f"on the rim it is stretched by {100 * stretch:.0f} %"
         if self.inside_mm is not None:
             return (f"one closed band as it is: {on_rim}",)
+        # A band of any size can be bought, or a strip can be cut instead.
         inside_mm = math.pi * rim_mm / (1 + stretch)
-        return (
+        band = (
             f"a closed band {inside_mm / math.pi:.0f} mm in inside diameter ({inside_mm / 2:.0f} mm long when it lies "
-            f"flat), {width:g} mm wide, {thickness:g} mm thick: {on_rim}",
-            strip,
+            f"flat), {width:g} mm wide, {thickness:g} mm thick: {on_rim}"
         )
+        return (band, strip)
 
     def closed_stretch(self, radius_mm: float) -> float | None:
-        """Return by which fraction a closed band is stretched on a wheel of that outer radius; None if no band fits."""
+        """Return the stretch of a closed band on a wheel of that outer radius, as a fraction of the band's length.
+
+        None means that the tyre cannot be put on as a closed band: it is no band, or the one size in which the band is
+        sold would be stretched too little or too much.
+        """
         if self.stretch is None:
             return None
         if self.inside_mm is None:
             return self.stretch.value
         rim_length_mm = 2 * math.pi * (radius_mm - self.thickness_mm.value)
-        stretch = rim_length_mm / self.inside_mm.value - 1
-        return stretch if self.stretch.min_value <= stretch <= self.stretch.max_value else None
+        stretch_on_rim = rim_length_mm / self.inside_mm.value - 1
+        is_allowed = self.stretch.min_value <= stretch_on_rim <= self.stretch.max_value
+        return stretch_on_rim if is_allowed else None
 
     def taped_mm(self, radius_mm: float) -> float:
         """Return the length of tape (mm) that holds the tyre on a wheel of that outer radius.
 
-        A tyre that is cut from a strip needs tape. A strip with an adhesive of its own needs none, and neither does a
-        closed band of one size that fits.
+        A band needs tape around the rim if it is cut open, or if it may be cut as a strip. A band of one size that fits
+        closed needs none. Neither does a tyre that is no band: it shrinks, or it has an adhesive of its own.
         """
-        is_closed_band = self.inside_mm is not None and self.closed_stretch(radius_mm) is not None
-        if self.stretch is None or is_closed_band:
+        is_band = self.stretch is not None
+        fits_closed_as_sold = self.inside_mm is not None and self.closed_stretch(radius_mm) is not None
+        if not is_band or fits_closed_as_sold:
             return 0.0
         return 2 * math.pi * (radius_mm - self.thickness_mm.value)
 

@@ -15,7 +15,7 @@ from importlib.resources import files
 from typing import Any
 
 from foldcar.car.components.bridge import option_resistors
-from foldcar.car.fits import fits
+from foldcar.car.fits import fits_of
 from foldcar.car.folded.model import FoldedCar, Piece
 from foldcar.car.folded.stance import center_mm, stance
 from foldcar.car.folded.weight import max_placement_shift_mm
@@ -97,7 +97,7 @@ def parts_list_text(
         parts=folded.parts,
         options=optional_parts(folded),
         pieces=[(piece, piece_area_mm2(piece), _folds(piece)) for piece in folded.pieces],
-        fits=fits(folded),
+        fits=fits_of(folded),
         done=done,
         weeding=kinds()["weed"].many,
         minutes=minutes,

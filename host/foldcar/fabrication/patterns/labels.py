@@ -21,7 +21,7 @@ from shapely.geometry import Point as ShapelyPoint
 from shapely.geometry.base import BaseGeometry
 
 from foldcar.car.folded.model import EdgeRef, FoldedCar, Join
-from foldcar.car.folded.placed import place as placed_faces
+from foldcar.car.folded.placed import placed_faces
 from foldcar.fabrication.patterns.drawing import Path, Point
 from foldcar.fabrication.patterns.flat_piece import Edge, FlatFace, FlatPiece
 

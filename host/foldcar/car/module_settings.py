@@ -1,0 +1,181 @@
+"""The settings that a module gets from its place in the car: its segment's ends, the floor beside it, the tyres next to
+it.
+
+Input: a design and the index of a module. Output: values by name, which the module's component takes beside its
+parameters.
+"""
+
+import math
+
+from foldcar.car.components.box_beam import flap_end_mm, latch_mm, wall_mm
+from foldcar.car.components.bridge import plug_room_mm, usb_height_mm
+from foldcar.car.components.component import ROUNDING, minimum_text
+from foldcar.car.components.module import BrainModule
+from foldcar.car.components.mounts import ROD_LAYER_MM, button_depth_mm, servo_reach_mm, switch_depth_mm
+from foldcar.car.design import Design, DesignError
+
+# Limit (mm) of the place of USB on a side without a tyre.
+FAR_MM = 2000.0
+# Minimum length (mm) of the fold of a lid's flap beside its latch.
+MIN_FOLD_MM = 1.0
+
+
+def switch_cap(design: Design) -> str:
+    """Return the name of the cap at an end of the car that carries the switches.
+
+    The cap that is nearer to the electronics gets them. If the electronics are in the first or the last module, there is
+    no room at that end, and the cap at the other end gets the switches.
+    """
+    electronics, last = design.electronics, len(design.modules) - 1
+    is_nearer_to_front = electronics <= last - electronics
+    in_front = electronics > 0 and (electronics == last or is_nearer_to_front)
+    return "front cap 1" if in_front else f"rear cap {len(design.segments)}"
+
+
+def button_cap(design: Design) -> str:
+    """Return the name of the outer cap that carries the button, if the car has one: the cap without switches."""
+    return f"rear cap {len(design.segments)}" if switch_cap(design).startswith("front") else "front cap 1"
+
+
+def _depth_behind_mm(design: Design, cap: str) -> float:
+    """Return how far (mm) switches or the button reach into the car behind a cap; 0 if the cap has none of them."""
+    if cap == switch_cap(design):
+        return switch_depth_mm(design.parts)
+    if cap == button_cap(design) and design.parts.button == "fitted":
+        return button_depth_mm(design.parts)
+    return 0.0
+
+
+def settings_from_car(design: Design, module: int) -> dict[str, float]:
+    """Return the values that a module gets from its place in the car, by name; the module is not a hinge."""
+    settings = _flap_settings(design, module)
+    if module in design.wheel_modules:
+        settings |= _wheel_settings(design, module)
+    if module == design.electronics:
+        usb_low, usb_high = _between_tyres(design, module)
+        settings |= {
+            "floor_front": _free_floor_mm(design, module, -1),
+            "floor_rear": _free_floor_mm(design, module, 1),
+            "usb_low": usb_low,
+            "usb_high": usb_high,
+        }
+    return settings
+
+
+def _wheel_settings(design: Design, module: int) -> dict[str, float]:
+    """Return the settings of a wheel module: where its servos point, and what the caps beside it need.
+
+    ``towards_middle`` is 1 if the servos' long sides point forward, to the middle of the segment, else -1.
+    ``tab_depth`` is the depth (mm) of the tab of a cap at the module's end that is nearer to this middle, and
+    ``switch_depth`` (mm) that of the switches in the cap at its other end; both are 0 without such a cap.
+    """
+    segment = design.segment_of(module).modules
+    # Only a module that is a segment of its own has a cap at the end nearer to the segment's middle.
+    is_alone = len(segment) == 1
+    tab_mm = design.parts.assembly.cap_tab_mm.value if is_alone else 0.0
+    module_at_cap = {
+        _cap_name(design, module, "front"): segment[0],
+        _cap_name(design, module, "rear"): segment[-1],
+    }
+    has_switches = module_at_cap.get(switch_cap(design)) == module
+    return {
+        "towards_middle": _towards_middle(design, module),
+        "tab_depth": tab_mm,
+        "switch_depth": switch_depth_mm(design.parts) if has_switches else 0.0,
+    }
+
+
+def _cap_name(design: Design, module: int, end: str) -> str:
+    """Return the name of the cap at the front or rear end of a module's segment; caps count from 1."""
+    return f"{end} cap {design.segment_at(module) + 1}"
+
+
+def _towards_middle(design: Design, module: int) -> float:
+    """Return 1 if the middle of its segment lies in front of the module's middle, else -1."""
+    return -1.0 if design.module_centers_mm[module] > design.segment_of(module).center_mm else 1.0
+
+
+def _flap_settings(design: Design, module: int) -> dict[str, float]:
+    """Return the settings of a module's part of the flap, which hangs along the lid of its segment.
+
+    Each setting is returned for END, ``front`` and ``rear``. The flap stops before a cap: ``flap_END`` is its distance
+    (mm) from an end of the module that is an end of the segment, else 0. ``latch_END`` is 1 if the flap has a latch at
+    that end, else 0. A long segment has latches at both ends, a short one at the end with the longer module.
+    ``pull_END`` is 1 at the latch that has the pull tab of the lid.
+    """
+    segment = design.segment_of(module)
+    flap_end_distance, (notch, _) = flap_end_mm(design.parts), latch_mm(design.parts)
+    module_at_end = {"front": segment.modules[0], "rear": segment.modules[-1]}
+    flap_length_mm = segment.length_mm - 2 * flap_end_distance
+    if flap_length_mm > design.parts.assembly.lock_distance_mm.value:
+        latched_ends = ["front", "rear"]
+    else:
+        latched_ends = [max(module_at_end, key=lambda end: design.length_of(module_at_end[end]))]
+    settings: dict[str, float] = {}
+    for end in ("front", "rear"):
+        is_at_end = module == module_at_end[end]
+        has_latch = is_at_end and end in latched_ends
+        has_pull_tab = has_latch and end == latched_ends[0]
+        settings[f"flap_{end}"] = flap_end_distance if is_at_end else 0.0
+        settings[f"latch_{end}"] = float(has_latch)
+        settings[f"pull_{end}"] = float(has_pull_tab)
+    # A segment of a single module has caps at both ends of this module.
+    min_length = notch + MIN_FOLD_MM + settings["flap_front"] + settings["flap_rear"]
+    length, needs_latch = design.length_of(module), settings["latch_front"] or settings["latch_rear"]
+    if needs_latch and length < min_length - ROUNDING:
+        key = design.of_modules[module].keys.get("length")
+        reason = "the latch of a segment's lid"
+        raise DesignError(key, f"{length:g} is below the minimum {minimum_text(min_length)} ({reason})")
+    return settings
+
+
+def _free_floor_mm(design: Design, module: int, step: int) -> float:
+    """Return how much floor (mm) is free before (``step`` -1) or behind (``step`` 1) a module.
+
+    The free floor ends at a servo or a rod, at a user's module, or at the cap of the segment. The tab of the cap lies
+    on the floor, and switches or the button stand out of it. So the result is negative if a cap is next to the module.
+    """
+    free_mm = 0.0
+    neighbour = module + step
+    while neighbour in design.segment_of(module).modules:
+        if neighbour in design.wheel_modules:
+            return free_mm + design.length_of(neighbour) / 2 - _reach_mm(design, neighbour, step)
+        if design.modules[neighbour] != BrainModule.letter:
+            return free_mm
+        free_mm += design.length_of(neighbour)
+        neighbour += step
+    cap = _cap_name(design, module, "front" if step < 0 else "rear")
+    tab_mm, gap_mm = design.parts.assembly.cap_tab_mm.value, design.parts.assembly.part_gap_mm.value
+    # Parts keep a gap to the switches, but not to the tab.
+    return free_mm - max(tab_mm, _depth_behind_mm(design, cap) + gap_mm)
+
+
+def _reach_mm(design: Design, wheel_module: int, step: int) -> float:
+    """Return how far (mm) the parts on the walls of a wheel module reach from its axis towards the front (``step`` 1) or
+    the rear (``step`` -1).
+    """
+    if not design.of(wheel_module, "driven"):
+        return ROD_LAYER_MM
+    servo = servo_reach_mm(design.parts)
+    points_there = _towards_middle(design, wheel_module) == step
+    return servo.long_mm if points_there else servo.short_mm
+
+
+def _between_tyres(design: Design, module: int) -> tuple[float, float]:
+    """Return the range of x (mm from the rear of the module) in which a USB plug does not touch the tyres beside it.
+
+    Seen from the side, plug and tyre are circles, which must be a gap apart.
+    """
+    rear = design.module_centers_mm[module] - design.length_of(module) / 2
+    gap = design.parts.assembly.part_gap_mm.value
+    # Height of the plug over the axles.
+    usb_offset_mm = usb_height_mm(design.parts) - wall_mm(design.height_mm, design.parts) / 2
+    low, high = -FAR_MM, FAR_MM
+    for x, radius in zip(design.axles_mm, design.radii_mm, strict=True):
+        reach = radius + plug_room_mm(design.parts.plugs.usb) / 2 + gap
+        min_offset = math.sqrt(max(reach**2 - usb_offset_mm**2, 0.0))
+        if x < rear:
+            low = max(low, x + min_offset - rear)
+        elif x > rear:
+            high = min(high, x - min_offset - rear)
+    return low, high

@@ -86,13 +86,17 @@ def what_it_is(scene: Mapping[str, Any], obstacle: Obstacle) -> str:
 
 
 def _by_tape(scene: Mapping[str, Any], obstacle: Obstacle) -> Iterator[str]:
-    """Yield lines with the coordinates of the near edge, and the distances of its ends from the mark (mm)."""
+    """Yield lines for measuring by tape: the coordinates of the near edge, and how far it is from the mark (mm).
+
+    A round obstacle has a near point instead of an edge.
+    """
     ends = obstacle.near_edge_m(scene["terrain"])
     if ends:
         coordinates = [f"{_mm(x_m)}, {_mm(y_m)}" for x_m, y_m in ends]
         distances = [_mm(math.hypot(x_m, y_m)) for x_m, y_m in ends]
         yield "near edge: " + " to ".join(coordinates)
-        yield "from the mark: " + " and ".join(distances)
+        start = "its ends from the mark: " if len(ends) > 1 else "from the mark: "
+        yield start + " and ".join(distances)
 
 
 def show_placement(scene: Mapping[str, Any], obstacles: Mapping[str, Obstacle]) -> None:

@@ -99,7 +99,7 @@ def test_the_instructions_fit_into_80_columns(
     assert [line.split()[:6] for line in lines if line.startswith("A piece 3")] == [
         ["A", "piece", "3", "752", "188", "-150.0"]
     ]
-    assert next(line.strip() for line in lines if "from the mark:" in line) == "from the mark: 355 and 618"
+    assert next(line.strip() for line in lines if "from the mark:" in line) == "its ends from the mark: 355 and 618"
     text = " ".join(" ".join(lines[-2:]).split())
     assert text == "Heights count from the floor, also those of pieces that lie on or in other pieces."
 

@@ -56,8 +56,16 @@ class ProgramFiles:
         return self._digests
 
     def adopt(self, files: Files) -> None:
-        """Add files that another process has read with the program."""
-        self._digests.update(files)
+        """Add files that another process has read with the program. Raises FoldcarError if they are of another version."""
+        for name, digest in files.items():
+            if self._digests.setdefault(name, digest) != digest:
+                raise _changed(self._program.parent / name)
+
+    def require_unchanged(self) -> None:
+        """Raise FoldcarError if a file that the program has read, or one beside it, has changed since."""
+        for name, digest in self._digests.items():
+            if digest_or_missing(self._folder / name) != digest:
+                raise _changed(self._program.parent / name)
 
     def unchanged(self) -> bool:
         """Return whether the files are unchanged, and no new ones are beside the program."""

@@ -16,6 +16,7 @@ from foldcar.api.arguments import checked_int, checked_params, checked_path
 from foldcar.errors import FoldcarError
 from foldcar.notebook_html import image_html, lines_html
 from foldcar.scenes.fixed_hash import open_fixed_environment
+from foldcar.scenes.program_files import program_lock
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.runner import Runner
 from foldcar.simulation.scenic_runner import ScenicRunner
@@ -122,9 +123,11 @@ def environment(program: str | Path, *, seed: int = 0, params: Mapping[str, Any]
         key = json.dumps([str(file), params or {}, number], sort_keys=True)
     except (TypeError, ValueError) as error:
         raise FoldcarError(f"params: {error}; write numbers, strings, booleans or lists") from None
-    if key not in _opened or not _opened[key].is_current:
-        _opened[key] = Environment(file, dict(params or {}), number)
-    return _opened[key]
+    # Threads that ask at the same time get the same object.
+    with program_lock:
+        if key not in _opened or not _opened[key].is_current:
+            _opened[key] = Environment(file, dict(params or {}), number)
+        return _opened[key]
 
 
 @cache

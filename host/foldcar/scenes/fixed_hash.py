@@ -24,7 +24,7 @@ from foldcar.installation import python_command
 from foldcar.read_files import minimal_variables
 from foldcar.scenes.object_names import Parameters
 from foldcar.scenes.obstacles import Obstacle
-from foldcar.scenes.program_files import Files
+from foldcar.scenes.program_files import Files, program_lock
 from foldcar.scenes.source import SceneSource, open_environment, other_scene
 
 # Whether this process draws samples itself: sets have the order of seed 0.
@@ -128,10 +128,13 @@ class _SourceElsewhere(SceneSource):
 
     def _start(self) -> "subprocess.Popen[str]":
         """Return a new process that has opened the program. Raises FoldcarError if the program has changed since."""
+        # Programs that other threads run change the variables meanwhile.
+        with program_lock:
+            variables = {**minimal_variables(), "PYTHONHASHSEED": "0"}
         # In a session of its own, Ctrl-C does not reach it. It ends when its input ends.
         process = subprocess.Popen(
             python_command("foldcar.scenes.fixed_hash"), stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-            encoding="utf-8", start_new_session=True, env={**minimal_variables(), "PYTHONHASHSEED": "0"},
+            encoding="utf-8", start_new_session=True, env=variables,
         )  # fmt: skip
         try:
             # Its next answers repeat an error of the opening.

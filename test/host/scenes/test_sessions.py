@@ -1,10 +1,12 @@
-"""Samples in a Python session: after interrupts, in forked processes, with many programs and changed ones."""
+"""Samples in a Python session: after interrupts, in forks and threads, with many programs and changed ones."""
 
 import json
 import os
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -51,6 +53,15 @@ def samples_of(source: SceneSource, count: int = SAMPLES) -> list[Any]:
 def expected(program: Path) -> list[Any]:
     """The samples as this process draws them."""
     return samples_of(open_environment(program, {}, 3))
+
+
+@pytest.fixture
+def busy_threads() -> Iterator[None]:
+    """Threads take turns so often that another one runs within each step of Scenic."""
+    interval_s = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    yield
+    sys.setswitchinterval(interval_s)
 
 
 @pytest.mark.parametrize("asked_before", [0, 2])
@@ -116,3 +127,27 @@ def test_a_program_that_changes_before_its_first_sample_is_not_mixed_with_the_ol
         environment.scene(0)
     assert "require" not in environment.success
     assert foldcar.environment(program, seed=3).scene(0).sample == 0
+
+
+@pytest.mark.usefixtures("busy_threads")
+@pytest.mark.parametrize("draws_here", [True, False])
+def test_threads_compile_and_draw_at_the_same_time(
+    draws_here: bool, program: Path, expected: list[Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Somebody evaluates several cars and programs in a pool of threads."""
+    monkeypatch.setattr(fixed_hash, "draws_here", draws_here)
+    widths = [0.4, 0.5, 0.6]
+
+    def drawn(k: int) -> Any:
+        environment = foldcar.environment(program, seed=3, params={"width": widths[k % 3]})
+        return environment, json.loads(environment.scene(k).json)
+
+    with ThreadPoolExecutor(4) as pool:
+        drawn_by_threads = list(pool.map(drawn, range(SAMPLES)))
+
+    environments, scenes = zip(*drawn_by_threads, strict=True)
+    assert [id(environment) for environment in environments] == [id(environments[k % 3]) for k in range(SAMPLES)]
+    for k, scene in enumerate(scenes):
+        bumps = [{**bump, "width_m": widths[k % 3]} for bump in expected[k]["terrain"]]
+        assert scene == {**expected[k], "terrain": bumps}
+    assert samples_of(open_environment(program, {}, 3)) == expected

@@ -149,6 +149,10 @@ class ScenicRunner:
     def close(self) -> None:
         """End all processes; the next call starts new ones."""
         self.stop()
+        self.close_idle()
+
+    def close_idle(self) -> None:
+        """End the processes that wait for a call."""
         with self._lock:
             idle, self._idle = self._idle, []
         for process in idle:

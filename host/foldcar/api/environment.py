@@ -3,19 +3,24 @@
 In a Python session, a program is compiled once (almost a second), and each sample is drawn once (about 50 ms).
 """
 
-import atexit
 import json
 import tempfile
+import weakref
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
+
+import numpy
 
 from foldcar.api.arguments import checked_int, checked_params, checked_path
 from foldcar.errors import FoldcarError
 from foldcar.notebook_html import image_html, lines_html
 from foldcar.scenes.fixed_hash import open_fixed_environment
+from foldcar.scenes.program_files import program_lock
 from foldcar.simulation.carsim import Carsim
 from foldcar.simulation.runner import Runner
 from foldcar.simulation.scenic_runner import ScenicRunner
@@ -52,10 +57,15 @@ class Environment:
 
     def __init__(self, program: Path, params: Mapping[str, Any], seed: int) -> None:
         self.program = program
-        self.params = params
+        # Read-only, because the program was compiled with them.
+        self.params = MappingProxyType(dict(params))
         self.seed = seed
         self._scenes: dict[int, Scene] = {}
         self._source = open_fixed_environment(program, params, seed)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Say how another process gets it: compiled programs cannot be sent there."""
+        return _environment_with, (self.program, self.seed, dict(self.params))
 
     def __repr__(self) -> str:
         return f"environment({str(self.program)!r}, seed={self.seed}, params={dict(self.params)})"
@@ -91,8 +101,14 @@ class Environment:
             return simulator()
         files, command = self._source.fixed_files(), simulator().command
         runner = ScenicRunner(self.program, self.params, self.seed, condition=None, files=files, command=command)
-        atexit.register(runner.close)
+        # Its processes end with this environment, or with Python.
+        weakref.finalize(self, runner.close)
         return runner
+
+    def end_waiting_processes(self) -> None:
+        """End what waits for runs of a dynamic program; its next run starts new processes."""
+        if isinstance(runner := self.__dict__.get("runner"), ScenicRunner):
+            runner.close_idle()
 
     @property
     def is_current(self) -> bool:
@@ -100,7 +116,9 @@ class Environment:
         return self._source.files.unchanged()
 
 
-_opened: dict[str, Environment] = {}
+# The environments in use. The processes of those that were asked for last wait for more runs: each takes about 150 MB.
+_opened: "weakref.WeakValueDictionary[str, Environment]" = weakref.WeakValueDictionary()
+_kept: deque[Environment] = deque(maxlen=4)
 
 
 def environment(program: str | Path, *, seed: int = 0, params: Mapping[str, Any] | None = None) -> Environment:
@@ -119,12 +137,32 @@ def environment(program: str | Path, *, seed: int = 0, params: Mapping[str, Any]
     if not file.is_file():
         raise FoldcarError(f"{program}: no such Scenic program")
     try:
-        key = json.dumps([str(file), params or {}, number], sort_keys=True)
+        values: dict[str, Any] = json.loads(json.dumps(dict(params or {}), default=_plain))
+        key = json.dumps([str(file), values, number], sort_keys=True)
     except (TypeError, ValueError) as error:
         raise FoldcarError(f"params: {error}; write numbers, strings, booleans or lists") from None
-    if key not in _opened or not _opened[key].is_current:
-        _opened[key] = Environment(file, dict(params or {}), number)
-    return _opened[key]
+    # Threads that ask at the same time get the same object.
+    with program_lock:
+        opened = _opened.get(key)
+        if opened is None or not opened.is_current:
+            opened = _opened[key] = Environment(file, values, number)
+        if opened in _kept:
+            _kept.remove(opened)
+        elif len(_kept) == _kept.maxlen:
+            _kept[0].end_waiting_processes()
+        _kept.append(opened)
+        return opened
+
+
+def _environment_with(program: Path, seed: int, params: Mapping[str, Any]) -> Environment:
+    return environment(program, seed=seed, params=params)
+
+
+def _plain(value: object) -> Any:
+    """Return a number or an array of numpy as Python's own. Raises TypeError for anything else that JSON cannot hold."""
+    if isinstance(value, numpy.generic | numpy.ndarray):
+        return value.tolist()
+    raise TypeError(f"Object of type {type(value).__name__} is not JSON serializable")
 
 
 @cache

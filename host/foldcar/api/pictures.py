@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from foldcar.errors import FoldcarError
 from foldcar.notebook_html import image_html
+from foldcar.shown_text import shown_value
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -42,9 +43,16 @@ def drawing_of(
 
 
 def drawn(drawing: "PaperFigure", figure: Any = None) -> "Figure":
-    """Draw into ``figure``, an empty figure; without one, into a new figure of pyplot, which a notebook shows."""
+    """Draw into ``figure``, an empty figure; without one, into a new figure of pyplot, which a notebook shows.
+
+    Raises FoldcarError if it is no figure.
+    """
+    from matplotlib.figure import FigureBase
+
     from foldcar.figures.style import drawing_style
 
+    if not isinstance(figure, FigureBase | None):
+        raise FoldcarError(f"figure: {shown_value(figure)} is neither a figure nor a subfigure of matplotlib")
     with drawing_style():
         if figure is None:
             from matplotlib import pyplot

@@ -18,6 +18,7 @@ from foldcar.api.arguments import (
     column_named,
     columns_named,
 )
+from foldcar.api.modelled_success import ModelledSuccess
 from foldcar.api.pictures import SIZE_IN, drawing_of, drawn, picture_html
 from foldcar.errors import FoldcarError
 from foldcar.evidence.adviser import Selection
@@ -101,18 +102,29 @@ class Study:
 
         >>> study.reload()
         """
-        for name in ("runs", "trials", "experiments"):
+        for name in ("runs", "_runs", "trials", "_trials", "experiments"):
             self.__dict__.pop(name, None)
         self._reported_experiments.clear()
 
     @cached_property
     def runs(self) -> "pandas.DataFrame":
-        """A table with a row for each simulated run; see :func:`foldcar.store.frames.runs_frame`."""
-        return self._read(runs_frame)
+        """A table with a row for each simulated run; see :func:`foldcar.store.frames.runs_frame`.
+
+        You may change it: the study computes its rates from a table of its own.
+        """
+        return self._runs.copy()
 
     @cached_property
     def trials(self) -> "pandas.DataFrame":
-        """A table with a row for each trial; see :func:`foldcar.store.frames.trials_frame`."""
+        """A table with a row for each trial, which you may change; see :func:`foldcar.store.frames.trials_frame`."""
+        return self._trials.copy()
+
+    @cached_property
+    def _runs(self) -> "pandas.DataFrame":
+        return self._read(runs_frame)
+
+    @cached_property
+    def _trials(self) -> "pandas.DataFrame":
         return self._read(trials_frame)
 
     @cached_property
@@ -144,7 +156,7 @@ class Study:
             raise FoldcarError(f'source: {shown_value(source)} is neither "simulation" nor "trials"')
         checked_experiment(experiment)
         confidence = checked_confidence(confidence)
-        table = self.runs if source == "simulation" else self.trials[self.trials["counts"]]
+        table = self._runs if source == "simulation" else self._trials[self._trials["counts"]]
         design_rows = self._of_design(self._of_experiment(table, experiment, source), design, source)
         has_passed = self._judged(design_rows)["passed"]
         passed, counted = int(has_passed.sum()), len(has_passed)
@@ -264,7 +276,7 @@ class Study:
             return picture_html(self._draw(kinds, experiment, figure, "picture", simulated_trials))
         return ""
 
-    def success_model(self, *parameters: str, experiment: str | None = None) -> Standardised:
+    def success_model(self, *parameters: str, experiment: str | None = None) -> "ModelledSuccess":
         """Model success as a smooth function of some design parameters, with credible bands, from the simulated runs.
 
         The model contains all parameters that vary. Each rate is a mean over the same combinations of the other
@@ -275,7 +287,7 @@ class Study:
         >>> len(rate), bool((low <= high).all())
         (2, True)
         """
-        runs = self._judged(self._of_experiment(self.runs, experiment, "simulation"))
+        runs = self._judged(self._of_experiment(self._runs, experiment, "simulation"))
         varied = [name for name in _parameters(runs) if runs[name].nunique() > 1]
         columns = [column_named(name, _parameters(runs), "success_model") for name in parameters]
         if not columns:
@@ -284,7 +296,7 @@ class Study:
         values = groups.size().index.to_frame()
         indices = tuple(values.columns.get_loc(column) for column in columns)
         effects = fit_effects(values.to_numpy(dtype=float), groups.ngroup(), runs["sample"], runs["passed"].astype(float))
-        return Standardised(effects, indices)
+        return ModelledSuccess(tuple(columns), Standardised(effects, indices))
 
     def _judged(self, table: "pandas.DataFrame") -> "pandas.DataFrame":
         """Return the rows without rejected runs. Raises FoldcarError if the experiment does not define success."""
@@ -339,10 +351,13 @@ class Study:
 
 
 def _parameters(table: "pandas.DataFrame") -> list[str]:
-    """Return the columns of design parameters: those between ``environment`` or ``vehicle_type`` and ``sample``."""
+    """Return the columns of design parameters: those between ``environment`` or ``vehicle_type`` and ``sample``.
+
+    Parameters that no row has, because they are those of another experiment's cars, are left out.
+    """
     columns: list[Any] = list(table.columns)
     first = max(columns.index(name) for name in ("environment", "vehicle_type") if name in columns)
-    return [str(name) for name in columns[first + 1 : columns.index("sample")]]
+    return [str(name) for name in columns[first + 1 : columns.index("sample")] if table[name].notna().any()]
 
 
 def sweep(

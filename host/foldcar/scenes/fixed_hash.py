@@ -13,7 +13,9 @@ import os
 import subprocess
 import sys
 import threading
+import weakref
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +24,7 @@ from foldcar.installation import python_command
 from foldcar.read_files import minimal_variables
 from foldcar.scenes.object_names import Parameters
 from foldcar.scenes.obstacles import Obstacle
-from foldcar.scenes.program_files import Files
+from foldcar.scenes.program_files import Files, program_lock
 from foldcar.scenes.source import SceneSource, open_environment, other_scene
 
 # Whether this process draws samples itself: sets have the order of seed 0.
@@ -54,19 +56,44 @@ def open_fixed_environment(
     return _SourceElsewhere(source, {"params": params, "condition": condition, "files": files})
 
 
+# How many processes wait for questions, each in about 170 MB. When another one starts, the oldest ends; if it is asked
+# again, a new one takes its place.
+MAX_PROCESSES = 4
+# The sources whose processes wait, oldest first.
+_waiting: "list[weakref.ref[_SourceElsewhere]]" = []
+_sources: "weakref.WeakSet[_SourceElsewhere]" = weakref.WeakSet()
+
+
 class _SourceElsewhere(SceneSource):
     """A source of scenes whose samples another process draws. The process is started when the first sample is drawn."""
 
     def __init__(self, source: SceneSource, arguments: Mapping[str, Any]) -> None:
         super().__init__(source.program, source.files, source.scenario, source.seed)
         self._opening = {"program": str(source.program), "seed": source.seed, **arguments}
+        self.forget_process()
+        _sources.add(self)
+
+    def forget_process(self) -> None:
+        """Forget the process without ending it: in a forked process, it is the parent's."""
         self._process: subprocess.Popen[str] | None = None
         self._lock = threading.Lock()
+
+    def end_process(self) -> None:
+        """End the process, unless it is drawing a sample."""
+        if self._lock.acquire(blocking=False):
+            try:
+                process, self._process = self._process, None
+            finally:
+                self._lock.release()
+            if process is not None:
+                _end(process)
 
     def fixed_files(self) -> Files:
         """Fix and return the program's files, as the other process has read them."""
         self.files.adopt(self._ask({"files": True}))
-        return self.files.fix()
+        fixed = self.files.fix()
+        self._opening["files"] = dict(fixed)
+        return fixed
 
     def sample_with_parameters(self, k: int) -> tuple[dict[str, Any], list[Parameters]]:
         scene, objects = self._ask({"sample": k})
@@ -84,33 +111,81 @@ class _SourceElsewhere(SceneSource):
         The questions are {"sample": number} and {"files": True}.
         """
         with self._lock:
-            if self._process is None:
-                # In a session of its own, Ctrl-C does not reach it. It ends when its input ends.
-                self._process = subprocess.Popen(
-                    python_command("foldcar.scenes.fixed_hash"), stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-                    encoding="utf-8", start_new_session=True, env={**minimal_variables(), "PYTHONHASHSEED": "0"},
-                )  # fmt: skip
-                self._send(self._opening)
-            answer = self._send(question)
+            # The process is kept only after a whole answer. If Ctrl-C or a notebook's button interrupts this function,
+            # the answer is still to come, and would be taken for that of the next question.
+            process, self._process = self._process, None
+            process = process or self._start()
+            try:
+                answer = self._send(process, question)
+            except BaseException:
+                _end(process)
+                raise
+            if answer is None:
+                _end(process)
+                raise FoldcarError(f"{self.program}: the process that draws its samples has died")
+            self._process = process
         if "error" in answer:
             raise FoldcarError(answer["error"])
         return answer["result"]
 
-    def _send(self, line: dict[str, Any]) -> dict[str, Any]:
-        """Send a line to the other process and return its answer: {"result": …} or {"error": message}.
+    def _start(self) -> "subprocess.Popen[str]":
+        """Return a new process that has opened the program. Raises FoldcarError if the program has changed since."""
+        # Programs that other threads run change the variables meanwhile.
+        with program_lock:
+            variables = {**minimal_variables(), "PYTHONHASHSEED": "0"}
+        # In a session of its own, Ctrl-C does not reach it. It ends when its input ends.
+        process = subprocess.Popen(
+            python_command("foldcar.scenes.fixed_hash"), stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+            encoding="utf-8", start_new_session=True, env=variables,
+        )  # fmt: skip
+        try:
+            # Its next answers repeat an error of the opening.
+            self._send(process, self._opening)
+            # Otherwise scenes of a new program would meet the old one's definition of success.
+            self.files.require_unchanged()
+        except BaseException:
+            _end(process)
+            raise
+        _make_room(self)
+        return process
 
-        If the process has died, the answer is an error that says so.
-        """
-        process = self._process
-        assert process is not None and process.stdin is not None and process.stdout is not None
+    @staticmethod
+    def _send(process: "subprocess.Popen[str]", line: dict[str, Any]) -> dict[str, Any] | None:
+        """Send a line to a process and return its answer: {"result": …} or {"error": message}; None if it has died."""
+        assert process.stdin is not None and process.stdout is not None
         try:
             process.stdin.write(json.dumps(line) + "\n")
             process.stdin.flush()
             answer: dict[str, Any] = json.loads(process.stdout.readline())
         except (OSError, ValueError):
-            process.kill()
-            return {"error": f"{self.program}: the process that draws its samples has died"}
+            return None
         return answer
+
+
+def _make_room(newest: _SourceElsewhere) -> None:
+    """Note that ``newest`` has a process, and end the oldest ones beyond MAX_PROCESSES."""
+    waiting = [source for reference in _waiting if (source := reference()) is not None and source is not newest]
+    _waiting[:] = [weakref.ref(source) for source in (*waiting, newest)][-MAX_PROCESSES:]
+    for source in waiting[: 1 - MAX_PROCESSES]:
+        source.end_process()
+
+
+def _end(process: "subprocess.Popen[str]") -> None:
+    """Kill a process and wait until it has ended."""
+    process.kill()
+    with suppress(OSError, ValueError):
+        process.communicate()
+
+
+def _forget_processes() -> None:
+    for source in list(_sources):
+        source.forget_process()
+    _waiting.clear()
+
+
+# Two processes that share one pipe would get each other's answers.
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_forget_processes)
 
 
 def main() -> None:

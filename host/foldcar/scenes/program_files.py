@@ -12,7 +12,9 @@ environment. sys.modules and sys.path are as if the program were alone in a new 
 """
 
 import importlib
+import os
 import sys
+import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from importlib.machinery import SourceFileLoader
@@ -35,6 +37,22 @@ from foldcar.source_imports import sources_only
 
 Files = Mapping[str, str]
 
+# Held while a program's code runs: Scenic, sys.modules and the global random generators are shared by all threads.
+program_lock = threading.RLock()
+if hasattr(os, "register_at_fork"):
+    # A process that is forked while another thread compiles would have half of its changes, and the lock for ever.
+    os.register_at_fork(
+        before=program_lock.acquire, after_in_parent=program_lock.release, after_in_child=program_lock.release
+    )
+
+# Held while a program's code runs: Scenic, sys.modules and the global random generators are shared by all threads.
+program_lock = threading.RLock()
+if hasattr(os, "register_at_fork"):
+    # A process that is forked while another thread compiles would have half of its changes, and the lock for ever.
+    os.register_at_fork(
+        before=program_lock.acquire, after_in_parent=program_lock.release, after_in_child=program_lock.release
+    )
+
 # Names in sys.modules that are known to be installed modules, not a program's.
 _installed: set[str] = set()
 
@@ -56,8 +74,16 @@ class ProgramFiles:
         return self._digests
 
     def adopt(self, files: Files) -> None:
-        """Add files that another process has read with the program."""
-        self._digests.update(files)
+        """Add files that another process has read with the program. Raises FoldcarError if it read another version."""
+        for name, digest in files.items():
+            if self._digests.setdefault(name, digest) != digest:
+                raise _changed(self._program.parent / name)
+
+    def require_unchanged(self) -> None:
+        """Raise FoldcarError if a file that the program has read, or one beside it, has changed since."""
+        for name, digest in self._digests.items():
+            if digest_or_missing(self._folder / name) != digest:
+                raise _changed(self._program.parent / name)
 
     def unchanged(self) -> bool:
         """Return whether the files are unchanged, and no new ones are beside the program."""
@@ -74,7 +100,7 @@ class ProgramFiles:
         if anew:
             self._modules.forget()
         error_of_block: Exception | None = None
-        with only_minimal_variables(), self._modules.loaded(), recorded_files() as opened:
+        with program_lock, only_minimal_variables(), self._modules.loaded(), recorded_files() as opened:
             try:
                 yield
             except Exception as error:

@@ -20,7 +20,7 @@ from foldcar.scenes.contained import contained
 from foldcar.scenes.object_names import Parameters, object_parameters, terrain_names, terrain_objects
 from foldcar.scenes.obstacles import Obstacle
 from foldcar.scenes.program import ProgramError, compile_program, is_dynamic, may_end_itself, overlap_hint
-from foldcar.scenes.program_files import Files, ProgramFiles
+from foldcar.scenes.program_files import Files, ProgramFiles, program_lock
 from foldcar.scenes.scene_json import scene_with_obstacles
 from foldcar.scenes.success import SuccessRule, success_rule
 
@@ -218,13 +218,14 @@ def seeded(text: str) -> Iterator[None]:
     import numpy
 
     digest = hashlib.sha256(text.encode()).digest()
-    python_state, numpy_state = random.getstate(), numpy.random.get_state()
-    random.seed(digest)
-    numpy.random.seed(numpy.frombuffer(digest, dtype="<u4"))
-    try:
-        # What a program prints must not mix with results on stdout.
-        with contextlib.redirect_stdout(sys.stderr):
-            yield
-    finally:
-        random.setstate(python_state)
-        numpy.random.set_state(numpy_state)
+    with program_lock:
+        python_state, numpy_state = random.getstate(), numpy.random.get_state()
+        random.seed(digest)
+        numpy.random.seed(numpy.frombuffer(digest, dtype="<u4"))
+        try:
+            # What a program prints must not mix with results on stdout.
+            with contextlib.redirect_stdout(sys.stderr):
+                yield
+        finally:
+            random.setstate(python_state)
+            numpy.random.set_state(numpy_state)

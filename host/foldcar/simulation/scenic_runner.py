@@ -16,7 +16,7 @@ from typing import Any
 
 from foldcar.installation import python_command
 from foldcar.read_files import minimal_variables
-from foldcar.scenes.program_files import Files
+from foldcar.scenes.program_files import Files, program_lock
 from foldcar.simulation.carsim_step import LineProcess
 from foldcar.simulation.runner import CarsimError, RunRequest, process_ending
 from foldcar.system import kill_group
@@ -32,7 +32,9 @@ class _Worker(LineProcess):
         """Start a worker process. ``opening`` is the JSON text of the program, sent before its first run."""
         # A fixed hash seed gives sets of strings the same order in all workers. Threads for linear algebra would only
         # slow down copies of the process.
-        environment = {**minimal_variables(), "PYTHONHASHSEED": "0", "OPENBLAS_NUM_THREADS": "1"}
+        # Programs that other threads run change the variables meanwhile.
+        with program_lock:
+            environment = {**minimal_variables(), "PYTHONHASHSEED": "0", "OPENBLAS_NUM_THREADS": "1"}
         command = python_command("foldcar.simulation.worker", "foldcar.simulation.scenic_worker")
         # In a session of its own, Ctrl-C does not reach it.
         super().__init__(command, env=environment, start_new_session=True)
@@ -147,6 +149,10 @@ class ScenicRunner:
     def close(self) -> None:
         """End all processes; the next call starts new ones."""
         self.stop()
+        self.close_idle()
+
+    def close_idle(self) -> None:
+        """End the processes that wait for a call."""
         with self._lock:
             idle, self._idle = self._idle, []
         for process in idle:

@@ -37,14 +37,16 @@ def log_file(store: Path, log: str) -> Path:
     """Return the file of a trial's log.
 
     Raises StoreError if it is outside the store's folder or not named as foldcar names logs. Symbolic links are resolved:
-    their targets must be in the folder, too. Example of a name: study-logs/trial-0007-20261122T113100Z.tlog
+    their targets must be in the folder, too. Only the folder of logs itself may be a link, because people keep logs on
+    another disk. Example of a name: study-logs/trial-0007-20261122T113100Z.tlog
     """
     path, folder = Path(log), store_folder(store)
     is_inside = False
     if log and not path.is_absolute() and ".." not in path.parts:
         # Paths that the system cannot resolve, such as a loop of links, are outside as well.
         with contextlib.suppress(OSError, ValueError, RuntimeError):
-            is_inside = (folder / path).resolve().is_relative_to(folder.resolve())
+            file = (folder / path).resolve()
+            is_inside = file.is_relative_to(folder.resolve()) or file.parent == (folder / path).parent.resolve()
     if not is_inside:
         raise StoreError(f'{store}: log: "{_escaped(log)}" is outside the folder {folder}')
     # If a terminal shows some of its characters in another way, the name could look like that of another log.

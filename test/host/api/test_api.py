@@ -103,6 +103,37 @@ def test_rates_and_models_come_from_the_store(study: foldcar.Study) -> None:
     assert study.select(experiment="plain")[0].info.id == "plain"
 
 
+def test_a_table_is_modelled_by_the_names_of_its_columns(study: foldcar.Study) -> None:
+    import pandas
+
+    model = study.success_model("width", "B_length", experiment="plain")
+    # Either order is within the range of the designs.
+    right, wrong = model.rates([[94, 81]]), model.rates([[81, 94]])
+    assert right[0][0] != pytest.approx(wrong[0][0], abs=1e-6)
+    for table in (
+        {"B_length_mm": [81.0], "width_mm": [94.0]},
+        {"sample": [0], "length": [81.0], "W_length_mm": [60.0], "width": [94.0]},
+    ):
+        assert model.rates(pandas.DataFrame(table)) == right  # type: ignore[comparison-overlap]
+    with pytest.raises(foldcar.FoldcarError, match=r"^rates: the table has no column B_length_mm$"):
+        model.rates(pandas.DataFrame({"width_mm": [94], "W_length_mm": [81]}))
+
+
+def test_changed_tables_do_not_change_rates(study: foldcar.Study) -> None:
+    """Notebooks clean their tables up in place."""
+    fresh = foldcar.Study(study.path)
+    expected = fresh.rate(experiment="plain", width=65, B_length=80), study.success_model("width", experiment="plain")
+    fresh.reload()
+    fresh.runs["passed"] = ~fresh.runs["passed"]
+
+    assert fresh.runs["passed"].equals(~study.runs["passed"])
+    assert fresh.rate(experiment="plain", width=65, B_length=80) == expected[0]
+    model = fresh.success_model("width", experiment="plain")
+    assert [values.tolist() for values in model.rates([[80]])] == [
+        values.tolist() for values in expected[1].rates([[80]])
+    ]
+
+
 def test_the_examples_in_docstrings_are_true(carsim_binary: Path, tmp_path: Path, monkeypatch: Any) -> None:
     vehicles = {"1": {"type": "W_B_W", "params": [{"common": {"width": [65, 80, 95, 110]}}]}}
     listing = {**LISTING, "experiments": {"1": LISTING["experiments"]["plain"]}, "vehicles": vehicles}
@@ -204,6 +235,11 @@ def odd_calls(study: foldcar.Study) -> dict[str, tuple[Any, str, tuple[Any, ...]
         "rate experiment": (lambda value: study.rate(experiment=value), "experiment: ", (None, "", "a\0b")),
         "rate source": (lambda value: study.rate(source=value, **run), "source: ", ()),
         "rate confidence": (lambda value: study.rate(confidence=value, **run), "confidence: ", ()),
+        "model rates": (lambda value: study.success_model("width", experiment="plain").rates(value), "", ()),
+        "model confidence": (
+            lambda value: study.success_model("width", experiment="plain").rates([[80]], value), "confidence: ", (),
+        ),
+        "figure": (lambda value: study.plot_success(experiment="plain", figure=value), "figure: ", no_default),
         "threshold": (lambda value: study.select(threshold=value), "threshold: ", no_default),
         "select trials": (lambda value: study.select(simulated_trials=value), "simulated_trials: ", ()),
         "select experiment": (lambda value: study.select(experiment=value), "experiment: ", (None, "", "a\0b")),

@@ -1,5 +1,6 @@
 """Damage in a store: found by `foldcar check`, and refused by other commands in one line."""
 
+import shutil
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -178,6 +179,24 @@ def test_logs_outside_of_the_folder_are_refused(tmp_path: Path, store: Path, fol
     answer = foldcar("merge", "s.db", "s.db", "-o", "m.db")
     assert answer.returncode == 2 and "is outside the folder" in answer.stderr and answer.stderr.count("\n") == 1
     assert sorted(file.name for file in tmp_path.iterdir()) == ["s-logs", "s.db"]
+
+
+def test_logs_may_be_on_another_disk(tmp_path: Path, store: Path, foldcar: Any) -> None:
+    """The folder of logs is a symbolic link."""
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    (tmp_path / "s-logs").rename(disk / "logs")
+    (tmp_path / "s-logs").symlink_to(disk / "logs")
+    (tmp_path / "new").mkdir()
+    names = sorted(file.name for file in (disk / "logs").iterdir())
+    assert names and check_store(store).findings == []
+
+    for command in (("merge", "s.db", "s.db", "-o", "new/m.db"), ("trials", "import", "new/n.db", "s.db")):
+        answer = foldcar(*command)
+        assert answer.returncode == 0 and answer.stderr == "", answer.stderr
+        copied = sorted(file.name for file in (tmp_path / "new" / "s-logs").iterdir())
+        assert copied == names
+        shutil.rmtree(tmp_path / "new" / "s-logs")
 
 
 def test_a_store_brings_no_file_that_a_program_would_read(tmp_path: Path, store: Path, foldcar: Any) -> None:

@@ -1,0 +1,53 @@
+"""Success as a smooth function of design parameters, with the names by which Python users know them."""
+
+from collections.abc import Iterable
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
+
+import numpy
+from numpy.typing import ArrayLike, NDArray
+
+from foldcar.api.arguments import checked_confidence, column_named
+from foldcar.errors import FoldcarError
+from foldcar.shown_text import shown_value
+from foldcar.statistics.effects import Standardised
+
+
+@dataclass(frozen=True)
+class ModelledSuccess:
+    """Success as a function of ``parameters`` (columns of tables), averaged over the other parameters that vary."""
+
+    parameters: tuple[str, ...]
+    model: Standardised
+
+    def __repr__(self) -> str:
+        return f"success_model({', '.join(map(repr, self.parameters))})"
+
+    def rates(self, values: ArrayLike, confidence: float = 0.95) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+        """Return the rate and its band (rate, low, high), each (m,) and 0 to 1, of m designs.
+
+        ``values`` are a row for each design, with the parameters in their order, or a pandas table whose columns have
+        their names. Raises FoldcarError if they are not, or outside the range of the designs.
+        """
+        level = checked_confidence(confidence)
+        names = getattr(values, "columns", None)
+        numbers: Any = values if names is None else values[self._columns(names)]  # type: ignore[call-overload,index]
+        try:
+            rows = numpy.asarray(numbers, dtype=float)
+        except (TypeError, ValueError, OverflowError):
+            raise FoldcarError(f"rates: {shown_value(values)} is not a row of numbers for each design") from None
+        return self.model.rates(rows, level)
+
+    def _columns(self, names: Iterable[Any]) -> list[Any]:
+        """Return the columns of a table that have the parameters, in their order; a table may have others, too."""
+        columns: dict[str, Any] = {}
+        for name in names:
+            with suppress(FoldcarError):
+                columns.setdefault(column_named(name, self.parameters, "rates"), name)
+        # A whole name comes first: of a study's runs with W_length_mm and B_length_mm, each is meant by itself.
+        columns.update({name: name for name in names if name in self.parameters})
+        missing = [parameter for parameter in self.parameters if parameter not in columns]
+        if missing:
+            raise FoldcarError(f"rates: the table has no column {missing[0]}")
+        return [columns[parameter] for parameter in self.parameters]

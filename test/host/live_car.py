@@ -34,10 +34,10 @@ WAITING_SPEEDUP = 1.001
 LOG = ("log", "l.json", "--experiment", "1", "--store", "s.db")
 
 
-def write_free_course(folder: Path) -> Path:
-    """Write l.json, a listing of two widths on the free course with two samples and a limit of 3 s; returns it."""
+def write_free_course(folder: Path, timeout_s: float = 3) -> Path:
+    """Write l.json, a listing of two widths on the free course with two samples and this time limit; returns it."""
     (folder / "free.scenic").write_text(FREE_COURSE)
-    data = listing_of("free.scenic", {"width": [95, 120]}, seed=1, timeout=3, environments=SAMPLES)
+    data = listing_of("free.scenic", {"width": [95, 120]}, seed=1, timeout=timeout_s, environments=SAMPLES)
     (folder / "l.json").write_text(json.dumps(data))
     return folder / "l.json"
 

@@ -6,6 +6,8 @@ dashes of the labelled lengths of cut and bridge: fold each, and choose the one 
 if the kerf is right, the 20 mm square fills its window without play, and the bar is 100.0 mm long.
 """
 
+from typing import NamedTuple
+
 from shapely.geometry import Polygon, box
 
 from foldcar.car.parts.catalogue import Catalogue
@@ -33,6 +35,30 @@ DASHES_MM = ((1.0, 1.0), (1.5, 1.0), (2.0, 1.0), (1.5, 0.6), (2.5, 0.8), (4.0, 1
 CLEARANCES_MM = (0.0, 0.2, 0.3, 0.5, 0.8)
 TONGUE_MM = 10.0
 TEXT_MM = 2.0
+# Height of the bar, and of the backs of comb and tongue, in which a label has room (mm).
+BACK_MM = 8.0
+# Side of the square that fits its window, the film around the window, and the film for the label above it (mm).
+SQUARE_MM = 20.0
+FRAME_MM = 5.0
+WINDOW_LABEL_MM = 9.0
+# Height of the tongue over its back, and that of the comb's tongues (mm).
+TONGUE_LENGTH_MM = 12.0
+COMB_LENGTH_MM = 16.0
+# Film between two tongues of the comb, and between two slots (mm).
+COMB_GAP_MM = 2.0
+SLOT_GAP_MM = 5.0
+# Heights over a fold of the comb at which its cut and its bridge are written (mm).
+CUT_LABEL_MM, BRIDGE_LABEL_MM = 10.5, 6.0
+# Height of the piece with slots, and in it those of its label, of the slots and of the clearances (mm).
+SLOTS_HEIGHT_MM = 16.0
+SLOTS_LABEL_MM, SLOTS_FROM_MM, CLEARANCES_LABEL_MM = 1.5, 7.0, 10.5
+
+
+class CouponPiece(NamedTuple):
+    """A test piece of the coupon, with the marks on it."""
+
+    flat: FlatPiece
+    marks: list[Shape]
 
 
 def how_to_cut(made: Pattern, command: str) -> str:
@@ -58,20 +84,20 @@ def coupon(options: Options, parts: Catalogue) -> Sheet:
 
     Raises NestingError if it does not fit on a sheet.
     """
-    window = Polygon(box(0, 0, 30, 34).exterior, [box(5, 5, 25, 25).exterior])
-    # The tongue is as wide as a slot without clearance is long.
-    tongue = Polygon([(0, 0), (30, 0), (30, 8), (20, 8), (20, 20), (10, 20), (10, 8), (0, 8)])
-    # Each test piece with its marks.
-    rows = [
-        [(_piece("bar", box(0, 0, 100, 8)), _text("100 mm", 50, 3))],
-        [_slots(parts), (_piece("square", box(0, 0, 20, 20)), _text("20 mm", 10, 9))],
-        [_folds(options), (_piece("tongue", tongue), _text("10 mm", 15, 3.0))],
-        [(_piece("window", window), _text("kerf", 15, 28.5))],
-    ]
+    bar = CouponPiece(
+        _piece("bar", box(0, 0, REFERENCE_MM, BACK_MM)),
+        _text(f"{REFERENCE_MM:g} mm", REFERENCE_MM / 2, _centred_y(0, BACK_MM)),
+    )
+    square = CouponPiece(
+        _piece("square", box(0, 0, SQUARE_MM, SQUARE_MM)),
+        _text(f"{SQUARE_MM:g} mm", SQUARE_MM / 2, _centred_y(0, SQUARE_MM)),
+    )
+    rows = [[bar], [_slots(parts), square], [_folds(options), _tongue()], [_window()]]
     margin = options.margin_mm
     lines = wrapped([f"Coupon: {parts.film.title}, {options.machine}, kerf {options.kerf_mm:g} mm, {BAR}"])
     groups: list[tuple[Shape, ...]] = [tuple(shape.moved(Motion(0, (margin, margin))) for shape in title_shapes(lines))]
     _, title_height = title_size_mm(len(lines))
+    # Each row stands above the one before, and in a row the pieces stand beside each other.
     y, right = margin + title_height + options.gap_mm, margin
     for row in rows:
         x, top = margin + options.kerf_mm, y
@@ -79,8 +105,7 @@ def coupon(options: Options, parts: Catalogue) -> Sheet:
             motion = Motion(0, (x, y))
             groups.append(tuple(shape.moved(motion) for shape in (*marks, *cut_shapes(flat, options.kerf_mm))))
             _, _, width, height = flat.outline.bounds
-            top = max(top, y + height)
-            right = max(right, x + width)
+            right, top = max(right, x + width), max(top, y + height)
             x += width + options.gap_mm + options.kerf_mm
         y = top + options.gap_mm + options.kerf_mm
     occupied = Polygon(box(margin, margin, right, y).exterior)
@@ -90,6 +115,27 @@ def coupon(options: Options, parts: Catalogue) -> Sheet:
     # The sheet is turned if the coupon is wider than the sheet.
     size = options.sheet_size_mm if right + margin <= options.sheet_size_mm[0] else options.sheet_size_mm[::-1]
     return Sheet("coupon", *size, tuple(tuple(rounded(group)) for group in groups), options.dashed)
+
+
+def _tongue() -> CouponPiece:
+    """Return the tongue that fits the slots, on a back that is three times as wide.
+
+    The tongue is as wide as a slot without clearance is long.
+    """
+    width, left, right, top = 3 * TONGUE_MM, TONGUE_MM, 2 * TONGUE_MM, BACK_MM + TONGUE_LENGTH_MM
+    back = [(0, 0), (width, 0), (width, BACK_MM)]
+    tongue = [(right, BACK_MM), (right, top), (left, top), (left, BACK_MM)]
+    outline = Polygon([*back, *tongue, (0, BACK_MM)])
+    label = _text(f"{TONGUE_MM:g} mm", width / 2, _centred_y(0, BACK_MM))
+    return CouponPiece(_piece("tongue", outline), label)
+
+
+def _window() -> CouponPiece:
+    """Return the window that the square fills, in a frame with a label above."""
+    end, width = FRAME_MM + SQUARE_MM, SQUARE_MM + 2 * FRAME_MM
+    top = end + WINDOW_LABEL_MM
+    outline = Polygon(box(0, 0, width, top).exterior, [box(FRAME_MM, FRAME_MM, end, end).exterior])
+    return CouponPiece(_piece("window", outline), _text("kerf", width / 2, _centred_y(end, top)))
 
 
 def _piece(label: str, outline: Polygon) -> FlatPiece:
@@ -102,33 +148,44 @@ def _text(text: str, x: float, y: float, height: float = TEXT_MM) -> list[Shape]
     return [Path("LABEL", tuple((x - width / 2 + u, y + v) for u, v in stroke)) for stroke in strokes]
 
 
-def _folds(options: Options) -> tuple[FlatPiece, list[Shape]]:
-    """Return the coupon's comb and its marks: tongues of 10 x 16 mm, at their bases folds with dashes to choose from."""
-    pitch, base_y, height = TONGUE_MM + 2, 8.0, 16.0
-    points: list[Point] = [(0.0, 0.0), (len(DASHES_MM) * pitch, 0.0)]
-    marks = _text("folds", len(DASHES_MM) * pitch / 2, 3.0)
-    for i, (cut_mm, bridge_mm) in reversed(list(enumerate(DASHES_MM))):
-        left, right = i * pitch + 1, (i + 1) * pitch - 1
-        points += [(right, base_y), (right, base_y + height), (left, base_y + height), (left, base_y)]
-        cuts = dashes((left, base_y), (right, base_y), cut_mm, bridge_mm, options.kerf_mm)
-        marks += [Path("FOLD_VALLEY", cut) for cut in cuts]
-        marks += _text(f"{cut_mm:g}", (left + right) / 2, base_y + 10.5)
-        marks += _text(f"{bridge_mm:g}", (left + right) / 2, base_y + 6.0)
-    # The corners of the comb's back beside the tongues, which run from right to left.
-    points += [(0.0, base_y)]
-    points[2:2] = [(len(DASHES_MM) * pitch, base_y)]
-    return _piece("folds", Polygon(points)), marks
+def _centred_y(low: float, high: float) -> float:
+    """Return the base line of a text that is centred between two heights."""
+    return (low + high - TEXT_MM) / 2
 
 
-def _slots(parts: Catalogue) -> tuple[FlatPiece, list[Shape]]:
-    """Return the coupon's piece with slots and its marks: slots as wide as the car's, with the labelled clearances."""
-    pitch = TONGUE_MM + 5
-    outline = box(0, 0, len(CLEARANCES_MM) * pitch, 16)
+def _folds(options: Options) -> CouponPiece:
+    """Return the coupon's comb: tongues with folds at their bases, whose dashes differ, so that one can be chosen."""
+    pitch = TONGUE_MM + COMB_GAP_MM
+    width, top = len(DASHES_MM) * pitch, BACK_MM + COMB_LENGTH_MM
+    points: list[Point] = [(0.0, 0.0), (width, 0.0), (width, BACK_MM)]
+    marks = _text("folds", width / 2, _centred_y(0, BACK_MM))
+    # Counter-clockwise, the tongues follow each other from right to left.
+    for number in reversed(range(len(DASHES_MM))):
+        cut_mm, bridge_mm = DASHES_MM[number]
+        left, right = number * pitch + COMB_GAP_MM / 2, (number + 1) * pitch - COMB_GAP_MM / 2
+        points += [(right, BACK_MM), (right, top), (left, top), (left, BACK_MM)]
+        for cut in dashes((left, BACK_MM), (right, BACK_MM), cut_mm, bridge_mm, options.kerf_mm):
+            marks.append(Path("FOLD_VALLEY", cut))
+        marks += _text(f"{cut_mm:g}", (left + right) / 2, BACK_MM + CUT_LABEL_MM)
+        marks += _text(f"{bridge_mm:g}", (left + right) / 2, BACK_MM + BRIDGE_LABEL_MM)
+    points.append((0.0, BACK_MM))
+    return CouponPiece(_piece("folds", Polygon(points)), marks)
+
+
+def _slots(parts: Catalogue) -> CouponPiece:
+    """Return the coupon's piece with slots, whose lengths are that of the tongue and a clearance, which is written above.
+
+    They are as wide as the slots of the car.
+    """
+    pitch = TONGUE_MM + SLOT_GAP_MM
+    width = len(CLEARANCES_MM) * pitch
+    outline = box(0, 0, width, SLOTS_HEIGHT_MM)
     slot_width = parts.film.thickness_mm.value + parts.assembly.slot_clearance_mm.value
     holes = []
-    marks = _text("slots", len(CLEARANCES_MM) * pitch / 2, 1.5)
-    for i, clearance in enumerate(CLEARANCES_MM):
-        middle, half = (i + 0.5) * pitch, (TONGUE_MM + clearance) / 2
-        holes.append(box(middle - half, 7, middle + half, 7 + slot_width).exterior)
-        marks += _text(f"+{clearance:g}", middle, 10.5)
-    return _piece("slots", Polygon(outline.exterior, holes)), marks
+    marks = _text("slots", width / 2, SLOTS_LABEL_MM)
+    for number, clearance in enumerate(CLEARANCES_MM):
+        middle, half = (number + 0.5) * pitch, (TONGUE_MM + clearance) / 2
+        slot = box(middle - half, SLOTS_FROM_MM, middle + half, SLOTS_FROM_MM + slot_width)
+        holes.append(slot.exterior)
+        marks += _text(f"+{clearance:g}", middle, CLEARANCES_LABEL_MM)
+    return CouponPiece(_piece("slots", Polygon(outline.exterior, holes)), marks)

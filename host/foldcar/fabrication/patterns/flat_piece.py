@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache, partial
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import shapely.affinity
 from shapely.geometry import LineString, MultiPoint, Polygon
@@ -175,24 +175,24 @@ def _free_edge_mm(face: Face, options: Options) -> float:
 def _placings(piece: Piece, thickness_mm: float, options: Options) -> dict[str, Callable[[Point], Point]]:
     """Return, by face, the function that maps a point of the face (mm) into the flat piece.
 
-    A child is moved towards its parent by the bend deduction, with all its own children.
+    A bend is shorter in the flat than the sharp corner of the model, by the *bend deduction*. So a child is moved towards
+    its parent by this length, with all its own children.
     """
     faces = {face.name: face for face in piece.faces}
     poses = folded(piece, 0.0)
     shifts = {piece.faces[0].name: (0.0, 0.0)}
     # Creases of parents precede those of their children.
     for crease in piece.creases:
-        pose = poses[crease.parent.face]
-        a, b = edge(faces, crease.parent)
-        saved_per_length = _saved_mm(crease, thickness_mm, options) / math.dist(a, b)
-        # The child's move in the parent's frame: along the edge's inward normal.
-        x, y = -(b[1] - a[1]) * saved_per_length, (b[0] - a[0]) * saved_per_length
-        parent_shift = shifts[crease.parent.face]
-        # The pose turns the move from the parent's frame into that of the flat piece.
-        shifts[crease.child.face] = (
-            parent_shift[0] + pose[0][0] * x + pose[0][1] * y,
-            parent_shift[1] + pose[1][0] * x + pose[1][1] * y,
-        )
+        (ax, ay), (bx, by) = edge(faces, crease.parent)
+        shift_per_length = _saved_mm(crease, thickness_mm, options) / math.hypot(bx - ax, by - ay)
+        # The inward normal of the parent's edge: its direction, turned by 90° counter-clockwise.
+        x, y = -(by - ay) * shift_per_length, (bx - ax) * shift_per_length
+        # The parent's pose turns the shift into the frame of the flat piece.
+        x_row, y_row, *_ = poses[crease.parent.face]
+        parent_x, parent_y = shifts[crease.parent.face]
+        child_x = parent_x + x_row[0] * x + x_row[1] * y
+        child_y = parent_y + y_row[0] * x + y_row[1] * y
+        shifts[crease.child.face] = (child_x, child_y)
     return {name: partial(_placed, pose=pose, shift=shifts[name]) for name, pose in poses.items()}
 
 
@@ -204,19 +204,24 @@ def _placed(p: Point, pose: Pose, shift: Point) -> Point:
 def _flat_face(face: Face, corners: list[list[Point]], place: Callable[[Point], Point]) -> FlatFace:
     """Return a face with its edges and holes in the flat piece; ``place`` maps its points there.
 
-    A corner has two points where its edges are offset differently (see ``offset_edges``): an edge goes from the last
-    point of its first corner to the first point of the next.
+    A corner has two points where its edges are offset differently (see ``offset_edges``): the end of one edge and the
+    start of the next.
     """
-    points = [[place(p) for p in corner] for corner in corners]
-    edges = {i: (points[i][-1], points[(i + 1) % len(points)][0]) for i in range(len(points))}
-    outline = Polygon([p for corner in points for p in corner])
+    placed_corners = [[place(point) for point in corner] for corner in corners]
+    edges = {}
+    for index, corner in enumerate(placed_corners):
+        next_corner = placed_corners[(index + 1) % len(placed_corners)]
+        edges[index] = (corner[-1], next_corner[0])
+    outline = Polygon([point for corner in placed_corners for point in corner])
 
     def ring(points: Iterable[Point]) -> tuple[Edge, ...]:
-        at = [place(p) for p in points]
-        return tuple(zip(at, [*at[1:], at[0]], strict=True))
+        """Return the edges of a closed outline of the face, in the flat piece."""
+        placed = [place(point) for point in points]
+        return tuple(zip(placed, [*placed[1:], placed[0]], strict=True))
 
     # Holes run clockwise, so that the film is on the left of their edges too.
     holes = {hole.name: ring(reversed(hole.outline_mm)) for hole in face.holes}
+    # The marks of a face are the outlines of parts that are laid onto it.
     laid = {mark.name: ring(mark.outline_mm) for mark in face.marks}
     return FlatFace(face.name, face.role, outline, edges, holes, laid)
 
@@ -281,6 +286,14 @@ def _shifted(value: Any, x: float, y: float) -> Any:
     return value
 
 
+class OffsetEdge(NamedTuple):
+    """An edge after it was moved: its ends, and its direction as a unit vector."""
+
+    start: Point
+    end: Point
+    direction: Point
+
+
 def offset_edges(outline_mm: Sequence[Point], inward_mm: Sequence[float]) -> list[list[Point]]:
     """Move edge i (from corner i to i + 1) inwards by ``inward_mm[i]``; return the new points of each corner.
 
@@ -288,22 +301,29 @@ def offset_edges(outline_mm: Sequence[Point], inward_mm: Sequence[float]) -> lis
     edges move by different distances there are two points: the end of one edge and the start of the next.
     """
     count = len(outline_mm)
-    lines = []
-    for i in range(count):
-        (ax, ay), (bx, by) = outline_mm[i], outline_mm[(i + 1) % count]
+    edges = []
+    for index in range(count):
+        (ax, ay), (bx, by) = outline_mm[index], outline_mm[(index + 1) % count]
         length = math.hypot(bx - ax, by - ay)
         ux, uy = (bx - ax) / length, (by - ay) / length
-        nx, ny = -uy * inward_mm[i], ux * inward_mm[i]
-        lines.append(((ax + nx, ay + ny), (bx + nx, by + ny), (ux, uy)))
+        # The inward normal is the direction turned by 90° counter-clockwise.
+        shift_x, shift_y = -uy * inward_mm[index], ux * inward_mm[index]
+        edges.append(OffsetEdge((ax + shift_x, ay + shift_y), (bx + shift_x, by + shift_y), (ux, uy)))
     corners: list[list[Point]] = []
-    for i in range(count):
-        _, end, direction_before = lines[i - 1]
-        start, _, direction_after = lines[i]
-        cross = direction_before[0] * direction_after[1] - direction_before[1] * direction_after[0]
-        if abs(cross) < PARALLEL:
-            is_same_point = math.dist(end, start) < PARALLEL
-            corners.append([end] if is_same_point else [end, start])
+    for index, after in enumerate(edges):
+        before = edges[index - 1]
+        sine = _cross(before.direction, after.direction)
+        if abs(sine) < PARALLEL:
+            is_same_point = math.dist(before.end, after.start) < PARALLEL
+            corners.append([before.end] if is_same_point else [before.end, after.start])
             continue
-        along = ((start[0] - end[0]) * direction_after[1] - (start[1] - end[1]) * direction_after[0]) / cross
-        corners.append([(end[0] + along * direction_before[0], end[1] + along * direction_before[1])])
+        # The lines meet this far beyond the end of the edge before.
+        between = (after.start[0] - before.end[0], after.start[1] - before.end[1])
+        beyond = _cross(between, after.direction) / sine
+        corners.append([(before.end[0] + beyond * before.direction[0], before.end[1] + beyond * before.direction[1])])
     return corners
+
+
+def _cross(a: Point, b: Point) -> float:
+    """Return the cross product of two vectors: the sine of their angle, if both are unit vectors."""
+    return a[0] * b[1] - a[1] * b[0]

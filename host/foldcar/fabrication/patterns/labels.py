@@ -7,7 +7,7 @@ beams, Hershey's simplex roman ("futural"); missing characters are drawn as "?".
 """
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from itertools import pairwise
@@ -20,7 +20,7 @@ from shapely.geometry import LineString, Polygon
 from shapely.geometry import Point as ShapelyPoint
 from shapely.geometry.base import BaseGeometry
 
-from foldcar.car.folded.model import EdgeRef, FoldedCar, Join
+from foldcar.car.folded.model import FoldedCar, Join
 from foldcar.car.folded.placed import placed_faces
 from foldcar.fabrication.patterns.drawing import Path, Point
 from foldcar.fabrication.patterns.flat_piece import Edge, FlatFace, FlatPiece
@@ -37,6 +37,20 @@ APART_MM = 2.5
 DESCENT = 0.35
 # At most this many of several suitable edges are tried.
 PLACES = 8
+# Where a number is tried beside an edge, in the order of preference: distances from the edge, and fractions of its
+# length, from its middle outwards.
+DEPTHS_MM = (1.2, 0.0, 3.0, 6.0)
+FRACTIONS = (0.5, 0.4, 0.6, 0.3, 0.7, 0.2, 0.8, 0.1, 0.9)
+# A name is tried in the largest faces, at the inner points of a grid of so many steps. A face that is higher than wide by
+# more than this factor has the name upright.
+NAME_FACES = 4
+GRID_STEPS = 12
+UPRIGHT_RATIO = 1.2
+# A layer covers a face if they have more in common than this. Edges of holes may lie this far outside of a layer, and a
+# bend shortens an edge by less than this.
+COMMON_MM2 = 1.0
+AROUND_LAYER_MM = 1.0
+SHORTENED_MM = 1.0
 # Maximum distance of layers of film and tape from the face they are glued to.
 LAYERS_MM = 3.0
 # The text between a piece's name and the number of its part.
@@ -112,74 +126,87 @@ def _first_fit(
     if free.is_empty or not places:
         return None
     shapely.prepare(free)
-    cos, sin = (np.array([[turn(place.angle)] for place in places]) for turn in (math.cos, math.sin))
     for height in heights:
         strokes, width = text_strokes(text, height)
-        # Distance of the box's centre from an edge that it stands beside.
-        depth = CLEAR_MM + height * (1 + DESCENT) / 2
-        centres = np.array([place.point for place in places]) + depth * np.array([place.inward for place in places])
         # The start of the base line, relative to the centre of the box.
-        origin = -width / 2, -height / 2 + height * DESCENT / 2
-
-        # The defaults keep the values of this height; without them, the function would use those of the last height.
-        def placed(points: Sequence[Point], i: slice, at: Points = centres, origin: Point = origin) -> Points:
-            """Return points of the text, (m, 2), turned and moved to the places with these indices: (n, m, 2)."""
-            u, v = (np.array(points) + origin).T
-            return np.stack([at[i, :1] + cos[i] * u - sin[i] * v, at[i, 1:] + sin[i] * u + cos[i] * v], axis=-1)
-
-        corners = [(0.0, -height * DESCENT), (width, -height * DESCENT), (width, height), (0.0, height)]
-        boxes = shapely.polygons(placed(corners, slice(None)))
+        start = np.array((-width / 2, -height / 2 + height * DESCENT / 2))
+        # The distance of the box's centre from an edge that it stands beside.
+        depth = CLEAR_MM + height * (1 + DESCENT) / 2
+        corners = np.array([(0.0, -height * DESCENT), (width, -height * DESCENT), (width, height), (0.0, height)])
+        boxes = shapely.polygons(_at_places(places, depth, corners + start))
         fitting = np.flatnonzero(shapely.contains(free, boxes))
         if len(fitting):
-            i = int(fitting[0])
-            lines = (placed(stroke, slice(i, i + 1))[0].tolist() for stroke in strokes)
-            return [Path("LABEL", tuple((x, y) for x, y in line)) for line in lines], boxes[i]
+            first = int(fitting[0])
+            paths = []
+            for stroke in strokes:
+                (line,) = _at_places([places[first]], depth, np.array(stroke) + start)
+                paths.append(Path("LABEL", tuple((x, y) for x, y in line.tolist())))
+            return paths, boxes[first]
     return None
 
 
-def _upright(angle: float) -> float:
-    """Return a line's angle (rad) or its reverse, so that text along it is not upside down.
+def _at_places(places: Sequence[_Place], depth_mm: float, points: Points) -> Points:
+    """Return points of a text, (m, 2), turned and moved to each of the places: (n, m, 2).
 
-    Vertical text is read from the right.
+    The points are relative to the centre of the text's box. If the box stands beside an edge, its centre is ``depth_mm``
+    inwards from the place.
     """
-    angle = math.remainder(angle, math.pi)
-    return angle + math.pi if angle < -math.pi / 2 + 1e-6 else angle
+    centres = np.array([place.point for place in places]) + depth_mm * np.array([place.inward for place in places])
+    cos = np.array([[math.cos(place.angle)] for place in places])
+    sin = np.array([[math.sin(place.angle)] for place in places])
+    u, v = points.T
+    x = centres[:, :1] + cos * u - sin * v
+    y = centres[:, 1:] + sin * u + cos * v
+    return np.stack([x, y], axis=-1)
+
+
+def _text_angle(line_rad: float, turn_rad: float) -> float:
+    """Return the angle (rad) of a text along a line of a piece that is turned by ``turn_rad`` on its sheet.
+
+    It is the angle of the line or its reverse, so that the text is not upside down on the sheet. Vertical text is read
+    from the right.
+    """
+    on_sheet = math.remainder(line_rad + turn_rad, math.pi)
+    if on_sheet < -math.pi / 2 + 1e-6:
+        on_sheet += math.pi
+    return on_sheet - turn_rad
 
 
 def _beside_edges(mark: EdgeMark, turn: float) -> Iterator[_Place]:
-    """Yield places for a number beside the edges of a mark: at several depths, from each edge's middle outwards.
+    """Yield places for a number beside the edges of a mark, the preferred ones first.
 
     ``turn`` is the angle (rad) by which the piece is turned on its sheet.
     """
     for (ax, ay), (bx, by) in mark.edges:
         length = math.hypot(bx - ax, by - ay)
         inward = (-(by - ay) / length, (bx - ax) / length)
-        angle = _upright(math.atan2(by - ay, bx - ax) + turn) - turn
-        # Depths in the order of preference.
-        for depth_mm in (1.2, 0.0, 3.0, 6.0):
-            for fraction in (0.5, 0.4, 0.6, 0.3, 0.7, 0.2, 0.8, 0.1, 0.9):
+        angle = _text_angle(math.atan2(by - ay, bx - ax), turn)
+        for depth_mm in DEPTHS_MM:
+            for fraction in FRACTIONS:
                 x = ax + fraction * (bx - ax) + depth_mm * inward[0]
                 y = ay + fraction * (by - ay) + depth_mm * inward[1]
                 yield _Place((x, y), angle, inward)
 
 
 def _in_faces(flat: FlatPiece, turn: float) -> list[_Place]:
-    """Return places for a name in the four largest faces: in each from its centre outwards, first along its longer side.
+    """Return places for a name in the largest faces of a piece, the preferred ones first.
 
-    A strip, which bends smoothly, counts as one face. ``turn`` is the angle (rad) by which the piece is turned.
+    In each face the name is tried along its longer side, from the face's centre outwards, and then across. A strip, which
+    bends smoothly, counts as one face. ``turn`` is the angle (rad) by which the piece is turned on its sheet.
     """
-    outlines = [face.outline for face in sorted(flat.faces, key=lambda face: -float(face.outline.area))[:4]]
-    if flat.bends:
-        outlines = [flat.outline]
+    largest_first = sorted(flat.faces, key=lambda face: -float(face.outline.area))
+    outlines = [flat.outline] if flat.bends else [face.outline for face in largest_first[:NAME_FACES]]
+    steps = range(1, GRID_STEPS)
     places = []
     for outline in outlines:
         x0, y0, x1, y1 = outline.bounds
         middle = ((x0 + x1) / 2, (y0 + y1) / 2)
-        grid = [(x0 + (x1 - x0) * i / 12, y0 + (y1 - y0) * j / 12) for i in range(1, 12) for j in range(1, 12)]
-        grid.sort(key=lambda p: (round(math.dist(p, middle), 6), p))
-        is_upright = y1 - y0 > 1.2 * (x1 - x0)
-        for angle in (math.pi / 2, 0.0) if is_upright else (0.0, math.pi / 2):
-            places += [_Place(p, _upright(angle + turn) - turn) for p in grid]
+        grid = [(x0 + (x1 - x0) * i / GRID_STEPS, y0 + (y1 - y0) * j / GRID_STEPS) for i in steps for j in steps]
+        grid.sort(key=lambda point: (round(math.dist(point, middle), 6), point))
+        is_upright = y1 - y0 > UPRIGHT_RATIO * (x1 - x0)
+        angles = (math.pi / 2, 0.0) if is_upright else (0.0, math.pi / 2)
+        for angle in angles:
+            places += [_Place(point, _text_angle(angle, turn)) for point in grid]
     return places
 
 
@@ -189,37 +216,47 @@ def join_marks(piece: FlatPiece, car: FoldedCar, unsplit_car: FoldedCar) -> Iter
     The pieces of ``car`` are split to fit the sheets. Those of ``unsplit_car`` are whole, as they are placed in the car.
     """
     faces = {face.name: face for face in piece.faces}
-    done: set[tuple[int, str]] = set()
-    edges_around_rim: dict[tuple[int, bool], list[Edge]] = {}
-    for join in car.joins:
-        for name, ref, slot in ((join.piece_a, join.a, None), (join.piece_b, join.b, join.slot)):
-            if name != piece.name or ref.face not in faces:
-                continue
+    # A face has the number of a join once, even if the join has several edges on it.
+    written: set[tuple[int, str]] = set()
+    # The edges of each join around a rim or a strip, by the number of the join and whether they are its end a.
+    edges_of_rims: dict[tuple[int, bool], list[Edge]] = {}
+    for join, is_a in _join_ends(piece, car):
+        ref = join.a if is_a else join.b
+        face, number = faces[ref.face], str(join.number)
+        is_written = (join.number, ref.face) in written
+        if join.kind == "laminate" and not is_a:
             # On the lower face of two layers, the number stands along the outline of the layer that is laid onto it.
-            if join.kind == "laminate" and ref is join.b:
-                if (join.number, ref.face) not in done:
-                    layers = _edges_under_layers(faces[ref.face], join, unsplit_car)
-                    yield from (EdgeMark(str(join.number), edges) for edges in layers)
-                done.add((join.number, ref.face))
-                continue
-            edges = _edges(faces[ref.face], ref, join, slot)
-            if not edges:
-                continue
-            if join.kind == "rim" or piece.bends:
-                # A strip that is joined to itself has its number at both ends.
-                edges_around_rim.setdefault((join.number, ref is join.a), []).extend(edges)
-            elif (join.number, ref.face) not in done:
-                done.add((join.number, ref.face))
-                yield EdgeMark(str(join.number), tuple(edges))
-    for (number, _), edges in edges_around_rim.items():
-        # The list begins with the edges half way round. Sorting keeps this order among edges with the same slant.
-        half = len(edges) // 2
-        yield EdgeMark(str(number), tuple(sorted((*edges[half:], *edges[:half]), key=_slant)[:PLACES]))
-    for name, outline in (laid_part for face in piece.faces for laid_part in face.laid.items()):
-        if not outline:
+            written.add((join.number, ref.face))
+            if not is_written:
+                yield from (EdgeMark(number, edges) for edges in _edges_under_layers(face, join, unsplit_car))
             continue
-        longest = sorted(outline, key=lambda edge: -round(math.dist(*edge), 3))
-        yield EdgeMark(name, tuple(longest), shapely.MultiLineString(outline).convex_hull)
+        edges = _edges(face, join, is_a)
+        if edges and (join.kind == "rim" or piece.bends):
+            # A strip that is joined to itself has its number at both ends.
+            edges_of_rims.setdefault((join.number, is_a), []).extend(edges)
+        elif edges and not is_written:
+            written.add((join.number, ref.face))
+            yield EdgeMark(number, tuple(edges))
+    for (join_number, _), edges in edges_of_rims.items():
+        # The edges half way round are preferred. Sorting keeps this order among edges with the same slant.
+        half = len(edges) // 2
+        from_half_way = [*edges[half:], *edges[:half]]
+        yield EdgeMark(str(join_number), tuple(sorted(from_half_way, key=_slant)[:PLACES]))
+    for flat_face in piece.faces:
+        for name, outline in flat_face.laid.items():
+            if outline:
+                longest_first = sorted(outline, key=lambda edge: -round(math.dist(*edge), 3))
+                yield EdgeMark(name, tuple(longest_first), within=shapely.MultiLineString(outline).convex_hull)
+
+
+def _join_ends(piece: FlatPiece, car: FoldedCar) -> Iterator[tuple[Join, bool]]:
+    """Yield the ends of joins that are on faces of a piece: each join, and whether its end ``a`` is meant."""
+    names = {face.name for face in piece.faces}
+    for join in car.joins:
+        if join.piece_a == piece.name and join.a.face in names:
+            yield join, True
+        if join.piece_b == piece.name and join.b.face in names:
+            yield join, False
 
 
 def _edges_under_layers(face: FlatFace, join: Join, unsplit_car: FoldedCar) -> Iterator[tuple[Edge, ...]]:
@@ -231,66 +268,95 @@ def _edges_under_layers(face: FlatFace, join: Join, unsplit_car: FoldedCar) -> I
     upper_piece, lower_piece = (name.partition(PART)[0] for name in (join.piece_a, join.piece_b))
     piece = next(other for other in unsplit_car.pieces if other.name == lower_piece)
     outline = next(other for other in piece.faces if other.name == face.name).outline_mm
-    pairs = [((outline[i], outline[(i + 1) % len(outline)]), edge) for i, edge in face.edges.items() if i < len(outline)]
-    # The longest edge that was not split gives the motion from the face's frame to the flat piece. Points are complex
-    # numbers, so that a rotation is a product. A bend shortens an edge by less than 1 mm.
-    unchanged = [pair for pair in pairs if abs(math.dist(*pair[0]) - math.dist(*pair[1])) < 1.0]
-    if not unchanged:
-        yield tuple(_edges(face, join.b, join, None))
+    to_flat = _motion_to_flat(outline, face)
+    if to_flat is None:
+        yield tuple(_edges(face, join, is_a=False))
         return
-    (a, b), (to_a, to_b) = (
-        (complex(*edge[0]), complex(*edge[1])) for edge in max(unchanged, key=lambda pair: math.dist(*pair[0]))
-    )
-    turn = (to_b - to_a) / (b - a)
-    turn /= abs(turn)
     for layer in _layers(unsplit_car, upper_piece, join.a.face, lower_piece, face.name):
-        layer_points = [(complex(*point) - (a + b) / 2) * turn + (to_a + to_b) / 2 for point in layer.exterior.coords]
-        layer_area = shapely.Polygon([(point.real, point.imag) for point in layer_points]).intersection(face.outline)
-        if layer_area.is_empty or layer_area.geom_type != "Polygon":
+        layer_in_flat = shapely.Polygon([to_flat(point) for point in layer.exterior.coords])
+        area = layer_in_flat.intersection(face.outline)
+        if area.is_empty or area.geom_type != "Polygon":
             continue
-        under_layer = layer_area.buffer(1.0)
-        edges = (edge for ring in face.holes.values() for edge in ring)
-        hole_edges = [edge for edge in edges if under_layer.covers(shapely.LineString(edge))]
-        ring = [(x, y) for x, y in shapely.geometry.polygon.orient(layer_area).exterior.coords]
+        around_layer = area.buffer(AROUND_LAYER_MM)
+        edges = [edge for ring in face.holes.values() for edge in ring]
+        hole_edges = [edge for edge in edges if around_layer.covers(shapely.LineString(edge))]
+        ring = [(x, y) for x, y in shapely.geometry.polygon.orient(area).exterior.coords]
         yield tuple(sorted(hole_edges or pairwise(ring), key=_slant)[:PLACES])
+
+
+def _motion_to_flat(outline: Sequence[Point], face: FlatFace) -> Callable[[Point], Point] | None:
+    """Return the function that maps points of a whole face, which has this outline, to the flat piece.
+
+    It follows from the longest edge that has not been split. None if there is no such edge.
+    """
+    best: tuple[Edge, Edge] | None = None
+    for index, flat_edge in face.edges.items():
+        if index >= len(outline):
+            continue
+        edge = (outline[index], outline[(index + 1) % len(outline)])
+        is_whole = abs(math.dist(*edge) - math.dist(*flat_edge)) < SHORTENED_MM
+        if is_whole and (best is None or math.dist(*edge) > math.dist(*best[0])):
+            best = (edge, flat_edge)
+    if best is None:
+        return None
+    # Points are complex numbers, so that a rotation is a product. The edge's middle is mapped to that of the flat edge.
+    start, end = (complex(*point) for point in best[0])
+    flat_start, flat_end = (complex(*point) for point in best[1])
+    turn = (flat_end - flat_start) / (end - start)
+    turn /= abs(turn)
+
+    def to_flat(point: Point) -> Point:
+        moved = (complex(*point) - (start + end) / 2) * turn + (flat_start + flat_end) / 2
+        return moved.real, moved.imag
+
+    return to_flat
 
 
 @lru_cache(maxsize=256)
 def _layers(car: FoldedCar, piece_a: str, face_a: str, piece_b: str, face_b: str) -> tuple[shapely.Polygon, ...]:
     """Return the outlines (mm) of the faces of ``piece_a`` that lie as layers on ``face_b``, in the frame of ``face_b``.
 
-    Of several layers at the same place, one is returned.
+    Layers on top of each other, at the same place, are returned once.
     """
-    placed = [face for faces in placed_faces(car).values() for face in faces if face.piece.name in (piece_a, piece_b)]
-    lower_face = next(face for face in placed if (face.piece.name, face.face.name) == (piece_b, face_b))
-    same_faces = {join.a.face for join in car.joins if (join.piece_a, join.kind) == (piece_a, "laminate")} | {face_a}
+    placed = [face for faces in placed_faces(car).values() for face in faces]
+    lower_face = next(face for face in placed if face.piece.name == piece_b and face.face.name == face_b)
+    # The face of the join stands for all faces of its piece that are laminated.
+    laminated = {face_a}
+    laminated |= {join.a.face for join in car.joins if join.piece_a == piece_a and join.kind == "laminate"}
     outlines: dict[tuple[int, int], shapely.Polygon] = {}
-    for placed_face in placed:
-        if placed_face.piece.name != piece_a or placed_face.face.name not in same_faces:
+    for face in placed:
+        if face.piece.name != piece_a or face.face.name not in laminated:
             continue
-        points = lower_face.in_face(placed_face.corners_mm)
+        points = lower_face.in_face(face.corners_mm)
         area = shapely.Polygon(points[:, :2])
-        if np.abs(points[:, 2]).max() < LAYERS_MM and lower_face.polygon.envelope.intersection(area).area > 1.0:
-            outlines.setdefault((round(area.centroid.x), round(area.centroid.y)), area)
+        heights = np.abs(points[:, 2])
+        common_mm2 = lower_face.polygon.envelope.intersection(area).area
+        if heights.max() < LAYERS_MM and common_mm2 > COMMON_MM2:
+            place = (round(area.centroid.x), round(area.centroid.y))
+            outlines.setdefault(place, area)
     return tuple(outlines.values())
 
 
-def _edges(face: FlatFace, ref: EdgeRef, join: Join, slot: str | None) -> list[Edge]:
-    """Return the edges beside which the number of a join may be written; the film is on their left.
+def _edges(face: FlatFace, join: Join, is_a: bool) -> list[Edge]:
+    """Return the edges of a face beside which the number of a join may be written; the film is on their left.
 
-    These are the edges of the slot, if the join has one; of the holes by which layers are aligned, if the join connects
-    layers; and else the joined edge ``ref``.
+    ``is_a`` says which end of the join is on the face. The edges are those of the slot, if a tongue goes through one
+    there; of the holes by which layers are aligned, if the join connects layers; and else the joined edge. If there are
+    many, those along x or y are preferred, because numbers beside them are easy to read.
     """
-    if slot is not None and slot in face.holes:
-        return list(face.holes[slot])
+    if not is_a and join.slot is not None and join.slot in face.holes:
+        return list(face.holes[join.slot])
     if join.kind == "laminate":
-        # Layers are aligned by their holes.
-        edges = [edge for ring in face.holes.values() for edge in ring] or list(face.edges.values())
+        hole_edges = [edge for ring in face.holes.values() for edge in ring]
+        edges = hole_edges or list(face.edges.values())
         return sorted(edges, key=_slant)[:PLACES]
-    if ref.index not in face.edges:
+    index = join.a.index if is_a else join.b.index
+    if index not in face.edges:
         return []
-    a, b = face.edges[ref.index]
-    return [(b, a)] if join.kind == "rim" and face.role == "tab" else [(a, b)]
+    start, end = face.edges[index]
+    # The tab of a rim is so narrow that its number is written on the face beside it, on the other side of the edge.
+    is_rim_tab = join.kind == "rim" and face.role == "tab"
+    return [(end, start)] if is_rim_tab else [(start, end)]
 
 
 def _slant(edge: Edge) -> float:

@@ -108,27 +108,30 @@ PRESETS = {
 
 
 def options(machine: str, **changes: Any) -> Options:
-    """Return the machine's preset with these fields changed; None keeps a field, names are case-insensitive.
+    """Return the preset of a machine with these fields changed. None keeps a field, and names are case-insensitive.
 
     Raises OptionError for an unknown name or a value outside its limits.
     """
     machine = machine.lower()
-    changes = {
-        key: value.lower() if isinstance(value, str) and key != "file" else value for key, value in changes.items()
-    }
     if machine not in MACHINES:
         raise OptionError(f"machine {machine}: is not one of {', '.join(MACHINES)}")
-    result = replace(PRESETS[machine], **{key: value for key, value in changes.items() if value is not None})
+    changed: dict[str, Any] = {}
+    for name, value in changes.items():
+        if value is not None:
+            is_case_insensitive = isinstance(value, str) and name != "file"
+            changed[name] = value.lower() if is_case_insensitive else value
+    result = replace(PRESETS[machine], **changed)
     for name, (minimum, maximum, meaning) in LIMITS.items():
         value = getattr(result, name)
         if not minimum <= value <= maximum:
             raise OptionError(f"{name} {value:g}: is not within {minimum:g} to {maximum:g} ({meaning})")
     if result.fold not in ("dash", "score"):
         raise OptionError(f"fold {result.fold}: is not one of dash, score")
-    # Each end of a dash is trimmed by half the kerf, so that the finished cut is dash_cut_mm long.
+    # The machine cuts half a kerf beyond both ends of its path. So the path of a dash is shorter than the finished cut,
+    # by the kerf, but never by more than half (see `dashes`).
     if result.fold == "dash" and result.kerf_mm > result.dash_cut_mm / 2:
-        reason = "so that bridges would be thinner than dash_bridge_mm"
-        raise OptionError(f"kerf_mm {result.kerf_mm:g}: is above half of dash_cut_mm {result.dash_cut_mm:g}, {reason}")
+        reason = "cuts would be longer than dash_cut_mm, and bridges thinner than dash_bridge_mm"
+        raise OptionError(f"kerf_mm {result.kerf_mm:g}: is above half of dash_cut_mm {result.dash_cut_mm:g}: {reason}")
     width, height = result.sheet_size_mm
     if min(width, height) - 2 * result.margin_mm < 1:
         raise OptionError(f"margin_mm {result.margin_mm:g}: leaves nothing of a sheet of {width:g} x {height:g} mm")

@@ -24,7 +24,7 @@ from reportlab.lib.units import mm
 from reportlab.pdfgen.canvas import Canvas
 
 from foldcar.car.components.shape import on_circle
-from foldcar.fabrication.patterns.drawing import LAYERS, Circle, Path, Point, Shape, Sheet, bounds
+from foldcar.fabrication.patterns.drawing import LAYERS, Circle, Layer, Path, Point, Shape, Sheet, bounds
 from foldcar.figures.style import drawing_style
 
 # Files have a resolution of 1 µm.
@@ -135,35 +135,47 @@ def dxf(sheet: Sheet) -> str:
 
 
 TOOL_LAYER = 30
+# In LightBurn's files, a vertex also has the two handles of the Bezier curves that meet there. This is what LightBurn
+# writes for a vertex without handles, between straight lines.
+LBRN_NO_HANDLES = "c0x1c1x1"
 
 
 def lbrn(sheet: Sheet) -> str:
-    """Return the LightBurn project's text. The QR code's output is off; powers and speeds are LightBurn's presets."""
+    """Return a LightBurn project with the sheet, as XML text.
+
+    Each layer has a setting for cuts, which the shapes name by its number. Powers and speeds are LightBurn's presets. The
+    output of the QR code is off.
+    """
     root = ET.Element("LightBurnProject", AppVersion="1.2.01", FormatVersion="1", MaterialHeight="0", MirrorX="False",
                       MirrorY="False")  # fmt: skip
     for priority, layer in enumerate(LAYERS.values()):
-        setting = _lbrn_setting(root, "Cut", int(layer.lightburn[1:]), layer.name, priority)
+        setting = _lbrn_setting(root, "Cut", _lbrn_index(layer), layer.name, priority)
         if layer.name == "QR_CODE":
             ET.SubElement(setting, "doOutput", Value="0")
+    # The edges of the sheet are on a tool layer, which LightBurn shows but does not cut.
     _lbrn_setting(root, "Tool", TOOL_LAYER, "T1", len(LAYERS))
     frame = ET.SubElement(root, "Shape", Type="Rect", CutIndex=str(TOOL_LAYER), W=_lbrn_number(sheet.width_mm),
                           H=_lbrn_number(sheet.height_mm), Cr="0")  # fmt: skip
     _lbrn_moved(frame, (sheet.width_mm / 2, sheet.height_mm / 2))
     for layer, groups in sheet.layers:
-        index = str(int(layer.lightburn[1:]))
+        index = str(_lbrn_index(layer))
         for shape in itertools.chain.from_iterable(groups):
             if isinstance(shape, Circle):
                 radius = _lbrn_number(shape.radius_mm)
                 circle = ET.SubElement(root, "Shape", Type="Ellipse", CutIndex=index, Rx=radius, Ry=radius)
                 _lbrn_moved(circle, shape.center_mm)
                 continue
-            element = _lbrn_moved(ET.SubElement(root, "Shape", Type="Path", CutIndex=index), (0.0, 0.0))
-            # Without handles: LightBurn's lines are Bezier curves of degree one.
-            vertices = (f"V{_lbrn_number(x)} {_lbrn_number(y)}c0x1c1x1" for x, y in shape.points_mm)
-            ET.SubElement(element, "VertList").text = "".join(vertices)
-            ET.SubElement(element, "PrimList").text = "LineClosed" if shape.closed else "LineOpen"
+            path = _lbrn_moved(ET.SubElement(root, "Shape", Type="Path", CutIndex=index), (0.0, 0.0))
+            vertices = (f"V{_lbrn_number(x)} {_lbrn_number(y)}{LBRN_NO_HANDLES}" for x, y in shape.points_mm)
+            ET.SubElement(path, "VertList").text = "".join(vertices)
+            ET.SubElement(path, "PrimList").text = "LineClosed" if shape.closed else "LineOpen"
     ET.indent(root, " ")
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{ET.tostring(root, encoding="unicode")}\n'
+
+
+def _lbrn_index(layer: Layer) -> int:
+    """Return the number of a layer in LightBurn's palette, which is called such as C02."""
+    return int(layer.lightburn.removeprefix("C"))
 
 
 def _lbrn_setting(root: ET.Element, kind: str, index: int, name: str, priority: int) -> ET.Element:

@@ -27,22 +27,25 @@ def too_large_message(name: str, outline: Polygon, size_mm: tuple[float, float],
 
 
 def suggest_sheet(is_enough: Callable[[Options], bool], outlines: Iterable[Polygon], options: Options) -> str:
-    """Return a text that suggests the machine's smallest larger sheet for which ``is_enough`` holds.
+    """Return a text that suggests a larger sheet, on which pieces with these outlines (mm) fit.
 
-    Without such a sheet, suggest one as large as the outlines (mm).
+    It is the smallest of the machine's sheets that is larger than the present one and for which ``is_enough`` holds. If
+    there is none, the text suggests a sheet that is as large as the outlines, whatever machine may take it.
     """
     width, height = options.sheet_size_mm
     for name in MACHINES[options.machine].sheets:
         other = replace(options, sheet=name)
         if math.prod(other.sheet_size_mm) > width * height and is_enough(other):
             return f"--sheet {name} would do"
-    # The shorter and the longer side of each outline's bounding box. Low and high are those of a sheet for all of them,
-    # with 1 mm to spare.
-    sides = [sorted((x1 - x0, y1 - y0)) for x0, y0, x1, y1 in (outline.bounds for outline in outlines)]
-    low, high = (_rounded_up(max(side[i] for side in sides) + 2 * options.margin_mm + 1) for i in (0, 1))
-    if high > MAX_SHEET_MM:
+    # The bounding box of each outline may be turned, so its shorter side must fit on the shorter side of the sheet, and
+    # its longer side on the longer side, between the margins and with 1 mm to spare.
+    boxes = [outline.bounds for outline in outlines]
+    shorter_mm = max(min(x1 - x0, y1 - y0) for x0, y0, x1, y1 in boxes)
+    longer_mm = max(max(x1 - x0, y1 - y0) for x0, y0, x1, y1 in boxes)
+    sheet_shorter, sheet_longer = (_rounded_up(side + 2 * options.margin_mm + 1) for side in (shorter_mm, longer_mm))
+    if sheet_longer > MAX_SHEET_MM:
         return f"no sheet of up to {MAX_SHEET_MM:g} mm would do: make the car smaller"
-    return f"--sheet {high:g}x{low:g} would do"
+    return f"--sheet {sheet_longer:g}x{sheet_shorter:g} would do"
 
 
 def all_fit(outlines: Sequence[Polygon], options: Options) -> bool:

@@ -124,39 +124,43 @@ def _cut_along(piece: Piece, crease: Crease, depth: float) -> tuple[Piece, Piece
     for other in piece.creases:
         if other.parent.face in cut_off:
             cut_off.add(other.child.face)
-    tab = Face(_tab_name(crease), _tab_outline_mm(piece, crease, depth), (), "tab")
-    fold = replace(crease, name=tab.name, child=EdgeRef(tab.name, 0))
-
-    root_faces = (*(f for f in piece.faces if f.name not in cut_off), tab)
-    root_creases = (*(c for c in piece.creases if c.child.face not in cut_off), fold)
-    # The root face of a part comes first.
-    child_faces = sorted((f for f in piece.faces if f.name in cut_off), key=lambda f: f.name != crease.child.face)
-    child_creases = tuple(c for c in piece.creases if c.parent.face in cut_off)
-    return (
-        replace(piece, faces=root_faces, creases=root_creases),
-        replace(piece, faces=tuple(child_faces), creases=child_creases),
-    )
+    tab = Face(_tab_name(crease), _tab_outline_mm(piece, crease, depth), role="tab")
+    tab_fold = replace(crease, name=tab.name, child=EdgeRef(tab.name, 0))
+    root_faces = [face for face in piece.faces if face.name not in cut_off]
+    root_creases = [other for other in piece.creases if other.child.face not in cut_off]
+    root_part = replace(piece, faces=(*root_faces, tab), creases=(*root_creases, tab_fold))
+    # The root face of a part comes first: of the second part, it is the child of the fold.
+    first_faces = [face for face in piece.faces if face.name == crease.child.face]
+    other_faces = [face for face in piece.faces if face.name in cut_off and face not in first_faces]
+    child_creases = [other for other in piece.creases if other.parent.face in cut_off]
+    child_part = replace(piece, faces=(*first_faces, *other_faces), creases=tuple(child_creases))
+    return root_part, child_part
 
 
 def _tab_outline_mm(piece: Piece, crease: Crease, depth: float) -> tuple[Point, ...]:
-    """Return the outline (mm) of a tab in place of a fold, its folded edge first, from the origin along x.
+    """Return the outline (mm) of a tab that takes the place of a fold.
 
-    The tab has a notch for each hole of the face that it is taped to.
+    In its frame, x runs along the fold from the origin, and y across it. The edge along the fold comes first. The tab is
+    taped to the child's face, and has a notch for each hole of that face.
     """
     length = _length_mm(piece, crease)
     shape = shapely.Polygon([(0.0, 0.0), (length, 0.0), (length - depth / 4, depth), (depth / 4, depth)])
     faces = {face.name: face for face in piece.faces}
-    a, b = (np.array(end) for end in edge(faces, crease.child))
-    along = (b - a) / np.linalg.norm(b - a)
+    # The tab's axes in the child's frame: along the child's edge, and at right angles to it into the child.
+    start, end = (np.array(point) for point in edge(faces, crease.child))
+    along = (end - start) / np.linalg.norm(end - start)
+    inward = (-along[1], along[0])
+    to_tab = np.array([along, inward]).T
     for hole in faces[crease.child.face].holes:
-        # The tab covers the face's film beside the fold: its frame is that of the face's edge.
-        points = (np.array(hole.outline_mm) - a) @ np.array([along, (-along[1], along[0])]).T
-        (left, low), (right, _) = points.min(axis=0) - NOTCH_MM, points.max(axis=0) + NOTCH_MM
-        if low < depth:
-            shape = shape.difference(shapely.box(left, max(low, NOTCH_MM), right, 2 * depth))
+        points = (np.array(hole.outline_mm) - start) @ to_tab
+        left, bottom = points.min(axis=0) - NOTCH_MM
+        right, _ = points.max(axis=0) + NOTCH_MM
+        if bottom < depth:
+            # The notch is open at the tab's outer edge, but leaves film at the fold.
+            shape = shape.difference(shapely.box(left, max(bottom, NOTCH_MM), right, 2 * depth))
     corners = [(float(x), float(y)) for x, y in orient(shape).exterior.coords[:-1]]
-    start = corners.index((0.0, 0.0))
-    return (*corners[start:], *corners[:start])
+    origin_index = corners.index((0.0, 0.0))
+    return (*corners[origin_index:], *corners[:origin_index])
 
 
 def _tab_name(crease: Crease) -> str:

@@ -64,7 +64,8 @@ def _check_same_study(study: ListedStudy, store: Path) -> None:
         (experiment.listed_id, Path(experiment.scenic_program).name) for experiment in stored.experiments.values()
     }
     if not own_experiments & stored_experiments:
-        new_store = f"{Path(study.listing_name).stem}.db"
+        stem = Path(study.listing_name).stem
+        new_store = f"{stem}.db" if store.name != f"{stem}.db" else f"{stem}_2.db"
         raise FoldcarError(
             f"{store}: holds the study of another listing, {stored.listing_name}; sweep {study.listing_name} into "
             f"another store (--store {new_store}), which `foldcar merge` can join with {store}"

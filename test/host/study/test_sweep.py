@@ -77,6 +77,8 @@ def test_a_sweep_keeps_out_of_another_studys_store(
     message = refused("sweep", "listing.json", "--store", "s.db", "--json")
     assert message.startswith("s.db: holds the study of another listing, renamed.json; sweep")
     assert "--store listing.db" in message
+    (tmp_path / "s.db").rename(tmp_path / "listing.db")
+    assert "--store listing_2.db" in refused("sweep", "listing.json", "--store", "listing.db", "--json")
 
 
 def test_a_million_designs_are_estimated_from_some_that_are_spread_out(

@@ -218,6 +218,7 @@ class _Prover:
         moving = merge_blocks(self._solid(key) for key in self._part_keys(added))
         standing = merge_blocks(present.values())
         mount = self.roles.mounts[added.name] if added.kind == "mount" else None
+        nut_path: ExitPath | None = None
         if mount is None:
             exit_path = find_exit_path(moving, standing, ignored=self.joined)
         elif self.roles.is_fastener(mount):
@@ -226,15 +227,15 @@ class _Prover:
             for key in added.passes:
                 if key not in present:
                     self._add_finding(place, f"{name} passes {key.name}, which is not there yet")
-            if nut_path is not None:
-                added = replace(added, nut_mm=self._insertion_path(place, f"the nut of {name}", nut_path))
         elif self._plugs_onto(mount, present):
             # Pins go straight into their sockets, along the part's +z or -z.
             *_, up, down = _axes(mount)
             exit_path = find_exit_path(moving, standing, (up, down), self.joined, only_own=True)
         else:
             exit_path = find_exit_path(moving, standing, _axes(mount), self.joined)
-        return replace(added, way_mm=self._insertion_path(place, name, exit_path))
+        way_mm = self._insertion_path(place, name, exit_path)
+        nut_mm = () if nut_path is None else self._insertion_path(place, f"the nut of {name}", nut_path)
+        return replace(added, way_mm=way_mm, nut_mm=nut_mm)
 
     def _insertion_path(self, place: str, name: str, exit_path: ExitPath) -> tuple[Vector, ...]:
         """Return a path out backwards. If there is none, add a finding and return no moves."""

@@ -62,8 +62,9 @@ def lid_path(lid: Lid, angles_rad: Mapping[str, float]) -> Iterator[dict[str, fl
 
 
 def swing_of(name: str, first: Stage, last: Stage, standing: Mapping[PartKey, Blocks]) -> Swing:
-    """Return what moves, and what stands still, among ``standing`` when the piece ``name`` folds between two
-    stages.
+    """Return what moves and what stands still when the piece ``name`` folds between two stages.
+
+    ``standing`` are the parts that are in place, with their solids.
     """
     moving_keys = [key for key in standing if first.poses(key) != last.poses(key)]
     piece_keys = [key for key in moving_keys if key.kind == "piece" and key.name == name]

@@ -117,7 +117,7 @@ def replay(
     trial's log. The picture shows the simulated run.
 
     \b
-    Example: foldcar trials replay study.db 7 --plot pair.png
+    Example: foldcar trials replay study.db 7 --plot run.png
     """
     from foldcar.commands.listed_run import RunInput
     from foldcar.commands.tables import STANDING_TEXTS, seconds_text
@@ -133,6 +133,8 @@ def replay(
     carsim = Carsim()
     with Store.open(store) as reader:
         trial, drive = reader.trial(number), reader.trial_drive(number)
+        infos = reader.info().experiments.values() if reader.holds_study() else ()
+        cars_vary = any(info.variation for info in infos if info.listed_id == trial.experiment)
     if drive is None:
         raise FoldcarError(f"{store}: trial {number} was imported without a scene and cannot be simulated")
     # The dynamic parts of a Scenic program are not simulated.
@@ -163,6 +165,11 @@ def replay(
         verdict,
         *(_log_lines(log_summary) if log_summary else ()),
     ]
+    if cars_vary:
+        lines.append(
+            "The simulated car is exactly its design. `foldcar compare` simulates the car that the sweep has drawn for "
+            "the sample, which differs from its design."
+        )
     if plot is not None:
         from foldcar.figures.run import draw_run
 

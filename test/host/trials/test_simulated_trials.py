@@ -98,6 +98,14 @@ def test_the_car_follows_to_the_sample_of_each_trial(
     # Each was driven in the scene of its sample: simulated there again, it ends as it did.
     for trial in trials:
         assert "agree" in foldcar("trials", "replay", "s.db", str(trial.id), "--simulated-trials").stdout
+    # In a study whose cars vary, the simulated car is another one than that of `compare`.
+    assert "exactly its design" not in replayed.stdout
+    listing = json.loads((course / "l.json").read_text())
+    listing["experiments"]["1"]["params"] |= {"environments": 1, "variation": "workshop"}
+    (course / "varied.json").write_text(json.dumps(listing))
+    swept = foldcar("sweep", "varied.json", "--experiment", "1", "--store", "s.db", "--realities", "0")
+    assert swept.returncode == 0, swept.stderr
+    assert "exactly its design" in foldcar("trials", "replay", "s.db", "1").stdout
 
 
 def test_a_changed_program_is_refused(course: Path, carsim_binary: Path, refused: Any) -> None:

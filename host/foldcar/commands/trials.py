@@ -123,6 +123,7 @@ def replay(
     from foldcar.commands.tables import STANDING_TEXTS, seconds_text
     from foldcar.link.log_features import log_features
     from foldcar.simulation.carsim import Carsim
+    from foldcar.simulation.engines import engine_of
     from foldcar.simulation.heights import carsim_heights
     from foldcar.simulation.results import outcome_of
     from foldcar.simulation.runner import PATH_INTERVAL_S
@@ -130,19 +131,24 @@ def replay(
     from foldcar.store.reader import Store
     from foldcar.store.trial_records import BUILT, SIMULATED
 
-    carsim = Carsim()
     with Store.open(store) as reader:
-        trial, drive = reader.trial(number), reader.trial_drive(number)
-        infos = reader.info().experiments.values() if reader.holds_study() else ()
-        cars_vary = any(info.variation for info in infos if info.listed_id == trial.experiment)
+        trial, drive, is_dynamic = reader.trial(number), reader.trial_drive(number), reader.is_dynamic_trial(number)
+        infos = list(reader.info().experiments.values()) if reader.holds_study() else []
     if drive is None:
         raise FoldcarError(f"{store}: trial {number} was imported without a scene and cannot be simulated")
-    # The dynamic parts of a Scenic program are not simulated.
+    # The experiment may have been swept with several engines. Its own name is that of the sweep with the default engine.
+    swept = [info for info in infos if info.listed_id == trial.experiment and info.under is None]
+    swept.sort(key=lambda info: info.id != trial.experiment)
+    engine = swept[0].engine if swept else ""
+    carsim = Carsim(engine=engine_of(engine))
+    cars_vary = any(info.variation for info in swept)
     body, settings, scene = map(json.loads, drive)
     answer = RunInput(f"trial {number}", body, scene, settings, 0).simulate(carsim, path_interval_s=PATH_INTERVAL_S)
     outcome, simulated_s = outcome_of(answer), answer.get("elapsed_time_s")
     if not trial.completed:
         verdict = "not compared: the trial was aborted"
+    elif is_dynamic:
+        verdict = "not compared: the trial's program runs during the simulation, and this simulation leaves it out"
     elif trial.standing == BUILT or (simulated_trials and trial.standing == SIMULATED):
         agrees = (trial.outcome == "passed") == (outcome == "passed")
         verdict = "trial and simulation agree" if agrees else "trial and simulation disagree"
@@ -161,7 +167,7 @@ def replay(
     lines = [
         f"{'':<10}{'outcome':<12}{'time (s)':>9}",
         f"{'trial':<10}{trial.outcome:<12}{seconds_text(trial.elapsed_time_s):>9}{mark}",
-        f"{'simulated':<10}{outcome:<12}{seconds_text(simulated_s):>9}",
+        f"{'simulated':<10}{outcome:<12}{seconds_text(simulated_s):>9}{f'  ({engine})' if engine else ''}",
         verdict,
         *(_log_lines(log_summary) if log_summary else ()),
     ]

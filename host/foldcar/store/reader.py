@@ -139,6 +139,13 @@ class Store:
             }
             yield Trial(**{field.name: values[field.name] for field in fields(Trial)})
 
+    def is_dynamic_trial(self, number: int) -> bool:
+        """Return whether the Scenic program of a trial's environment runs during the simulation; False if unknown."""
+        environment_id = self.row(TRIAL, id=number)["environment_id"]
+        if environment_id is None:
+            return False
+        return bool(self.row(ENVIRONMENT, id=environment_id)["dynamic"])
+
     def trials_in_other_environments(self, info: ExperimentInfo) -> dict[int, str | None]:
         """Return which trials of an experiment were driven in another environment than its runs.
 

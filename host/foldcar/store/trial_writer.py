@@ -42,7 +42,8 @@ from foldcar.store.writer import canonical_json
 class Drive:
     """The inputs of a trial's simulation: objects of docs/carsim.md, the scene as built on the floor.
 
-    ``scenic_program`` is the environment's program as the listing names it.
+    ``scenic_program`` is the environment's program as the listing names it. ``dynamic`` is whether the program runs
+    during the simulation, None if this is unknown.
     """
 
     body: Mapping[str, Any]
@@ -51,6 +52,7 @@ class Drive:
     environment_fingerprint: str
     scenic_program: str
     sample: int
+    dynamic: bool | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,6 +84,9 @@ class TrialWriter(StoreConnection):
     ) -> int:
         """Store a trial before the car moves, and return its number. It counts as aborted until :meth:`complete`."""
         with self._transaction():
+            environment_id = self._identify("environment", "fingerprint", drive.environment_fingerprint)
+            if drive.dynamic is not None:
+                self._run("UPDATE environment SET dynamic = ? WHERE id = ?", int(drive.dynamic), environment_id)
             row = {
                 "uuid": str(uuid.uuid4()),
                 "experiment": experiment,
@@ -89,7 +94,7 @@ class TrialWriter(StoreConnection):
                 "design": json.dumps(dict(design.columns)),
                 "body_id": self._put_text("body", canonical_json(drive.body)),
                 "settings_id": self._put_text("settings", canonical_json(drive.settings)),
-                "environment_id": self._identify("environment", "fingerprint", drive.environment_fingerprint),
+                "environment_id": environment_id,
                 "sample": drive.sample,
                 "scene_id": self._put_text("scene", canonical_json(drive.scene)),
                 "deviations": canonical_json({name: list(deviation) for name, deviation in deviations.items()}),

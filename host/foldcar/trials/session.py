@@ -290,7 +290,15 @@ class Session:
         trial_number = writer.begin(
             experiment.id,
             trial_design,
-            Drive(body, settings, placed_scene, fingerprint, experiment.program_name, sample),
+            Drive(
+                body,
+                settings,
+                scene=placed_scene,
+                environment_fingerprint=fingerprint,
+                scenic_program=experiment.program_name,
+                sample=sample,
+                dynamic=self._environment.dynamic,
+            ),
             deviations,
             CarFacts(identity.build, identity.hash, self._plugged.connected.port, car_kind, options.car),
             str(log.relative_to(store_folder(options.store))),

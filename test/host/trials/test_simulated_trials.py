@@ -137,3 +137,31 @@ def test_a_scenes_name_ignores_its_id_and_the_order_of_keys() -> None:
     assert scene_name({"id": "x", **dict(reversed(scene.items()))}, 12) == name
     assert scene_name({**scene, "friction": 0.61}, 12) != name
     assert name.partition("/")[2] == "12"
+
+
+def test_a_replay_uses_the_engine_of_the_runs(course: Path, carsim_binary: Path, foldcar: Any) -> None:
+    with link(course, "--experiment", "1", "--sample", "0", "--speedup", "400") as port:
+        answer = foldcar(*LOG, "--port", port, "--yes", "--trials", "1", "--countdown", "0", "--sample", "0")
+    assert answer.returncode == 0, answer.stderr
+    assert "Side view" not in foldcar("trials", "replay", "s.db", "1").stdout
+
+    swept = foldcar("sweep", "l.json", "--experiment", "1", "--store", "s.db", "--engine", "side-view")
+
+    assert swept.returncode == 0, swept.stderr
+    with Store.open(course / "s.db") as store:
+        (engine,) = {info.engine for info in store.info().experiments.values()}
+        (run,) = [result for result in store.results() if result.sample == 0]
+    replayed = foldcar("trials", "replay", "s.db", "1").stdout
+    assert engine and f"simulated {run.outcome}" in " ".join(replayed.split()) and f"({engine})" in replayed
+
+
+def test_a_replay_without_the_programs_monitor_is_not_compared(course: Path, carsim_binary: Path, foldcar: Any) -> None:
+    monitor = "monitor Stop():\n    while ego.position.x < 0.3:\n        wait\n    terminate\nrequire monitor Stop()\n"
+    (course / "ramp.scenic").write_text(PROGRAM + monitor)
+    with link(course, "--experiment", "1", "--sample", "0", "--speedup", "400") as port:
+        answer = foldcar(*LOG, "--port", port, "--yes", "--trials", "1", "--countdown", "0", "--sample", "0")
+    assert answer.returncode == 0, answer.stderr
+
+    replayed = foldcar("trials", "replay", "s.db", "1", "--simulated-trials").stdout
+
+    assert "not compared: the trial's program runs during the simulation" in replayed and "agree" not in replayed

@@ -83,7 +83,7 @@ def _experiment(
     threshold, listed = experiment.thresholds[-1], info.stored_runs <= MAX_RUNS
     values = environment_values(store, info) if evidence.swept else EnvironmentValues((), numpy.empty((0, 0)))
     columns, selection = experiment.columns, experiment.selection
-    engines = other_simulations(evidence, [other.evidence for other in experiments])
+    engines = other_simulations(store, evidence, [other.evidence for other in experiments])
     costs = measures(store, info, [design.design for design in evidence.family], evidence.runs)
     areas = next((cost["value"] for cost in costs if cost["key"] == "sheet_area"), [None] * len(columns.names))
     return {

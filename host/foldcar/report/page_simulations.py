@@ -10,17 +10,24 @@ from foldcar.simulation.engines import MULTIBODY, engine_title
 from foldcar.simulation.results import OUTCOMES
 from foldcar.statistics.words import count, percent
 from foldcar.store.info import ExperimentInfo
+from foldcar.store.reader import Store
 
 
-def other_simulations(evidence: Evidence, experiments: Sequence[Evidence]) -> list[OtherSimulation]:
+def other_simulations(store: Store, evidence: Evidence, experiments: Sequence[Evidence]) -> list[OtherSimulation]:
     """Compare the runs of an experiment with the same runs in other simulations, such as another engine.
 
-    Returns an entry for each of the ``experiments`` that has runs of the same designs in the same samples.
+    Returns an entry for each of the ``experiments`` that has runs of the same designs in the same samples, driven in the
+    same way.
     """
     own_runs = _passed_runs(evidence)
+    if not own_runs:
+        return []
+    own_drives = _identity_of_drives(store, evidence.info)
     simulations: list[OtherSimulation] = []
     for other in experiments:
-        if other.info.id == evidence.info.id or _identity_of_samples(other.info) != _identity_of_samples(evidence.info):
+        if not other.swept:
+            continue
+        if other.info.id == evidence.info.id or _identity_of_drives(store, other.info) != own_drives:
             continue
         other_indices = [other.index_of(design) for design in evidence.family]
         other_runs = _passed_runs(other)
@@ -57,16 +64,27 @@ def other_simulations(evidence: Evidence, experiments: Sequence[Evidence]) -> li
 
 
 def _simulation_name(info: ExperimentInfo, other: ExperimentInfo) -> str:
-    """Name an experiment's simulation by its difference from the other's: its engine, or its reality."""
-    if info.engine != other.engine:
-        return engine_title(info.engine) or MULTIBODY
-    return info.under or "nominal"
+    """Name the simulation of an experiment by what differs from the other one: its engine, its reality, or both."""
+    engine = engine_title(info.engine) or MULTIBODY
+    reality = info.under or "nominal"
+    if info.engine == other.engine:
+        return reality
+    if info.under == other.under:
+        return engine
+    return f"{engine} ({reality})"
 
 
-def _identity_of_samples(info: ExperimentInfo) -> tuple[Any, ...]:
-    """Return a key that is equal for two experiments with the same cars and samples."""
+def _identity_of_drives(store: Store, info: ExperimentInfo) -> tuple[Any, ...]:
+    """Return a key that is equal for two experiments whose cars drive in the same samples and in the same way.
+
+    It does not contain the engine and the reality, nor the designs, which are compared one by one.
+    """
     return (
         info.listed_id,
+        store.listed_environment_id(info),
+        info.timeout_s,
+        info.speed_m_s,
+        info.yaw_rate_rad_s,
         info.vehicle_type,
         info.fixed,
         Path(info.scenic_program).name,

@@ -191,8 +191,9 @@ class Carsim:
                 index = 0 if len(requests) == 1 else error["run"]
                 label = requests[int(index)].label if index is not None else f"line {error['line']}"
                 raise InputRefusedError(self.binary, label, str(error["message"]))
-            has_possible_metrics = all(_is_possible(answer[m.name], m.optional) for m in results.METRICS)
-            is_possible = answer["outcome"] in results.NATIVE_OUTCOMES and has_possible_metrics
+            # An answer with an impossible outcome may lack the metrics.
+            is_possible = answer["outcome"] in results.NATIVE_OUTCOMES
+            is_possible = is_possible and all(_is_possible(answer[m.name], m.optional) for m in results.METRICS)
         except (ValueError, TypeError, KeyError, IndexError) as error:
             raise CarsimError(f"{self.binary}: its answer is not a result: {line[:80]}") from error
         if not is_possible:

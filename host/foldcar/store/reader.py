@@ -178,7 +178,7 @@ class Store:
         samples that both environments have in the store are the same scenes in both. Or the trial's own scene is equal
         to the scene of its sample.
         """
-        environment_id = self._environment_id(info)
+        environment_id = self.listed_environment_id(info)
         trials = list(self.rows(TRIAL, "WHERE experiment = ? AND environment_id IS NOT NULL", info.listed_id))
         has_other_environments = any(trial["environment_id"] != environment_id for trial in trials)
         scenes = self._sampled_scenes(environment_id) if has_other_environments else {}
@@ -216,7 +216,7 @@ class Store:
         """Return the settings (JSON) that each trial was driven with, by the trial's number; unknown ones are missing."""
         return dict(self._rows("SELECT t.id, s.json FROM trial t JOIN settings s ON s.id = t.settings_id"))
 
-    def _environment_id(self, info: ExperimentInfo) -> int:
+    def listed_environment_id(self, info: ExperimentInfo) -> int:
         """Return the id of the environment that the listing names for the experiment; 0 if it is not stored.
 
         An experiment that was simulated in a reality has an environment of its own, which the reality has changed.

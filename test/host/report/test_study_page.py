@@ -253,6 +253,33 @@ def test_two_engines_have_a_sentence_and_a_curve_each(tmp_path: Path, carsim_bin
     assert probe["dashed"] == 1
 
 
+def test_simulations_are_compared_only_if_they_drive_alike_and_are_named_by_all_that_differs(
+    tmp_path: Path, carsim_binary: Path
+) -> None:
+    listing = listing_of(STEP_PYRAMIDS, {"width": list(WIDTHS)}, timeout=120, environments=SAMPLES)
+    (tmp_path / "l.json").write_text(json.dumps(listing))
+    (tmp_path / "high.json").write_text('{"obstacle_height": 1.3}')
+
+    def sweep_and_report(*options: str) -> list[list[str]]:
+        """The texts of each experiment on the other simulations, after another sweep."""
+        foldcar("sweep", tmp_path / "l.json", "--store", tmp_path / "s.db", "--realities", "0", *options)
+        foldcar("report", tmp_path / "s.db", "-o", tmp_path / "report")
+        experiments = study_of(tmp_path / "report")["experiments"]
+        return [[engine["name"] for engine in experiment["engines"]] for experiment in experiments]
+
+    assert sweep_and_report() == [[]]
+    assert sweep_and_report("--engine", "side-view") == [["side-view"], ["multibody"]]
+    nominal, side_view, high = sweep_and_report("--reality", str(tmp_path / "high.json"))
+    assert nominal[0] == "side-view" and nominal[1].startswith("reality high")
+    assert side_view[0] == "multibody" and side_view[1].startswith("multibody (reality high")
+    assert high == ["nominal", "side-view (nominal)"]
+    # The runs of another time limit are other runs.
+    (experiment,) = listing["experiments"].values()
+    experiment["params"]["timeout"] = 60
+    (tmp_path / "l.json").write_text(json.dumps(listing))
+    assert sweep_and_report() == [[], side_view[1:], ["side-view (nominal)"]]
+
+
 SERIES = """
   found.dashed = document.querySelectorAll("[data-chart=curve] svg path[stroke-dasharray][stroke-width='1.5']").length;
 """

@@ -112,16 +112,18 @@ def built_cars(count: int, variation: str | Mapping[str, float], variation_seed:
 def _body_and_settings(
     type_string: str, values: tuple[tuple[str, float], ...], *arguments: float | None
 ) -> tuple[str, str]:
-    """Return what :func:`body_and_settings` does; the arguments are hashable, so that the result is cached.
+    """Return the body and the settings of a design, as :func:`body_and_settings` does. Results are cached.
 
-    ``arguments`` are in the order of LISTING_KEYS; None stands for a listing's default.
+    ``values`` are the design's parameters, in a form that can be cached. ``arguments`` are time limit, speed and yaw
+    rate, in the order of LISTING_KEYS; None stands for the default of a listing.
     """
     design = compose(type_string, dict(values))
     body = body_json(design)
-    # Check the arguments with a listing's limits.
-    listing_values = {
-        key: argument for key, argument in zip(LISTING_KEYS.values(), arguments, strict=True) if argument is not None
-    }
+    # The arguments have the same limits as the values of a listing, so they are checked like these.
+    listing_values = {}
+    for key, argument in zip(LISTING_KEYS.values(), arguments, strict=True):
+        if argument is not None:
+            listing_values[key] = argument
     try:
         params = ExperimentParams.model_validate(listing_values)
     except ValidationError as error:

@@ -122,7 +122,7 @@ _kept: deque[Environment] = deque(maxlen=4)
 
 
 def environment(program: str | Path, *, seed: int = 0, params: Mapping[str, Any] | None = None) -> Environment:
-    """Return the environment of a Scenic program; the same object for equal program, parameters and seed.
+    """Return the environment of a Scenic program. Equal program, parameters and seed give the same object.
 
     Raises FoldcarError if the file does not exist, the program has an error, or an argument is invalid.
 
@@ -146,6 +146,7 @@ def environment(program: str | Path, *, seed: int = 0, params: Mapping[str, Any]
         opened = _opened.get(key)
         if opened is None or not opened.is_current:
             opened = _opened[key] = Environment(file, values, number)
+        # Only the environments that were used last keep a process that waits for questions.
         if opened in _kept:
             _kept.remove(opened)
         elif len(_kept) == _kept.maxlen:

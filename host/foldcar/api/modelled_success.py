@@ -40,12 +40,16 @@ class ModelledSuccess:
         return self.model.rates(rows, level)
 
     def _columns(self, names: Iterable[Any]) -> list[Any]:
-        """Return the columns of a table that have the parameters, in their order; a table may have others, too."""
+        """Return which columns of a table are the parameters of the model, in the order of the parameters.
+
+        ``names`` are all columns of the table. It may have further columns. Raises FoldcarError if a parameter is
+        missing.
+        """
         columns: dict[str, Any] = {}
         for name in names:
             with suppress(FoldcarError):
                 columns.setdefault(column_named(name, self.parameters, "rates"), name)
-        # A whole name comes first: of a study's runs with W_length_mm and B_length_mm, each is meant by itself.
+        # A short name such as "length" may fit several columns. A column with the whole name of a parameter always wins.
         columns.update({name: name for name in names if name in self.parameters})
         missing = [parameter for parameter in self.parameters if parameter not in columns]
         if missing:

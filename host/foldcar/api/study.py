@@ -292,10 +292,14 @@ class Study:
         columns = [column_named(name, _parameters(runs), "success_model") for name in parameters]
         if not columns:
             raise FoldcarError(f"success_model: name some of {', '.join(varied)}")
+        # Runs with the same values of all parameters form a group, which is a design of the model.
         groups = runs.groupby(list(dict.fromkeys([*columns, *varied])), sort=False)
+        # A row for each group, with its parameters.
         values = groups.size().index.to_frame()
         indices = tuple(values.columns.get_loc(column) for column in columns)
-        effects = fit_effects(values.to_numpy(dtype=float), groups.ngroup(), runs["sample"], runs["passed"].astype(float))
+        group_of_run = groups.ngroup()
+        has_passed = runs["passed"].astype(float)
+        effects = fit_effects(values.to_numpy(dtype=float), group_of_run, runs["sample"], has_passed)
         return ModelledSuccess(tuple(columns), Standardised(effects, indices))
 
     def _judged(self, table: "pandas.DataFrame") -> "pandas.DataFrame":

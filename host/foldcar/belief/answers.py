@@ -260,22 +260,23 @@ class Answers:
         return passed
 
     def _draws_without(self, design: int) -> Draws:
-        """Return draws that are weighed by the trials of all other designs."""
+        """Return draws whose weights follow from the trials of all designs but this one."""
         log_likelihoods = self.draws.log_likelihood_of_cars(self.trials)
         of_design = log_likelihoods[:, self.trials.design == design].sum(axis=1)
-        # A tiny number is added, because the logarithm of 0 is infinite.
+        # The present weights contain the likelihood of this design's trials, so it is divided out. A tiny number avoids
+        # the logarithm of 0.
         weights = normalised(numpy.log(self.draws.weights + 1e-300) - of_design)
         if effective_number(weights) >= MIN_EFFECTIVE_WITHOUT:
             return replace(self.draws, weights=weights)
-        # The draws lie where the left-out trials are probable, so others must be drawn.
+        # Too few draws have weight now, because all draws were made to fit this design's trials. So make new ones.
         return weigh(self.draws.prior, self.trials.without(design))
 
     def realities(self, number: int) -> tuple[FloatArray, FloatArray]:
         """Draw ``number`` realities by their weights, and return their values and the rates of the designs in them.
 
-        The values (number, parameters) are in the parameters' units. The rates (number, d) contain the unexplained error
-        that varies slowly from design to design. They do not contain the error that each design has for itself, so
-        neighbouring designs have similar rates.
+        The values (number, parameters) are in the parameters' units. The simulator has two kinds of unexplained errors:
+        one varies slowly from design to design, the other is independent in each design. The rates (number, d) contain
+        only the first kind, so that curves over the designs are smooth.
         """
         weights = self.draws.weights
         chosen = numpy.random.default_rng(REALITIES_SEED).choice(len(weights), number, p=weights)

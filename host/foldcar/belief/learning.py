@@ -117,7 +117,9 @@ def nominal_runs(variation: Collection[str], counts: DesignCounts) -> NominalRun
     scores = numpy.array(NOMINAL_SCORES)
     wheel_quantities = {name for name, quantity in workshop_spreads().items() if quantity.per == "wheel"}
     if wheel_quantities.intersection(variation):
-        # The wheels of these cars differ by the variation "workshop", and the score 0 stands for this.
+        # In these runs the wheels of a car differ from each other, as the variation "workshop" says. This is the median
+        # of the unknown WHEEL_SPREAD, so its score is 0. Without variation the wheels are all alike, which is another
+        # score.
         scores[NAMES.index(WHEEL_SPREAD)] = 0.0
     return NominalRuns(scores, numpy.array(counts.passed, float), numpy.array(counts.counted, float))
 
@@ -214,10 +216,11 @@ def _fit_coefficients(unlearned: Learned, runs: RealityRuns, designs: FloatArray
 def penalised_logistic(
     features: FloatArray, passed: FloatArray, counted: FloatArray, variances: FloatArray
 ) -> FloatArray:
-    """Return the coefficients (m,) of a logistic regression of ``passed`` of ``counted`` (n,) on ``features`` (n, m).
+    """Fit a penalised logistic regression and return its coefficients (m,).
 
-    They maximise log-likelihood - sum(coefficient² / (2 variance)), where ``variances`` (m,) are positive. Newton's
-    method: the maximum is unique, because the function is strictly concave.
+    A row of the data has ``features`` (n, m), and ``passed`` (n,) of its ``counted`` (n,) runs passed. The coefficients
+    maximise log-likelihood - sum(coefficient² / (2 variance)), where ``variances`` (m,) are positive. The function is
+    strictly concave, so there is one maximum. It is found by Newton's method.
     """
     coefficients = numpy.zeros(features.shape[1])
     objective = _objective(features, passed, counted, variances, coefficients)
@@ -228,7 +231,7 @@ def penalised_logistic(
         curvature[numpy.diag_indices(len(coefficients))] += 1 / variances
         step = numpy.linalg.solve(curvature, gradient)
         new_objective = _objective(features, passed, counted, variances, coefficients + step)
-        # A full step may overshoot; a shorter one never does, if it is short enough.
+        # A full step may lead beyond the maximum, to a smaller value. Then it is halved until it does not.
         while new_objective < objective - TOLERANCE:
             step = step / 2
             new_objective = _objective(features, passed, counted, variances, coefficients + step)
@@ -276,9 +279,11 @@ def _features(scores: FloatArray, design_features: FloatArray) -> FloatArray:
 
 
 def _shaped(scores: FloatArray) -> FloatArray:
-    """Return scores (n, parameters) in which the scores of spreads are replaced by the spreads themselves.
+    """Return the inputs of the regression for scores (n, parameters), as an array of the same shape.
 
-    The spreads are shifted, so that their mean is nearly 0 as that of scores.
+    For most parameters this is the score itself. Some parameters are spreads, such as the standard deviation of the
+    start. Their effect is proportional to the spread, so the input is the spread. It is shifted so that its mean is
+    nearly 0.
     """
     shaped_scores = numpy.array(scores, dtype=float)
     for index, parameter in enumerate(PARAMETERS):

@@ -151,9 +151,10 @@ def parameter_named(
 ) -> UnknownParameter:
     """Return the unknown parameter ``name``, after checking that it can have this ``value``.
 
-    The value's score must be between -``largest_score`` and ``largest_score``. If ``with_nominal`` is True, the nominal
-    value and all values between it and this range are allowed, too. Raises FoldcarError, which begins with ``place``, if
-    the name is unknown or the value is outside the limits. ``others`` are further names that the error lists as valid.
+    The value must not be farther from the prior's median than ``largest_score`` standard deviations. The nominal value
+    may lie outside this range. If ``with_nominal`` is True, the range is extended to include it. Raises FoldcarError,
+    which begins with ``place``, if the name is unknown or the value is outside the limits. ``others`` are further names
+    that the error lists as valid.
     """
     if name not in NAMES:
         valid_names = [*NAMES, *others]
@@ -198,9 +199,10 @@ def measured_value(text: str, place: str) -> tuple[str, float]:
 
 
 def measured_priors(measured: Mapping[str, float], place: str) -> dict[int, ScorePrior]:
-    """Return priors around the measured values, as wide as measurements are precise, by the parameter's index.
+    """Return the priors of parameters that were measured, by the parameter's index.
 
-    Raises FoldcarError, which starts with ``place``, for an unknown name or a value outside the limits.
+    A prior is centred at the measured value. Its standard deviation is the precision of such a measurement. Raises
+    FoldcarError, which begins with ``place``, if a name is unknown or a value is outside its limits.
     """
     priors = {}
     for name, value in measured.items():

@@ -368,9 +368,13 @@ def _moved(draws: Draws, trials: Trials, log_likelihood: FloatArray, random: num
 
 
 def _largest_step(log_likelihood: FloatArray, limit: float) -> float:
-    """Return the largest power, at most ``limit``, of the likelihood that keeps the fraction KEPT of draws effective."""
+    """Return the largest step of the power of the likelihood, at most ``limit``, that leaves enough draws.
+
+    Enough means that at least the fraction KEPT of the draws is effective after the step. It is found by bisection.
+    """
 
     def keeps_enough(power: float) -> bool:
+        """Return whether enough draws are effective if the likelihood counts with this power."""
         weights = normalised(power * log_likelihood)
         return effective_number(weights) >= KEPT * len(log_likelihood)
 
@@ -384,5 +388,5 @@ def _largest_step(log_likelihood: FloatArray, limit: float) -> float:
             low = middle
         else:
             high = middle
-    # Not 0, so that the power always grows.
+    # The step is never 0, so that the power always grows.
     return max(low, 1e-6)

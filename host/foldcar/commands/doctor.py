@@ -97,9 +97,10 @@ def _findings() -> Iterator[DoctorFinding]:
 
 
 def _tool(name: str, path: str | None, if_absent: str, advice: str) -> DoctorFinding:
-    """Return the finding on an optional tool. ``path`` is its path or version, None if the tool is not installed.
+    """Return the finding on an optional tool.
 
-    Then the finding has the text ``if_absent`` and the ``advice``.
+    ``path`` is the tool's path or version, or None if it is not installed. If it is not, the finding has the text
+    ``if_absent`` and the ``advice``.
     """
     if path is None:
         return DoctorFinding(name, "absent", if_absent, advice)
@@ -210,7 +211,8 @@ def _speedup(carsim: "Carsim") -> float:
         return time.perf_counter() - started_s
 
     # Both calls start carsim once, so the difference is the time of SPEED_RUNS runs.
-    computing_s = -duration_s(1) + duration_s(1 + SPEED_RUNS)
+    single_s = duration_s(1)
+    computing_s = duration_s(1 + SPEED_RUNS) - single_s
     return SPEED_RUNS * SPEED_RUN_S / max(1e-3, computing_s)
 
 

@@ -172,10 +172,11 @@ def simulated_run(listed: ListedRun) -> tuple[RunInput, dict[str, Any]]:
 def listed_families(
     listing: Path, vehicle: str | None, settings: Sequence[str] | None, every: bool = True
 ) -> "tuple[Listing, list[Family]]":
-    """Return the listing, and the family of each chosen vehicle with the settings (NAME=MM) applied.
+    """Return the data of a listing, and the families of the chosen vehicles. A family consists of a vehicle's designs.
 
-    A family is a vehicle's designs. ``vehicle`` names the chosen one. If it is None, all vehicles are chosen; with
-    ``every`` False, the listing must then have only one. Raises FoldcarError if the vehicle or a setting does not exist.
+    ``vehicle`` is the name of the chosen vehicle. If it is None, all vehicles of the listing are chosen. But if ``every``
+    is False, the listing must then have only one vehicle. ``settings`` (NAME=MM) fix parameters of the families. Raises
+    FoldcarError if the vehicle or a setting does not exist.
     """
     from foldcar.study.family import read_family
     from foldcar.study.listing_file import read_listing

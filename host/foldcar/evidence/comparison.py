@@ -242,7 +242,7 @@ def _why_not_comparable(evidence: Evidence) -> str | None:
     if not info.success_defined:
         return "success is undefined in this environment, so that there is no rate to compare; only outcomes are shown."
     if info.is_over_realities:
-        return f"rates are expected over realities, before any trial. Sweep experiment {info.listed_id} to compare."
+        return f"rates are averages over realities, before any trial. Sweep experiment {info.listed_id} to compare."
     if not evidence.driven:
         no_trial = no_trial_text(evidence, "there are no trials of built cars yet")
         return f"{no_trial}. `foldcar select` says which cars to build."

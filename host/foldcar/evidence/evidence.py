@@ -167,9 +167,9 @@ def no_trial_text(evidence: Evidence, nothing_driven: str) -> str:
 def swept_ids(store: Store) -> set[str]:
     """Return the names of all swept experiments.
 
-    An experiment that was swept with another engine or in another reality has a name of its own in the store. Such a
-    sweep also counts as one of the experiment that the listing names. There is one exception: runs in random realities
-    are not compared with trials, so they do not count as a sweep of the listed experiment.
+    The result has the names in the store and the names in the listing. They differ if an experiment was swept with
+    another engine or in another reality. Runs in random realities are not compared with trials, so the listed name of
+    such an experiment is not in the result.
     """
     if not store.holds_study():
         return set()

@@ -23,7 +23,7 @@ def on_runs(store: Store, info: ExperimentInfo) -> list[str]:
     sentences = [info.warning] if info.warning else []
     if info.is_over_realities:
         sentences.append(
-            "Rates are expected over realities, before any trial: each environment was simulated with random values of "
+            "Rates are averages over realities, before any trial: each environment was simulated with random values of "
             "what the simulator does not know. They are not the rates of nominal simulation."
         )
     if info.stored_runs < info.planned_runs:

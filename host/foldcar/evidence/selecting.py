@@ -32,8 +32,9 @@ def select(
 def select_evidence(evidence: Sequence[Evidence], threshold: float | None = None) -> list[Selection]:
     """Return the advice for each experiment of ``evidence``, as :func:`select` does for the experiments of a store.
 
-    A search chooses designs by their runs, so the rates of these runs are biased. If the chosen designs were also
-    simulated in fresh environments, the advice for the search is that for the experiment with the fresh environments.
+    A search chooses designs by their runs, so the rates of these runs are biased. It simulates the best designs again in
+    fresh environments, which are another experiment of the store. If there are such runs, the advice for the search comes
+    from them.
     """
     experiment_by_id = {experiment.info.id: experiment for experiment in evidence}
     # The experiment in fresh environments, by the id of the search.

@@ -30,12 +30,13 @@ class MeasuredSupply:
 
 
 def measured_supply(store: Path, trials: Iterable[Trial], body: Mapping[str, Any]) -> MeasuredSupply:
-    """Return the mean voltage of the servos' supply in the trials' logs, relative to the design's, with a note.
+    """Compare the voltage of the servos' battery in the trials' logs with that of the design.
 
-    Both are None if no log has the voltage; the ratio alone is None if it is implausible.
+    The result has the ratio of the mean measured voltage to the design's, and a note. Both are None if no log has the
+    voltage. The ratio alone is None if it is implausible. Trials without an intact log are left out.
 
-    A body whose supply has a resistance is compared at rest, because the simulator lowers its voltage under load. Other
-    bodies have the loaded voltage, which is compared with that of the drive. Trials without an intact log are left out.
+    A log has the voltage at rest and the voltage while driving. If the simulated body has a resistance of its supply, its
+    voltage is the one at rest, because the simulator lowers it under load. Otherwise its voltage is the one under load.
     """
     under_load = not body.get("supply_resistance_ohm")
     voltages = []

@@ -30,6 +30,8 @@ TITLE_IN = 0.3
 MAX_POSES = 12
 # Distance between two pictures of the car, as a factor on its largest extent from its middle.
 POSE_SPACING = 2.05
+# The last two pictures may be nearer to each other, by this factor.
+MIN_LAST_SPACING = 0.8
 # Gap between the car and its time, and below the ground.
 GAP_M = 0.012
 
@@ -68,17 +70,18 @@ def draw_run(
 
 
 def poses_to_draw(distances_m: Sequence[float], spacing_m: float) -> list[int]:
-    """Return the indices of the rows of a path at which to draw the car, by its distance travelled at each row (m).
+    """Return the indices of the rows of a path at which the car is drawn.
 
-    They are the first row, the last row, and between them one for each ``spacing_m``, so that pictures do not overlap.
+    ``distances_m`` is how far the car has driven at each row. It is drawn at the first row and at the last row, and
+    between them every ``spacing_m``, so that its pictures do not overlap.
     """
     drawn_rows = [0]
     for index, distance in enumerate(distances_m):
         if distance >= distances_m[drawn_rows[-1]] + spacing_m:
             drawn_rows.append(index)
-    # The last row is always drawn, so rows too near to it are not.
+    # The last row is always drawn, so rows that are too near to it are not.
     last = len(distances_m) - 1
-    while len(drawn_rows) > 1 and abs(distances_m[last] - distances_m[drawn_rows[-1]]) < spacing_m * 0.8:
+    while len(drawn_rows) > 1 and abs(distances_m[last] - distances_m[drawn_rows[-1]]) < spacing_m * MIN_LAST_SPACING:
         drawn_rows.pop()
     return drawn_rows if last == 0 else [*drawn_rows, last]
 
@@ -127,7 +130,10 @@ def _turn(pitch: float) -> Any:
 
 
 def _fit_height(figure: Figure, side: Axes, above: Axes) -> None:
-    """Set the figure's height such that both views, drawn to scale, are as wide as the figure; limit their heights."""
+    """Set the height of the figure so that both views fit. They are to scale and as wide as the figure.
+
+    A view that would be higher than its maximum is cut to it.
+    """
     heights_in = []
     for axes, max_height_in in ((side, MAX_SIDE_IN), (above, MAX_ABOVE_IN)):
         left, right = axes.get_xlim()
@@ -180,7 +186,7 @@ def _draw_side(
 def _draw_car(axes: Axes, body: Mapping[str, Any], distance_m: float, row: Any, colour: str) -> float:
     """Draw the car at a row of the path, and return the height (m) of its highest point."""
     # A row is time, x, y, z, heading, pitch, roll, hinge angles.
-    z, roll = float(row[3]), float(row[6])
+    _, _, _, z, _, _, roll, *_ = map(float, row)
     # The pose of each segment: a matrix and an origin, which turn and move its points (x, z) to their places.
     poses = segment_places(body, row)
     top = z

@@ -21,9 +21,10 @@ MAX_POINTS = 1_500_000
 
 
 def ground_data(scene: Mapping[str, Any], heights: Heights, scenes: int = 1) -> tuple[dict[str, Any], bytes]:
-    """Return what ``ground.js`` reads for one scene: the head ``{"scene", "grid"}``, and the heights as bytes.
+    """Return the ground of a scene for the script ``ground.js``: a head ``{"scene", "grid"}``, and the heights as bytes.
 
-    The more ``scenes`` a page has, the coarser the grid. Without smooth ground the grid is None, and the bytes are empty.
+    The grid describes where the heights of smooth ground are. It is coarser if a page has more ``scenes``. If the scene
+    has no smooth ground, the grid is None and the bytes are empty.
     """
     bounds = smooth_bounds_m(scene)
     if bounds is None:
@@ -49,7 +50,11 @@ def ground_data(scene: Mapping[str, Any], heights: Heights, scenes: int = 1) -> 
 
 
 def varints(values: NDArray[numpy.int64]) -> bytes:
-    """Encode integers as zigzag LEB128: 0, -1, 1, -2 … become 0, 1, 2, 3 …, in groups of 7 bits."""
+    """Encode integers so that small numbers take few bytes (zigzag and LEB128).
+
+    First, 0, -1, 1, -2 … become 0, 1, 2, 3 …. Then each number is written in groups of 7 bits, the lowest group first.
+    The highest bit of a byte says whether another group follows.
+    """
     # The zigzag code moves the sign to the lowest bit, so that small negative numbers are short too.
     remaining = ((values << 1) ^ (values >> 63)).astype(numpy.uint64)
     # 64 bits are at most 10 groups.

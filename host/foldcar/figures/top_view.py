@@ -162,7 +162,10 @@ def _draw_goal(axes: Axes, scene: Mapping[str, Any]) -> None:
 
 
 def _line_in_course(x: float, y: float, heading_rad: float, course: Mapping[str, float]) -> Any:
-    """Return the ends, (2: end, 2: x and y), of the line through the point across the heading, clipped to the course."""
+    """Return the ends of a goal's line within the course, as an array of two points (x, y).
+
+    The line goes through the point (x, y), at a right angle to the heading.
+    """
     direction = numpy.array([-numpy.sin(heading_rad), numpy.cos(heading_rad)])
     # Where the line enters and leaves the course's limits on each axis, as distances along the line.
     entries_m, exits_m = [], []

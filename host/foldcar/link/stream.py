@@ -106,8 +106,8 @@ def _open_serial(name: str) -> Stream:
         if not Path(name).is_char_device():
             raise FoldcarError(f"{name}: not a serial port")
     try:
-        # Exclusive, because two programs that read the same port would each get half of the packets. Windows allows
-        # nothing else.
+        # Access is exclusive, because two programs that read the same port would each get a part of the packets. On
+        # Windows it is always exclusive.
         port = serial.Serial(name, BAUD, timeout=0 if CAN_SELECT_FILES else READ_S, exclusive=True)
     except (OSError, serial.SerialException) as error:
         number = getattr(error, "errno", None)

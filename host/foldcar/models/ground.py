@@ -174,14 +174,16 @@ def _points(area: shapely.Polygon) -> Floats:
 
 
 def _block_top(block: Mapping[str, Any], x: Floats, y: Floats) -> Floats:
-    """Return the heights (m) of a block's top at points x, y, which lie within it."""
+    """Return the heights (m) of the top of a box, a ramp or a half round at points x, y within it."""
     half, height = block["length_m"] / 2, block["height_m"]
     if block["kind"] == "box":
         return numpy.full_like(x, height)
     heading_rad = block["heading_rad"]
     along = (x - block["x_m"]) * math.cos(heading_rad) + (y - block["y_m"]) * math.sin(heading_rad)
     if block["kind"] == "ramp":
-        return numpy.asarray(numpy.clip((along / half + 1) / 2, 0.0, 1.0) * height)
+        # From 0 at the low end, where along is -half, to 1 at the high end.
+        fraction = numpy.clip((along / half + 1) / 2, 0.0, 1.0)
+        return numpy.asarray(fraction * height)
     # A half round is the segment of a circle through both ends of its base.
     radius = (half**2 + height**2) / (2 * height)
     return numpy.asarray(numpy.sqrt(numpy.maximum(radius**2 - along**2, 0.0)) + height - radius)

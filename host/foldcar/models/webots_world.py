@@ -109,6 +109,7 @@ def _block(piece: Mapping[str, Any], name: str) -> Node:
         geometry = Node("Box", {"size": vector(length, width, height + SUNK_M)})
         middle, turn = (0.0, 0.0, (height - SUNK_M) / 2), (0.0, 0.0, 1.0, 0.0)
     elif piece["kind"] == "half_round":
+        # The segment of a circle whose chord is the length.
         radius = ((length / 2) ** 2 + height**2) / (2 * height)
         geometry = Node("Cylinder", {"radius": radius, "height": width})
         middle, turn = (0.0, 0.0, height - radius), (1.0, 0.0, 0.0, math.pi / 2)

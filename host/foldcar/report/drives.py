@@ -189,9 +189,10 @@ def _shown_designs(swept: int, recommended: int | None) -> list[int]:
 
 
 def _inputs(info: ExperimentInfo, drives: StoredDrives, designs: Sequence[int], samples: Sequence[int]) -> str:
-    """Return a blob with lists of bodies and of settings, and what each design and sample needs of a run.
+    """Return a blob with the inputs from which the page simulates a run of any of these designs in any of these samples.
 
-    A design has its indices in both lists; a sample has its reality and the deviates of its start pose.
+    It has the bodies and the settings, each once, and for each design its indices among them. For each sample it has the
+    reality and the random numbers that place the car at the start.
     """
     # The different bodies and settings of the designs, by the numbers of their rows in the store.
     body_ids = list(dict.fromkeys(drives.bodies[design] for design in designs))
@@ -227,7 +228,11 @@ def _checks(runs: RunArrays) -> str:
 
 
 def result_hashes(outcome: NDArray[Any], metrics: NDArray[Any]) -> NDArray[Any]:
-    """Return the hashes (n,) of outcomes (n,) and metrics (n, k), of their bytes as drives.js computes them."""
+    """Return a hash (n,) of each run's outcome and metrics. The page's script drives.js computes the same hashes.
+
+    ``outcome`` (n,) has the outcomes as numbers, and ``metrics`` (n, k) the metrics. A hash is the 32-bit FNV-1a hash of
+    the bytes of both.
+    """
     # NaN has many bit patterns; here it has one.
     numbers = numpy.where(numpy.isnan(metrics), numpy.nan, metrics).astype("<f8")
     bytes_of_numbers = numbers.view(numpy.uint8).reshape(len(numbers), -1)

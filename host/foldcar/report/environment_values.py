@@ -326,7 +326,10 @@ def _wheel_values(name: str, value_by_channel: Sequence[float], wheels: Any) -> 
 
 
 def _informative(values: NDArray[Any]) -> list[int]:
-    """Return the indices of columns that vary and are not linear in a column before them."""
+    """Return the indices of the columns that vary and tell something that no column before them tells.
+
+    A column tells nothing new if it is a linear function of an earlier one.
+    """
     informative: list[int] = []
     for index, column in enumerate(values.T):
         is_known = ~numpy.isnan(column)
@@ -338,7 +341,7 @@ def _informative(values: NDArray[Any]) -> list[int]:
             # Only columns that are known in the same samples can be compared.
             if (~numpy.isnan(values[:, earlier]) == is_known).all():
                 correlation = numpy.corrcoef(values[is_known, earlier], known_values)[0, 1]
-                # NaN counts as a repetition.
+                # If the correlation is NaN, this comparison is False, so the column counts as a repetition.
                 is_repeated = is_repeated or not abs(correlation) <= MAX_CORRELATION
         if not is_repeated:
             informative.append(index)

@@ -192,7 +192,11 @@ def _frozen(info: ExperimentInfo) -> str:
 
 
 def _trial_rows(store: Store, experiment: ReportedExperiment) -> list[TrialRow]:
-    """Return a row for each trial, in their order; ``environment`` is None if the runs have other samples."""
+    """Return a row for each trial, in their order.
+
+    ``environment`` is the number of the sample in which the trial was driven. It is None if the trial was not driven in
+    one of the samples of the runs.
+    """
     info, evidence = experiment.info, experiment.evidence
     ids_in_samples = store.trials_in_environment(info) if evidence.swept else set()
     return [

@@ -78,17 +78,20 @@ def _none_if_nan(value: float) -> float | None:
 def _point(
     index: int, objectives: Sequence[Objective], rows: list[RunRow], limit_s: float, area_cm2: float | None, fresh: bool
 ) -> FrontPoint:
-    """Return a design's objectives with their intervals, in the units of the page.
+    """Return the point of a design: the values of its objectives with their intervals, in the units of the page.
 
-    ``rows`` are the design's runs, ``limit_s`` is their time limit, and ``area_cm2`` the area of the car's sheets.
+    ``index`` is the design's index. ``rows`` are its runs, ``limit_s`` is their time limit, and ``area_cm2`` the area
+    of film of the car. ``fresh`` is whether the runs are in environments that the search has not used. Whether another
+    design is better (``beaten``) is computed when all points are known.
     """
     values: list[float | None] = []
     lows: list[float | None] = []
     highs: list[float | None] = []
     for objective in objectives:
-        # The only objective that does not depend on runs is the area, which is known exactly.
-        value = low = high = area_cm2
-        if objective.value is not None and objective.interval is not None:
+        if objective.value is None or objective.interval is None:
+            # The only objective that does not depend on runs is the area, which is known exactly.
+            value = low = high = area_cm2
+        else:
             low_end, high_end = objective.interval(rows, limit_s)
             value = _page_number(objective, objective.value(rows, limit_s))
             low, high = _page_number(objective, low_end), _page_number(objective, high_end)

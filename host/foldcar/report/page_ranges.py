@@ -32,7 +32,8 @@ def _gap(effects: Effects, names: Sequence[str], threshold: float, simulation: s
     """Return a sentence on the gap between simulated values that most needs runs; an empty list if no gap needs any.
 
     For a design in the middle of each gap, the model gives a probability that it reaches the threshold. The sentence is
-    about the gap where this is least certain. There is no sentence if the answer is less certain for a simulated design.
+    about the gap where this is least certain. If it is even less certain for a design that was simulated, runs in a gap
+    are not what is needed most, and there is no sentence.
     """
     simulated_designs = effects.parameters
     gaps = _gaps(simulated_designs, names)
@@ -66,8 +67,9 @@ class _Gap(NamedTuple):
 def _gaps(designs: NDArray[Any], names: Sequence[str]) -> list[_Gap]:
     """Return the gaps between the values of each parameter in ``designs`` (d, parameters).
 
-    A gap is an interval between two successive values that is much longer than usual. It is returned once for each
-    combination of the other parameters, with the design that has this combination and lies in the middle of the gap.
+    A gap is an interval between two successive values of a parameter that is much longer than usual. For each gap, the
+    result has all designs whose value is in the middle of the gap and whose other parameters are those of a neighbouring
+    design. Each of them is returned with the gap.
     """
     gaps = []
     for index, name in enumerate(names):

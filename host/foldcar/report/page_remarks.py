@@ -57,10 +57,7 @@ def _failures(store: Store, info: ExperimentInfo, failed: int) -> list[str]:
 
 
 def _undecided_text(info: ExperimentInfo) -> str:
-    """Return the part of the sentence on decided designs that is about the others, or "" if all are decided.
-
-    The sentence begins, for example, with "3 of 5 designs are decided".
-    """
+    """Return the end of the sentence "3 of 5 designs are decided": a part about the other 2, or "" if there are none."""
     undecided = info.designs - info.decided
     if not undecided:
         return ""

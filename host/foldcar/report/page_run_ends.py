@@ -123,9 +123,10 @@ def run_ends(course: Course, extents: CarExtents, runs: RunArrays) -> RunEnds | 
 def met_obstacles(
     course: Course, extents: CarExtents, place_m: NDArray[Any], design: NDArray[Any], sample: NDArray[Any]
 ) -> NDArray[Any]:
-    """Return the index of the obstacle that each car (cars,) touched with its middle at ``place_m``; -1 without one.
+    """Return the index of the obstacle that each car (cars,) touched where it ended, or -1 if it touched none.
 
-    If a car touched several obstacles, it is the nearest one, or the shorter one of two equally near ones.
+    ``place_m`` is the place of the car's middle along the way. If a car touched several obstacles, the result is the one
+    nearest to its middle. Of two equally near ones it is the shorter one.
     """
     car_first_m = place_m - extents.back_m[design]
     car_last_m = place_m + extents.front_m[design]
@@ -135,12 +136,13 @@ def met_obstacles(
         first_m, last_m = course.first_m[sample, obstacle], course.last_m[sample, obstacle]
         touches_along = (car_last_m >= first_m - CONTACT_M) & (car_first_m <= last_m + CONTACT_M)
         touches = touches_along & (course.gap_m[sample, obstacle] <= car_side_m)
-        # 0 if the middle of the car is over the obstacle.
+        # The distance is 0 if the middle of the car is over the obstacle.
         distance_m = numpy.maximum(numpy.maximum(first_m - place_m, place_m - last_m), 0)
         # A small part of the length is added, so that of equally near obstacles the shorter one is nearer.
         distance_m = distance_m + LENGTH_WEIGHT * (last_m - first_m)
         is_nearest = touches & (distance_m < nearest_m)
-        nearest_m[is_nearest], nearest_obstacle[is_nearest] = distance_m[is_nearest], obstacle
+        nearest_m[is_nearest] = distance_m[is_nearest]
+        nearest_obstacle[is_nearest] = obstacle
     return nearest_obstacle
 
 

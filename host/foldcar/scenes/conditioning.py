@@ -82,7 +82,7 @@ def _refuse_shared(scenario: Any, frozen_parts: Collection[Any]) -> None:
     frozen_ids = {id(part) for part in frozen_parts}
     name_by_id = _name_by_id(scenario)
     for part in frozen_parts:
-        # By id, so that each owner is named once.
+        # The other parts to which random values of this part belong. Keys are ids, so that each part is named once.
         other_owners: dict[int, Any] = {}
         for random_value in _unfrozen_values(part):
             owner = owner_by_value.get(id(random_value))
@@ -92,7 +92,7 @@ def _refuse_shared(scenario: Any, frozen_parts: Collection[Any]) -> None:
             labels = " and of ".join(_label(owner, name_by_id) for owner in other_owners.values())
             raise FoldcarError(
                 f"condition: {_label(part, name_by_id)} depends on a random value of {labels}, which would be frozen "
-                "too: name it as well, or leave both"
+                "too: name both, or neither"
             )
 
 
@@ -107,7 +107,8 @@ def _owner_by_value(scenario: Any) -> dict[int, Any]:
     for instance in scenic_private.instances(scenario):
         if isinstance(instance, Object) or id(instance) in name_by_id:
             parts.append(instance)
-    # A part belongs to itself, even if an earlier part depends on it.
+    # A part is a random value itself, and belongs to itself. This comes before the loop, because an earlier part may
+    # depend on it.
     owner_by_value = {id(part): part for part in parts}
     for part in list(owner_by_value.values()):
         for random_value in _unfrozen_values(part):

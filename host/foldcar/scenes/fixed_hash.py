@@ -133,15 +133,16 @@ class _SourceElsewhere(SceneSource):
         # Programs that other threads run change the variables meanwhile.
         with program_lock:
             variables = {**minimal_variables(), "PYTHONHASHSEED": "0"}
-        # In a session of its own, Ctrl-C does not reach it. It ends when its input ends.
+        # The process has a session of its own, so Ctrl-C does not reach it. It ends when its input ends.
         process = subprocess.Popen(
             python_command("foldcar.scenes.fixed_hash"), stdin=subprocess.PIPE, stdout=subprocess.PIPE,
             encoding="utf-8", start_new_session=True, env=variables,
         )  # fmt: skip
         try:
-            # Its next answers repeat an error of the opening.
+            # If the program cannot be opened, the answers to all later questions say why.
             self._send(process, self._opening)
-            # Otherwise scenes of a new program would meet the old one's definition of success.
+            # If the program was edited, the process has opened the new one, but this object has the old definition of
+            # success.
             self.files.require_unchanged()
         except BaseException:
             _end(process)

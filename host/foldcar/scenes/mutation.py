@@ -43,8 +43,8 @@ class Mutations:
     def create(self, cls: Any, specifiers: list[Any]) -> Any:
         """Create an instance of a Scenic class, like Scenic's `new`.
 
-        If it is one of the Points that a hidden copy must lead, two things are created: first the copy, to which Scenic
-        will add noise, and then the Point, whose place is that of the copy.
+        Some Points are mutated by the program. For such a Point two things are created: first a hidden copy, to which
+        Scenic will add noise, and then the Point itself, which is placed where the copy is.
         """
         number = len(self._created)
         # Take the number first: computing the default of a property may create further things.

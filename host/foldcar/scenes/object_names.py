@@ -36,7 +36,11 @@ def terrain_objects(scenario: Any, scene: Any) -> list[tuple[str, int]]:
 
 
 def terrain_names(scenario: Any, scene: Any) -> list[str]:
-    """Return the names of the terrain objects, as :func:`terrain_objects`; they are the same in all scenes."""
+    """Return the names of a program's terrain objects, in their order. They are the same in all scenes.
+
+    An object is named by the variable of the program that has it, or else by its class and, if there are several of the
+    class, by a number.
+    """
     variable_by_id = _variables(scenario)
     total_counts = Counter(type(thing).__name__ for thing in _terrain(scene))
     counts_so_far: Counter[str] = Counter()

@@ -51,8 +51,8 @@ def compile_program(program: Path, params: Mapping[str, Any], files: ProgramFile
         _check_params(program, params, declaring_scenario.params)
     scenario, mutated = _compiled(program, files, params)
     if mutated:
-        # The program mutates some Points. Objects that are placed relative to these must follow them, for which the
-        # numbers of the Points must be known before they are created. So compile it a second time.
+        # The program mutates some Points, and this is known only at its end. Such Points have to be
+        # created in another way (see Mutations), so compile the program a second time.
         scenario, _ = _compiled(program, files, params, mutated)
     if len(scenario.objects) > MAX_OBJECTS:
         raise FoldcarError(f"{program}: {len(scenario.objects)} objects are above the limit {MAX_OBJECTS} of a scene")
@@ -152,8 +152,8 @@ def _place(error: BaseException) -> tuple[str | None, int | None, int | None]:
         return file, line, offset - 1 if offset else None
     for frame in reversed(traceback.extract_tb(error.__traceback__)):
         if frame.filename.endswith(".scenic"):
-            # Python knows columns from 3.11 on. The column is that of the statement, so it would be wrong for an
-            # unknown name in the statement.
+            # From Python 3.11 on, a frame has the column of the statement. An unknown name may stand
+            # anywhere in the statement, so then no column is given.
             column = None if _undefined_name(error) else getattr(frame, "colno", None)
             return frame.filename, frame.lineno, column
     return None, line, None

@@ -93,9 +93,9 @@ class ProgramFiles:
 
     @contextmanager
     def inside(self, anew: bool = False) -> Iterator[None]:
-        """Within the block the program's code runs with its modules; ``anew`` loads them again.
+        """Run the block as code of the program: with its modules, and recording the files that it reads.
 
-        Raises FoldcarError if a file that it reads has changed.
+        If ``anew`` is True, the modules are loaded again. Raises FoldcarError if a file that is read has changed.
         """
         if anew:
             self._modules.forget()
@@ -105,7 +105,7 @@ class ProgramFiles:
                 yield
             except Exception as error:
                 error_of_block = error
-        # Checked before the failure is raised, which may have been caused by a file that is being changed.
+        # First check the files: a file that is being changed may have caused the error of the block.
         self._record_digests(opened)
         if error_of_block is not None:
             raise error_of_block
@@ -197,7 +197,7 @@ class _Modules:
 
     @contextmanager
     def loaded(self) -> Iterator[None]:
-        """Within the block sys.modules and sys.path are as if this program were alone in a new Python."""
+        """Run the block with sys.modules and sys.path as they would be if this program alone ran in a new Python."""
         other_modules, outer_path = _pop_own_modules(self._folder), list(sys.path)
         sys.modules.update(self._modules)
         # The empty entry means the working directory. It is left out, so that a program finds the same modules wherever

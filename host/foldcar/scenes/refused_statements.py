@@ -258,7 +258,8 @@ def refuse_lost_statements(inherited: Any) -> None:
     statements = [statement for attribute in DROPPED for statement in getattr(inherited, attribute)]
     dropped = [(statement.line, statement.ty.value) for statement in statements]
     if scenic_private.is_limited(inherited):
-        # Scenic does not keep the line of this statement. With the line 0 it is named only if it is the only one.
+        # Scenic does not keep the line of this statement. It gets the line 0, so that another one is named if there is
+        # any.
         dropped.append((0, "terminate after"))
     if dropped:
         line, kind = max(dropped)

@@ -110,9 +110,9 @@ class SampledValues:
         return [finite("a value of the program", self.value(node))]
 
     def truth(self, node: Any) -> Terms:
-        """Return the term of an operand of `and` or `or`.
+        """Return an operand of `and` or `or` as a term for carsim: [True] or [False].
 
-        Raises UnusableError unless it is true, false, 0 or 1: for other values Scenic computes bitwise.
+        Raises UnusableError if it is another value than True, False, 0 and 1. Scenic combines other numbers bit by bit.
         """
         value = self.value(node)
         if not isinstance(value, bool | numpy.bool_ | int) or value not in (0, 1):

@@ -110,7 +110,11 @@ def defer_time_limit(dynamic: Any) -> None:
 
 
 def names(dynamic: Any) -> dict[str, Any]:
-    """Return a compiled program's variables by name: its globals and, in a modular scenario, those of its `setup`."""
+    """Return the variables of a compiled program by name.
+
+    They are its global variables. In a modular scenario, a program with `scenario` statements, the variables of its
+    `setup` are added.
+    """
     modular: dict[str, Any] = {}
     namespace = dynamic._dummyNamespace
     if namespace is None:

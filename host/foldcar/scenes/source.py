@@ -55,9 +55,10 @@ class SceneSource:
 
     @cached_property
     def _native(self) -> "tuple[NativeProgram | None, str]":
-        """The program's statements about runs for carsim, and the part that needs Scenic; see :func:`native_program`.
+        """The program's statements about runs, translated for carsim, or the reason why they cannot be translated.
 
-        It is (None, "") if the program has no such statements.
+        The pair has the translated statements and "", or None and the part that needs Scenic (see
+        :func:`native_program`). It is (None, "") if the program has no such statements.
         """
         if not is_dynamic(self.scenario):
             return None, ""

@@ -102,10 +102,11 @@ class SteppedCarsim:
         if not self.alive:
             self.close()
             self._process = LineProcess([*self._command, "step"])
-        # Each JSON object gets an id before its own keys, without being parsed.
-        lines = [f'{{"{kind}": {{"id": "{kind}", {text[1:]}}}' for kind, text in (("body", body), ("scene", scene))]
-        lines.append(f'{{"run": {{"id": "run", "body": "body", "scene": "scene", {settings[1:]}}}')
-        return _advanced(self._ask(*lines))
+        # Each JSON object gets an id before its own keys. The texts are not parsed: their "{" is replaced.
+        body_line = '{"body": {"id": "body", ' + body[1:] + "}"
+        scene_line = '{"scene": {"id": "scene", ' + scene[1:] + "}"
+        run_line = '{"run": {"id": "run", "body": "body", "scene": "scene", ' + settings[1:] + "}"
+        return _advanced(self._ask(body_line, scene_line, run_line))
 
     def advance(self, to_s: float) -> Advanced:
         """Advance to that time of the trial, or to its end if that is earlier."""

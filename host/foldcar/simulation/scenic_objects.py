@@ -65,11 +65,15 @@ class ShownEgo:
 
 
 def _orientation(yaw: float, pitch: float, roll: float) -> Any:
-    """Return Scenic's orientation: intrinsic rotations by yaw about z, then pitch about x, then roll about y (rad)."""
+    """Return Scenic's orientation for these angles (rad).
+
+    It is a rotation by yaw about the z axis, then by pitch about the new x axis, then by roll about the new y axis.
+    """
+    # The quaternion is the product of three quaternions, one for each rotation.
     cz, sz = math.cos(yaw / 2), math.sin(yaw / 2)
     cx, sx = math.cos(pitch / 2), math.sin(pitch / 2)
     cy, sy = math.cos(roll / 2), math.sin(roll / 2)
-    # The quaternion's x, y, z, w.
+    # Its components are in the order x, y, z, w.
     return Orientation(
         Rotation.from_quat(
             [

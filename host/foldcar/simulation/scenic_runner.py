@@ -41,9 +41,9 @@ class _Worker(LineProcess):
         self._opening: str | None = opening
 
     def answer(self, body: str, scene: str, request: RunRequest) -> dict[str, Any] | None:
-        """Simulate a run and return its result, or {"error": message}; None if the process has died.
+        """Simulate a run in the worker process. Return its result, {"error": message}, or None if the process has died.
 
-        Raises CarsimError if it refuses the program or the run.
+        Raises CarsimError if the process refuses the program or the run.
         """
         if self._opening is not None:
             ready = json.loads(self.ask(self._opening) or "null")

@@ -96,9 +96,9 @@ class Records:
 
 
 def refuse_misplaced(scenario: Any) -> None:
-    """Raise FoldcarError for statements in invoked scenarios that Scenic 3.1 wrongly treats as requirements.
+    """Raise FoldcarError if a scenario that another one invokes has a condition or a record.
 
-    These are conditions and records: they have an effect only in the top-level scenario.
+    Such a statement has an effect only in the top-level scenario. Scenic 3.1 wrongly treats it as a requirement.
     """
     for sub in scenic_private.invoked(scenario):
         for statement in scenic_private.temporal_requirements(sub):

@@ -137,10 +137,11 @@ class Effects:
     def standardised(
         self, indices: Sequence[int], values: ArrayLike, confidence: float = 0.95
     ) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-        """Return the rate and its band (rate, low, high), each (m,), at values (m, k) of the parameters at ``indices``.
+        """Return success rates with their bands at m combinations of values of some parameters: (rate, low, high).
 
-        As in :class:`Effect`, all values have the same combinations of the other parameters. Raises FoldcarError outside
-        the range of the designs.
+        ``values`` (m, k) are the values of the parameters with these ``indices``. A rate is averaged over combinations of
+        the other parameters, which are the same for all m. Raises FoldcarError if a value is outside the range of the
+        designs.
         """
         check_confidence(confidence)
         # Raises FoldcarError outside the range of the designs.
@@ -161,9 +162,9 @@ class Effects:
     def _combinations(self, indices: Sequence[int]) -> tuple[NDArray[Any], bool]:
         """Return the combinations of all other parameters than those at ``indices``, and whether they are complete.
 
-        A combination is complete if it was run with every value of the parameters at ``indices``. If there are too few
-        complete combinations, all of them are returned. The result (c, k) has a design for each combination, with
-        arbitrary values of the parameters at ``indices``.
+        A combination is complete if it was run with every value of the parameters at ``indices``. Only complete
+        combinations are returned, unless there are too few of them; then incomplete ones are returned, too. The result
+        (c, k) has a design for each combination, with arbitrary values of the parameters at ``indices``.
         """
         other_parameters = numpy.delete(self.parameters, list(indices), axis=1)
         number_of_values = len(numpy.unique(self.parameters[:, list(indices)], axis=0))

@@ -308,8 +308,9 @@ class Setting(NamedTuple):
 def _settings(parameters: int, evidence: Callable[[Setting], float]) -> list[Setting]:
     """Return the settings (lengths and standard deviation) to fit. Their fits are weighted by their evidence afterwards.
 
-    For one or two parameters these are all combinations. For more parameters, a search looks for the setting of highest
-    ``evidence`` by changing one number at a time, and these are the settings that it tries.
+    For one or two parameters these are all combinations. For more parameters there are too many combinations. Then a
+    search looks for the setting of highest ``evidence`` by changing one number at a time. All settings that it has
+    tried are returned.
     """
     if parameters in LENGTHS:
         all_lengths = product(LENGTHS[parameters], repeat=parameters)

@@ -174,15 +174,16 @@ class Bin:
 
 
 def binned(values: ArrayLike, environment: ArrayLike, passed: ArrayLike, max_bins: int = 8) -> list[Bin]:
-    """Count runs by the value of their environment, in at most ``max_bins`` bins with about equally many environments.
+    """Divide the environments by a value into bins, and count the runs in each bin.
 
-    ``values`` (environments,) are NaN where unknown; ``environment`` and ``passed`` (runs,) are each run's index of the
-    environment, and 1 if it passed, else 0.
+    There are at most ``max_bins`` bins, with about equally many environments in each. ``values`` (environments,) are the
+    values, NaN if unknown. ``environment`` (runs,) is the index of each run's environment, and ``passed`` (runs,) is 1 if
+    the run passed, else 0.
     """
     value, environment_index = numpy.asarray(values, dtype=float), numpy.asarray(environment)
     has_passed = numpy.asarray(passed, dtype=float)
     is_known = ~numpy.isnan(value)
-    # The lower edges of the bins: each value if there are few, else quantiles.
+    # The lower edges of the bins. If there are few values, each value has a bin of its own; otherwise they are quantiles.
     lower_edges = numpy.unique(value[is_known])
     if len(lower_edges) > max_bins:
         fractions = numpy.linspace(0, 1, max_bins + 1)[:-1]

@@ -54,9 +54,9 @@ class StoppingRule:
         return float(numpy.asarray(masses) @ probabilities.sum(axis=1))
 
     def _deciding_passes(self, passed: int, runs: int, later_runs: int) -> NDArray[Any]:
-        """Return all numbers of new passed runs with which the rule decides the design after ``later_runs`` runs.
+        """Return which numbers of passed runs, among the new ones, let the rule decide a design.
 
-        So far ``passed`` of ``runs`` passed. The others of the ``later_runs`` runs are the new ones.
+        So far ``passed`` of its ``runs`` passed. With the new runs it has ``later_runs`` runs.
         """
         new_passed = numpy.arange(later_runs - runs + 1)
         is_decided = _decided(self, later_runs)[passed + new_passed]

@@ -82,7 +82,7 @@ def threshold_text(threshold: float) -> str:
 
 
 def percent_below(share: float, threshold: float) -> str:
-    """Return a fraction below the threshold in per cent, with the digits that show that it is below.
+    """Return a fraction that is below the threshold in per cent. It has so many digits that the text is below it, too.
 
     Example: percent_below(149 / 199, 0.75) is "74.9 %", percent_below(0.6, 0.75) is "60 %"
     """
@@ -159,7 +159,10 @@ def duration_text(seconds: float) -> str:
 
 
 def _sharing_unit(texts: Sequence[str]) -> list[str]:
-    """Return the texts, with the unit at the last one only, if each consists of one word or number and the same unit."""
+    """Return the texts with the unit at the last one only, if this is possible: ["80 mm", "95 mm"] gives ["80", "95 mm"].
+
+    It is possible if each text consists of one word or number and a unit, and if all have the same unit.
+    """
     words = [text.split(" ") for text in texts]
     if len(texts) < 2 or any(len(words_of_text) != 2 for words_of_text in words):
         return list(texts)

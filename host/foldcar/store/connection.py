@@ -262,7 +262,8 @@ def _writer_lock(path: Path) -> Iterator[None]:
             if "locked" in str(error):
                 raise in_use_error from error
             raise StoreError(f"{path}: cannot be locked: {error}") from error
-        # The last holder may have deleted the file meanwhile, and another process may have created a new one.
+        # Meanwhile another process may have ended and deleted the lock's file, and a third one may have created a new
+        # file of this name. Then this process has locked a file that nobody else sees.
         if not is_same_file(file, status):
             raise in_use_error
         try:
@@ -289,7 +290,7 @@ def _open_writing(path: Path) -> sqlite3.Connection:
     """
     with store_errors(path), contextlib.ExitStack() as stack:
         connection = sqlite3.connect(path, timeout=BUSY_S, isolation_level=None)
-        # The lambda closes the connection that exists at the end, because the one below may replace this one.
+        # If an error occurs, close the connection. The lambda is evaluated then, because `connection` may be another one.
         stack.callback(lambda: connection.close())
         _is_blank(path, connection)
         try:

@@ -30,7 +30,10 @@ class DesignCounts:
 
 
 def design_counts(path: Path, connection: Connection, experiment: str) -> DesignCounts:
-    """Count the stored runs of each design of an experiment; designs without runs have zeros. Raises StoreError."""
+    """Count the stored runs of each design of an experiment. Raises StoreError.
+
+    ``reached`` is one more than the number of the design's last sample that has a run. A design without runs has zeros.
+    """
     with store_errors(path):
         designs_query = "SELECT position FROM design WHERE experiment = ? ORDER BY position"
         positions = [position for (position,) in connection.execute(designs_query, (experiment,))]

@@ -129,7 +129,8 @@ class Merge:
 
     def add(self, path: Path, source: sqlite3.Connection, tables: Sequence[Table] = TABLES) -> None:
         """Add all rows of a store, or of some of its tables. Raises StoreError if they contradict earlier stores."""
-        # No command reads a store with such numbers, so it would not read the merged store. The first one is enough.
+        # A store with impossible numbers is refused by all commands, and so would be the merged store. The first such
+        # number is enough for an error.
         for damage in numbers_beyond_limits(source):
             raise StoreError(f"{path}: {damage}")
         self._stores.append(path)
@@ -211,10 +212,10 @@ class Merge:
             self._insert(STUDY, row, "OR REPLACE")
 
     def _unite(self, table: Table, row: Row) -> None:
-        """Compare a row with the row of the merged store that has the same key. Raises StoreError if they differ.
+        """Compare a row with the existing row of the merged store with the same key. Raises StoreError if they differ.
 
-        ``row`` gets the number of that row. In some tables one of the two rows may lack a value that the other has. Then
-        the merged store gets the value.
+        ``row`` gets the number of the existing row. In some tables one of the two may lack a value that the other one
+        has. Then the merged store gets the value.
         """
         key = (table.unique,) if table.unique else table.key
         where = " AND ".join(f"{name} = ?" for name in key)
@@ -352,9 +353,10 @@ class Merge:
         raise StoreError(f"{target}: already exists with other contents; move it away first")
 
     def end(self) -> None:
-        """Mark the sweep of an experiment as ended if it has as many runs as one of the merged sweeps had at its end.
+        """Finish the merge: decide for each experiment whether its sweep has ended. Raises StoreError.
 
-        This is done for all experiments. Raises StoreError.
+        A sweep has stored how many runs it had at its end. If the merged experiment has as many runs as one of the sweeps
+        had, it is marked as ended.
         """
         for row in self._merged_rows(EXPERIMENT):
             facts = json.loads(row["facts"])

@@ -86,7 +86,7 @@ def _setting_differences(trial: Trial, settings: Mapping[str, Any], expected: Ma
 def _differences(value: Any, expected: Any, place: str = "") -> Iterator[str]:
     """Yield the differences of two JSON values, such as "wheels.0.radius_m 0.02, not 0.03".
 
-    ``place`` is where the values stand in the values that are compared: keys and indices, joined by dots.
+    The values may be parts of larger JSON values. ``place`` is their path there: keys and indices, joined by dots.
     """
     if isinstance(value, Mapping) and isinstance(expected, Mapping):
         keys = dict.fromkeys([*value, *expected])

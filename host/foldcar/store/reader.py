@@ -174,9 +174,9 @@ class Store:
     def _find_trials_in_environment(self, info: ExperimentInfo) -> set[int]:
         """Return the ids of the trials that were driven in scenes of the experiment's samples.
 
-        There are three such cases. The trial has the environment of the experiment. Or it has another one, but the
-        samples that both environments have in the store are the same scenes in both. Or the trial's own scene is equal
-        to the scene of its sample.
+        There are three such cases. First, the trial has the environment of the experiment. Second, it has another
+        environment with the same scenes: every sample that is stored for both has the same scene in both. Third, the
+        trial's own scene is equal to the scene of its sample.
         """
         environment_id = self.listed_environment_id(info)
         trials = list(self.rows(TRIAL, "WHERE experiment = ? AND environment_id IS NOT NULL", info.listed_id))

@@ -150,8 +150,8 @@ def _stored_runs(store: ReadableStore, keys: RealityKeys) -> Iterator[_StoredRun
         if equal_designs is None or sample_of_run is None:
             # The run has a design or a scene that the experiment no longer has.
             continue
-        # Designs with equal ids share the runs in turn: one block of runs for each. Blocks are not divided, because some
-        # runs of a block must have the same design.
+        # If several designs have these ids, they get the runs in turn: the first one gets a block of runs, the second
+        # one the next block, and so on. A block is not divided, because some of its runs must have the same design.
         block = row["number"] // BLOCK
         yield _StoredRun(
             number=row["number"],

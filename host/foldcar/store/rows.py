@@ -73,7 +73,10 @@ def _check_row(path: Path, connection: Connection, table: Table, row: Row) -> No
 
 
 def _has_hash(connection: Connection, table: Table, row: Row) -> bool:
-    """Return whether a row's hash is that of its JSON text; that of a scene may include its sample's identity."""
+    """Return whether the hash in a row is the hash of its JSON text.
+
+    The scene of a program that runs during the simulation has a hash of the text and of the sample's identity.
+    """
     if row["hash"] == text_hash(row["json"]):
         return True
     if table.name != "scene":

@@ -364,8 +364,8 @@ class TrialWriter(StoreConnection):
     def _require_same(self, trial: Mapping[str, Any], stored: Row) -> None:
         """Raise StoreError if an imported trial differs from the stored trial with the same UUID.
 
-        Both are compared as they were before any correction. ``trial`` is as it was then. In ``stored`` the corrections
-        have to be undone.
+        Both are compared as they were before any correction. ``trial`` has its uncorrected values.
+        ``stored`` has corrected ones, so its corrections are undone first.
         """
         corrections = self.rows(CORRECTION, "WHERE trial_id = ? ORDER BY id", stored["id"])
         earlier_trial = _uncorrected(stored, corrections)

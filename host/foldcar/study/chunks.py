@@ -151,7 +151,7 @@ class ChunkPool(Generic[R]):
         """
         submitted_runs = len(self._in_flight) - len(self._chunk)
         not_submitted = runs_left - submitted_runs
-        # So far one run of the study needs this result.
+        # How many runs of the study need this result. Equal runs may join this one later.
         self._in_flight[self._key_of(run)] = 1
         self._chunk.append(run)
         # Near the end of the sweep chunks shrink, so that all simulators finish at about the same time.
@@ -183,16 +183,16 @@ class ChunkPool(Generic[R]):
         self._futures[self._pool.submit(work)] = runner
 
     def _collect(self) -> Iterator[list[FinishedRun[R]]]:
-        """Wait for finished chunks, adapt the size of the next ones, and yield their runs."""
+        """Wait until a chunk is finished. Yield the runs of each finished chunk, and adapt the size of the next ones."""
         done, _ = wait(self._futures, return_when=FIRST_COMPLETED)
         for future in done:
             del self._futures[future]
             chunk = future.result()
             if chunk.runner is self._runner:
-                # Not 0, because it divides.
+                # The time is a divisor, so it must not be 0.
                 seconds = max(chunk.seconds, 1e-6)
                 target_runs = round(self._simulators.chunk_s / seconds * len(chunk.runs))
-                # A single time may be an exception, so it raises the size at most fourfold.
+                # A chunk may have been fast by chance, so the size grows at most fourfold at a time.
                 self._chunk_runs = max(1, min(target_runs, 4 * self._chunk_runs, MAX_CHUNK_RUNS))
             finished_runs = []
             for run, answer in zip(chunk.runs, chunk.answers, strict=True):

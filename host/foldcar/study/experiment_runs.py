@@ -106,8 +106,8 @@ class StoredSamples:
     def _check_program(self) -> None:
         """Raise FoldcarError if the program does not draw the stored scenes any more.
 
-        The first new scene needs this check; later ones do not. The last stored scene is drawn before the first one. So
-        the check also finds a program whose scenes depend on how many were drawn before.
+        The check is made once, before the first new scene. It draws the last stored scene and then the first one, and
+        compares them with the store. If a scene depended on how many were drawn before it, this order would show it.
         """
         from foldcar.scenes.source import other_scene
 
@@ -144,7 +144,7 @@ class ExperimentRuns:
     def all(self) -> Iterator[list[FinishedRun[PlannedRun]]]:
         """Simulate every design in every sample; yield chunks as they finish.
 
-        The last chunks may still be running afterwards.
+        When this ends, the last chunks may still be running. The caller gets them from the pool.
         """
         every_sample = range(self.plan.environments)
         samples_by_design = dict.fromkeys(range(self.design_count), every_sample)

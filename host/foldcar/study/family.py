@@ -63,7 +63,7 @@ class Family:
         return math.prod(len(values) for values in self.choices.values())
 
     def spread_out(self) -> Iterator[tuple[int, tuple[float, ...]]]:
-        """Yield all combinations with their positions. Any number of first combinations is spread over the whole family.
+        """Yield all combinations with their positions, in an order in which the first ones already cover the family.
 
         From one position to the next, a fixed step is added, and the sum is taken modulo the number of positions. The
         step is about the golden ratio times this number, which spreads the positions evenly. It has no common divisor

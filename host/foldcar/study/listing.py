@@ -71,7 +71,7 @@ def _range_values(raw: dict[str, Any]) -> tuple[float, ...]:
         raise ValueError(f"the range has {steps + 1} values, the limit is {MAX_FAMILY_VALUES}")
     if remainder:
         last_value = float(start + steps * step_width)
-        raise ValueError(f'"to" {last:.12g} is not reached in steps of {step:.12g}, as {last_value:.12g} is')
+        raise ValueError(f'"to" {last:.12g} is not reached in steps of {step:.12g}; the last value is {last_value:.12g}')
     return tuple(float(start + index * step_width) for index in range(steps + 1))
 
 

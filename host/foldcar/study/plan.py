@@ -73,7 +73,7 @@ def plan_experiment(
         environments=experiment.environments,
         facts=facts,
     )
-    # A search that chooses designs adds them later, so the stored designs are not yet those of this fingerprint.
+    # The fingerprint says that all designs are stored. A search adds its designs one by one later, so it stores none.
     adds_designs = isinstance(options, SearchOptions) and bool(options.objectives)
     writer.put_experiment(plan, designs, None if adds_designs else designs.fingerprint)
     return plan
@@ -133,10 +133,14 @@ def _reality_facts(
     program_facts: Mapping[str, Any],
     options: SweepOptions | SearchOptions,
 ) -> dict[str, Any]:
-    """Return how many runs in other realities an experiment has, or why it has none."""
+    """Return the facts about runs in other realities: how many are planned for an experiment, or why there are none.
+
+    Such runs are simulated with other values of friction, servos and obstacles than the listing has. foldcar learns from
+    them how real cars may behave.
+    """
     stored = writer.experiment_facts(experiment.id)
     if isinstance(options, SearchOptions):
-        # A search simulates no other realities, and keeps those of an earlier sweep.
+        # A search simulates no such runs. If an earlier sweep has simulated some, they still belong to the experiment.
         if stored.get("reality_spread") == reality_spread(experiment):
             return {"realities": stored["realities"], "reality_spread": stored["reality_spread"]}
         return {"no_realities": "a search chose the designs; `foldcar sweep` simulates them in other realities"}

@@ -23,8 +23,9 @@ class RandomRealities(ChangedEnvironment):
     """
 
     def __init__(self, experiment: Experiment) -> None:
-        # The text ends the error about a program that Scenic must evaluate during runs.
-        super().__init__(experiment, "realities cannot change; search for the nominal rate with --objective success")
+        # If the program runs during the simulation, an error says so. This is its end.
+        remedy = "realities cannot change; search for the nominal rate with --objective success"
+        super().__init__(experiment, remedy)
         # The priors of a car that will be built from foldcar's sheets. `select` assumes the same before any trial.
         self._priors = built_priors(experiment.family.vehicle_type, from_sheets=True)
         priors = {str(index): (prior.mean, prior.sd) for index, prior in self._priors.items()}

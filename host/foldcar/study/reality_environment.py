@@ -57,7 +57,8 @@ class ChangedEnvironment(ExperimentEnvironment):
     def __init__(self, experiment: Experiment, remedy: str) -> None:
         """Create the environment. Raises FoldcarError if the program runs during the simulation.
 
-        Other realities cannot change such a program's scenes. ``remedy`` ends the error: "... whose scenes REMEDY".
+        Other realities cannot change the scenes of such a program. ``remedy`` is the end of this error, after the words
+        "whose scenes".
         """
         super().__init__(experiment)
         if super().dynamic:

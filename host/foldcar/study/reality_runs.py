@@ -115,10 +115,10 @@ def next_number(runs: int, error: float | None) -> int | None:
 
 
 def offered_runs(runs: int, error: float | None) -> int | None:
-    """Return with how many runs a person could make the error of learning smaller.
+    """Return a larger number of runs, with which the error of learning would be smaller.
 
-    So far ``runs`` runs have led to this ``error``. The result is twice as many, in whole blocks of BLOCK runs. It is
-    None if the error is small enough or unknown, or if there may be no more than MAX_REALITIES runs.
+    ``runs`` is the present number, and ``error`` the present error. The result is twice as many runs, in whole blocks of
+    BLOCK runs. It is None if the error is small enough or unknown, or if the result would be above MAX_REALITIES.
     """
     if error is None or error <= MAX_ERROR:
         return None

@@ -94,7 +94,7 @@ def _crests(bodies: Sequence[Mapping[str, Any]], scenes: Sequence[Mapping[str, A
     clearances_m = []
     for body in bodies:
         for wheel, segment in product(body["wheels"], body["segments"]):
-            # Heights of segments count from the axles, which are one radius above the ground.
+            # ``center_z_m`` is the height above the axles, and the axles are one radius above the ground.
             underside_m = segment["center_z_m"] - 0.5 * segment["height_m"]
             clearances_m.append(wheel["radius_m"] + underside_m)
     for sample, scene in enumerate(scenes):

@@ -152,19 +152,20 @@ def _drive_to_end(
 
 
 def _count_down(car: ConnectedCar, countdown_s: int, view: DriveView) -> str | None:
-    """Wait for the countdown; return how it was ended early, or None if it ran out."""
+    """Wait for the end of the countdown. Return how it was ended early, or None if it ran out."""
     view.begin()
     now_s = time.monotonic()
     end_s = now_s + countdown_s
     while now_s < end_s:
-        turn_s = now_s
+        last_turn_s = now_s
         car.connection.receive(min(STEP_S, end_s - now_s), view.other_input)
         ending = view.wants_stop()
         if ending is not None:
             return ending
         now_s = time.monotonic()
-        if now_s - turn_s > SILENCE_S:
-            # After Ctrl-Z nobody expects that the car starts at once.
+        if now_s - last_turn_s > SILENCE_S:
+            # This program stood still, for example after Ctrl-Z. The car must not start as soon as it goes on, because
+            # nobody expects it.
             return STOOD_STILL
     return None
 
@@ -234,7 +235,7 @@ def _car_ended(car: ConnectedCar, message: Any, view: DriveView) -> DriveEnd:
         return DriveEnd("time limit", "timeout", elapsed_s)
     if message.end != car.dialect.FOLDCAR_END_FAULT:
         return DriveEnd("stopped by another host", None, elapsed_s)
-    truth = _last_truth(car, message.trial_id)
+    truth = _next_truth(car, message.trial_id)
     if truth is not None and truth.outcome:
         return _simulated_outcome(car, truth)
     ending = view.wants_stop()
@@ -246,8 +247,11 @@ def _car_ended(car: ConnectedCar, message: Any, view: DriveView) -> DriveEnd:
     return DriveEnd(fault, outcome="aborted", elapsed_time_s=elapsed_s, error=error)
 
 
-def _last_truth(car: ConnectedCar, trial: int) -> Any | None:
-    """Return the next FOLDCAR_TRUTH of ``trial``, a simulated car's true state; None if a built car drives."""
+def _next_truth(car: ConnectedCar, trial: int) -> Any | None:
+    """Wait for the next FOLDCAR_TRUTH of a trial, which has the true state of a simulated car.
+
+    Return None if a built car drives, which sends no such messages.
+    """
     if "FOLDCAR_TRUTH" not in car.connection.latest:
         return None
 

@@ -84,8 +84,8 @@ def exported_facts(place: str, row: Mapping[str, str]) -> dict[str, Any]:
             raise FoldcarError(f"{place}: corrections: an outcome is not one of {', '.join(TRIAL_OUTCOMES)}")
     settings = facts.pop("settings")
     if settings is not None:
-        # The numbers are read again from the cell, because the check has converted whole numbers to fractions. So the
-        # text equals that of the store.
+        # The check has turned whole numbers into floating-point numbers. So read the numbers again
+        # from the cell, to get the same text as in the store.
         facts["settings"] = canonical_json(json.loads(row["settings"]))
     facts["deviations"] = canonical_json({name: list(pose) for name, pose in facts["deviations"].items()})
     return facts
@@ -99,7 +99,7 @@ def require_corrected(place: str, trial: Mapping[str, Any]) -> None:
     # Sorting keeps the order of corrections that were made in the same second, so the last of them counts.
     corrections = sorted(trial["corrections"], key=lambda correction: str(correction["corrected_utc"]))
     for name, after in {correction["field"]: correction["after"] for correction in corrections}.items():
-        # Withdrawn trials are not exported, so the trial is not withdrawn.
+        # Only trials that are not withdrawn are exported, so the present value of "withdrawn" is 0.
         value = 0 if name == "withdrawn" else trial.get(name)
         if not _is_same(value, after):
             raise FoldcarError(
@@ -134,7 +134,8 @@ def parquet_text(file: Path) -> str:
     # A carriage return in a cell would end the row when the text is read, so such a cell needs quotes. Python's writer
     # adds them only if the line end contains a carriage return.
     writer = csv.writer(text, lineterminator="\r\n")
-    writer.writerow(rows[0] if rows else [])
+    # The first line has the names of the columns, which are the keys of each row.
+    writer.writerow(list(rows[0]) if rows else [])
     for row in rows:
         moved = row.get("deviations") or []
         poses = {entry["name"]: [entry["x_m"], entry["y_m"], entry["heading_rad"]] for entry in moved}

@@ -188,8 +188,8 @@ def require_same_car(car: ConnectedCar, identity: CarIdentity) -> None:
 def _end_earlier_trial(car: ConnectedCar) -> None:
     """Stop a car that still drives a trial of an earlier program, and ask for its state afterwards.
 
-    Such a car waits for heartbeats of its host. At the next pause of this program, it would report the fault of a silent
-    host, although this program has already found it without faults.
+    Such a car needs the heartbeats of its host. If this program pauses later, for example to ask something, the car would
+    report the fault of a silent host in the middle of the session.
     """
     car.connection.catch_up()
     if car.is_under_way(car.request("FOLDCAR_TRIAL")):

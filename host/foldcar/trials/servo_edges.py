@@ -159,12 +159,14 @@ def _ask_direction(
     answers: PersonAnswers,
     save: Callable[[str, float], None],
 ) -> int:
-    """Return the direction, 1 or -1, in which a servo's wheel drives at MAX_PULSE_US; reverse the servo if it must be.
+    """Ask in which direction a servo's wheel turns at MAX_PULSE_US, and return it: 1 or -1.
 
-    Raises FoldcarError if the wheel stands, or turns backwards and shall not be reversed.
+    If the wheel turns backwards, the person is asked whether the servo is to be reversed; if so, this is saved. Raises
+    FoldcarError if the wheel stands still, or if it turns backwards and is not to be reversed.
     """
     reversed_before = values[f"CH{number}_REVERSED"]
-    expected = int(values[f"CH{number}_DIRECTION"]) * (-1 if reversed_before else 1)
+    direction_of_design = int(values[f"CH{number}_DIRECTION"])
+    expected = -direction_of_design if reversed_before else direction_of_design
     observed = ask(MAX_PULSE_US)
     if observed == 0:
         raise FoldcarError(

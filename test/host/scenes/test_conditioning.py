@@ -99,7 +99,7 @@ def test_named_objects_keep_their_place_and_the_others_vary(
         ({"objects": ["bump"]}, '"bump" depends on a random value of param "tall", which would be frozen too: '),
         (
             {"objects": ["behind"], "params": ["tall"]},
-            '"behind" depends on a random value of "bump", which would be frozen too: name it as well, or leave both',
+            '"behind" depends on a random value of "bump", which would be frozen too: name both, or neither',
         ),
         ({"objects": ["last"]}, '"last" depends on a random value of the Bump of line 14, which has no name, which'),
     ],

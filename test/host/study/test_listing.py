@@ -140,7 +140,7 @@ WIDTH = "vehicles.1.params.0.common.width"
         (
             WIDTH,
             {"from": 65, "to": 245, "step": 7},
-            ': "to" 245 is not reached in steps of 7, as 240 is',
+            ': "to" 245 is not reached in steps of 7; the last value is 240',
         ),
     ],
 )

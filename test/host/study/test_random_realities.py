@@ -184,7 +184,7 @@ def test_rates_are_said_to_be_expected_and_not_compared_with_trials(store: Path,
     for selection in selections:
         assert "Expected over realities, " in selection.works and "trials" not in selection.works
         assert selection.learn == "Trials do not change these rates: sweep experiment 1 to learn from trials."
-        assert selection.remarks[0].startswith("Rates are expected over realities, before any trial: each environment")
+        assert selection.remarks[0].startswith("Rates are averages over realities, before any trial: each environment")
         assert left_out in selection.remarks
     assert len(selections) == 2
     for compared in comparison.experiments:

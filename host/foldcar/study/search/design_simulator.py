@@ -68,7 +68,7 @@ class DesignSimulator:
         runs: list[PlannedRun] = []
         for index, sample in enumerate(samples):
             self._samples.reach(sample)
-            (run,) = (run for run in self._writer.planned_runs(plan, sample) if run.design == position)
+            run = next(run for run in self._writer.planned_runs(plan, sample) if run.design == position)
             runs.append(run)
             if run.outcome is None and not self._pool.joins(run):
                 for finished in self._pool.add(run, runs_left=len(samples) - index):
@@ -109,7 +109,8 @@ class DesignSimulator:
     def _stored_designs(self) -> list[Values]:
         """Return the family's designs that an earlier sweep or search has stored in the experiment.
 
-        If the stored experiment has more environments than this one, this one takes over their number.
+        The stored experiment may have more environments than this one. Then the number of environments of this one is
+        raised to that of the stored one.
         """
         environment_id = self._writer.environment(self._environment.fingerprint)
         spread_id = self._writer.spread(self._environment.spread_fingerprint)
@@ -145,8 +146,9 @@ def open_simulator(
 ) -> Iterator[DesignSimulator]:
     """Yield the DesignSimulator of an experiment in its ``environment``. Raises FoldcarError.
 
-    After each finished chunk of runs, ``report_runs`` is called with their number. ``objectives`` are the quantities by
-    which a search chooses designs from these runs. They are empty if the runs only check designs that were chosen before.
+    After each finished chunk of runs, ``report_runs`` is called with their number. ``objectives`` are the names of the
+    quantities by which a search chooses designs from these runs. The runs that test chosen designs in fresh environments
+    have no objectives.
     """
     environment_id = writer.environment(environment.fingerprint)
     dynamic = writer.is_dynamic(environment_id, lambda: environment.dynamic)

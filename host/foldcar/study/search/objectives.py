@@ -92,8 +92,11 @@ def _energy(rows: Sequence[RunRow], limit_s: float) -> float:
 
 
 def _energy_interval(rows: Sequence[RunRow], limit_s: float) -> Interval:
-    """Return the 95 % interval of :func:`_energy`: percentiles over resampled runs (Efron's bootstrap), fixed seed."""
-    # (runs, 2: energy in J, whether the run passed); the objective is the ratio of their totals.
+    """Return the 95 % interval of :func:`_energy`, from RESAMPLES samples of the runs (Efron's bootstrap).
+
+    The samples have a fixed seed. The interval contains the middle 95 % of their values.
+    """
+    # A row for each run: its energy (J), and whether it passed. The objective is the ratio of the totals of both columns.
     table = _energies(rows)
     picks = np.random.default_rng(0).integers(0, len(table), (RESAMPLES, len(table)))
     totals = table[picks].sum(axis=1)

@@ -110,7 +110,9 @@ def searched_study(study: ListedStudy, plan: Plan) -> ListedStudy:
     if len(study.experiments) > 1:
         names = ", ".join(experiment.id for experiment in study.experiments)
         raise FoldcarError(f"{study.listing_name}: experiments: has several; choose one with --experiment: {names}")
-    (searched,) = (study_over_realities(study) if plan.over_realities else study).experiments
+    if plan.over_realities:
+        study = study_over_realities(study)
+    (searched,) = study.experiments
     fresh_experiment = replace(
         searched,
         id=fresh_id(searched.id),

@@ -80,6 +80,8 @@ def read_study(file: Path, experiment: str | None = None, environments: int | No
         suggestion = did_you_mean(experiment, listed_names)
         raise ListingError(file, f'experiments: has no "{experiment}"; known: {", ".join(listed_names)}{suggestion}')
     for name in listing.experiments:
+        if name != name.strip():
+            raise ListingError(file, f'experiments: "{name}": begins or ends with a blank, which tables do not keep')
         if VARIANT.search(name):
             reason = "ends like the names that foldcar gives to variants of experiments; choose another name"
             raise ListingError(file, f'experiments: "{name}": {reason}')

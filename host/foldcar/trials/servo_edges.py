@@ -45,7 +45,7 @@ def find_edges(direction_at: Callable[[int], int], expected: ServoEdges) -> Serv
     """Find the limits of the deadband of a servo that turns with direction 1 at MAX_PULSE_US.
 
     ``direction_at(pulse_us)`` returns -1, 0 (at rest) or 1. A servo that is as ``expected`` needs the fewest questions.
-    Raises FoldcarError if the deadband is above ±150 µs.
+    Raises FoldcarError if the deadband is above ±150 µs, or if the servo does not change its direction.
     """
     observed = {MIN_PULSE_US: -1, MAX_PULSE_US: 1}
 
@@ -59,6 +59,13 @@ def find_edges(direction_at: Callable[[int], int], expected: ServoEdges) -> Serv
     edges = ServoEdges(neutral_us=(low + high) / 2, deadband_us=(high - low) / 2)
     if edges.deadband_us > MAX_DEADBAND_US:
         raise FoldcarError(f"a deadband of ±{edges.deadband_us:g} µs is above the maximum {MAX_DEADBAND_US} µs")
+    # The search takes for granted that the servo turns backwards at MIN_PULSE_US. An edge at an end of the range means that
+    # it was never seen to change its direction.
+    if min(low - MIN_PULSE_US, MAX_PULSE_US - high) < RESOLUTION_US:
+        raise FoldcarError(
+            f"the servo turns in the same direction at all pulses from {MIN_PULSE_US} to {MAX_PULSE_US} µs: is it a servo "
+            "for continuous rotation, and is its trimmer in the middle?"
+        )
     return edges
 
 
@@ -100,7 +107,7 @@ def calibrate_outputs(car: ConnectedCar, outputs: list[int]) -> None:
     wheels = [number for number in range(1, 9) if values.get(f"CH{number}_SIDE")]
     for number in outputs:
         if number not in wheels:
-            raise FoldcarError(f"--output {number}: has no wheel; outputs with a wheel: {', '.join(map(str, wheels))}")
+            raise FoldcarError(f"--servo {number}: has no wheel; outputs with a wheel: {', '.join(map(str, wheels))}")
     # The running test: its output, its pulse, and when to renew it.
     active_test: list[tuple[int, int, float]] = []
 

@@ -44,6 +44,9 @@ def test_names_of_variants_are_no_names_of_experiments(
         read_study(write_listing(listing_data))
     listing_data["experiments"] = {"fresh (air)": listing_data["experiments"][name]}
     assert read_study(write_listing(listing_data)).experiments[0].id == "fresh (air)"
+    listing_data["experiments"] = {" fresh": listing_data["experiments"]["fresh (air)"]}
+    with pytest.raises(FoldcarError, match='" fresh": begins or ends with a blank'):
+        read_study(write_listing(listing_data))
 
 
 def change(data: Any, path: str, value: Any) -> Any:

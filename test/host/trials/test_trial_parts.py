@@ -63,6 +63,12 @@ def test_a_deadband_that_is_too_wide_is_refused() -> None:
         find_edges(lambda pulse: 0 if pulse < 1690 else 1, DATA_SHEET)
 
 
+@pytest.mark.parametrize("direction", [1, -1])
+def test_a_servo_that_never_changes_its_direction_is_refused(direction: int) -> None:
+    with pytest.raises(FoldcarError, match="in the same direction at all pulses from 1300 to 1700 µs"):
+        find_edges(lambda pulse: direction, DATA_SHEET)
+
+
 def test_a_parameters_value_is_shown_by_its_shortest_decimals() -> None:
     for value, shown in ((0.1, "0.1"), (3.4, "3.4"), (25e6, "25000000"), (0.0, "0"), (-1 / 3, "-0.33333334")):
         assert value_text(struct.unpack("<f", struct.pack("<f", value))[0]) == shown

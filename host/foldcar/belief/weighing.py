@@ -283,7 +283,8 @@ class Draws:
         # A car's log-odds have the values of the nodes. This is the probability of each node.
         probabilities = numpy.exp(log_likelihood - log_likelihood.max(axis=2, keepdims=True)) * NODE_WEIGHTS
         cumulated = probabilities.cumsum(axis=2) / probabilities.sum(axis=2, keepdims=True)
-        # Draw a node for each draw and car: the first one whose cumulated probability is not below a random number.
+        # Choose a node for each draw and car at random, with these probabilities: the first one whose cumulated
+        # probability is not below a random number from 0 to 1.
         thresholds = numpy.random.default_rng(CAR_SEED).random((*cumulated.shape[:2], 1))
         nodes = (cumulated < thresholds).sum(axis=2).clip(max=len(NODES) - 1)
         drawn_log_odds = numpy.take_along_axis(car_log_odds, nodes[:, :, None], axis=2)[..., 0]

@@ -273,6 +273,7 @@ def _swept_designs(store: Store, info: ExperimentInfo, runs: RunArrays) -> list[
     first_runs = numpy.searchsorted(runs.design[run_indices], numpy.arange(1, len(designs)))
     run_indices_by_design = numpy.split(run_indices, first_runs)
     elapsed_s = runs.metrics[:, NUMBERS.index("elapsed_time_s")]
+    # Rejected runs do not count in any rate.
     swept_designs = []
     # If there are no designs, numpy.split still returns one part, so both may have different lengths.
     for design, all_runs in zip(designs, run_indices_by_design, strict=False):

@@ -222,6 +222,7 @@ def _family_names(evidence: Evidence, chosen: NDArray[numpy.bool_], counted: _Co
     designs among which these were chosen.
     """
     number, total = int(chosen.sum()), len(chosen)
+    # A family with one parameter is described by ranges of its values, unless all designs are meant.
     one_parameter_varies = len(evidence.parameters) == 1
     if total == 1:
         return "the design"

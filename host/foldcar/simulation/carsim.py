@@ -65,7 +65,7 @@ class Carsim:
         none, or if it has another engine.
         """
         self.binary = binary if binary is not None else find_carsim(engine)
-        # A binary that the caller names has one engine; no option chooses it.
+        # A program that the caller has named has one engine. Only foldcar's own carsim chooses its engine by an option.
         engine_options = ENGINES[engine].options if binary is None else ()
         self.command = (*program_command(self.binary), *engine_options)
         self._running: set[subprocess.Popen[str]] = set()

@@ -108,7 +108,7 @@ class Effects:
         grid = numpy.unique(self.parameters[:, parameter])
         if len(grid) > MAX_VALUES:
             grid = numpy.linspace(grid[0], grid[-1], MAX_VALUES)
-        # (draws, combinations, values)
+        # Draws of the rates at each value, for each combination: (draws, combinations, values).
         rates = self._rates_over(combinations, [parameter], grid[:, None])
         mean_curves = rates.mean(axis=1)
         levels = mean_curves.mean(axis=1)

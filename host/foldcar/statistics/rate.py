@@ -153,6 +153,8 @@ def limited_mean(
         # The beta distribution with this mean and variance has the parameters mean * strength and (1 - mean) * strength.
         strength = mean_time * (1 - mean_time) / variance - 1
         crossing_times = betaincinv(mean_time * strength, (1 - mean_time) * strength, MIDPOINTS)
+    # The mean time over all runs, for each pair of a fraction and a mean time of the runs that cross: the others take the
+    # limit.
     mean_times_s = limit_s * (1 - numpy.outer(crossed_fractions, 1 - crossing_times))
     low, high = numpy.quantile(mean_times_s, [0.025, 0.975], method="hazen")
     return mean, min(float(low), mean), max(float(high), mean)
@@ -180,6 +182,7 @@ def _lowest_rate(passed: NDArray[Any], total: NDArray[Any], log_ratio_limit: flo
     """
     from scipy.special import betaln, xlog1py, xlogy
 
+    # The log likelihood of the runs under a mixture of rates with a beta distribution.
     log_mixture = betaln(passed + MIXTURE, total - passed + MIXTURE) - betaln(MIXTURE, MIXTURE)
     # The lowest rate lies between a rate below the interval and a rate within it.
     rate_below, rate_within = numpy.zeros(passed.shape), passed / numpy.maximum(total, 1)

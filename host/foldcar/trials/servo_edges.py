@@ -59,8 +59,8 @@ def find_edges(direction_at: Callable[[int], int], expected: ServoEdges) -> Serv
     edges = ServoEdges(neutral_us=(low + high) / 2, deadband_us=(high - low) / 2)
     if edges.deadband_us > MAX_DEADBAND_US:
         raise FoldcarError(f"a deadband of ±{edges.deadband_us:g} µs is above the maximum {MAX_DEADBAND_US} µs")
-    # The search takes for granted that the servo turns backwards at MIN_PULSE_US. If an edge is at an end of the range, the
-    # servo was never seen to change its direction.
+    # The search takes for granted that the servo turns backwards at MIN_PULSE_US. If an edge is at an end of the range,
+    # the servo was never seen to change its direction.
     if min(low - MIN_PULSE_US, MAX_PULSE_US - high) < RESOLUTION_US:
         raise FoldcarError(
             f"the servo turns in the same direction at all pulses from {MIN_PULSE_US} to {MAX_PULSE_US} µs: is it a "

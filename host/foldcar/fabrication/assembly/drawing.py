@@ -209,8 +209,9 @@ def _marks(marks: Sequence[DrawnText], seen: Sequence[VisibleFacet], view: Camer
         region = regions.get(mark.key)
         if region is None or not region.buffer(EDGE_SLACK_MM).covers(shapely.Point(*point)):
             continue
-        u, v = point = _moved_clear(point, placed, size * MARKS_APART)
+        point = _moved_clear(point, placed, size * MARKS_APART)
         placed.append(point)
+        u, v = point
         radius = size * (MARK_RADIUS if len(mark.text) < 3 else WIDE_MARK_RADIUS)
         elements.append(
             f'<circle cx="{u:.2f}" cy="{-v:.2f}" r="{radius:.2f}" fill="#ffffff" stroke="#222222" '

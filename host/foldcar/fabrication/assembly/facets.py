@@ -113,7 +113,7 @@ def mount_shape(mount: Mount, pose: Matrix | None = None) -> PictureContent:
     """
     pose = np.array(mount.pose) if pose is None else pose
     facets, lines = [], []
-    # A part of so many solids, all alike, is a ring, such as a tyre.
+    # A tyre is described by many equal boxes around its axis. It is drawn as a ring instead.
     is_ring = len(mount.solids) >= RING_SOLIDS and len({solid.size_mm for solid in mount.solids}) == 1
     if is_ring:
         kinds_and_sides = [("round", _ring(mount, pose))]
@@ -160,6 +160,7 @@ def _ring(mount: Mount, pose: Matrix) -> Iterator[SolidSide]:
     yield SolidSide(low, -1.0 * pose[:3, 2])
     yield SolidSide(high, 1.0 * pose[:3, 2])
     for i in range(RING_SIDES):
+        # The normal points to the middle between two corners of the circle.
         normal = pose[:3, :2] @ (circle[i] + circle[(i + 1) % RING_SIDES])
         yield SolidSide((_side(low[0], high[0], i),), normal / np.linalg.norm(normal))
 

@@ -154,9 +154,9 @@ def _opening_arrows(car: FoldedCar, state: AssemblyState) -> list[Arrow]:
             kinds = [clearance.tool for clearance in face.clearances]
             middle = max(x for x, _ in face.outline_mm) / 2
             if "tongue" in kinds:
-                # The face has a lever, which stands on the lid. z points to the printed side, which is below.
+                # The face has a lever, which stands on the lid. In its frame z points down, to the printed side.
                 height_mm = car.parts.assembly.flap_mm.value + car.parts.assembly.grip_mm.value * LEVER_AT
-                lever_z_mm = height_mm * -1.0
+                lever_z_mm = -height_mm
                 points_mm = [(middle, -PUSH_MM, lever_z_mm), (middle, 0.0, lever_z_mm)]
             else:
                 tip = max(y for _, y in face.outline_mm)
@@ -315,7 +315,8 @@ class StepPicture:
             radial = (box.mean(axis=0) - self.axle_mm) * (1.0, 0.0, 1.0)
             if np.linalg.norm(radial) == 0:
                 return []
-            return [STRIP_APART_MM * -radial / np.linalg.norm(-radial)]
+            inwards = -radial
+            return [STRIP_APART_MM * inwards / np.linalg.norm(inwards)]
         size_mm = float(np.ptp(box, axis=0).max())
         min_first_mm = min(max(MIN_APART_MM, APART_SHARE * size_mm), APART_MM)
         drawn_moves = []

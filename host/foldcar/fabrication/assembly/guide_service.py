@@ -147,8 +147,8 @@ def _cable_lines() -> Iterator[str]:
     """Yield how to lead the USB cable, so that it touches no wheel."""
     yield (
         "The cable leaves between two wheels. Lead it up along the left wall and over the roof, with a loop at the "
-        "plug that does not pull. Hold it with the cable tie in the two slots above USB; pull the "
-        "tie so far that the cable still slides out. A plug that is angled upwards stays clear of the wheels; with a "
+        "plug that does not pull. Hold it with the cable tie in the two slots above USB. Do not pull the "
+        "tie tight: the cable must be able to slide out. A plug that is angled upwards stays clear of the wheels; with a "
         "straight one, turn every wheel by hand, and see that none touches it."
     )
 

@@ -123,6 +123,7 @@ def _join_lines(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
     yield from wheel_join_lines(car, step)
     wheel_joins = {join.number for join in joins if join.kind == "rim" or is_rim_lock(car, join)}
     wheel_joins |= {join.number for join in disc_turns(car, step)}
+    # Each kind of join, with its instruction.
     for kinds, text in (
         (("tab", "lap"), "Tape the tabs to the inside of the panel with the same number, its printed side: join {}."),
         (("tab_slot",), "Push the tongues through the slots with the same number: join {}."),
@@ -130,7 +131,9 @@ def _join_lines(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
         (("tuck",), "The lid lies on the flanges of the caps, its flap inside the right wall, without tape: join {}."),
     ):
         numbers = {join.number for join in joins if join.kind in kinds} - wheel_joins
-        numbers -= tongues if laminates else set()
+        if laminates:
+            # The tongues have an instruction of their own above.
+            numbers -= tongues
         if numbers:
             yield text.format(number_ranges(numbers))
 
@@ -226,7 +229,7 @@ def _cautions(car: FoldedCar, step: AssemblyStep, state: AssemblyState) -> Itera
         else:
             yield (
                 f"Press the {car.parts.battery.name} onto the hook-and-loop tape in its outline, its leads on the "
-                f"{side}. It comes out for its cells."
+                f"{side}. You can take it out to change its cells."
             )
     if car.parts.pad.name in parts and car.parts.battery_place == "roof":
         yield "Stick it to the outside of the lid, the side without print, between the small holes at its corners."

@@ -99,10 +99,10 @@ def _rows(pose: Any) -> list[float]:
 
 
 def _beyond_hinge(folded: FoldedCar, placed: PlacedPiece, piece: Piece) -> dict[str, str]:
-    """Return which faces of a hinge's strip move with the other segment, and the name of that segment, by face.
+    """Return which faces of a piece move with another body than the piece itself: the name of that body, by face.
 
-    The strip of a hinge is taped to two segments of the car and bends between them. It belongs to one of them. The result
-    is empty for all other pieces.
+    Only the strip of a hinge has such faces. It is taped to two segments of the car and bends between them; it belongs to
+    one of these segments, and some of its faces move with the other one.
     """
     crease = next((crease for crease in piece.creases if crease.flexure), None)
     if crease is None or not folded.hinges:

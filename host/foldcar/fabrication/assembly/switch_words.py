@@ -37,7 +37,7 @@ def switch_lines(car: FoldedCar, step: AssemblyStep) -> tuple[tuple[str, ...], t
     else:
         lengths_mm = [wire_length_mm(lead_of[f"{switch} {terminal}"]) for terminal in (1, 2)]
         wires = f"{lengths_mm[0]} mm and {lengths_mm[1]} mm of black wire, {gauge}"
-    before = f"Cut {wires}. Solder them to the terminals of the {switch}, away from the film.", TUBE
+    before = (f"Cut {wires}. Solder them to the terminals of the {switch}, away from the film.", TUBE)
     if switch == BUTTON:
         return before, ("Screw the button's nut on from outside.",)
     if switch == SERVO_SWITCH:
@@ -54,7 +54,8 @@ def _position_line(car: FoldedCar, switch: str) -> str:
     if switch == BOARD_SWITCH:
         mark = "O"
         effect = (
-            " When this switch is closed (I), the board is off. So both switches are on if their right ends are pressed."
+            " This switch works the other way round: pressed at the end marked I, it turns the board off. Mounted like "
+            "this, both switches are on when their right ends are pressed."
         )
     return (
         "Push the wires through the opening first, and press the switch in until its barbs hold. As seen from outside, "

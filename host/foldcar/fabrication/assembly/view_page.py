@@ -105,8 +105,9 @@ def _part(body: str, pose: Pose, steps: ViewSteps, key: Part) -> dict[str, Any]:
     ``ways`` are its moves: the number of the step, the vectors of the move, and when the move begins and ends in the
     step, from 0 to 1. ``rides`` names the part that it moves with.
     """
-    # If no step adds the part, it is in the car from the first step on.
-    ways = steps.ways.get(key, [(1, (), 0.0, 1.0)])
+    # If no step adds the part, it is in the car from the first step on, and does not move.
+    in_place_from_first_step = (1, (), 0.0, 1.0)
+    ways = steps.ways.get(key, [in_place_from_first_step])
     exploded = steps.exploded.get(key, (0.0, 0.0, 0.0))
     return {"body": body, "pose": _numbers(pose), "ways": ways, "exploded": exploded, "rides": steps.rides.get(key)}
 

@@ -79,11 +79,13 @@ class Learned:
         """
         scores = _shaped(scores)
         quadratics = _quadratics(scores)
-        # The file's head calls these coefficients a and G.
-        of_quadratics = self.coefficients[: quadratics.shape[1]]
-        of_products = self.coefficients[quadratics.shape[1] :].reshape(1 + scores.shape[1], -1)
-        score_effects = of_products @ self._design_features(designs).T
-        log_odds = (quadratics @ of_quadratics)[:, None] + _with_constant(scores) @ score_effects
+        # The first coefficients belong to the squares and products of scores, whose effect is the same for all designs.
+        quadratic_coefficients = self.coefficients[: quadratics.shape[1]]
+        same_for_all_designs = quadratics @ quadratic_coefficients
+        # The others are a table: a row for the constant and for each score, a column for each feature of a design.
+        table = self.coefficients[quadratics.shape[1] :].reshape(1 + scores.shape[1], -1)
+        effects_on_designs = table @ self._design_features(designs).T
+        log_odds = same_for_all_designs[:, None] + _with_constant(scores) @ effects_on_designs
         scene_variance = 0.0
         if self.scene_offsets:
             scene_variance = float(numpy.var(list(self.scene_offsets.values())))
@@ -227,7 +229,8 @@ def penalised_logistic(
     for _ in range(NEWTON_STEPS):
         rates = expit(features @ coefficients)
         gradient = features.T @ (passed - counted * rates) - coefficients / variances
-        curvature = features.T @ (features * (counted * rates * (1 - rates))[:, None])
+        variances_of_rows = counted * rates * (1 - rates)
+        curvature = features.T @ (features * variances_of_rows[:, None])
         curvature[numpy.diag_indices(len(coefficients))] += 1 / variances
         step = numpy.linalg.solve(curvature, gradient)
         new_objective = _objective(features, passed, counted, variances, coefficients + step)
@@ -257,6 +260,7 @@ def _check_error(learned: Learned, checks: RealityRuns, designs: FloatArray) -> 
     learned rate, and chance, because n is small. The variance of chance is p (1 - p) / n for a true rate p. Its unbiased
     estimate k/n (1 - k/n) / (n - 1) is subtracted from the squared difference.
     """
+    # A group consists of the runs of one block with the same design.
     block_and_design = numpy.stack([checks.number // BLOCK, checks.design])
     _, first_run, group = numpy.unique(block_and_design, axis=1, return_index=True, return_inverse=True)
     counted = numpy.bincount(group.ravel()).astype(float)

@@ -139,18 +139,21 @@ class Prior:
 
     @cached_property
     def frequencies(self) -> FloatArray:
-        """The frequencies (parameters, WAVES / 2) of the smooth part.
+        """The frequencies (parameters, WAVES / 2) of the waves whose sum is the smooth part of the unexplained error.
 
-        A sum of cosines and sines with normal amplitudes is a Gaussian process with a Matern covariance (Rahimi and Recht
-        2007). The frequencies are evenly spread over its spectrum by an additive recurrence.
+        The sum of cosines and sines with these frequencies and with normal amplitudes is approximately a Gaussian
+        process with a Matern covariance (Rahimi and Recht 2007). For this the frequencies must be spread over the
+        spectrum of this covariance.
         """
         parameters = self.designs.shape[1]
-        # The solution of root ** (parameters + 2) = root + 1, whose powers are far from fractions, by iteration.
+        # An additive recurrence gives points that are evenly spread over a cube of side 1: multiples of fixed steps,
+        # modulo 1. The best steps are the powers of the solution of root ** (parameters + 2) = root + 1, which is found
+        # by iteration.
         root = 2.0
         for _ in range(50):
             root = (1 + root) ** (1 / (parameters + 2))
         steps = root ** -numpy.arange(1.0, parameters + 2)
-        # Points (waves, 1 + parameters) that are evenly spread over a cube of side 1.
+        # The points (waves, 1 + parameters).
         points = (0.5 + numpy.arange(1, WAVES // 2 + 1)[:, None] * steps) % 1
         # The spectrum of the Matern covariance of smoothness 5/2 is Student's t distribution with 5 degrees of freedom:
         # a normal variable divided by the root of a chi-square variable over 5.
@@ -201,7 +204,8 @@ class Draws:
     def scores(self) -> FloatArray:
         """The realities' scores (n, parameters): how many standard deviations each parameter is above its median."""
         normal_scores = self.normal[:, _SCORES]
-        # Some realities, a fraction NOMINAL_CHANCE of all, are close to nominal simulation.
+        # Some realities, a fraction NOMINAL_CHANCE of all, are close to nominal simulation. A normal number decides
+        # which.
         near_scores = NOMINAL_SCORES + NEAR * (normal_scores - NOMINAL_SCORES)
         is_near_nominal = ndtr(self.normal[:, [_NEAR]]) < NOMINAL_CHANCE
         scores = numpy.where(is_near_nominal, near_scores, normal_scores)
@@ -242,10 +246,12 @@ class Draws:
         # Each design has an error of its own. A draw contains those of the driven designs; those of the others are
         # random.
         own_errors = numpy.random.default_rng(OWN_ERROR_SEED).standard_normal(log_odds.shape)
+        # The last columns of a draw are the errors of the driven designs.
+        errors_of_driven = self.normal[:, _SMOOTH.stop :]
         driven_designs = self.driven.tolist()
         for column, design in enumerate(designs.tolist()):
             if design in driven_designs:
-                own_errors[:, column] = self.normal[:, _SMOOTH.stop + driven_designs.index(design)]
+                own_errors[:, column] = errors_of_driven[:, driven_designs.index(design)]
         return log_odds + self._own_size[:, None] * own_errors
 
     def car_log_likelihood(self, trials: Trials) -> tuple[FloatArray, FloatArray]:

@@ -131,12 +131,15 @@ def _compare_column(
     """
     is_known = ~numpy.isnan(values)
     number_of_pairs = float(is_known @ pairs @ is_known)
-    if is_known.sum() < MIN_ENVIRONMENTS or numpy.ptp(values[is_known]) == 0 or not number_of_pairs:
+    has_one_value = numpy.ptp(values[is_known]) == 0 if is_known.any() else True
+    if is_known.sum() < MIN_ENVIRONMENTS or has_one_value or not number_of_pairs:
         return None
+    # The sign of the difference of each pair of values; 0 where a value is unknown.
     _, ranks = numpy.unique(values, return_inverse=True)
     ranks = ranks.astype(numpy.float32)
     signs = numpy.sign(ranks[:, None] - ranks[None, :])
-    signs[~is_known], signs[:, ~is_known] = 0, 0
+    signs[~is_known] = 0
+    signs[:, ~is_known] = 0
     # The matrices have each pair of environments twice.
     sum_over_pairs = float((excess * signs).sum(dtype=float)) / 2
     difference = sum_over_pairs / number_of_pairs
@@ -153,11 +156,14 @@ def _critical_values(scores: NDArray[Any], excess: NDArray[Any]) -> NDArray[Any]
     weights = excess.mean(axis=1, dtype=float)
     # Each pair is in A twice. With this factor, the sum of squares counts it once.
     residual = (excess - weights[:, None] + weights[None, :]) / numpy.sqrt(2)
+    # The sums of each column if the environments are permuted at random: (permutations, columns).
     random = numpy.random.default_rng(0)
     orders = random.permuted(numpy.tile(numpy.arange(len(weights)), (PERMUTATIONS, 1)), axis=1)
     permuted_sums = weights[orders] @ scores
     deviations = numpy.sqrt((permuted_sums**2).mean(axis=0))
-    max_standardised = (numpy.abs(permuted_sums) / numpy.maximum(deviations, 1e-12)).max(axis=1)
+    # Over all columns together, the largest sum in standard deviations, of which 95 % are below the quantile.
+    standardised = numpy.abs(permuted_sums) / numpy.maximum(deviations, 1e-12)
+    max_standardised = standardised.max(axis=1)
     quantile = numpy.quantile(max_standardised, 0.95, method="higher")
     residual_variance = (residual**2).sum(dtype=float) / 3
     return numpy.asarray(quantile * numpy.sqrt(deviations**2 + residual_variance))

@@ -143,7 +143,8 @@ def _reality_facts(
         # A search simulates no such runs. If an earlier sweep has simulated some, they still belong to the experiment.
         if stored.get("reality_spread") == reality_spread(experiment):
             return {"realities": stored["realities"], "reality_spread": stored["reality_spread"]}
-        return {"no_realities": "a search chose the designs; `foldcar sweep` simulates them in other realities"}
+        chosen = "a search chose the designs; `foldcar sweep` simulates them in other realities"
+        return {"no_realities": stored.get("no_realities", chosen)}
     is_dynamic = writer.is_dynamic(environment_id, lambda: environment.dynamic)
     success = SuccessRule(defined=program_facts["success_defined"], text=program_facts["success_rule"])
     reason = why_no_realities(experiment, environment, options.realities, is_dynamic, success)

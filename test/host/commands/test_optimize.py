@@ -22,6 +22,7 @@ from foldcar.car.folded_car import folded_car
 from foldcar.car.proof.check_film import flat_polygons
 from foldcar.simulation.carsim import Carsim
 from foldcar.statistics.stopping import evidence_of_worse
+from foldcar.store.reader import Store
 from foldcar.study.experiments import read_study
 from foldcar.study.search.design_simulator import RunRow
 from foldcar.study.search.objectives import OBJECTIVES
@@ -124,6 +125,22 @@ SearchBar.update = interrupted
 from foldcar.cli import main
 main()
 """
+
+
+@pytest.mark.usefixtures("carsim_binary")
+def test_the_advice_of_a_whole_sweep_stays_after_a_search(
+    foldcar_command: Command, listing: Path, tmp_path: Path
+) -> None:
+    foldcar_command("sweep", listing, "--store", "s.db", "--realities", 32)
+    advice = foldcar_command("select", "s.db", "--json").stdout
+    with Store.open(tmp_path / "s.db") as store:
+        before = store.info().experiments["1"]
+    optimized(listing, tmp_path / "s.db", 2)
+    with Store.open(tmp_path / "s.db") as store:
+        after = store.info().experiments["1"]
+    assert after == before
+    advice_after = json.loads(foldcar_command("select", "s.db", "--json").stdout)
+    assert advice_after["experiments"][0] == json.loads(advice)["experiments"][0]
 
 
 @pytest.mark.parametrize("objective", ["built", "success"])

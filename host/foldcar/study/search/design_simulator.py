@@ -57,6 +57,8 @@ class DesignSimulator:
     _objectives: Sequence[str]
     _plan: PlannedExperiment | None = None
     _positions: dict[Values, int] = field(default_factory=dict)
+    # Whether a sweep has made every run of every design, so that no run depends on what the search chooses.
+    _is_swept: bool = False
 
     def rows(self, values: Values, samples: Sequence[int]) -> list[RunRow]:
         """Return the results of a design in these samples, in their order. Simulate those that are not stored.
@@ -97,10 +99,13 @@ class DesignSimulator:
 
     def _store_experiment(self, members: Sequence[Values]) -> PlannedExperiment:
         """Store the experiment with these designs, in this order, instead of its earlier designs. Return its plan."""
+        if self._is_swept:
+            # The experiment stays that of the sweep: all its designs, none of them chosen by objectives.
+            members = [values for _, values in sorted(self._experiment.family.spread_out())]
         family = self._experiment.family.only(dict.fromkeys(members))
         experiment = replace(self._experiment, family=family)
         designs = PlannedDesigns(experiment, self._table, None)
-        options = SearchOptions(self._objectives)
+        options = SearchOptions(() if self._is_swept else self._objectives)
         plan = plan_experiment(experiment, self._environment, self._writer, designs, options)
         buildable = [values for values in dict.fromkeys(members) if family.error(values) is None]
         self._positions = {values: position for position, values in enumerate(buildable)}
@@ -126,6 +131,11 @@ class DesignSimulator:
             values = tuple(parameters.get(column, math.nan) for column in family.columns())
             if family.has(values):
                 designs.append(values)
+        facts = self._writer.experiment_facts(self._experiment.id)
+        has_all_designs = len(designs) == len(sweep.designs) == family.combinations - len(facts["skipped"])
+        stored_runs = sum(self._writer.design_counts(self._experiment.id).runs)
+        has_all_runs = stored_runs == len(designs) * environments
+        self._is_swept = has_all_designs and has_all_runs and not facts.get("searched")
         return designs
 
     def _keep(self, finished: list[FinishedRun[PlannedRun]]) -> None:

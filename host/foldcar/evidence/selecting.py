@@ -54,11 +54,10 @@ def select_evidence(evidence: Sequence[Evidence], threshold: float | None = None
             selections.append(selection_by_id[experiment.info.id])
             continue
         fresh = fresh_by_id[experiment.info.id]
-        verb = "was" if len(fresh.designs) == 1 else "were"
+        # An earlier sweep may have simulated designs that the search has not tried.
+        simulated = f"{count(experiment.swept, 'design')} {'was' if experiment.swept == 1 else 'were'} simulated"
         environments = count(fresh.info.environments, "fresh environment")
-        search_text = (
-            f"A search tried {count(experiment.swept, 'design')}; {len(fresh.designs):,} {verb} judged in {environments}."
-        )
+        search_text = f"{simulated}; a search judged {len(fresh.designs):,} in {environments}."
         selection = selection_by_id[fresh.info.id]
         selections.append(replace(selection, info=experiment.info, works=f"{search_text} {selection.works}"))
     return selections

@@ -45,7 +45,7 @@ class PersonAnswers:
                 continue
             if not received:
                 print_line("")
-                raise FoldcarError(f'no answer to "{question.strip()}": the input has ended; see `foldcar log --help`')
+                raise FoldcarError(f'no answer to "{question.strip()}": the input has ended')
             self._typed += received
         line, _, self._typed = self._typed.partition(b"\n")
         answer = line.decode(errors="replace")

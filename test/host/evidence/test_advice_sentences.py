@@ -318,7 +318,7 @@ def test_a_search_is_judged_by_its_best_in_fresh_environments(tmp_path: Path) ->
 
     judged, alone = select_evidence([searched, fresh])
 
-    start = "A search tried 3 designs; 2 were judged in 20 fresh environments. "
+    start = "3 designs were simulated; a search judged 2 in 20 fresh environments. "
     assert judged.works == start + alone.works
     assert "no design reaches 75 %; the best, 80 mm, passes 60 %" in judged.works
 

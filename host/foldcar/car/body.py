@@ -50,8 +50,9 @@ def body_json(design: Design) -> dict[str, Any]:
     resistance_ohm = car.parts.cells.supply_resistance_ohm.value
     if resistance_ohm > 0:
         body["supply_resistance_ohm"] = min(resistance_ohm, _max_resistance_ohm(car))
-    rounded: dict[str, Any] = json.loads(json.dumps(body), parse_float=lambda digits: _rounded(float(digits)))
-    return rounded
+    # Every number is rounded when it is read back from JSON.
+    rounded_body: dict[str, Any] = json.loads(json.dumps(body), parse_float=lambda digits: _rounded(float(digits)))
+    return rounded_body
 
 
 def _max_resistance_ohm(car: FoldedCar) -> float:

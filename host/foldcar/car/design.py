@@ -212,7 +212,7 @@ def modules_of(type_string: str) -> tuple[str, ...]:
         if letter not in MODULES:
             known_modules = ", ".join(f"{name} ({kind.title})" for name, kind in MODULES.items())
             raise DesignError(None, f'"{type_string}" has unknown module "{letter}"; known: {known_modules}')
-    # Which modules a composite consists of does not depend on its values, so its defaults do.
+    # The modules of a composite, such as "W_B", are the same for all values of its parameters, so no values are needed.
     with component_errors(DesignError):
         parts = catalogue_of(DEFAULT_CHOICES)
         modules: list[ModuleValues] = []
@@ -235,14 +235,15 @@ def modules_of(type_string: str) -> tuple[str, ...]:
 
 
 def _module_values(letter: str, place: str, values: Mapping[str, float], parts: Catalogue) -> list[ModuleValues]:
-    """Return the values of the module at a place; for a composite, those of each of its modules.
+    """Return the values of the module at a place. A composite consists of several modules; return those of each.
 
-    ``values`` are those of the design, by key. The value of the place (``W2.radius``) counts most, then that of the
-    letter (``W.radius``), then the shared one (``radius``).
+    ``letter`` is the letter of the module in the type string, such as W, and ``place`` the name of this module, such as
+    W2. ``values`` are the values of the design, by key. The key of the place (``W2.radius``) comes before that of the
+    letter (``W.radius``), and this before the shared key (``radius``).
     """
     kind = MODULES[letter]
+    # For each parameter that the design sets: its value, and the key that sets it.
     own_values: dict[str, float] = {}
-    # The keys that set them, also by the names of the parameters.
     own_keys: dict[str, str] = {}
     for parameter in kind.parameters:
         for key in (f"{place}.{parameter.name}", f"{letter}.{parameter.name}", parameter.name):
@@ -298,11 +299,12 @@ def compose_columns(type_string: str, columns: Mapping[str, float | str]) -> Des
 def _complete_values(
     type_string: str, letters: tuple[str, ...], values: Mapping[str, float], parts: Catalogue
 ) -> dict[str, float]:
-    """Return the values by key: those that are set, and the defaults of parameters that are not set.
+    """Return the values of a design by key: those that are set, and the defaults of parameters that are not set.
 
     A parameter may be set by its key, such as ``W.length``, and for single modules by the keys of their places, such as
-    ``W2.length``. If places set it for every module, its own key would set nothing, so it has no value then. Optional
-    parameters have no default either. Raises DesignError for a key that sets nothing.
+    ``W2.length``. If the keys of places set it for every module, the result has no value for ``W.length``, as that value
+    would have no effect. An optional parameter that is not set has no value either. Raises DesignError for a key that has
+    no effect.
     """
     complete: dict[str, float] = {}
     for key, parameter in parameters().items():

@@ -33,12 +33,12 @@ def check_design(type_string: str, design: "Design") -> None:
             raise DesignError(key, limit_error)
     tyre = design.parts.tyre
     for module in design.wheel_modules:
-        # The parameter is the width of the wheel, on which a tyre of a width of its own must have room.
+        # In spite of its name, this parameter is the width of the wheel. A tyre that is sold in one width must fit on it.
         name = "tire_thickness"
-        wheel_width_mm, key_that_sets_it = design.of(module, name), design.of_modules[module].keys.get(name)
+        wheel_width_mm = design.of(module, name)
         if tyre.width_mm is not None and wheel_width_mm < tyre.width_mm.value:
-            too_narrow = f"{wheel_width_mm:g} is below the {tyre.width_mm.value:g} of the {tyre.name}"
-            raise DesignError(key_that_sets_it, too_narrow)
+            setting_key = design.of_modules[module].keys.get(name)
+            raise DesignError(setting_key, f"{wheel_width_mm:g} is below the {tyre.width_mm.value:g} of the {tyre.name}")
     if not design.driven_modules:
         raise DesignError(None, f'"{type_string}" has no driven axle: at least one W needs "driven": true')
     _check_alike(design)
@@ -93,8 +93,8 @@ def _touching_message(
     beside = "" if smaller.radius_mm == larger.radius_mm else f" beside {smaller.radius_mm:g}"
     requirement = f"{larger.radius_mm:g}{beside} needs axles at least {min_distance_mm:g} apart, or wheels touch"
     lengths = " and ".join(f"{key} {value:g}" for key, value in design.values.items() if key.endswith(".length"))
-    folded = "" if distance.min_mm == distance.flat_mm else ", folded to the limits of H"
-    return f"{requirement}, but {lengths} puts two of them {distance.min_mm:.4g} apart{folded}"
+    at_limits = "" if distance.min_mm == distance.flat_mm else " when hinge H is at its limit"
+    return f"{requirement}; with {lengths} two axles are {distance.min_mm:.4g} apart{at_limits}"
 
 
 class AxleDistance(NamedTuple):
@@ -105,28 +105,32 @@ class AxleDistance(NamedTuple):
 
 
 def _axle_distance(design: "Design", front: int, rear: int) -> AxleDistance:
-    """Return the distance of the axles of two modules, which are given by their indices.
+    """Return the distance of the axles of two modules, ``front`` and ``rear``, which are given by their indices.
 
-    The hinges between them are all flat, all at their lower limits or all at their upper limits.
+    Three cases are compared: all hinges between them are flat, all are at their lower limits, or all are at their upper
+    limits.
     """
     centers, half_height = design.module_centers_mm, design.height_mm / 2
     hinges = [module for module in range(rear, front, -1) if design.modules[module] == HingeModule.letter]
-    flat_mm = centers[front] - centers[rear]
     if not hinges:
-        return AxleDistance(min_mm=flat_mm, flat_mm=flat_mm)
-    # Seen from the side, points are complex numbers: x is real, z is imaginary. The chain leads from the rear axle over
-    # the hinges, which are at the floor, half the body's height below the axles, to the front axle.
+        distance = centers[front] - centers[rear]
+        return AxleDistance(min_mm=distance, flat_mm=distance)
+    # Seen from the side, a point (x, z) is the complex number x + i z. Multiplying a vector by exp(i angle) turns it. The
+    # chain leads from the rear axle over the hinges to the front axle. The hinges are at the floor, half of the body's
+    # height below the axles.
     on_floor = [complex(centers[hinge], -half_height) for hinge in hinges]
     chain = [complex(centers[rear], 0.0), *on_floor, complex(centers[front], 0.0)]
-    first_step, *steps = (end - start for start, end in itertools.pairwise(chain))
+    to_first_hinge, *steps_after_hinges = (end - start for start, end in itertools.pairwise(chain))
 
-    def distance_mm(direction: int, limit: str) -> float:
-        """Return the distance if each hinge turns all steps after it, up (1), down (-1) or not at all (0)."""
-        to_front, pitch_rad = first_step, 0.0
-        for hinge, step in zip(hinges, steps, strict=True):
-            pitch_rad += direction * math.radians(design.of(hinge, limit))
-            to_front += step * cmath.rect(1.0, pitch_rad)
-        return abs(to_front)
+    def distance_mm(hinge_angles_rad: list[float]) -> float:
+        """Return the distance of the axles if each hinge turns everything in front of it by its angle."""
+        rear_to_front, pitch_rad = to_first_hinge, 0.0
+        for angle_rad, step in zip(hinge_angles_rad, steps_after_hinges, strict=True):
+            pitch_rad += angle_rad
+            rear_to_front += step * cmath.rect(1.0, pitch_rad)
+        return abs(rear_to_front)
 
-    flat_mm = distance_mm(0, "fold_down")
-    return AxleDistance(min(flat_mm, distance_mm(-1, "fold_down"), distance_mm(1, "fold_up")), flat_mm)
+    flat_mm = distance_mm([0.0 for _ in hinges])
+    nose_down_mm = distance_mm([-math.radians(design.of(hinge, "fold_down")) for hinge in hinges])
+    nose_up_mm = distance_mm([math.radians(design.of(hinge, "fold_up")) for hinge in hinges])
+    return AxleDistance(min_mm=min(flat_mm, nose_down_mm, nose_up_mm), flat_mm=flat_mm)

@@ -75,16 +75,17 @@ def _fit_between_cuts(name: str, room_mm: float, part: Quantity, parts: Catalogu
 
 
 def _hole_fits(name: str, hole: Hole, parts: Catalogue) -> Iterator[Fit]:
-    """Yield the fits that follow from the name of a hole: wheel screws in their slots, rods, the USB plug."""
-    # Each of the two edges that bound an opening may be off by this.
+    """Yield the fits of what goes through a hole with this name: wheel screws in their slots, a rod, the USB plug."""
+    # The cutter may place each edge of an opening by this much beside its line, so it may narrow the opening by twice as
+    # much.
     cut = parts.assembly.cut_mm.value
     if name.startswith("horn screw"):
-        # The slot points to the axle, which is the face's origin; a round hole of its own has no direction.
-        direction = (1.0, 0.0) if hole.center_mm is None else hole.center_mm
-        length, width = _size(hole, direction)
-        screw, holes = parts.horn_screw.diameter_mm, parts.horn.wheel_screws
-        # Along the slot, a hole of the horn may be off in both directions.
-        tolerance_mm = 2 * holes.tolerance + screw.tolerance
+        # The slot lies along the radius of the wheel, whose axle is the origin of the face's frame.
+        radius_direction = (1.0, 0.0) if hole.center_mm is None else hole.center_mm
+        length, width = _size(hole, radius_direction)
+        screw, horn_holes = parts.horn_screw.diameter_mm, parts.horn.wheel_screws
+        # A hole of the horn may be nearer to the axle or farther from it.
+        tolerance_mm = 2 * horn_holes.tolerance + screw.tolerance
         yield Fit("wheel's screws along their slots", length - screw.value, tolerance_mm, cutter_mm=2 * cut)
         yield _fit_between_cuts("wheel's screws across their slots", width, screw, parts)
     elif name == "rod":
@@ -95,33 +96,38 @@ def _hole_fits(name: str, hole: Hole, parts: Catalogue) -> Iterator[Fit]:
         usb = parts.plugs.usb
         diagonal = math.hypot(usb.width_mm.value, usb.thickness_mm.value)
         max_diagonal = math.hypot(usb.width_mm.max_value, usb.thickness_mm.max_value)
-        # If the plug is off in height, it needs a diameter that is larger by twice as much. Its height depends on the
-        # socket and on the spacers, and, as for the hole, on two cuts: those of the bridge's legs.
+        # The plug may be too high or too low, because of the socket, the spacers and the cut length of the bridge's legs.
+        # A round hole must then be larger by twice the error of the height.
         height_tolerance_mm = parts.feather.usb.tolerance + parts.spacer.length_mm.tolerance
         tolerance_mm = max_diagonal - diagonal + 2 * height_tolerance_mm
+        cuts_of_hole_mm, cuts_of_legs_mm = 2 * cut, 2 * cut
         diameter_mm, _ = _size(hole)
-        yield Fit("USB plug in its hole", diameter_mm - diagonal, tolerance_mm, cutter_mm=4 * cut)
+        cutter_mm = cuts_of_hole_mm + cuts_of_legs_mm
+        yield Fit("USB plug in its hole", diameter_mm - diagonal, tolerance_mm, cutter_mm)
 
 
 def _servo_fits(opening: Hole, parts: Catalogue) -> Iterator[Fit]:
-    """Yield the fits of a servo in its opening: length, width, and screws that are farther apart than usual.
+    """Yield the fits of a servo in its opening: its length, its width, and its two screws.
 
-    Screws that are nearer to each other need no check: the slots in the servo's ears are open outwards, so these take
-    the screws all the same.
+    The screws go through holes in the servo's ears and through notches in the wall. The distance of the ears' holes from
+    each other has a tolerance. Only holes that are farther apart than usual are checked: if they are nearer, the screws
+    still fit, because the ears' slots are open outwards.
     """
     servo, screw = parts.servo, parts.screw.diameter_mm
-    # The opening ends with a notch for a screw on each short side. So its span is longer than the room for the body,
-    # which is the length of its long sides.
-    span, width = _size(opening)
+    # The outline of the opening is longer than the room for the servo's body, because a notch for a screw is in the
+    # middle of each short side. The body fits between the ends of the long sides.
+    length_with_notches, width = _size(opening)
     long_side_y = max(y for _, y in opening.outline_mm)
-    length = float(np.ptp([x for x, y in opening.outline_mm if long_side_y - y < ROUNDING_MM]))
+    xs_on_long_side = [x for x, y in opening.outline_mm if long_side_y - y < ROUNDING_MM]
+    length = float(np.ptp(xs_on_long_side))
     yield _fit_between_cuts("servo's length in its opening", length, servo.length_mm, parts)
     yield _fit_between_cuts("servo's width in its opening", width, servo.width_mm, parts)
-    # From the servo's middle: the end of the notch and the outer side of the screw. In the ear's hole, the screw may
-    # stand nearer to the middle by half of its play there.
+    # Distances from the servo's middle. The outer side of a screw must not be beyond the end of its notch. The screw can
+    # give way inwards in the ear's hole, by half of the difference of their diameters.
     play_in_ear_mm = (servo.screw_hole_mm.value - screw.value) / 2
-    outer_reach_mm = span / 2 + play_in_ear_mm
-    clearance = outer_reach_mm - (servo.screw_spacing_mm.value + screw.value) / 2
+    max_outer_side_mm = length_with_notches / 2 + play_in_ear_mm
+    outer_side_mm = (servo.screw_spacing_mm.value + screw.value) / 2
+    clearance = max_outer_side_mm - outer_side_mm
     tolerance_mm = _tolerance_sum(servo.screw_spacing_mm, servo.screw_hole_mm) / 2 + screw.tolerance
     yield Fit("servo's screws, farther apart, in wall and ears", clearance, tolerance_mm, parts.assembly.cut_mm.value)
 
@@ -150,17 +156,20 @@ def _switch_fits(slot: Hole, car: FoldedCar) -> Iterator[Fit]:
     slot_length, slot_width = _size(slot)
     yield _fit_between_cuts("switch's body in its slot", slot_length, switch.body_length_mm, car.parts)
     yield _fit_between_cuts("switch's body in its slot", slot_width, switch.body_width_mm, car.parts)
-    # The panel and every layer have a slot of this size for each switch.
+    # A switch goes through one slot of this size in the panel and in every layer. So the number of films behind each
+    # other is the number of such slots in the car, divided by the number of switches.
     slot_count = 0
     for piece in car.pieces:
         for face in piece.faces:
             equal_holes = [hole for hole in face.holes if math.dist(_size(hole), _size(slot)) < ROUNDING_MM]
             slot_count += piece.count * len(equal_holes)
-    film_count = slot_count / sum(mount.part == switch.name for mount in car.mounts)
-    thickness_mm = film_count * film.value + (film_count - 1) * tape.value
-    tolerance_mm = film_count * film.tolerance + (film_count - 1) * tape.tolerance + switch.panel_least_mm.tolerance
-    # Nothing is cut: the thickness does not depend on the cutter.
+    switch_count = sum(mount.part == switch.name for mount in car.mounts)
+    film_count = slot_count / switch_count
+    tape_count = film_count - 1
+    thickness_mm = film_count * film.value + tape_count * tape.value
+    tolerance_mm = film_count * film.tolerance + tape_count * tape.tolerance + switch.panel_least_mm.tolerance
     clearance_mm = thickness_mm - switch.panel_least_mm.value
+    # The thickness does not depend on the cutter.
     yield Fit("switch's barbs behind layers of film", clearance_mm, tolerance_mm, cutter_mm=0.0)
 
 
@@ -178,13 +187,16 @@ def _lipo_fits(mount: Mount, faces: list[PlacedFace], parts: Catalogue) -> Itera
         distances = np.abs(bridge[face][:, axis] - mount.center_mm[axis])
         return float(distances.min()) - mount.half_mm(axis)
 
-    # Shelf and flange face the LiPo with their surface, which is half a film nearer than the middle of the film.
-    yield Fit("LiPo below the bridge", gap("shelf", 2) - half_film, lipo.height_mm.tolerance, cut)
+    # The shelf is above the LiPo and the flange beside it. Faces are the middles of their films, and the surface that is
+    # towards the LiPo is half a film nearer. The height of the shelf and the place of the flange depend on one cut.
+    yield Fit("LiPo below the bridge", gap("shelf", 2) - half_film, lipo.height_mm.tolerance, cutter_mm=cut)
     tolerance_mm = lipo.width_mm.tolerance / 2 + placement
-    yield Fit("LiPo beside the bridge's flange", gap("flange", 0) - half_film, tolerance_mm, cut)
-    # The feet face it with their edges.
-    feet = min(gap("left foot", 1), gap("right foot", 1))
-    yield Fit("LiPo between the bridge's feet", feet, lipo.length_mm.tolerance / 2 + placement, 2 * cut)
+    yield Fit("LiPo beside the bridge's flange", gap("flange", 0) - half_film, tolerance_mm, cutter_mm=cut)
+    # The feet end with their edges before the LiPo. The place of an edge depends on two cuts: its own and that of the
+    # leg.
+    gap_to_feet = min(gap("left foot", 1), gap("right foot", 1))
+    tolerance_mm = lipo.length_mm.tolerance / 2 + placement
+    yield Fit("LiPo between the bridge's feet", gap_to_feet, tolerance_mm, cutter_mm=2 * cut)
 
 
 def _fits_under_lid(mount: Mount, faces: list[PlacedFace], parts: Catalogue) -> Iterator[Fit]:
@@ -193,28 +205,33 @@ def _fits_under_lid(mount: Mount, faces: list[PlacedFace], parts: Catalogue) -> 
     A battery on the roof has no such fit. ``faces`` are those of the segment.
     """
     wing, battery, film, cuts = parts.featherwing, parts.battery, parts.film_mm, 2 * parts.assembly.cut_mm.value
-    # Latches stand higher than the lid, but they belong to the flap.
+    # The gap between the lid's inner surface and the part's highest solid. z of a solid's own frame points up or down, so
+    # half of its size along z lies above its middle.
     lid_z = max(float(face.corners_mm[:, 2].max()) for face in faces if face.face.name == "lid")
-    # The top of a part is that of its highest solid. The solids' own z axes point up or down, so half of their extent
-    # along z lies above their middles.
     tops = []
     for solid in mount.shape:
         _, _, middle_z = apply(compose(mount.pose, solid.pose), 0.0, 0.0)
         tops.append(middle_z + solid.size_mm[2] / 2)
     gap_mm = lid_z - film / 2 - max(tops)
     if mount.part == wing.name:
-        # The leads bend over the plugs, and may touch the lid there.
+        # The servos' leads bend over their plugs. The bends count as a part of the wing, but they may touch the lid. So
+        # the plugs, not the bends, must fit below it.
+        gap_over_plugs_mm = gap_mm + wing.plug_bend_mm.value
         stack = (wing.gap_mm, wing.plug_top_mm, parts.feather.board_mm, wing.board_mm, parts.spacer.length_mm)
-        yield Fit("servo leads' bend under the lid", gap_mm + wing.plug_bend_mm.value, _tolerance_sum(*stack), cuts)
+        yield Fit("servo leads' bend under the lid", gap_over_plugs_mm, _tolerance_sum(*stack), cuts)
         return
     is_on_roof = gap_mm <= 0
     if not is_on_roof:
+        # The gaps to both walls together. A car's panels extend along y from the middle of one wall's film to that of the
+        # other.
+        panels = np.concatenate([face.corners_mm for face in faces if face.face.role == "panel"])
+        between_walls_mm = float(np.ptp(panels[:, 1])) - film
+        side_gap_mm = between_walls_mm - 2 * mount.half_mm(1)
         lies_across = mount.size_mm[1] == battery.length_mm.value
-        width = battery.length_mm if lies_across else battery.width_mm
-        walls = np.concatenate([face.corners_mm for face in faces if face.face.role == "panel"])
-        side_gap_mm = float(np.ptp(walls[:, 1])) - film - 2 * mount.half_mm(1)
-        yield Fit(f"{battery.name} between the walls", side_gap_mm, width.tolerance, cuts)
-        yield Fit(f"{battery.name} under the lid", gap_mm, _tolerance_sum(battery.height_mm, parts.pad.height_mm), cuts)
+        size_across = battery.length_mm if lies_across else battery.width_mm
+        height_tolerance_mm = _tolerance_sum(battery.height_mm, parts.pad.height_mm)
+        yield Fit(f"{battery.name} between the walls", side_gap_mm, size_across.tolerance, cuts)
+        yield Fit(f"{battery.name} under the lid", gap_mm, height_tolerance_mm, cuts)
 
 
 def _tolerance_sum(*quantities: Quantity) -> float:

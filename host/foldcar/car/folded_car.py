@@ -43,15 +43,16 @@ class Car(Component):
 
     def subcomponents(self) -> Sequence[Sub]:
         """Return the modules from front to back."""
-        subs = []
+        modules = []
         for index, module in enumerate(self.design.of_modules):
             kind: type[Component] = ElectronicsModule if index == self.design.electronics else module.kind
             values = dict(module.values)
             if kind is not HingeModule:
                 values |= settings_from_car(self.design, index)
+            # A *segment* is a rigid part of the car, between hinges.
             body = f"segment{self.design.segment_at(index)}"
-            subs.append(Sub(self.names[index], kind, values, module.keys, body))
-        return subs
+            modules.append(Sub(name=self.names[index], kind=kind, values=values, keys=module.keys, body=body))
+        return modules
 
     def build(self, shape: Shape) -> None:
         """Fuse neighbouring beams, close the segments' ends with caps, glue on the hinges."""
@@ -59,13 +60,14 @@ class Car(Component):
         self._put_caps(shape)
         self._put_switches(shape)
         self._join_hinges(shape)
-        outer_mm = self.design.width_mm, self.design.height_mm
-        # The car's frame: x forwards from the middle of its length, y to the left from its plane of symmetry, z upwards
-        # from the middle of its height, where the axles are. The floor's frame starts at the rear right corner of the
-        # first (front) module's floor.
-        across, up = (wall_mm(size, self.parts) for size in outer_mm)
+        # The origin of the car's frame is the middle of its length, width and height. x points forward, y to the left and
+        # z up. The floor of the first module, at the front, has its own origin at its rear right corner. This is the pose
+        # of that floor in the car's frame.
+        wall_distance = wall_mm(self.design.width_mm, self.parts)
+        floor_to_lid = wall_mm(self.design.height_mm, self.parts)
         rear_of_first = self.design.length_mm / 2 - self.design.length_of(0)
-        shape.begin_at(f"{self.names[0]}.beam.floor", translation(rear_of_first, -across / 2, -up / 2))
+        floor_pose = translation(rear_of_first, -wall_distance / 2, -floor_to_lid / 2)
+        shape.begin_at(f"{self.names[0]}.beam.floor", floor_pose)
 
     def _fuse_beams(self, shape: Shape) -> None:
         """Connect the beams of neighbouring modules rigidly, except where a hinge lies between them."""
@@ -191,14 +193,16 @@ def _check_stance(design: Design, car: FoldedCar) -> None:
         stance = standing(wheels, (center_x, center_z))
         return all(stance.height_mm(end, -half) >= belly - ROUNDING for end in ends)
 
+    # The body is clear with the wheels that the car has.
     smallest, largest = min(design.radii_mm), max(design.radii_mm)
     if is_clear(smallest):
         return
+    # The body touches the ground even if all wheels are as large as the largest, because the car tips over its first or
+    # last axle. This is not an error of the radii.
     if not is_clear(largest):
-        # The body is not even clear with equal wheels, because the car tips over its first or last axle. So the different
-        # radii are not the reason.
         return
-    # Bisection for the smallest radius with which the body is clear; it lies between ``low`` and ``high``.
+    # Find the smallest radius with which the body is clear, by bisection between ``low`` and ``high``. The message names
+    # it.
     low, high = smallest, largest
     while high - low > STANCE_TOLERANCE_MM:
         middle = (low + high) / 2
@@ -262,16 +266,24 @@ def _hinges(frame: Assembly, parts: Catalogue) -> list[HingeJoint]:
 
 
 def _hinge(strip: Piece, placed: PlacedPiece, crease: Crease, parts: Catalogue) -> HingeJoint:
-    """Return the joint that a hinge's strip makes. It lies at the middle of the crease, in the car's frame."""
+    """Return the joint that the strip of a hinge makes between the segments before and behind it.
+
+    ``crease`` is the line across the car at which the strip's two halves meet, and the joint is at its middle. The joint
+    is given in the car's frame.
+    """
     faces = {face.name: face for face in strip.faces}
-    pose = compose(placed.pose, folded(strip)[crease.parent.face])
+    front_half = crease.parent.face
+    # The ends and the middle of the crease in the car.
+    pose = compose(placed.pose, folded(strip)[front_half])
     start, end = (apply(pose, *point) for point in edge(faces, crease.parent))
-    x, y, z = ((p + q) / 2 for p, q in zip(start, end, strict=True))
-    # The crease is where the strip's two halves meet. The strip bends in both halves, from the crease to the glue. In the
-    # frame of a half, x runs along it from 0.
-    half_length_mm = max(point_x for point_x, _ in faces[crease.parent.face].outline_mm)
+    x, y, z = ((from_start + from_end) / 2 for from_start, from_end in zip(start, end, strict=True))
+    # In the frame of a half, x runs along it from 0. The strip bends in both halves, from the crease to where it is
+    # glued.
+    half_length_mm = max(point_x for point_x, _ in faces[front_half].outline_mm)
     bending_length_mm = 2 * (half_length_mm - parts.assembly.hinge_glue_mm.value)
-    width_mm = abs(start[1] - end[1]) + parts.film_mm
+    # The crease runs along y. The strip is as wide as the floor from outside to outside, one film more than the face.
+    crease_length_mm = abs(start[1] - end[1])
+    width_mm = crease_length_mm + parts.film_mm
     number = int(placed.body.removeprefix("segment"))
     return HingeJoint(
         front=f"segment{number}",

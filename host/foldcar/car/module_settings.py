@@ -26,10 +26,14 @@ def switch_cap(design: Design) -> str:
     The cap that is nearer to the electronics gets them. If the electronics are in the first or the last module, there is
     no room at that end, and the cap at the other end gets the switches.
     """
-    electronics, last = design.electronics, len(design.modules) - 1
-    is_nearer_to_front = electronics <= last - electronics
-    in_front = electronics > 0 and (electronics == last or is_nearer_to_front)
-    return "front cap 1" if in_front else f"rear cap {len(design.segments)}"
+    front_cap, rear_cap = "front cap 1", f"rear cap {len(design.segments)}"
+    modules_in_front = design.electronics
+    modules_behind = len(design.modules) - 1 - design.electronics
+    if modules_in_front == 0:
+        return rear_cap
+    if modules_behind == 0:
+        return front_cap
+    return front_cap if modules_in_front <= modules_behind else rear_cap
 
 
 def button_cap(design: Design) -> str:
@@ -65,12 +69,13 @@ def settings_from_car(design: Design, module: int) -> dict[str, float]:
 def _wheel_settings(design: Design, module: int) -> dict[str, float]:
     """Return the settings of a wheel module: where its servos point, and what the caps beside it need.
 
-    ``towards_middle`` is 1 if the servos' long sides point forward, to the middle of the segment, else -1.
-    ``tab_depth`` is the depth (mm) of the tab of a cap at the module's end that is nearer to this middle, and
-    ``switch_depth`` (mm) that of the switches in the cap at its other end; both are 0 without such a cap.
+    The long sides of the servos point to the middle of the segment, the rigid part of the car to which the module
+    belongs. ``towards_middle`` is 1 if this is forward, else -1. At the end to which they point, a cap may close the
+    module; ``tab_depth`` is the depth (mm) of its tab, 0 without a cap. ``switch_depth`` is the depth (mm) of the
+    switches if a cap of the module carries them, else 0.
     """
     segment = design.segment_of(module).modules
-    # Only a module that is a segment of its own has a cap at the end nearer to the segment's middle.
+    # In a segment of several modules, another module is at the end to which the long sides point.
     is_alone = len(segment) == 1
     tab_mm = design.parts.assembly.cap_tab_mm.value if is_alone else 0.0
     module_at_cap = {
@@ -98,10 +103,11 @@ def _towards_middle(design: Design, module: int) -> float:
 def _flap_settings(design: Design, module: int) -> dict[str, float]:
     """Return the settings of a module's part of the flap, which hangs along the lid of its segment.
 
-    Each setting is returned for END, ``front`` and ``rear``. The flap stops before a cap: ``flap_END`` is its distance
-    (mm) from an end of the module that is an end of the segment, else 0. ``latch_END`` is 1 if the flap has a latch at
-    that end, else 0. A long segment has latches at both ends, a short one at the end with the longer module.
-    ``pull_END`` is 1 at the latch that has the pull tab of the lid.
+    There are three settings for each end of the module, ``front`` and ``rear``. ``flap_front`` is the distance (mm) of
+    the flap from the front end if a cap closes this end, because the flap stops before a cap; else it is 0.
+    ``latch_front`` is 1 if the flap has a latch at the front end, else 0. ``pull_front`` is 1 if this latch has the pull
+    tab of the lid, else 0. The settings of the rear end are alike. A long segment has latches at both ends, a short
+    segment only at the end with the longer module.
     """
     segment = design.segment_of(module)
     flap_end_distance, (notch, _) = flap_end_mm(design.parts), latch_mm(design.parts)
@@ -130,16 +136,19 @@ def _flap_settings(design: Design, module: int) -> dict[str, float]:
 
 
 def _free_floor_mm(design: Design, module: int, step: int) -> float:
-    """Return how much floor (mm) is free before (``step`` -1) or behind (``step`` 1) a module.
+    """Return how much floor (mm) is free in front of a module (``step`` -1) or behind it (``step`` 1).
 
-    The free floor ends at a servo or a rod, at a user's module, or at the cap of the segment. The tab of the cap lies
-    on the floor, and switches or the button stand out of it. So the result is negative if a cap is next to the module.
+    ``step`` leads from a module's index to that of the next module in this direction; indices count from the front.
+    The free floor ends at the next servo or rod, at a user's module, or at the cap of the segment. A cap takes a part of
+    the floor itself, because its tab lies on the floor and its switches or its button reach into the car. So the result
+    is negative if a cap is next to the module.
     """
     free_mm = 0.0
     neighbour = module + step
     while neighbour in design.segment_of(module).modules:
         if neighbour in design.wheel_modules:
-            return free_mm + design.length_of(neighbour) / 2 - _reach_mm(design, neighbour, step)
+            to_axle_mm = design.length_of(neighbour) / 2
+            return free_mm + to_axle_mm - _reach_mm(design, neighbour, step)
         if design.modules[neighbour] != BrainModule.letter:
             return free_mm
         free_mm += design.length_of(neighbour)
@@ -147,7 +156,8 @@ def _free_floor_mm(design: Design, module: int, step: int) -> float:
     cap = _cap_name(design, module, "front" if step < 0 else "rear")
     tab_mm, gap_mm = design.parts.assembly.cap_tab_mm.value, design.parts.assembly.part_gap_mm.value
     # Parts keep a gap to the switches, but not to the tab.
-    return free_mm - max(tab_mm, _depth_behind_mm(design, cap) + gap_mm)
+    taken_by_cap_mm = max(tab_mm, _depth_behind_mm(design, cap) + gap_mm)
+    return free_mm - taken_by_cap_mm
 
 
 def _reach_mm(design: Design, wheel_module: int, step: int) -> float:

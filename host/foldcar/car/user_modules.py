@@ -136,7 +136,7 @@ def _rejections(kind: type[Module] | type[Composite]) -> Iterator[str]:
     for attribute in ("letter", "title"):
         if not isinstance(getattr(kind, attribute, None), str):
             yield f' has no string "{attribute}"'
-    # The module's name in type strings. In spite of the attribute's name it may have several characters.
+    # In spite of its name, the attribute may be a word. It is the name of the module in type strings, such as W_B_W.
     name = kind.letter
     if not name.isalnum() or name == "common" or name[-1].isdigit():
         yield f': letter "{name}" must consist of letters and digits and end in a letter'
@@ -145,13 +145,14 @@ def _rejections(kind: type[Module] | type[Composite]) -> Iterator[str]:
     if issubclass(kind, ElectronicsModule):
         yield ": derives from the class that carries the electronics; derive it from Module"
     for parameter in kind.parameters:
-        of_car = parameters().get(parameter.name)
-        if of_car is None or of_car.declared == parameter:
+        # A parameter with the name of one of the whole car, such as "width", must be declared like that one: if it is
+        # shared by all modules, or if it is uniform, which means that it must have the same value in all modules. A
+        # composite computes the values of its modules, so it may declare a uniform parameter in another way.
+        parameter_of_car = parameters().get(parameter.name)
+        if parameter_of_car is None or parameter_of_car.declared == parameter:
             continue
-        # A shared parameter belongs to the whole car, so each module must declare it in the same way. The same holds
-        # for a uniform parameter of a module. A composite may give its modules other values, also of uniform
-        # parameters.
-        if parameter.shared or (of_car.declared.uniform and issubclass(kind, Module)):
+        is_uniform_in_module = parameter_of_car.declared.uniform and issubclass(kind, Module)
+        if parameter.shared or is_uniform_in_module:
             yield f': its parameter "{parameter.name}" must be declared like that of the whole car'
 
 
@@ -180,9 +181,10 @@ def forbid_new_files() -> Iterator[None]:
     read_files = [file for file, state in recorded.read.items() if state is not None]
     listed_folders = [listed for listed in recorded.listed if any(folder in listed.parents for folder in folders)]
     for file in (*read_files, *listed_folders):
-        # A file that is installed, or is a part of foldcar, says nothing about a module.
-        identifies_modules = all(_identifies_module(file, folder) for folder in folders)
-        if identifies_modules and file not in _module_files:
+        # Files of Python, of installed packages and of foldcar itself may be read at any time. They are not files of a
+        # module, and the digest does not contain them.
+        is_file_of_modules = all(_identifies_module(file, folder) for folder in folders)
+        if is_file_of_modules and file not in _module_files:
             first_module = next(iter(USER_FILES))
             raise FoldcarError(
                 f"{first_module}: reads {file} while a car is folded; foldcar tells designs apart by the files that a "

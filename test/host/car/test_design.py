@@ -48,7 +48,7 @@ def test_columns_carry_module_and_unit() -> None:
             "W_B_W",
             {"radius": 68.6},
             "radius",
-            "68.6 needs axles at least 140.2 apart, or wheels touch, but W.length 60 and",
+            "68.6 needs axles at least 140.2 apart, or wheels touch; with W.length 60 and",
         ),
         ("W_B_W", {"L.length": 5}, "L.length", "W_B_W has no such parameter"),
         ("W_B_W_W_W_W", {"radius": 30}, None, '"W_B_W_W_W_W" has 5 axles, the servo driver serves 4'),
@@ -80,7 +80,7 @@ def test_wheels_must_not_meet_when_the_car_folds() -> None:
         compose("B_W_H_W", values | {"radius": 60.4})
 
     assert caught.value.message.startswith("60.4 needs axles at least 123.8 apart, or wheels touch")
-    assert caught.value.message.endswith("puts two of them 123.7 apart, folded to the limits of H")
+    assert caught.value.message.endswith("two axles are 123.7 apart when hinge H is at its limit")
     # With the nose down the hinge, which is under the floor, moves the axles apart.
     assert compose("B_W_H_W", values | {"H.fold_up": 0, "radius": 61.5}).values["radius"] == 61.5
 

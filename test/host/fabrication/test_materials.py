@@ -70,7 +70,7 @@ def test_cars_of_other_films_drive_in_the_simulator() -> None:
     ("film", "values", "message"),
     [
         ("card_300", {"H.length": 6.0}, r"H.length: 6 is below the minimum 9.949 \(card 0.38 mm bent by 60° on 9.5 mm\)"),
-        ("0.25", {"H.thickness": 0.3}, r"above the 0.25 of the nearest that is sold \(0.127, 0.19, 0.25\)"),
+        ("0.25", {"H.thickness": 0.3}, r"0.3 is not sold; the nearest size is 0.25 \(sizes: 0.127, 0.19, 0.25\)"),
         ("pp_0.5", {"H.thickness": 0.25}, "H.thickness: 0.25 is below the minimum 0.5"),
     ],
 )

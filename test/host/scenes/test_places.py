@@ -70,7 +70,7 @@ def test_what_every_place_sets_has_no_value_for_the_letter() -> None:
         ({**TWO_RADII, "radius": 50}, "radius: sets nothing, as W1.radius, W2.radius set it for every module: leave"),
         ({"W2.length": 38}, "W2.length: 38 is below the minimum 45.25 (the opening and screws of one servo)"),
         ({"W2.radius": 26}, "W2.radius: 26 is below the minimum 27 (half of height 50 and 2 under the belly)"),
-        ({"W1.radius": 90}, "W1.radius: 90 beside 60 needs axles at least 153 apart, or wheels touch, but W.length 60"),
+        ({"W1.radius": 90}, "W1.radius: 90 beside 60 needs axles at least 153 apart, or wheels touch; with W.length 60"),
         (
             {"W1.radius": 70, "W2.radius": 33, "W2.length": 110, "B.length": 90},
             "W2.radius: 33 is below the minimum 36.941",

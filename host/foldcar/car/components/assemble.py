@@ -78,27 +78,31 @@ def build(component: Component, graph: Graph | None = None) -> Graph:
 def assemble(graph: Graph) -> Assembly:
     """Return the pieces of a graph, with everything that is fixed to them, in the frame of the component.
 
-    The pose of the face that ``graph.origin`` names is known, by default that of the first face; all others follow
-    from it. Raises ComponentError for a loop of folds, or for a face that is joined to nothing.
+    A *piece* is a sheet of film that is folded from one cut. It consists of *fused faces*, each made of components'
+    faces that are rigidly linked. ``graph.origin`` gives the pose of one face; by default the first face lies at the
+    origin. All other poses follow from it. Raises ComponentError for a loop of folds, or for a face that is joined to
+    nothing.
     """
     builder = _Pieces(graph)
     root_poses = builder.root_poses()
     places = []
-    # Mounts and axles are given in the frames of components' faces.
+    # The pose of each component's face, in whose frame mounts and axles are given.
     face_poses: dict[str, Pose] = {}
     for sheet, root_pose in zip(builder.sheets, root_poses, strict=True):
         root_path = next(iter(sheet))
-        # A piece belongs to the body of its root face.
+        # A piece belongs to the rigid body of its root face.
         places.append(Place(builder.fused[root_path].first.body, root_pose))
         for fused_path, pose_in_piece in sheet.items():
+            fused_face_pose = compose(root_pose, pose_in_piece)
             for face_path, pose_in_fused in builder.fused[fused_path].poses.items():
-                face_poses[face_path] = compose(root_pose, pose_in_piece, pose_in_fused)
+                face_poses[face_path] = compose(fused_face_pose, pose_in_fused)
     distinct, placed, joins = merge_equal_pieces(builder.pieces(), places, list(builder.joins()))
+    # The mounts and axles in the frame of the component.
     mounts = []
     for mount in graph.mounts:
         face_path = str(mount.face)
-        name = builder.names[builder.fused_path[face_path]]
-        mounts.append(replace(mount, pose=compose(face_poses[face_path], mount.pose), face=name))
+        fused_face_name = builder.names[builder.fused_path[face_path]]
+        mounts.append(replace(mount, pose=compose(face_poses[face_path], mount.pose), face=fused_face_name))
     axles = []
     for face_path, axle in graph.axles:
         axles.append(replace(axle, center_mm=apply(face_poses[face_path], *axle.center_mm)))
@@ -106,11 +110,12 @@ def assemble(graph: Graph) -> Assembly:
 
 
 def _seams(graph: Graph, fused: dict[str, Fused], fused_path: dict[str, str]) -> Iterator[Seam]:
-    """Yield one seam for each pair of edges of fused faces that links connect.
+    """Yield one seam for each pair of edges of fused faces that are joined to each other.
 
-    ``fused`` has the fused faces by path, and ``fused_path`` the path of the fused face that each component's face is
-    part of. Several links can lie on the same pair of fused edges. Raises ComponentError if the two edges of a seam
-    differ in length.
+    A *fused face* is made of components' faces that are rigidly linked. ``fused`` has the fused faces by path.
+    ``fused_path`` has, by the path of a component's face, the path of the fused face that it is part of. Several links
+    of the graph can lie on the same pair of edges, which are still one seam. Raises ComponentError if the two edges of
+    a seam differ in length.
     """
 
     def fused_edge(edge: Edge) -> Edge:
@@ -119,21 +124,24 @@ def _seams(graph: Graph, fused: dict[str, Fused], fused_path: dict[str, str]) ->
         return Edge(path, fused[path].edges[edge])
 
     def length_mm(edge: Edge) -> float:
+        """Return the length of an edge of a fused face."""
         return math.dist(*side(fused[edge.face].face.outline_mm, edge.index))
 
     yielded = set()
     for link in graph.links:
         if link.kind == "rigid":
             continue
-        a, b = fused_edge(link.a), fused_edge(link.b)
-        if (a, b) in yielded:
+        edge_a, edge_b = fused_edge(link.a), fused_edge(link.b)
+        if (edge_a, edge_b) in yielded:
             continue
-        yielded.add((a, b))
-        # A tab's edge is shorter than the edge that it is glued to, by the inset at each end.
-        if abs(length_mm(a) - length_mm(b) - 2 * link.inset_mm) > LENGTH_TOLERANCE_MM:
-            message = f"meets {link.b.face} in edges of {length_mm(a):g} and {length_mm(b):g} mm once they are fused"
+        yielded.add((edge_a, edge_b))
+        length_a_mm, length_b_mm = length_mm(edge_a), length_mm(edge_b)
+        # A tab grows from edge b. It is shorter than edge a, to which it is glued, by the inset at each of its two ends.
+        expected_a_mm = length_b_mm + 2 * link.inset_mm
+        if abs(length_a_mm - expected_a_mm) > LENGTH_TOLERANCE_MM:
+            message = f"meets {link.b.face} in edges of {length_a_mm:g} and {length_b_mm:g} mm once they are fused"
             raise ComponentError(link.a.face, message)
-        yield Seam(link, a, b, length_mm(b))
+        yield Seam(link, edge_a, edge_b, length_b_mm)
 
 
 class _Pieces:
@@ -145,18 +153,24 @@ class _Pieces:
     """
 
     def __init__(self, graph: Graph) -> None:
-        self.graph, self.fused = graph, fuse(graph)
-        self.fused_path = {path: fused_path for fused_path, fused in self.fused.items() for path in fused.poses}
+        self.graph = graph
+        self.fused = fuse(graph)
+        self.fused_path: dict[str, str] = {}
+        for fused_path, fused in self.fused.items():
+            for face_path in fused.poses:
+                self.fused_path[face_path] = fused_path
         self.seams = list(_seams(graph, self.fused, self.fused_path))
         self.folds = [seam for seam in self.seams if seam.link.kind in FOLDED]
         self.sheets = self._sheets()
-        self.piece_of = {path: index for index, sheet in enumerate(self.sheets) for path in sheet}
+        self.piece_of: dict[str, int] = {}
         self.names: dict[str, str] = {}
-        for sheet in self.sheets:
-            # The last part of the path if it is unique within the piece, else the whole path.
+        for index, sheet in enumerate(self.sheets):
             last_parts = {path: path.rpartition(".")[2] for path in sheet}
             counts = Counter(last_parts.values())
-            self.names |= {path: path if counts[name] > 1 else name for path, name in last_parts.items()}
+            for path, last_part in last_parts.items():
+                self.piece_of[path] = index
+                # A face is called by the last part of its path, unless another face of the piece has the same last part.
+                self.names[path] = last_part if counts[last_part] == 1 else path
         self.tabs = self._tabs()
 
     def _sheets(self) -> list[dict[str, Pose]]:
@@ -217,61 +231,66 @@ class _Pieces:
         return [self._piece(index, sheet) for index, sheet in enumerate(self.sheets)]
 
     def _piece(self, index: int, sheet: dict[str, Pose]) -> Piece:
-        """Return a piece with its faces and creases, each child after its parent, and with its tabs."""
+        """Return the piece with this index, which consists of the fused faces in ``sheet`` and of its tabs.
+
+        The creases come in the order of their child faces, so that each parent comes before its children.
+        """
         position = {path: number for number, path in enumerate(sheet)}
-        # Each crease with the position of its child among the faces.
-        creases: list[tuple[int, Crease]] = []
+        # The crease by which each child hangs on its parent, by the position of the child among the faces.
+        crease_by_position: dict[int, Crease] = {}
         for seam in self.folds:
             if seam.a.face not in position:
                 continue
             parent, child = sorted((seam.a, seam.b), key=lambda edge: position[edge.face])
             link = seam.link
-            crease = Crease(
+            crease_by_position[position[child.face]] = Crease(
                 f"{self.names[parent.face]} to {self.names[child.face]}", self._ref(parent), self._ref(child),
                 link.angle_rad, flexure=link.kind == "hinge", min_rad=link.min_rad, max_rad=link.max_rad,
                 bend=link.kind == "bend",
             )  # fmt: skip
-            creases.append((position[child.face], crease))
-        creases.sort(key=lambda position_and_crease: position_and_crease[0])
+        creases = [crease_by_position[child_position] for child_position in sorted(crease_by_position)]
         faces = [replace(self.fused[path].face, name=self.names[path]) for path in sheet]
-        folds = [crease for _, crease in creases]
+        # A tab is a face of the piece with edge b of its seam. Edge 0 of the tab lies on that edge.
         for tab in self.tabs:
             if self.piece_of[tab.seam.b.face] == index:
                 faces.append(tab.face)
                 tab_edge = EdgeRef(tab.face.name, 0)
-                folds.append(Crease(tab.face.name, self._ref(tab.seam.b), tab_edge, tab.seam.link.angle_rad))
+                creases.append(Crease(tab.face.name, self._ref(tab.seam.b), tab_edge, tab.seam.link.angle_rad))
+        # The piece has the name that the component gave to its root face, else the name of this face.
         root_path = next(iter(sheet))
         root = self.fused[root_path].first
         label = root.piece or self.names[root_path]
-        return Piece(label, label, tuple(faces), tuple(folds), root.thickness_mm)
+        return Piece(label, label, tuple(faces), tuple(creases), root.thickness_mm)
 
     def root_poses(self) -> list[Pose]:
         """Return the pose of the root face of each piece in the component's frame.
 
-        Placements and tabs give poses of pieces relative to each other. They are followed from the piece with the
-        face ``graph.origin``, whose pose is known, to all others. Raises ComponentError for a piece that is not
-        reached.
+        The pose of the face ``graph.origin`` is given, and so is that of its piece. Placements and tabs say how two
+        pieces lie relative to each other. They lead from that piece to all others. Raises ComponentError for a piece
+        that they do not reach.
         """
+        # The neighbours of each piece, with their poses in its frame. Pieces are known by their indices.
         neighbours: dict[int, list[tuple[int, Pose]]] = defaultdict(list)
 
-        def add(a: str, b: str, b_in_a: Pose) -> None:
-            """Record that the pieces of the fused faces a and b are neighbours; ``b_in_a`` is b's pose in a's frame."""
-            piece_b_in_piece_a = compose(self.local(a), b_in_a, inverse(self.local(b)))
-            neighbours[self.piece_of[a]].append((self.piece_of[b], piece_b_in_piece_a))
-            neighbours[self.piece_of[b]].append((self.piece_of[a], inverse(piece_b_in_piece_a)))
+        def add_neighbours(face_a: str, face_b: str, b_in_a: Pose) -> None:
+            """Add the pieces of two fused faces as neighbours; ``b_in_a`` is the pose of face b in the frame of face a."""
+            piece_a, piece_b = self.piece_of[face_a], self.piece_of[face_b]
+            piece_b_in_piece_a = compose(self.local(face_a), b_in_a, inverse(self.local(face_b)))
+            neighbours[piece_a].append((piece_b, piece_b_in_piece_a))
+            neighbours[piece_b].append((piece_a, inverse(piece_b_in_piece_a)))
 
-        # A placement names components' faces, so both poses in their fused faces count.
         for placement in self.graph.placements:
-            on, face = self.fused_path[placement.on], self.fused_path[placement.face]
-            pose_on = self.fused[on].poses[placement.on]
-            pose_in_fused = self.fused[face].poses[placement.face]
-            add(on, face, compose(pose_on, placement.pose, inverse(pose_in_fused)))
+            fused_host, fused_face = self.fused_path[placement.on], self.fused_path[placement.face]
+            # A placement is between two components' faces. Each of them has a pose in its fused face.
+            host_in_fused = self.fused[fused_host].poses[placement.on]
+            face_in_fused = self.fused[fused_face].poses[placement.face]
+            add_neighbours(fused_host, fused_face, compose(host_in_fused, placement.pose, inverse(face_in_fused)))
         for seam in self.seams:
             if seam.link.kind == "tab" and self.piece_of[seam.a.face] != self.piece_of[seam.b.face]:
                 across = across_crease(self._ends(seam.a), self._ends(seam.b), seam.link.angle_rad)
                 # The tab lies this much above the face of edge a. So edge b, from which the tab grows, does too.
                 above = translation(0, 0, seam.link.inset_mm)
-                add(seam.a.face, seam.b.face, compose(above, across))
+                add_neighbours(seam.a.face, seam.b.face, compose(above, across))
         origin_path, origin_pose = self.graph.origin or (next(iter(self.graph.faces)), IDENTITY)
         fused_path = self.fused_path[origin_path]
         # From the component's frame to the origin face, back to its fused face, and from there to the root of its piece.
@@ -284,41 +303,50 @@ class _Pieces:
         return [poses[index] for index in range(len(self.sheets))]
 
     def joins(self) -> Iterator[IndexedJoin]:
-        """Yield the joins of tabs, of laminated layers, and of contacts between faces whose poses are known already.
+        """Yield the joins that are made by hand: tabs, laminated layers, and the contacts of the graph.
 
-        Joins of one seam get the same number. For example, these are edges that tuck into the same edge, and all
-        hooks of a strip in one disc.
+        A contact is a join of faces that other links hold in their places, such as a tongue in its slot. The first value
+        of a join identifies its seam, and joins of one seam get the same printed number. For example, all hooks of a
+        rim's strip in one disc are one seam. A join with None is a seam of its own.
         """
-        for number, tab in enumerate(self.tabs):
+        for tab_number, tab in enumerate(self.tabs):
             glued_at = self._piece_edge(tab.seam.a)
             tab_edge = PieceEdge(self.piece_of[tab.seam.b.face], EdgeRef(tab.face.name, 0))
             # A tab that is glued within its own piece is a lap.
             kind: JoinKind = "lap" if tab_edge.piece == glued_at.piece else "tab"
-            yield IndexedJoin(number, kind, tab_edge, glued_at, tab.seam.length_mm)
+            yield IndexedJoin(tab_number, kind, tab_edge, glued_at, tab.seam.length_mm)
         for placement in self.graph.placements:
             if placement.laminated:
-                # A join with a whole face names its edge 0.
+                # Edge 0 stands for the whole face.
                 layer = self._piece_edge(Edge(self.fused_path[placement.face], 0))
-                on = self._piece_edge(Edge(self.fused_path[placement.on], 0))
-                yield IndexedJoin(None, "laminate", layer, on, 0.0)
+                host = self._piece_edge(Edge(self.fused_path[placement.on], 0))
+                yield IndexedJoin(None, "laminate", layer, host, 0.0)
         yield from self._contact_joins()
 
     def _contact_joins(self) -> Iterator[IndexedJoin]:
-        """Yield one join for each pair of edges that contacts connect; several contacts may lie on the same edges."""
+        """Yield the joins of the graph's contacts: of two edges, or of an edge and a face.
+
+        Several contacts may lie on the same edges of fused faces. They give one join.
+        """
         yielded = set()
         for contact in self.graph.contacts:
-            a, b = self._fused_edge(contact.a), self._fused_edge(contact.b)
-            if (contact.kind, a, b, contact.slot) in yielded:
+            edge_a, edge_b = self._fused_edge(contact.a), self._fused_edge(contact.b)
+            if (contact.kind, edge_a, edge_b, contact.slot) in yielded:
                 continue
-            yielded.add((contact.kind, a, b, contact.slot))
-            # Joins of equal seams share a number; by default each contact has a number of its own.
-            seam: object = contact
-            if self.fused[a.face].face.role == "rim":
-                seam = (self.piece_of[a.face], self.piece_of[b.face])
+            yielded.add((contact.kind, edge_a, edge_b, contact.slot))
+            # Joins with equal identities are one seam and share a printed number.
+            seam_identity: object
+            if self.fused[edge_a.face].face.role == "rim":
+                # All hooks between a strip of the rim and a disc.
+                seam_identity = (self.piece_of[edge_a.face], self.piece_of[edge_b.face])
             elif contact.kind == "tuck":
-                seam = ("tuck", a.face, b)
+                # All edges of a face that tuck into the same edge.
+                seam_identity = ("tuck", edge_a.face, edge_b)
+            else:
+                seam_identity = contact
             length_mm = 0.0 if contact.kind == "laminate" else math.dist(*self.graph.ends_mm(contact.a))
-            yield IndexedJoin(seam, contact.kind, self._piece_edge(a), self._piece_edge(b), length_mm, contact.slot)
+            piece_edge_a, piece_edge_b = self._piece_edge(edge_a), self._piece_edge(edge_b)
+            yield IndexedJoin(seam_identity, contact.kind, piece_edge_a, piece_edge_b, length_mm, contact.slot)
 
     def _fused_edge(self, edge: Edge) -> Edge:
         """Return the edge of a fused face in which an end of a contact lies.

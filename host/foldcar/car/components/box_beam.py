@@ -27,14 +27,15 @@ def _min_height_mm(parts: Catalogue) -> float:
     Both the stack of boards and a servo must fit below the lid.
     """
     film, assembly = parts.film_mm, parts.assembly
+    # Inside, the stack of boards stands on the floor. Its height is measured from the middle of the floor's film.
     boards = stack_height_mm(parts) + film / 2
     if parts.battery_place == "roof":
-        # Its leads come through the lid, above the boards.
+        # The leads of a battery on the roof come through the lid, above the boards.
         boards += parts.wiring.wire_diameter_mm.value
-    # In the right wall, the layer of film behind a servo must end below the lid's flap. The servo is in the middle of
-    # the wall's height, so the flap's depth counts above it and below it.
-    flap = assembly.flap_mm.value + film + assembly.slot_clearance_mm.value
-    servo_and_flap = min_doubler_mm(parts) + 2 * flap
+    # The right wall carries a servo at half of its height, with a layer of film behind it. This layer must end below
+    # the flap that hangs from the lid. As the servo is in the middle, as much height is needed below it as above it.
+    flap_depth = assembly.flap_mm.value + film + assembly.slot_clearance_mm.value
+    servo_and_flap = min_doubler_mm(parts) + 2 * flap_depth
     return max(boards, servo_and_flap) + film
 
 
@@ -44,13 +45,16 @@ def _min_width_mm(parts: Catalogue) -> float:
     The body must be wide enough for the boards on their bridge, and for two servos whose undersides touch.
     """
     assembly, film = parts.assembly, parts.film_mm
-    # Across the body from the left wall: the gap to the USB socket, the boards up to the right end of their bridge, and
-    # the gap to the right wall. The lid's flap hangs down in this last gap.
+    # Four distances follow each other from the left wall to the right one. They lead to the USB socket, to the middle of
+    # the boards, to the right end of the bridge that carries the boards, and to the right wall.
+    wall_to_socket = assembly.usb_inside_mm.value
     socket_to_middle = mouth_mm(parts)
-    _, middle_to_right_end = span_mm(parts)
-    gap_to_right_wall = max(assembly.bridge_gap_mm.value, assembly.flap_gap_mm.value + film)
-    boards = assembly.usb_inside_mm.value + socket_to_middle + middle_to_right_end + gap_to_right_wall
-    return max(boards, 2 * parts.servo.ear_underside_mm.value) + 2 * film
+    _, middle_to_bridge_end = span_mm(parts)
+    # The lid's flap hangs down between the bridge and the right wall.
+    bridge_end_to_wall = max(assembly.bridge_gap_mm.value, assembly.flap_gap_mm.value + film)
+    boards = wall_to_socket + socket_to_middle + middle_to_bridge_end + bridge_end_to_wall
+    two_servos = 2 * parts.servo.ear_underside_mm.value
+    return max(boards, two_servos) + 2 * film
 
 
 WIDTH = Parameter(
@@ -127,31 +131,32 @@ class BoxBeam(Component):
     def _add_lid(self, shape: Shape, fold_starts: Mapping[str, float]) -> None:
         """Add the lid, with a notch for each latch.
 
-        Its frame: the origin is the rear end of the left wall's upper edge; x points forward and y to the right wall.
-        The flap hangs at the lid's right edge, ``far``, between the latches. ``fold_starts`` has, for the front and the
-        rear of the beam, the distance (mm) from that end to the beginning of this fold. Where a cap's tab is beside the
-        lid, the rest of its right edge is called ``far front`` or ``far rear``.
-
-        The outline goes counter-clockwise, and a point has the name of the edge that starts at it.
+        The origin of the lid's frame is the rear end of the left wall's upper edge. x points forward, and y across the
+        car to the right wall. The flap is folded from the middle part of the lid's right edge. ``fold_starts`` has the
+        distance (mm) from the beam's ``front`` and from its ``rear`` to the nearer end of this fold.
         """
         assembly, film = self.parts.assembly, self.parts.film_mm
         length = self["length"]
         # The lid is narrower than the floor, because wall and flap lie beside it.
         width = wall_mm(self["width"], self.parts) - film - assembly.flap_gap_mm.value
-        fold_front, fold_rear = length - fold_starts["front"], fold_starts["rear"]
-        points: dict[str, Point] = {"near": (0.0, 0.0), "front": (length, 0.0)}
+        fold_front_x = length - fold_starts["front"]
+        fold_rear_x = fold_starts["rear"]
+        # The corners, counter-clockwise. Each has the name of the edge that leads from it to the next corner.
+        corners: dict[str, Point] = {"near": (0.0, 0.0), "front": (length, 0.0)}
+        # The right edge, from front to rear: the part beside a front cap, a notch, the fold of the flap ("far"), a notch,
+        # and the part beside a rear cap.
         if self["flap_front"]:
-            points["far front"] = (length, width)
+            corners["far front"] = (length, width)
         if self["latch_front"]:
             notch_length, _ = latch_mm(self.parts)
-            points |= self._notch("front", fold_front + notch_length, width)
-        points["far"] = (fold_front, width)
+            corners |= self._notch("front", fold_front_x + notch_length, width)
+        corners["far"] = (fold_front_x, width)
         if self["latch_rear"]:
-            points |= self._notch("rear", fold_rear, width)
+            corners |= self._notch("rear", fold_rear_x, width)
         if self["flap_rear"]:
-            points["far rear"] = (self["flap_rear"], width)
-        points["rear"] = (0.0, width)
-        shape.face("lid", points)
+            corners["far rear"] = (self["flap_rear"], width)
+        corners["rear"] = (0.0, width)
+        shape.face("lid", corners)
 
     def _notch(self, end: str, front_x: float, lid_width: float) -> dict[str, Point]:
         """Return the points of a notch in the lid's right edge, from its front side at ``front_x`` (mm) to its rear side.
@@ -176,36 +181,40 @@ class BoxBeam(Component):
     def _add_flap(self, shape: Shape, fold_starts: Mapping[str, float]) -> None:
         """Add the flap, which hangs from the lid inside the right wall.
 
-        Its frame: the origin is the rear end of the fold between lid and flap; x points forward and y down.
-        ``fold_starts`` has, for the front and the rear of the beam, the distance (mm) from that end to the fold.
+        The origin of the flap's frame is the rear end of the fold between lid and flap. x points forward, and y down.
+        ``fold_starts`` has the distance (mm) from the beam's ``front`` and from its ``rear`` to this fold.
 
-        At a latch the flap continues beyond its fold, below the notch of the lid. There it has a lever that stands up
-        through the notch, at negative y, and the edge ``lock END`` at its lower edge, from which the tongue grows. The
-        outline goes around the flap from the origin. A point has the name of the edge that starts at it.
+        The flap is longer than its fold: at a latch, it continues under the notch of the lid. There a lever stands up
+        from it through the notch, so the lever's y is negative. Below the lever, the latch's tongue grows from the part
+        ``lock front`` or ``lock rear`` of the flap's lower edge.
         """
         assembly = self.parts.assembly
         fold_length = self["length"] - sum(fold_starts.values())
         notch, _ = latch_mm(self.parts)
         depth, gap = assembly.flap_mm.value, assembly.grip_gap_mm.value
         half_tongue = assembly.lock_mm.value / 2
-        points: dict[str, Point] = {"near": (0.0, 0.0), "front": (fold_length, 0.0)}
+        # The corners, from the rear end of the fold forward, down, back along the lower edge, and up. Each has the name
+        # of the edge that leads from it to the next corner.
+        corners: dict[str, Point] = {"near": (0.0, 0.0), "front": (fold_length, 0.0)}
         if self["latch_front"]:
-            rear_x, front_x = fold_length + gap, fold_length + notch - gap
-            middle_x = fold_length + notch / 2
-            points |= self._lever("front", rear_x, front_x)
-            points |= {"before front": (front_x, depth), "lock front": (middle_x + half_tongue, depth)}
-            points["far"] = (middle_x - half_tongue, depth)
+            lever_rear_x, lever_front_x = fold_length + gap, fold_length + notch - gap
+            tongue_x = fold_length + notch / 2
+            corners |= self._lever("front", lever_rear_x, lever_front_x)
+            corners["before front"] = (lever_front_x, depth)
+            corners["lock front"] = (tongue_x + half_tongue, depth)
+            corners["far"] = (tongue_x - half_tongue, depth)
         else:
-            points["far"] = (fold_length, depth)
+            corners["far"] = (fold_length, depth)
         if self["latch_rear"]:
-            rear_x, front_x = gap - notch, -gap
-            middle_x = -notch / 2
-            points |= {"lock rear": (middle_x + half_tongue, depth), "behind rear": (middle_x - half_tongue, depth)}
-            points["rear"] = (rear_x, depth)
-            points |= self._lever("rear", rear_x, front_x)
+            lever_rear_x, lever_front_x = gap - notch, -gap
+            tongue_x = -notch / 2
+            corners["lock rear"] = (tongue_x + half_tongue, depth)
+            corners["behind rear"] = (tongue_x - half_tongue, depth)
+            corners["rear"] = (lever_rear_x, depth)
+            corners |= self._lever("rear", lever_rear_x, lever_front_x)
         else:
-            points["rear"] = (0.0, depth)
-        shape.face("flap", points)
+            corners["rear"] = (0.0, depth)
+        shape.face("flap", corners)
 
     def _lever(self, end: str, rear_x: float, front_x: float) -> dict[str, Point]:
         """Return the points of a lever in the flap's frame, from its rear side to its front side."""
@@ -218,52 +227,67 @@ class BoxBeam(Component):
         }
 
     def _add_latch(self, shape: Shape, end: str) -> None:
-        """Add the latch at an end: a tongue that is folded outwards from the flap's lower edge, through a slot of the
-        right wall.
+        """Add the latch at an end of the lid, and the pull tab beside it if it is set for this end.
 
-        A finger that pushes the flap's lever outwards draws the tongue in. Both the finger and the tongue need free
-        space. The pull tab is added, too, if it is set for this end.
+        The latch is a tongue that is folded outwards from the flap's lower edge and goes through a slot of the right
+        wall. To open it, a finger pushes the flap's lever outwards. The flap turns about its fold and draws the tongue
+        in.
         """
         assembly, film = self.parts.assembly, self.parts.film_mm
         width, play = assembly.lock_mm.value, assembly.slot_clearance_mm.value
         notch, _ = latch_mm(self.parts)
-        # The tongue passes the gap and the wall. Half a film is counted to the middle of the flap.
+        # The tongue reaches from the middle of the flap's film, through the gap and the film of the wall, to beyond the
+        # wall. So it passes one and a half films.
         reach = 1.5 * film + assembly.flap_gap_mm.value + assembly.lock_reach_mm.value
+        shape.face(f"{end} tongue", _tongue_outline(width, reach), role="tab")
+        shape.connect(f"flap.lock {end}", f"{end} tongue.near", "fold", -90)
+        # The slot in the right wall, whose frame has x forward and y down from its upper edge.
         middle_from_end = self[f"flap_{end}"] + notch / 2
         slot_x = self["length"] - middle_from_end if end == "front" else middle_from_end
         slot_y = assembly.flap_mm.value
-        shape.face(f"{end} tongue", _tongue_outline(width, reach), role="tab")
-        shape.connect(f"flap.lock {end}", f"{end} tongue.near", "fold", -90)
         slot_size = (width + 2 * play, film + play)
         shape.rectangular_hole("right", f"{end} lock slot", "slot", (slot_x, slot_y), *slot_size)
         shape.touch("lock", f"{end} tongue.tip", "right", f"{end} lock slot")
-        # The tongue's frame: the origin is an end of its fold; x points along the fold, y outwards to the tip, z down.
-        # The tongue is free once it has moved by this stroke. The lever is as high above the flap's fold as the tongue is
-        # low, so it moves as far outwards.
-        stroke, lid_z = assembly.lock_reach_mm.value + film, -(slot_y + film)
-        # The finger is a cylinder that stands on the lid, behind the lever. It follows the lever by the stroke.
-        finger, finger_length = self.parts.tools.finger_mm
-        finger_pose = compose(translation(width / 2, stroke - finger / 2, lid_z), rotation("x", math.pi))
-        shape.require_clearance(f"{end} tongue", ToolClearance("finger", finger_pose, finger, finger_length))
-        # The space into which the tongue's fold moves is a cylinder along the fold, inside of the flap.
-        tongue_pose = compose(translation(0.0, -(film + stroke) / 2, 0.0), rotation("y", math.pi / 2))
-        shape.require_clearance(f"{end} tongue", ToolClearance("tongue", tongue_pose, stroke, width))
+        self._require_latch_clearances(shape, end, width, slot_y)
         if self[f"pull_{end}"]:
             self._add_pull_tab(shape, end, notch - 2 * assembly.grip_gap_mm.value)
+
+    def _require_latch_clearances(self, shape: Shape, end: str, width: float, flap_depth: float) -> None:
+        """Require free space for the finger that opens a latch, and for its tongue when it is drawn in.
+
+        Both are given in the frame of the tongue, which is ``width`` wide. The origin is an end of the tongue's fold. x
+        points along the fold, y outwards to the tip, and z down. The fold is ``flap_depth`` below the lid.
+        """
+        film = self.parts.film_mm
+        # The tongue is free of the wall once it has moved inwards by this stroke. The end of the lever is as high above
+        # the flap's fold as the tongue is below it, so the lever moves outwards by the same stroke.
+        stroke = self.parts.assembly.lock_reach_mm.value + film
+        # The finger is a cylinder that stands on the lid, inwards of the lever. It follows the lever by the stroke.
+        finger, finger_length = self.parts.tools.finger_mm
+        lid_top_z = -(flap_depth + film)
+        finger_pose = compose(translation(width / 2, stroke - finger / 2, lid_top_z), rotation("x", math.pi))
+        shape.require_clearance(f"{end} tongue", ToolClearance("finger", finger_pose, finger, finger_length))
+        # The space into which the tongue's fold moves is a cylinder along the fold, inwards of the flap.
+        tongue_pose = compose(translation(0.0, -(film + stroke) / 2, 0.0), rotation("y", math.pi / 2))
+        shape.require_clearance(f"{end} tongue", ToolClearance("tongue", tongue_pose, stroke, width))
 
     def _add_pull_tab(self, shape: Shape, end: str, width_mm: float) -> None:
         """Add the lid's pull tab, which stands up from the bottom of a notch, with room for a finger on each side.
 
-        The tab's frame: the origin is an end of its fold; x points along the fold, y up, z across the tab.
+        The origin of the tab's frame is an end of its fold. x points along the fold, y up, and z across the tab's film.
         """
-        film, (finger, finger_length) = self.parts.film_mm, self.parts.tools.finger_mm
+        film = self.parts.film_mm
+        finger, finger_length = self.parts.tools.finger_mm
         shape.face(f"{end} pull tab", _tongue_outline(width_mm, self.parts.assembly.grip_mm.value), role="tab")
         shape.connect(f"lid.{end} grip", f"{end} pull tab.near", "fold", -90)
+        # A finger is a cylinder that begins at its tip and runs along z of its own frame. This turn makes it run up,
+        # along y of the tab.
+        upwards = rotation("x", -math.pi / 2)
         for side in (-1, 1):
-            # A finger comes from above: it is a cylinder whose axis, z of its own frame, points up from the fold.
-            finger_tip = translation(width_mm / 2, film, side * (finger / 2 + film))
-            pose = compose(finger_tip, rotation("x", -math.pi / 2))
-            shape.require_clearance(f"{end} pull tab", ToolClearance("finger", pose, finger, finger_length))
+            # The tip is beside the middle of the tab, just above its fold.
+            tip = translation(width_mm / 2, film, side * (finger / 2 + film))
+            finger_clearance = ToolClearance("finger", compose(tip, upwards), finger, finger_length)
+            shape.require_clearance(f"{end} pull tab", finger_clearance)
 
 
 def _tongue_outline(width_mm: float, reach_mm: float) -> dict[str, Point]:
@@ -291,10 +315,10 @@ def _mark_front(shape: Shape, floor: str) -> None:
         shape.mark(floor, "FRONT", corners)
 
 
-# The edge of a front cap, seen from inside, that meets each wall. A rear cap is seen from the other direction, so its
-# edges meet the OPPOSITE walls.
-CAP_EDGES = {"floor": "near", "right": "front", "lid": "far", "left": "rear"}
-OPPOSITE = {"left": "right", "right": "left", "floor": "floor", "lid": "lid"}
+# The wall that each edge of a cap meets. A cap is seen from inside the car, so the walls beside a rear cap are
+# exchanged.
+FRONT_CAP_WALLS = {"near": "floor", "front": "right", "far": "lid", "rear": "left"}
+REAR_CAP_WALLS = {"near": "floor", "front": "left", "far": "lid", "rear": "right"}
 
 
 def cap_inset_mm(parts: Catalogue) -> float:
@@ -305,34 +329,37 @@ def cap_inset_mm(parts: Catalogue) -> float:
 
 
 def put_cap(shape: Shape, cap: str, end: str, module: str, outer_mm: Point, slit_mm: float) -> None:
-    """Add the cap that closes one end of a beam, and tape it to the beam's walls and floor.
+    """Add the cap that closes one end of a beam, and tape it to the beam's floor and walls.
 
-    ``end`` is ``front`` or ``rear``, ``module`` the name of the module with the beam, ``outer_mm`` the width and height
-    of the body. ``slit_mm`` is the length of a slit for cables in the cap's middle; with 0 there is none.
+    ``cap`` is the name of the cap, such as "front cap 1" for the cap of segment 1. ``end`` is the end of the beam,
+    ``front`` or ``rear``, and ``module`` the name of the module with the beam. ``outer_mm`` are the outer width and
+    height of the body. ``slit_mm`` is the length of a slit for cables in the cap's middle; with 0 there is no slit.
 
-    The cap is the face ``CAP.cap``, seen from inside the car: its edge ``near`` is at the floor and ``far`` at the lid;
-    ``front`` and ``rear`` are at the side walls. x points right on a front cap and left on a rear cap. A second face,
-    ``CAP.flange``, is folded from the cap's upper edge and lies under the lid.
+    The cap is the face ``CAP.cap``. In its frame, seen from inside the car, x points right on a front cap and left on a
+    rear cap, and y points up. A second face, ``CAP.flange``, is folded from the cap's upper edge and lies under the lid.
     """
     parts, assembly, inset = shape.parts, shape.parts.assembly, cap_inset_mm(shape.parts)
+    beam, tab_depth = f"{module}.beam", assembly.cap_tab_mm.value
+    body = shape.body_of(f"{beam}.floor")
     width, height = (wall_mm(size, parts) - 2 * inset for size in outer_mm)
-    body, depth = shape.body_of(f"{module}.beam.floor"), assembly.cap_tab_mm.value
-    # The cap of segment 1 is called "front cap 1", and its piece is a "front cap".
+    # The cap, whose piece has its name without the number of the segment.
     piece = cap.rpartition(" ")[0]
     shape.rectangle(f"{cap}.cap", width, height, piece=piece, body=body)
-    flange = {"fold": (0.0, 0.0), "1": (width, 0.0), "2": (width - depth, depth), "3": (depth, depth)}
+    # The flange is a trapezoid, as deep as a tab.
+    flange = {"fold": (0.0, 0.0), "1": (width, 0.0), "2": (width - tab_depth, tab_depth), "3": (tab_depth, tab_depth)}
     shape.face(f"{cap}.flange", flange, body=body)
     shape.connect(f"{cap}.cap.far", f"{cap}.flange.fold", "fold", 90)
     if slit_mm > 0:
         middle = (width / 2, height / 2)
         shape.rectangular_hole(f"{cap}.cap", f"{cap}.slit", "slit", middle, slit_mm, assembly.cable_slit_mm.value)
     if end == "front":
-        _mark_front(shape, f"{module}.beam.floor")
-    for front_wall, edge in CAP_EDGES.items():
-        wall = front_wall if end == "front" else OPPOSITE[front_wall]
-        cap_edge, wall_edge = f"{cap}.cap.{edge}", f"{module}.beam.{wall}.{end}"
+        _mark_front(shape, f"{beam}.floor")
+    # The joins to the beam.
+    wall_by_edge = FRONT_CAP_WALLS if end == "front" else REAR_CAP_WALLS
+    for edge, wall in wall_by_edge.items():
+        cap_edge, wall_edge = f"{cap}.cap.{edge}", f"{beam}.{wall}.{end}"
         if wall == "lid":
             # The lid is not taped, because it opens.
             shape.touch("tuck", cap_edge, wall_edge)
         else:
-            shape.connect(wall_edge, cap_edge, "tab", 90, depth_mm=depth, inset_mm=inset)
+            shape.connect(wall_edge, cap_edge, "tab", 90, depth_mm=tab_depth, inset_mm=inset)

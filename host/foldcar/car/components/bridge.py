@@ -80,8 +80,10 @@ def put_bridge(shape: Shape, floor: str, x_mm: float, y_mm: float, side: int) ->
     """
     parts, assembly, film = shape.parts, shape.parts.assembly, shape.parts.film_mm
     half_length, shelf_z = half_width_mm(parts), shelf_height_mm(parts)
+    # The distances from the middle of the boards to the two ends of the shelf.
     left_span, right_span = span_mm(parts)
     length, width = 2 * half_length, left_span + right_span
+    # The shelf, and at each of its ends a leg that is folded down and a foot that is folded outwards.
     shape.rectangle("bridge.shelf", length, width, piece="bridge")
     for leg, edge in (("right", "near"), ("left", "far")):
         # A foot lies on the floor, so the leg ends one film above the floor's middle.
@@ -89,65 +91,80 @@ def put_bridge(shape: Shape, floor: str, x_mm: float, y_mm: float, side: int) ->
         shape.rectangle(f"bridge.{leg} foot", length, assembly.bridge_foot_mm.value)
         shape.connect(f"bridge.shelf.{edge}", f"bridge.{leg} leg.near", "fold", -90)
         shape.connect(f"bridge.{leg} leg.far", f"bridge.{leg} foot.near", "fold", -90)
-    _add_flange(shape, width, shelf_z, side)
+    _add_flange(shape, width, shelf_z, shelf_edge="front" if side > 0 else "rear")
+    # The place of the bridge on the floor, to which its feet are glued.
     shape.place("bridge.shelf", floor, translation(x_mm - half_length, y_mm - right_span, shelf_z))
     for leg in ("right", "left"):
         shape.touch("laminate", f"bridge.{leg} foot", floor)
+    # The slot in the floor for the tongue of the flange, under the middle of the flange.
     play = assembly.slot_clearance_mm.value
     slot_center = (x_mm + side * half_length, middle_mm(parts, y_mm))
-    shape.rectangular_hole(floor, "bridge slot", "slot", slot_center, film + play, assembly.tongue_mm.value + 2 * play)
+    slot_size = (film + play, assembly.tongue_mm.value + 2 * play)
+    shape.rectangular_hole(floor, "bridge slot", "slot", slot_center, *slot_size)
     shape.touch("tab_slot", "bridge.flange.tip", floor, "bridge slot")
-    _add_boards_with_fasteners(shape, "bridge.shelf", (half_length, right_span))
+    boards_middle = (half_length, right_span)
+    _add_boards_with_fasteners(shape, "bridge.shelf", boards_middle)
 
 
-def _add_flange(shape: Shape, width: float, shelf_z: float, side: int) -> None:
-    """Add the flange that hangs down from an edge of the shelf. A tongue in its middle reaches through the floor.
+def _add_flange(shape: Shape, width: float, shelf_z: float, shelf_edge: str) -> None:
+    """Add the flange that hangs down from the shelf, with a tongue in its middle that reaches through the floor.
 
-    Its frame: x runs along the edge, which is ``width`` long, and y down. ``shelf_z`` is the height of the shelf over the
-    floor, ``side`` as in :func:`put_bridge`.
+    ``shelf_edge`` is the edge of the shelf from which it hangs, ``front`` or ``rear``, and ``width`` the length of this
+    edge. In the flange's frame, x runs along this edge and y points down. ``shelf_z`` is the height of the shelf above
+    the floor, from the middle of one film to that of the other.
     """
     assembly, film = shape.parts.assembly, shape.parts.film_mm
-    # The flange ends above the floor, and between the feet.
-    depth = shelf_z - film / 2 - assembly.cap_clearance_mm.value
-    inset = assembly.bridge_foot_mm.value + FOOT_CLEARANCE_MM
-    tip = shelf_z + film / 2 + assembly.floor_tongue_reach_mm.value
+    # The flange becomes narrower towards its lower edge, which ends just above the floor and between the bridge's feet.
+    lower_y = shelf_z - film / 2 - assembly.cap_clearance_mm.value
+    lower_start = assembly.bridge_foot_mm.value + FOOT_CLEARANCE_MM
+    lower_end = width - lower_start
+    # The tongue reaches from the lower edge through the floor.
+    tip_y = shelf_z + film / 2 + assembly.floor_tongue_reach_mm.value
     tongue_start = width / 2 - assembly.tongue_mm.value / 2
     tongue_end = width / 2 + assembly.tongue_mm.value / 2
-    points = {
-        "near": (0.0, 0.0), "1": (width, 0.0), "2": (width - inset, depth), "3": (tongue_end, depth),
-        "tip": (tongue_end, tip), "5": (tongue_start, tip), "6": (tongue_start, depth), "7": (inset, depth),
+    # The corners around the flange. Each has the name of the edge that begins at it; edges that need no name have a
+    # number.
+    corners = {
+        "near": (0.0, 0.0), "1": (width, 0.0), "2": (lower_end, lower_y), "3": (tongue_end, lower_y),
+        "tip": (tongue_end, tip_y), "5": (tongue_start, tip_y), "6": (tongue_start, lower_y), "7": (lower_start, lower_y),
     }  # fmt: skip
-    shape.face("bridge.flange", points)
-    shelf_edge = "front" if side > 0 else "rear"
+    shape.face("bridge.flange", corners)
     shape.connect(f"bridge.shelf.{shelf_edge}", "bridge.flange.near", "fold", -90)
 
 
 def _add_boards_with_fasteners(shape: Shape, shelf: str, middle: Point) -> None:
-    """Add the boards on the shelf: spacers and screws at two holes of the Feather, a foam pad under its other end.
+    """Add the boards and what holds them on the shelf.
 
-    ``middle`` is the middle of the boards on the shelf. There are no screws at the other holes, because the radio
-    module covers them in part. The pad is pressed to the height of the spacers.
+    One end of the lower board, the Feather, is held by two screws with spacers. The other end stands on a pad of foam,
+    because the radio module covers part of the holes there. The pad is pressed to the height of the spacers. ``middle``
+    is the point of the shelf under the middle of the boards. In the shelf's frame x points forward, y to the left and z
+    up.
     """
     parts, film, feather = shape.parts, shape.parts.film_mm, shape.parts.feather
     middle_x, middle_y = middle
     height = parts.spacer.length_mm.value
+    # The spacers and screws.
     screw_holes = []
     for number, (board_x, board_y) in enumerate(feather.free_holes(parts.board_screw), 1):
-        # USB lies at the board's -x and points to +y of the shelf. So the board is turned by -90°, which takes its
-        # x to -y of the shelf and its y to +x.
+        # The board's own x points away from its USB socket, which is at the left. So the board is turned by -90°: its x
+        # points along -y of the shelf, and its y along +x.
         at_mm = (middle_x + board_y, middle_y - board_x)
         name = f"board screw {number}"
         screw_holes.append(shape.round_hole(shelf, name, "screw", at_mm, parts.assembly.screw_hole_mm.value))
         _add_spacer(shape, shelf, f"spacer {number}", at_mm)
-        # The screw comes from below.
+        # The screw comes from below and holds shelf, spacer and board.
         under_head = compose(translation(*at_mm, -film / 2), rotation("x", math.pi))
-        add_screw(shape, parts.board_screw, name, shelf, under_head, film + height + feather.board_mm.value)
+        grip_mm = film + height + feather.board_mm.value
+        add_screw(shape, parts.board_screw, name, shelf, under_head, grip_mm)
+    # The pad ends below the right end of the Feather.
     pad = parts.board_pad
     pad_y = middle_y - (feather.length_mm.value - pad.length_mm.value) / 2
     pad_pose = translation(middle_x, pad_y, (film + height) / 2)
     pad_size = (pad.width_mm.value, pad.length_mm.value, height)
     shape.box(pad.name, pad.name, shelf, pad_pose, pad_size, pad.mass_kg.value)
-    board_pose = compose(translation(middle_x, middle_y, film / 2 + height), rotation("z", -math.pi / 2))
+    # The boards lie on the spacers.
+    spacer_top = translation(middle_x, middle_y, film / 2 + height)
+    board_pose = compose(spacer_top, rotation("z", -math.pi / 2))
     _put_boards(shape, shelf, board_pose, screw_holes)
 
 
@@ -247,17 +264,23 @@ def _put_board(
 ) -> None:  # fmt: skip
     """Add a board on the face ``on``.
 
-    The origin of a board's frame is the middle of its underside. ``under`` is the pose of this frame in that of the
-    face. ``boxes`` (what stands on the board), weightless ``pins`` and ``clearances`` are given in the board's frame.
-    ``holes`` are those of its screws.
+    Two frames matter. The board's frame has its origin in the middle of the board's underside, and z points up;
+    ``under`` is its pose in the frame of the face. ``boxes`` (the components on the board), ``pins`` (which have no mass
+    of their own) and ``clearances`` are given in it. The mount's frame has its origin in the middle of the height, and
+    the solids of the mount are given in that frame. ``holes`` are the names of the holes in the face for its screws.
     """
     length, width, height = board.size_mm
-    # A mount's frame has its origin in the middle of the mount, half the height above the board's frame.
+    plate_height = board.board_mm.value
     board_in_mount = translation(0, 0, -height / 2)
-    plate_middle = translation(0, 0, (board.board_mm.value - height) / 2)
-    screw_holes = tuple((x, y, pattern.diameter_mm) for pattern in board.holes for x, y in pattern.at_mm)
-    solids = [Solid("box", (length, width, board.board_mm.value), plate_middle, screw_holes)]
-    solids += [Solid("box", box.size_mm, compose(board_in_mount, translation(*box.at_mm))) for box in boxes]
+    # The plate of the board, with its holes, lies at the bottom of the mount.
+    bores: list[tuple[float, float, float]] = []
+    for pattern in board.holes:
+        bores += ((x, y, pattern.diameter_mm) for x, y in pattern.at_mm)
+    plate_pose = translation(0, 0, (plate_height - height) / 2)
+    solids = [Solid("box", (length, width, plate_height), plate_pose, tuple(bores))]
+    # What stands on the plate or below it.
+    for box in boxes:
+        solids.append(Solid("box", box.size_mm, compose(board_in_mount, translation(*box.at_mm))))
     for pin in pins:
         solids.append(Solid("box", pin.size_mm, compose(board_in_mount, translation(*pin.at_mm)), weightless=True))
     mount_clearances = [replace(clearance, pose=compose(board_in_mount, clearance.pose)) for clearance in clearances]

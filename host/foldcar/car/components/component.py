@@ -71,9 +71,8 @@ class Parameter:
         sold = self.sold(parts) if self.sold else [value]
         nearest = min(sold, key=lambda size: abs(size - value))
         if abs(nearest - value) > ROUNDING:
-            side = "above" if value > nearest else "below"
             sizes = ", ".join(f"{size:g}" for size in sold)
-            return f"{value:g} is {side} the {nearest:g} of the nearest that is sold ({sizes})"
+            return f"{value:g} is not sold; the nearest size is {nearest:g} (sizes: {sizes})"
         return None
 
 
@@ -122,16 +121,19 @@ class Component:
         self, values: Mapping[str, float] | None = None, path: str = "", body: str = "", parts: Catalogue | None = None,
         keys: Mapping[str, str] | None = None,
     ) -> None:  # fmt: skip
-        """Check the values and make the subcomponents.
+        """Set and check the values of the parameters, and make the subcomponents.
 
-        ``keys`` says, for each value, which key of the outermost component (in a car: of the design) sets it. Messages
-        about a value name this key. By default, each value has its own name. Raises ComponentError for a value outside
-        its limits.
+        ``path`` is the path of the component in the car, and ``body`` the rigid body to which it belongs. ``keys`` has,
+        by the name of a value, the key of the design that sets it, so that messages can name this key. By default each
+        value is set by the key of its own name. Raises ComponentError for a value outside its limits.
         """
-        self.path, self.body, self.parts = path, body, parts or catalogue()
+        self.path = path
+        self.body = body
+        self.parts = parts or catalogue()
         given_values = dict(values or {})
         self.keys = {name: name for name in given_values} if keys is None else keys
-        self.values = {parameter.name: parameter.default_with(self.parts) for parameter in self.parameters} | given_values
+        defaults = {parameter.name: parameter.default_with(self.parts) for parameter in self.parameters}
+        self.values = defaults | given_values
         for parameter in self.parameters:
             limit_error = parameter.limit_error(self[parameter.name], self.parts)
             if limit_error:
@@ -140,12 +142,13 @@ class Component:
         for sub in self.subcomponents():
             if sub.name in self.children:
                 raise ComponentError(path, f'two subcomponents are called "{sub.name}"')
-            # A value that this component has computed has no key of the outermost component.
+            # A value of the subcomponent may come from a parameter of this component. Then the same key of the design
+            # sets both. A value that this component has computed is set by no key.
             child_keys: dict[str, str] = {}
-            for name in sub.values:
-                own_name = sub.keys.get(name, name)
-                if own_name in self.keys:
-                    child_keys[name] = self.keys[own_name]
+            for value_name in sub.values:
+                parameter_name = sub.keys.get(value_name, value_name)
+                if parameter_name in self.keys:
+                    child_keys[value_name] = self.keys[parameter_name]
             child_path, child_body = self._under(sub.name), sub.body or self.body
             self.children[sub.name] = sub.kind(sub.values, child_path, child_body, self.parts, child_keys)
 

@@ -61,28 +61,33 @@ class Composite(Component):
     def _order(self) -> list[str]:
         """Return the names of the subcomponents from front to back.
 
-        Raises ComponentError if they do not form one chain.
+        A connection joins the rear end of one subcomponent to the front end of the next one. Raises ComponentError if
+        the connections do not make one chain of all subcomponents.
         """
+        # For each subcomponent, the one that is connected to its rear end.
         module_behind: dict[str, str] = {}
         for connection in self.connections:
             name_by_end = {end: name for name, end in map(self._end, connection)}
             meeting = " meets ".join(connection)
-            if len(name_by_end) < len(ENDS):
+            # If two front ends or two rear ends meet, the names have only one end.
+            if set(name_by_end) != set(ENDS):
                 raise ComponentError(self.path, f"{meeting}: a rear end must meet a front end")
-            if name_by_end["rear"] in module_behind or name_by_end["front"] in module_behind.values():
+            ahead, behind = name_by_end["rear"], name_by_end["front"]
+            if ahead in module_behind or behind in module_behind.values():
                 raise ComponentError(self.path, f"{meeting}, but an end can be connected once only")
-            module_behind[name_by_end["rear"]] = name_by_end["front"]
+            module_behind[ahead] = behind
         # A chain begins with a module that is behind no other.
         chains: list[list[str]] = []
+        modules_in_chains: set[str] = set()
         for first in self.children:
             if first not in module_behind.values():
                 chain = [first]
                 while chain[-1] in module_behind:
                     chain.append(module_behind[chain[-1]])
                 chains.append(chain)
-        # Modules that belong to no chain are connected to a ring.
-        in_chains = {name for chain in chains for name in chain}
-        ring = [name for name in self.children if name not in in_chains]
+                modules_in_chains.update(chain)
+        # The other modules have no first one: their connections go round in a ring.
+        ring = [name for name in self.children if name not in modules_in_chains]
         if len(chains) != 1 or ring:
             parts = [" - ".join(chain) for chain in chains]
             if ring:

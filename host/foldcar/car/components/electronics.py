@@ -87,10 +87,11 @@ class ElectronicsModule(BrainModule):
         shape.graph.wires += _power_wires(parts)
 
     def _cut_usb_opening(self, shape: Shape, x: float) -> None:
-        """Cut the openings of the left wall: for the USB plug, for the board's light, and for the tie of the USB cable.
+        """Cut three openings into the left wall: for the USB plug, for the board's light, and for the USB cable's tie.
 
-        ``x`` is the middle of the boards. The light is beside the socket, so from straight ahead a plug would hide it.
-        Its window is in front of the plug, and you see the light through it when you look backwards at an angle.
+        In the wall's frame x points forward and y up. ``x`` is the middle of the boards. The light is beside the socket,
+        so a plug would hide it from straight ahead. Its window is in front of the plug. You see the light through it when
+        you look backwards at an angle.
         """
         parts, assembly, z = self.parts, self.parts.assembly, usb_height_mm(self.parts)
         hole = plug_room_mm(parts.plugs.usb) + 2 * (parts.feather.usb.tolerance + assembly.slot_clearance_mm.value)
@@ -98,35 +99,43 @@ class ElectronicsModule(BrainModule):
         window = assembly.light_window_mm.value
         window_x = x + (hole + window) / 2 + assembly.grip_gap_mm.value
         shape.round_hole("beam.left", "light", "opening", (window_x, z), window)
-        # The tie goes through two slots above the plug, half as wide as they are high. Their upper ends are as far below
-        # the fold of the lid as every hole must be, and by their own height more.
+        # The tie goes through two slots above the plug, which are half as wide as they are high. The least distance of a
+        # hole from a fold lies between their upper ends and the fold of the lid, and one height of a slot in addition.
+        # Half a slot further down is their middle.
         slot_height = assembly.tie_slot_mm.value
         slots_z = wall_mm(self["height"], parts) - assembly.fold_distance_mm.value - 1.5 * slot_height
-        for name, side in (("tie 1", -1), ("tie 2", 1)):
-            middle = (x + side * (assembly.tie_apart_mm.value + slot_height) / 2, slots_z)
-            shape.rectangular_hole("beam.left", name, "slit", middle, slot_height / 2, slot_height)
+        slot_offset = (assembly.tie_apart_mm.value + slot_height) / 2
+        for name, slot_x in (("tie 1", x - slot_offset), ("tie 2", x + slot_offset)):
+            shape.rectangular_hole("beam.left", name, "slit", (slot_x, slots_z), slot_height / 2, slot_height)
 
     def _place_battery(self, shape: Shape, layout: Layout, boards_y: float) -> None:
-        """Add pad and battery on the floor or on the roof, so far to one side of the car that they balance the boards.
+        """Add the battery and its pad on the floor or on the roof, on the side of the car opposite to the boards.
 
-        ``boards_y`` is y of the middle of the boards. The walls limit y of the battery.
+        The battery is as far from the middle of the car as it must be to balance the boards, or as far as the walls
+        allow. ``boards_y`` is y of the boards' middle in the frame of the floor, whose y points to the left.
         """
         parts, across = self.parts, wall_mm(self["width"], self.parts)
         battery, middle_y = parts.battery, across / 2
         boards_kg = sum(part.mass_kg.value for part in (parts.feather, parts.featherwing, parts.lipo))
-        # At this distance from the car's middle, on the side away from the boards, the battery balances them.
-        distance = (boards_y - middle_y) * boards_kg / battery.mass_kg.value
+        # How far to the right of the car's middle the battery balances the boards; negative means to the left.
+        to_right_mm = (boards_y - middle_y) * boards_kg / battery.mass_kg.value
         if parts.battery_place == "roof":
-            # The lid's y runs in the direction opposite to the floor's.
-            self._place_on_roof(shape, layout.battery_mm, middle_y + distance)
+            # y of the lid's frame points to the right.
+            self._place_on_roof(shape, layout.battery_mm, middle_y + to_right_mm)
             return
-        width = (battery.length_mm if layout.turned else battery.width_mm).value
-        max_distance = (across - parts.film_mm - width) / 2
-        y = middle_y - _clamped(distance, max_distance)
+        battery_across_mm = (battery.length_mm if layout.turned else battery.width_mm).value
+        max_distance_mm = (across - parts.film_mm - battery_across_mm) / 2
+        y = middle_y - _clamped(to_right_mm, max_distance_mm)
         self._place_on_floor(shape, layout, y)
 
     def _place_on_floor(self, shape: Shape, layout: Layout, y: float) -> None:
-        """Add pad and battery on the floor, with a second layer of film below them, their middle at ``y``."""
+        """Add pad and battery on the floor, with their middle at ``y``, and a second layer of film below them.
+
+        The layer, the *floor doubler*, reaches from wall to wall and stiffens the floor. In a car of 95 mm, of 0.25 mm
+        PET, the battery (1.2 N, 31.5 mm wide) would hang by two strips of film, L = 18 mm long. They would sag by
+        F L³ / (12 E I) = 1.6 mm if they were clamped at both ends, and four times as much if the folds turned freely. Two
+        layers are two to eight times as stiff as one.
+        """
         parts, across = self.parts, wall_mm(self["width"], self.parts)
         battery, x, middle_y = parts.battery, layout.battery_mm, across / 2
 
@@ -135,21 +144,21 @@ class ElectronicsModule(BrainModule):
             length, width, _ = part.size_mm
             return (width, length) if layout.turned else (length, width)
 
-        # A second layer of film from wall to wall stiffens the floor. In a car of 95 mm, of 0.25 mm PET, the battery
-        # (1.2 N, 31.5 mm wide) hangs by two strips L = 18 mm long: clamped at both ends they sag by
-        # F L³ / (12 E I) = 1.6 mm, four times as much if the folds turn freely. Two layers are two to eight times
-        # as stiff.
+        # The layer is a little longer than the battery, but ends where the free floor ends. Across the car it ends before
+        # the folds, unless the battery is wider.
         battery_x_mm, battery_y_mm = size_of(battery)
-        low = max(x - battery_x_mm / 2 - DOUBLER_EDGE_MM, -self["floor_rear"])
-        high = min(x + battery_x_mm / 2 + DOUBLER_EDGE_MM, self["length"] + self["floor_front"])
+        layer_rear_x = max(x - battery_x_mm / 2 - DOUBLER_EDGE_MM, -self["floor_rear"])
+        layer_front_x = min(x + battery_x_mm / 2 + DOUBLER_EDGE_MM, self["length"] + self["floor_front"])
         clear_of_folds_mm = across - 2 * parts.assembly.fold_distance_mm.value
-        size_mm = (high - low, max(clear_of_folds_mm, battery_y_mm + 2 * DOUBLER_EDGE_MM))
-        layer_x = (low + high) / 2
-        # An outline on the beam shows where the layer lies; the longer part beside the battery tells which way round.
+        layer_y_mm = max(clear_of_folds_mm, battery_y_mm + 2 * DOUBLER_EDGE_MM)
+        size_mm = (layer_front_x - layer_rear_x, layer_y_mm)
+        layer_x = (layer_rear_x + layer_front_x) / 2
+        # A printed outline on the floor shows where the layer lies. The outline of the battery on the layer is beside its
+        # middle, which shows how to turn the layer.
         shape.mark("beam.floor", "floor doubler", rectangle_around((layer_x, middle_y), *size_mm))
         outline = rectangle_around((0.0, 0.0), *size_mm)
         shape.layer("floor doubler", "beam.floor", outline, (layer_x, middle_y), "floor doubler")
-        # Pad and battery are stacked on the layer.
+        # The pad lies on the layer, and the battery on the pad.
         bottom_z = parts.film_mm / 2 + parts.film_mm
         for part in (parts.pad, battery):
             height = part.height_mm.value
@@ -160,51 +169,58 @@ class ElectronicsModule(BrainModule):
     def _place_on_roof(self, shape: Shape, x: float, wanted_y: float) -> None:
         """Add pad and battery on the roof, with their middle at ``x``, and as near to ``wanted_y`` as the folds allow.
 
-        The lid's frame: the origin is the rear end of its left edge; x points forward, y to the right and z down into the
-        car. The roof is the lid's outer, unprinted side, so holes at the corners of pad and battery show their places.
+        The origin of the lid's frame is the rear end of its left edge. x points forward, y to the right and z down into
+        the car. The roof is the lid's outer side, on which nothing is printed. So holes at the corners of pad and battery
+        show where to lay them.
         """
         parts, assembly, film = self.parts, self.parts.assembly, self.parts.film_mm
         battery, pad, hole_mm = parts.battery, parts.pad, assembly.corner_hole_mm.value
-        # A hole's middle must be as far from a fold as this. The battery's length lies across the car.
-        fold_distance = assembly.fold_distance_mm.value + hole_mm / 2
-        middle_y = shape.face_size_mm("beam.lid")[1] / 2
-        max_distance = middle_y - fold_distance - battery.length_mm.value / 2
+        # The battery's length lies across the car. The holes at its corners must keep a distance from the lid's folds.
+        min_fold_distance = assembly.fold_distance_mm.value + hole_mm / 2
+        _, lid_width = shape.face_size_mm("beam.lid")
+        middle_y = lid_width / 2
+        max_distance = middle_y - min_fold_distance - battery.length_mm.value / 2
         y = middle_y + _clamped(wanted_y - middle_y, max(max_distance, 0.0))
+        # The pad lies on the lid, and the battery on the pad.
         shape.part(pad, "beam.lid", (x, y, -(film + pad.height_mm.value) / 2), turned=True)
         battery_size = (battery.width_mm.value, battery.length_mm.value, battery.height_mm.value)
         battery_z = film / 2 + pad.height_mm.value + battery.height_mm.value / 2
+        # The leads go through a hole of the lid, as one cylinder that is two wires wide. It belongs to the battery's
+        # mount, whose frame has its origin in the battery's middle; z points down there, too.
         lead_x, lead_y = self._cut_lead_hole(shape, x + battery.width_mm.value / 2)
-        # The leads pass the hole as one cylinder of two wires. In the battery's frame, z points down as in the lid's.
-        wire_mm, lid_top_z = parts.wiring.wire_diameter_mm.value, battery_z - film / 2
+        wire_mm = parts.wiring.wire_diameter_mm.value
+        lid_top_z = battery_z - film / 2
         lead = cylinder(2 * wire_mm, lid_top_z - 2 * wire_mm, lid_top_z + film + wire_mm, lead_x - x, lead_y - y)
         solids = (Solid("box", battery_size, IDENTITY), replace(lead, weightless=True))
         pose = translation(x, y, -battery_z)
         shape.box(battery.name, battery.name, "beam.lid", pose, battery_size, battery.mass_kg.value, solids=solids)
+        # The holes at the corners, for each part whose corners are not too near to a fold.
         for part in (pad, battery):
             half_length, half_width = part.length_mm.value / 2, part.width_mm.value / 2
-            to_fold = middle_y - abs(y - middle_y) - half_length
-            if to_fold >= fold_distance - ROUNDING:
+            distance_to_fold = middle_y - abs(y - middle_y) - half_length
+            if distance_to_fold >= min_fold_distance - ROUNDING:
                 corners = itertools.product((-half_width, half_width), (-half_length, half_length))
-                for number, (dx, dy) in enumerate(corners, 1):
-                    name = f"{part.name} corner {number}"
-                    shape.round_hole("beam.lid", name, "mark", (x + dx, y + dy), hole_mm)
+                for number, (from_middle_x, from_middle_y) in enumerate(corners, 1):
+                    corner = (x + from_middle_x, y + from_middle_y)
+                    shape.round_hole("beam.lid", f"{part.name} corner {number}", "mark", corner, hole_mm)
 
     def _cut_lead_hole(self, shape: Shape, battery_front_x: float) -> Point:
-        """Cut a hole for the battery's leads into the lid, before the battery and near the left wall; return its middle.
+        """Cut a hole for the battery's leads into the lid, in front of the battery, and return the hole's middle.
 
-        The battery lies in the middle of the module, and ``battery_front_x`` is its front end. Raises ComponentError if
-        the module is too short for battery and hole, or for a latch beside the battery with the fingers at its pull
-        tab.
+        The hole is near the lid's left edge. The battery lies in the middle of the module, and ``battery_front_x`` is its
+        front end. Raises ComponentError if the module is too short for battery and hole, or for the battery and the
+        fingers that open a latch beside it.
         """
         battery, assembly = self.parts.battery, self.parts.assembly
         hole, fold_distance = assembly.lead_hole_mm.value, assembly.fold_distance_mm.value
-        # The hole has this distance from the battery and from the end of the lid.
+        # In front of the battery follow a distance, the hole, and the same distance to the end of the lid. As the battery
+        # is in the middle, the same length is needed behind it.
         min_length = battery.width_mm.value + 2 * (2 * fold_distance + hole)
+        # A latch and the fingers that open it take this length of the lid, from the end of the lid or from a cap's tab.
         notch, _ = latch_mm(self.parts)
         finger, _ = self.parts.tools.finger_mm
-        # Measured from the end of the lid: the middle of the notch, and half of the notch or of a finger.
-        fingers_end = notch / 2 + max(notch, finger) / 2
-        latch_ends = [self[f"flap_{end}"] + fingers_end for end in ("front", "rear") if self[f"latch_{end}"]]
+        latch_length = notch / 2 + max(notch, finger) / 2
+        latch_ends = [self[f"flap_{end}"] + latch_length for end in ("front", "rear") if self[f"latch_{end}"]]
         if latch_ends:
             beside_battery = assembly.placement_mm.value + max(latch_ends)
             min_length = max(min_length, battery.width_mm.max_value + 2 * beside_battery)
@@ -230,39 +246,50 @@ class ElectronicsModule(BrainModule):
                     yield self._layout(along.value, side, turned)
 
     def _layout(self, battery_mm: float, side: int, turned: bool) -> Layout:
-        """Return a layout, with the boards as near to the middle of the module as its limits allow.
+        """Return a layout of the parts along x, with the boards as near to the middle of the module as possible.
 
-        ``battery_mm`` is the battery's extent along x, 0 on the roof. If ``side`` is 1, the parts follow each other along
-        x in the order LiPo, boards, battery, else in the reverse order. If the battery is ``turned``, its length lies
-        across the car.
+        ``battery_mm`` is the battery's extent along x; it is 0 if the battery is on the roof. If ``side`` is 1, the LiPo
+        is behind the boards and the battery in front of them. If ``side`` is -1, the order is the reverse one. If the
+        battery is ``turned``, its length lies across the car.
         """
         parts, length = self.parts, self["length"]
-        # The ends of battery and LiPo as distances from the boards' middle. The bridge ends there under a roof battery.
+        # The distance from the boards' middle to the far end of the battery. Without a battery on the floor, the bridge
+        # ends there.
         battery_end_mm = half_width_mm(parts) + parts.film_mm
         if battery_mm:
             # The LiPo's lead leaves the Feather at the front, so its plug is between the boards and a battery there.
             gap_mm = parts.plugs.battery.length_mm.value if side > 0 else parts.assembly.part_gap_mm.value
             battery_end_mm += gap_mm + battery_mm
         lipo_end_mm = self._lipo_end_mm()
-        rear_mm, front_mm = (lipo_end_mm, battery_end_mm) if side > 0 else (battery_end_mm, lipo_end_mm)
+        # How far the parts extend behind the boards' middle and in front of it.
+        if side > 0:
+            rear_mm, front_mm = lipo_end_mm, battery_end_mm
+        else:
+            rear_mm, front_mm = battery_end_mm, lipo_end_mm
         # The limits of the boards' middle, from the module's rear. Parts may reach into the neighbours' free floor.
         low = max(rear_mm - self["floor_rear"], self["usb_low"])
         high = min(length + self["floor_front"] - front_mm, self["usb_high"])
         boards_x = min(max(length / 2, low), high)
         lipo_x = boards_x - side * (lipo_end_mm - parts.lipo.width_mm.value / 2)
-        battery_x = boards_x + side * battery_end_mm - side * battery_mm / 2 if battery_mm else length / 2
+        # A battery on the roof lies in the middle of the module.
+        battery_x = length / 2
+        if battery_mm:
+            battery_x = boards_x + side * battery_end_mm - side * battery_mm / 2
         return Layout(low, high, side, turned, boards_mm=boards_x, lipo_mm=lipo_x, battery_mm=battery_x)
 
     def _lipo_end_mm(self) -> float:
-        """Return the distance along x from the middle of the boards to the far end of the LiPo (mm).
+        """Return the distance along x from the middle of the boards to the end of the LiPo that is away from the battery.
 
-        The bridge's flange hangs down half a width of the bridge from the boards' middle, and the LiPo lies beside it. As
-        it is laid by eye into its printed outline, it needs a gap to the flange.
+        The LiPo lies under the bridge that carries the boards. It begins at the bridge's flange, which hangs down at the
+        edge towards the battery. It continues below the boards' middle to its far end. It is laid into a printed outline
+        by eye, so there is a gap between flange and LiPo. The distance is in mm.
         """
         assembly, lipo = self.parts.assembly, self.parts.lipo.width_mm
         gap_mm = assembly.placement_mm.value + lipo.tolerance / 2 + assembly.slot_clearance_mm.value
-        # Half of the flange's film, the gap and the LiPo, from the flange back under the boards and beyond their middle.
-        return self.parts.film_mm / 2 + gap_mm + lipo.value - half_width_mm(self.parts)
+        # Both distances are measured from the middle of the flange's film.
+        flange_to_lipo_end_mm = self.parts.film_mm / 2 + gap_mm + lipo.value
+        flange_to_boards_middle_mm = half_width_mm(self.parts)
+        return flange_to_lipo_end_mm - flange_to_boards_middle_mm
 
     @property
     def layout(self) -> Layout:

@@ -42,14 +42,14 @@ class RingEdge(NamedTuple):
 
 
 def fuse(graph: Graph) -> dict[str, Fused]:
-    """Unite the faces of a graph that rigid links connect.
+    """Unite the faces of a graph that rigid links connect to *fused faces*, and return these.
 
-    Return the fused faces, each by the path of the first component's face in it. A face without rigid links is a fused
-    face of its own. Edges between two united faces disappear. Raises ComponentError if the outline of a fused face is
-    not one polygon.
+    A fused face is known by the path of its first component's face. A face without rigid links is a fused face of its
+    own. Edges between two united faces disappear. Raises ComponentError if the outline of a fused face is not one
+    polygon.
     """
     rigid_links = [link for link in graph.links if link.kind == "rigid"]
-    # The faces to which each face is rigidly linked, with their poses in its frame.
+    # The faces to which each face is rigidly linked, with their poses in its frame; and the edges between them.
     neighbours: dict[str, list[tuple[str, Pose]]] = defaultdict(list)
     inner_edges: set[Edge] = set()
     for link in rigid_links:
@@ -57,21 +57,25 @@ def fuse(graph: Graph) -> dict[str, Fused]:
         for edge, opposite in ((link.a, link.b), (link.b, link.a)):
             pose = across_crease(graph.ends_mm(edge), graph.ends_mm(opposite), 0.0)
             neighbours[edge.face].append((opposite.face, pose))
-    # The groups of connected faces, each by the path of its first face, with the poses in the frame of that face.
-    groups: dict[str, dict[str, Pose]] = {}
-    first_of_face: dict[str, str] = {}
+    # For each fused face, the poses of its components' faces in the frame of the first of them. For each component's
+    # face, the fused face that it belongs to.
+    poses_of_fused: dict[str, dict[str, Pose]] = {}
+    fused_path: dict[str, str] = {}
     for path in graph.faces:
-        if path not in first_of_face:
-            groups[path] = propagate_poses(path, IDENTITY, neighbours)
-            first_of_face |= dict.fromkeys(groups[path], path)
-    # A tag says how an edge is linked and to which fused face. Two edges in a line with equal tags become one edge.
-    tags: dict[Edge, object] = {}
+        if path not in fused_path:
+            poses_of_fused[path] = propagate_poses(path, IDENTITY, neighbours)
+            fused_path |= dict.fromkeys(poses_of_fused[path], path)
+    # How each edge is linked, and to which fused face. Where two edges follow each other in a straight line and are
+    # linked equally, they become one edge of the fused face.
+    link_of_edge: dict[Edge, object] = {}
     for link in graph.links:
         if link.kind != "rigid":
-            kind = (link.kind, link.angle_rad, link.depth_mm)
-            tags[link.a] = (*kind, "a", first_of_face[link.b.face])
-            tags[link.b] = (*kind, "b", first_of_face[link.a.face])
-    return {first: _fused(graph, poses, tags, inner_edges) for first, poses in groups.items()}
+            link_of_edge[link.a] = (link.kind, link.angle_rad, link.depth_mm, "a", fused_path[link.b.face])
+            link_of_edge[link.b] = (link.kind, link.angle_rad, link.depth_mm, "b", fused_path[link.a.face])
+    fused_faces = {}
+    for path, poses in poses_of_fused.items():
+        fused_faces[path] = _fused(graph, poses, link_of_edge, inner_edges)
+    return fused_faces
 
 
 def propagate_poses(start: Key, pose: Pose, steps: Mapping[Key, list[tuple[Key, Pose]]]) -> dict[Key, Pose]:
@@ -89,21 +93,25 @@ def propagate_poses(start: Key, pose: Pose, steps: Mapping[Key, list[tuple[Key, 
     return poses
 
 
-def _fused(graph: Graph, poses: dict[str, Pose], tags: dict[Edge, object], inner: set[Edge]) -> Fused:
+def _fused(graph: Graph, poses: dict[str, Pose], link_of_edge: dict[Edge, object], inner_edges: set[Edge]) -> Fused:
     """Unite the components' faces whose ``poses`` are given in the frame of the first one.
 
-    ``inner`` are the edges between two of them, which disappear. Neighbouring edges in a line become one edge if their
-    ``tags``, which say what they are linked to, are equal.
+    ``inner_edges`` are the edges between two of them, which disappear. Two outer edges that follow each other in a
+    straight line become one edge if their values in ``link_of_edge``, which says how an edge is linked, are equal.
     """
     first = graph.faces[next(iter(poses))]
-    ring = _ring(graph, poses, inner)
-    corners = [index for index in range(len(ring)) if not _is_collinear(ring, tags, index)]
-    # Outline edge n starts at corner n, so an edge belongs to the last corner up to its start. Edges before the first
-    # corner continue the last outline edge, whose index is -1 modulo the number of corners.
+    # The outer edges of the faces. The corners of the outline are the starts of those that do not continue a line.
+    ring = _ring(graph, poses, inner_edges)
+    corners = [index for index in range(len(ring)) if not _continues_edge_before(ring, link_of_edge, index)]
+    # The index of the outline's edge in which each outer edge lies. Outer edges before the first corner continue the
+    # outline's last edge.
     edges: dict[Edge, int] = {}
+    outline_edge = len(corners) - 1
     for index, ring_edge in enumerate(ring):
-        corner_count = sum(corner <= index for corner in corners)
-        edges[ring_edge.edge] = (corner_count - 1) % len(corners)
+        if index in corners:
+            outline_edge = corners.index(index)
+        edges[ring_edge.edge] = outline_edge
+    # Everything on the faces, moved into the common frame.
     holes: list[Hole] = []
     marks: list[PrintedOutline] = []
     clearances: list[ToolClearance] = []
@@ -142,10 +150,10 @@ def _ring(graph: Graph, poses: dict[str, Pose], inner_edges: set[Edge]) -> list[
     ring = [first]
     while _key(ring[-1].end) != _key(first.start):
         following = edge_by_start.get(_key(ring[-1].end))
-        is_endless = len(ring) > len(edge_by_start)
-        # Without an edge that follows, there is a gap. An endless walk goes round in a part of the edges, without the
-        # first one.
-        if following is None or is_endless:
+        # The outline has a gap where no edge follows. If the walk is longer than all edges, it goes round in some of them
+        # and never comes back to the first one.
+        never_returns = len(ring) > len(edge_by_start)
+        if following is None or never_returns:
             message = "is fused with its neighbours into something without a closed outline"
             raise ComponentError(ring[-1].edge.face, message)
         ring.append(following)
@@ -154,10 +162,10 @@ def _ring(graph: Graph, poses: dict[str, Pose], inner_edges: set[Edge]) -> list[
     return ring
 
 
-def _is_collinear(ring: list[RingEdge], tags: dict[Edge, object], index: int) -> bool:
-    """Return whether edge ``index`` of the ring continues the edge before it: in a line, and with an equal tag."""
+def _continues_edge_before(ring: list[RingEdge], link_of_edge: dict[Edge, object], index: int) -> bool:
+    """Return whether edge ``index`` of the ring runs in a line with the edge before it, and is linked as that one is."""
     before, after = ring[index - 1], ring[index]
-    if tags.get(before.edge) != tags.get(after.edge):
+    if link_of_edge.get(before.edge) != link_of_edge.get(after.edge):
         return False
     point_after = ring[(index + 1) % len(ring)].start
     ux, uy = after.start[0] - before.start[0], after.start[1] - before.start[1]

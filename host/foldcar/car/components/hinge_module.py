@@ -119,8 +119,8 @@ class HingeModule(Component):
     def join(self, shape: Shape, hinge: str, modules: tuple[str, str], caps: tuple[str, str]) -> None:
         """Glue the strip under the floors of the modules before and behind it, and the stop onto the cap before the gap.
 
-        ``hinge`` is the path of this component. ``modules`` and ``caps`` are those in front of and behind the gap.
-        The pose of everything behind the strip follows from it.
+        ``hinge`` is the path of this component. ``modules`` and ``caps`` are the names of those in front of the gap and
+        behind it. The pose of everything behind the strip follows from it.
         """
         (front, rear), (front_cap, _) = modules, caps
         film, glue_mm = self.parts.film_mm, self.parts.assembly.hinge_glue_mm.value
@@ -132,14 +132,16 @@ class HingeModule(Component):
         rear_pose = translation(rear_floor_mm - glue_mm, 0, strip_z)
         shape.place(f"{hinge}.rear half", f"{rear}.beam.floor", rear_pose, laminated=True)
         if self._stop_mm() >= MIN_STOP_MM:
-            # In the frame of the front segment's rear cap, x points left, y up and z into the segment, as its printed
-            # side does. The stop stands outside, so it is turned over: its x runs to the right. It is in the middle of
-            # the cap, so its left end is half of its length beyond the cap's middle.
+            # The stop is glued to the outer side of the front segment's rear cap, in the middle of the car. In the cap's
+            # frame x points left, y up, and z into the segment. The stop is turned over, so its own x points right, and
+            # its origin is its left end.
             cap_width_mm, _ = shape.face_size_mm(f"{front_cap}.cap")
-            left_end_x = cap_width_mm * (1 + STOP_SHARE) / 2
+            half_stop_mm = cap_width_mm * STOP_SHARE / 2
+            left_end_x = cap_width_mm / 2 + half_stop_mm
             stop_top_y = wall_mm(self["height"], self.parts) - STOP_FROM_LID_MM - cap_inset_mm(self.parts)
-            flap_mm = self._web_mm() * GLUE_SHARE
-            stop_pose = compose(translation(left_end_x, stop_top_y - flap_mm, -film), rotation("y", math.pi))
+            upper_flap_mm = self._web_mm() * GLUE_SHARE
+            stop_origin = translation(left_end_x, stop_top_y - upper_flap_mm, -film)
+            stop_pose = compose(stop_origin, rotation("y", math.pi))
             shape.place(f"{hinge}.glue 1", f"{front_cap}.cap", stop_pose, laminated=True)
 
     def _stop_mm(self) -> float:
@@ -147,16 +149,17 @@ class HingeModule(Component):
 
         Less than MIN_STOP_MM, or a negative depth, means that there is no room for a stop.
         """
-        # Seen from the side, with the origin in the middle of the strip, z up and x towards the front segment: the
-        # front cap is the line x = a, where a is half the strip's length. At the upper limit u, the rear cap leans
-        # forward. It is the line x = -a / cos u + z tan u. The stop fills the distance of the two lines at its upper
-        # edge.
+        # Seen from the side, the origin is the middle of the strip, x points to the front segment and z up. The cap of
+        # the front segment is the line x = a, where a is half of the strip's length. At the upper limit u, the cap of the
+        # rear segment leans forward: it is the line x = -a / cos u + z tan u. The stop fills the distance between the two
+        # lines at the height z of the stop's upper edge.
         a, u = self["length"] / 2, math.radians(self["fold_up"])
         z = wall_mm(self["height"], self.parts) - STOP_FROM_LID_MM
-        distance = a + a / math.cos(u) - z * math.tan(u)
-        # The lines are the middles of films: half a thickness each of cap and stop at the contact, and of cap and flap at
-        # the glued end, are subtracted.
-        return distance - 2 * self.parts.film_mm
+        front_cap_x = a
+        rear_cap_x = z * math.tan(u) - a / math.cos(u)
+        # Both lines, and both ends of the stop, are middles of films. At each end the stop's film lies on the film of a
+        # cap, so their middles are one film apart.
+        return front_cap_x - rear_cap_x - 2 * self.parts.film_mm
 
     def _web_mm(self) -> float:
         """Return height of the stop (mm), which ends above the slit for cables."""

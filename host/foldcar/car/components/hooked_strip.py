@@ -46,34 +46,41 @@ class Hook(NamedTuple):
         it. The edge at the tip of the hook is ``inner tip`` or ``outer tip``; the others are numbered.
         """
         outwards = -1 if side == "inner" else 1
-        head_y, tip_y = y + outwards * self.reach_mm, y + outwards * (self.reach_mm + DEPTH_MM)
+        head_y = y + outwards * self.reach_mm
+        tip_y = y + outwards * (self.reach_mm + DEPTH_MM)
 
-        def half(direction: int, hook_mm: float) -> list[Point]:
-            """Return the half to the left (-1) or right (1) of the hook's middle, from the facet to the tip."""
+        def points_to_tip(direction: int, hook_mm: float) -> list[Point]:
+            """Return the points from the facet to the tip, on the left (-1) or the right (1) of the hook's middle."""
             neck_x = x + direction * self.neck_mm / 2
             if hook_mm == 0:
                 return [(neck_x, y), (neck_x, tip_y)]
             head_x = neck_x + direction * hook_mm
-            return [(neck_x, y), (neck_x, head_y), (head_x, head_y), (head_x - direction * TAPER_MM, tip_y)]
+            tip_x = head_x - direction * TAPER_MM
+            return [(neck_x, y), (neck_x, head_y), (head_x, head_y), (tip_x, tip_y)]
 
-        left, right = half(-1, self.left_mm), half(1, self.right_mm)
-        # Counter-clockwise, the inner edge runs from left to right, the outer edge from right to left.
+        left, right = points_to_tip(-1, self.left_mm), points_to_tip(1, self.right_mm)
+        # Counter-clockwise around the facet, the inner edge runs from left to right, the outer edge from right to left.
         to_tip, from_tip = (left, right) if side == "inner" else (right, left)
-        points = [*to_tip, *reversed(from_tip)]
-        names = [f"{side} {number}" for number in range(len(points))]
-        names[len(to_tip) - 1] = f"{side} tip"
-        return dict(zip(names, points, strict=True))
+        outline: dict[str, Point] = {}
+        for point in (*to_tip, *reversed(from_tip)):
+            # The edge at the tip starts at the last point of the way to it.
+            name = "tip" if len(outline) == len(to_tip) - 1 else len(outline)
+            outline[f"{side} {name}"] = point
+        return outline
 
 
 def facet(
     length_mm: float, width_mm: float, hooks: tuple[Hook | None, Hook | None] = (None, None), base_mm: float = 0.0
 ) -> dict[str, Point]:
-    """Return the outline of a facet, counter-clockwise from the origin: each point by the edge that starts at it.
+    """Return the outline of a facet: a rectangle with its hooks, counter-clockwise from the origin.
 
-    The edge ``inner`` lies at y = 0, at the inner disc, and ``outer`` at y = width. The edge ``last``, towards the facet
-    before, lies at x = 0, and ``next`` at x = length. ``hooks`` are the hook for the inner disc and the one for the outer
-    disc; they stand in the middles of these edges. With ``base_mm``, a tongue grows from the middle of the edge at
-    x = 0: the part of this length is called ``base``, and the rest behind it ``behind``.
+    Each point has the name of the edge that starts at it. The edge ``inner`` lies at y = 0, at the inner disc of the
+    wheel, and ``outer`` at y = width, at the outer disc. The facet before this one in the strip adjoins at x = 0, where
+    the edge is ``last``, and the following facet at x = length, where the edge is ``next``.
+
+    ``hooks`` are the hooks for the inner and for the outer disc. They stand in the middles of the edges ``inner`` and
+    ``outer``. If ``base_mm`` is not 0, a tongue of this width grows from the middle of the edge at x = 0. Then this edge
+    has three parts: ``last``, ``base``, from which the tongue grows, and ``behind``.
     """
     inner_hook, outer_hook = hooks
     outline = {"inner": (0.0, 0.0)}
@@ -106,11 +113,11 @@ WIDE_MM = 1.2
 
 
 def build_rim(shape: Shape, size: WheelSize) -> None:
-    """Add the strips of the rim, and join each to the strip before it and to both discs.
+    """Add the *rim*, the strips of film around a wheel's discs, and join each strip to the strip before and to the discs.
 
-    Strip s has the faces ``rim s 0``, ``rim s 1`` … and its tongue. The tongue locks into a slot in the last facet of
-    the strip before. A *tie* is a place of the rim that holds the discs: its facet has a hook for each disc, which lies
-    in the disc's edge ``notch i``. Ties are counted around the whole wheel.
+    The facets of strip 0 are the faces ``rim 0 0``, ``rim 0 1`` and so on; the other strips are named alike. The tongue
+    at the start of a strip locks into a slot in the last facet of the strip before. A *tie* is a place at which the rim
+    holds the discs: a facet there has a hook for each disc, which lies in a notch of the disc.
     """
     facet_count = size.ties * size.facets_per_tie
     for strip in range(size.strips):
@@ -120,47 +127,60 @@ def build_rim(shape: Shape, size: WheelSize) -> None:
         last_facet, slot = f"rim {previous} {facet_count - 1}", f"rim {previous} slot"
         shape.touch("lock", f"rim {strip} tongue head.tip", last_facet, slot)
         for tie in range(size.ties):
-            tied_facet, notch = f"rim {strip} {tie * size.facets_per_tie}", strip * size.ties + tie
+            tied_facet = f"rim {strip} {tie * size.facets_per_tie}"
+            # The notches are counted around the whole wheel, the ties along each strip.
+            notch = strip * size.ties + tie
             shape.touch("rim", f"{tied_facet}.inner tip", f"inner.notch {notch}")
             shape.touch("rim", f"{tied_facet}.outer tip", f"outer.notch {notch}")
 
 
 def first_facet_pose(size: WheelSize, strip: int) -> Pose:
-    """Return the pose of a strip's first facet in the frame of the wheel, whose y is the axle.
+    """Return the pose of a strip's first facet in the frame of the wheel.
 
-    The middle of the facet lies at the strip's first tie.
+    The origin of the wheel's frame is the middle of the wheel, and y points along the axle. The middle of the facet lies
+    at the strip's first tie.
     """
-    # A facet on the wheel's x axis: its x points along z of the wheel, around the circle; its y along the axle; its z
-    # along -x of the wheel, towards the axle. The columns of the matrix are these axes.
-    on_x_axis: Pose = ((0.0, 0.0, -1.0, 0.0), (0.0, 1.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
-    # A tie's angle runs from x towards z, which is backwards for a rotation about y.
+    # First the facet's axes are turned as those of a facet on the wheel's x axis. Its x points around the circle, which
+    # is along z of the wheel. Its y points along the axle, and its z to the axle, which is along -x of the wheel.
+    on_x_axis: Pose = (
+        (0.0, 0.0, -1.0, 0.0),
+        (0.0, 1.0, 0.0, 0.0),
+        (1.0, 0.0, 0.0, 0.0),
+        (0.0, 0.0, 0.0, 1.0),
+    )
+    # Then the facet is turned about the axle to its tie. Angles of ties are counted from x towards z. A positive rotation
+    # about y turns z towards x, so the angle is negative here.
     to_tie = rotation("y", -size.tie_angles_rad[strip * size.ties])
-    # From the axle to the facet's origin, half a length and half a width beside its middle.
+    # In the facet's axes: from the wheel's middle out to the facet, and from there to the facet's corner at its origin.
     to_origin = translation(-size.facet_mm / 2, -size.between_mm / 2, -size.apothem_mm)
     return compose(to_tie, on_x_axis, to_origin)
 
 
 def _add_strip(shape: Shape, size: WheelSize, strip: int, facet_count: int) -> None:
-    """Add one strip of the wheel's rim, with hooks that hold the discs at each tie.
+    """Add one strip of the wheel's rim, a chain of ``facet_count`` facets.
 
-    A tongue at the first facet and a slot in the last one join the strips to a ring.
+    At each *tie*, a place at which the rim holds the wheel's two discs, a facet has a hook for each disc. A tongue at the
+    first facet and a slot in the last one join the strips to a ring.
     """
+    # The facets.
     reach_mm = 2 * size.clearance_mm + size.film_mm
     hook = Hook(NECK_MM, left_mm=HOOK_MM, right_mm=HOOK_MM, reach_mm=reach_mm)
     for number in range(facet_count):
-        # The first facet after each tie has the hooks.
         is_at_tie = number % size.facets_per_tie == 0
         hooks = (hook, hook) if is_at_tie else (None, None)
+        # The tongue grows from the first facet.
         base_mm = _tongue(size).width_mm if number == 0 else 0.0
         outline = facet(size.facet_mm, size.between_mm, hooks, base_mm)
         shape.face(f"rim {strip} {number}", outline, role="rim", piece="wheel rim")
-    turn_deg, last_dip_deg = math.degrees(size.turn_rad), math.degrees(size.turn_rad - size.slope_rad)
+    # The bends between them. All have the same angle, except the one before the last facet. It is larger, because the end
+    # of the last facet lies below the start of the next strip.
+    turn_deg = math.degrees(size.turn_rad)
+    additional_deg = math.degrees(size.turn_rad - size.slope_rad)
     last = facet_count - 1
     for number in range(last):
-        # The last facet dips under the start of the next strip.
-        dip_deg = last_dip_deg if number + 1 == last else 0.0
+        bend_deg = turn_deg + additional_deg if number + 1 == last else turn_deg
         edge, next_edge = f"rim {strip} {number}.next", f"rim {strip} {number + 1}.last"
-        shape.connect(edge, next_edge, "bend", turn_deg + dip_deg)
+        shape.connect(edge, next_edge, "bend", bend_deg)
     _add_tongue(shape, size, strip)
     shape.polygon_hole(f"rim {strip} {last}", f"rim {strip} slot", "slot", _slot_outline(size))
 
@@ -181,18 +201,24 @@ class Tongue(NamedTuple):
 
 
 def _tongue(size: WheelSize) -> Tongue:
-    """Return the sizes of the tongues of a wheel."""
-    # Seen from the side, along the first facet of a strip and across it: the last facet of the strip before ends beyond
-    # the start of the first one by `beyond`, because it rises less than other facets do, and one film inside.
+    """Return the sizes of the tongues of a wheel, which join the strips of its rim.
+
+    The last facet of a strip ends below the first facet of the next strip, and the two overlap.
+    """
+    # Seen from the side, in the directions of the first facet: the last facet of the strip before meets it at the angle
+    # `slope`, which is smaller than the angle between other facets. So it ends beyond the start of the first facet by
+    # this length, and one film below it.
     slope, film = size.slope_rad, size.film_mm
-    beyond = size.facet_mm * (math.cos(slope) - math.cos(size.turn_rad))
+    beyond_start_mm = size.facet_mm * (math.cos(slope) - math.cos(size.turn_rad))
+    # The same two distances in the directions of the last facet, which are turned by the slope.
+    overlap_mm = beyond_start_mm * math.cos(slope) - film * math.sin(slope)
+    distance_mm = beyond_start_mm * math.sin(slope) + film * math.cos(slope)
     return Tongue(
         width_mm=min(TONGUE_MM, TONGUE_SHARE * size.between_mm),
         spread_mm=min(SPREAD_MM, SPREAD_SHARE * size.between_mm),
         through_mm=max(THROUGH_MM, THROUGH_FILMS * film),
-        # The same two distances, turned by the slope: along the last facet and across it.
-        overlap_mm=beyond * math.cos(slope) - film * math.sin(slope),
-        distance_mm=beyond * math.sin(slope) + film * math.cos(slope),
+        overlap_mm=overlap_mm,
+        distance_mm=distance_mm,
     )
 
 
@@ -203,31 +229,36 @@ def _slot_outline(size: WheelSize) -> list[Point]:
     So the slot is narrow on its right, where the tongue passes, and wide on its left, where the head goes in.
     """
     tongue = _tongue(size)
-    # The part through the slot descends from above the facet to the same distance below it; this is its extent along x.
+    # The tongue passes the facet's film at an angle: it descends from a distance above it to the same distance below it.
+    # By Pythagoras, its part through the slot takes this length along x.
     through_length = math.sqrt(tongue.through_mm**2 - (2 * tongue.distance_mm) ** 2)
-    through_start = size.facet_mm - tongue.overlap_mm - OUTSIDE_MM
-    right = through_start + size.film_mm / 2 + size.clearance_mm
-    middle = through_start - through_length - OVER_MM
-    left = middle - WIDE_MM
+    through_start_x = size.facet_mm - tongue.overlap_mm - OUTSIDE_MM
+    # The slot from right to left: a narrow part, from before the tongue's film to over its head, and a wide part.
+    right_x = through_start_x + size.film_mm / 2 + size.clearance_mm
+    middle_x = through_start_x - through_length - OVER_MM
+    left_x = middle_x - WIDE_MM
     narrow_half = tongue.width_mm / 2 + size.clearance_mm
     wide_half = narrow_half + tongue.spread_mm
-    # The half at smaller y, from left to right, and then its mirror image back.
-    half_outline = [(left, wide_half), (middle, wide_half), (middle, narrow_half), (right, narrow_half)]
+    # The slot is symmetric about the middle of the facet's width. Its outline runs along the half at smaller y from
+    # left to right, and along the other half back.
+    half_outline = [(left_x, wide_half), (middle_x, wide_half), (middle_x, narrow_half), (right_x, narrow_half)]
     middle_y = size.between_mm / 2
-    lower = [(x, middle_y - y) for x, y in half_outline]
-    upper = [(x, middle_y + y) for x, y in reversed(half_outline)]
+    lower = [(x, middle_y - from_middle) for x, from_middle in half_outline]
+    upper = [(x, middle_y + from_middle) for x, from_middle in reversed(half_outline)]
     return [*lower, *upper]
 
 
 def _add_tongue(shape: Shape, size: WheelSize, strip: int) -> None:
     """Add the tongue that joins a strip of the rim to the strip before it.
 
-    The tongue has three faces. ``out`` lies parallel to the facet under it, ``through`` goes through the slot of that
-    facet, and ``head``, which is wider than the slot, holds behind it. In their frames, x runs across the tongue and y
-    towards its tip.
+    The tongue grows from the strip's first facet and consists of three faces, one after the other. ``out`` lies above
+    the last facet of the strip before and parallel to it. ``through`` goes through the slot of that facet. ``head`` is
+    wider than the slot and holds behind it. In the frame of each face, the origin is the left end of its first edge, x
+    runs across the tongue, and y towards the tongue's tip.
     """
     tongue, name = _tongue(size), f"rim {strip} tongue"
     width, spread = tongue.width_mm, tongue.spread_mm
+    # The two rectangles. In all three faces, a corner has the name of the edge that starts at it.
     for part, length in (("out", OUTSIDE_MM), ("through", tongue.through_mm)):
         corners = {"root": (0.0, 0.0), "right": (width, 0.0), "end": (width, length), "left": (0.0, length)}
         shape.face(f"{name} {part}", corners, role="rim")
@@ -243,11 +274,12 @@ def _add_tongue(shape: Shape, size: WheelSize, strip: int) -> None:
         "left shoulder": (-spread, HEAD_WIDE_FROM_MM),
     }
     shape.face(f"{name} head", head, role="rim")
-    # The part through the slot begins at a distance from the facet and ends at the same distance behind it.
-    through_deg = math.degrees(math.asin(2 * tongue.distance_mm / tongue.through_mm))
+    # The bend at the root makes `out` parallel to the facet below it. The next bend leads `through` down, from a distance
+    # above that facet to the same distance below it. The last bend makes the head parallel to the facet again.
+    descent_deg = math.degrees(math.asin(2 * tongue.distance_mm / tongue.through_mm))
     shape.connect(f"rim {strip} 0.base", f"{name} out.root", "bend", math.degrees(size.slope_rad))
-    shape.connect(f"{name} out.end", f"{name} through.root", "bend", through_deg)
-    shape.connect(f"{name} through.end", f"{name} head.root", "bend", -through_deg)
+    shape.connect(f"{name} out.end", f"{name} through.root", "bend", descent_deg)
+    shape.connect(f"{name} through.end", f"{name} head.root", "bend", -descent_deg)
 
 
 WALL_NECK_MM = 5.0
@@ -259,11 +291,12 @@ ARC_STEPS = 8
 
 
 def build_hub(shape: Shape, size: WheelSize) -> None:
-    """Add the hub: a layer on the inner disc whose walls are folded up, with hooks that lock into slots of the
-    outer disc.
+    """Add the hub, which connects a wheel's two discs around the axle.
 
-    The faces are ``hub`` and ``wall 1`` …; the slots are cut into the face ``outer``. The outer disc is put on with its
-    slots before the hooks, and is then turned until the heads lie behind film.
+    The hub is a layer that is glued onto the inner disc, the face ``hub``, with walls that are folded up from its edges,
+    the faces ``wall 1`` and so on. Each wall has a hook, and the outer disc, the face ``outer``, gets a slot for each
+    hook. To assemble the wheel, you put the outer disc onto the hooks and turn it. Then the heads of the hooks lie behind
+    the disc's film.
     """
     shape.face("hub", _hub_outline(size), piece="wheel hub")
     shape.place("hub", "inner", translation(0, 0, size.film_mm), laminated=True)
@@ -275,8 +308,10 @@ def build_hub(shape: Shape, size: WheelSize) -> None:
         wall, slot = f"wall {number}", f"wall slot {number}"
         shape.face(wall, facet(length, size.wall_mm, (None, hook)), role="rim")
         shape.connect(f"hub.{wall}", f"{wall}.inner", "fold", 90)
-        # The outer disc's frame is that of the hub seen from the other side, so directions run the other way.
-        shape.polygon_hole("outer", slot, "slot", _wall_slot_outline(size, -direction))
+        # z of the hub's frame and z of the outer disc's frame point towards each other. So an angle around the axle has
+        # the opposite sign in the frame of the outer disc.
+        angle_in_disc_rad = -direction
+        shape.polygon_hole("outer", slot, "slot", _wall_slot_outline(size, angle_in_disc_rad))
         shape.touch("lock", f"{wall}.outer tip", "outer", slot)
 
 
@@ -290,29 +325,34 @@ def turn_rad(size: WheelSize) -> float:
 
 
 def _hub_outline(size: WheelSize) -> dict[str, Point]:
-    """Return the outline of the hub's layer: a circle with a straight edge ``wall 1``, ``wall 2``, … for each wall.
+    """Return the outline of the hub's layer: a circle around the axle with a straight edge for each wall.
 
-    A point has the name of the edge that starts at it.
+    Each point has the name of the edge that starts at it. The straight edges are called ``wall 1``, ``wall 2`` and so on.
+    The outline runs counter-clockwise, and the origin of its frame is on the axle.
     """
     half_wall = WALL_RAD / 2
-    # The walls' middles have the distance hub_mm from the axle, so the corners beside them lie on this circle.
+    # The middle of a straight edge has the distance hub_mm from the axle, so its ends lie on this circle.
     radius = size.hub_mm / math.cos(WALL_RAD / 2)
-    # From wall to wall the outline follows the circle.
+    # Between two walls the outline follows the circle, in short steps.
     arc_rad = 2 * math.pi / WALLS - WALL_RAD
     steps = arc_steps(radius, arc_rad)
-    angles = {}
-    for number, direction in enumerate(DIRECTIONS_RAD, 1):
-        angles[f"wall {number}"] = direction - half_wall
+    # The direction of each point around the axle. A wall begins half of its angle before its middle.
+    point_angles: dict[str, float] = {}
+    for number, wall_middle in enumerate(DIRECTIONS_RAD, 1):
+        point_angles[f"wall {number}"] = wall_middle - half_wall
+        arc_start = wall_middle + half_wall
         for step in range(steps):
-            angles[f"arc {number} {step}"] = direction + half_wall + arc_rad * step / steps
-    return dict(zip(angles, on_circle(radius, angles.values()), strict=True))
+            point_angles[f"arc {number} {step}"] = arc_start + arc_rad * step / steps
+    points = on_circle(radius, point_angles.values())
+    return dict(zip(point_angles, points, strict=True))
 
 
 def _wall_slot_outline(size: WheelSize, angle_rad: float) -> list[Point]:
     """Return the outline of a slot in the outer disc for the hook of a wall: an arc around the axle.
 
-    The hook is put through the counter-clockwise part of the slot. Then the disc turns until the hook is in the
-    direction ``angle_rad``, at the slot's clockwise end; its head points clockwise and holds behind the film there.
+    The hook goes in at the counter-clockwise end of the slot. Then the disc is turned, until the hook stands at the
+    clockwise end, in the direction ``angle_rad``. The hook's head points clockwise and holds behind the film there. The
+    origin of the disc's frame is on the axle.
     """
     # Along the radius, the slot reaches from the neck's inner face, with some play, to the outer corner of the head.
     inside, outside = size.hub_mm - size.film_mm / 2, size.hub_mm + size.film_mm / 2
@@ -320,6 +360,9 @@ def _wall_slot_outline(size: WheelSize, angle_rad: float) -> list[Point]:
     outer_radius = math.hypot(outside, WALL_NECK_MM / 2 + WALL_HOOK_MM) + size.clearance_mm
     # Half of the neck's angle as seen from the axle, with its clearance.
     half_neck_rad = math.atan(WALL_NECK_MM / 2 / inside) + size.clearance_mm / size.hub_mm
-    start, end = angle_rad - half_neck_rad, angle_rad + half_neck_rad + turn_rad(size)
-    angles = [start + (end - start) * step / ARC_STEPS for step in range(ARC_STEPS + 1)]
+    # Around the axle, the slot is as wide as the neck, and longer by the turn of the disc.
+    start_angle = angle_rad - half_neck_rad
+    end_angle = angle_rad + half_neck_rad + turn_rad(size)
+    slot_rad = end_angle - start_angle
+    angles = [start_angle + slot_rad * step / ARC_STEPS for step in range(ARC_STEPS + 1)]
     return [*on_circle(outer_radius, angles), *on_circle(inner_radius, reversed(angles))]

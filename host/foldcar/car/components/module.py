@@ -71,29 +71,35 @@ class WheelModule(Module):
     )  # fmt: skip
 
     def build(self, shape: Shape) -> None:
-        """Mount a servo with a wheel in each side wall, its long side towards the segment's middle; or a rod."""
+        """Mount two wheels: each on a servo in a side wall, or both on a rod through the walls if they are not driven.
+
+        ``towards_middle`` is a value that the car sets: 1 if the middle of the segment lies in front of this module, else
+        -1. The long sides of the servos point to the middle. The frame of a side wall has x forward and z into the car.
+        """
         parts, servo, horn = self.parts, self.parts.servo, self.parts.horn
+        wheel_width_mm = self["tire_thickness"]
         # The axis passes the middle of a side wall. So its place is the same in the frames of both walls.
         axis = (self["length"] / 2, wall_mm(self["height"], parts) / 2)
-        # From the side wall's outer surface to the wheel: the inner disc lies on the horn's outer face.
+        # The gap between the wall's outer surface and the wheel. Heights of servo and horn are measured from the servo's
+        # bottom. The undersides of its ears lie on the wall, and the wheel lies on the horn's outer face.
         horn_face_mm = servo.spline_top_mm.value - horn.spline_depth_mm.value + horn.height_mm.value
         gap_mm = horn_face_mm - servo.ear_underside_mm.value
+        # The name of the servo of each wheel, "" without a servo.
+        servos = dict.fromkeys(SIDES, "")
         if self["driven"]:
             self._check_length()
             self._check_switches()
-            servos = {}
+            height_mm = self._doubler_height_mm()
             for side in SIDES:
-                name, height_mm = f"{side} servo", self._doubler_height_mm()
-                servos[side] = put_servo(shape, name, f"beam.{side}", axis, self["towards_middle"], height_mm)
+                servos[side] = put_servo(
+                    shape, f"{side} servo", f"beam.{side}", axis, self["towards_middle"], height_mm
+                )  # fmt: skip
         else:
             walls = ("beam.left", "beam.right")
             wall_distance_mm = wall_mm(self["width"], parts)
-            put_rod(shape, walls, axis, apart_mm=wall_distance_mm, gap_mm=gap_mm, wheel_mm=self["tire_thickness"])
-            # No servo drives the wheels.
-            servos = dict.fromkeys(SIDES, "")
-        # z of a wall's frame points into the car.
-        wheel_z = -(parts.film_mm / 2 + gap_mm + self["tire_thickness"] / 2)
-        running_width_mm = parts.tyre.running_width_mm(self["tire_thickness"])
+            put_rod(shape, walls, axis, apart_mm=wall_distance_mm, gap_mm=gap_mm, wheel_mm=wheel_width_mm)
+        wheel_z = -(parts.film_mm / 2 + gap_mm + wheel_width_mm / 2)
+        running_width_mm = parts.tyre.running_width_mm(wheel_width_mm)
         for side in SIDES:
             shape.axle(f"beam.{side}", servos[side], side, (*axis, wheel_z), self["radius"], running_width_mm)
 
@@ -126,11 +132,14 @@ class WheelModule(Module):
         needed_mm = switches_width_mm(parts) + 2 * gap_mm
         if between_servos_mm >= needed_mm:
             return
-        # Else the switches must end before the servos. The servos' short sides point to the cap.
+        # The switches do not fit between the servos, so they must end before them. The axis is in the middle of the
+        # module's length, and the short sides of the servos point to the cap.
         min_length_mm = _rounded_up(2 * (servo_reach_mm(parts).short_mm + self["switch_depth"] + gap_mm))
         if self["length"] < min_length_mm:
-            wide_enough_mm = math.ceil(self["width"] - between_servos_mm + switches_width_mm(parts) + 2 * gap_mm)
-            reason = f"the servos beside the switches in the cap, if width is below {wide_enough_mm}"
+            # In a body that is wider by what is missing, the switches would fit between the servos.
+            missing_mm = needed_mm - between_servos_mm
+            sufficient_width_mm = math.ceil(self["width"] + missing_mm)
+            reason = f"the servos beside the switches in the cap, if width is below {sufficient_width_mm}"
             raise self.parameter_error("length", f"{self['length']:g} is below the minimum {min_length_mm:g} ({reason})")
 
 

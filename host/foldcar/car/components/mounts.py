@@ -29,15 +29,19 @@ class ServoReach(NamedTuple):
 
 
 def servo_reach_mm(parts: Catalogue) -> ServoReach:
-    """Return how far a servo with its fasteners extends from the axis of its shaft along the wall.
+    """Return how far a mounted servo extends along the wall from the axis of its shaft, on its two sides.
 
-    It ends with the layer of film behind it, its doubler, or with the nut of its screw.
+    Behind the servo lies a second layer of film, and its screws have nuts. What reaches farther counts: the layer or the
+    nuts.
     """
     servo, nut = parts.servo, parts.screw.nut_width_mm
-    axis_from_middle = servo.length_mm.value / 2 - servo.axis_from_end_mm.value
     # The radius to the corners of a hexagonal nut is its width across the flats, divided by the square root of 3.
     nut_radius = 0.0 if nut is None else nut.value / 3**0.5
-    half_length = max(doubler_length_mm(parts) / 2, servo.screw_spacing_mm.value / 2 + nut_radius)
+    nut_end = servo.screw_spacing_mm.value / 2 + nut_radius
+    layer_end = doubler_length_mm(parts) / 2
+    # Layer and nuts are symmetric about the servo's middle, from which the axis has this distance.
+    half_length = max(layer_end, nut_end)
+    axis_from_middle = servo.length_mm.value / 2 - servo.axis_from_end_mm.value
     return ServoReach(long_mm=half_length + axis_from_middle, short_mm=half_length - axis_from_middle)
 
 
@@ -63,37 +67,42 @@ def min_doubler_mm(parts: Catalogue) -> float:
 def put_servo(shape: Shape, name: str, wall: str, axis_mm: Point, inward: float, height_mm: float) -> str:
     """Mount a servo in an opening of the face ``wall``; return the name of the mounted part.
 
-    ``axis_mm`` is the point where the axis of the servo's shaft passes the wall. The axis is near one end of the servo:
-    the long side lies towards +x of the wall if ``inward`` is 1, and towards -x if it is -1. Behind the opening a second
-    layer of film, the face ``NAME.doubler``, is ``height_mm`` high.
+    x of the wall's frame runs along the wall, and z points into the car. ``axis_mm`` is the point where the axis of the
+    servo's shaft passes the wall. The axis is near one end of the servo: the servo's long side lies towards +x if
+    ``inward`` is 1, and towards -x if it is -1. A second layer of film behind the opening, the face ``NAME.doubler``, is
+    ``height_mm`` high.
     """
     parts, servo, film = shape.parts, shape.parts.servo, shape.parts.film_mm
-    # The middle of the servo's body on the wall.
+    # The opening in the wall around the middle of the servo's body, and the layer behind it with the same opening.
     axis_x, y = axis_mm
     x = axis_x + inward * (servo.length_mm.value / 2 - servo.axis_from_end_mm.value)
     hole = _cut_servo_opening(shape, wall, f"{name}.wall opening", x, y)
     outline = rectangle_around((0.0, 0.0), doubler_length_mm(parts), height_mm)
     shape.layer(f"{name}.doubler", wall, outline, (x, y), "servo doubler")
     _cut_servo_opening(shape, f"{name}.doubler", f"{name}.opening", 0.0, 0.0)
-    # z of the wall's frame points into the car, and the wall's outer surface is at -film / 2. The undersides of the
-    # ears lie on it, and the servo's bottom is as far inside as the ears are high. The middle is half of its depth
-    # before that.
+    # The servo. The undersides of its ears lie on the wall's outer surface, which is half a film outside of the middle of
+    # the wall. They are at a given height above the servo's bottom. So the bottom is inside the car by this height,
+    # and the middle of the servo's depth half of its depth farther out.
     middle_z = servo.ear_underside_mm.value - servo.depth_mm.value / 2 - film / 2
-    # The box's length and width lie in the wall. If the long side points to -x, half a turn puts the shaft at the axis.
+    # In the servo's own frame, its shaft is near the end at -x. If the long side points to -x, half a turn exchanges the
+    # ends.
     pose = compose(translation(x, y, middle_z), rotation("z", 0.0 if inward > 0 else math.pi))
-    size, title = (servo.length_mm.value, servo.width_mm.value, servo.depth_mm.value), shape.path(name)
-    shape.box(servo.name, title, wall, pose, size, servo.mass_kg.value, [hole], _servo_solids(parts))
+    size = (servo.length_mm.value, servo.width_mm.value, servo.depth_mm.value)
+    title = shape.path(name)
+    shape.box(servo.name, title, wall, pose, size, servo.mass_kg.value, holes=[hole], solids=_servo_solids(parts))
+    # The two screws come from outside and hold ear, wall and layer.
+    grip_mm = servo.ear_thickness_mm.value + 2 * film
     for number, direction in enumerate((-1, 1), 1):
-        # The screws come from outside, through ear, wall and doubler.
         screw_x = x + direction * servo.screw_spacing_mm.value / 2
-        under_head = translation(screw_x, y, -film / 2 - servo.ear_thickness_mm.value)
-        seat, grip = compose(under_head, rotation("x", math.pi)), servo.ear_thickness_mm.value + 2 * film
-        add_screw(shape, parts.screw, f"{title} screw {number}", wall, seat, grip)
+        on_ear = translation(screw_x, y, -film / 2 - servo.ear_thickness_mm.value)
+        under_head = compose(on_ear, rotation("x", math.pi))
+        add_screw(shape, parts.screw, f"{title} screw {number}", wall, under_head, grip_mm)
     return title
 
 
 # Half a side of the layer of film around a rod.
 ROD_LAYER_MM = 10.0
+M3_PER_MM3 = 1e-9
 
 
 def rod_hole_mm(parts: Catalogue) -> float:
@@ -120,7 +129,7 @@ def put_rod(
     rod = parts.axle_rod
     diameter = rod.diameter_mm.value
     length = apart_mm + film + 2 * (gap_mm + wheel_mm + parts.axle_cap.height_mm.value)
-    mass_kg = math.pi / 4 * diameter**2 * length * 1e-9 * rod.density_kg_m3.value
+    mass_kg = math.pi / 4 * diameter**2 * length * M3_PER_MM3 * rod.density_kg_m3.value
     # z of a wall's frame points to the other wall.
     pose, size = translation(*axis_mm, apart_mm / 2), (diameter, diameter, length)
     solids = [cylinder(diameter, -length / 2, length / 2)]
@@ -128,83 +137,94 @@ def put_rod(
 
 
 def _put_rod_end(shape: Shape, wall: str, axis_mm: Point, gap_mm: float, wheel_mm: float) -> None:
-    """Add what a rod needs at one wall: the hole, a second layer of film, the spacer tube and the cap."""
+    """Add what a rod needs at one wall: the hole, a second layer of film, the spacer tube and the cap.
+
+    ``axis_mm`` is the point where the rod passes the wall. From the wall outwards follow the tube, ``gap_mm`` long, the
+    wheel, ``wheel_mm`` wide, and the cap. z of the wall's frame points into the car, so what is outside has negative z.
+    """
     film, tube, cap = shape.parts.film_mm, shape.parts.axle_tube, shape.parts.axle_cap
     side = wall.rpartition(".")[2]
+    # The layer, and a hole in it and in the wall.
     layer, hole_mm = f"{side} rod.doubler", rod_hole_mm(shape.parts)
     outline = rectangle_around((0.0, 0.0), 2 * ROD_LAYER_MM, 2 * ROD_LAYER_MM)
     shape.layer(layer, wall, outline, axis_mm, "rod doubler")
     shape.round_hole(layer, f"{layer}.rod", "axle", (0.0, 0.0), hole_mm)
     shape.round_hole(wall, f"{side} rod.wall.rod", "axle", axis_mm, hole_mm)
-    # z of the wall's frame points into the car, so what is outside has negative z.
-    tube_mm, tube_bore_mm = tube.diameter_mm.value, tube.bore_mm.value
-    tube_kg = math.pi / 4 * (tube_mm**2 - tube_bore_mm**2) * gap_mm * 1e-9 * tube.density_kg_m3.value
+    # The tube.
+    tube_mm, bore_mm = tube.diameter_mm.value, tube.bore_mm.value
+    tube_kg = math.pi / 4 * (tube_mm**2 - bore_mm**2) * gap_mm * M3_PER_MM3 * tube.density_kg_m3.value
     tube_pose = translation(*axis_mm, -(film + gap_mm) / 2)
-    tube_solid = cylinder(tube_mm, -gap_mm / 2, gap_mm / 2, bore_mm=tube_bore_mm)
-    tube_name, tube_size = shape.path(f"{side} spacer tube"), (tube_mm, tube_mm, gap_mm)
-    shape.box(tube.name, tube_name, wall, tube_pose, tube_size, tube_kg, solids=[tube_solid])
+    tube_solid = cylinder(tube_mm, -gap_mm / 2, gap_mm / 2, bore_mm=bore_mm)
+    tube_name = shape.path(f"{side} spacer tube")
+    shape.box(tube.name, tube_name, wall, tube_pose, (tube_mm, tube_mm, gap_mm), tube_kg, solids=[tube_solid])
+    # The cap.
     cap_mm, height = cap.diameter_mm.value, cap.height_mm.value
     cap_pose = translation(*axis_mm, -(film / 2 + gap_mm + wheel_mm + height / 2))
     cap_solid = cylinder(cap_mm, -height / 2, height / 2, bore_mm=shape.parts.axle_rod.diameter_mm.value)
-    cap_name, cap_size = shape.path(f"{side} axle cap"), (cap_mm, cap_mm, height)
-    shape.box(cap.name, cap_name, wall, cap_pose, cap_size, cap.mass_kg.value, solids=[cap_solid])
+    cap_name = shape.path(f"{side} axle cap")
+    shape.box(cap.name, cap_name, wall, cap_pose, (cap_mm, cap_mm, height), cap.mass_kg.value, solids=[cap_solid])
 
 
 def _servo_solids(parts: Catalogue) -> list[Solid]:
-    """Return the servo's body, its ears, and the cylinders on its top: turret, idler and spline.
+    """Return the servo's body, its ears, and the three cylinders on its top.
 
-    They are in the body's frame: the origin is its middle, x runs along its length and z points to its bottom, into the
-    car. So the top, from which the shaft stands out, is at negative z.
+    The *spline* is the end of the shaft. It stands on the *turret*, the round around the shaft. The *idler* is a smaller
+    round beside the turret. The solids are given in the servo's frame: the origin is the middle of the body, x runs along
+    its length, and z points to its bottom, into the car. So the top, where the shaft is, has negative z.
     """
     servo = parts.servo
     length, width, depth = servo.length_mm.value, servo.width_mm.value, servo.depth_mm.value
 
-    def z(height_over_bottom: Quantity) -> float:
+    def z_at(height_over_bottom: Quantity) -> float:
+        """Return z at a height over the servo's bottom, as the part's data give it."""
         return depth / 2 - height_over_bottom.value
 
-    axis_x = servo.axis_from_end_mm.value - length / 2
-    # The idler is the smaller round beside the turret.
-    idler_x = axis_x + servo.idler_from_axis_mm.value
+    # The ears are one plate with a hole at each end.
     screw_x = servo.screw_spacing_mm.value / 2
     ear_holes = tuple((x, 0.0, servo.screw_hole_mm.value) for x in (-screw_x, screw_x))
     ear_size = (servo.ear_span_mm.value, width, servo.ear_thickness_mm.value)
-    ear_pose = translation(0, 0, z(servo.ear_underside_mm) - servo.ear_thickness_mm.value / 2)
-    body_top_z, turret_z, spline_z = -depth / 2, z(servo.turret_top_mm), z(servo.spline_top_mm)
-    # The centre screw cuts its thread into the servo's shaft, so turret and spline have a bore as wide as the screw.
+    ear_pose = translation(0, 0, z_at(servo.ear_underside_mm) - servo.ear_thickness_mm.value / 2)
+    # The cylinders. The centre screw cuts its thread into the shaft, so turret and spline have a bore as wide as it.
+    axis_x = servo.axis_from_end_mm.value - length / 2
+    idler_x = axis_x + servo.idler_from_axis_mm.value
+    body_top_z = -depth / 2
+    turret_top_z, spline_top_z = z_at(servo.turret_top_mm), z_at(servo.spline_top_mm)
     bore_mm = parts.centre_screw.diameter_mm.value
     return [
         Solid("box", (length, width, depth), IDENTITY),
         Solid("box", ear_size, ear_pose, ear_holes),
-        cylinder(servo.turret_diameter_mm.value, turret_z, body_top_z, axis_x, bore_mm=bore_mm),
-        cylinder(servo.idler_diameter_mm.value, turret_z, body_top_z, idler_x),
-        cylinder(servo.spline_diameter_mm.value, spline_z, turret_z, axis_x, bore_mm=bore_mm),
+        cylinder(servo.turret_diameter_mm.value, turret_top_z, body_top_z, axis_x, bore_mm=bore_mm),
+        cylinder(servo.idler_diameter_mm.value, turret_top_z, body_top_z, idler_x),
+        cylinder(servo.spline_diameter_mm.value, spline_top_z, turret_top_z, axis_x, bore_mm=bore_mm),
     ]
 
 
 def _cut_servo_opening(shape: Shape, face: str, name: str, x: float, y: float) -> str:
-    """Cut the servo's opening, with a notch for the screw at each end, and return its full name.
+    """Cut the opening for a servo into a face, and return the full name of the hole.
 
-    It is a rectangle around (x, y) with a round notch in the middle of each short side. With separate holes for the
-    screws, less than 1 mm of film would be left between hole and opening, which would tear. A notch holds its screw up
-    and down the wall, and outwards along it; the servo's body holds it inwards.
+    The opening is a rectangle around (x, y) with a round notch for a screw in the middle of each short side. Separate
+    holes for the screws would leave less than 1 mm of film beside the opening, which would tear. In its notch a screw
+    cannot move up, down or away from the servo. The body of the servo keeps it from moving inwards.
     """
     servo, assembly = shape.parts.servo, shape.parts.assembly
     clearance, radius = 2 * assembly.opening_clearance_mm.value, assembly.screw_hole_mm.value / 2
     half_length = (servo.length_mm.max_value + clearance) / 2
     half_width = (servo.width_mm.max_value + clearance) / 2
-    # The half at +x, counter-clockwise: up the short side, with half a circle at its notch.
+    # The short side at +x, from its lower corner to its upper one, as seen from the middle of the opening. Its notch ends
+    # with half a circle, whose angle runs from -90° to 90°.
     notch_angles = [math.pi * (step / ARC_STEPS - 0.5) for step in range(ARC_STEPS + 1)]
     notch_center = (screw_end_mm(shape.parts) - radius, 0.0)
-    half_outline = [
+    side = [
         (half_length, -half_width),
         (half_length, -radius),
         *on_circle(radius, notch_angles, notch_center),
         (half_length, radius),
         (half_length, half_width),
     ]
-    # The other half is the same, turned by half a turn.
-    outline = [*half_outline, *((-u, -v) for u, v in half_outline)]
-    return shape.polygon_hole(face, name, "opening", [(x + u, y + v) for u, v in outline])
+    # Half a turn about the middle makes the other short side of it.
+    opposite_side = [(-from_middle_x, -from_middle_y) for from_middle_x, from_middle_y in side]
+    outline = [(x + from_middle_x, y + from_middle_y) for from_middle_x, from_middle_y in (*side, *opposite_side)]
+    return shape.polygon_hole(face, name, "opening", outline)
 
 
 def switch_depth_mm(parts: Catalogue) -> float:
@@ -223,50 +243,56 @@ SERVO_SWITCH, BOARD_SWITCH = "servo switch", "board switch"
 
 
 def put_switches(shape: Shape, panel: str, at_mm: Point) -> None:
-    """Mount both switches in slots of the face ``panel``, beside each other, the middle between them at ``at_mm``.
+    """Mount both switches of the car beside each other in the face ``panel``.
 
-    Layers of film behind the panel, the faces ``switch.layer 1`` …, make it thick enough for the switches' barbs.
+    ``at_mm`` is the middle between them. Barbs on a switch hold it behind the panel. The panel alone is too thin for
+    them, so layers of film are stuck behind it with tape, the faces ``switch.layer 1`` and so on.
     """
     switch, parts = shape.parts.switch, shape.parts
     slot_length, slot_width = switch.slot_length_mm.value, switch.slot_width_mm.value
     margin = parts.assembly.switch_margin_mm.value
-    # The barbs of every such switch must hold behind the panel and its layers, each with a tape. So the thinnest film and
-    # tape and the switch that needs the thickest panel count.
+    # The number of layers. Any switch must hold in any film, so the calculation is for the switch that needs the thickest
+    # panel, in the thinnest film with the thinnest tape.
     min_film_mm = parts.film.thickness_mm.min_value
     min_layer_mm = min_film_mm + parts.assembly.tape_mm.min_value
     needed_layers = (switch.panel_least_mm.max_value - min_film_mm) / min_layer_mm
     layer_count = max(1, math.ceil(needed_layers - ROUNDING))
-    # Between the slots the film is as wide as around them. So each slot is half of slot and margin from the middle.
+    # The two slots have a margin between them, so the middle of each has this distance from the middle of the margin.
     offset = (slot_length + margin) / 2
     outline = rectangle_around((0.0, 0.0), switches_width_mm(parts), slot_width + 2 * margin)
     for level in range(1, layer_count + 1):
         layer = f"switch.layer {level}"
         shape.layer(layer, panel, outline, at_mm, "switch doubler", level)
-        for x in (-offset, offset):
-            shape.rectangular_hole(layer, f"{layer}.opening", "opening", (x, 0.0), slot_length, slot_width)
-    for name, x in ((SERVO_SWITCH, -offset), (BOARD_SWITCH, offset)):
-        _put_switch(shape, name, panel, (at_mm[0] + x, at_mm[1]))
+        for slot_x in (-offset, offset):
+            shape.rectangular_hole(layer, f"{layer}.opening", "opening", (slot_x, 0.0), slot_length, slot_width)
+    middle_x, middle_y = at_mm
+    _put_switch(shape, SERVO_SWITCH, panel, (middle_x - offset, middle_y))
+    _put_switch(shape, BOARD_SWITCH, panel, (middle_x + offset, middle_y))
 
 
 def _put_switch(shape: Shape, name: str, panel: str, at_mm: Point) -> None:
-    """Mount a switch in a slot of the face ``panel``: its bezel lies on the outside, its body is inside."""
+    """Mount a switch in a slot of the face ``panel``, with its middle at ``at_mm``.
+
+    The body of the switch is inside, behind the panel. Its *bezel*, the frame around the rocker, lies on the panel's
+    outer surface.
+    """
     switch, film = shape.parts.switch, shape.parts.film_mm
     slot_mm = (switch.slot_length_mm.value, switch.slot_width_mm.value)
     hole = shape.rectangular_hole(panel, f"{name} opening", "opening", at_mm, *slot_mm)
-    # The mount's frame: the origin is the middle of the switch's height, z points outwards. From inside to outside
-    # follow the body, the panel, the bezel and the rocker.
-    outer_z = switch.height_mm.value / 2
-    bezel_top_z = outer_z - switch.rocker_height_mm.value
-    panel_z = outer_z - (switch.rocker_height_mm.value + switch.bezel_height_mm.value)
+    # The solids, in the frame of the switch. Its origin is the middle of the switch's height, and z points outwards. From
+    # inside to outside follow the body, the bezel and the rocker.
+    top_z = switch.height_mm.value / 2
+    bezel_top_z = top_z - switch.rocker_height_mm.value
+    bezel_bottom_z = top_z - (switch.rocker_height_mm.value + switch.bezel_height_mm.value)
     bezel_mm, body_mm = switch.size_mm[:2], (switch.body_length_mm.value, switch.body_width_mm.value)
-    solids = [
-        _box_between(bezel_mm, panel_z, bezel_top_z),
-        _box_between(body_mm, bezel_top_z, outer_z),
-        _box_between(body_mm, -outer_z, panel_z),
-    ]
-    finger = ToolClearance("finger", translation(0, 0, outer_z), *shape.parts.tools.finger_mm)
-    # z of the panel's frame points inwards: its outer surface, where the bezel lies, is at -film / 2.
-    pose = compose(translation(*at_mm, panel_z - film / 2), rotation("x", math.pi))
+    bezel = _box_between(bezel_mm, bezel_bottom_z, bezel_top_z)
+    rocker = _box_between(body_mm, bezel_top_z, top_z)
+    body = _box_between(body_mm, -top_z, bezel_bottom_z)
+    solids = [bezel, rocker, body]
+    finger = ToolClearance("finger", translation(0, 0, top_z), *shape.parts.tools.finger_mm)
+    # z of the panel's frame points inwards, so the switch is turned over. The underside of its bezel lies on the panel's
+    # outer surface, at -film / 2.
+    pose = compose(translation(*at_mm, bezel_bottom_z - film / 2), rotation("x", math.pi))
     shape.box(
         switch.name, name, panel, pose, switch.size_mm, switch.mass_kg.value, holes=[hole], solids=solids,
         clearances=[finger],
@@ -297,16 +323,19 @@ def put_button(shape: Shape, panel: str, at_mm: Point) -> None:
     shape.layer("button.layer", panel, rectangle_around((0.0, 0.0), side, side), at_mm, "button doubler")
     shape.round_hole("button.layer", "button.layer.opening", "opening", (0.0, 0.0), button.hole_mm.value)
     hole = shape.round_hole(panel, "button opening", "opening", at_mm, button.hole_mm.value)
-    # The mount's frame: the origin is the middle of the button's height, z points outwards. The body is inside, and the
-    # thread with the button on it is in front.
-    half, front = button.height_mm.value / 2, button.front_mm.value
-    thread_mm, body_mm = button.thread_mm.value, button.length_mm.value
-    solids = [cylinder(thread_mm, half - front, half), cylinder(body_mm, -half, half - front)]
-    finger = ToolClearance("finger", translation(0, 0, half), *parts.tools.finger_mm)
-    # z of the panel's frame points inwards. The body begins behind the layer, one and a half films behind the panel's
-    # middle, and the origin is half of the height before the body's inner end.
+    # The solids, in the frame of the button. Its origin is the middle of the button's height, and z points outwards. The
+    # body is inside, and the thread with the button on it is in front.
+    half_height = button.height_mm.value / 2
+    body_top_z = half_height - button.front_mm.value
+    thread = cylinder(button.thread_mm.value, body_top_z, half_height)
+    body = cylinder(button.length_mm.value, -half_height, body_top_z)
+    solids = [thread, body]
+    finger = ToolClearance("finger", translation(0, 0, half_height), *parts.tools.finger_mm)
+    # z of the panel's frame points inwards, so the button is turned over. Its body begins behind the layer, which is one
+    # and a half films behind the middle of the panel's film. The origin is half of the height before the body's end.
     behind_layer_z = film * 1.5
-    pose = compose(translation(*at_mm, behind_layer_z + button_depth_mm(parts) - half), rotation("x", math.pi))
+    middle_z = behind_layer_z + button_depth_mm(parts) - half_height
+    pose = compose(translation(*at_mm, middle_z), rotation("x", math.pi))
     shape.box(
         button.name, BUTTON, panel, pose, button.size_mm, button.mass_kg.value, holes=[hole], solids=solids,
         clearances=[finger],
@@ -347,23 +376,28 @@ def cylinder(
 def add_screw(shape: Shape, screw: Screw, name: str, on: str, under_head: Pose, grip_mm: float) -> None:
     """Add a screw to the face ``on``.
 
-    ``under_head`` is a pose in the face's frame: its origin is the point under the screw's head, and its z points along
-    the screw to the head. Between head and nut, if the screw has one, is what it holds, ``grip_mm`` thick.
+    ``under_head`` is the pose of the screw in the frame of the face: its origin is the point just under the screw's head,
+    and its z points along the screw to the head. The screw holds what is between its head and its nut, ``grip_mm`` thick.
+    For a screw without a nut, ``grip_mm`` has no meaning.
     """
-    head, shank = screw.head_height_mm.value, screw.length_mm.value
-    # A mount's frame has its origin in the middle of the mount, at this height over the point under the head.
-    middle_z = (head - shank) / 2
+    head_height, shank_length = screw.head_height_mm.value, screw.length_mm.value
+    # The head lies above the origin of ``under_head``, and the shank below it. A mount's own origin is the middle between
+    # the top of the head and the end of the shank, which has this height.
+    middle_z = (head_height - shank_length) / 2
 
-    def solid(diameter_mm: float, low: float, high: float) -> Solid:
+    def cylinder_between(diameter_mm: float, low: float, high: float) -> Solid:
         """Return a cylinder between two heights over the point under the head, in the frame of the mount."""
         return cylinder(diameter_mm, low - middle_z, high - middle_z)
 
     head_mm = screw.head_diameter_mm.value
-    solids = [solid(head_mm, 0.0, head), solid(screw.diameter_mm.value, -shank, 0.0)]
+    head = cylinder_between(head_mm, 0.0, head_height)
+    shank = cylinder_between(screw.diameter_mm.value, -shank_length, 0.0)
+    solids = [head, shank]
     if screw.nut_width_mm is not None and screw.nut_height_mm is not None:
-        # Parts beside a nut face one of its flats, so its width across flats counts.
+        # Parts beside a nut face one of its flats, so the nut is modelled as wide as it is across its flats.
         nut_bottom = -grip_mm - screw.nut_height_mm.value
-        solids.append(solid(screw.nut_width_mm.value, nut_bottom, -grip_mm))
-    driver = ToolClearance("driver", translation(0, 0, head - middle_z), *shape.parts.tools.driver_mm)
-    pose, size = compose(under_head, translation(0, 0, middle_z)), (head_mm, head_mm, head + shank)
+        solids.append(cylinder_between(screw.nut_width_mm.value, nut_bottom, -grip_mm))
+    driver = ToolClearance("driver", translation(0, 0, head_height - middle_z), *shape.parts.tools.driver_mm)
+    pose = compose(under_head, translation(0, 0, middle_z))
+    size = (head_mm, head_mm, head_height + shank_length)
     shape.box(screw.name, name, on, pose, size, screw.mass_kg.value, solids=solids, clearances=[driver])

@@ -192,15 +192,18 @@ class Shape:
 
         If the points coincide, it is a circle.
         """
-        (x0, y0), (x1, y1) = start_mm, end_mm
         if start_mm == end_mm:
             return self.round_hole(face, name, kind, start_mm, width_mm)
-        # Counter-clockwise: half a circle around the end, then half a circle around the start.
-        begin, half = math.atan2(y1 - y0, x1 - x0) - math.pi / 2, CIRCLE_POINTS // 2
-        turns = [begin + 2 * math.pi * i / CIRCLE_POINTS for i in range(CIRCLE_POINTS + 1)]
-        ends = on_circle(width_mm / 2, turns[: half + 1], end_mm), on_circle(width_mm / 2, turns[half:], start_mm)
-        middle = ((x0 + x1) / 2, (y0 + y1) / 2)
-        return self._hole(face, Hole(self.path(name), kind, (*ends[0], *ends[1]), None, middle))
+        (start_x, start_y), (end_x, end_y) = start_mm, end_mm
+        # Half a circle around the end, and then half a circle around the start. Both run counter-clockwise. The first
+        # begins at the right of the slot's direction.
+        first_angle = math.atan2(end_y - start_y, end_x - start_x) - math.pi / 2
+        angles = [first_angle + 2 * math.pi * i / CIRCLE_POINTS for i in range(CIRCLE_POINTS + 1)]
+        half = CIRCLE_POINTS // 2
+        around_end = on_circle(width_mm / 2, angles[: half + 1], end_mm)
+        around_start = on_circle(width_mm / 2, angles[half:], start_mm)
+        middle = ((start_x + end_x) / 2, (start_y + end_y) / 2)
+        return self._hole(face, Hole(self.path(name), kind, (*around_end, *around_start), None, middle))
 
     def polygon_hole(self, face: str, name: str, kind: HoleKind, outline_mm: Sequence[Point]) -> str:
         """Cut a polygon, counter-clockwise, and return its full name."""
@@ -210,12 +213,13 @@ class Shape:
         self, a: str, b: str, kind: LinkKind, angle_deg: float = 0.0, *, depth_mm: float = 0.0, inset_mm: float = 0.0,
         limits_rad: tuple[float, float] = (0.0, 0.0),
     ) -> None:  # fmt: skip
-        """Join two edges by a fold or bend of that angle, rigidly, by a hinge, or by a tab.
+        """Join the edges ``a`` and ``b`` of two faces: by a fold, a bend, a hinge or a tab, or rigidly.
 
-        The two edges are equally long. Only the edge of a tab may be shorter than the edge to which it is glued: a tab
-        grows from edge ``b`` and is glued at edge ``a``. It is ``depth_mm`` deep, lies ``inset_mm`` above the face that
-        it is glued to, and ends ``inset_mm`` before each end of edge ``a``. ``limits_rad`` is the range of a hinge.
-        Raises ComponentError if the lengths do not match, or if an edge is joined already.
+        ``angle_deg`` is the angle between the two faces in the assembled car, and ``limits_rad`` the range of a hinge.
+        The edges must be equally long, except for a tab. A tab is a flap that grows from edge ``b`` and is glued to the
+        inside of the face with edge ``a``. It is ``depth_mm`` deep. With ``inset_mm``, edge ``b`` lies this much above
+        that face, and is shorter than edge ``a`` by this much at each end. Raises ComponentError if the lengths do not
+        match, or if an edge is joined already.
         """
         first, second = self._edge(a), self._edge(b)
         first_mm, second_mm = (math.dist(*self.graph.ends_mm(edge)) for edge in (first, second))
@@ -286,10 +290,10 @@ class Shape:
             clearances: Sequence[ToolClearance] = ()) -> None:  # fmt: skip
         """Add a part that is bought, not cut from film, and fix it to the face ``on``.
 
-        ``part`` is the name of its entry in the parts catalogue, and ``name`` tells it from equal parts of the car.
-        ``pose`` is the pose of its centre in the frame of the face, ``size_mm`` its size along x, y and z. ``holes``
-        are those of the film in which it sits. ``solids`` (its exact shape) and ``clearances`` are given in the frame
-        of its centre.
+        ``part`` is the name of its entry in the parts catalogue. ``name`` is its name in the car, such as "left servo"
+        for one of several servos. ``pose`` is the pose of its centre in the frame of the face, ``size_mm`` its size along
+        its own x, y and z. ``holes`` are the names of the holes of the film that it is put into. ``solids`` are its exact
+        shape, and ``clearances`` the spaces that a tool needs at it; both are given in the frame of its centre.
         """
         face_path = self._face(on)
         mount = Mount(
@@ -305,7 +309,8 @@ class Shape:
         ``servo`` is the name of the servo that drives it. A wheel with the name "" turns freely.
         """
         face_path = self._face(on)
-        # Servos turn counter-clockwise above neutral, so those on the right turn backwards.
+        # A pulse that is longer than the neutral one turns the shaft counter-clockwise, as seen on its end. That drives a
+        # wheel on the left forward, and a wheel on the right backward.
         direction = 1 if side == "left" else -1
         # A component does not know the other wheels: the car sets the wheel's name and its channel when it is complete.
         axle = Axle(

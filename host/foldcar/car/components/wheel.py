@@ -48,13 +48,14 @@ class Wheel(Component):
     def build(self, shape: Shape) -> None:
         """Add the discs, the hub and the rim, with the holes for horn or rod, the horn and the tyre.
 
-        The faces are ``inner``, ``outer``, ``hub``, ``wall 1`` … and ``rim 0 0`` ….
+        The discs are the faces ``inner`` and ``outer``. In the wheel's frame, y points along the axle from the inner disc
+        to the outer one. z of each disc's frame points along the axle into the wheel.
         """
         size = WheelSize(self["radius"], self["tire_thickness"], self.parts)
-        # The printed sides of the discs face each other. So in the inner disc's frame, directions around the axle run the
-        # other way than in the wheel's frame.
-        for name, mirror in (("inner", -1), ("outer", 1)):
-            shape.face(name, _disc_outline(size, mirror), piece=f"wheel {name} disc")
+        # Film parts. Angles around the axle run from x to z in the wheel's frame. In the outer disc's frame they run from
+        # x to y, too, but in the inner disc's frame they run the other way, because its z points the other way.
+        shape.face("inner", _disc_outline(size, -1), piece="wheel inner disc")
+        shape.face("outer", _disc_outline(size, 1), piece="wheel outer disc")
         build_hub(shape, size)
         if self["driven"]:
             self._cut_holes(shape, size)
@@ -62,15 +63,15 @@ class Wheel(Component):
             for face in ("inner", "hub", "outer"):
                 shape.round_hole(face, f"{face}.rod", "axle", (0, 0), wheel_hole_mm(self.parts))
         build_rim(shape, size)
-        # The poses of the discs in the wheel's frame. y is the axle, and z of each disc points along it into the wheel.
+        # The poses of the discs in the wheel's frame, and those of outer disc and rim in the inner disc's frame.
         disc_y = (size.width_mm - size.film_mm) / 2
         inner_pose = compose(translation(0, -disc_y, 0), rotation("x", -math.pi / 2))
         outer_pose = compose(translation(0, disc_y, 0), rotation("x", math.pi / 2))
-        # The other faces are placed in the frame of the inner disc.
         wheel_in_inner = inverse(inner_pose)
         for strip in range(size.strips):
             shape.place(f"rim {strip} 0", "inner", compose(wheel_in_inner, first_facet_pose(size, strip)))
         shape.place("outer", "inner", compose(wheel_in_inner, outer_pose))
+        # Bought parts.
         if self["driven"]:
             _add_horn(shape, size)
         if self.parts.tyre.thickness_mm.value > 0:
@@ -97,28 +98,32 @@ class Wheel(Component):
 
 
 def _disc_outline(size: WheelSize, mirror: int) -> dict[str, Point]:
-    """Return the outline of a disc with a notch for each tie; a point has the name of the edge that starts at it.
+    """Return the outline of a disc: a circle around the axle with a notch for each *tie*, a hook of the rim.
 
-    The bottom of notch i is the edge ``notch i``. ``mirror`` is -1 if directions in the frame of the wheel run
-    clockwise in the frame of the disc, else 1.
+    The outline runs counter-clockwise in the disc's frame, whose origin is on the axle. Each point has the name of the
+    edge that starts at it. The bottom of notch 0 is the edge ``notch 0``. ``mirror`` is -1 if angles around the axle have
+    the opposite sign in the frame of the disc, else 1.
     """
-    radius, half, bottom = size.disc_radius_mm, size.notch_half_mm, size.notch_bottom_mm
-    half_notch_rad = math.asin(half / radius)
-    # The notches, counter-clockwise around the disc. After the last one comes the first again.
-    directions = sorted((mirror * angle, tie) for tie, angle in enumerate(size.tie_angles_rad))
-    first_angle, first_tie = directions[0]
+    radius, half_width, bottom = size.disc_radius_mm, size.notch_half_mm, size.notch_bottom_mm
+    half_notch_rad = math.asin(half_width / radius)
+    # The notches in the order of the outline. After the last one comes the first again.
+    angles_with_ties = sorted((mirror * angle, tie) for tie, angle in enumerate(size.tie_angles_rad))
+    first_angle, first_tie = angles_with_ties[0]
+    angles_with_ties.append((first_angle + 2 * math.pi, first_tie))
     outline: dict[str, Point] = {}
-    for (angle, tie), (next_angle, _) in pairwise([*directions, (first_angle + 2 * math.pi, first_tie)]):
+    for (angle, tie), (next_angle, _) in pairwise(angles_with_ties):
+        # The two corners at the bottom of the notch, half of its width clockwise and counter-clockwise of its middle.
         cos, sin = math.cos(angle), math.sin(angle)
-        # The corners of the notch's bottom lie in the notch's direction and half its width to both sides of it.
-        outline[f"notch {tie}"] = (cos * bottom + sin * half, sin * bottom - cos * half)
-        outline[f"wall a {tie}"] = (cos * bottom - sin * half, sin * bottom + cos * half)
-        # From this notch to the next, the outline follows the circle.
-        start, end = angle + half_notch_rad, next_angle - half_notch_rad
-        steps = arc_steps(radius, end - start)
-        points = on_circle(radius, (start + (end - start) * step / steps for step in range(steps + 1)))
-        names = [*(f"arc {tie} {step}" for step in range(steps)), f"wall b {tie}"]
-        outline |= dict(zip(names, points, strict=True))
+        outline[f"notch {tie}"] = (cos * bottom + sin * half_width, sin * bottom - cos * half_width)
+        outline[f"wall a {tie}"] = (cos * bottom - sin * half_width, sin * bottom + cos * half_width)
+        # The arc from this notch to the next one, in short steps. The last point is the upper corner of the next notch.
+        arc_start, arc_end = angle + half_notch_rad, next_angle - half_notch_rad
+        steps = arc_steps(radius, arc_end - arc_start)
+        arc_angles = [arc_start + (arc_end - arc_start) * step / steps for step in range(steps + 1)]
+        *arc_points, next_corner = on_circle(radius, arc_angles)
+        for step, point in enumerate(arc_points):
+            outline[f"arc {tie} {step}"] = point
+        outline[f"wall b {tie}"] = next_corner
     return outline
 
 
@@ -127,78 +132,88 @@ TYRE_BOXES = 48
 
 
 def _add_horn(shape: Shape, size: WheelSize) -> None:
-    """Mount the horn on the side of the inner disc that faces the car, with screws from outside.
+    """Mount the servo's horn on the side of the inner disc that faces the car, and add the screws that hold it.
 
-    z of the inner disc's frame points outwards, away from the car.
+    The origin of the inner disc's frame is on the axle, in the middle of the film. z points outwards, away from the car.
+    None of the screws has a nut, so their grips are 0.
     """
-    horn, parts = shape.parts.horn, shape.parts
-    # The horn's outer face lies on the disc's lower surface.
-    disc_bottom_z, hub_top_z = -size.film_mm / 2, size.film_mm / 2 + size.film_mm
+    horn, parts, film = shape.parts.horn, shape.parts, size.film_mm
+    # The horn's outer face lies on the disc's surface that faces the car.
+    horn_top_z = -film / 2
     x0, y0, x1, y1 = horn.extent_mm
-    center = ((x0 + x1) / 2, (y0 + y1) / 2, disc_bottom_z - horn.height_mm.value / 2)
-    box_mm, solids = (x1 - x0, y1 - y0, horn.height_mm.value), _horn_solids(shape.parts, center)
+    center = ((x0 + x1) / 2, (y0 + y1) / 2, horn_top_z - horn.height_mm.value / 2)
+    box_mm = (x1 - x0, y1 - y0, horn.height_mm.value)
+    solids = _horn_solids(parts, center)
     shape.box(horn.name, "horn", "inner", translation(*center), box_mm, horn.mass_kg.value, solids=solids)
-    # The centre screw's head lies in a recess of the horn. The screws of the wheel have theirs on the hub's layer, which
-    # is glued onto the disc.
-    recess = translation(0, 0, disc_bottom_z - horn.recess_depth_mm.value)
-    add_screw(shape, parts.centre_screw, "centre screw", "inner", recess, grip_mm=0.0)
+    # The centre screw holds the horn on the servo. Its head lies in a recess of the horn.
+    recess_bottom = translation(0, 0, horn_top_z - horn.recess_depth_mm.value)
+    add_screw(shape, parts.centre_screw, "centre screw", "inner", recess_bottom, grip_mm=0.0)
+    # Two screws hold the wheel on the horn. Their heads lie on the hub's layer, which is glued onto the disc.
+    hub_top_z = film / 2 + film
     for number, (x, y) in enumerate(wheel_screws_mm(horn), 1):
         on_hub = translation(x, y, hub_top_z)
         add_screw(shape, parts.horn_screw, f"wheel screw {number}", "inner", on_hub, grip_mm=0.0)
 
 
 def _horn_solids(parts: Catalogue, center: tuple[float, float, float]) -> list[Solid]:
-    """Return the hub of the horn, and its arms or disc, as solids in the frame of the horn's box.
+    """Return the solids of a servo's horn: its hub on the servo's shaft, and its arms or its disc.
 
-    The horn's axis is at the origin of its own frame, in which ``center`` is the middle of the box. z points outwards.
+    ``center`` is the middle of the horn's box in a frame whose origin lies on the horn's axis. The solids are given in
+    the frame of the box, whose origin is this middle. z points outwards, away from the servo.
     """
-    horn, screw_mm = parts.horn, parts.horn_screw.diameter_mm.value
+    horn = parts.horn
     axis_x, axis_y = -center[0], -center[1]
-    top, hub_mm, recess_mm = horn.height_mm.value / 2, horn.hub_diameter_mm.value, horn.recess_diameter_mm.value
+    hub_mm, recess_mm = horn.hub_diameter_mm.value, horn.recess_diameter_mm.value
     # The hub is three cylinders, from the servo outwards: one around the spline, a floor for the centre screw's head, and
     # one around the recess for this head.
-    floor_z, recess_z = -top + horn.spline_depth_mm.value, top - horn.recess_depth_mm.value
+    top_z = horn.height_mm.value / 2
+    floor_z = -top_z + horn.spline_depth_mm.value
+    recess_z = top_z - horn.recess_depth_mm.value
     solids = [
-        cylinder(hub_mm, -top, floor_z, axis_x, axis_y, bore_mm=parts.servo.spline_diameter_mm.value),
+        cylinder(hub_mm, -top_z, floor_z, axis_x, axis_y, bore_mm=parts.servo.spline_diameter_mm.value),
         cylinder(hub_mm, floor_z, recess_z, axis_x, axis_y, bore_mm=horn.centre_hole_mm.value),
-        cylinder(hub_mm, recess_z, top, axis_x, axis_y, bore_mm=recess_mm),
+        cylinder(hub_mm, recess_z, top_z, axis_x, axis_y, bore_mm=recess_mm),
     ]
-    # Arms and disc are flush with the hub's outer face. The screws cut their thread into them, so they have a bore as
-    # wide as the screw.
-    arm_height = horn.thickness_mm.value
-    arm_middle = translation(axis_x, axis_y, (horn.height_mm.value - arm_height) / 2)
-    recess_bore = (0.0, 0.0, recess_mm)
-    screws = wheel_screws_mm(horn)
+    # Arms and disc are flush with the hub's outer face. They have a bore for the recess, and one for each screw that cuts
+    # its thread into them.
+    plate_height = horn.thickness_mm.value
+    plate_middle = translation(axis_x, axis_y, (horn.height_mm.value - plate_height) / 2)
+    screws, screw_mm = wheel_screws_mm(horn), parts.horn_screw.diameter_mm.value
     if horn.disc_diameter_mm:
         disc_mm = horn.disc_diameter_mm.value
-        screw_bores = [(x, y, screw_mm) for x, y in screws]
-        solids.append(Solid("cylinder", (disc_mm, disc_mm, arm_height), arm_middle, (recess_bore, *screw_bores)))
+        disc_bores = [(0.0, 0.0, recess_mm), *((x, y, screw_mm) for x, y in screws)]
+        solids.append(Solid("cylinder", (disc_mm, disc_mm, plate_height), plate_middle, tuple(disc_bores)))
     if horn.arms:
         for angle_deg, reach in zip(horn.arms.at_deg, horn.arms.reach_mm, strict=True):
-            # An arm's frame: x along it, the origin in its middle. The horn's axis is at its end.
+            # An arm begins at the horn's axis. The origin of its frame is its middle, and x points outwards along it.
             turn = rotation("z", math.radians(angle_deg))
-            bores = [(-reach / 2, 0.0, recess_mm)]
+            arm_bores = [(-reach / 2, 0.0, recess_mm)]
             for screw in screws:
-                x, y, _ = apply(inverse(turn), *screw)
-                bores.append((x - reach / 2, y, screw_mm))
-            pose = compose(arm_middle, turn, translation(reach / 2, 0, 0))
-            solids.append(Solid("box", (reach, horn.arms.width_mm, arm_height), pose, tuple(bores)))
+                along_arm, across_arm, _ = apply(inverse(turn), *screw)
+                arm_bores.append((along_arm - reach / 2, across_arm, screw_mm))
+            pose = compose(plate_middle, turn, translation(reach / 2, 0, 0))
+            solids.append(Solid("box", (reach, horn.arms.width_mm, plate_height), pose, tuple(arm_bores)))
     return solids
 
 
 def _add_tyre(shape: Shape, size: WheelSize) -> None:
-    """Add the tyre: a ring of boxes over both discs and the rim."""
+    """Add the tyre over the discs and the rim, modelled as a ring of boxes.
+
+    The boxes are given in the tyre's frame: the origin is its centre, and z points along the axle.
+    """
     tyre = shape.parts.tyre
     width, thickness = tyre.running_width_mm(size.width_mm), tyre.thickness_mm.value
-    # Each box touches the circle through the middle of the tyre, and meets its neighbours there.
-    angle = 2 * math.pi / TYRE_BOXES
+    # The middles of the boxes lie on the circle through the middle of the tyre's thickness. Their middle planes form a
+    # polygon around this circle, so a box is as long as a side of the polygon.
+    step_rad = 2 * math.pi / TYRE_BOXES
     middle_radius = size.disc_radius_mm + thickness / 2
-    box_mm = (thickness, 2 * middle_radius * math.tan(angle / 2), width)
+    box_length = 2 * middle_radius * math.tan(step_rad / 2)
     solids = []
     for number in range(TYRE_BOXES):
-        box_pose = compose(rotation("z", number * angle), translation(middle_radius, 0, 0))
-        solids.append(Solid("box", box_mm, box_pose))
+        box_pose = compose(rotation("z", number * step_rad), translation(middle_radius, 0, 0))
+        solids.append(Solid("box", (thickness, box_length, width), box_pose))
     # The wheel's centre in the frame of the inner disc.
     pose = translation(0, 0, (size.width_mm - size.film_mm) / 2)
-    size_mm, mass_kg = (2 * size.radius_mm, 2 * size.radius_mm, width), tyre.mass_kg(size.radius_mm, size.width_mm)
+    size_mm = (2 * size.radius_mm, 2 * size.radius_mm, width)
+    mass_kg = tyre.mass_kg(size.radius_mm, size.width_mm)
     shape.box(tyre.name, "tyre", "inner", pose, size_mm, mass_kg, solids=solids)

@@ -44,40 +44,45 @@ class WheelSize:
     """
 
     def __init__(self, radius_mm: float, width_mm: float, parts: Catalogue) -> None:
-        self.radius_mm, self.width_mm, self.film_mm = radius_mm, width_mm, parts.film_mm
-        # Play of a neck in its slot or notch on each side.
+        """Compute all sizes, from the discs over the rim to the hub. The members' comments say what they are."""
+        self.radius_mm = radius_mm
+        self.width_mm = width_mm
+        self.film_mm = parts.film_mm
+        # Play of a hook's neck in its slot or notch, on each side.
         self.clearance_mm = parts.assembly.slot_clearance_mm.value / 2
         # Radius of the discs and of the rim's outer face, on which the tyre lies.
         self.disc_radius_mm = radius_mm - parts.tyre.thickness_mm.value
         # Width of the strips between the discs, with some play.
         self.between_mm = width_mm - 2 * (self.film_mm + self.clearance_mm)
-        # Length of the rim along the film's middle, and the number of equal strips that it consists of.
-        length_mm = 2 * math.pi * (self.disc_radius_mm - self.film_mm / 2)
-        self.strips = math.ceil(length_mm / MAX_STRIP_MM)
-        # Number of ties on each edge of a strip: so many that the discs do not buckle, and enough on the whole wheel.
+        # Number of equal strips that the rim consists of.
+        rim_length_mm = 2 * math.pi * (self.disc_radius_mm - self.film_mm / 2)
+        self.strips = math.ceil(rim_length_mm / MAX_STRIP_MM)
+        # Number of ties of a strip, the places at which it holds the discs. They are near enough to each other that the
+        # discs do not buckle, and there are at least MIN_TIES on the wheel.
         disc_arc_mm = 2 * math.pi * self.disc_radius_mm / self.strips
-        spans = math.ceil(disc_arc_mm / max_span_mm(self.disc_radius_mm, parts))
-        self.ties = max(spans, math.ceil(MIN_TIES / self.strips))
-        # Directions of the ties around the axle, from x towards z of the wheel's frame; strip after strip.
+        min_spans = math.ceil(disc_arc_mm / max_span_mm(self.disc_radius_mm, parts))
+        self.ties = max(min_spans, math.ceil(MIN_TIES / self.strips))
+        # Directions of all ties around the axle, strip after strip. They are counted from x towards z of the wheel.
         tie_count = self.strips * self.ties
         self.tie_angles_rad = [2 * math.pi * tie / tie_count for tie in range(tie_count)]
-        # Facets of the rim from tie to tie; each one's length, its angle to the next, its distance from the axle.
-        self.facets_per_tie = max(1, math.floor(length_mm / (tie_count * RIM_FACET_MM)))
+        # Number of facets from tie to tie.
+        self.facets_per_tie = max(1, math.floor(rim_length_mm / (tie_count * RIM_FACET_MM)))
         facet_count = tie_count * self.facets_per_tie
-        self.facet_mm = length_mm / facet_count
+        # A facet's length, its angle to the next facet, and the distance of its middle from the axle.
+        self.facet_mm = rim_length_mm / facet_count
         self.turn_rad = 2 * math.pi / facet_count
         self.apothem_mm = self.facet_mm / 2 / math.tan(self.turn_rad / 2)
-        # The end of a strip lies one film inside the first facet of the next strip. So its last facet meets that facet
-        # at a smaller angle than others meet. Across that facet, the last one rises by less, by one film:
-        # facet · sin(slope) = facet · sin(turn) - film.
+        # Angle between the last facet of a strip and the first facet of the next strip. Other facets meet at the angle
+        # `turn`: one end of a facet is facet · sin(turn) farther in than the facet that it meets. The last facet ends one
+        # film below the first one, so this distance is one film less: facet · sin(slope) = facet · sin(turn) - film.
         self.slope_rad = math.asin(math.sin(self.turn_rad) - self.film_mm / self.facet_mm)
         # Half the width of a notch in a disc, and the distance of its bottom from the axle.
         self.notch_half_mm = NECK_MM / 2 + self.clearance_mm
         self.notch_bottom_mm = self.apothem_mm - self.film_mm / 2 - self.clearance_mm
-        # Distance of the hub's walls from the axle: a driver reaches every screw between them.
+        # Distance of the hub's walls from the axle, which leaves a driver room for every screw between them.
         self.hub_mm = hub_mm(parts)
-        # Height of the hub's walls, from the middle of its layer to the outer disc, with some play. The inner disc, half
-        # of the layer and the outer disc are not part of it.
+        # Height of the hub's walls, from the middle of its layer to the outer disc, with some play. The films of both
+        # discs and half of the layer's film are not part of it.
         self.wall_mm = width_mm - 2.5 * self.film_mm - self.clearance_mm
 
 

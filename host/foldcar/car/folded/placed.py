@@ -76,10 +76,11 @@ def polygon(face: Face) -> shapely.Polygon:
 
 
 def placed_faces(car: FoldedCar, bodies: Collection[str] = ()) -> dict[str, list[PlacedFace]]:
-    """Return the faces of ``bodies`` with their poses in the car, by body.
+    """Return the faces of the rigid bodies with these names, with their poses in the car, by body.
 
-    By default these are all segments and the first wheel of each unit. A *unit* is wheels that are alike, so one of them
-    stands for all. A face beyond a flexure, in a hinge's strip, belongs to the segment behind the hinge.
+    Without ``bodies``, these are the faces of all segments, and of one wheel of each unit. A *unit* is a group of equal
+    wheels, so one of them stands for all. The strip of a hinge is one piece of two bodies: its front half belongs to the
+    segment before the hinge, and its rear half to the segment behind it.
     """
     pieces = {piece.name: piece for piece in car.pieces}
     skipped = set() if bodies else _repeated_wheels(car)

@@ -81,8 +81,9 @@ def across_crease(parent: tuple[Point, Point], child: tuple[Point, Point], angle
     along_x, along_y = -parent_x, -parent_y
     normal_x, normal_y, normal_z = parent_y * cos, -parent_x * cos, sin
     up_x, up_y, up_z = -parent_y * sin, parent_x * sin, cos
-    # In the child's frame, its edge has the direction (child_x, child_y), and its normal is (-child_y, child_x). So these
-    # are the rows of the rotation that takes the three axes to the above.
+    # The same three axes in the child's own frame are its edge (child_x, child_y, 0), its normal (-child_y, child_x, 0)
+    # and (0, 0, 1). The rotation turns these into the above: it is the matrix with the columns along, normal and up,
+    # times the matrix with the rows edge, own normal and (0, 0, 1). As along_z is 0, the last row is shorter.
     rotation_rows = (
         (along_x * child_x - normal_x * child_y, along_x * child_y + normal_x * child_x, up_x),
         (along_y * child_x - normal_y * child_y, along_y * child_y + normal_y * child_x, up_y),

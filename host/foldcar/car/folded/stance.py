@@ -46,25 +46,31 @@ def stance(car: FoldedCar) -> Stance:
 
 
 def standing(wheels_mm: Sequence[Point], center_mm: Point) -> Stance:
-    """Return the stable stance: of all stances in which no wheel is below the ground, the one with the lowest
-    centre of mass.
+    """Return the stable stance of a car on level ground.
 
-    ``wheels_mm`` are (x, radius), and ``center_mm`` is (x, z). The car stands on two axles. If its centre of mass is
-    below the axles, it may also hang from a single axle, with the centre of mass below that axle.
+    Of all stances in which no wheel is below the ground, it is the one with the lowest centre of mass. The car stands on
+    two axles. If its centre of mass is below the axles, it may also stand on a single axle, with the centre of mass
+    straight below that axle. ``wheels_mm`` are the axles' x and their wheels' radii, and ``center_mm`` are x and z of the
+    centre of mass. All are given in the car's frame, in which the axles have z = 0.
     """
-    x, z = center_mm
-    # Level on the largest wheels no wheel is below the ground, so there is always a stance.
+    center_x, center_z = center_mm
+    # If the car is level at the height of its largest wheels, no wheel is below the ground. So at least this stance is
+    # possible.
     stances = [Stance(0.0, max(radius for _, radius in wheels_mm))]
-    for (rear, rear_radius), (front, front_radius) in itertools.combinations(sorted(wheels_mm), 2):
-        if front > rear:
-            pitch = math.asin(max(-1.0, min(1.0, (front_radius - rear_radius) / (front - rear))))
-            stances.append(Stance(pitch, front_radius - front * math.sin(pitch)))
-    for axle_x, radius in wheels_mm if z < 0 else ():
-        # The centre of mass is straight below the axle.
-        pitch = math.atan((x - axle_x) / z)
-        stances.append(Stance(pitch, radius - axle_x * math.sin(pitch)))
+    # Stances on two axles, as derived at the head of this file.
+    for (rear_x, rear_radius), (front_x, front_radius) in itertools.combinations(sorted(wheels_mm), 2):
+        if front_x > rear_x:
+            sin_pitch = (front_radius - rear_radius) / (front_x - rear_x)
+            # Wheels that differ by more than the distance of their axles cannot both stand; the limits avoid an error.
+            pitch = math.asin(max(-1.0, min(1.0, sin_pitch)))
+            stances.append(Stance(pitch, front_radius - front_x * math.sin(pitch)))
+    # Stances on a single axle.
+    if center_z < 0:
+        for axle_x, radius in wheels_mm:
+            pitch = math.atan((center_x - axle_x) / center_z)
+            stances.append(Stance(pitch, radius - axle_x * math.sin(pitch)))
 
     def is_above_ground(stance: Stance) -> bool:
         return all(stance.height_mm(axle_x, 0) >= radius - ROUNDING_MM for axle_x, radius in wheels_mm)
 
-    return min(filter(is_above_ground, stances), key=lambda stance: stance.height_mm(x, z))
+    return min(filter(is_above_ground, stances), key=lambda stance: stance.height_mm(center_x, center_z))

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from foldcar.car.folded.model import FoldedCar, Mount, Point, Pose
+from foldcar.car.folded.model import FoldedCar, Mount, Point, Pose, Solid
 from foldcar.car.folded.placed import PlacedFace, placed_faces
 from foldcar.car.folded.pose import compose
 from foldcar.car.parts.bought import Film
@@ -56,24 +56,33 @@ def mount_properties(mount: Mount) -> MassProperties:
 
     The part is made of its solids or, if it has none, of its box.
     """
-    volumes = [
-        0.0 if solid.weightless else math.prod(solid.size_mm) * (math.pi / 4 if solid.kind == "cylinder" else 1.0)
-        for solid in mount.shape
-    ]
+    volumes_mm3 = [_volume_mm3(solid) for solid in mount.shape]
     properties = []
-    for solid, volume in zip(mount.shape, volumes, strict=True):
-        mass_kg = mount.mass_kg * volume / sum(volumes)
-        x, y, z = (size * MM for size in solid.size_mm)
+    for solid, volume_mm3 in zip(mount.shape, volumes_mm3, strict=True):
+        mass_kg = mount.mass_kg * volume_mm3 / sum(volumes_mm3)
+        size_m = [size * MM for size in solid.size_mm]
         if solid.kind == "cylinder":
-            # With radius r and length h: m (3 r² + h²) / 12 across the axis, m r² / 2 about it. x is the diameter.
-            across = mass_kg * (0.75 * x**2 + z**2) / 12
-            moments = np.array([across, across, mass_kg * x**2 / 8])
+            # The moments of inertia of a cylinder with the diameter d and the length h are m (3/4 d² + h²) / 12 about x
+            # and y, and m d² / 8 about its axis z.
+            diameter_m, _, length_m = size_m
+            across_axis = mass_kg * (0.75 * diameter_m**2 + length_m**2) / 12
+            about_axis = mass_kg * diameter_m**2 / 8
+            moments = np.array([across_axis, across_axis, about_axis])
         else:
-            squares = np.square((x, y, z))
+            # That of a box about an axis is m / 12 times the sum of the squares of its two sizes across the axis.
+            squares = np.square(size_m)
             moments = mass_kg / 12 * (squares.sum() - squares)
         about_centre = MassProperties(mass_kg, np.zeros(3), np.diag(moments))
         properties.append(_moved(about_centre, compose(mount.pose, solid.pose)))
     return assemble(properties)
+
+
+def _volume_mm3(solid: Solid) -> float:
+    """Return the volume of a box or cylinder; 0 if it has no part in the mass."""
+    if solid.weightless:
+        return 0.0
+    box_mm3 = math.prod(solid.size_mm)
+    return box_mm3 * (math.pi / 4) if solid.kind == "cylinder" else box_mm3
 
 
 def max_placement_shift_mm(car: FoldedCar) -> float:
@@ -113,20 +122,21 @@ def area_mm2(outline: Sequence[Point]) -> float:
 def plate_properties(placed: PlacedFace, film: Film) -> MassProperties:
     """Return the mass properties of a face as a plate of uniform thickness (SI units, in the frame of the car)."""
     face, thickness_mm = placed.face, placed.piece.thickness_mm
-    moments = _moments(face.outline_mm) - sum((_moments(hole.outline_mm) for hole in face.holes), np.zeros(6))
-    area, first_x, first_y, second_xx, second_yy, second_xy = moments
-    center_x, center_y = first_x / area, first_y / area
-    # Moments about the centre of area (parallel-axis theorem), and across the thickness.
-    xx = second_xx - area * center_x * center_x
-    yy = second_yy - area * center_y * center_y
-    xy = second_xy - area * center_x * center_y
-    zz = area * thickness_mm**2 / 12
-    inertia = np.array([[yy + zz, -xy, 0.0], [-xy, xx + zz, 0.0], [0.0, 0.0, xx + yy]])
-    # The mass of a plate's area (kg/mm²) turns moments of area into moments of mass.
+    # The holes are subtracted from the outline.
+    hole_moments = sum((_moments(hole.outline_mm) for hole in face.holes), np.zeros(6))
+    area_mm2, first_x, first_y, second_xx, second_yy, second_xy = _moments(face.outline_mm) - hole_moments
+    center_x, center_y = first_x / area_mm2, first_y / area_mm2
+    # Second moments (mm⁴) about the centre of the area (parallel-axis theorem), and across the thickness.
+    xx = second_xx - area_mm2 * center_x * center_x
+    yy = second_yy - area_mm2 * center_y * center_y
+    xy = second_xy - area_mm2 * center_x * center_y
+    zz = area_mm2 * thickness_mm**2 / 12
+    inertia_mm4 = np.array([[yy + zz, -xy, 0.0], [-xy, xx + zz, 0.0], [0.0, 0.0, xx + yy]])
+    # The density is per cubic metre, so the thickness and the area count in metres.
     density_kg_mm2 = thickness_mm * MM**3 * film.density_kg_m3.value
-    inertia *= density_kg_mm2 * MM**2
+    inertia_kg_m2 = inertia_mm4 * (density_kg_mm2 * MM**2)
     center_m = np.array([center_x * MM, center_y * MM, 0.0])
-    in_face = MassProperties(area * density_kg_mm2, center_m, inertia)
+    in_face = MassProperties(area_mm2 * density_kg_mm2, center_m, inertia_kg_m2)
     return _moved(in_face, placed.pose)
 
 
@@ -136,19 +146,18 @@ def _moments(outline: Sequence[Point]) -> NDArray[np.float64]:
     These are the area (mm²), its first moments along x and y (mm³), and its second moments xx, yy and xy (mm⁴). They are
     positive if the polygon runs counter-clockwise.
     """
-    # The start and the end of each edge.
+    # Each edge makes a triangle with the origin. The moments of the polygon are the sums of those of these triangles.
+    # Edges start at (x0, y0) and end at (x1, y1).
     x0, y0 = np.array(outline).T
     x1, y1 = np.array((*outline[1:], outline[0])).T
-    # Twice the area of the triangle between the origin and each edge. Each sum adds up the moments of these triangles.
-    cross = x0 * y1 - x1 * y0
-    return np.array([
-        cross.sum() / 2,
-        ((x0 + x1) * cross).sum() / 6,
-        ((y0 + y1) * cross).sum() / 6,
-        ((x0 * x0 + x0 * x1 + x1 * x1) * cross).sum() / 12,
-        ((y0 * y0 + y0 * y1 + y1 * y1) * cross).sum() / 12,
-        ((x0 * y1 + 2 * x0 * y0 + 2 * x1 * y1 + x1 * y0) * cross).sum() / 24,
-    ])  # fmt: skip
+    doubled_areas = x0 * y1 - x1 * y0
+    area = doubled_areas.sum() / 2
+    first_x = ((x0 + x1) * doubled_areas).sum() / 6
+    first_y = ((y0 + y1) * doubled_areas).sum() / 6
+    second_xx = ((x0 * x0 + x0 * x1 + x1 * x1) * doubled_areas).sum() / 12
+    second_yy = ((y0 * y0 + y0 * y1 + y1 * y1) * doubled_areas).sum() / 12
+    second_xy = ((x0 * y1 + 2 * x0 * y0 + 2 * x1 * y1 + x1 * y0) * doubled_areas).sum() / 24
+    return np.array([area, first_x, first_y, second_xx, second_yy, second_xy])
 
 
 def _moved(properties: MassProperties, pose: Pose) -> MassProperties:

@@ -178,30 +178,33 @@ class Tyre(Bought):
         return rim_width_mm if self.width_mm is None else min(self.width_mm.value, rim_width_mm)
 
     def sizes(self, radius_mm: float, rim_width_mm: float) -> tuple[str, ...]:
-        """Describe what to take or to cut for a wheel of that outer radius (mm), each way of doing so as a text.
+        """Return what to take or to cut for the tyre of a wheel, in words, one text for each possible way.
 
-        This is a tube, a closed band, or a strip, which is as long as the circumference of the tyre's middle.
+        ``radius_mm`` is the outer radius of the wheel with its tyre, and ``rim_width_mm`` the width of its rim.
         """
         width, thickness = self.running_width_mm(rim_width_mm), self.thickness_mm.value
-        rim_mm = 2 * (radius_mm - thickness)
+        rim_diameter_mm = 2 * (radius_mm - thickness)
+        # A tube that shrinks onto the rim. Laid flat, it is half as wide as its circumference.
         if self.form == "tube":
-            flat = math.ceil(math.pi * rim_mm / 2)
-            return (f"{width:g} mm of a tube that is wider than {rim_mm:g} mm before it shrinks ({flat} mm flat)",)
-        strip_mm = math.pi * (rim_mm + thickness)
+            flat = math.ceil(math.pi * rim_diameter_mm / 2)
+            wide_enough = f"wider than {rim_diameter_mm:g} mm before it shrinks ({flat} mm flat)"
+            return (f"{width:g} mm of a tube that is {wide_enough}",)
+        # A strip is as long as the circle through the middle of the tyre's thickness.
+        strip_mm = math.pi * (rim_diameter_mm + thickness)
         strip = f"a strip of {round(strip_mm)} x {width:g} mm"
         stretch = self.closed_stretch(radius_mm)
         if stretch is None:
-            # It is no band, or a band of one size that does not fit closed, so it is cut open.
             if self.inside_mm is None:
                 return (strip,)
+            # The strip is cut from bands that are sold in one size only, and do not fit closed.
             bands = math.ceil(strip_mm / self.inside_mm.value)
             source = "one band, cut open" if bands == 1 else f"{bands} bands, cut open and laid end to end"
             return (f"{strip}, of {source}",)
         on_rim = f"on the rim it is stretched by {100 * stretch:.0f} %"
         if self.inside_mm is not None:
             return (f"one closed band as it is: {on_rim}",)
-        # A band of any size can be bought, or a strip can be cut instead.
-        inside_mm = math.pi * rim_mm / (1 + stretch)
+        # A band that can be bought in any size, or a strip instead of it.
+        inside_mm = math.pi * rim_diameter_mm / (1 + stretch)
         band = (
             f"a closed band {inside_mm / math.pi:.0f} mm in inside diameter ({inside_mm / 2:.0f} mm long when it lies "
             f"flat), {width:g} mm wide, {thickness:g} mm thick: {on_rim}"
@@ -226,8 +229,8 @@ class Tyre(Bought):
     def taped_mm(self, radius_mm: float) -> float:
         """Return the length of tape (mm) that holds the tyre on a wheel of that outer radius.
 
-        A band needs tape around the rim if it is cut open, or if it may be cut as a strip. A band of one size that fits
-        closed needs none. Neither does a tyre that is no band: it shrinks, or it has an adhesive of its own.
+        A band that is cut open, or a strip that is cut instead of a band, needs tape all around the rim. A closed band
+        holds without tape. The length is also 0 for a tube, which shrinks, and for a strip with an adhesive of its own.
         """
         is_band = self.stretch is not None
         fits_closed_as_sold = self.inside_mm is not None and self.closed_stretch(radius_mm) is not None

@@ -124,15 +124,17 @@ def _extension_mount(car: FoldedCar, servo: Mount, extension: Bought) -> Mount:
     It lies on the floor, below the servo and beside the wall of the servo. Its lead counts as wiring.
     """
     parts, film, extensions = car.parts, car.parts.film_mm, car.parts.extensions
-    size = (extensions.joint_length_mm.value, extensions.joint_width_mm.value, extensions.joint_height_mm.value)
-    # z of the servo's frame points into the car, from the middle of its depth. The wall with its second layer begins at
-    # the undersides of the ears and is two films thick.
+    length, width = extensions.joint_length_mm.value, extensions.joint_width_mm.value
+    height = extensions.joint_height_mm.value
+    # In the servo's frame, z points from its middle to its bottom, into the car. The undersides of its ears lie on the
+    # outside of the wall. From there inwards follow the wall, its second layer of film, a gap and the joint.
     ears_z = parts.servo.depth_mm.value / 2 - parts.servo.ear_underside_mm.value
     inside_of_wall_z = ears_z + 2 * film
-    x, y, _ = apply(servo.pose, 0.0, 0.0, inside_of_wall_z + JOINT_GAP_MM + size[1] / 2)
-    z = _height_mm(_segments(car)[servo.body], "floor") + film / 2 + size[2] / 2
+    x, y, _ = apply(servo.pose, 0.0, 0.0, inside_of_wall_z + JOINT_GAP_MM + width / 2)
+    floor_z = _height_mm(_segments(car)[servo.body], "floor")
+    pose = translation(x, y, floor_z + film / 2 + height / 2)
     name = f"extension of {servo.name}"
-    return Mount(extension.name, name, servo.body, translation(x, y, z), size, extension.mass_kg.value)
+    return Mount(extension.name, name, servo.body, pose, (length, width, height), extension.mass_kg.value)
 
 
 def _segments(car: FoldedCar) -> dict[str, list[PlacedFace]]:
@@ -168,16 +170,21 @@ class WireStart(NamedTuple):
 
 
 def _ends(mount: Mount, battery: BoxPart) -> Iterator[BatteryEnd]:
-    """Yield both ends of a battery, where its leads may leave it."""
-    # The axis of the mount, x or y, along which the battery's length lies.
-    axis = min((0, 1), key=lambda i: abs(mount.size_mm[i] - battery.length_mm.value))
+    """Yield the two ends of a battery's length, at one of which its leads leave it."""
+    # The axis of the mount along which the battery's length lies: x (0), or y (1) if the battery is turned.
+    x_mm, y_mm, _ = mount.size_mm
+    length_mm = battery.length_mm.value
+    axis = 0 if abs(x_mm - length_mm) <= abs(y_mm - length_mm) else 1
+    # In the car's frame, the middle of the battery and the vector from there to one of the ends.
     pose = np.array(mount.pose)
+    middle = pose[:3, 3]
     half_length = pose[:3, axis] * mount.size_mm[axis] / 2
-    for offset in (-half_length, half_length):
-        car_axis = int(np.argmax(np.abs(offset[:2])))
+    for to_end in (-half_length, half_length):
+        # The axis of the car along which the vector mainly points: x (0) or y (1).
+        car_axis = int(np.argmax(np.abs(to_end[:2])))
         negative_side, positive_side = SIDES[car_axis]
-        side = positive_side if offset[car_axis] > 0 else negative_side
-        yield BatteryEnd(side, pose[:3, 3] + offset)
+        side = positive_side if to_end[car_axis] > 0 else negative_side
+        yield BatteryEnd(side, middle + to_end)
 
 
 class _Ways:
@@ -190,25 +197,29 @@ class _Ways:
         self.of_part = {mount.part: mount for mount in car.mounts}
 
     def servos(self) -> Iterator[Lead]:
-        """Yield the servos' leads to their outputs."""
+        """Yield the leads from the servos to their outputs on the servo driver, the FeatherWing."""
         parts, servo, wing = self.parts, self.parts.servo, self.parts.featherwing
-        # In the frame of the servo's box: the lead leaves at its short end, at a height over its bottom. z points to the
-        # bottom.
+        # Where the lead leaves a servo, in the servo's frame: at its short end, at a height over its bottom. The frame's
+        # origin is the middle of the servo, and z points to its bottom.
         lead_exit_mm = (-servo.length_mm.value / 2, 0.0, servo.depth_mm.value / 2 - servo.lead_height_mm.value)
-        # In the frame of the driver's box, leads bend at this height over their plugs.
+        # Where a lead bends over its plug, in the driver's frame, whose origin is the middle of its height.
         bend_z_mm = wing.plug_top_mm.value + wing.plug_bend_mm.value - wing.height_mm.value / 2
-        ends_mm = parts.wiring.slack_mm.value + parts.plugs.servo.length_mm.value
+        # The lead also needs some slack, and the length that is in its plug.
+        additional_mm = parts.wiring.slack_mm.value + parts.plugs.servo.length_mm.value
         for axle in self.car.axles:
             if not axle.driven:
                 continue
             start = np.array(apply(self.mounts[axle.servo].pose, *lead_exit_mm))
             end = self._at(self.wing, (*wing.outputs.at_mm[axle.channel], bend_z_mm))
-            available_mm, extension_name = servo.lead_length_mm.min_value, ""
+            way = self.way(start, end, axle.body, self.wing)
+            available_mm = servo.lead_length_mm.min_value
+            extension_name = ""
             extension = self._extension_of(axle.servo)
             if extension is not None:
-                available_mm, extension_name = _extended_mm(self.car, available_mm, extension), extension.name
-            way = self.way(start, end, axle.body, self.wing)
-            lead = self._lead(axle.servo, f"{self.wing} {axle.channel}", "plug", way, ends_mm, available_mm)
+                available_mm = _extended_mm(self.car, available_mm, extension)
+                extension_name = extension.name
+            output = f"{self.wing} {axle.channel}"
+            lead = self._lead(axle.servo, output, "plug", way, additional_mm, available_mm)
             yield replace(lead, extension=extension_name)
 
     def _extension_of(self, servo: str) -> Bought | None:
@@ -220,56 +231,69 @@ class _Ways:
         """Return the LiPo's lead to its socket on the Feather."""
         feather, lipo = self.parts.feather, self.of_part[self.parts.lipo.name]
         socket_mouth = self._mouth(feather, feather.battery_socket)
-        # The lead leaves the LiPo at the end from which the way is shorter.
-        ways = []
+        # The way of the lead from each end of the LiPo. The lead leaves it at the end from which the way is shorter.
+        ways_with_sides = []
         for end in _ends(lipo, self.parts.lipo):
-            ways.append((self.way(end.middle, socket_mouth, lipo.body, feather.name), end.side))
-        way, side = min(ways)
-        ends_mm = self.parts.wiring.slack_mm.value + self.parts.plugs.battery.inserted_mm.value
+            way = self.way(end.middle, socket_mouth, lipo.body, feather.name)
+            ways_with_sides.append((way, end.side))
+        shortest_way, side = min(ways_with_sides)
+        # The lead also needs some slack, and the length that is in its plug.
+        additional_mm = self.parts.wiring.slack_mm.value + self.parts.plugs.battery.inserted_mm.value
         available_mm = self.parts.lipo.lead_length_mm.min_value
-        lead = self._lead(lipo.name, f"{feather.name} JST", "plug", way, ends_mm, available_mm)
+        lead = self._lead(lipo.name, f"{feather.name} JST", "plug", shortest_way, additional_mm, available_mm)
         return replace(lead, leaves=side)
 
     def supply(self) -> Iterator[Lead]:
-        """Yield the leads of the battery, + to the switch and - to the terminal block, and the wire between these two."""
+        """Yield the three leads of the servos' supply.
+
+        The battery has a lead + to the switch and a lead - to the terminal block of the servo driver. A wire leads from
+        the switch to the terminal block.
+        """
         parts, wing = self.parts, self.parts.featherwing
         battery, switch = self.of_part[parts.battery.name], self.mounts[SERVO_SWITCH]
-        joint_mm, available_mm = parts.wiring.joint_mm.value, parts.battery.lead_length_mm.min_value
-        terminals, block = self._terminals(switch), self._mouth(wing, wing.terminal_block)
+        # The points at which the leads end, and the length of a lead that is in a soldered joint.
+        switch_terminals = self._terminals(switch)
+        terminal_block = self._mouth(wing, wing.terminal_block)
+        joint_mm = parts.wiring.joint_mm.value
+        available_mm = parts.battery.lead_length_mm.min_value
         # To change cells, the battery is lifted above the walls with its leads on, so they must be long enough for this,
-        # too. A battery on the roof is turned over beside its place, which takes its own height.
+        # too. A battery on the roof is turned over beside its place, so it must be lifted by its own height.
         wall_top = _height_mm(self.bodies[battery.body], "left")
         bottom = battery.center_mm[2] - battery.size_mm[2] / 2
-        min_lift = battery.size_mm[2] if parts.battery_place == "roof" else 0.0
-        lift = np.array((0.0, 0.0, max(min_lift, wall_top - bottom)))
+        min_lift_mm = battery.size_mm[2] if parts.battery_place == "roof" else 0.0
+        lift = np.array((0.0, 0.0, max(min_lift_mm, wall_top - bottom)))
 
         def leads_from(end: BatteryEnd) -> tuple[Lead, Lead]:
-            """Return both leads of the battery if they leave it at this end."""
+            """Return the leads + and - of the battery if they leave it at this end."""
+            # The longer way counts: with the battery in its place, or lifted.
             starts = (end.middle, end.middle + lift)
-            plus_way = max(self.way(start, terminals, battery.body, parts.switch.name) for start in starts)
-            minus_way = max(self.way(start, block, battery.body, wing.name) for start in starts)
+            plus_way = max(self.way(start, switch_terminals, battery.body, parts.switch.name) for start in starts)
+            minus_way = max(self.way(start, terminal_block, battery.body, wing.name) for start in starts)
             plus, minus = f"{battery.name} +", f"{battery.name} -"
             plus_lead = self._lead(plus, f"{SERVO_SWITCH} 1", "solder", plus_way, joint_mm, available_mm)
             minus_lead = self._lead(minus, f"{wing.name} terminal -", "solder", minus_way, joint_mm, available_mm)
             return replace(plus_lead, leaves=end.side), replace(minus_lead, leaves=end.side)
 
-        # They leave the battery at the end from which they are shorter.
+        # The leads leave the battery at the end from which they are shorter.
         pairs = [leads_from(end) for end in _ends(battery, parts.battery)]
         yield from min(pairs, key=lambda pair: sum(lead.needed_mm for lead in pair))
-        way = self.way(terminals, block, switch.body, wing.name)
+        # The wire has a joint at each end.
+        way = self.way(switch_terminals, terminal_block, switch.body, wing.name)
         yield self._lead(f"{SERVO_SWITCH} 2", f"{wing.name} terminal +", "wire", way, 2 * joint_mm)
 
     def controls(self) -> Iterator[Lead]:
-        """Yield the wires of the board switch and of the options.
+        """Yield the wires of the board switch and of the options, such as the button.
 
-        They are soldered beside the open car, while the boards are lifted out.
+        They are soldered beside the open car, while the boards are lifted out. So a wire needs, in addition to its way
+        in the car, a length for its two joints and a length that lets the boards be lifted.
         """
         for wire in self.car.wires:
             if wire.carries == "control":
                 start = self._control_start(wire.a)
-                way = self.way(start.point, self._control_end(wire.b), start.body, self.parts.feather.name)
-                ends_mm = 2 * self.parts.wiring.joint_mm.value + start.free_mm
-                yield self._lead(wire.a, wire.b, "wire", way, ends_mm)
+                end_point = self._control_end(wire.b)
+                way = self.way(start.point, end_point, start.body, self.parts.feather.name)
+                joints_mm = 2 * self.parts.wiring.joint_mm.value
+                yield self._lead(wire.a, wire.b, "wire", way, joints_mm + start.free_mm)
 
     def _control_start(self, terminal: str) -> WireStart:
         """Return where the wire at a terminal starts: ``button 1``, ``20 kΩ resistor`` or a pin, ``Feather 27``."""
@@ -277,14 +301,17 @@ class _Ways:
         feather = self.of_part[self.parts.feather.name]
         if part in (BOARD_SWITCH, BUTTON):
             switch = self.mounts[part]
-            # The boards are lifted above the walls.
+            # The wire stays on the boards while they are lifted above the walls.
             wall_top = _height_mm(self.bodies[feather.body], "left")
-            lift_mm = max(0.0, wall_top - feather.center_mm[2] + feather.size_mm[2] / 2)
-            return WireStart(self._terminals(switch), switch.body, lift_mm)
+            feather_bottom = feather.center_mm[2] - feather.size_mm[2] / 2
+            lift_mm = max(0.0, wall_top - feather_bottom)
+            return WireStart(self._terminals(switch), switch.body, free_mm=lift_mm)
+        # All other wires lead from the Feather, the lower board, to the wing, the upper one. The wire stays on both while
+        # the Feather is screwed on and the wing is laid beside it. So it is longer by the width of the wing.
         resistors = option_resistors(self.parts)
         x, y = resistors[terminal] if terminal in resistors else self.parts.feather.pin_mm(pin)
-        # This wire is between the boards. While the Feather is screwed on, the wing is laid beside it.
-        return WireStart(self._below_feather(x, y), feather.body, self.parts.featherwing.width_mm.value)
+        wing_width_mm = self.parts.featherwing.width_mm.value
+        return WireStart(self._below_feather(x, y), feather.body, free_mm=wing_width_mm)
 
     def _control_end(self, terminal: str) -> Points:
         """Return the point where a wire ends: a pin of the Feather, the wing's terminal block, or its pad of #OE."""

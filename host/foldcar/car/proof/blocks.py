@@ -94,14 +94,19 @@ def blocks_of(corners_mm: Iterable[Points], titles: str | Sequence[str]) -> Bloc
 
 
 def merge_blocks(groups: Iterable[Blocks]) -> Blocks:
-    """Return all solids of the groups."""
-    groups = list(groups)
-    # The starts of a group's solids are indices into its own corners: shift them by the corners before.
-    shifts = np.cumsum([0, *(len(group.corners_mm) for group in groups)])
-    starts = [group.starts + shift for group, shift in zip(groups, shifts[:-1], strict=True)]
-    corners = np.concatenate([np.zeros((0, 3)), *(group.corners_mm for group in groups)])
-    titles = tuple(itertools.chain.from_iterable(group.titles for group in groups))
-    return Blocks(corners, np.concatenate([np.zeros(0, dtype=np.intp), *starts]), titles)
+    """Return the solids of all groups as one group."""
+    # The empty arrays make the result valid without any group.
+    corners: list[Points] = [np.zeros((0, 3))]
+    starts: list[NDArray[np.intp]] = [np.zeros(0, dtype=np.intp)]
+    titles: list[str] = []
+    corner_count = 0
+    for group in groups:
+        # ``starts`` are indices into the corners, of which those of the groups before come first.
+        starts.append(group.starts + corner_count)
+        corners.append(group.corners_mm)
+        titles += group.titles
+        corner_count += len(group.corners_mm)
+    return Blocks(np.concatenate(corners), np.concatenate(starts), tuple(titles))
 
 
 def hull(points: Points) -> fcl.CollisionObject:
@@ -126,16 +131,22 @@ def convex_parts(shape: shapely.Geometry) -> list[Points]:
 
 def solid_blocks(solid: Solid, title: str) -> Blocks:
     """Return a box or a cylinder in the frame of its part. A solid with bores is cut into several convex solids."""
-    x, y, z = solid.size_mm
-    corners = box((x, y, z)) if solid.kind == "box" else prism(x / 2 - SKIN_MM, -z / 2 + SKIN_MM, z / 2 - SKIN_MM)
+    x_mm, y_mm, z_mm = solid.size_mm
+    if solid.kind == "box":
+        corners = box((x_mm, y_mm, z_mm))
+    else:
+        corners = prism(x_mm / 2 - SKIN_MM, -z_mm / 2 + SKIN_MM, z_mm / 2 - SKIN_MM)
     if not solid.bores:
         return blocks_of([corners], title).moved(solid.pose)
-    # The polygons of bores enclose their circles, so that a shaft of the same diameter passes.
-    scale = 1 / math.cos(math.pi / SIDES)
-    bores = [shapely.Point(u, v).buffer(bore_mm / 2 * scale, quad_segs=SIDES // 4) for u, v, bore_mm in solid.bores]
-    # `plate` shrinks its shape by the skin, but the corners are shrunk already. So the outline is widened before.
+    # A bore is a regular polygon around its circle, so that a shaft of the same diameter passes. The corners of such a
+    # polygon are farther out than the circle by this factor.
+    corner_factor = 1 / math.cos(math.pi / SIDES)
+    bores = []
+    for x, y, bore_mm in solid.bores:
+        bores.append(shapely.Point(x, y).buffer(bore_mm / 2 * corner_factor, quad_segs=SIDES // 4))
+    # `box` and `prism` have shrunk the solid by the skin, and `plate` does so again. So the outline is widened between.
     outline = shapely.MultiPoint(corners[:, :2]).convex_hull.buffer(SKIN_MM, join_style="mitre")
-    return plate(outline.difference(shapely.union_all(bores)), z, title).moved(solid.pose)
+    return plate(outline.difference(shapely.union_all(bores)), z_mm, title).moved(solid.pose)
 
 
 def clearance_blocks(clearance: ToolClearance, title: str) -> Blocks:
@@ -198,11 +209,15 @@ def swept_obstacle(start: Blocks, end: Blocks, standing: Blocks, ignored: Ignore
     """
     if not start.titles or not standing.titles:
         return None
+    # The pairs of a moving and a standing solid that may meet on the way, by their indices.
     pairs = _near(np.minimum(start.low, end.low), np.maximum(start.high, end.high), standing)
     moving, obstacles = pairs.T
-    # How far the bounds of each pair are apart at the start, along x, y and z; negative where they overlap.
-    gaps_mm = np.maximum(standing.low[obstacles] - start.high[moving], start.low[moving] - standing.high[obstacles])
-    nearest_first = np.argsort(gaps_mm.max(axis=1), kind="stable")
+    # Sort the pairs by their distance at the start. Along each axis, the gap is that before or that behind the moving
+    # solid; the other one, and both if the bounds overlap, are negative. The distance is the largest gap of the axes.
+    gaps_towards_high_mm = standing.low[obstacles] - start.high[moving]
+    gaps_towards_low_mm = start.low[moving] - standing.high[obstacles]
+    distances_mm = np.maximum(gaps_towards_high_mm, gaps_towards_low_mm).max(axis=1)
+    nearest_first = np.argsort(distances_mm, kind="stable")
     is_at_rest = start is end
     swept: dict[int, fcl.CollisionObject] = {}
     for moving_index, standing_index in pairs[nearest_first].tolist():
@@ -218,15 +233,20 @@ def swept_obstacle(start: Blocks, end: Blocks, standing: Blocks, ignored: Ignore
 
 
 def _near(low: Points, high: Points, standing: Blocks) -> NDArray[np.intp]:
-    """Return index pairs (n, 2) of moving and standing solids whose bounds overlap.
+    """Return the pairs of a moving and a standing solid whose bounds overlap, as their indices, (n, 2).
 
-    ``low`` and ``high``, (m, 3), are the bounds of the moving solids.
+    The bounds of a solid are its minimum and maximum coordinates. ``low`` and ``high``, (m, 3), are those of the moving
+    solids. Two solids' bounds overlap if they do so along x, y and z.
     """
-    # The few standing solids that overlap the common bounds of all moving ones.
-    candidates = np.flatnonzero(((standing.low <= high.max(axis=0)) & (standing.high >= low.min(axis=0))).all(axis=1))
-    overlap = (low[:, None] <= standing.high[None, candidates]) & (high[:, None] >= standing.low[None, candidates])
-    first, second = np.nonzero(overlap.all(axis=2))
-    return np.column_stack([first, candidates[second]])
+    # First the few standing solids that overlap the common bounds of all moving ones are selected, which is fast.
+    starts_before_end = standing.low <= high.max(axis=0)
+    ends_after_start = standing.high >= low.min(axis=0)
+    candidates = np.flatnonzero((starts_before_end & ends_after_start).all(axis=1))
+    # Then every moving solid is compared with every candidate. The arrays have the shape (moving, candidates, 3).
+    moving_low, moving_high = low[:, np.newaxis], high[:, np.newaxis]
+    overlaps = (moving_low <= standing.high[candidates]) & (moving_high >= standing.low[candidates])
+    moving_index, candidate_index = np.nonzero(overlaps.all(axis=2))
+    return np.column_stack([moving_index, candidates[candidate_index]])
 
 
 def find_exit_path(

@@ -41,9 +41,11 @@ def flat_polygons(piece: Piece) -> dict[str, shapely.Polygon]:
     poses = folded(piece, 0.0)
     flat = {}
     for face in piece.faces:
-        # The pose's rows for x and y; z stays 0 in the flat.
-        (a, b, _, x), (c, d, _, y), *_ = poses[face.name]
-        flat[face.name] = affine_transform(polygon(face), (a, b, c, d, x, y))
+        # z stays 0 in the flat, so only the rows and columns of the pose for x and y count. Shapely takes the four
+        # numbers of the rotation and then the two of the shift.
+        x_row, y_row, *_ = poses[face.name]
+        rotation_and_shift = (x_row[0], x_row[1], y_row[0], y_row[1], x_row[3], y_row[3])
+        flat[face.name] = affine_transform(polygon(face), rotation_and_shift)
     return flat
 
 
@@ -110,7 +112,8 @@ def _film_of_body(roles: Roles, scene: CarSolids, stage: Stage, body: str, witho
 
 def _check_bodies_apart(roles: Roles, scene: CarSolids, stage: Stage) -> Iterator[Finding]:
     """Yield findings where film collides with other film of its segment or wheel. Equal wheels are checked once."""
-    # Beside a bend, which is modelled as an edge, thick film reaches into its neighbour.
+    # Pairs of faces that may overlap. These are glued faces, and faces beside a bend: in the car a bend is a curve, but
+    # in the model it is an edge, at which the plates of the two faces overlap by their thickness.
     may_overlap = set(scene.ignored(("tab", "lap")))
     for piece in roles.car.pieces:
         for crease in piece.creases:
@@ -151,6 +154,8 @@ CLOSURE_MM = 0.05
 FIT_MM = 0.3
 # The area of a tab that may lie beside its face or over a hole in it.
 TAB_OVER_MM2 = 0.05
+# A tongue's section may lie outside of its slot by this area, which is a rounding error.
+MAX_OUTSIDE_SLOT_MM2 = 1e-6
 
 
 def check_joins(car: FoldedCar, bodies: Bodies) -> Iterator[Finding]:
@@ -191,22 +196,30 @@ def _gap_mm(join: Join, a: PlacedFace, b: PlacedFace) -> float:
 
 
 def _check_tab(join: Join, a: PlacedFace, b: PlacedFace) -> Iterator[Finding]:
-    """Yield findings about a tab: its edge does not meet the other edge, or it stands off its face or reaches beyond
-    it.
+    """Yield findings about a tab, the face ``a``, which is glued to the face ``b``.
+
+    There are three: its edge is away from the edge that it should meet, it is at a wrong height over the other face, or
+    it lies beside that face.
     """
     place = f"join {join.number}: {a.title} on {b.title}"
     gap = _gap_mm(join, a, b)
     if gap > CLOSURE_MM:
         yield Finding("closure", place, f"the edges are {gap:.3f} mm apart, the limit is {CLOSURE_MM:g} mm")
+    # How far the tab's corners are off the height over the other face at which they should be. A lap is modelled in the
+    # plane of its face, a tab one film above it.
     corners_on_face = b.in_face(a.corners_mm)
-    # A tab lies inside the wall, one film above it.
-    layer = (a.piece.thickness_mm + b.piece.thickness_mm) / 2 if join.kind == "tab" else 0.0
-    height = float(np.abs(corners_on_face[:, 2] - layer).max())
-    limit = FIT_MM if join.kind == "tab" else CLOSURE_MM
-    if height > limit:
-        message = f"the tab stands {height:.3f} mm off the face it is glued to, the limit is {limit:g} mm"
+    if join.kind == "tab":
+        expected_mm = (a.piece.thickness_mm + b.piece.thickness_mm) / 2
+        limit = FIT_MM
+    else:
+        expected_mm = 0.0
+        limit = CLOSURE_MM
+    height_error = float(np.abs(corners_on_face[:, 2] - expected_mm).max())
+    if height_error > limit:
+        message = f"the tab stands {height_error:.3f} mm off the face it is glued to, the limit is {limit:g} mm"
         yield Finding("tab", place, message)
         return
+    # The part of the tab that is beside the face or over a hole.
     outside = shapely.Polygon(corners_on_face[:, :2]).difference(b.polygon)
     # Shrinking removes the slivers that a tab as wide as its face leaves.
     if outside.buffer(-CLOSURE_MM).area > TAB_OVER_MM2:
@@ -214,18 +227,24 @@ def _check_tab(join: Join, a: PlacedFace, b: PlacedFace) -> Iterator[Finding]:
 
 
 def _check_tongue(join: Join, a: PlacedFace, b: PlacedFace) -> Iterator[Finding]:
-    """Yield findings on a tongue: a missing slot, a tongue that is too short or does not fit the slot."""
+    """Yield findings about a tongue of the face ``a``, which goes through a slot of the face ``b``.
+
+    There are three: the slot is missing, the tongue is too short to pass the film, or it does not fit the slot. The
+    tongue comes from the printed side of ``b``, where z of that face's frame is positive.
+    """
     place = f"join {join.number}: {a.title} through {b.title}"
     slot = next((hole for hole in b.face.holes if hole.name == join.slot), None)
-    edge_in_slot_face = b.in_face(a.edge_mm(join.a.index))
-    # The height of the tip over the middle of the slotted film; the tongue comes from above and must leave it below.
-    end_mm = float(np.max(edge_in_slot_face[:, 2]))
+    # The edge at the tongue's tip, in the frame of the slotted face.
+    tip_edge = b.in_face(a.edge_mm(join.a.index))
+    tip_z = float(np.max(tip_edge[:, 2]))
+    lower_side_z = -b.piece.thickness_mm / 2
     if slot is None:
         yield Finding("slot", place, f'there is no slot "{join.slot}"')
-    elif end_mm > -b.piece.thickness_mm / 2:
-        yield Finding("slot", place, f"the tongue ends {end_mm:.2f} mm inside the slot")
+    elif tip_z > lower_side_z:
+        yield Finding("slot", place, f"the tongue ends {tip_z:.2f} mm inside the slot")
     else:
-        section = shapely.LineString(edge_in_slot_face[:, :2]).buffer(a.piece.thickness_mm / 2, cap_style="flat")
+        # The section of the tongue is its edge, as thick as its film.
+        section = shapely.LineString(tip_edge[:, :2]).buffer(a.piece.thickness_mm / 2, cap_style="flat")
         outside_mm2 = section.difference(shapely.Polygon(slot.outline_mm)).area
-        if outside_mm2 > 1e-6:
+        if outside_mm2 > MAX_OUTSIDE_SLOT_MM2:
             yield Finding("slot", place, f"{outside_mm2:.3f} mm² of the tongue's section do not go through {slot.name}")

@@ -47,14 +47,17 @@ class Building:
     ) -> None:  # fmt: skip
         """Append a step that adds pieces, mounts and finished units, unless it would be empty.
 
-        A step with the name of a ``unit`` assembles this unit outside the car. Pieces come in folded, unless the step is
-        ``flat``. ``folds`` are further folds that the step closes.
+        If ``unit`` is given, the step assembles the unit of that name outside the car. ``units`` are those that are
+        finished and are put into the car. Pieces are folded in this step, unless it is ``flat``. ``folds`` are further
+        folds that the step closes.
         """
         pieces, mounts, units, folds = list(pieces), list(mounts), list(units), dict(folds or {})
+        # The folds of new pieces.
         for piece in pieces:
             fractions = self.roles.all_folded(piece.piece)
             if not flat and fractions:
                 folds.setdefault(piece.piece, fractions)
+        # What is in place, folded, and outside the car from now on.
         self._present |= {(piece.piece, piece.copy) for piece in pieces}
         self.parts |= {mount.name for mount in mounts}
         self._folded |= {name for name, fractions in folds.items() if any(fractions.values())}
@@ -62,12 +65,14 @@ class Building:
             self._outside |= {piece.piece for piece in pieces}
         for finished_unit in units:
             self._outside -= self._names_in_unit(finished_unit.name)
+        # The step itself.
         joins = self._joins(flat, unit)
         adds = (
             *(AddedPart("piece", piece.piece, piece.copy, piece.body) for piece in pieces),
             *units,
             *(AddedPart("mount", mount.name, 0, mount.body) for mount in mounts),
         )
+        # A screwdriver turns each new screw.
         tool_uses = []
         for mount in mounts:
             if self.roles.is_fastener(mount):
@@ -99,40 +104,47 @@ class Building:
     def _joins(self, flat: bool, unit: str) -> tuple[int, ...]:
         """Return the joins that can be made in a step, and count them as made.
 
-        All copies of both pieces must be in place and folded; only layers are laminated onto ``flat`` pieces. In a step
-        that assembles a ``unit``, both pieces are outside the car, else none of them. Joins of a lid are left out.
+        A join can be made if all copies of its two pieces are in place and folded. If the step is ``flat``, layers are
+        also laminated onto pieces that are not folded. If the step assembles a ``unit`` outside the car, both pieces must
+        be outside; otherwise, both must be in the car. The joins that shut a lid come last of all, in a step of their
+        own.
         """
-        complete = set()
+        complete_pieces = set()
         for piece in self.roles.car.pieces:
             if all((piece.name, copy) in self._present for copy in range(piece.count)):
-                complete.add(piece.name)
-        not_now = self._made_joins | self._lid_joins
-        numbers = set()
+                complete_pieces.add(piece.name)
+        excluded_joins = self._made_joins | self._lid_joins
+        new_joins = set()
         for join in self.roles.car.joins:
-            ends = {join.piece_a, join.piece_b}
-            are_ready = ends <= self._folded or (join.kind == "laminate" and flat)
-            are_together = ends <= self._outside if unit else ends.isdisjoint(self._outside)
-            can_be_made = ends <= complete and are_ready and are_together
-            if can_be_made and join.number not in not_now:
-                numbers.add(join.number)
-        self._made_joins |= numbers
-        return tuple(sorted(numbers))
+            pieces = {join.piece_a, join.piece_b}
+            are_complete = pieces.issubset(complete_pieces)
+            are_folded = pieces.issubset(self._folded)
+            is_laminated_flat = flat and join.kind == "laminate"
+            are_together = pieces.issubset(self._outside) if unit else pieces.isdisjoint(self._outside)
+            can_be_made = are_complete and are_together and (are_folded or is_laminated_flat)
+            if can_be_made and join.number not in excluded_joins:
+                new_joins.add(join.number)
+        self._made_joins |= new_joins
+        return tuple(sorted(new_joins))
 
 
 @lru_cache(maxsize=16)
 def plan_assembly(car: FoldedCar) -> tuple[AssemblyStep, ...]:
-    """Return all assembly steps of a car, in order; the insertion paths are empty."""
+    """Return the steps in which a car is assembled, in order.
+
+    Their parts have no insertion paths yet; the proof (prove.py) adds these.
+    """
     roles = roles_of(car)
     building = Building(roles)
     _plan_segments(roles, building)
     _plan_inside(roles, building)
-    # Wheels would be in the way of a battery on an open lid.
-    shut_first = any(roles.is_on_lid(mount) for mount in car.mounts)
-    if shut_first:
+    # The lids are shut last. But wheels would be in the way of a battery on an open lid, so they come after such a lid.
+    shuts_lids_before_wheels = any(roles.is_on_lid(mount) for mount in car.mounts)
+    if shuts_lids_before_wheels:
         _plan_shutting(roles, building)
     for unit, wheels in roles.wheel_units.items():
         _plan_wheels(roles, building, unit, wheels)
-    if not shut_first:
+    if not shuts_lids_before_wheels:
         _plan_shutting(roles, building)
     return tuple(building.steps)
 
@@ -146,17 +158,25 @@ def _plan_shutting(roles: Roles, building: Building) -> None:
 
 
 def _plan_segments(roles: Roles, building: Building) -> None:
-    """Add the steps that build the segments: beams with their layers and walls, servos, rods, caps and connectors."""
+    """Add the steps that build the segments, the rigid parts of the car.
+
+    Layers are taped onto the flat *beams*, the boxes of the segments, and their walls are folded up. Servos or rods
+    follow, and a battery on a lid. Then the *caps* close the ends of the beams, and the *connectors*, which belong to the
+    hinges, join the segments.
+    """
     car = roles.car
+    # The beams.
     beams = [roles.beams[body] for body in roles.segments]
     layers = _layers_on(roles, beams)
     title = "Tape the layers onto the flat beam" if layers else "Lay out the beam"
     building.step(title, [*beams, *layers], flat=True)
-    # The lids stay open.
+    # All folds are closed, except those of the lids, which stay open.
     folds = {}
     for name in sorted(roles.beam_names):
-        folds[name] = roles.all_folded(name) | dict.fromkeys(roles.lids[name].creases, 0.0)
+        open_lid = dict.fromkeys(roles.lids[name].creases, 0.0)
+        folds[name] = roles.all_folded(name) | open_lid
     building.step("Fold the walls up", folds=folds)
+    # Parts in the walls and on the lids.
     servos = [mount for mount in car.mounts if mount.part == car.parts.servo.name]
     building.step("Screw the servos in from outside", mounts=building.with_screws(servos))
     rods = [mount for mount in car.mounts if mount.part == car.parts.axle_rod.name]
@@ -164,11 +184,13 @@ def _plan_segments(roles: Roles, building: Building) -> None:
     for mount in car.mounts:
         if roles.is_on_lid(mount):
             building.step(f"Put the {mount.name} on the open lid", mounts=building.with_screws([mount]))
+    # Caps and connectors. Pieces that carry boards come later, with the parts inside.
     others = [copy for copy in roles.non_beam_copies() if not roles.is_layer(copy)]
     connectors = [copy for copy in others if roles.is_connector(copy)]
     caps = [copy for copy in others if copy not in connectors and not roles.is_carrier(copy)]
     _plan_taped(roles, building, "Close the ends", caps)
     _plan_taped(roles, building, "Join the segments", connectors)
+    # Layers on no other piece.
     loose_layers = [copy for copy in roles.non_beam_copies() if roles.is_layer(copy) and roles.host(copy) is None]
     building.step("Glue the other layers on", loose_layers)
 
@@ -186,10 +208,12 @@ def _layers_on(roles: Roles, hosts: Sequence[PlacedPiece]) -> list[PlacedPiece]:
 def _plan_taped(roles: Roles, building: Building, title: str, pieces: Sequence[PlacedPiece]) -> None:
     """Add the step ``title``, which tapes caps or connectors to the beams, and the steps that prepare it.
 
-    Layers are taped onto flat pieces. So a piece with layers is a unit, which is put together outside the car with the
-    parts that are mounted in it.
+    Layers are taped onto flat pieces. So a cap or connector with layers is first made into a *unit* outside the car: its
+    layers are taped on, and the parts are mounted that belong into it, such as switches. The unit is folded when it is
+    put into the car. A piece without layers is put in directly.
     """
     with_layers = [piece for piece in pieces if _layers_on(roles, [piece])]
+    # The steps that make the units.
     for piece in with_layers:
         unit = _unit_name(roles, piece)
         layers = _layers_on(roles, [piece])
@@ -198,9 +222,12 @@ def _plan_taped(roles: Roles, building: Building, title: str, pieces: Sequence[P
             host = roles.mount_host(mount)
             if host is not None and host.piece is piece:
                 building.step(f"Put the {mount.name} into the flat {piece.piece}", mounts=[mount], unit=unit, flat=True)
-    units = [AddedPart("unit", _unit_name(roles, piece), 0, piece.body) for piece in with_layers]
+    # The step that puts everything into the car.
+    units, folds = [], {}
+    for piece in with_layers:
+        units.append(AddedPart(kind="unit", name=_unit_name(roles, piece), copy=0, body=piece.body))
+        folds[piece.piece] = roles.all_folded(piece.piece)
     without_layers = [piece for piece in pieces if piece not in with_layers]
-    folds = {piece.piece: roles.all_folded(piece.piece) for piece in with_layers}
     building.step(title, without_layers, units=units, folds=folds)
 
 
@@ -210,25 +237,31 @@ def _unit_name(roles: Roles, piece: PlacedPiece) -> str:
 
 
 def _plan_inside(roles: Roles, building: Building) -> None:
-    """Add the steps of what comes into the segments: carriers with their boards, parts under them, other parts, wires."""
+    """Add the steps of what comes into the segments, in this order.
+
+    A *carrier* is a piece of film with boards on it, such as the bridge. Its boards are screwed on outside the car. Parts
+    under a carrier go into the car, then the carriers, the other parts, the remaining screws and the wires.
+    """
     car, wheels = roles.car, set(roles.wheels)
+    # Each carrier with its boards becomes a *unit*, which is put together outside the car.
     carriers = [copy for copy in roles.non_beam_copies() if roles.is_carrier(copy)]
-    boards_on = {carrier: _boards_on(roles, carrier) for carrier in carriers}
-    for carrier, boards in boards_on.items():
-        unit, folds = _unit_name(roles, carrier), roles.all_folded(carrier.piece)
-        mounts = building.with_screws(boards)
-        building.step(f"Screw the boards onto the flat {carrier.piece}", [carrier], mounts, unit=unit, flat=True)
-        building.step(f"Fold the {carrier.piece}", folds={carrier.piece: folds} if folds else {}, unit=unit)
-    # Wires come last of all, and extension cables before the others.
+    for carrier in carriers:
+        unit, fractions = _unit_name(roles, carrier), roles.all_folded(carrier.piece)
+        boards_with_screws = building.with_screws(_boards_on(roles, carrier))
+        title = f"Screw the boards onto the flat {carrier.piece}"
+        building.step(title, [carrier], boards_with_screws, unit=unit, flat=True)
+        folds = {carrier.piece: fractions} if fractions else {}
+        building.step(f"Fold the {carrier.piece}", folds=folds, unit=unit)
+    # The other parts. Those with steps of their own are left out: screws, wires, what is on a lid, and the tubes and caps
+    # on rods, which come with the wheels.
     cable_names = [extension.name for extension in car.parts.extensions.sold]
     wire_names = [*cable_names, car.parts.wiring.name]
-    # Tubes and caps come with the wheels.
-    axle_names = (car.parts.axle_tube.name, car.parts.axle_cap.name)
+    axle_names = [car.parts.axle_tube.name, car.parts.axle_cap.name]
     inside = [mount for mount in car.mounts if mount.body not in wheels and mount.name not in building.parts]
     parts = []
     for mount in inside:
-        comes_otherwise = mount.part in wire_names or mount.part in axle_names or roles.is_on_lid(mount)
-        if not roles.is_fastener(mount) and not comes_otherwise:
+        has_own_step = mount.part in (*wire_names, *axle_names) or roles.is_on_lid(mount) or roles.is_fastener(mount)
+        if not has_own_step:
             parts.append(mount)
     # The LiPo lies under the carrier, so it comes before it.
     first_parts = [mount for mount in parts if mount.part == car.parts.lipo.name and carriers]
@@ -242,6 +275,7 @@ def _plan_inside(roles: Roles, building: Building) -> None:
             building.step(f"Put the {mount.name} in", mounts=building.with_screws([mount]))
     screws = [mount for mount in inside if roles.is_fastener(mount) and mount.name not in building.parts]
     building.step("Drive the other screws", mounts=screws)
+    # Extension cables are plugged in before the other wires.
     wires = [mount for mount in inside if mount.part in wire_names]
     building.step("Plug all wires in", mounts=sorted(wires, key=lambda mount: mount.part not in cable_names))
 

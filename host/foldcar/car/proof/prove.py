@@ -89,27 +89,30 @@ class _Prover:
     def prove_step(self, number: str, step: AssemblyStep) -> AssemblyStep:
         """Carry out one step of the assembly, and return it with the insertion paths of its parts.
 
-        Findings name it by ``number``.
+        ``number`` is the name of the step in findings, such as "step 3". The folds are closed first. Then each part is
+        put to the parts that are in place, in the car or in the unit that the step assembles outside the car.
         """
         place = f"{number}, {step.title}"
         self._fold(place, step)
-        proved: list[AddedPart] = []
+        parts_with_paths: list[AddedPart] = []
         for added in step.adds:
             group = Group(step.unit, added.body) if step.unit else CAR
-            # Wheels of a unit are alike, so only the parts of the first one are proved.
-            is_proved_already = step.unit in self.roles.wheel_units and added.body != step.adds[0].body
-            if is_proved_already:
-                proved.append(self._like_first_wheel(step, added, proved))
+            # The wheels of a unit are alike, so paths are searched for the first one only.
+            is_repeated_wheel = step.unit in self.roles.wheel_units and added.body != step.adds[0].body
+            present = self.standing.get(group, {})
+            if is_repeated_wheel:
+                parts_with_paths.append(self._like_first_wheel(step, added, parts_with_paths))
+            elif present and not self._is_bent(added):
+                parts_with_paths.append(self._with_insertion_path(place, added, present))
             else:
-                present = self.standing.get(group, {})
-                needs_path = bool(present) and not self._is_bent(added)
-                proved.append(self._with_insertion_path(place, added, present) if needs_path else added)
+                # The first part, and one that is bent into its place, need no path.
+                parts_with_paths.append(added)
             new_parts = {key: self._solid(key) for key in self._part_keys(added)}
             self.standing.setdefault(group, {}).update(new_parts)
-            if not is_proved_already:
+            if not is_repeated_wheel:
                 tool_uses = [use for use in step.tool_uses if use.name == added.name]
                 self._check_tool_uses(place, tool_uses, group)
-        return replace(step, adds=tuple(proved))
+        return replace(step, adds=tuple(parts_with_paths))
 
     def _like_first_wheel(self, step: AssemblyStep, added: AddedPart, proved: Sequence[AddedPart]) -> AddedPart:
         """Return a part of a wheel with the insertion path of the same part of the first wheel, turned with the wheel."""
@@ -125,15 +128,20 @@ class _Prover:
 
         The leads are soldered to the switch and to wires, so these must be added after the battery.
         """
-        numbers = {added.name: n for n, step in enumerate(planned_steps, 1) for added in step.adds}
         parts = self.car.parts
-        soldered = [m for m in self.car.mounts if m.part in (parts.switch.name, parts.wiring.name) and m.name in numbers]
-        for mount in (m for m in self.car.mounts if m.name in numbers and self.roles.is_on_lid(m)):
-            soldered_before = [m.name for m in soldered if numbers[m.name] < numbers[mount.name]]
-            if mount.part == parts.battery.name and soldered_before:
-                place = f"step {numbers[mount.name]}, {planned_steps[numbers[mount.name] - 1].title}"
-                message = f"leads of {mount.name} must pass the lid, but are joined to {soldered_before[0]} already"
-                self._add_finding(place, message)
+        soldered_parts = (parts.switch.name, parts.wiring.name)
+        is_soldered = {mount.name: mount.part in soldered_parts for mount in self.car.mounts}
+        # The names of the soldered parts that were added in earlier steps.
+        soldered_so_far: set[str] = set()
+        for number, step in enumerate(planned_steps, 1):
+            for added in step.adds:
+                mount = self.roles.mounts.get(added.name)
+                is_battery = mount is not None and mount.part == parts.battery.name and self.roles.is_on_lid(mount)
+                if is_battery and soldered_so_far:
+                    first = next(name for name in is_soldered if name in soldered_so_far)
+                    message = f"leads of {added.name} must pass the lid, but are joined to {first} already"
+                    self._add_finding(f"step {number}, {step.title}", message)
+            soldered_so_far.update(added.name for added in step.adds if is_soldered.get(added.name))
 
     def prove_service(self, number: str, step: AssemblyStep) -> AssemblyStep:
         """Carry out one step of service on the finished car, and return it with the paths of its parts.
@@ -166,14 +174,17 @@ class _Prover:
 
     def _fold(self, place: str, step: AssemblyStep) -> None:
         """Close the folds of a step. Add a finding if a face that swings meets its own piece or other parts in place."""
-        present = {key.name for standing in self.standing.values() for key in standing}
+        names_in_place: set[str] = set()
+        for solids_by_part in self.standing.values():
+            names_in_place.update(key.name for key in solids_by_part)
         for name, fractions in step.folds.items():
+            # A step either closes the lid of a beam, or other folds.
             lid = self.roles.lids.get(name)
-            is_lid = lid is not None and bool(lid.creases) and set(fractions) == set(lid.creases)
-            if is_lid:
+            closes_lid = lid is not None and bool(lid.creases) and set(lid.creases) == set(fractions)
+            if closes_lid:
                 self._check_lid(place, name, "shut")
-            elif name in present:
-                path = even_path(self.stage.folds.get(name, {}), fractions)
+            elif name in names_in_place:
+                path = even_path(start=self.stage.folds.get(name, {}), end=fractions)
                 self._check_swing(place, name, f"{name} does not fold", path)
         self._set_folds(step.folds)
 
@@ -211,8 +222,8 @@ class _Prover:
     def _with_insertion_path(self, place: str, added: AddedPart, present: Mapping[PartKey, Blocks]) -> AddedPart:
         """Return the part with its insertion path, which is its path out of the ``present`` parts, backwards.
 
-        The nut of a screw has a path of its own. If there is no path out, a finding is added, and the path stays
-        empty.
+        Boards that are plugged onto each other, and screws, may only move along their own axes. The nut of a screw has a
+        path of its own. If there is no path out, a finding is added, and the path stays empty.
         """
         name = self._name(added)
         moving = merge_blocks(self._solid(key) for key in self._part_keys(added))
@@ -230,9 +241,9 @@ class _Prover:
         elif self._plugs_onto(mount, present):
             # Pins go straight into their sockets, along the part's +z or -z.
             *_, up, down = _axes(mount)
-            exit_path = find_exit_path(moving, standing, (up, down), self.joined, only_own=True)
+            exit_path = find_exit_path(moving, standing, own_axes=(up, down), ignored=self.joined, only_own=True)
         else:
-            exit_path = find_exit_path(moving, standing, _axes(mount), self.joined)
+            exit_path = find_exit_path(moving, standing, own_axes=_axes(mount), ignored=self.joined)
         way_mm = self._insertion_path(place, name, exit_path)
         nut_mm = () if nut_path is None else self._insertion_path(place, f"the nut of {name}", nut_path)
         return replace(added, way_mm=way_mm, nut_mm=nut_mm)
@@ -251,26 +262,31 @@ class _Prover:
         return mount.part in boards and bool(names & (boards - {mount.part}))
 
     def _screw_paths(self, screw: Mount, standing: Blocks) -> ScrewPaths:
-        """Return how a screw comes out along the axis of the driver, and how its nut comes out, if it has one.
+        """Return how a screw comes out, and how its nut comes out, if it has one.
 
-        The nut moves along the axis until it is off the shank. Then it may take any path out.
+        The screw moves to the driver, along the screw's axis. The nut moves in the opposite direction until it is off the
+        shank. Then it may take any path out.
         """
         head_and_shank, *nuts = self.scene.screw(screw, self.stage)
-        # The driver's cylinder points along z of its frame, which is the third column of its pose.
+        # The driver is a cylinder along z of its frame. In the car's frame, this is the third column of its pose.
         driver_pose = np.array(compose(self.stage.mount(screw), screw.clearances[0].pose))
-        axis = driver_pose[:3, 2]
-        screw_path = find_exit_path(head_and_shank, standing, [vector(axis)], only_own=True)
+        towards_driver = driver_pose[:3, 2]
+        screw_path = find_exit_path(head_and_shank, standing, own_axes=[vector(towards_driver)], only_own=True)
         if not nuts:
             return ScrewPaths(screw_path, nut=None)
+        # The first move of the nut.
         nut = merge_blocks(nuts)
-        off_shank = vector(-axis * self.car.parts.tools.nut_room_mm.value)
-        obstacle = first_obstacle(nut, standing, off_shank)
+        off_shank_mm = vector(-towards_driver * self.car.parts.tools.nut_room_mm.value)
+        obstacle = first_obstacle(nut, standing, off_shank_mm)
         if obstacle is not None:
-            return ScrewPaths(screw_path, nut=ExitPath(moves_mm=None, obstacles=((vector(-axis), obstacle),)))
-        rest = find_exit_path(nut.moved(translation(*off_shank)), standing, _axes(screw))
-        if rest.moves_mm is None:
-            return ScrewPaths(screw_path, nut=rest)
-        return ScrewPaths(screw_path, nut=ExitPath(moves_mm=(off_shank, *rest.moves_mm)))
+            obstacle_with_direction = (vector(-towards_driver), obstacle)
+            return ScrewPaths(screw_path, nut=ExitPath(moves_mm=None, obstacles=(obstacle_with_direction,)))
+        # Its other moves.
+        nut_off_shank = nut.moved(translation(*off_shank_mm))
+        further_path = find_exit_path(nut_off_shank, standing, own_axes=_axes(screw))
+        if further_path.moves_mm is None:
+            return ScrewPaths(screw_path, nut=further_path)
+        return ScrewPaths(screw_path, nut=ExitPath(moves_mm=(off_shank_mm, *further_path.moves_mm)))
 
     def _name(self, added: AddedPart) -> str:
         """Return the name of a part or unit in findings; a unit of the body is named by its first two parts."""
@@ -288,39 +304,44 @@ class _Prover:
         for tool_use in tool_uses:
             clearance, cylinder = self.scene.clearance(tool_use, self.stage)
             reached = cylinder.titles[0]
-            # The part or face that a tool reaches is no obstacle. When a finger pushes a lever, the latch's tongue and
-            # the face on which the tongue hangs move together, so that face is none either.
-            no_obstacles = {reached}
+            # The part or face that a tool reaches is no obstacle to it. A finger that pushes the lever of a latch reaches
+            # the latch's tongue. The face on which the tongue hangs moves with it, so it is no obstacle to the finger.
+            free_titles = {reached}
             if tool_use.piece:
                 for crease in self.roles.pieces[tool_use.piece].creases:
                     if crease.child.face == tool_use.name:
-                        no_obstacles.add(title(tool_use.piece, crease.parent.face))
-            ignored = frozenset((reached, face_title) for face_title in no_obstacles)
+                        free_titles.add(title(tool_use.piece, crease.parent.face))
+            ignored = frozenset((reached, free_title) for free_title in free_titles)
             obstacle = first_obstacle(cylinder, standing, ignored=ignored)
             if obstacle is not None:
                 self._add_finding(place, f"{reached} has no room for its {clearance.tool}: {obstacle} is in the way")
 
     def _check_swing(self, place: str, name: str, failure: str, path: Iterable[Mapping[str, float]]) -> None:
-        """Add a finding if faces of a piece, or parts on them, meet others while its creases close along ``path``.
+        """Add a finding if faces of a piece, or parts on them, meet others while the piece ``name`` folds.
 
-        ``path`` has the closed fraction of each crease, step by step. The solids that are swept from one step to the
-        next must be free of all that stands still. ``failure`` is the beginning of the finding's message.
+        ``path`` says how far each crease is closed, in small steps from the beginning to the end. From each position to
+        the next, the moving faces and parts must not meet anything that stands still. ``failure`` is the beginning of
+        the finding's message.
         """
-        fractions_of_steps = list(path)
-        stages = [self.stage.closed({name: fractions}) for fractions in fractions_of_steps]
+        fractions_by_position = list(path)
+        stages = [self.stage.closed({name: fractions}) for fractions in fractions_by_position]
+        # The parts in the car, and those in units outside the car, cannot meet each other.
         for standing in self.standing.values():
-            swing = swing_of(name, stages[0], stages[-1], standing)
-            start: Blocks | None = None
-            for fractions, stage in zip(fractions_of_steps, stages, strict=True):
+            swing = swing_of(name, first=stages[0], last=stages[-1], standing=standing)
+            previous: Blocks | None = None
+            for fractions, stage in zip(fractions_by_position, stages, strict=True):
+                # What moves, at this position.
                 faces = [self.scene.solid(key, stage).with_titles(swing.faces) for key in swing.piece_keys]
                 parts = [self.scene.solid(key, stage) for key in swing.part_keys]
-                end = merge_blocks([*faces, *parts])
-                obstacle = None if start is None else swept_obstacle(start, end, swing.obstacles, self.joined)
+                current = merge_blocks([*faces, *parts])
+                obstacle: str | None = None
+                if previous is not None:
+                    obstacle = swept_obstacle(previous, current, swing.obstacles, self.joined)
                 if obstacle is not None:
                     closed = 100 * next(iter(fractions.values()))
                     self._add_finding(place, f"{failure}: {closed:.0f} % closed, it meets {obstacle}")
                     break
-                start = end
+                previous = current
 
 
 def _axes(mount: Mount) -> list[Vector]:

@@ -80,10 +80,11 @@ class Roles:
             yield from (copy for copy in self.placed(body) if copy is not self.beams[body])
 
     def _host(self, copy: PlacedPiece) -> Host | None:
-        """Return the piece and the face to which a copy is glued and with which it moves.
+        """Return the piece and the face to which a copy of a piece is glued, so that it moves with them.
 
-        The beam of the segment is preferred. A layer moves with the face that it lies on, and other pieces never move
-        with a layer. The result is None for a beam, and for a piece that is glued to nothing.
+        If it is glued to several, the *beam* of its segment comes first, the piece that carries all others. A layer is
+        carried only by the face that it lies on. A layer carries no other piece. The result is None for a beam, and for a
+        piece that is glued to nothing.
         """
         beam = self.beams.get(copy.body)
         if beam is None or copy is beam:
@@ -98,8 +99,9 @@ class Roles:
         others = [other for other in self.placed(copy.body) if other not in (beam, copy)]
         for other in (beam, *others):
             for face in glued_faces[other.piece]:
-                carries_copy = self._lies_on(copy, other, face) if is_layer else not self.is_layer(other)
-                if carries_copy:
+                carries_layer = is_layer and self._lies_on(copy, other, face)
+                carries_other_piece = not is_layer and not self.is_layer(other)
+                if carries_layer or carries_other_piece:
                     return Host(other, face)
         return None
 
@@ -124,9 +126,10 @@ class Roles:
         beam, face = on_beam
         if face not in self.lids[beam.piece].faces:
             return False
-        # Printed sides, along +z of their frames, look inwards.
-        pose_on_face = compose(inverse(self.pose_of(*host)), mount.pose)
-        return pose_on_face[2][3] < 0
+        # z of a face's frame points to its printed side, which is inside the car. So what is outside has negative z.
+        mount_in_face = compose(inverse(self.pose_of(*host)), mount.pose)
+        _, _, z = apply(mount_in_face, 0.0, 0.0)
+        return z < 0
 
     def _on_beam(self, host: Host | None, body: str) -> Host | None:
         """Follow a host to the beam that carries it; return the beam and the face on it, or None if there is no beam."""
@@ -187,47 +190,61 @@ class Roles:
 
     def passed_by(self, screw: Mount) -> tuple[PartKey, ...]:
         """Return what the shank of a screw passes through, in order from its head: parts with bores, and pieces."""
-        # The second of a screw's solids is its shank. Its frame is in its middle, and z points to the head.
+        # The second of a screw's solids is its shank. The origin of its frame is its middle, and z points to the head.
         shank = screw.solids[1]
-        to_shank = inverse(compose(screw.pose, shank.pose))
-        # Each part with its height along the shank (mm).
-        heights: list[tuple[float, PartKey]] = []
+        car_to_shank = inverse(compose(screw.pose, shank.pose))
+        # What the shank passes, with its z in the frame of the shank (mm).
+        passed: list[tuple[float, PartKey]] = []
+        # Parts. If a part has several solids around the shank, the one that is nearest to the head counts.
         for mount in self.held_by(screw):
-            holding = [solid for solid in mount.solids if stands_in(screw, shank, mount, solid)]
-            if holding:
-                middles = [apply(compose(to_shank, mount.pose, solid.pose), 0.0, 0.0) for solid in holding]
-                heights.append((max(z for _, _, z in middles), PartKey("mount", mount.name, 0)))
+            heights = []
+            for solid in mount.solids:
+                if stands_in(screw, shank, mount, solid):
+                    _, _, height = apply(compose(car_to_shank, mount.pose, solid.pose), 0.0, 0.0)
+                    heights.append(height)
+            if heights:
+                passed.append((max(heights), PartKey("mount", mount.name, 0)))
+        # Pieces with a face that lies across the shank, between its ends, and has the axis inside its outline.
         for copy in self.placed(screw.body):
             for face in self.pieces[copy.piece].faces:
-                face_in_shank = compose(to_shank, self.pose_of(copy, face.name))
+                face_in_shank = compose(car_to_shank, self.pose_of(copy, face.name))
                 _, _, height = apply(face_in_shank, 0.0, 0.0)
-                x, y, _ = apply(inverse(face_in_shank), 0.0, 0.0)
-                cosine = face_in_shank[2][2]
-                is_across = abs(cosine) > PARALLEL and abs(height) < shank.size_mm[2] / 2
-                if is_across and shapely.Polygon(face.outline_mm).contains(shapely.Point(x, y)):
-                    heights.append((height, PartKey("piece", copy.piece, copy.copy)))
-        from_head = sorted(heights, key=lambda height_and_part: -height_and_part[0])
+                axis_x, axis_y, _ = apply(inverse(face_in_shank), 0.0, 0.0)
+                # The cosine of the angle between the two z axes.
+                z_row = face_in_shank[2]
+                is_across = abs(z_row[2]) > PARALLEL
+                is_between_ends = abs(height) < shank.size_mm[2] / 2
+                if not is_across or not is_between_ends:
+                    continue
+                if shapely.Polygon(face.outline_mm).contains(shapely.Point(axis_x, axis_y)):
+                    passed.append((height, PartKey("piece", copy.piece, copy.copy)))
+        from_head = sorted(passed, key=lambda height_and_part: -height_and_part[0])
         return tuple(part for _, part in from_head)
 
     def from_outside(self, mount: Mount, clearance: ToolClearance) -> bool:
         """Return whether a tool reaches the mount while the lid is shut.
 
-        This is so if its clearance starts outside the box of the segment, or if it leaves the box through another
-        side than the top.
+        The space that the tool needs, its ``clearance``, is a cylinder from the mount to the hand. The tool reaches the
+        mount if the cylinder starts outside the segment, or if it leaves the segment through a wall or the floor, but not
+        through the lid.
         """
         beam = self.beams.get(mount.body)
         if beam is None:
             return True
-        panels = [face for face in self.pieces[beam.piece].faces if face.role == "panel"]
-        corners = [apply(self.pose_of(beam, face.name), *point) for face in panels for point in face.outline_mm]
+        # The bounds of the segment's box in the car's frame.
+        corners = []
+        for face in self.pieces[beam.piece].faces:
+            if face.role == "panel":
+                corners += [apply(self.pose_of(beam, face.name), *point) for point in face.outline_mm]
         low, high = np.min(corners, axis=0), np.max(corners, axis=0)
+        # The two ends of the cylinder.
         pose = compose(mount.pose, clearance.pose)
-        start, end = (np.array(apply(pose, 0.0, 0.0, z)) for z in (0.0, clearance.length_mm))
+        start = np.array(apply(pose, 0.0, 0.0, 0.0))
+        end = np.array(apply(pose, 0.0, 0.0, clearance.length_mm))
         starts_inside = bool(((start > low) & (start < high)).all())
-        is_beyond_low, is_beyond_high = end < low, end > high
-        # Low and high bounds along x, y and z; the high bound of z is the top.
-        leaves_beside_top = bool(is_beyond_low.any() or is_beyond_high[:2].any())
-        return not starts_inside or leaves_beside_top
+        # The lid is the upper bound along z, so only the upper bounds along x and y are compared.
+        leaves_through_wall_or_floor = bool((end < low).any() or (end > high)[:2].any())
+        return not starts_inside or leaves_through_wall_or_floor
 
     def _lies_on(self, copy: PlacedPiece, other: PlacedPiece, name: str) -> bool:
         """Return whether a piece lies on the face ``name`` of another one: in its plane, and inside its outline."""
@@ -267,7 +284,8 @@ class Lid:
 def lid_of(car: FoldedCar, beam: Piece) -> Lid:
     """Return the lid of a beam: its face ``lid`` and all faces that hang on it.
 
-    The lid of a beam without a lock is empty.
+    The *beam* is the box of a segment, which is folded from one piece. A beam that is not locked has no lid, and the
+    result has no faces then.
     """
     is_locked = any(join.kind == "lock" and join.piece_a == join.piece_b == beam.name for join in car.joins)
     if not is_locked:
@@ -278,13 +296,15 @@ def lid_of(car: FoldedCar, beam: Piece) -> Lid:
             moving.add(crease.child.face)
     panels = {face.name for face in beam.faces if face.name in moving and face.role == "panel"}
     crease_names = tuple(crease.name for crease in beam.creases if crease.child.face in panels)
+    # The joins that shut the lid connect it with something else. A join between two of its own faces does not shut it.
     closing_joins = set()
     for join in car.joins:
-        # A join that shuts the lid has one end on it; a join between two of the lid's own faces has both.
         a_is_on_lid = join.piece_a == beam.name and join.a.face in moving
         b_is_on_lid = join.piece_b == beam.name and join.b.face in moving
-        if join.kind in ("lock", "tuck") and a_is_on_lid != b_is_on_lid:
+        connects_lid_with_other = a_is_on_lid != b_is_on_lid
+        if join.kind in ("lock", "tuck") and connects_lid_with_other:
             closing_joins.add(join.number)
+    # Fingers grip the faces that require a clearance.
     with_clearance = tuple(face for face in beam.faces if face.name in moving and face.clearances)
     return Lid(frozenset(moving), crease_names, tuple(sorted(closing_joins)), gripped=with_clearance)
 
@@ -296,13 +316,14 @@ def stands_in(screw: Mount, solid: Solid, other: Mount, bored: Solid) -> bool:
     """
     if solid.kind != "cylinder" or not bored.bores:
         return False
-    # The cylinder's frame, in its middle with z along its axis, in the frame of the bored solid. Bores run along z, too.
+    # A cylinder's frame has its origin in its middle and z along its axis. Bores run along z of the bored solid's frame.
+    # So in that frame, the cylinder's z must be parallel to z.
     cylinder_in_car = compose(screw.pose, solid.pose)
     bored_in_car = compose(other.pose, bored.pose)
-    cylinder = np.array(compose(inverse(bored_in_car), cylinder_in_car))
-    x, y, z = cylinder[:3, 3]
-    axes_cosine = cylinder[2, 2]
-    is_parallel = abs(axes_cosine) >= PARALLEL
+    cylinder_in_bored = np.array(compose(inverse(bored_in_car), cylinder_in_car))
+    x, y, z = cylinder_in_bored[:3, 3]
+    _, _, z_of_axis = cylinder_in_bored[:3, 2]
+    is_parallel = abs(z_of_axis) >= PARALLEL
     overlaps_along_z = abs(z) < (solid.size_mm[2] + bored.size_mm[2]) / 2
     if not is_parallel or not overlaps_along_z:
         return False

@@ -56,22 +56,24 @@ class Stage:
         return {name: self.mount(self.roles.mounts[name])}
 
     def _shift(self, host: Host | None) -> Pose:
-        """Return how what is fixed to a host has moved, from its pose in the finished car to its pose at this stage.
+        """Return the motion of a part that is fixed to ``host``, from its pose in the finished car to that at this stage.
 
-        The result is a motion in the car's frame. Without a host, nothing has moved.
+        The motion is given in the car's frame. A part without a host does not move.
         """
         if host is None:
             return IDENTITY
         copy, face = host
-        # The host piece may itself be fixed to a face that has moved.
-        host_motion = self._shift(self.roles.host(copy))
-        # Both are poses of the face in the frame of its piece's first face.
-        current, finished = self._folded(copy.piece)[face], self.roles.finished_poses[copy.piece][face]
+        # The piece to which the part is fixed may itself be fixed to a face that has moved.
+        motion_of_piece = self._shift(self.roles.host(copy))
+        # The face has two poses in the frame of its piece's first face: as the piece is folded now, and finished.
+        current = self._folded(copy.piece)[face]
+        finished = self.roles.finished_poses[copy.piece][face]
         if current == finished:
-            return host_motion
-        # From the car's frame to the finished face, and back to the car's frame from the face as it is folded now. The
-        # motion of the whole host follows.
-        return compose(host_motion, copy.pose, current, inverse(finished), inverse(copy.pose))
+            return motion_of_piece
+        # Read from right to left: a point of the part is taken from the car's frame into the frame of the finished face.
+        # It keeps its place on the face, while the face is unfolded. Then it is taken back into the car's frame, and
+        # moves with the whole piece.
+        return compose(motion_of_piece, copy.pose, current, inverse(finished), inverse(copy.pose))
 
 
 TONGUES = frozenset({"lock", "tab_slot", "rim"})
@@ -91,6 +93,7 @@ class CarSolids:
     """The solids of one car. Without ``tongues``, a tongue is cut off where it is inside its slot."""
 
     def __init__(self, roles: Roles, tongues: bool = False) -> None:
+        """Prepare the solids. With ``tongues``, all tongues are complete, also inside their slots."""
         self.roles = roles
         # The solids of pieces and mounts, and the poses for which they were computed last.
         self._latest: dict[PartKey, tuple[dict[str, Pose], Blocks]] = {}
@@ -100,20 +103,23 @@ class CarSolids:
             for join in self._tongue_joins():
                 for face, region in self._tongue_regions(join):
                     self._cut_off[join.piece_a, face].append(region)
+        # The solids of each face and each mount in their own frames are built once.
         self._face = cache(self._build_face)
-        self._mount = cache(lambda mount: merge_blocks(solid_blocks(solid, mount.name) for solid in mount.shape))
+        self._mount = cache(_mount_solids)
 
     def _tongue_joins(self) -> list[Join]:
-        """Return one join for each piece with tongues and each face with slots for them.
+        """Return the joins of tongues and slots, without those whose tongues are cut off like those of another join.
 
-        One join suffices, because all faces of the piece are cut in the same way. If a piece locks into itself, only the
-        face of the tongue is cut, so then there is one join for each tongue.
+        Where several tongues of a piece go into the same face, one join stands for all, because its cut goes through all
+        faces of the piece. But where a piece locks into itself, the cut goes through the face of the tongue only. So each
+        face with a tongue has a join there.
         """
         joins: dict[tuple[str, ...], Join] = {}
         for join in self.roles.car.joins:
             if join.kind in TONGUES:
-                tongue_face = join.a.face if join.piece_a == join.piece_b else ""
-                joins[join.piece_a, tongue_face, join.piece_b, join.b.face] = join
+                locks_into_itself = join.piece_a == join.piece_b
+                cut_faces = join.a.face if locks_into_itself else "all faces"
+                joins[join.piece_a, cut_faces, join.piece_b, join.b.face] = join
         return list(joins.values())
 
     def solid(self, key: PartKey, stage: Stage) -> Blocks:
@@ -165,9 +171,10 @@ class CarSolids:
         return frozenset(ends) | {(b, a) for a, b in ends}
 
     def _build_face(self, name: str, face_name: str) -> Blocks:
-        """Return the solids of a face in its own frame.
+        """Return the solids of a face in its own frame, with its holes.
 
-        Its tongues are cut off. So is a strip, half a film wide, along each of its folds, where the film bends.
+        Two things are left out: the parts of tongues that are in slots, and a strip along each of the face's folds,
+        half a film wide, because the film bends there.
         """
         piece, face = self.roles.pieces[name], self.roles.faces[name][face_name]
         shape: shapely.Geometry = polygon(face)
@@ -181,33 +188,35 @@ class CarSolids:
         return plate(shape, piece.thickness_mm, title(name, face_name))
 
     def _tongue_regions(self, join: Join) -> Iterator[tuple[str, shapely.Geometry]]:
-        """Yield, for each face of a piece with a tongue, the part of it that is in the slot of a join: (name of
-        the face, region).
+        """Yield the regions of a piece with tongues that are cut off because they are in a slot.
 
-        The region is a band of the face, from the near side of the slotted film to just behind the tip of the tongue.
-        All faces of the piece are cut, because several tongues may share a slot. If a piece locks into itself, only
-        the face of the tongue is cut, because the slot is in another face of the piece.
+        Each is the name of a face of the piece, and a band of this face in its own frame: from the near side of the
+        slotted film to just behind the tip of the tongue. All faces of the piece are cut, because several tongues may
+        share a slot. If a piece locks into itself, only the face of the tongue is cut.
         """
         roles, piece = self.roles, self.roles.pieces[join.piece_a]
         tongue, slotted = self._joined_copies(join)
-        to_slot = inverse(roles.pose_of(slotted, join.b.face))
-        # The height of the tip's middle over the slotted face; negative if the tongue comes from above.
+        # In the frame of the slotted face, z is the height over its film. The tongue may come from above or from below.
+        # Heights below count in the direction in which it goes, so its tip always has a positive height.
+        car_to_slotted = inverse(roles.pose_of(slotted, join.b.face))
         tip = np.mean(edge(roles.faces[join.piece_a], join.a), axis=0)
-        _, _, tip_height = apply(compose(to_slot, roles.pose_of(tongue, join.a.face)), *tip)
-        towards_tip = 1.0 if tip_height > 0 else -1.0
+        _, _, tip_z = apply(compose(car_to_slotted, roles.pose_of(tongue, join.a.face)), *tip)
+        towards_tip = 1.0 if tip_z > 0 else -1.0
+        tip_height = abs(tip_z)
         half_film = roles.pieces[join.piece_b].thickness_mm / 2
         locks_into_itself = join.piece_a == join.piece_b
         for face in piece.faces:
             if locks_into_itself and face.name != join.a.face:
                 continue
-            # Heights over the slotted face, counted in the direction of the tip: a point (x, y) of this face has the
-            # height slope · (x, y) + offset.
-            height_row = towards_tip * np.array(compose(to_slot, roles.pose_of(tongue, face.name)))[2]
-            slope, offset = height_row[:2], height_row[3]
+            # A point (x, y) of this face has the height slope · (x, y) + offset, as the third row of the pose says.
+            face_in_slotted = np.array(compose(car_to_slotted, roles.pose_of(tongue, face.name)))
+            slope_x, slope_y, _, offset = towards_tip * face_in_slotted[2]
+            slope = np.array((slope_x, slope_y))
             corner_heights = np.array(face.outline_mm) @ slope + offset
             is_upright = np.linalg.norm(slope) > UPRIGHT
-            if is_upright and corner_heights.max() > -half_film:
-                yield face.name, _band(slope, offset, -half_film, abs(tip_height) + BEHIND_MM)
+            reaches_slot = corner_heights.max() > -half_film
+            if is_upright and reaches_slot:
+                yield face.name, _band(slope, offset, -half_film, tip_height + BEHIND_MM)
 
     def _joined_copies(self, join: Join) -> tuple[PlacedPiece, PlacedPiece]:
         """Return the first copies of both pieces of a join that are in the same body.
@@ -219,6 +228,11 @@ class CarSolids:
                 if first.piece == join.piece_a and second.piece == join.piece_b:
                     return first, second
         raise ValueError(f"no body has both pieces of join {join.number}")
+
+
+def _mount_solids(mount: Mount) -> Blocks:
+    """Return the solids of a mount in its own frame."""
+    return merge_blocks(solid_blocks(solid, mount.name) for solid in mount.shape)
 
 
 def _band(slope: NDArray[np.float64], offset: float, low: float, high: float) -> shapely.Geometry:

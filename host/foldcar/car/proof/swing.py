@@ -38,11 +38,12 @@ def even_path(start: Mapping[str, float], end: Mapping[str, float]) -> Iterator[
 
 
 def lid_path(lid: Lid, angles_rad: Mapping[str, float]) -> Iterator[dict[str, float]]:
-    """Yield how far the folds of a lid are closed, step by step, while it shuts: fractions by crease.
+    """Yield how far the folds of a lid are closed, step by step, while it shuts.
 
-    The lid turns about its hinge, and a flap hangs on its other edge. An upright flap would hit the wall behind which it
-    ends. So the flap is first bent to its final angle. During the first half of the lid's turn it is bent further, by as
-    much as the lid turns, and during the second half it is bent back. Its fraction is above 1 meanwhile.
+    Each value has a number for each crease: 0 means that the fold is flat, and 1 that it has its final angle. The lid
+    turns about its hinge, and a flap hangs on its other edge. If the flap had its final angle all the time, it would hit
+    the wall behind which it must go. So it is first bent to its final angle. During the first half of the lid's turn it
+    is bent further, by as much as the lid turns, so its number is above 1. During the second half it is bent back.
     """
     hinge, *flaps = lid.creases
     if not flaps:
@@ -53,12 +54,12 @@ def lid_path(lid: Lid, angles_rad: Mapping[str, float]) -> Iterator[dict[str, fl
     others_closed = dict.fromkeys(others, 1.0)
     for number in range(SWING_STEPS):
         yield {hinge: 0.0, flap: number / SWING_STEPS, **others_closed}
-    # The lid's angle as a fraction of the flap's.
-    angle_ratio = angles_rad[hinge] / angles_rad[flap]
+    # Both folds have numbers relative to their own final angles. This turns one of the hinge into one of the flap.
+    hinge_to_flap = angles_rad[hinge] / angles_rad[flap]
     for number in range(SWING_STEPS + 1):
         closed = number / SWING_STEPS
         further_bent = min(closed, 1.0 - closed)
-        yield {hinge: closed, flap: 1.0 + angle_ratio * further_bent, **others_closed}
+        yield {hinge: closed, flap: 1.0 + hinge_to_flap * further_bent, **others_closed}
 
 
 def swing_of(name: str, first: Stage, last: Stage, standing: Mapping[PartKey, Blocks]) -> Swing:

@@ -95,32 +95,42 @@ def coupon(options: Options, parts: Catalogue) -> Sheet:
     rows = [[bar], [_slots(parts), square], [_folds(options), _tongue()], [_window()]]
     margin = options.margin_mm
     lines = wrapped([f"Coupon: {parts.film.title}, {options.machine}, kerf {options.kerf_mm:g} mm, {BAR}"])
-    groups: list[tuple[Shape, ...]] = [tuple(shape.moved(Motion(0, (margin, margin))) for shape in title_shapes(lines))]
+    # The title, at the lower left corner of the sheet, where the origin is.
+    to_title = Motion(0, (margin, margin))
+    groups: list[tuple[Shape, ...]] = [tuple(shape.moved(to_title) for shape in title_shapes(lines))]
     _, title_height = title_size_mm(len(lines))
-    # Each row stands above the one before, and in a row the pieces stand beside each other.
+    # Each row stands above the one before, and in a row the pieces stand beside each other. Between two pieces are the
+    # gap and a kerf, because cuts lie half a kerf outside of the pieces.
     y, right = margin + title_height + options.gap_mm, margin
     for row in rows:
-        x, top = margin + options.kerf_mm, y
+        x, top_of_row = margin + options.kerf_mm, y
         for flat, marks in row:
-            motion = Motion(0, (x, y))
-            groups.append(tuple(shape.moved(motion) for shape in (*marks, *cut_shapes(flat, options.kerf_mm))))
+            to_place = Motion(0, (x, y))
+            shapes = (*marks, *cut_shapes(flat, options.kerf_mm))
+            groups.append(tuple(shape.moved(to_place) for shape in shapes))
             _, _, width, height = flat.outline.bounds
-            right, top = max(right, x + width), max(top, y + height)
+            right = max(right, x + width)
+            top_of_row = max(top_of_row, y + height)
             x += width + options.gap_mm + options.kerf_mm
-        y = top + options.gap_mm + options.kerf_mm
+        y = top_of_row + options.gap_mm + options.kerf_mm
+    # The coupon must fit on a sheet. The sheet is turned if the coupon is wider than it.
     occupied = Polygon(box(margin, margin, right, y).exterior)
     if not fits((right - margin, y - margin), options.sheet_size_mm, margin):
         large = too_large_message("calibration coupon", occupied, options.sheet_size_mm, margin)
-        raise NestingError(f"{large}; {suggest_sheet(lambda other: all_fit([occupied], other), [occupied], options)}")
-    # The sheet is turned if the coupon is wider than the sheet.
-    size = options.sheet_size_mm if right + margin <= options.sheet_size_mm[0] else options.sheet_size_mm[::-1]
-    return Sheet("coupon", *size, tuple(tuple(rounded(group)) for group in groups), options.dashed)
+        suggestion = suggest_sheet(lambda other: all_fit([occupied], other), [occupied], options)
+        raise NestingError(f"{large}; {suggestion}")
+    sheet_width, sheet_height = options.sheet_size_mm
+    if right + margin > sheet_width:
+        sheet_width, sheet_height = sheet_height, sheet_width
+    rounded_groups = tuple(tuple(rounded(group)) for group in groups)
+    return Sheet("coupon", sheet_width, sheet_height, rounded_groups, options.dashed)
 
 
 def _tongue() -> CouponPiece:
-    """Return the tongue that fits the slots, on a back that is three times as wide.
+    """Return the coupon's piece with a tongue, which you push into the slots to choose their clearance.
 
-    The tongue is as wide as a slot without clearance is long.
+    The tongue stands in the middle of a back that is three times as wide. A slot is as long as the tongue is wide, plus
+    the slot's clearance.
     """
     width, left, right, top = 3 * TONGUE_MM, TONGUE_MM, 2 * TONGUE_MM, BACK_MM + TONGUE_LENGTH_MM
     back = [(0, 0), (width, 0), (width, BACK_MM)]
@@ -154,7 +164,11 @@ def _centred_y(low: float, high: float) -> float:
 
 
 def _folds(options: Options) -> CouponPiece:
-    """Return the coupon's comb: tongues with folds at their bases, whose dashes differ, so that one can be chosen."""
+    """Return the coupon's comb, with which you choose how folds are cut.
+
+    It has several tongues with a fold at the base of each. A fold is a line of dashes. The lengths of its cuts and of the
+    bridges between them differ from tongue to tongue, and are written on the tongue.
+    """
     pitch = TONGUE_MM + COMB_GAP_MM
     width, top = len(DASHES_MM) * pitch, BACK_MM + COMB_LENGTH_MM
     points: list[Point] = [(0.0, 0.0), (width, 0.0), (width, BACK_MM)]
@@ -173,9 +187,10 @@ def _folds(options: Options) -> CouponPiece:
 
 
 def _slots(parts: Catalogue) -> CouponPiece:
-    """Return the coupon's piece with slots, whose lengths are that of the tongue and a clearance, which is written above.
+    """Return the coupon's piece with slots of several lengths, into which you push the coupon's tongue.
 
-    They are as wide as the slots of the car.
+    The length of a slot is the width of the tongue plus a clearance. The clearance is written above the slot. The slots
+    are as wide as those of the car.
     """
     pitch = TONGUE_MM + SLOT_GAP_MM
     width = len(CLEARANCES_MM) * pitch

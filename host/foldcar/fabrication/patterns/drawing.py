@@ -149,29 +149,36 @@ class Sheet:
         return ((layer, list(self.cuts_on(layer.name))) for layer in LAYERS.values())
 
     def cuts_on(self, layer: LayerName) -> Iterator[tuple[Shape, ...]]:
-        """Yield a layer's cuts in the order of cutting: a closed line or circle alone, a group's open lines together.
+        """Yield the cuts of a layer in the order in which a machine makes them.
 
-        Small cuts come first, because large cuts loosen the film: cuts are grouped by size in factors of two. In each
-        group the next cut is the one nearest to the end of the last; the first starts near the lower left corner.
+        A cut is a circle, a closed line, or all open lines of a group of shapes. Small cuts come first, because large
+        cuts loosen the film. Cuts count as equally large if their sizes differ by less than a factor of two or so. Of
+        these, the next cut is the one that starts nearest to the end of the last cut, so that the machine moves little.
+        It begins at the lower left corner of the sheet, where the origin is.
         """
         cuts: list[tuple[Shape, ...]] = []
         for group in self.groups:
             shapes = [shape for shape in group if shape.layer == layer]
-            lines = tuple(shape for shape in shapes if isinstance(shape, Path) and not shape.closed)
-            cuts += [lines] if lines else []
+            open_lines = tuple(shape for shape in shapes if isinstance(shape, Path) and not shape.closed)
+            if open_lines:
+                cuts.append(open_lines)
             cuts += [(shape,) for shape in shapes if isinstance(shape, Circle) or shape.closed]
-        cuts_by_size: dict[int, list[tuple[Shape, ...]]] = {}
+        # The classes of sizes reach from one power of two to the next.
+        cuts_by_exponent: dict[int, list[tuple[Shape, ...]]] = {}
         for cut in cuts:
             x0, y0, x1, y1 = bounds(cut)
             _, binary_exponent = math.frexp(max(x1 - x0, y1 - y0))
-            cuts_by_size.setdefault(binary_exponent, []).append(cut)
+            cuts_by_exponent.setdefault(binary_exponent, []).append(cut)
         position = (0.0, 0.0)
-        for _, remaining in sorted(cuts_by_size.items()):
+        for _, remaining in sorted(cuts_by_exponent.items()):
             while remaining:
-                distances = [math.dist(position, start) for start, _ in (_ends(cut[0]) for cut in remaining)]
-                cut = remaining.pop(distances.index(min(distances)))
-                _, position = _ends(cut[-1])
-                yield cut
+                distances = []
+                for cut in remaining:
+                    start, _ = _ends(cut[0])
+                    distances.append(math.dist(position, start))
+                nearest_cut = remaining.pop(distances.index(min(distances)))
+                _, position = _ends(nearest_cut[-1])
+                yield nearest_cut
 
 
 def _ends(shape: Shape) -> tuple[Point, Point]:

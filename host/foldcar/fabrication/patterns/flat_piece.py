@@ -184,14 +184,15 @@ def _placings(piece: Piece, thickness_mm: float, options: Options) -> dict[str, 
     # Creases of parents precede those of their children.
     for crease in piece.creases:
         (ax, ay), (bx, by) = edge(faces, crease.parent)
-        shift_per_length = _saved_mm(crease, thickness_mm, options) / math.hypot(bx - ax, by - ay)
-        # The inward normal of the parent's edge: its direction, turned by 90° counter-clockwise.
-        x, y = -(by - ay) * shift_per_length, (bx - ax) * shift_per_length
-        # The parent's pose turns the shift into the frame of the flat piece.
+        # The shift in the parent's frame. It is as long as the bend deduction, and points inwards, at right angles to the
+        # edge: this is the edge's vector, turned by 90° counter-clockwise and scaled.
+        scale = _saved_mm(crease, thickness_mm, options) / math.hypot(bx - ax, by - ay)
+        inward_x, inward_y = -(by - ay) * scale, (bx - ax) * scale
+        # The parent's pose turns it into the frame of the flat piece. The child also moves along with its parent.
         x_row, y_row, *_ = poses[crease.parent.face]
         parent_x, parent_y = shifts[crease.parent.face]
-        child_x = parent_x + x_row[0] * x + x_row[1] * y
-        child_y = parent_y + y_row[0] * x + y_row[1] * y
+        child_x = parent_x + x_row[0] * inward_x + x_row[1] * inward_y
+        child_y = parent_y + y_row[0] * inward_x + y_row[1] * inward_y
         shifts[crease.child.face] = (child_x, child_y)
     return {name: partial(_placed, pose=pose, shift=shifts[name]) for name, pose in poses.items()}
 
@@ -202,10 +203,11 @@ def _placed(p: Point, pose: Pose, shift: Point) -> Point:
 
 
 def _flat_face(face: Face, corners: list[list[Point]], place: Callable[[Point], Point]) -> FlatFace:
-    """Return a face with its edges and holes in the flat piece; ``place`` maps its points there.
+    """Return a face with its edges and holes in the flat piece; ``place`` maps points of the face there.
 
-    A corner has two points where its edges are offset differently (see ``offset_edges``): the end of one edge and the
-    start of the next.
+    ``corners`` has the points of each corner of the face, as ``offset_edges`` returns them. A corner usually has one
+    point. It has two where two edges in a line were moved by different distances: the end of one edge and the start of
+    the next.
     """
     placed_corners = [[place(point) for point in corner] for corner in corners]
     edges = {}
@@ -236,21 +238,31 @@ def _corners(edges: Sequence[Edge]) -> Iterator[Edge]:
 
 
 def _fold(crease: Crease, faces: dict[str, FlatFace]) -> Fold | None:
-    """Return the part that the parent's and the child's edge share as a fold; None if it is too short."""
-    a, b = faces[crease.parent.face].edges[crease.parent.index]
-    c, d = faces[crease.child.face].edges[crease.child.index]
-    length = math.dist(a, b)
-    along = ((b[0] - a[0]) / length, (b[1] - a[1]) / length)
+    """Return the fold of a crease in the flat piece; None if it is too short.
 
-    def position(p: Point) -> float:
-        return (p[0] - a[0]) * along[0] + (p[1] - a[1]) * along[1]
+    It is the part that the edge of the parent face and the edge of the child face have in common.
+    """
+    start, end = faces[crease.parent.face].edges[crease.parent.index]
+    child_start, child_end = faces[crease.child.face].edges[crease.child.index]
+    length = math.dist(start, end)
+    direction = ((end[0] - start[0]) / length, (end[1] - start[1]) / length)
 
-    low, high = max(0.0, min(position(c), position(d))), min(length, max(position(c), position(d)))
+    def distance_along(point: Point) -> float:
+        """Return the distance of a point from the start of the parent's edge, along this edge."""
+        return (point[0] - start[0]) * direction[0] + (point[1] - start[1]) * direction[1]
+
+    def point_at(distance: float) -> Point:
+        return start[0] + distance * direction[0], start[1] + distance * direction[1]
+
+    # The parent's edge reaches from 0 to its length. The edges run in opposite directions.
+    child_low, child_high = sorted((distance_along(child_start), distance_along(child_end)))
+    low, high = max(0.0, child_low), min(length, child_high)
     if high - low < MIN_SLIT_MM:
         return None
-    kind: FoldKind = "flexure" if crease.flexure else "valley" if crease.angle_rad > 0 else "mountain"
-    ends = [(a[0] + s * along[0], a[1] + s * along[1]) for s in (low, high)]
-    return Fold(kind, ends[0], ends[1])
+    kind: FoldKind = "valley" if crease.angle_rad > 0 else "mountain"
+    if crease.flexure:
+        kind = "flexure"
+    return Fold(kind, point_at(low), point_at(high))
 
 
 def _slits(outline: Polygon, faces: Sequence[FlatFace], folds: Sequence[Fold]) -> tuple[tuple[Point, ...], ...]:
@@ -295,20 +307,24 @@ class OffsetEdge(NamedTuple):
 
 
 def offset_edges(outline_mm: Sequence[Point], inward_mm: Sequence[float]) -> list[list[Point]]:
-    """Move edge i (from corner i to i + 1) inwards by ``inward_mm[i]``; return the new points of each corner.
+    """Move the edges of a counter-clockwise outline inwards, and return the new points of each corner.
 
-    The outline is counter-clockwise. A corner's new point is where the moved edges' lines intersect. Where collinear
-    edges move by different distances there are two points: the end of one edge and the start of the next.
+    Edge i leads from corner i to corner i + 1, and is moved by ``inward_mm[i]``. A corner's new point is the intersection
+    of the lines of its two moved edges. Where two edges in a line are moved by different distances, there is no
+    intersection. Then the corner has two points: the end of one edge and the start of the next.
     """
+    # The moved edges.
     count = len(outline_mm)
     edges = []
     for index in range(count):
         (ax, ay), (bx, by) = outline_mm[index], outline_mm[(index + 1) % count]
         length = math.hypot(bx - ax, by - ay)
-        ux, uy = (bx - ax) / length, (by - ay) / length
+        direction_x, direction_y = (bx - ax) / length, (by - ay) / length
         # The inward normal is the direction turned by 90° counter-clockwise.
-        shift_x, shift_y = -uy * inward_mm[index], ux * inward_mm[index]
-        edges.append(OffsetEdge((ax + shift_x, ay + shift_y), (bx + shift_x, by + shift_y), (ux, uy)))
+        shift_x, shift_y = -direction_y * inward_mm[index], direction_x * inward_mm[index]
+        start, end = (ax + shift_x, ay + shift_y), (bx + shift_x, by + shift_y)
+        edges.append(OffsetEdge(start, end, (direction_x, direction_y)))
+    # The corners between them.
     corners: list[list[Point]] = []
     for index, after in enumerate(edges):
         before = edges[index - 1]
@@ -317,10 +333,11 @@ def offset_edges(outline_mm: Sequence[Point], inward_mm: Sequence[float]) -> lis
             is_same_point = math.dist(before.end, after.start) < PARALLEL
             corners.append([before.end] if is_same_point else [before.end, after.start])
             continue
-        # The lines meet this far beyond the end of the edge before.
-        between = (after.start[0] - before.end[0], after.start[1] - before.end[1])
-        beyond = _cross(between, after.direction) / sine
-        corners.append([(before.end[0] + beyond * before.direction[0], before.end[1] + beyond * before.direction[1])])
+        # The point before.end + t · before.direction is on the line of the other edge if its vector to after.start is
+        # parallel to after.direction: then their cross product is 0.
+        to_next_start = (after.start[0] - before.end[0], after.start[1] - before.end[1])
+        t = _cross(to_next_start, after.direction) / sine
+        corners.append([(before.end[0] + t * before.direction[0], before.end[1] + t * before.direction[1])])
     return corners
 
 

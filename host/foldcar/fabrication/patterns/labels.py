@@ -6,6 +6,7 @@ strip. Where layers are laid onto a face, each place has the number. Texts are s
 beams, Hershey's simplex roman ("futural"); missing characters are drawn as "?".
 """
 
+import itertools
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -121,42 +122,50 @@ def _first_fit(
 ) -> tuple[list[Path], Polygon] | None:
     """Return the strokes and the box of a text at the first of ``places`` at which it fits; None if it fits nowhere.
 
-    The text has the largest of ``heights`` (mm) with which it fits anywhere.
+    The text fits if its box lies within the area ``free``. It has the largest of ``heights`` (mm) with which it fits at
+    any place.
     """
     if free.is_empty or not places:
         return None
     shapely.prepare(free)
     for height in heights:
+        # The origin of the strokes is the start of the base line. Some letters reach below it, by the descent. These are
+        # the corners of the text's box, and the origin relative to the centre of the box.
         strokes, width = text_strokes(text, height)
-        # The start of the base line, relative to the centre of the box.
-        start = np.array((-width / 2, -height / 2 + height * DESCENT / 2))
+        descent = height * DESCENT
+        corners = np.array([(0.0, -descent), (width, -descent), (width, height), (0.0, height)])
+        origin = np.array((-width / 2, -height / 2 + descent / 2))
         # The distance of the box's centre from an edge that it stands beside.
         depth = CLEAR_MM + height * (1 + DESCENT) / 2
-        corners = np.array([(0.0, -height * DESCENT), (width, -height * DESCENT), (width, height), (0.0, height)])
-        boxes = shapely.polygons(_at_places(places, depth, corners + start))
-        fitting = np.flatnonzero(shapely.contains(free, boxes))
-        if len(fitting):
-            first = int(fitting[0])
-            paths = []
-            for stroke in strokes:
-                (line,) = _at_places([places[first]], depth, np.array(stroke) + start)
-                paths.append(Path("LABEL", tuple((x, y) for x, y in line.tolist())))
-            return paths, boxes[first]
+        boxes = shapely.polygons(_at_places(places, depth, corners + origin))
+        fitting_indices = np.flatnonzero(shapely.contains(free, boxes))
+        if len(fitting_indices) == 0:
+            continue
+        first = int(fitting_indices[0])
+        paths = []
+        for stroke in strokes:
+            (line,) = _at_places([places[first]], depth, np.array(stroke) + origin)
+            paths.append(Path("LABEL", tuple((x, y) for x, y in line.tolist())))
+        return paths, boxes[first]
     return None
 
 
 def _at_places(places: Sequence[_Place], depth_mm: float, points: Points) -> Points:
-    """Return points of a text, (m, 2), turned and moved to each of the places: (n, m, 2).
+    """Return the points of a text at each of several places, turned along the place's angle.
 
-    The points are relative to the centre of the text's box. If the box stands beside an edge, its centre is ``depth_mm``
-    inwards from the place.
+    ``points``, (m, 2), are relative to the centre of the text's box, with x along the text. The result has the shape
+    (places, m, 2). If the box stands beside an edge, its centre is ``depth_mm`` inwards from the place.
     """
-    centres = np.array([place.point for place in places]) + depth_mm * np.array([place.inward for place in places])
+    place_points = np.array([place.point for place in places])
+    inward = np.array([place.inward for place in places])
+    centres = place_points + depth_mm * inward
+    # Arrays of the places have one column, so that numpy combines each place with each point.
+    centre_x, centre_y = centres[:, :1], centres[:, 1:]
     cos = np.array([[math.cos(place.angle)] for place in places])
     sin = np.array([[math.sin(place.angle)] for place in places])
-    u, v = points.T
-    x = centres[:, :1] + cos * u - sin * v
-    y = centres[:, 1:] + sin * u + cos * v
+    along_text, across_text = points.T
+    x = centre_x + cos * along_text - sin * across_text
+    y = centre_y + sin * along_text + cos * across_text
     return np.stack([x, y], axis=-1)
 
 
@@ -191,8 +200,9 @@ def _beside_edges(mark: EdgeMark, turn: float) -> Iterator[_Place]:
 def _in_faces(flat: FlatPiece, turn: float) -> list[_Place]:
     """Return places for a name in the largest faces of a piece, the preferred ones first.
 
-    In each face the name is tried along its longer side, from the face's centre outwards, and then across. A strip, which
-    bends smoothly, counts as one face. ``turn`` is the angle (rad) by which the piece is turned on its sheet.
+    In each face, the places are the points of a grid, those near the face's middle first. The name is tried at all of
+    them along the longer side of the face, and then at all of them across. A piece that bends smoothly counts as one
+    face. ``turn`` is the angle (rad) by which the piece is turned on its sheet.
     """
     largest_first = sorted(flat.faces, key=lambda face: -float(face.outline.area))
     outlines = [flat.outline] if flat.bends else [face.outline for face in largest_first[:NAME_FACES]]
@@ -201,7 +211,10 @@ def _in_faces(flat: FlatPiece, turn: float) -> list[_Place]:
     for outline in outlines:
         x0, y0, x1, y1 = outline.bounds
         middle = ((x0 + x1) / 2, (y0 + y1) / 2)
-        grid = [(x0 + (x1 - x0) * i / GRID_STEPS, y0 + (y1 - y0) * j / GRID_STEPS) for i in steps for j in steps]
+        grid_xs = [x0 + (x1 - x0) * step / GRID_STEPS for step in steps]
+        grid_ys = [y0 + (y1 - y0) * step / GRID_STEPS for step in steps]
+        grid = list(itertools.product(grid_xs, grid_ys))
+        # Distances are rounded, so that the order does not depend on errors of rounding.
         grid.sort(key=lambda point: (round(math.dist(point, middle), 6), point))
         is_upright = y1 - y0 > UPRIGHT_RATIO * (x1 - x0)
         angles = (math.pi / 2, 0.0) if is_upright else (0.0, math.pi / 2)
@@ -216,32 +229,37 @@ def join_marks(piece: FlatPiece, car: FoldedCar, unsplit_car: FoldedCar) -> Iter
     The pieces of ``car`` are split to fit the sheets. Those of ``unsplit_car`` are whole, as they are placed in the car.
     """
     faces = {face.name: face for face in piece.faces}
-    # A face has the number of a join once, even if the join has several edges on it.
+    # The numbers of joins that are written on a face. Each is written there once, even if the join has several edges on
+    # the face.
     written: set[tuple[int, str]] = set()
-    # The edges of each join around a rim or a strip, by the number of the join and whether they are its end a.
-    edges_of_rims: dict[tuple[int, bool], list[Edge]] = {}
+    # The edges of each join of a wheel's rim or disc, by the join's number and whether they are at its end a. They share
+    # one number. A strip that is joined to itself has it at both ends.
+    edges_around_wheel: dict[tuple[int, bool], list[Edge]] = {}
     for join, is_a in _join_ends(piece, car):
-        ref = join.a if is_a else join.b
-        face, number = faces[ref.face], str(join.number)
-        is_written = (join.number, ref.face) in written
+        face_name = join.a.face if is_a else join.b.face
+        face, number = faces[face_name], str(join.number)
+        is_written = (join.number, face_name) in written
         if join.kind == "laminate" and not is_a:
             # On the lower face of two layers, the number stands along the outline of the layer that is laid onto it.
-            written.add((join.number, ref.face))
+            written.add((join.number, face_name))
             if not is_written:
-                yield from (EdgeMark(number, edges) for edges in _edges_under_layers(face, join, unsplit_car))
+                for edges_under_layer in _edges_under_layers(face, join, unsplit_car):
+                    yield EdgeMark(number, edges_under_layer)
             continue
         edges = _edges(face, join, is_a)
-        if edges and (join.kind == "rim" or piece.bends):
-            # A strip that is joined to itself has its number at both ends.
-            edges_of_rims.setdefault((join.number, is_a), []).extend(edges)
+        is_around_wheel = join.kind == "rim" or bool(piece.bends)
+        if edges and is_around_wheel:
+            edges_around_wheel.setdefault((join.number, is_a), []).extend(edges)
         elif edges and not is_written:
-            written.add((join.number, ref.face))
+            written.add((join.number, face_name))
             yield EdgeMark(number, tuple(edges))
-    for (join_number, _), edges in edges_of_rims.items():
-        # The edges half way round are preferred. Sorting keeps this order among edges with the same slant.
+    for (join_number, _), edges in edges_around_wheel.items():
+        # Edges along x or y come first. Of these, the edges in the middle of the list come first, which are far from the
+        # ends of a strip. Sorting does not change the order of edges with the same slant.
         half = len(edges) // 2
-        from_half_way = [*edges[half:], *edges[:half]]
-        yield EdgeMark(str(join_number), tuple(sorted(from_half_way, key=_slant)[:PLACES]))
+        middle_first = [*edges[half:], *edges[:half]]
+        yield EdgeMark(str(join_number), tuple(sorted(middle_first, key=_slant)[:PLACES]))
+    # The names of the parts that are laid onto the piece, within the outlines of these parts.
     for flat_face in piece.faces:
         for name, outline in flat_face.laid.items():
             if outline:
@@ -264,85 +282,109 @@ def _edges_under_layers(face: FlatFace, join: Join, unsplit_car: FoldedCar) -> I
 
     These are the edges of the face's holes under the layer. If there are none, they are the edges of the layer's outline.
     """
-    # The names of the whole pieces, without the number of a part.
-    upper_piece, lower_piece = (name.partition(PART)[0] for name in (join.piece_a, join.piece_b))
-    piece = next(other for other in unsplit_car.pieces if other.name == lower_piece)
-    outline = next(other for other in piece.faces if other.name == face.name).outline_mm
-    to_flat = _motion_to_flat(outline, face)
+    # A piece may be split into parts to fit the sheets, and ``face`` may be a part of a face. Where layers lie is known
+    # for the whole pieces, whose names are without the number of a part.
+    layer_name, _, _ = join.piece_a.partition(PART)
+    host_name, _, _ = join.piece_b.partition(PART)
+    whole_piece = next(piece for piece in unsplit_car.pieces if piece.name == host_name)
+    whole_face = next(candidate for candidate in whole_piece.faces if candidate.name == face.name)
+    to_flat = _motion_to_flat(whole_face.outline_mm, face)
     if to_flat is None:
         yield tuple(_edges(face, join, is_a=False))
         return
-    for layer in _layers(unsplit_car, upper_piece, join.a.face, lower_piece, face.name):
+    for layer in _layers(
+        unsplit_car, layer_piece=layer_name, layer_face=join.a.face, host_piece=host_name, host_face=face.name
+    ):
+        # The area of this part of the face that the layer covers.
         layer_in_flat = shapely.Polygon([to_flat(point) for point in layer.exterior.coords])
-        area = layer_in_flat.intersection(face.outline)
-        if area.is_empty or area.geom_type != "Polygon":
+        covered = layer_in_flat.intersection(face.outline)
+        if covered.is_empty or covered.geom_type != "Polygon":
             continue
-        around_layer = area.buffer(AROUND_LAYER_MM)
-        edges = [edge for ring in face.holes.values() for edge in ring]
-        hole_edges = [edge for edge in edges if around_layer.covers(shapely.LineString(edge))]
-        ring = [(x, y) for x, y in shapely.geometry.polygon.orient(area).exterior.coords]
-        yield tuple(sorted(hole_edges or pairwise(ring), key=_slant)[:PLACES])
+        around_layer = covered.buffer(AROUND_LAYER_MM)
+        edges: list[Edge] = []
+        for hole in face.holes.values():
+            edges += (edge for edge in hole if around_layer.covers(shapely.LineString(edge)))
+        if not edges:
+            corners = [(x, y) for x, y in shapely.geometry.polygon.orient(covered).exterior.coords]
+            edges = list(pairwise(corners))
+        # Numbers are easy to read beside edges along x or y, so these come first.
+        yield tuple(sorted(edges, key=_slant)[:PLACES])
 
 
 def _motion_to_flat(outline: Sequence[Point], face: FlatFace) -> Callable[[Point], Point] | None:
     """Return the function that maps points of a whole face, which has this outline, to the flat piece.
 
-    It follows from the longest edge that has not been split. None if there is no such edge.
+    ``face`` is the face in the flat piece, or the part of it that is on this piece if the piece was split. The function
+    follows from the longest edge that was not split. The result is None if there is no such edge.
     """
-    best: tuple[Edge, Edge] | None = None
+    longest_edge: Edge | None = None
+    longest_flat_edge: Edge | None = None
+    max_length = 0.0
     for index, flat_edge in face.edges.items():
+        # Splitting adds edges after those of the whole face.
         if index >= len(outline):
             continue
         edge = (outline[index], outline[(index + 1) % len(outline)])
-        is_whole = abs(math.dist(*edge) - math.dist(*flat_edge)) < SHORTENED_MM
-        if is_whole and (best is None or math.dist(*edge) > math.dist(*best[0])):
-            best = (edge, flat_edge)
-    if best is None:
+        length = math.dist(*edge)
+        is_whole = abs(length - math.dist(*flat_edge)) < SHORTENED_MM
+        if is_whole and length > max_length:
+            longest_edge, longest_flat_edge, max_length = edge, flat_edge, length
+    if longest_edge is None or longest_flat_edge is None:
         return None
-    # Points are complex numbers, so that a rotation is a product. The edge's middle is mapped to that of the flat edge.
-    start, end = (complex(*point) for point in best[0])
-    flat_start, flat_end = (complex(*point) for point in best[1])
-    turn = (flat_end - flat_start) / (end - start)
-    turn /= abs(turn)
+    # A point (x, y) is the complex number x + i y, so that a rotation is the product with a number of the absolute value
+    # 1. The rotation turns the direction of the edge into that of the flat edge. The edge's middle is mapped to the
+    # middle of the flat edge.
+    start, end = (complex(*point) for point in longest_edge)
+    flat_start, flat_end = (complex(*point) for point in longest_flat_edge)
+    rotation = (flat_end - flat_start) / (end - start)
+    rotation /= abs(rotation)
+    middle, flat_middle = (start + end) / 2, (flat_start + flat_end) / 2
 
     def to_flat(point: Point) -> Point:
-        moved = (complex(*point) - (start + end) / 2) * turn + (flat_start + flat_end) / 2
-        return moved.real, moved.imag
+        flat_point = (complex(*point) - middle) * rotation + flat_middle
+        return flat_point.real, flat_point.imag
 
     return to_flat
 
 
 @lru_cache(maxsize=256)
-def _layers(car: FoldedCar, piece_a: str, face_a: str, piece_b: str, face_b: str) -> tuple[shapely.Polygon, ...]:
-    """Return the outlines (mm) of the faces of ``piece_a`` that lie as layers on ``face_b``, in the frame of ``face_b``.
+def _layers(
+    car: FoldedCar, layer_piece: str, layer_face: str, host_piece: str, host_face: str
+) -> tuple[shapely.Polygon, ...]:
+    """Return the outlines (mm) of the layers on the face ``host_face`` of a piece, in the frame of that face.
 
-    Layers on top of each other, at the same place, are returned once.
+    The layers are faces of ``layer_piece``: the face ``layer_face``, and others that are laminated onto something. Layers
+    on top of each other, at the same place, are returned once.
     """
-    placed = [face for faces in placed_faces(car).values() for face in faces]
-    lower_face = next(face for face in placed if face.piece.name == piece_b and face.face.name == face_b)
-    # The face of the join stands for all faces of its piece that are laminated.
-    laminated = {face_a}
-    laminated |= {join.a.face for join in car.joins if join.piece_a == piece_a and join.kind == "laminate"}
+    placed = list(itertools.chain.from_iterable(placed_faces(car).values()))
+    host = next(face for face in placed if face.piece.name == host_piece and face.face.name == host_face)
+    laminated_faces = {layer_face}
+    for join in car.joins:
+        if join.piece_a == layer_piece and join.kind == "laminate":
+            laminated_faces.add(join.a.face)
+    # The outlines by their middles, which are rounded to whole millimetres.
     outlines: dict[tuple[int, int], shapely.Polygon] = {}
     for face in placed:
-        if face.piece.name != piece_a or face.face.name not in laminated:
+        if face.piece.name != layer_piece or face.face.name not in laminated_faces:
             continue
-        points = lower_face.in_face(face.corners_mm)
-        area = shapely.Polygon(points[:, :2])
-        heights = np.abs(points[:, 2])
-        common_mm2 = lower_face.polygon.envelope.intersection(area).area
-        if heights.max() < LAYERS_MM and common_mm2 > COMMON_MM2:
-            place = (round(area.centroid.x), round(area.centroid.y))
-            outlines.setdefault(place, area)
+        # A layer lies near the plane of the host's face, and within its bounds.
+        corners = host.in_face(face.corners_mm)
+        max_height = np.abs(corners[:, 2]).max()
+        outline = shapely.Polygon(corners[:, :2])
+        common_mm2 = host.polygon.envelope.intersection(outline).area
+        if max_height < LAYERS_MM and common_mm2 > COMMON_MM2:
+            middle = (round(outline.centroid.x), round(outline.centroid.y))
+            outlines.setdefault(middle, outline)
     return tuple(outlines.values())
 
 
 def _edges(face: FlatFace, join: Join, is_a: bool) -> list[Edge]:
     """Return the edges of a face beside which the number of a join may be written; the film is on their left.
 
-    ``is_a`` says which end of the join is on the face. The edges are those of the slot, if a tongue goes through one
-    there; of the holes by which layers are aligned, if the join connects layers; and else the joined edge. If there are
-    many, those along x or y are preferred, because numbers beside them are easy to read.
+    ``is_a`` says which end of the join is on the face. If the face has the slot of a tongue, the edges are those of the
+    slot. If the join connects layers, they are the edges of the face's holes, by which the layers are aligned, or its
+    outer edges if it has no holes; at most PLACES of them, and those along x or y first, because numbers beside them are
+    easy to read. In all other cases there is one edge, the joined one.
     """
     if not is_a and join.slot is not None and join.slot in face.holes:
         return list(face.holes[join.slot])

@@ -86,7 +86,10 @@ class _Sheet:
         The mask is kept for each piece, and updated by the pieces placed since the last call.
         """
         rows, columns = turned.place_rows, turned.place_columns
-        blocked, placed_count = self._blocked.get(id(turned)) or (np.zeros((rows, columns), dtype=bool), 0)
+        # The mask of the last call, and how many pieces were placed then.
+        if id(turned) not in self._blocked:
+            self._blocked[id(turned)] = (np.zeros((rows, columns), dtype=bool), 0)
+        blocked, placed_count = self._blocked[id(turned)]
         for other, row, column in self.placed[placed_count:]:
             mask = self.area.no_fit_mask(other, turned)
             # The place of the piece to which the mask's first element belongs; it may lie outside of the sheet.
@@ -132,17 +135,19 @@ def nest(
     title_mm: tuple[float, float],
     box_mm: tuple[float, float] = (0.0, 0.0),
 ) -> Nest:
-    """Lay out the copies of pieces (name, outline, count) on few sheets, each with a title and a box if there is room.
+    """Lay out the copies of pieces on as few sheets as possible.
 
-    ``size_mm`` is that of a sheet, ``title_mm`` that of the title, and ``box_mm`` that of the box for a QR code; there is
-    no title or box of size 0. A box comes where pieces and titles leave room. The last sheet is the one with most film
-    left. Raises NestingError, which names the piece, its size and the sheet's, if a piece does not fit on a sheet.
+    Each piece is given by its name, its outline and the number of its copies. ``size_mm`` is the size of a sheet. If
+    there is room, each sheet gets a title of the size ``title_mm``, and a box of the size ``box_mm`` for a QR code; with
+    a size of 0 there is none. The last sheet is the one with most film left. Raises NestingError, which names the piece,
+    its size and the size of the sheet, if a piece does not fit on a sheet.
     """
     area = SheetArea(size_mm, margin_mm, gap_mm)
+    # A title that would have to be turned is left out, because it could not be read.
     title, box = _first_turn(area, title_mm), _first_turn(area, box_mm)
     if title and title[0].turn:
-        # A title is not turned, so that it can be read.
         title = []
+    # The layout.
     turns = [area.turned(outline) for _, outline, _ in pieces]
     for (name, outline, _), turned in zip(pieces, turns, strict=True):
         if not turned:
@@ -151,6 +156,7 @@ def nest(
     # The sheets keep their order, but the one with most film left comes last.
     sheet_order = [number for number, sheet in enumerate(best.sheets) if sheet is not best.last]
     sheet_order += [number for number, sheet in enumerate(best.sheets) if sheet is best.last]
+    # For each piece, the sheets and motions of its copies.
     placements: list[list[NestedCopy]] = [[] for _ in pieces]
     for copy in best.copies:
         placements[copy.piece].append(NestedCopy(sheet_order.index(copy.sheet), copy.motion))
@@ -226,16 +232,24 @@ def _search_layout(
     from a changed layout if that does not cost more film. The result is the layout with the lowest ``cost`` of all.
     """
     rng = random.Random(SEED)
-    starts = [_Start(order, title_first) for order in orders for title_first in (True, False)]
+    # The layouts of all starts. The search begins with the one that needs the least film.
+    starts = []
+    for order in orders:
+        starts += [_Start(order, True), _Start(order, False)]
     layouts = [_lay_out(area, title, turns, start) for start in starts]
     best = min(layouts, key=lambda layout: layout.cost)
-    current, start = min(zip(layouts, starts, strict=True), key=lambda layout_and_start: layout_and_start[0].film_cost)
-    # So many tries that the number of positions that they examine is limited.
-    positions = sum(turned.place_rows * turned.place_columns for index in start.order for turned in turns[index])
+    film_costs = [layout.film_cost for layout in layouts]
+    first_index = film_costs.index(min(film_costs))
+    current, start = layouts[first_index], starts[first_index]
+    # The number of tries. It is limited so that the search does not examine too many positions of pieces.
+    positions = 0
+    for piece in start.order:
+        positions += sum(turned.place_rows * turned.place_columns for turned in turns[piece])
     tries = min(MAX_TRIES, int(MAX_POSITIONS / positions)) if len(start.order) > 1 else 0
     sparse_cells = SPARSE_FRACTION * math.prod(area.usable_mm) / CELL_MM**2
     for number in range(MAX_EXTENSIONS * tries):
-        # Search on only while a sheet might be saved: there are more than the bound, and the last is nearly empty.
+        # After these tries, the search goes on only while it might save a sheet: there are more sheets than the lower
+        # bound, and the last one is nearly empty.
         might_save_sheet = len(best.sheets) > min_sheets and best.film_cost[-1] <= sparse_cells
         if number >= tries and not might_save_sheet:
             break
@@ -244,6 +258,7 @@ def _search_layout(
         else:
             changed = _Start(_changed_order(start.order, rng), start.title_first)
         layout = _lay_out(area, title, turns, changed)
+        # A changed layout that needs no more film is changed further.
         if layout.film_cost <= current.film_cost:
             current, start = layout, changed
         best = min(best, layout, key=lambda layout: layout.cost)
@@ -284,7 +299,8 @@ def _lay_out(area: SheetArea, title: Turns, turns: Sequence[Turns], start: _Star
     sheets: list[_Sheet] = []
     titles: list[Motion | None] = []
     copies: list[_LaidCopy] = []
-    # By piece, the first sheet that may have room: a sheet on which the piece did not fit only fills up.
+    # For each piece, the first sheet that may have room for it. If a copy of a piece did not fit on a sheet, other copies
+    # will not fit there later, because sheets only become fuller.
     first_candidate = [0] * len(turns)
     for piece in start.order:
         motion = None

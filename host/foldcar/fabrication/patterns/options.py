@@ -5,6 +5,7 @@ Input: a material file, which has the numbers, or the name of a preset. The pres
 ``machines.json``: sheets, how the machine's program reads a file, what to do with each layer.
 """
 
+import contextlib
 import json
 import math
 import re
@@ -127,8 +128,8 @@ def options(machine: str, **changes: Any) -> Options:
             raise OptionError(f"{name} {value:g}: is not within {minimum:g} to {maximum:g} ({meaning})")
     if result.fold not in ("dash", "score"):
         raise OptionError(f"fold {result.fold}: is not one of dash, score")
-    # The machine cuts half a kerf beyond both ends of its path. So the path of a dash is shorter than the finished cut,
-    # by the kerf, but never by more than half (see `dashes`).
+    # Film is removed half a kerf beyond both ends of the path along which a machine cuts. So the path of a dash must be
+    # shorter than the dash, by the kerf. It is never made shorter than half of the dash (see `dashes`).
     if result.fold == "dash" and result.kerf_mm > result.dash_cut_mm / 2:
         reason = "cuts would be longer than dash_cut_mm, and bridges thinner than dash_bridge_mm"
         raise OptionError(f"kerf_mm {result.kerf_mm:g}: is above half of dash_cut_mm {result.dash_cut_mm:g}: {reason}")
@@ -155,9 +156,12 @@ def read_material(material: str, sheet: str | None = None) -> Options:
     for key, value in data.items():
         if key not in known:
             raise OptionError(f"{file}: {key}: unknown key; known: {', '.join(sorted(known))}{did_you_mean(key, known)}")
+        # Options with limits are numbers, all others are texts. For Python, true and false are numbers, too.
         is_number = isinstance(value, int | float) and not isinstance(value, bool)
-        if not (is_number if key in LIMITS else isinstance(value, str)):
-            raise OptionError(f"{file}: {key}: {value!r} is not a {'number' if key in LIMITS else 'text'}")
+        if key in LIMITS and not is_number:
+            raise OptionError(f"{file}: {key}: {value!r} is not a number")
+        if key not in LIMITS and not isinstance(value, str):
+            raise OptionError(f"{file}: {key}: {value!r} is not a text")
     try:
         return options(**{**data, "sheet": sheet or data.get("sheet")}, file=material)
     except OptionError as error:
@@ -169,11 +173,14 @@ def sheet_size_mm(sheet: str) -> tuple[float, float]:
     if sheet in SHEETS:
         return SHEETS[sheet]
     match = re.fullmatch(r"([0-9.]+)x([0-9.]+)(in)?", sheet)
-    unit = INCH_MM if match and match[3] else 1.0
-    try:
-        width, height = (unit * float(text) for text in match.groups()[:2]) if match else (math.nan, math.nan)
-    except ValueError:
-        width = height = math.nan
+    # A text that is no size counts as NaN, which is within no limits.
+    width = height = math.nan
+    if match:
+        width_text, height_text, inches = match.groups()
+        unit_mm = INCH_MM if inches else 1.0
+        # Texts such as "1.2.3" match, but are no numbers.
+        with contextlib.suppress(ValueError):
+            width, height = unit_mm * float(width_text), unit_mm * float(height_text)
     if not (10 <= width <= MAX_SHEET_MM and 10 <= height <= MAX_SHEET_MM):
         names = ", ".join(SHEETS)
         raise OptionError(

@@ -94,11 +94,12 @@ def _folds(flat: FlatPiece, options: Options) -> Iterator[Shape]:
 def dashes(
     a: Point, b: Point, cut_mm: float, bridge_mm: float, kerf_mm: float = 0.0, occupied: BaseGeometry | None = None
 ) -> list[Cut]:
-    """Return the dashes to cut along the fold from ``a`` to ``b``: as many as fit, with equal bridges between them.
+    """Return the paths of the dashes that are cut along the fold from ``a`` to ``b``.
 
-    A finished cut is ``cut_mm`` long, kerf included, and a bridge is at least ``bridge_mm`` long. Cuts keep out of
-    ``occupied``: other cuts, with the film around them. Without it, the fold begins and ends with a bridge. A short fold
-    has one shorter cut, and a tiny fold has no cut.
+    A finished dash is ``cut_mm`` long. Between dashes are equal *bridges* of film, at least ``bridge_mm`` long, and there
+    are as many dashes as fit. ``occupied`` is an area that no dash may touch, other cuts with some film around them. If
+    it is None, the fold begins and ends with a bridge. A short fold has one shorter dash, and a tiny fold has none. The
+    path of a dash is shorter than the dash by the kerf, because the tool removes film beyond the ends of its path.
     """
     length = math.dist(a, b)
 
@@ -117,9 +118,9 @@ def dashes(
         cuts = [(length / 2 - half, length / 2 + half)]
     paths = []
     for start, end in cuts:
-        # A beam or blade cuts half a kerf beyond both ends of its path, so the path is shorter than the cut.
-        trim = min(kerf_mm, (end - start) / 2) / 2
-        paths.append((point_at(start + trim), point_at(end - trim)))
+        # The path is shorter by half a kerf at each end, but never shorter than half of the dash.
+        shortening = min(kerf_mm, (end - start) / 2)
+        paths.append((point_at(start + shortening / 2), point_at(end - shortening / 2)))
     return paths
 
 
@@ -210,13 +211,21 @@ def narrowest_film(flat: FlatPiece, options: Options) -> NarrowestFilm | None:
 
 
 def _openings(flat: FlatPiece) -> Iterator[tuple[str, BaseGeometry]]:
-    """Yield (name, polygon) of every opening and round hole; the name is that of the nearest hole of a face."""
-    hole_centres = [(name.rpartition(".")[2], Polygon([a for a, _ in ring]).centroid)
-                    for face in flat.faces for name, ring in face.holes.items()]  # fmt: skip
+    """Yield the name and the polygon of every opening and round hole of a piece.
+
+    The outline of the piece has openings without names. So each gets the name of the hole of a face that is nearest.
+    """
+    centre_and_name: list[tuple[ShapelyPoint, str]] = []
+    for face in flat.faces:
+        for name, ring in face.holes.items():
+            corners = [start for start, _ in ring]
+            centre_and_name.append((Polygon(corners).centroid, name.rpartition(".")[2]))
 
     def nearest_name(centre: ShapelyPoint) -> str:
-        # Pairs (name, centre).
-        name, _ = min(hole_centres, key=lambda hole: float(hole[1].distance(centre)), default=("a hole", centre))
+        """Return the name of the hole whose centre is nearest to this one."""
+        if not centre_and_name:
+            return "a hole"
+        _, name = min(centre_and_name, key=lambda hole: float(hole[0].distance(centre)))
         return name
 
     for ring in flat.outline.interiors:

@@ -54,9 +54,10 @@ class SheetArea:
         self._masks: dict[tuple[int, int], tuple[RotatedPiece, RotatedPiece, Cells]] = {}
 
     def turned(self, outline: Polygon) -> list[RotatedPiece]:
-        """Return the rasters of a piece in all quarter turns in which it is not larger than the usable area.
+        """Return the rasters of a piece in all quarter turns in which it fits on a sheet.
 
-        Turns with equal rasters are returned once.
+        A raster says which cells of a grid the piece touches. A second raster, of the piece grown by the gap between
+        pieces, needs more cells on all sides: ``padding_cells``. Turns with equal rasters are returned once.
         """
         # The gap in cells, rounded up.
         padding_cells = math.ceil(self.gap_mm / CELL_MM - 1e-9)
@@ -86,22 +87,24 @@ class SheetArea:
         return rotated_pieces
 
     def no_fit_mask(self, placed: RotatedPiece, other: RotatedPiece) -> Cells:
-        """Return the no-fit mask: for each offset of ``other`` relative to ``placed``, whether they come too near.
+        """Return the *no-fit mask* of two pieces: where ``other`` may not lie, relative to ``placed``.
 
-        They do if the raster of ``placed``, grown by the gap between pieces, and the raster of ``other`` have common
-        cells. Element (0, 0) belongs to the lowest and leftmost offset with which the rasters can overlap: the last row
-        and column of ``other`` lie on the first ones of ``placed``.
+        Each element stands for an offset of ``other``. It is true if the distance of the pieces is then smaller than the
+        gap: if the raster of ``placed``, grown by the gap, and the raster of ``other`` have common cells. Element (0, 0)
+        belongs to the lowest and leftmost offset with which they can have any: the last row and column of ``other`` lie
+        on the first ones of ``placed``.
         """
         key = (id(placed), id(other))
         if key not in self._masks:
             # The correlation of two rasters counts their common cells for each offset. It is the convolution of one with
-            # the mirror image of the other, which the product of their Fourier transforms gives.
+            # the mirror image of the other. The Fourier transform of a convolution is the product of the transforms.
             mirrored = other.cells[::-1, ::-1]
             rows = placed.grown.shape[0] + mirrored.shape[0] - 1
             columns = placed.grown.shape[1] + mirrored.shape[1] - 1
             size = [next_fast_len(rows, real=True), next_fast_len(columns, real=True)]
-            transforms = [rfft2(raster.astype(np.float32), size) for raster in (placed.grown, mirrored)]
-            common_cells = irfft2(transforms[0] * transforms[1], size)[:rows, :columns]
+            placed_transform = rfft2(placed.grown.astype(np.float32), size)
+            mirrored_transform = rfft2(mirrored.astype(np.float32), size)
+            common_cells = irfft2(placed_transform * mirrored_transform, size)[:rows, :columns]
             # Counts are whole numbers: 0.5 is far above the rounding errors.
             mask = common_cells > 0.5
             # The pieces are kept with the mask, so that they stay alive and no other pieces get their ids.
@@ -124,16 +127,20 @@ def _touched(outline: Polygon, corner_mm: Point, padding_cells: int) -> Cells:
     """
     _, _, x1, y1 = outline.bounds
     corner_x, corner_y = corner_mm
-    columns, rows = math.ceil((x1 - corner_x) / CELL_MM - 1e-6), math.ceil((y1 - corner_y) / CELL_MM - 1e-6)
-    # A cell touches the polygon if its centre is in the polygon, or if its square, around a point of an edge, contains
-    # the centre. So each edge is drawn with a square pen: the hull of the pen at its start and the pen at its end.
+    columns = math.ceil((x1 - corner_x) / CELL_MM - 1e-6)
+    rows = math.ceil((y1 - corner_y) / CELL_MM - 1e-6)
+    # A cell touches the polygon if the cell's centre is in it, or if an edge passes through the cell. An edge passes
+    # through a cell if the centre is in the area that a square pen, as large as a cell, draws along the edge.
     half = CELL_MM / 2 - TOUCH_MM
     pen = np.array([(-half, -half), (half, -half), (half, half), (-half, half)])
+    # The drawn area of an edge is the convex hull of the pen at its start and the pen at its end: eight points.
     ring = np.asarray(outline.exterior.coords)
-    pen_at_ends = np.concatenate([ring[:-1, None] + pen, ring[1:, None] + pen], axis=1)
-    drawn_edges = shapely.convex_hull(shapely.multipoints(pen_at_ends))
+    pen_at_starts = ring[:-1, np.newaxis] + pen
+    pen_at_ends = ring[1:, np.newaxis] + pen
+    drawn_edges = shapely.convex_hull(shapely.multipoints(np.concatenate([pen_at_starts, pen_at_ends], axis=1)))
     drawn = shapely.union_all([outline, *drawn_edges])
     shapely.prepare(drawn)
+    # The centres of all cells.
     centre_xs = corner_x + (np.arange(-padding_cells, columns) + 0.5) * CELL_MM
     centre_ys = corner_y + (np.arange(-padding_cells, rows) + 0.5) * CELL_MM
     return np.asarray(shapely.contains_xy(drawn, *np.meshgrid(centre_xs, centre_ys)))

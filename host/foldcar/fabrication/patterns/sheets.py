@@ -196,6 +196,7 @@ def pattern(folded: FoldedCar, options: Options, title: str, command: str = "") 
 
 def pattern_of(cut: CutCar, options: Options, title: str, command: str = "") -> Pattern:
     """Return the sheets of a car whose pieces are split already. Raises NestingError if a piece does not fit."""
+    # Film that is narrow gives a warning. Film that is so narrow that it tears is also a finding.
     narrow_warnings, torn_findings = [], []
     min_width_mm = math.inf
     for piece in cut.pieces:
@@ -203,10 +204,11 @@ def pattern_of(cut: CutCar, options: Options, title: str, command: str = "") -> 
         if film is None:
             continue
         min_width_mm = min(min_width_mm, film.width_mm)
+        message = f"{piece.label}: {_narrow_text(film)}"
         if film.narrow:
-            narrow_warnings.append(f"{piece.label}: {_narrow_text(film)}")
+            narrow_warnings.append(message)
         if film.width_mm < TORN_FILM_MM:
-            torn_findings.append(f"{piece.label}: {_narrow_text(film)}")
+            torn_findings.append(message)
     try:
         sheets, room_warnings = _lay_out(cut, options, title, command)
     except NestingError as error:

@@ -146,18 +146,21 @@ def _tab_outline_mm(piece: Piece, crease: Crease, depth: float) -> tuple[Point, 
     length = _length_mm(piece, crease)
     shape = shapely.Polygon([(0.0, 0.0), (length, 0.0), (length - depth / 4, depth), (depth / 4, depth)])
     faces = {face.name: face for face in piece.faces}
-    # The tab's axes in the child's frame: along the child's edge, and at right angles to it into the child.
+    # The axes of the tab's frame in the child's frame: along the child's edge, and at right angles to it into the child.
     start, end = (np.array(point) for point in edge(faces, crease.child))
     along = (end - start) / np.linalg.norm(end - start)
     inward = (-along[1], along[0])
-    to_tab = np.array([along, inward]).T
+    tab_axes = np.array([along, inward])
+    # A notch is a rectangle around a hole, with a margin. It is open at the tab's outer edge, but leaves film at the
+    # fold.
     for hole in faces[crease.child.face].holes:
-        points = (np.array(hole.outline_mm) - start) @ to_tab
-        left, bottom = points.min(axis=0) - NOTCH_MM
-        right, _ = points.max(axis=0) + NOTCH_MM
+        hole_in_tab = (np.array(hole.outline_mm) - start) @ tab_axes.T
+        left, bottom = hole_in_tab.min(axis=0) - NOTCH_MM
+        right, _ = hole_in_tab.max(axis=0) + NOTCH_MM
         if bottom < depth:
-            # The notch is open at the tab's outer edge, but leaves film at the fold.
-            shape = shape.difference(shapely.box(left, max(bottom, NOTCH_MM), right, 2 * depth))
+            beyond_outer_edge = 2 * depth
+            shape = shape.difference(shapely.box(left, max(bottom, NOTCH_MM), right, beyond_outer_edge))
+    # The outline starts at the origin, with the edge along the fold.
     corners = [(float(x), float(y)) for x, y in orient(shape).exterior.coords[:-1]]
     origin_index = corners.index((0.0, 0.0))
     return (*corners[origin_index:], *corners[:origin_index])

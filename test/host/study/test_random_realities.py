@@ -188,7 +188,7 @@ def test_rates_are_said_to_be_expected_and_not_compared_with_trials(store: Path,
         assert left_out in selection.remarks
     assert len(selections) == 2
     for compared in comparison.experiments:
-        assert compared.designs == () and compared.sentence.startswith("Nothing to compare: rates are expected over")
+        assert compared.designs == () and compared.sentence.startswith("Nothing to compare: rates are averages over")
     assert comparison.unswept == ("Experiment 1 was not swept: 2 trials without runs.",)
     shown = {experiment["id"]: experiment for experiment in page["experiments"]}
     assert set(shown) == {SEARCHED, FRESH, "1: W_B_W, trials only"}

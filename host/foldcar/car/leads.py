@@ -299,10 +299,9 @@ class _Ways:
         feather = self.of_part[self.parts.feather.name]
         if part in (BOARD_SWITCH, BUTTON):
             switch = self.mounts[part]
-            # The wire stays on the boards while they are lifted above the walls.
+            # The wire stays on the boards while they are lifted, until the Feather's underside is above the walls.
             wall_top = _height_mm(self.bodies[feather.body], "left")
-            feather_bottom = feather.center_mm[2] - feather.size_mm[2] / 2
-            lift_mm = max(0.0, wall_top - feather_bottom)
+            lift_mm = max(0.0, wall_top - feather.center_mm[2] + feather.size_mm[2] / 2)
             return WireStart(self._terminals(switch), switch.body, free_mm=lift_mm)
         # All other wires lead from the Feather, the lower board, to the wing, the upper one. The wire stays on both while
         # the Feather is screwed on and the wing is laid beside it. So it is longer by the width of the wing.

@@ -212,8 +212,7 @@ class _Ways:
             start = np.array(apply(self.mounts[axle.servo].pose, *lead_exit_mm))
             end = self._at(self.wing, (*wing.outputs.at_mm[axle.channel], bend_z_mm))
             way = self.way(start, end, axle.body, self.wing)
-            available_mm = servo.lead_length_mm.min_value
-            extension_name = ""
+            available_mm, extension_name = servo.lead_length_mm.min_value, ""
             extension = self._extension_of(axle.servo)
             if extension is not None:
                 available_mm = _extended_mm(self.car, available_mm, extension)
@@ -254,8 +253,7 @@ class _Ways:
         # The points at which the leads end, and the length of a lead that is in a soldered joint.
         switch_terminals = self._terminals(switch)
         terminal_block = self._mouth(wing, wing.terminal_block)
-        joint_mm = parts.wiring.joint_mm.value
-        available_mm = parts.battery.lead_length_mm.min_value
+        joint_mm, available_mm = parts.wiring.joint_mm.value, parts.battery.lead_length_mm.min_value
         # To change cells, the battery is lifted above the walls with its leads on, so they must be long enough for this,
         # too. A battery on the roof is turned over beside its place, so it must be lifted by its own height.
         wall_top = _height_mm(self.bodies[battery.body], "left")
@@ -301,10 +299,9 @@ class _Ways:
         feather = self.of_part[self.parts.feather.name]
         if part in (BOARD_SWITCH, BUTTON):
             switch = self.mounts[part]
-            # The wire stays on the boards while they are lifted above the walls.
+            # The wire stays on the boards while they are lifted, until the Feather's underside is above the walls.
             wall_top = _height_mm(self.bodies[feather.body], "left")
-            feather_bottom = feather.center_mm[2] - feather.size_mm[2] / 2
-            lift_mm = max(0.0, wall_top - feather_bottom)
+            lift_mm = max(0.0, wall_top - feather.center_mm[2] + feather.size_mm[2] / 2)
             return WireStart(self._terminals(switch), switch.body, free_mm=lift_mm)
         # All other wires lead from the Feather, the lower board, to the wing, the upper one. The wire stays on both while
         # the Feather is screwed on and the wing is laid beside it. So it is longer by the width of the wing.

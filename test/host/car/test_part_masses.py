@@ -22,7 +22,7 @@ from foldcar.car.leads import leads, stock_wire_mm
 from foldcar.car.parts.catalogue import OPTIONS, WITHOUT_DATA, Catalogue
 from foldcar.car.variation import workshop_spreads
 from foldcar.fabrication.assembly.parts_list import parts_list, parts_list_csv, parts_list_text, total_mass_kg
-from foldcar.fabrication.patterns.labels import join_marks
+from foldcar.fabrication.patterns.join_marks import join_marks
 from foldcar.fabrication.patterns.options import options
 from foldcar.fabrication.patterns.piece_shapes import piece_shapes
 from foldcar.fabrication.patterns.sheets import cut_car

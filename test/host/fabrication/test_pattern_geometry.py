@@ -17,7 +17,8 @@ from foldcar.car.folded_car import folded_car
 from foldcar.fabrication.patterns import nesting
 from foldcar.fabrication.patterns.drawing import Circle, Path
 from foldcar.fabrication.patterns.flat_piece import FlatPiece, bend_deduction_mm, flat_piece
-from foldcar.fabrication.patterns.labels import join_marks, label_paths
+from foldcar.fabrication.patterns.join_marks import join_marks
+from foldcar.fabrication.patterns.labels import label_paths
 from foldcar.fabrication.patterns.nesting import NestingError, nest
 from foldcar.fabrication.patterns.options import Options, options, sheet_size_mm
 from foldcar.fabrication.patterns.piece_shapes import cut_shapes, dashes, narrowest_film, piece_shapes

@@ -10,7 +10,7 @@ from conftest import PROJECT
 from foldcar.car.design import compose
 from foldcar.car.folded_car import folded_car
 from foldcar.car.verify import verify
-from foldcar.fabrication.patterns.labels import join_marks
+from foldcar.fabrication.patterns.join_marks import join_marks
 from foldcar.fabrication.patterns.options import options
 from foldcar.fabrication.patterns.piece_shapes import narrowest_film, piece_shapes
 from foldcar.fabrication.patterns.sheets import cut_car, enlarge_sheet

@@ -155,11 +155,10 @@ class HingeModule(Component):
         # lines at the height z of the stop's upper edge.
         a, u = self["length"] / 2, math.radians(self["fold_up"])
         z = wall_mm(self["height"], self.parts) - STOP_FROM_LID_MM
-        front_cap_x = a
-        rear_cap_x = z * math.tan(u) - a / math.cos(u)
+        distance_of_caps = a + a / math.cos(u) - z * math.tan(u)
         # Both lines, and both ends of the stop, are middles of films. At each end the stop's film lies on the film of a
         # cap, so their middles are one film apart.
-        return front_cap_x - rear_cap_x - 2 * self.parts.film_mm
+        return distance_of_caps - 2 * self.parts.film_mm
 
     def _web_mm(self) -> float:
         """Return height of the stop (mm), which ends above the slit for cables."""

@@ -288,13 +288,12 @@ def _put_switch(shape: Shape, name: str, panel: str, at_mm: Point) -> None:
     bezel = _box_between(bezel_mm, bezel_bottom_z, bezel_top_z)
     rocker = _box_between(body_mm, bezel_top_z, top_z)
     body = _box_between(body_mm, -top_z, bezel_bottom_z)
-    solids = [bezel, rocker, body]
     finger = ToolClearance("finger", translation(0, 0, top_z), *shape.parts.tools.finger_mm)
     # z of the panel's frame points inwards, so the switch is turned over. The underside of its bezel lies on the panel's
     # outer surface, at -film / 2.
     pose = compose(translation(*at_mm, bezel_bottom_z - film / 2), rotation("x", math.pi))
     shape.box(
-        switch.name, name, panel, pose, switch.size_mm, switch.mass_kg.value, holes=[hole], solids=solids,
+        switch.name, name, panel, pose, switch.size_mm, switch.mass_kg.value, holes=[hole], solids=[bezel, rocker, body],
         clearances=[finger],
     )  # fmt: skip
 
@@ -329,7 +328,6 @@ def put_button(shape: Shape, panel: str, at_mm: Point) -> None:
     body_top_z = half_height - button.front_mm.value
     thread = cylinder(button.thread_mm.value, body_top_z, half_height)
     body = cylinder(button.length_mm.value, -half_height, body_top_z)
-    solids = [thread, body]
     finger = ToolClearance("finger", translation(0, 0, half_height), *parts.tools.finger_mm)
     # z of the panel's frame points inwards, so the button is turned over. Its body begins behind the layer, which is one
     # and a half films behind the middle of the panel's film. The origin is half of the height before the body's end.
@@ -337,7 +335,7 @@ def put_button(shape: Shape, panel: str, at_mm: Point) -> None:
     middle_z = behind_layer_z + button_depth_mm(parts) - half_height
     pose = compose(translation(*at_mm, middle_z), rotation("x", math.pi))
     shape.box(
-        button.name, BUTTON, panel, pose, button.size_mm, button.mass_kg.value, holes=[hole], solids=solids,
+        button.name, BUTTON, panel, pose, button.size_mm, button.mass_kg.value, holes=[hole], solids=[thread, body],
         clearances=[finger],
     )  # fmt: skip
 
@@ -398,6 +396,5 @@ def add_screw(shape: Shape, screw: Screw, name: str, on: str, under_head: Pose, 
         nut_bottom = -grip_mm - screw.nut_height_mm.value
         solids.append(cylinder_between(screw.nut_width_mm.value, nut_bottom, -grip_mm))
     driver = ToolClearance("driver", translation(0, 0, head_height - middle_z), *shape.parts.tools.driver_mm)
-    pose = compose(under_head, translation(0, 0, middle_z))
-    size = (head_mm, head_mm, head_height + shank_length)
+    pose, size = compose(under_head, translation(0, 0, middle_z)), (head_mm, head_mm, head_height + shank_length)
     shape.box(screw.name, name, on, pose, size, screw.mass_kg.value, solids=solids, clearances=[driver])

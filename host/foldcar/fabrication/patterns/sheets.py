@@ -17,7 +17,8 @@ from foldcar.car.parts.bought import Film
 from foldcar.car.parts.catalogue import film_of
 from foldcar.fabrication.patterns.drawing import LAYERS, Motion, Path, Point, Shape, Sheet
 from foldcar.fabrication.patterns.flat_piece import FlatPiece, flat_piece, moved_to_origin
-from foldcar.fabrication.patterns.labels import join_marks, text_strokes
+from foldcar.fabrication.patterns.join_marks import join_marks
+from foldcar.fabrication.patterns.labels import text_strokes
 from foldcar.fabrication.patterns.nesting import NestingError, nest
 from foldcar.fabrication.patterns.options import MACHINES, TORN_FILM_MM, OptionError, Options
 from foldcar.fabrication.patterns.piece_shapes import NarrowestFilm, narrowest_film, outer_cut, piece_shapes

@@ -273,7 +273,7 @@ class _Pieces:
         neighbours: dict[int, list[tuple[int, Pose]]] = defaultdict(list)
 
         def add_neighbours(face_a: str, face_b: str, b_in_a: Pose) -> None:
-            """Add the pieces of two fused faces as neighbours. ``b_in_a`` is the pose of face b relative to face a."""
+            """Add the pieces of two fused faces as neighbours. ``b_in_a`` is the pose of face b in the frame of a."""
             piece_a, piece_b = self.piece_of[face_a], self.piece_of[face_b]
             piece_b_in_piece_a = compose(self.local(face_a), b_in_a, inverse(self.local(face_b)))
             neighbours[piece_a].append((piece_b, piece_b_in_piece_a))

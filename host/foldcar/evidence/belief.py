@@ -195,6 +195,8 @@ def read_belief(
     if len(cars) > MAX_CARS:
         notes.append(f"Of the cars that drove, the {MAX_CARS} with most trials count.")
     measured = measured_values(store, info.listed_id)
+    if measured:
+        notes.append(_measured_text(measured))
     priors = built_priors(info.vehicle_type, from_sheets, supply.ratio)
     priors |= measured_priors(measured, f"{store.path}: measured value")
     # The swept designs, from which the rate was learned, come first in the family.
@@ -211,6 +213,18 @@ def read_belief(
             offsets=numpy.array(offsets),
         )
     return Belief(tuple(designs), numpy.array(design_indices, int), answers, tuple(notes), measured)
+
+
+def _measured_text(measured: Mapping[str, float]) -> str:
+    """Return a sentence that names the measured values, and says when they are out of date.
+
+    A measured value compares the built with the planned. The store does not know which plan it was compared with.
+    """
+    values = ", ".join(f"{name} {value:g}" for name, value in measured.items())
+    return (
+        f"Measured values count: {values}. They are relative to what is simulated now. If you have changed the "
+        "environment or the car since you measured, measure again."
+    )
 
 
 def _indices_within_swept_ranges(info: ExperimentInfo, family: Sequence[DesignEvidence]) -> list[int]:

@@ -57,7 +57,7 @@ def select_evidence(evidence: Sequence[Evidence], threshold: float | None = None
         # An earlier sweep may have simulated designs that the search has not tried.
         simulated = f"{count(experiment.swept, 'design')} {'was' if experiment.swept == 1 else 'were'} simulated"
         environments = count(fresh.info.environments, "fresh environment")
-        search_text = f"{simulated}; a search judged {len(fresh.designs):,} in {environments}."
+        search_text = f"{simulated}; a search judged {len(fresh.designs):,} in {environments}, which count here."
         selection = selection_by_id[fresh.info.id]
         selections.append(replace(selection, info=experiment.info, works=f"{search_text} {selection.works}"))
     return selections

@@ -252,6 +252,7 @@ def test_what_was_measured_is_not_proposed_again(store: Callable[..., Path]) -> 
 
     assert "Measure the obstacles' height first (10 minutes), because success depends on it. Then build " in before.learn
     assert "obstacles" not in after.learn
+    assert any("Measured values count: obstacle_height 1." in remark for remark in after.remarks)
     assert (before.steps[0].kind, before.steps[0].parameter) == ("measure", "obstacle_height")
 
 
@@ -318,7 +319,7 @@ def test_a_search_is_judged_by_its_best_in_fresh_environments(tmp_path: Path) ->
 
     judged, alone = select_evidence([searched, fresh])
 
-    start = "3 designs were simulated; a search judged 2 in 20 fresh environments. "
+    start = "3 designs were simulated; a search judged 2 in 20 fresh environments, which count here. "
     assert judged.works == start + alone.works
     assert "no design reaches 75 %; the best, 80 mm, passes 60 %" in judged.works
 

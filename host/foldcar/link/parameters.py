@@ -93,5 +93,5 @@ def value_text(value: float) -> str:
         rounded = float(f"{value:.{digits}g}")
         if equal_float32(rounded, value):
             return f"{rounded:.9g}"
-    # Nine digits distinguish all 32-bit numbers; a value with more digits than that is rounded.
+    # ``value`` is a number that no 32-bit number equals. Nine digits are as many as any 32-bit number needs.
     return f"{value:.9g}"

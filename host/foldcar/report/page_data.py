@@ -40,13 +40,14 @@ OMITTED = (
 def page_data(
     store: Store, command: Sequence[str] = (), experiments: Sequence[ReportedExperiment] | None = None
 ) -> PageData:
-    """Return the data of the page, without replays and files; ``command`` is that of the report.
+    """Return the data of the page, without replays and files.
 
-    ``experiments`` are those of :func:`read_experiments`, read if None. Raises FoldcarError if the store cannot be read.
+    ``command`` is the command that writes the report; the page shows it. ``experiments`` are the result of
+    :func:`read_experiments`, which is called if they are None. Raises FoldcarError if the store cannot be read.
     """
     study = store.info() if store.holds_study() else None
     read = read_experiments(store) if experiments is None else experiments
-    # For matrices of some tens of rows threads only wait for each other.
+    # The matrices have some tens of rows: so few that several threads would only wait for each other.
     with threadpool_limits(1):
         shown = [_experiment(store, study, experiment, read, command) for experiment in read]
     title, notes = _title(study)

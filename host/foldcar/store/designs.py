@@ -19,7 +19,8 @@ class DesignCounts:
     """How many runs of each design are stored. The lists have one entry for each design, in the designs' order.
 
     ``positions`` are the designs' places in the family, from 0. ``runs`` are the numbers of stored runs, ``counted`` of
-    those that were not rejected, ``passed`` of those that passed. ``reached`` is the highest sample with a run, plus 1.
+    those that were not rejected, ``passed`` of those that passed. ``reached`` is 1 plus the number of the last sample
+    that the design has a run in.
     """
 
     positions: list[int]
@@ -32,7 +33,7 @@ class DesignCounts:
 def design_counts(path: Path, connection: Connection, experiment: str) -> DesignCounts:
     """Count the stored runs of each design of an experiment. Raises StoreError.
 
-    ``reached`` is one more than the number of the design's last sample that has a run. A design without runs has zeros.
+    All counts of a design without runs are 0.
     """
     with store_errors(path):
         designs_query = "SELECT position FROM design WHERE experiment = ? ORDER BY position"

@@ -290,7 +290,10 @@ class RealitySimulation:
                 self._store(keys, finished_runs, started_s)
 
     def error(self) -> float | None:
-        """Return the error of the success rate that is learned from the stored runs, 0 to 1; None if it is unknown."""
+        """Return how far the learned success rates are probably from the true ones, 0 to 1; None if this is unknown.
+
+        The rates are learned from the stored runs in other realities.
+        """
         experiment = self.experiment
         rows = self.writer.rows(DESIGN, "WHERE experiment = ? ORDER BY position", experiment.id)
         varied = list(experiment.family.varied)

@@ -292,11 +292,11 @@ def join_words(names: Sequence[str]) -> str:
     return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
-def number_ranges(joins: Iterable[int]) -> str:
+def number_ranges(numbers: Iterable[int]) -> str:
     """Format numbers with ranges shortened: ``2 to 5, 11``."""
     # A run is a list of numbers that follow each other.
     runs: list[list[int]] = []
-    for number in sorted(joins):
+    for number in sorted(numbers):
         if runs and number == runs[-1][-1] + 1:
             runs[-1].append(number)
         else:

@@ -91,8 +91,8 @@ class SheetArea:
 
         Each element stands for an offset of ``other``. It is true if the distance of the pieces is then smaller than the
         gap: if the raster of ``placed``, grown by the gap, and the raster of ``other`` have common cells. Element (0, 0)
-        belongs to the lowest and leftmost offset with which they can have any: the last row and column of ``other`` lie
-        on the first ones of ``placed``.
+        is for the offset at which ``other`` lies farthest below and left of ``placed``, so that only one cell of each can
+        meet: the last cell of ``other`` and the first cell of ``placed``.
         """
         key = (id(placed), id(other))
         if key not in self._masks:

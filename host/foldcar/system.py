@@ -152,7 +152,10 @@ class TypedInput:
         return (self.read(0) or b"").strip()[-1:].decode(errors="replace") or None
 
     def _last_console_key(self) -> str | None:
-        """Return the last character typed in Windows' console, None if none was. Raises KeyboardInterrupt for Ctrl-C."""
+        """Return the last character other than a blank that was typed in Windows' console; None if there is none.
+
+        Raises KeyboardInterrupt for Ctrl-C.
+        """
         last = None
         while self._console.kbhit():
             key = self._console.getwch()
@@ -162,5 +165,6 @@ class TypedInput:
                 # The first of two characters that stand for a key such as an arrow.
                 self._console.getwch()
             else:
+                # A blank or Return is not a key that anybody waits for.
                 last = key.strip() or last
         return last

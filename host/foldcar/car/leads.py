@@ -170,7 +170,7 @@ class WireStart(NamedTuple):
 
 
 def _ends(mount: Mount, battery: BoxPart) -> Iterator[BatteryEnd]:
-    """Yield the two ends of a battery's length, at one of which its leads leave it."""
+    """Yield the two ends of a battery, along its length. The leads leave the battery at one of them."""
     # The axis of the mount along which the battery's length lies: x (0), or y (1) if the battery is turned.
     x_mm, y_mm, _ = mount.size_mm
     length_mm = battery.length_mm.value

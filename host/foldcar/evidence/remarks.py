@@ -85,8 +85,8 @@ def trials_beside_realities(info: ExperimentInfo, number: int) -> list[str]:
     if not number:
         return []
     return [
-        f"{count(number, 'trial')} left out, because the rates of runs in random realities are those before any trial. "
-        f"To compare the trials with simulation, sweep experiment {info.listed_id}."
+        f"{count(number, 'trial')} left out, because the rates of runs in random realities do not take trials "
+        f"into account. To compare the trials with simulation, sweep experiment {info.listed_id}."
     ]
 
 

@@ -145,7 +145,7 @@ def _leader(experiment: ReportedExperiment) -> int | None:
 
 
 def _provenance(study: StudyInfo | None, info: ExperimentInfo, command: Sequence[str]) -> list[list[str]]:
-    """Return the facts from which the experiment follows, as label and text."""
+    """Return what somebody needs to know to simulate the experiment again: pairs of a label and a text."""
     speed = "each car's full speed" if info.speed_m_s is None else f"{info.speed_m_s:g} m/s"
     program = info.scenic_program + (f" with {_assigned(info.scenic_params)}" if info.scenic_params else "")
     rows: list[tuple[str, str]] = [
@@ -195,8 +195,8 @@ def _frozen(info: ExperimentInfo) -> str:
 def _trial_rows(store: Store, experiment: ReportedExperiment) -> list[TrialRow]:
     """Return a row for each trial, in their order.
 
-    ``environment`` is the number of the sample in which the trial was driven. It is None if the trial was not driven in
-    one of the samples of the runs.
+    ``environment`` is the number of the sample in which the trial was driven. It is None if the runs were not made in
+    this sample, or if the sample is unknown.
     """
     info, evidence = experiment.info, experiment.evidence
     ids_in_samples = store.trials_in_environment(info) if evidence.swept else set()

@@ -72,10 +72,10 @@ def combinations_text(effect: Effect, parameters: int) -> str:
     """Say over which combinations of the other parameters an effect is averaged; "" if there are no others."""
     if parameters < 2:
         return ""
-    number = f"{count(effect.combinations, 'combination')} of the other parameters"
+    combinations = f"{count(effect.combinations, 'combination')} of the other parameters"
     if effect.run:
-        return f"mean over the same {number}, each of which was run at every value"
-    return f"mean over the same {number} by the smooth model, because few of them were run at every value"
+        return f"mean over the same {combinations}, each of which was run at every value"
+    return f"mean over the same {combinations} by the smooth model, because few of them were run at every value"
 
 
 def importance_rows(effects: Effects, indices: Sequence[int]) -> list[ParameterImportance]:

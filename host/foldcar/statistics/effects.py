@@ -144,7 +144,7 @@ class Effects:
         designs.
         """
         check_confidence(confidence)
-        # Raises FoldcarError outside the range of the designs.
+        # This result is not needed. But the call raises FoldcarError if a value is outside the range of the designs.
         self.model.scaled(values, indices)
         combinations, _ = self._combinations(indices)
         rates = self._rates_over(combinations, indices, numpy.asarray(values, dtype=float))

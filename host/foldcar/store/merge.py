@@ -59,7 +59,8 @@ CHANGE = CORRECTION.names[2:]
 def merge_stores(stores: Sequence[Path], merged: Path) -> dict[str, int]:
     """Create the store ``merged`` with the contents of several stores. Return its number of rows by table.
 
-    Raises StoreError if ``merged`` exists, or if the stores contradict each other; then nothing is created.
+    The logs of the trials are copied beside it. Raises StoreError if ``merged`` exists, or if the stores contradict each
+    other; then nothing is created.
     """
     check_new(merged)
     copied: list[Path] = []

@@ -82,7 +82,8 @@ class Arrivals:
             self._known.add(file)
             # A file belongs to the last trial that had begun when the file was changed.
             trials_before = [trial for begun_s, trial in self._begun if begun_s <= _changed_s(file)]
-            # A file that is older than the session has the time of its recording, but was copied now.
+            # A file may be older than the session: a camera has set its time when it recorded it, and the person has
+            # copied it into the folder now. So it belongs to the last trial.
             _, last_trial = self._begun[-1]
             trial_files.append((trials_before[-1] if trials_before else last_trial, file))
         return trial_files

@@ -178,7 +178,7 @@ def test_rates_are_said_to_be_expected_and_not_compared_with_trials(store: Path,
         page = page_data(opened)
 
     left_out = (
-        "2 trials left out, because the rates of runs in random realities are those before any trial. "
+        "2 trials left out, because the rates of runs in random realities do not take trials into account. "
         "To compare the trials with simulation, sweep experiment 1."
     )
     for selection in selections:

@@ -70,7 +70,10 @@ def title_size_mm(lines: int) -> Point:
 
 
 def title_shapes(lines: Sequence[str]) -> list[Shape]:
-    """Draw the reference bar with a tick every 10 mm, and the lines of text (see `wrapped`) above it, at the origin."""
+    """Draw the reference bar with a tick every 10 mm, and the lines of text (see `wrapped`) above it.
+
+    The lower left corner is 1 mm from the origin on both sides.
+    """
     x = y = 1.0
     shapes: list[Shape] = [Path("LABEL", ((x, y), (x + REFERENCE_MM, y)))]
     for i in range(11):

@@ -47,14 +47,15 @@ def check_design(type_string: str, design: "Design") -> None:
 
 def _check_alike(design: "Design") -> None:
     """Raise DesignError if modules differ in uniform parameters: the beams' width and height, the track."""
+    # The first module that has a parameter, by the parameter's name. The others are compared with it.
     first_with: dict[str, ModuleValues] = {}
     for module in design.of_modules:
         for name in (parameter.name for parameter in module.kind.parameters if parameter.uniform):
             reference = first_with.setdefault(name, module)
             value, reference_value = module.values[name], reference.values[name]
             if value != reference_value:
-                differs = f"{value:g} differs from the {reference_value:g} of {reference.keys.get(name, name)}"
-                raise DesignError(module.keys.get(name), f"{differs}: all modules share one {name}")
+                difference_text = f"{value:g} differs from the {reference_value:g} of {reference.keys.get(name, name)}"
+                raise DesignError(module.keys.get(name), f"{difference_text}: all modules share one {name}")
 
 
 class WheelAxle(NamedTuple):

@@ -63,10 +63,10 @@ class Car(Component):
         # The origin of the car's frame is the middle of its length, width and height. x points forward, y to the left and
         # z up. The floor of the first module, at the front, has its own origin at its rear right corner. This is the pose
         # of that floor in the car's frame.
-        wall_distance = wall_mm(self.design.width_mm, self.parts)
+        distance_of_walls = wall_mm(self.design.width_mm, self.parts)
         floor_to_lid = wall_mm(self.design.height_mm, self.parts)
         rear_of_first = self.design.length_mm / 2 - self.design.length_of(0)
-        floor_pose = translation(rear_of_first, -wall_distance / 2, -floor_to_lid / 2)
+        floor_pose = translation(rear_of_first, -distance_of_walls / 2, -floor_to_lid / 2)
         shape.begin_at(f"{self.names[0]}.beam.floor", floor_pose)
 
     def _fuse_beams(self, shape: Shape) -> None:

@@ -80,7 +80,8 @@ def with_extensions(car: FoldedCar) -> FoldedCar:
 
     Each extension is the shortest that is long enough. Raises DesignError if even the longest one is too short.
     """
-    mounts, car_leads = {mount.name: mount for mount in car.mounts}, leads(car)
+    mounts = {mount.name: mount for mount in car.mounts}
+    car_leads = leads(car)
     servos = {axle.servo for axle in car.axles if axle.driven}
     # The mount of each extension, by the name of its servo.
     extensions: dict[str, Mount] = {}
@@ -97,7 +98,12 @@ def with_extensions(car: FoldedCar) -> FoldedCar:
             wires.append(wire)
     wiring = car.parts.wiring
     extra_kg = extra_wire_m(car_leads, wiring) * wiring.wire_kg_m.value
-    own_mounts = (replace(m, mass_kg=m.mass_kg + extra_kg) if m.part == wiring.name else m for m in car.mounts)
+    own_mounts = []
+    for mount in car.mounts:
+        if mount.part == wiring.name:
+            own_mounts.append(replace(mount, mass_kg=mount.mass_kg + extra_kg))
+        else:
+            own_mounts.append(mount)
     return replace(car, mounts=(*own_mounts, *extensions.values()), wires=tuple(wires))
 
 

@@ -111,6 +111,7 @@ class Adviser:
         belief = self.belief
         possible_steps = self._possible_steps()
         drive_steps = [step for step in possible_steps if step.kind != "measure"]
+        # The steps are sorted by gain an hour, so the first step need not be the one with the highest gain.
         best_drive_step = drive_steps[0] if drive_steps else None
         measure_step = self._worthwhile_measurement(possible_steps, best_drive_step)
         gain = max((step.gain for step in drive_steps), default=0.0)

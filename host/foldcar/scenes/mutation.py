@@ -90,5 +90,5 @@ def _place_of(copy: Any, specifiers: Sequence[Any]) -> Any:
     for name, kind in NOISY.items():
         if name in copy.properties:
             values[name] = AttributeDistribution(name, copy, kind)
-    # They get the priority 1, which properties have that a program gives by `with`.
+    # Scenic gives the priority 1 to a property that a program sets by `with`. These properties get it, too.
     return Specifier("mutated", dict.fromkeys(values, 1), values)

@@ -214,6 +214,7 @@ class _Modules:
 
 def _pop_own_modules(folder: Path) -> dict[str, ModuleType]:
     """Remove the program's own modules from sys.modules, so that they are loaded anew. Return them by name."""
+    # Modules that earlier calls have not seen.
     names = sys.modules.keys() - _installed
     own_names = {name for name in names if _is_own_module(sys.modules[name], folder)} - {"__main__"}
     _installed.update(names - own_names)

@@ -186,8 +186,8 @@ class Carsim:
                 error = answer["error"]
                 if error["kind"] == "simulation":
                     return {"error": str(error["message"])}
-                # An error names the run, or only the line of a body or a scene. If there is one run, it concerns this
-                # run.
+                # An error about a run has the run's index. An error about a body or a scene has only the number of its
+                # line, because several runs may use it. If there is a single run, any error is about this run.
                 index = 0 if len(requests) == 1 else error["run"]
                 label = requests[int(index)].label if index is not None else f"line {error['line']}"
                 raise InputRefusedError(self.binary, label, str(error["message"]))

@@ -155,7 +155,11 @@ class Family:
         return self._checked[values]
 
     def _errors(self, values: Mapping[str, float]) -> list[DesignError]:
-        """Return a design's errors: one for each value outside its limits. Without such values, the first other error."""
+        """Return the errors of the design with these values by parameter key.
+
+        There is an error for each value outside its limits. If there is no such value, there is at most one error: the
+        first that is found when the car is folded.
+        """
         limit_errors = [error for error, _ in design_errors(self.type, values, catalogue_of(self.parts)).values()]
         if limit_errors:
             return limit_errors

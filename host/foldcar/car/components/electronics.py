@@ -213,8 +213,8 @@ class ElectronicsModule(BrainModule):
         """
         battery, assembly = self.parts.battery, self.parts.assembly
         hole, fold_distance = assembly.lead_hole_mm.value, assembly.fold_distance_mm.value
-        # In front of the battery follow a distance, the hole, and the same distance to the end of the lid. As the battery
-        # is in the middle, the same length is needed behind it.
+        # From the battery's front end to the end of the lid there are a distance, the hole, and the same distance again.
+        # The battery is in the middle, so there is as much lid behind it.
         min_length = battery.width_mm.value + 2 * (2 * fold_distance + hole)
         # A latch and the fingers that open it take this length of the lid, from the end of the lid or from a cap's tab.
         notch, _ = latch_mm(self.parts)

@@ -150,8 +150,8 @@ def _ring(graph: Graph, poses: dict[str, Pose], inner_edges: set[Edge]) -> list[
     ring = [first]
     while _key(ring[-1].end) != _key(first.start):
         following = edge_by_start.get(_key(ring[-1].end))
-        # The outline has a gap where no edge follows. If the walk is longer than all edges, it goes round in some of them
-        # and never comes back to the first one.
+        # The outline has a gap where no edge follows. A ring with more edges than there are repeats some of them, and
+        # never comes back to the first one.
         never_returns = len(ring) > len(edge_by_start)
         if following is None or never_returns:
             message = "is fused with its neighbours into something without a closed outline"

@@ -229,8 +229,9 @@ class Tyre(Bought):
     def taped_mm(self, radius_mm: float) -> float:
         """Return the length of tape (mm) that holds the tyre on a wheel of that outer radius.
 
-        A band that is cut open, or a strip that is cut instead of a band, needs tape all around the rim. A closed band
-        holds without tape. The length is also 0 for a tube, which shrinks, and for a strip with an adhesive of its own.
+        A rubber band that is too small is cut open, and tape holds it all around the rim. The same is true for a strip
+        that takes the place of a band. Nothing else needs tape: a closed band is stretched, a tube shrinks, and other
+        strips have an adhesive of their own.
         """
         is_band = self.stretch is not None
         fits_closed_as_sold = self.inside_mm is not None and self.closed_stretch(radius_mm) is not None

@@ -71,6 +71,7 @@ def how_to_cut(made: Pattern, command: str) -> str:
         chosen=options,
         machine=MACHINES[options.machine],
         bar_mm=REFERENCE_MM,
+        # The page calls this function to get the corners of what is drawn on a sheet.
         bounds=bounds,
         layers=[layer for layer in LAYERS.values() if layer.name in used],
         meanings=MEANINGS,

@@ -138,8 +138,8 @@ def replay(
         raise FoldcarError(f"{store}: trial {number} was imported without a scene and cannot be simulated")
     # The experiment may have been swept with several engines. Its own name is that of the sweep with the default engine.
     swept = [info for info in infos if info.listed_id == trial.experiment and info.under is None]
-    swept.sort(key=lambda info: info.id != trial.experiment)
-    engine = swept[0].engine if swept else ""
+    preferred = min(swept, key=lambda info: info.id != trial.experiment, default=None)
+    engine = "" if preferred is None else preferred.engine
     carsim = Carsim(engine=engine_of(engine))
     cars_vary = any(info.variation for info in swept)
     body, settings, scene = map(json.loads, drive)

@@ -89,12 +89,12 @@ class Family:
     def __iter__(self) -> Iterator[Design]:
         """Yield the designs that can be built. If no design can, raise ListingError with the errors of the first."""
         is_any_buildable = False
-        for values in self._combinations():
+        for values in self.value_combinations():
             if self.error(values) is None:
                 is_any_buildable = True
                 yield self.design(values)
         if not is_any_buildable:
-            first_combination = next(self._combinations())
+            first_combination = next(self.value_combinations())
             errors = self._errors(dict(zip(self.choices, first_combination, strict=True)))
             raise self._listing_error([(self._origin(error.parameter), error.message) for error in errors])
 
@@ -114,7 +114,7 @@ class Family:
     def skipped(self) -> list[str]:
         """The members that cannot be built, each with the reason: ``width=30 mm: width: 30 is below the minimum …``."""
         skipped = []
-        for values in self._combinations():
+        for values in self.value_combinations():
             error = self.error(values)
             if error is None:
                 continue
@@ -142,7 +142,7 @@ class Family:
         """Return the family with only these combinations."""
         return replace(self, members=tuple(members))
 
-    def _combinations(self) -> Iterator[tuple[float, ...]]:
+    def value_combinations(self) -> Iterator[tuple[float, ...]]:
         """Return the values of each design, including those that cannot be built."""
         if self.members is not None:
             return iter(self.members)

@@ -82,7 +82,8 @@ class DesignSimulator:
 
     def finish(self, skipped: Sequence[Values] = ()) -> None:
         """Store the designs in the family's order; ``skipped`` are designs that cannot be built."""
-        if self._positions:
+        # The designs of a sweep are in this order already.
+        if self._positions and not self._is_swept:
             self._store_experiment(sorted({*self._positions, *skipped}))
 
     def _plan_with(self, values: Values) -> PlannedExperiment:
@@ -99,15 +100,15 @@ class DesignSimulator:
 
     def _store_experiment(self, members: Sequence[Values]) -> PlannedExperiment:
         """Store the experiment with these designs, in this order, instead of its earlier designs. Return its plan."""
-        if self._is_swept:
-            # The experiment stays that of the sweep: all its designs, none of them chosen by objectives.
-            members = [values for _, values in sorted(self._experiment.family.spread_out())]
-        family = self._experiment.family.only(dict.fromkeys(members))
+        family = self._experiment.family
+        if not self._is_swept:
+            family = family.only(dict.fromkeys(members))
         experiment = replace(self._experiment, family=family)
         designs = PlannedDesigns(experiment, self._table, None)
+        # A sweep chooses no design by objectives.
         options = SearchOptions(() if self._is_swept else self._objectives)
         plan = plan_experiment(experiment, self._environment, self._writer, designs, options)
-        buildable = [values for values in dict.fromkeys(members) if family.error(values) is None]
+        buildable = [values for values in family.value_combinations() if family.error(values) is None]
         self._positions = {values: position for position, values in enumerate(buildable)}
         return plan
 

@@ -11,7 +11,7 @@ import typer
 
 from foldcar.commands.options import Port
 from foldcar.errors import FoldcarError
-from foldcar.typed import did_you_mean
+from foldcar.typed import decimal_number, did_you_mean
 
 if TYPE_CHECKING:
     from foldcar.link.car import ConnectedCar
@@ -47,7 +47,7 @@ def get(
 @params.command("set")
 def set_one(
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the parameter.")],
-    value: Annotated[float, typer.Argument(metavar="VALUE", help="Its new value.")],
+    value: Annotated[str, typer.Argument(metavar="VALUE", help="Its new value.")],
     port: Port = None,
 ) -> None:
     """Set one parameter and save it in the car.
@@ -57,9 +57,13 @@ def set_one(
     """
     from foldcar.link.parameters import set_parameter
 
+    try:
+        new_value = decimal_number(value)
+    except ValueError:
+        raise FoldcarError(f'VALUE: "{value}" is not a number; write it with a decimal point, such as 1512.5') from None
     with _car(port) as car:
-        set_parameter(car, name, value)
-    _print_parameters({name: value})
+        set_parameter(car, name, new_value)
+    _print_parameters({name: new_value})
 
 
 @params.command()

@@ -351,13 +351,17 @@ def _average_text(compared: Sequence[DesignComparison], mean_gap: Gap, simulatio
 
 
 def _overall(experiments: Sequence[ExperimentComparison]) -> str:
-    """Return the sentences of all experiments, with a warning if several builds of carsim simulated them."""
+    """Return the sentences of all experiments, with a warning if several builds of one engine simulated them."""
     if not experiments:
         return "Nothing to compare: the store has no runs yet; sweep the listing into it with `foldcar sweep`."
     if len(experiments) == 1:
         return experiments[0].sentence
     sentences = [f"Experiment {experiment.info.id}: {experiment.sentence}" for experiment in experiments]
-    builds = {experiment.info.carsim_build for experiment in experiments}
-    if len(builds) > 1:
-        sentences.append(f"The experiments were simulated by {len(builds)} builds of carsim: do not compare them.")
+    builds_by_engine: dict[str, set[str]] = {}
+    for experiment in experiments:
+        builds_by_engine.setdefault(experiment.info.engine, set()).add(experiment.info.carsim_build)
+    # Each engine has its own build, so two engines may be compared.
+    most_builds = max(len(builds) for builds in builds_by_engine.values())
+    if most_builds > 1:
+        sentences.append(f"The experiments were simulated by {most_builds} builds of carsim: do not compare them.")
     return " ".join(sentences)

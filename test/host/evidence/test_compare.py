@@ -363,6 +363,13 @@ def test_odd_trials_get_a_plain_sentence(tmp_path: Path, kind: str) -> None:
     assert kind != "all failed" or "points less often" in text
 
 
+def test_engines_have_their_own_builds_and_may_be_compared(tmp_path: Path) -> None:
+    path = tmp_path / "s.db"
+    write_study(path, WIDTHS, 5, passing(SIMULATED))
+    write_study(path, WIDTHS, 5, passing(SIMULATED), experiment="1 (MuJoCo)", build="mujoco-8", engine="mujoco")
+    assert "Experiment 1 (MuJoCo)" in plain(path) and "builds of carsim" not in plain(path)
+
+
 def test_odd_stores_get_a_plain_sentence(tmp_path: Path) -> None:
     path = tmp_path / "s.db"
     add_trials(path, [ONE])

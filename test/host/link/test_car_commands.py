@@ -51,6 +51,7 @@ def test_parameters_are_listed_and_set(foldcar: Any, refused: Any) -> None:
         for name, value, why in (
             ("CH1_NEUTRAL_US", "9999", "refuses 9999: the value is above the parameter's maximum"),
             ("CH1_SIDE", "2", "its car.json sets this parameter"),
+            ("CH1_NEUTRAL_US", "1512,5", 'VALUE: "1512,5" is not a number; write it with a decimal point'),
             ("NO_SUCH", "2", "NO_SUCH: the car refuses 2"),
             ("TRIAL_MAX_S", "1e39", "TRIAL_MAX_S: 1e+39 cannot be stored as a 32-bit floating-point number"),
             # A packet would hold the first 16 characters only.

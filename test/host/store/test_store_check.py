@@ -1,6 +1,7 @@
 """Damage in a store: found by `foldcar check`, and refused by other commands in one line."""
 
 import shutil
+import sqlite3
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ from typer.testing import CliRunner
 from foldcar.cli import app
 from foldcar.errors import FoldcarError
 from foldcar.store.check import check_store
-from foldcar.store.errors import StoreError
+from foldcar.store.errors import StoreError, store_errors
 from foldcar.store.log_files import log_file
 from foldcar.store.reader import Store
 from foldcar.store.tables import BY_NAME, EXPERIMENT, MEDIA, SAMPLE, TABLES, TRIAL, Table
@@ -225,3 +226,11 @@ def test_a_film_that_is_none_is_not_linked(tmp_path: Path, store: Path, foldcar:
 
     assert answer.returncode == 2 and 'file: "/etc/passwd" is neither a photo nor a film' in answer.stderr
     assert answer.stderr.count("\n") == 1 and not (tmp_path / "r").exists()
+
+
+def test_a_store_that_sqlite_cannot_open_is_not_called_another_file(tmp_path: Path) -> None:
+    # A store on a read-only file system whose last writer was stopped: SQLite cannot create the file s.db-shm.
+    with pytest.raises(StoreError, match="s.db: cannot be opened; .* together with the file s.db-wal") as refusal:
+        with store_errors(tmp_path / "s.db", "is not a foldcar store: "):
+            sqlite3.connect(f"{(tmp_path / 'missing' / 's.db').as_uri()}?mode=ro", uri=True).execute("SELECT 1")
+    assert "is not a foldcar store" not in str(refusal.value)

@@ -5,7 +5,7 @@ letter of a module and its number among those, counted from the front.
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -29,6 +29,10 @@ class DesignParameter:
     key: str
     modules: frozenset[str]
     declared: Parameter
+
+    def belongs_to(self, letters: Iterable[str]) -> bool:
+        """Return whether one of the modules with these letters has the parameter."""
+        return not self.modules.isdisjoint(letters)
 
     @property
     def column(self) -> str:

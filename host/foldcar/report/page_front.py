@@ -38,11 +38,11 @@ def search_front(evidence: Evidence, areas: Sequence[float | None], fresh: Evide
             if len(runs) < max_runs:
                 continue
         points.append(_point(index, objectives, runs, info.timeout_s, areas[index], is_fresh))
-    signs = [-1 if objective.largest else 1 for objective in objectives]
+
     # In the environments of the search, the best designs look too good. So these points are not compared with fresh ones.
     for is_fresh in (True, False):
         points_alike = [point for point in points if point["fresh"] == is_fresh]
-        losses = [_losses(point["values"], signs) for point in points_alike]
+        losses = [_losses(point["values"], objectives) for point in points_alike]
         for point, loss in zip(points_alike, losses, strict=True):
             point["beaten"] = is_dominated(loss, losses)
     page_objectives: list[PageObjective] = []
@@ -51,7 +51,7 @@ def search_front(evidence: Evidence, areas: Sequence[float | None], fresh: Evide
             {
                 "label": objective.meaning,
                 "unit": objective.unit or "%",
-                "better": "more" if objective.largest else "less",
+                "better": "more" if objective.is_maximised else "less",
             }
         )
     return {"objectives": page_objectives, "points": points}
@@ -110,6 +110,9 @@ def _page_number(objective: Objective, value: float) -> float | None:
     return float(f"{factor * value:.5g}")
 
 
-def _losses(values: Sequence[float | None], signs: Sequence[int]) -> list[float]:
-    """Return values of which less is better: each value times its sign, infinity for an unknown one."""
-    return [math.inf if value is None else sign * value for sign, value in zip(signs, values, strict=True)]
+def _losses(values: Sequence[float | None], objectives: Sequence[Objective]) -> list[float]:
+    """Return for each objective's value a number that is smaller if the design is better. It is infinite if unknown."""
+    losses = []
+    for objective, value in zip(objectives, values, strict=True):
+        losses.append(math.inf if value is None else objective.loss(value))
+    return losses

@@ -25,7 +25,7 @@ from foldcar.read_files import minimal_variables
 from foldcar.scenes.object_names import Parameters
 from foldcar.scenes.obstacles import Obstacle
 from foldcar.scenes.program_files import Files, program_lock
-from foldcar.scenes.source import SceneSource, open_environment, other_scene
+from foldcar.scenes.source import SceneSource, open_environment, other_scene_error
 
 # Whether this process draws samples itself: sets have the order of seed 0.
 draws_here = not sys.flags.hash_randomization
@@ -102,7 +102,7 @@ class _SourceElsewhere(SceneSource):
     def sample_with_obstacles(self, k: int) -> tuple[dict[str, Any], list[Obstacle]]:
         scene, obstacles = super().sample_with_obstacles(k)
         if json.loads(json.dumps(scene)) != self.sample(k):
-            raise other_scene(self.program, k)
+            raise other_scene_error(self.program, k)
         return scene, obstacles
 
     def _ask(self, question: dict[str, Any]) -> Any:

@@ -94,7 +94,7 @@ class SceneSource:
         scene = self.describe(scenic_scene, k)
         # Sample 0 may have been drawn before. A second time it must be the same.
         if k == 0 and self._first is not None and scene != self._first:
-            raise other_scene(self.program, k)
+            raise other_scene_error(self.program, k)
         if self._terrain_names is None:
             self._terrain_names = terrain_names(self.scenario, scenic_scene)
         return scene, object_parameters(self._terrain_names, scenic_scene)
@@ -205,7 +205,7 @@ def open_environment(
     return source
 
 
-def other_scene(program: Path, k: int) -> FoldcarError:
+def other_scene_error(program: Path, k: int) -> FoldcarError:
     """Return the error for a sample ``k`` that differs from the first draw."""
     return FoldcarError(
         f"{program}: sample {k} is another scene now than when it was first drawn: the program depends on more than its "

@@ -19,7 +19,7 @@ from typing import Any, TextIO
 from foldcar.errors import FoldcarError
 from foldcar.scenes.contained import contained
 from foldcar.scenes.program import one_line
-from foldcar.scenes.source import SceneSource, open_environment, other_scene, seeded
+from foldcar.scenes.source import SceneSource, open_environment, other_scene_error, seeded
 from foldcar.simulation.carsim_step import SimulatorDiedError, SteppedCarsim, TrialFailedError
 from foldcar.simulation.runner import CarsimError
 from foldcar.simulation.worker import Forked, set_answer_descriptors
@@ -130,7 +130,7 @@ class ScenicWorker:
         sample, program = request["sample"], self._source.program
         self._open_sample(sample)
         if self._described != json.loads(request["scene"]):
-            raise other_scene(program, sample)
+            raise other_scene_error(program, sample)
         assert self._carsim is not None
         body, settings, scene = request["body"], request["settings"], str(request["scene"])
         # carsim gets the text of the scene from the store, instead of a new description of the drawn scene.

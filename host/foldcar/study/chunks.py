@@ -135,8 +135,8 @@ class ChunkPool(Generic[R]):
             self._abandon()
             raise
 
-    def joins(self, run: R) -> bool:
-        """Return whether an equal run is in progress; if so, this run shares its result."""
+    def share_running(self, run: R) -> bool:
+        """Let this run share the result of an equal run that is in progress. Return False if there is none."""
         key = self._key_of(run)
         if key not in self._in_flight:
             return False
@@ -149,17 +149,18 @@ class ChunkPool(Generic[R]):
         If all simulators are busy, this waits, and yields the chunks that finish meanwhile. ``runs_left`` is the number
         of runs of the sweep that have no result yet, including those that were added before.
         """
+        # One chunk waits behind every running one, so that no simulator idles while this thread writes.
+        max_chunks = 2 * self._simulators.count
         submitted_runs = len(self._in_flight) - len(self._chunk)
-        not_submitted = runs_left - submitted_runs
-        # How many runs of the study need this result. Equal runs may join this one later.
+        runs_to_submit = runs_left - submitted_runs
+        # One run of the study needs this result so far. Equal runs may share it later.
         self._in_flight[self._key_of(run)] = 1
         self._chunk.append(run)
         # Near the end of the sweep chunks shrink, so that all simulators finish at about the same time.
-        fair_runs = max(MIN_CHUNK_RUNS, not_submitted // (2 * self._simulators.count))
-        if len(self._chunk) >= min(self._chunk_runs, fair_runs):
+        fair_chunk_runs = max(MIN_CHUNK_RUNS, runs_to_submit // max_chunks)
+        if len(self._chunk) >= min(self._chunk_runs, fair_chunk_runs):
             self._submit()
-            # One chunk waits behind every running one, so that no worker idles while this thread writes.
-            while len(self._futures) >= 2 * self._simulators.count:
+            while len(self._futures) >= max_chunks:
                 yield from self._collect()
 
     def finish(self) -> Iterator[list[FinishedRun[R]]]:
@@ -189,17 +190,23 @@ class ChunkPool(Generic[R]):
             del self._futures[future]
             chunk = future.result()
             if chunk.runner is self._runner:
-                # The time is a divisor, so it must not be 0.
-                seconds = max(chunk.seconds, 1e-6)
-                target_runs = round(self._simulators.chunk_s / seconds * len(chunk.runs))
-                # A chunk may have been fast by chance, so the size grows at most fourfold at a time.
-                self._chunk_runs = max(1, min(target_runs, 4 * self._chunk_runs, MAX_CHUNK_RUNS))
+                self._adapt_size(chunk)
             finished_runs = []
             for run, answer in zip(chunk.runs, chunk.answers, strict=True):
-                finished_runs.append(FinishedRun(run, answer, count=self._in_flight[self._key_of(run)]))
+                sharing_runs = self._in_flight[self._key_of(run)]
+                finished_runs.append(FinishedRun(run, answer, count=sharing_runs))
             yield finished_runs
+            # The caller has stored the results by now, so equal runs will be found in the store.
             for run in chunk.runs:
                 del self._in_flight[self._key_of(run)]
+
+    def _adapt_size(self, chunk: _Chunk[R]) -> None:
+        """Set the size of the next chunks, so that each takes about as long as the simulators want."""
+        # The time is a divisor, so it must not be 0.
+        runs_per_s = len(chunk.runs) / max(chunk.seconds, 1e-6)
+        target_runs = round(self._simulators.chunk_s * runs_per_s)
+        # A chunk may have been fast by chance, so the size grows at most fourfold at a time.
+        self._chunk_runs = max(1, min(target_runs, 4 * self._chunk_runs, MAX_CHUNK_RUNS))
 
     def _abandon(self) -> None:
         """Stop running chunks and discard waiting ones."""

@@ -79,23 +79,24 @@ def _estimate(sweep: Sweep, experiment: Experiment, environment: ExperimentEnvir
     For this, some designs are folded, some scenes are sampled, and some runs are simulated.
     """
     sampled_family, folding_s = fold(experiment.family, FOLDING_S)
-    folded, refused = sampled_family.combinations, tuple(sampled_family.skipped)
+    refused = tuple(sampled_family.skipped)
+    buildable_fraction = 1 - len(refused) / sampled_family.combinations
     scenes, sample_s = _sampled_scenes(experiment, environment)
     bodies, requests = _probes(sweep, experiment, environment, sampled_family, len(scenes))
     with environment.runner(sweep.carsim, environment.dynamic) as runner:
         run_s = _seconds_of_a_run(runner, bodies, scenes, requests)
-    buildable = round(experiment.family.combinations * (1 - len(refused) / folded))
+    buildable = round(experiment.family.combinations * buildable_fraction)
     runs = buildable * experiment.environments
     realities = _max_realities(sweep, experiment, environment)
     # How many bytes a sample takes in the store.
-    sample_bytes = len(scenes["0"])
+    sample_bytes = round(_mean_length(scenes))
     if environment.variation(0):
         # Each sample also stores how its cars vary, which is about as long as a scene.
-        sample_bytes = 2 * round(_mean_length(scenes))
+        sample_bytes = 2 * sample_bytes
     return SweepEstimate(
         experiment=experiment.id,
         designs=experiment.family.combinations,
-        folded=folded,
+        folded=sampled_family.combinations,
         refused=refused,
         runs=runs,
         realities=realities,
@@ -127,14 +128,23 @@ def _probes(
 ) -> tuple[dict[str, str], list[RunRequest]]:
     """Return the JSON of the bodies of some designs, and a run of each; the runs use the first ``samples`` samples."""
     table = sweep.carsim.parameter_table()
-    bodies, requests = {}, []
+    bodies: dict[str, str] = {}
+    requests: list[RunRequest] = []
     for position, design in enumerate(islice(family, PROBES)):
         sample = position % samples
         body = body_json(design)
-        bodies[f"{position}"] = canonical_json(body)
-        settings = canonical_json(experiment.settings(design, body, table))
-        reality = canonical_json(environment.variation(sample))
-        requests.append(RunRequest(f"{position}", f"{sample}", settings, f"design {position + 1}", sample, reality))
+        body_id = str(position)
+        bodies[body_id] = canonical_json(body)
+        requests.append(
+            RunRequest(
+                body=body_id,
+                scene=str(sample),
+                settings=canonical_json(experiment.settings(design, body, table)),
+                label=f"design {position + 1}",
+                sample=sample,
+                reality=canonical_json(environment.variation(sample)),
+            )
+        )
     return bodies, requests
 
 

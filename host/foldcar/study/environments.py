@@ -36,10 +36,12 @@ class ExperimentEnvironment:
         self._source: SceneSource | None = None
         # The program's files as an earlier sweep has stored them, if none of them has changed since (see recall).
         self._recalled: Files | None = None
-        # The fingerprint that the environment has without the reality. It is None if no reality changes the environment.
-        self.listed_fingerprint: str | None = None
-        variation = experiment.variation
-        self.spread_fingerprint = spread_fingerprint(variation, experiment.variation_seed) if variation else NOMINAL
+        # The environment's fingerprint if it were simulated in the nominal reality; None if it is.
+        self.nominal_fingerprint: str | None = None
+        # Identifies how the built cars of a design differ from each other.
+        self.spread_fingerprint = NOMINAL
+        if experiment.variation:
+            self.spread_fingerprint = spread_fingerprint(experiment.variation, experiment.variation_seed)
 
     @cached_property
     def fingerprint(self) -> str:

@@ -80,15 +80,16 @@ class StoredSamples:
         self._dynamic = dynamic
         self._environment_id = writer.environment(environment.fingerprint)
         self._spread_id = writer.spread(environment.spread_fingerprint)
-        # Numbers of samples that an earlier sweep or an import of trials has stored. An import leaves gaps.
+        # The samples, by their number in the environment, that an earlier sweep or an import of trials has stored. An
+        # import of trials leaves gaps.
         self._stored_scenes = writer.stored_samples(SAMPLE, self._environment_id)
         self._stored_variations = writer.stored_samples(DRAW, self._spread_id)
         # All samples before these are in the store.
         self._next_scene = 0
         self._next_variation = 0
-        self._is_checked = False
+        self._program_is_checked = False
 
-    def reach(self, sample: int) -> None:
+    def store_up_to(self, sample: int) -> None:
         """Store all missing samples up to and including ``sample``. Raises FoldcarError if the program has an error."""
         for number in range(self._next_scene, sample + 1):
             if number not in self._stored_scenes:
@@ -107,18 +108,19 @@ class StoredSamples:
         """Raise FoldcarError if the program does not draw the stored scenes any more.
 
         The check is made once, before the first new scene. It draws the last stored scene and then the first one, and
-        compares them with the store. If a scene depended on how many were drawn before it, this order would show it.
+        compares them with the store. Drawing them in this order reveals a program whose scenes depend on the scenes that
+        it has drawn before.
         """
-        from foldcar.scenes.source import other_scene
+        from foldcar.scenes.source import other_scene_error
 
-        if self._is_checked or not self._stored_scenes:
+        if self._program_is_checked or not self._stored_scenes:
             return
-        self._is_checked = True
-        for number in sorted({max(self._stored_scenes), min(self._stored_scenes)}, reverse=True):
+        self._program_is_checked = True
+        for number in (max(self._stored_scenes), min(self._stored_scenes)):
             stored_scene = self._writer.stored_scene(self._environment_id, number)
             drawn_scene = json.loads(canonical_json(self._environment.sample(number)))
             if drawn_scene != stored_scene:
-                raise other_scene(self._environment.program, number)
+                raise other_scene_error(self._environment.program, number)
 
 
 @dataclass(frozen=True)
@@ -151,11 +153,12 @@ class ExperimentRuns:
         yield from self._simulate(samples_by_design, self.counts.total)
 
     def until(self, rule: StoppingRule) -> Iterator[list[FinishedRun[PlannedRun]]]:
-        """Simulate each design until the rule has decided it, or has given it up; yield chunks as they finish.
+        """Simulate each design until a stopping rule closes it; yield chunks as they finish.
 
-        The rule gives a design up if more runs are unlikely to decide it.
+        The rule closes a design if its runs have decided whether it is good, or if more runs are unlikely to decide it.
         """
         plan, counts = self.plan, self.counts
+        # The counts are of all experiments of the sweep, so those of earlier experiments stay in them.
         earlier_total, earlier_decided = counts.total, counts.decided
         stored_samples = self.writer.design_counts(plan.id).reached
         schedule = Schedule(rule, plan.environments, stored_samples)
@@ -168,29 +171,26 @@ class ExperimentRuns:
                 design: self.writer.run_counts(plan, design, samples) for design, samples in samples_by_design.items()
             }
             schedule.record(results, batches)
-            # A design that is closed gets no more runs, so the sweep will have fewer.
-            runs_left = plan.environments - schedule.runs
-            runs_not_needed = runs_left[schedule.closed].sum()
-            counts.total = earlier_total - int(runs_not_needed)
-            counts.decided = earlier_decided + int((schedule.decided & schedule.closed).sum())
+            counts.total = earlier_total - schedule.runs_not_needed()
+            counts.decided = earlier_decided + schedule.decided_designs()
             self.report(counts)
         self.writer.end_experiment(plan, int(schedule.runs.sum()))
 
     def _simulate(self, samples_by_design: Mapping[int, range], total: int) -> Iterator[list[FinishedRun[PlannedRun]]]:
-        """Simulate those of these runs that the store lacks, sample by sample; yield chunks as they finish.
+        """Simulate runs that the store lacks, sample by sample; yield chunks as they finish.
 
-        ``samples_by_design`` has the range of samples for each design, by its position. ``total`` is the number of runs
-        that the sweep will have when they are finished, stored ones included.
+        ``samples_by_design`` has the range of samples of each design, by the design's position. ``total`` is the number
+        of runs, stored ones included, that the whole sweep will have when these runs are finished.
         """
         first_sample = min(samples.start for samples in samples_by_design.values())
         end_sample = max(samples.stop for samples in samples_by_design.values())
         for sample in range(first_sample, end_sample):
-            self._samples.reach(sample)
+            self._samples.store_up_to(sample)
             for run in self.writer.planned_runs(self.plan, sample):
                 if sample not in samples_by_design.get(run.design, ()):
                     continue
-                # A stored run has an outcome. A run that joins an equal one in progress will share its outcome.
-                if run.outcome is not None or self.pool.joins(run):
+                is_stored = run.outcome is not None
+                if is_stored or self.pool.share_running(run):
                     self.counts.reused += 1
                     self.counts.count(run.outcome)
                 else:

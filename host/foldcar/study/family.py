@@ -95,7 +95,8 @@ class Family:
                 yield self.design(values)
         if not is_any_buildable:
             first_combination = next(self.value_combinations())
-            errors = self._errors(dict(zip(self.choices, first_combination, strict=True)))
+            value_by_key = dict(zip(self.choices, first_combination, strict=True))
+            errors = self._errors(value_by_key)
             raise self._listing_error([(self._origin(error.parameter), error.message) for error in errors])
 
     def mark_buildable(self, designs: Iterable[Mapping[str, float]]) -> None:
@@ -209,33 +210,50 @@ class Family:
         ``cells``. Raises FoldcarError.
         """
         choices, origins, parts = dict(self.choices), dict(self.origins), self.parts
-        # A type such as W_B_W has the letters of the car's modules.
-        letters = self.type.split("_")
         for key, value in settings.items():
             if isinstance(value, str):
                 try:
                     parts = parts.changed({key: value})
                 except PartError as error:
                     raise ListingError(f"--set {key}={value}", error.message) from error
-                continue
-            parameter = parameter_of(key)
-            if parameter is None or parameter.modules.isdisjoint(letters):
-                valid_keys = [name for name, other in parameters().items() if not other.modules.isdisjoint(letters)]
-                valid_keys += OPTIONS
-                suggestion = did_you_mean(key, valid_keys)
-                reason = f"{self.type} has no such parameter; it has {', '.join(valid_keys)}{suggestion}"
-                raise ListingError(f"--set {key}", reason)
-            choices[key] = (value,)
-            origins[key] = f"--set {key}"
-        # A parameter may have a common value for all modules, and values for single modules. If every module has a
-        # value of its own, the common value has no effect and is removed.
-        common_keys = [key for key in choices if key in parameters() and key not in settings]
-        for key in common_keys:
-            module_keys = place_keys(key, letters)
-            if module_keys and choices.keys() >= set(module_keys):
+            else:
+                self._check_parameter(key)
+                choices[key] = (value,)
+                origins[key] = f"--set {key}"
+        for key in self._ineffective_keys(choices):
+            if key not in settings:
                 del choices[key]
         # The new family does not know yet which of its designs can be built.
         return replace(self, choices=choices, origins=origins, parts=parts, _checked={})
+
+    @property
+    def _letters(self) -> list[str]:
+        """The letters of the car's modules, such as W, B and W."""
+        return self.type.split("_")
+
+    def _check_parameter(self, key: str) -> None:
+        """Raise ListingError if ``key`` is not a parameter of the car's modules."""
+        parameter = parameter_of(key)
+        if parameter is not None and parameter.belongs_to(self._letters):
+            return
+        valid_keys = [name for name, other in parameters().items() if other.belongs_to(self._letters)]
+        valid_keys += OPTIONS
+        suggestion = did_you_mean(key, valid_keys)
+        reason = f"{self.type} has no such parameter; it has {', '.join(valid_keys)}{suggestion}"
+        raise ListingError(f"--set {key}", reason)
+
+    def _ineffective_keys(self, choices: Mapping[str, tuple[float, ...]]) -> list[str]:
+        """Return the parameters that are given for all modules, although every module has a value of its own.
+
+        An example is ``length`` beside ``1.length``, ``2.length`` and ``3.length``.
+        """
+        common_keys = [key for key in choices if key in parameters()]
+        ineffective_keys = []
+        for key in common_keys:
+            module_keys = place_keys(key, self._letters)
+            if module_keys and all(module_key in choices for module_key in module_keys):
+                ineffective_keys.append(key)
+        return ineffective_keys
 
     def single(self) -> Design:
         """Return the family's only design. Raises ListingError, which names a parameter with several values."""

@@ -23,21 +23,22 @@ class ListingError(FoldcarError):
 
     def __init__(self, file: Path | str, *mistakes: str) -> None:
         self.file, self.mistakes = file, mistakes
-        super().__init__(f"{file}: {self._count()}{'; '.join(mistakes)}")
+        all_mistakes = "; ".join(mistakes)
+        message = f"{len(mistakes)} mistakes: {all_mistakes}" if len(mistakes) > 1 else all_mistakes
+        super().__init__(f"{file}: {message}")
 
     def lines(self) -> list[str]:
-        """Return the lines of the message: the only mistake, or a line with their number and a line for each."""
+        """Return the lines of the message.
+
+        A single mistake is one line. Several mistakes are a line with their number, and a line for each mistake.
+        """
         if len(self.mistakes) < 2:
             return super().lines()
-        lines = [f"{self.file}: {self._count()}".rstrip()]
+        lines = [f"{self.file}: {len(self.mistakes)} mistakes:"]
         for mistake in self.mistakes:
             mistake_on_one_line = " ".join(mistake.split())
             lines.append(f"  {mistake_on_one_line}")
         return lines
-
-    def _count(self) -> str:
-        """Return ``2 mistakes: ``, and nothing for a single mistake."""
-        return f"{len(self.mistakes)} mistakes: " if len(self.mistakes) > 1 else ""
 
 
 def _values(raw: Any) -> tuple[float, ...]:

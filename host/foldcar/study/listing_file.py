@@ -5,7 +5,7 @@ It reports all mistakes in form, cars and programs, each with its key.
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ import json5
 from pydantic import ValidationError
 
 from foldcar.errors import FoldcarError
-from foldcar.outputs import SQLITE_MAGIC
+from foldcar.outputs import is_database
 from foldcar.shown_text import shown_line
 from foldcar.study.brackets import unclosed
 from foldcar.study.family import read_family
@@ -94,47 +94,59 @@ def load_listing(file: Path) -> tuple[Any, str]:
     """
     if file.suffix == ".scenic" and file.is_file():
         raise ListingError(file, "is a Scenic program; name a listing that has it as a scenic_filename (docs/listing.md)")
+    if is_database(file):
+        raise ListingError(file, "is a store, which `foldcar report` reads; a listing is a JSON file")
     try:
         text = read_text(file)
     except FoldcarError as error:
-        cause = error.__cause__
-        if isinstance(cause, UnicodeDecodeError) and cause.object.startswith(SQLITE_MAGIC):
-            raise ListingError(file, "is a store, which `foldcar report` reads; a listing is a JSON file") from None
         raise ListingError(file, str(error).removeprefix(f"{file}: ")) from error
     try:
         data = json5.loads(text, allow_duplicate_keys=False)
     except ValueError as error:
-        raise ListingError(file, f"is not JSON: {unclosed(text) or _json_mistake(text, str(error))}") from error
+        mistake = unclosed(text) or _json_mistake(text, str(error))
+        raise ListingError(file, f"is not JSON: {mistake}") from error
     except RecursionError as error:
         raise ListingError(file, "is nested too deeply") from error
     try:
         check_numbers(data)
-        # An escape such as \ud83d is the first half of a character. Alone, it cannot be encoded as UTF-8.
-        json.dumps(data, ensure_ascii=False).encode()
-    except UnicodeEncodeError as error:
-        half = ascii(error.object[error.start])[1:-1]
-        raise ListingError(file, f"{half}: is half a character; write the whole character instead") from None
     except ValueError as error:
         raise ListingError(file, str(error)) from None
+    _check_characters(file, data)
     return data, text
 
 
+def _check_characters(file: Path, data: Any) -> None:
+    """Raise ListingError if a text in the data has half a character, which cannot be encoded as UTF-8.
+
+    JSON writes some characters as two escapes, such as \\ud83d and \\ude00. A half is one of these without the other.
+    """
+    try:
+        json.dumps(data, ensure_ascii=False).encode()
+    except UnicodeEncodeError as error:
+        # The escape as it stands in the file, without quotation marks.
+        escape = ascii(error.object[error.start]).strip("'")
+        raise ListingError(file, f"{escape}: is half a character; write the whole character instead") from None
+
+
 def _json_mistake(text: str, message: str) -> str:
-    """Return what the parser says of ``text``, beginning with line and column."""
-    match = re.fullmatch(r"<string>:(\d+) (Unexpected .+) at column (\d+)", message)
+    """Return the mistake that the parser's ``message`` describes, with its line and column in ``text``.
+
+    The parser calls a character unexpected if a comma is missing before it. This says that a comma is missing.
+    """
+    match = re.fullmatch(r"<string>:(?P<line>\d+) (?P<problem>Unexpected .+) at column (?P<column>\d+)", message)
     if match is None:
         return message.removeprefix("<string>:")
-    line, column = int(match[1]), int(match[3])
+    # Both count from 1.
+    line, column = int(match["line"]), int(match["column"])
     place = f"line {line}, column {column}"
     lines = text.split("\n")
-    lines_before, line_with_mistake = lines[: line - 1], lines[line - 1]
-    text_before = "\n".join([*lines_before, line_with_mistake[: column - 1]])
-    last_character = text_before.rstrip()[-1:]
-    # After a value, only a comma or an end can stand.
-    if last_character in ('"', "}", "]") or last_character.isalnum():
-        text_after = line_with_mistake[column - 1 :]
-        return f"{place}: a comma is missing before {text_after[:MAX_SHOWN]}"
-    return f"{place}: {match[2].lower()}"
+    text_before_in_line = lines[line - 1][: column - 1]
+    text_after_in_line = lines[line - 1][column - 1 :]
+    text_before = "\n".join([*lines[: line - 1], text_before_in_line]).rstrip()
+    if text_before.endswith(('"', "}", "]")) or text_before[-1:].isalnum():
+        # A value ends here. It must be followed by a comma or by a closing bracket.
+        return f"{place}: a comma is missing before {text_after_in_line[:MAX_SHOWN]}"
+    return f"{place}: {match['problem'].lower()}"
 
 
 def validated_listing(data: Any) -> tuple[Listing, list[str]]:
@@ -149,31 +161,47 @@ def listing_mistake(mistake: Any) -> str:
     """Return a line about one of pydantic's mistakes. It names the key, the value and the limit."""
     location = mistake["loc"]
     path = shown_line(".".join(map(str, location))) or "the file"
-    kind, message = mistake["type"], mistake["msg"].removeprefix("Value error, ")
+    kind = mistake["type"]
     if kind == "extra_forbidden":
-        # A location is, for example, (experiments, 1, params, speed). Its sections are then (experiments, params), and
-        # OBJECTS has the schema of each section. `wbt_filename` is accepted, but unused, so it is not suggested.
-        sections = location[:-1:2]
-        schema = OBJECTS[sections]
-        valid_keys = [key for key in schema.model_fields if key != "wbt_filename"]
-        suggestion = did_you_mean(location[-1], valid_keys)
-        return f"{path}: unknown key; known: {', '.join(valid_keys)}{suggestion}"
+        return f"{path}: {_unknown_key(location)}"
     if kind == "missing":
         return f"{path}: is missing"
+    message = mistake["msg"].removeprefix("Value error, ")
     if kind == "value_error":
+        # A check of foldcar itself. Its message says all.
         return f"{path}: {message}"
     value = repr(mistake["input"])
     if len(value) > MAX_SHOWN:
         value = f"{value[: MAX_SHOWN - 3]}..."
+    return f"{path}: {value}{_wrong_value(mistake, message)}"
+
+
+def _unknown_key(location: Sequence[Any]) -> str:
+    """Return what is wrong with a key that no listing has: ``unknown key``, the valid keys there, and a suggestion.
+
+    ``location`` is the path to the key, such as (experiments, 1, params, speed).
+    """
+    # Every second part of the path is a name or an index that the listing's author has chosen. OBJECTS leaves these out.
+    sections = tuple(location[:-1:2])
+    # `wbt_filename` is accepted, but unused, so it is not suggested.
+    valid_keys = [key for key in OBJECTS[sections].model_fields if key != "wbt_filename"]
+    return f"unknown key; known: {', '.join(valid_keys)}{did_you_mean(location[-1], valid_keys)}"
+
+
+def _wrong_value(mistake: Mapping[str, Any], message: str) -> str:
+    """Return what is wrong with a value, such as `` is below the minimum 1``, to be written after the value.
+
+    ``message`` is pydantic's message, which is used if foldcar has no wording of its own for this kind of mistake.
+    """
+    kind, limits = mistake["type"], mistake.get("ctx", {})
     if kind in NOT_AN_OBJECT:
-        return f"{path}: {value} is not a JSON object, {{…}}"
-    limits = mistake.get("ctx", {})
+        return " is not a JSON object, {…}"
     for limit_name, wording_by_kind in LIMITS.items():
         if limit_name in limits and kind in wording_by_kind:
-            return f"{path}: {value} is {wording_by_kind[kind]} {limits[limit_name]}"
+            return f" is {wording_by_kind[kind]} {limits[limit_name]}"
     if kind in WORDINGS:
-        return f"{path}: {value} {WORDINGS[kind]}"
-    return f"{path}: {value}: {message[0].lower()}{message[1:]}"
+        return f" {WORDINGS[kind]}"
+    return f": {message[0].lower()}{message[1:]}"
 
 
 def _reference_mistakes(listing: Listing) -> list[str]:

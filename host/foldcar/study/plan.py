@@ -19,7 +19,7 @@ from foldcar.store.writer import PlannedExperiment, StoreWriter
 from foldcar.study.environments import ExperimentEnvironment
 from foldcar.study.experiments import Experiment, ListedStudy
 from foldcar.study.planned_designs import PlannedDesigns
-from foldcar.study.reality_runs import reality_facts, reality_spread, why_no_realities
+from foldcar.study.reality_runs import realities_fingerprint, reality_facts, why_no_realities
 from foldcar.version import __version__
 
 
@@ -40,7 +40,10 @@ class SweepOptions:
 
 @dataclass(frozen=True)
 class SearchOptions:
-    """How a search simulates an experiment: it chooses designs by ``objectives``, empty in its new environments."""
+    """How a search simulates an experiment.
+
+    ``objectives`` are the names of what it optimises. They are empty when it tests its best designs in new environments.
+    """
 
     objectives: Sequence[str]
 
@@ -115,10 +118,13 @@ def _program_facts(environment: ExperimentEnvironment, writer: StoreWriter, envi
 
 
 def _environment_facts(environment: ExperimentEnvironment) -> dict[str, Any]:
-    """Return which reality the environment is simulated in, and which files its program has."""
+    """Return the environment's reality and the files of its program.
+
+    The *reality* has the values of what the simulator cannot know, such as friction; it is None for the nominal values.
+    """
     facts: dict[str, Any] = {"reality": environment.reality}
     if environment.reality:
-        facts["listed_environment"] = environment.listed_fingerprint
+        facts["listed_environment"] = environment.nominal_fingerprint
     # Absolute paths may differ on other machines, so files are stored only if all paths are relative.
     if not any(Path(name).is_absolute() for name in environment.files):
         facts["files"] = dict(environment.files)
@@ -140,17 +146,25 @@ def _reality_facts(
     """
     stored = writer.experiment_facts(experiment.id)
     if isinstance(options, SearchOptions):
-        # A search simulates no such runs. If an earlier sweep has simulated some, they still belong to the experiment.
-        if stored.get("reality_spread") == reality_spread(experiment):
-            return {"realities": stored["realities"], "reality_spread": stored["reality_spread"]}
-        chosen = "a search chose the designs; `foldcar sweep` simulates them in other realities"
-        return {"no_realities": stored.get("no_realities", chosen)}
+        return _reality_facts_of_search(experiment, stored)
     is_dynamic = writer.is_dynamic(environment_id, lambda: environment.dynamic)
     success = SuccessRule(defined=program_facts["success_defined"], text=program_facts["success_rule"])
     reason = why_no_realities(experiment, environment, options.realities, is_dynamic, success)
     if reason is not None:
         return {"no_realities": reason}
     return reality_facts(experiment, options.realities, stored)
+
+
+def _reality_facts_of_search(experiment: Experiment, stored: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the facts about runs in other realities for a search, which simulates none itself.
+
+    ``stored`` are the facts of the stored experiment. If an earlier sweep has simulated such runs, they are kept.
+    """
+    if stored.get("reality_spread") == realities_fingerprint(experiment):
+        return {"realities": stored["realities"], "reality_spread": stored["reality_spread"]}
+    if "no_realities" in stored:
+        return {"no_realities": stored["no_realities"]}
+    return {"no_realities": "a search chose the designs; `foldcar sweep` simulates them in other realities"}
 
 
 def _option_facts(options: SweepOptions | SearchOptions) -> dict[str, Any]:
@@ -166,6 +180,7 @@ def _option_facts(options: SweepOptions | SearchOptions) -> dict[str, Any]:
     if options.engine:
         facts["engine"] = options.engine
     if options.side_view_limits:
+        # The side view simulates both sides of a car as alike.
         facts["unlike_sides"] = options.side_view_limits
     return facts
 

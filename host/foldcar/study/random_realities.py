@@ -13,7 +13,7 @@ from foldcar.store.info import RANDOM_REALITIES, VARIANT
 from foldcar.study.experiments import Experiment, ListedStudy
 from foldcar.study.reality_draws import draw_sample_scores
 from foldcar.study.reality_environment import ChangedEnvironment, hashed
-from foldcar.study.reality_runs import reality_spread
+from foldcar.study.reality_runs import realities_fingerprint
 
 
 class RandomRealities(ChangedEnvironment):
@@ -23,15 +23,14 @@ class RandomRealities(ChangedEnvironment):
     """
 
     def __init__(self, experiment: Experiment) -> None:
-        # If the program runs during the simulation, an error says so. This is its end.
-        remedy = "realities cannot change; search for the nominal rate with --objective success"
-        super().__init__(experiment, remedy)
+        # How the message ends if the program runs during the simulation, which is an error here.
+        end_of_message = "realities cannot change; search for the nominal rate with --objective success"
+        super().__init__(experiment, end_of_message)
         # The priors of a car that will be built from foldcar's sheets. `select` assumes the same before any trial.
         self._priors = built_priors(experiment.family.vehicle_type, from_sheets=True)
         priors = {str(index): (prior.mean, prior.sd) for index, prior in self._priors.items()}
-        identity = hashed(RANDOM_REALITIES, reality_spread(experiment), priors)
-        self.fingerprint = hashed(self.fingerprint, identity)
-        self.spread_fingerprint = identity
+        self.spread_fingerprint = hashed(RANDOM_REALITIES, realities_fingerprint(experiment), priors)
+        self.fingerprint = hashed(self.fingerprint, self.spread_fingerprint)
 
     @property
     def reality(self) -> dict[str, str]:

@@ -20,8 +20,10 @@ from foldcar.store.reality_runs import BLOCK, CHECK, IntArray
 # Runs are in the first samples of an environment. More scenes than these would make a sweep with a stopping rule, which
 # may need few, sample thousands.
 MAX_SCENES = 200
-# The random numbers of a run: scores, design, scene.
-COLUMNS = len(NAMES) + 2
+# The columns of a run's random numbers: one for each score, then those that choose the design and the scene.
+DESIGN_COLUMN = len(NAMES)
+SCENE_COLUMN = DESIGN_COLUMN + 1
+COLUMNS = SCENE_COLUMN + 1
 # Selects the random numbers of samples among those of a seed.
 SAMPLE_STREAM = 1
 
@@ -48,16 +50,17 @@ def draw_runs(seed: int, numbers: range, designs: int, samples: int) -> Drawn:
     first = numbers.start - numbers.start % BLOCK
     generator = np.random.PCG64(seed)
     generator.advance(first * COLUMNS)
-    # Each run has a row of random numbers: the reality's scores, the design, the sample.
+    # Each run has a row of random numbers, which are uniform between 0 and 1.
     uniform = _uniform(generator, numbers.stop - first, COLUMNS)
     number = np.arange(first, numbers.stop)
-    # A run of a check group has the reality and the design of the first run of its block, other runs have their own.
+    # The first CHECK runs of a block share the reality and the design of its first run. Other runs have their own.
     number_in_block = number % BLOCK
-    number_with_reality = np.where(number_in_block < CHECK, number - number_in_block, number)
-    source_row = number_with_reality - first
-    scores = _limited(ndtri(uniform[source_row, : len(NAMES)]))
-    design = (uniform[source_row, len(NAMES)] * designs).astype(np.intp)
-    sample = (uniform[:, len(NAMES) + 1] * min(samples, MAX_SCENES)).astype(np.intp)
+    first_of_block = number - number_in_block
+    drawn_as = np.where(number_in_block < CHECK, first_of_block, number)
+    uniform_of_reality = uniform[drawn_as - first]
+    scores = _limited(ndtri(uniform_of_reality[:, :DESIGN_COLUMN]))
+    design = (uniform_of_reality[:, DESIGN_COLUMN] * designs).astype(np.intp)
+    sample = (uniform[:, SCENE_COLUMN] * min(samples, MAX_SCENES)).astype(np.intp)
     requested = slice(numbers.start - first, None)
     return Drawn(number[requested], scores[requested], design[requested], sample[requested])
 

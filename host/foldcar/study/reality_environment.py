@@ -16,7 +16,7 @@ from typing import Any
 
 from foldcar.belief import reality as effects
 from foldcar.belief.priors import NOMINAL, parameter_named
-from foldcar.belief.reality import REAL_ONLY, drawn_reality
+from foldcar.belief.reality import REAL_ONLY, RealParameter, drawn_reality
 from foldcar.errors import FoldcarError
 from foldcar.scenes.fingerprint import variation_code
 from foldcar.shown_text import shown_line
@@ -54,17 +54,17 @@ class Reality:
 class ChangedEnvironment(ExperimentEnvironment):
     """An environment in which car and ground differ from design and scene by the simulator's parameters."""
 
-    def __init__(self, experiment: Experiment, remedy: str) -> None:
-        """Create the environment. Raises FoldcarError if the program runs during the simulation.
+    def __init__(self, experiment: Experiment, end_of_message: str) -> None:
+        """Create the environment. Raises FoldcarError if Scenic must run the program during the simulation.
 
-        Other realities cannot change the scenes of such a program. ``remedy`` is the end of this error, after the words
-        "whose scenes".
+        The scenes of such a program cannot be changed. The error's message has the form "PLACE: PROGRAM runs beside the
+        simulation, whose scenes END", where ``end_of_message`` is the end.
         """
         super().__init__(experiment)
-        if super().dynamic:
+        if self.dynamic:
             raise FoldcarError(
                 f"{experiment.place}: {experiment.program_name} runs beside the simulation ({self.needs_scenic}), whose "
-                f"scenes {remedy}"
+                f"scenes {end_of_message}"
             )
         self._seed = experiment.variation_seed
 
@@ -87,7 +87,7 @@ class RealityEnvironment(ChangedEnvironment):
     def __init__(self, experiment: Experiment, reality: Reality) -> None:
         super().__init__(experiment, "a reality cannot change; sweep this experiment without --reality")
         self._reality = reality
-        self.listed_fingerprint = self.fingerprint
+        self.nominal_fingerprint = self.fingerprint
         identity = (reality.fingerprint, self._seed, reality_code())
         self.fingerprint = hashed(self.fingerprint, *identity)
         self.spread_fingerprint = hashed(dict(experiment.variation), *identity, variation_code())
@@ -125,10 +125,10 @@ def hashed(*parts: Any) -> str:
 
 
 def read_reality(file: Path, engine: str) -> Reality:
-    """Read a reality from a JSON file, and check that the engine simulates it.
+    """Read a reality from a JSON file, and check that the engine can simulate it. Raises FoldcarError.
 
-    Parameters that ``file`` leaves out have their nominal values, except WHEEL_SPREAD, which is then missing. Raises
-    FoldcarError.
+    A parameter that the file leaves out has its nominal value. The wheel spread, which says how much the wheels of a car
+    differ, has none: if the file leaves it out, the differences that the listing gives apply.
     """
     data, _ = load_listing(file)
     if not isinstance(data, Mapping):
@@ -138,19 +138,24 @@ def read_reality(file: Path, engine: str) -> Reality:
         place = f"{file}: {name}"
         if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
             raise FoldcarError(f"{place}: {value!r} is not a number")
-        if name not in REAL_ONLY:
-            # Raises FoldcarError for an unknown name, or a value outside the limits.
+        if name in REAL_ONLY:
+            parameter = REAL_ONLY[name]
+            _check_real_only(parameter, value, place, engine)
+            # The nominal value means the same as if the file left the parameter out.
+            if value != parameter.nominal:
+                values[name] = float(value)
+        else:
+            # This raises FoldcarError if no parameter has the name, or if the value is outside the parameter's limits.
             parameter_named(name, value, place, MAX_REAL_SCORE, with_nominal=True, others=REAL_ONLY)
             values[name] = float(value)
-            continue
-        parameter = REAL_ONLY[name]
-        if not parameter.least <= value <= parameter.largest:
-            limits = f"{parameter.least:g} to {parameter.largest:g} ({parameter.unit})"
-            raise FoldcarError(f"{place}: {value:g} is outside {limits}")
-        if value == parameter.nominal:
-            # As if the file left it out.
-            continue
-        if parameter.mujoco_only and ENGINES[engine].environment != MUJOCO_ENVIRONMENT:
-            raise FoldcarError(f"{place}: {engine} has no such tyres; --engine {MUJOCO} has them")
-        values[name] = float(value)
     return Reality(shown_line(file.stem), values)
+
+
+def _check_real_only(parameter: RealParameter, value: float, place: str, engine: str) -> None:
+    """Raise FoldcarError, which begins with ``place``, if the engine cannot simulate this value of a parameter."""
+    if not parameter.least <= value <= parameter.largest:
+        limits = f"{parameter.least:g} to {parameter.largest:g} ({parameter.unit})"
+        raise FoldcarError(f"{place}: {value:g} is outside {limits}")
+    is_mujoco = ENGINES[engine].environment == MUJOCO_ENVIRONMENT
+    if value != parameter.nominal and parameter.mujoco_only and not is_mujoco:
+        raise FoldcarError(f"{place}: {engine} has no such tyres; --engine {MUJOCO} has them")

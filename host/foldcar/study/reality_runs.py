@@ -61,8 +61,9 @@ def why_no_realities(
 ) -> str | None:
     """Return the reason why an experiment gets no runs in other realities, or None if it gets some.
 
-    The reason is a sentence without a full stop. ``requested`` is the number of runs that a person asked for; None lets
-    the error of learning decide. ``dynamic`` is whether the program runs during the simulation.
+    The reason is a sentence without a full stop. ``requested`` is the number of runs that the user has asked for; it is
+    None if foldcar chooses the number. ``dynamic`` is whether Scenic must run the environment's program during the
+    simulation. Scenes of such a program cannot be changed to another reality.
     """
     if environment.reality is not None:
         return "the experiment itself is simulated in another reality"
@@ -78,20 +79,21 @@ def why_no_realities(
 
 
 def reality_facts(experiment: Experiment, requested: int | None, stored: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what the store keeps about an experiment's runs in other realities: their number and their origin.
+    """Return what the store keeps about an experiment's runs in other realities: their number and their fingerprint.
 
-    ``requested`` is the number of runs that a person asked for; None lets the error of learning decide. ``stored`` are
-    the facts of the last sweep. If nobody asked for a number, this sweep plans at least as many runs as the last one.
+    ``requested`` is the number of runs that the user has asked for. If it is None, foldcar plans STAGES[0] runs, or as
+    many as the last sweep of this experiment planned, if these are more. ``stored`` are the facts of the last sweep.
     """
-    spread = reality_spread(experiment)
-    planned = requested
-    if not planned:
-        earlier_planned = stored.get("realities", 0) if stored.get("reality_spread") == spread else 0
-        planned = max(STAGES[0], earlier_planned)
-    return {"realities": planned, "reality_spread": spread}
+    fingerprint = realities_fingerprint(experiment)
+    if requested is not None:
+        return {"realities": requested, "reality_spread": fingerprint}
+    earlier_planned = 0
+    if stored.get("reality_spread") == fingerprint:
+        earlier_planned = stored["realities"]
+    return {"realities": max(STAGES[0], earlier_planned), "reality_spread": fingerprint}
 
 
-def reality_spread(experiment: Experiment) -> str:
+def realities_fingerprint(experiment: Experiment) -> str:
     """Return a hash of everything that decides in which reality each run of an experiment is simulated."""
     priors = [[parameter.name, parameter.prior, parameter.middle, parameter.sd] for parameter in PARAMETERS]
     return hashed(
@@ -186,12 +188,14 @@ def planned_reality_runs(store: ReadableStore, experiment: str, seed: int, sampl
         return runs
     drawn = draw_runs(seed, range(int(runs.number[-1]) + 1), len(keys.designs), samples)
     # Compare the ids of bodies and scenes, because several designs may have equal bodies, and several samples equal
-    # scenes. A scene that is not stored has the id 0.
-    design_ids = np.array(keys.designs)
+    # scenes. ``car_ids`` (designs, 2) has the ids of body and settings. A scene that is not stored has the id 0.
+    car_ids = np.array(keys.designs)
     scene_ids = np.array([keys.scenes.get(sample, 0) for sample in range(samples)])
-    own_design = (design_ids[drawn.design[runs.number]] == design_ids[runs.design]).all(axis=1)
-    own_scene = scene_ids[drawn.sample[runs.number]] == scene_ids[runs.sample]
-    return runs.taken(own_design & own_scene)
+    planned_design = drawn.design[runs.number]
+    planned_sample = drawn.sample[runs.number]
+    is_planned_car = (car_ids[runs.design] == car_ids[planned_design]).all(axis=1)
+    is_planned_scene = scene_ids[runs.sample] == scene_ids[planned_sample]
+    return runs.taken(is_planned_car & is_planned_scene)
 
 
 def missing_realities(store: Store, info: ExperimentInfo) -> int:
@@ -265,29 +269,30 @@ class RealitySimulation:
 
     def simulate(self, total: int) -> None:
         """Simulate those of the first ``total`` runs that are not in the store. Raises FoldcarError."""
-        experiment, counts = self.experiment, self.counts
-        keys = reality_keys(self.writer, experiment.id)
+        counts = self.counts
+        keys = reality_keys(self.writer, self.experiment.id)
         assert keys is not None, "the experiment was planned with runs in other realities"
-
-        def missing() -> Iterator[RealityRun]:
-            """Yield the runs that are not in the store."""
-            seed, samples = experiment.variation_seed, experiment.environments
-            return missing_runs(self.writer, keys, seed, samples, total)
-
-        number_missing = sum(1 for _ in missing())
+        number_missing = sum(1 for _ in self._missing(keys, total))
+        number_stored = total - number_missing
         counts.total = total
-        # The runs of earlier calls are stored, too, but they count as new ones.
-        counts.reused = total - number_missing - counts.new
+        # The new runs of earlier calls are stored by now, but they still count as new.
+        counts.reused = number_stored - counts.new
         self.report()
         # The time of earlier calls is included.
         started_s = time.perf_counter() - counts.seconds
         pool = ChunkPool(self.simulators, self._inputs, lambda run: run.key)
         with pool, pool.using(self.runner):
-            for run in missing():
+            # The missing runs are drawn a second time, because a list of them would need much memory.
+            for run in self._missing(keys, total):
                 for finished_runs in pool.add(run, runs_left=counts.total - counts.done):
                     self._store(keys, finished_runs, started_s)
             for finished_runs in pool.finish():
                 self._store(keys, finished_runs, started_s)
+
+    def _missing(self, keys: RealityKeys, total: int) -> Iterator[RealityRun]:
+        """Yield those of the first ``total`` runs that are not in the store."""
+        seed, samples = self.experiment.variation_seed, self.experiment.environments
+        return missing_runs(self.writer, keys, seed, samples, total)
 
     def error(self) -> float | None:
         """Return how far the learned success rates are probably from the true ones, 0 to 1; None if this is unknown.
@@ -312,9 +317,11 @@ class RealitySimulation:
         values_of_runs = values_of(np.array([run.scores for run in runs]))
         realities = []
         for run, values in zip(runs, values_of_runs, strict=True):
-            # A car's name is a part of the random seed. So this car differs from that of the nominal run of this number.
+            # The faults of a car, such as a wheel that is out of round, are drawn from its name. This name gives each run
+            # in another reality a car of its own.
             car = f"reality {run.number}"
-            realities.append(canonical_json(drawn_reality(values, variation, seed, drive=run.number, car=car)))
+            reality = drawn_reality(values, variation, seed, drive=run.number, car=car)
+            realities.append(canonical_json(reality))
         labels = [f"design {run.design + 1}, run {run.number} in another reality" for run in runs]
         return stored_inputs(self.writer, runs, labels, realities)
 

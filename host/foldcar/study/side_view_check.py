@@ -114,16 +114,27 @@ def one_sided(body: Mapping[str, Any]) -> str:
     for wheel in body["wheels"]:
         pairs.setdefault((wheel["segment"], wheel["x_m"]), []).append(wheel)
     for left, right in pairs.values():
-        if max(left["eccentricity_m"], right["eccentricity_m"]) > ECCENTRICITY_TOLERANCE_M:
-            return "wheels out of true"
-        # The servo's properties are compared like those of its wheel.
-        left_properties = {**left.get("servo", {}), **left}
-        right_properties = {**right.get("servo", {}), **right}
-        for name, property_text in COMPARED.items():
-            left_value, right_value = left_properties.get(name, 0.0), right_properties.get(name, 0.0)
-            tolerance = RADIUS_TOLERANCE if name == "radius_m" else RELATIVE_TOLERANCE
-            if abs(left_value - right_value) > tolerance * max(abs(left_value), abs(right_value)):
-                return property_text
+        difference = _wheel_difference(left, right)
+        if difference:
+            return difference
+    return ""
+
+
+def _wheel_difference(left: Mapping[str, Any], right: Mapping[str, Any]) -> str:
+    """Return the property in which two wheels of a body, or their servos, differ; "" if they are equal."""
+    # An axle that is not in the middle of its wheel lifts the car once a turn, and not both sides at the same time.
+    if max(left["eccentricity_m"], right["eccentricity_m"]) > ECCENTRICITY_TOLERANCE_M:
+        return "wheels out of true"
+    # A wheel without a servo has none of the servo's properties.
+    left_properties = {**left.get("servo", {}), **left}
+    right_properties = {**right.get("servo", {}), **right}
+    for name, property_text in COMPARED.items():
+        left_value = left_properties.get(name, 0.0)
+        right_value = right_properties.get(name, 0.0)
+        relative_tolerance = RADIUS_TOLERANCE if name == "radius_m" else RELATIVE_TOLERANCE
+        larger_value = max(abs(left_value), abs(right_value))
+        if abs(left_value - right_value) > relative_tolerance * larger_value:
+            return property_text
     return ""
 
 
@@ -147,28 +158,43 @@ def _symmetric_ground(
     return are_symmetric
 
 
+def _course_end_m(scene: Mapping[str, Any]) -> float:
+    """Return how far ahead of the start the farthest corner of the course lies, measured along the start's heading."""
+    start, course = scene["start"], scene["course"]
+    cos, sin = math.cos(start["heading_rad"]), math.sin(start["heading_rad"])
+    distances_m = []
+    for x_m, y_m in product((course["x_min_m"], course["x_max_m"]), (course["y_min_m"], course["y_max_m"])):
+        distances_m.append((x_m - start["x_m"]) * cos + (y_m - start["y_m"]) * sin)
+    return float(max(distances_m))
+
+
+def _tyre_offsets_m(bodies: Sequence[Mapping[str, Any]]) -> list[float]:
+    """Return the distances (m) of all left tyres' inner edges, middles and outer edges from the car's middle, sorted."""
+    offsets_m: set[float] = set()
+    for body in bodies:
+        middle_m = 0.5 * body["track_m"]
+        for wheel in body["wheels"]:
+            half_width_m = 0.5 * wheel["width_m"]
+            offsets_m.update((middle_m - half_width_m, middle_m, middle_m + half_width_m))
+    return sorted(offsets_m)
+
+
 def _track_points(bodies: Sequence[Mapping[str, Any]], scene: Mapping[str, Any]) -> tuple[list[float], list[float]]:
     """Return x and y (m) of the points of the ground under the tyres of cars that drive straight on.
 
     The points are on lines from a little behind the start to the end of the course, SPACING_M apart. Each body's tyres
     have lines under their inner edges, middles and outer edges. The points under the left tyres come first.
     """
-    start, course = scene["start"], scene["course"]
+    start = scene["start"]
     cos, sin = math.cos(start["heading_rad"]), math.sin(start["heading_rad"])
-    # How far ahead of the start the farthest corner of the course lies.
-    corners = product((course["x_min_m"], course["x_max_m"]), (course["y_min_m"], course["y_max_m"]))
-    end_m = max((x_m - start["x_m"]) * cos + (y_m - start["y_m"]) * sin for x_m, y_m in corners)
     # Rear wheels stand behind the start.
-    along_m = numpy.arange(-BEHIND_M, max(end_m, BEHIND_M), SPACING_M)
-    # How far the lines are from the car's middle.
-    offsets_m = set()
-    for body in bodies:
-        for wheel, edge in product(body["wheels"], (-1, 0, 1)):
-            offsets_m.add(0.5 * (body["track_m"] + edge * wheel["width_m"]))
-    left_offsets_m = sorted(offsets_m)
+    end_m = max(_course_end_m(scene), BEHIND_M)
+    ahead_m = numpy.arange(-BEHIND_M, end_m, SPACING_M)
+    left_offsets_m = _tyre_offsets_m(bodies)
     right_offsets_m = [-offset_m for offset_m in left_offsets_m]
     # All points, by their distances ahead of the start and to the left of the car's middle.
-    ahead_m, left_m = numpy.meshgrid(along_m, numpy.array(left_offsets_m + right_offsets_m))
+    ahead_m, left_m = numpy.meshgrid(ahead_m, numpy.array(left_offsets_m + right_offsets_m))
+    # Turn them by the start's heading, and move them to the start.
     x_m = start["x_m"] + ahead_m * cos - left_m * sin
     y_m = start["y_m"] + ahead_m * sin + left_m * cos
     return x_m.ravel().tolist(), y_m.ravel().tolist()

@@ -8,6 +8,7 @@ The intervals hold at all sample sizes simultaneously, so that a design may stop
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy
 from numpy.typing import NDArray
@@ -99,6 +100,19 @@ class Batch:
     samples: range
 
 
+class _Counts(NamedTuple):
+    """The counts of a design's runs; ``counted`` of its ``runs`` were not rejected, and ``passed`` of these passed."""
+
+    runs: int
+    counted: int
+    passed: int
+
+    @property
+    def rejected(self) -> int:
+        """The number of runs that were rejected, which say nothing about the design."""
+        return self.runs - self.counted
+
+
 class Schedule:
     """Decides which runs a sweep with a stopping rule makes next.
 
@@ -122,8 +136,17 @@ class Schedule:
         # Whether the rule has decided the design, and whether it gets no more runs.
         self.decided = numpy.zeros(designs, bool)
         self.closed = numpy.zeros(designs, bool)
-        # The end of the next batch, by (passed, runs, counted). Designs with equal counts get equal batches.
-        self._ends: dict[tuple[int, int, int], int] = {}
+        # The end of the next batch. Designs with equal counts get equal batches.
+        self._ends: dict[_Counts, int] = {}
+
+    def runs_not_needed(self) -> int:
+        """Return how many of the planned runs are not made, because their designs were closed before."""
+        runs_left = self._max_runs - self.runs
+        return int(runs_left[self.closed].sum())
+
+    def decided_designs(self) -> int:
+        """Return how many closed designs the rule has decided."""
+        return int((self.decided & self.closed).sum())
 
     def next(self) -> list[Batch]:
         """Return the batches of the next step; an empty list if every design is closed."""
@@ -148,46 +171,56 @@ class Schedule:
 
     def _needs_no_runs(self, design: int) -> bool:
         """Return whether a design is decided, has all its runs, or has little chance to be decided by more runs."""
-        passed, runs, counted = int(self.passed[design]), int(self.runs[design]), int(self.counted[design])
-        if self.decided[design] or runs >= self._max_runs:
+        counts = self._counts(design)
+        if self.decided[design] or counts.runs >= self._max_runs:
             return True
         # Assume that no future run is rejected.
-        rejected = runs - counted
-        return self._rule.hopeless(passed, counted, self._max_runs - rejected)
+        max_counted = self._max_runs - counts.rejected
+        return self._rule.hopeless(counts.passed, counts.counted, max_counted)
 
     def _batch(self, design: int) -> Batch:
         """Return the next samples of a design."""
-        passed, runs, counted = int(self.passed[design]), int(self.runs[design]), int(self.counted[design])
-        if runs and self._needs_no_runs(design):
-            # The batch consists of stored runs, which are only counted.
-            return Batch(design, range(runs, int(self._stored_samples[design])))
-        counts = passed, runs, counted
+        counts = self._counts(design)
+        if counts.runs and self._needs_no_runs(design):
+            # Nothing is simulated any more, but the remaining stored runs must be counted.
+            return Batch(design, range(counts.runs, int(self._stored_samples[design])))
         if counts not in self._ends:
-            self._ends[counts] = self._batch_end(*counts)
-        return Batch(design, range(runs, self._ends[counts]))
+            self._ends[counts] = self._batch_end(counts)
+        return Batch(design, range(counts.runs, self._ends[counts]))
 
-    def _batch_end(self, passed: int, runs: int, counted: int) -> int:
+    def _batch_end(self, counts: _Counts) -> int:
         """Return how many runs a design has at the end of its next batch.
 
-        BATCH_ENDS numbers are tried, from few runs to many. The result is the first number at which the rule decides the
+        Several numbers of runs are tried, from few to many. The result is the first number at which the rule decides the
         design with a probability of at least BATCH_CHANCE, or else the last number.
         """
-        masses = _rate_masses(passed, counted)
-        last = min(self._max_runs, runs + max(BATCH_RUNS, int(BATCH_SHARE * runs)))
-        first = min(last, max(runs + 1, MIN_RUNS))
-        ends = numpy.unique(numpy.linspace(first, last, BATCH_ENDS).round().astype(int))
+        max_new_runs = max(BATCH_RUNS, int(BATCH_SHARE * counts.runs))
+        last_end = min(self._max_runs, counts.runs + max_new_runs)
+        first_end = min(last_end, max(counts.runs + 1, MIN_RUNS))
+        ends = numpy.unique(numpy.linspace(first_end, last_end, BATCH_ENDS).round().astype(int))
+        # How probable each possible success rate of the design is, given its results so far.
+        rate_probabilities = _rate_probabilities(counts.passed, counts.counted)
         for end in ends.tolist():
-            # Only runs that are not rejected count. Assume that no further run is rejected.
-            later_counted = counted + (end - runs)
-            if self._rule.chance(RATES, masses, passed, counted, later_counted) >= BATCH_CHANCE:
+            # Assume that none of the new runs is rejected.
+            counted_at_end = counts.counted + (end - counts.runs)
+            chance = self._rule.chance(RATES, rate_probabilities, counts.passed, counts.counted, counted_at_end)
+            if chance >= BATCH_CHANCE:
                 return int(end)
-        return last
+        return last_end
+
+    def _counts(self, design: int) -> _Counts:
+        """Return the counts of a design's runs so far."""
+        return _Counts(int(self.runs[design]), int(self.counted[design]), int(self.passed[design]))
 
 
-def _rate_masses(passed: int, counted: int) -> NDArray[numpy.float64]:
-    """Return the posterior probabilities (rates,) of RATES, if ``passed`` of ``counted`` runs passed."""
+def _rate_probabilities(passed: int, counted: int) -> NDArray[numpy.float64]:
+    """Return the posterior probability of each success rate in RATES, if ``passed`` of ``counted`` runs passed.
+
+    The result has the shape of RATES, and its sum is 1.
+    """
     from scipy.special import xlog1py, xlogy
 
     log_likelihood = xlogy(passed, RATES) + xlog1py(counted - passed, -RATES)
-    masses = numpy.exp(log_likelihood - log_likelihood.max())
-    return numpy.asarray(masses / masses.sum())
+    # Subtracting the maximum prevents that all likelihoods are rounded to 0.
+    likelihood = numpy.exp(log_likelihood - log_likelihood.max())
+    return numpy.asarray(likelihood / likelihood.sum())

@@ -73,10 +73,10 @@ class Sweep:
         """Simulate the runs that the store lacks. Return the counts, which grow while the sweep runs.
 
         ``simulators`` is an object, or the number of simulators on this machine. ``announce`` is called with lines about
-        the sweep before its first run, and ``report`` with the counts after every step. Nothing is written before all
-        designs, and for a new store all environments, have been checked. Raises FoldcarError.
+        the sweep before its first run, and ``report`` with the counts after every step. Raises FoldcarError. If a design
+        cannot be built or a new environment's program has an error, this happens before anything is written.
         """
-        # To count the runs, all designs are folded and checked.
+        # This is slow, because only designs that can be built have runs. To find them, all designs are folded.
         counts = self.progress
         self._check_environments()
         limits_by_experiment = self._side_view_limits()
@@ -107,9 +107,9 @@ class Sweep:
                     raise FoldcarError(f"{experiment.place}: --until needs a definition of success: {reason}")
 
     def _side_view_limits(self) -> dict[str, str]:
-        """Return what the engine cannot simulate if it is the side view, by the experiment's id.
+        """Return for each experiment, by its id, a text about what the side view cannot simulate in it.
 
-        Other engines have no such limits: then the result is empty.
+        Only the side view, which simulates a car in a plane, has such limits. For other engines the result is empty.
         """
         if self.carsim.engine != ENGINES[SIDE_VIEW].title:
             return {}
@@ -174,23 +174,26 @@ class _Simulation:
     def simulate_study(self, experiments: Sequence[_SweptExperiment]) -> None:
         """Simulate all nominal runs, which are those with the values of the listing."""
         counts = self.counts
-        # At first all runs of environments that define success are expected to be judged.
+        # A run is judged, as passed or not passed, if its environment defines success and if it is not rejected. How many
+        # will be rejected is not known yet.
         for experiment in experiments:
             if experiment.plan.facts["success_defined"]:
                 counts.judged += experiment.design_count * experiment.plan.environments
         # One pool for all experiments, so that simulators stay busy from one experiment to the next.
         with planned_pool(self.writer, self.simulators) as pool:
             for experiment in experiments:
-                earlier_rejected = counts.rejected
+                rejected_before = counts.rejected
                 self._simulate_experiment(experiment, pool)
-                # Rejected runs are not judged. Only a program that runs during the simulation rejects runs, and all
-                # runs of such a program are finished at this point.
+                # Only a program that runs during the simulation rejects runs. All runs of such a program are finished at
+                # this point.
+                rejected_here = counts.rejected - rejected_before
                 if experiment.plan.facts["success_defined"]:
-                    counts.judged -= counts.rejected - earlier_rejected
+                    counts.judged -= rejected_here
             self._finish(pool)
         counts.ended_s = time.perf_counter()
         if self.sweep.until:
-            # A stopping rule needs a definition of success in all environments, and makes fewer runs than were expected.
+            # A stopping rule has made fewer runs than were planned. It needs environments that define success, so all of
+            # its runs that are not rejected are judged.
             counts.judged = counts.total - counts.rejected
 
     def _simulate_experiment(self, experiment: _SweptExperiment, pool: ChunkPool[PlannedRun]) -> None:
@@ -201,7 +204,8 @@ class _Simulation:
             runs = ExperimentRuns(
                 plan, experiment.design_count, environment, is_dynamic, self.writer, pool, self.counts, self.report
             )
-            for finished in runs.all() if rule is None else runs.until(rule):
+            chunks = runs.all() if rule is None else runs.until(rule)
+            for finished in chunks:
                 self._keep(finished)
             if rule is not None:
                 design_counts = self.writer.design_counts(plan.id)
@@ -211,9 +215,10 @@ class _Simulation:
                 self._finish(pool)
 
     def simulate_realities(self, experiment: _SweptExperiment) -> None:
-        """Simulate the runs of an experiment in other realities.
+        """Simulate the runs of an experiment in other realities, from which foldcar learns how real cars may behave.
 
-        Their number is the planned one. If no number was requested, it grows until the error of learning is small enough.
+        If the user has asked for a number of runs, this is their number. Otherwise the number grows until the error of
+        what is learned from them is small enough.
         """
         plan, environment, writer = experiment.plan, experiment.environment, self.writer
         counts = RealityCounts(left_out=plan.facts.get("no_realities", ""))
@@ -221,9 +226,10 @@ class _Simulation:
         number: int | None = plan.facts.get("realities")
         if number is None:
             return
+        # Calling this makes sure that the store has a row for these realities, to which the runs refer.
         writer.spread(plan.facts["reality_spread"])
         # These runs need stored samples. A stopping rule may have left some of them out.
-        StoredSamples(environment, writer, dynamic=False).reach(min(plan.environments, MAX_SCENES) - 1)
+        StoredSamples(environment, writer, dynamic=False).store_up_to(min(plan.environments, MAX_SCENES) - 1)
         with environment.runner(self.sweep.carsim, dynamic=False) as runner:
             simulation = RealitySimulation(
                 experiment.experiment, writer, self.simulators, runner, counts, lambda: self.report(self.counts)
@@ -233,8 +239,10 @@ class _Simulation:
                 writer.update_facts(plan.id, realities=number)
                 simulation.simulate(number)
                 counts.error = simulation.error()
-                is_requested = self.sweep.realities is not None
-                number = None if is_requested else next_number(number, counts.error)
+                if self.sweep.realities is not None:
+                    # The user has asked for this number.
+                    return
+                number = next_number(number, counts.error)
 
     def _finish(self, pool: ChunkPool[PlannedRun]) -> None:
         """Wait for all runs of the pool and store them."""

@@ -24,7 +24,7 @@ from foldcar.link.stream import LinkLostError, choose_port
 from foldcar.link.tlog import LogError, TlogWriter
 from foldcar.outputs import file_name_part, make_output_folder
 from foldcar.scenes.obstacles import Obstacle
-from foldcar.scenes.source import other_scene
+from foldcar.scenes.source import other_scene_error
 from foldcar.shown_text import shown_line
 from foldcar.simulation.carsim import Carsim
 from foldcar.store.log_files import logs_folder, store_folder
@@ -262,7 +262,7 @@ class Session:
         self._arrivals.begin(number)
         scene, obstacles = self._scene(sample)
         if writer.swept_scene(fingerprint, sample) not in (None, json.loads(canonical_json(scene))):
-            raise other_scene(experiment.program, sample)
+            raise other_scene_error(experiment.program, sample)
         acknowledge_faults(self._plugged.connected, self._questions)
         if identity.simulated:
             enter_sample(self._plugged.connected, scene, sample, experiment)

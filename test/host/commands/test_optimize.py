@@ -200,7 +200,7 @@ def test_objectives_make_failing_at_once_no_gain() -> None:
             low, high = objective.interval(rows, 30.0)
             assert low <= objective.value(rows, 30.0) <= high
             worse, better = objective.value([tipped, tipped, failed], 30.0), values[objective.name]
-            assert worse < better if objective.largest else worse > better
+            assert worse < better if objective.is_maximised else worse > better
     assert OBJECTIVES["energy"].value is not None and math.isinf(OBJECTIVES["energy"].value([tipped], 30.0))
 
 
@@ -219,12 +219,15 @@ def test_the_excess_sums_to_what_a_design_is_worse_than_the_best(name: str) -> N
         own_value, best = (objective.value(rows, 30.0) for rows in pair)
         if not all(map(math.isfinite, (own_value, best))):
             continue
-        excess, most_better = objective.excess(*pair, 30.0)
-        assert min(excess) >= -most_better - 1e-9 and sum(objective.excess(pair[1], pair[1], 30.0)[0]) == 0
-        apart = best - own_value if objective.largest else own_value - best
+        losses = objective.compare(*pair, 30.0)
+        excess = losses.differences
+        assert min(excess) >= -losses.max_gain - 1e-9
+        assert sum(objective.compare(pair[1], pair[1], 30.0).differences) == 0
+        apart = best - own_value if objective.is_maximised else own_value - best
         assert math.copysign(1, round(sum(excess), 9)) == math.copysign(1, round(apart, 9))
     rejected = RunRow("rejected", None, None)
-    assert objective.excess([rejected, row(3.0)], [row(3.0), rejected, row(3.0)], 30.0)[0] == [0, 0]
+    losses = objective.compare([rejected, row(3.0)], [row(3.0), rejected, row(3.0)], 30.0)
+    assert losses.differences == [0, 0]
 
 
 def test_of_designs_that_end_as_good_as_the_best_few_are_left_early() -> None:

@@ -120,7 +120,10 @@ def test_the_rows_are_those_of_a_local_sweep_and_a_worker_of_another_build_gets_
 
     assert (local.returncode, remote.returncode) == (1, 1), remote.stderr
     (line,) = [line for line in remote.stderr.splitlines() if "gets no runs" in line]
-    assert f"its carsim is build anotherbuild, this sweep's is {build}" in line and "worker tcp://127.0.0.1:" in line
+    assert (
+        f"the worker's carsim is build anotherbuild, this sweep's is {build}" in line
+        and "worker tcp://127.0.0.1:" in line
+    )
     assert digest(tmp_path / "remote.db") == digest(tmp_path / "local.db")
     with Store.open(tmp_path / "remote.db") as store:
         outcomes = {result.outcome for result in store.results("2")}

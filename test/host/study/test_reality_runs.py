@@ -391,7 +391,7 @@ def test_changed_priors_or_spreads_draw_other_realities(
     store = tmp_path / "s.db"
     swept(widths, store, carsim_binary, realities=20)
     (experiment,) = read_study(widths).experiments
-    before = reality_runs.reality_spread(experiment)
+    before = reality_runs.realities_fingerprint(experiment)
 
     swept(write_widths(tmp_path, variation="workshop"), store, carsim_binary, realities=30)
 
@@ -399,13 +399,13 @@ def test_changed_priors_or_spreads_draw_other_realities(
         assert len(read_reality_runs(opened, "1").number) == 30
     assert len(rows_of(store)) == 50
     (changed,) = read_study(tmp_path / "widths.json").experiments
-    assert reality_runs.reality_spread(changed) != before
+    assert reality_runs.realities_fingerprint(changed) != before
     wide = tuple(priors.replace(row, sd=2 * row.sd) for row in priors.PARAMETERS)
     for name, value in (("PARAMETERS", wide), ("CHECK", CHECK + 1)):
         with monkeypatch.context() as patch:
             patch.setattr(reality_runs, name, value)
-            assert reality_runs.reality_spread(experiment) != before
-    assert reality_runs.reality_spread(experiment) == before
+            assert reality_runs.realities_fingerprint(experiment) != before
+    assert reality_runs.realities_fingerprint(experiment) == before
 
 
 def test_runs_of_designs_that_are_gone_are_not_read(widths: Path, tmp_path: Path, carsim_binary: Path) -> None:

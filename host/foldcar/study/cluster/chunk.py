@@ -103,14 +103,18 @@ def run_chunk(
 
 @functools.lru_cache(maxsize=4)
 def _runner(recipe: Recipe) -> tuple[Runner, "tempfile.TemporaryDirectory[str] | None"]:
-    """Return the runner, and the folder with its program's files. Raises CarsimError if this machine cannot run it."""
+    """Return the runner that a recipe describes, and the temporary folder with its program's files.
+
+    There is a folder only for a dynamic program, else None. The folder is deleted when the caller drops it. Raises
+    CarsimError if the versions on this worker differ from those of the sweep.
+    """
     carsim = Carsim(engine=recipe.engine)
     if carsim.build != recipe.build:
-        raise CarsimError(f"its carsim is build {carsim.build}, this sweep's is {recipe.build}")
+        raise CarsimError(f"the worker's carsim is build {carsim.build}, this sweep's is {recipe.build}")
     if not recipe.program:
         return carsim, None
     if (scene_code(), scenic_version()) != recipe.code:
-        raise CarsimError("its versions of foldcar and Scenic differ from this sweep's: install the same")
+        raise CarsimError("the worker's versions of foldcar and Scenic differ from this sweep's: install the same")
     folder = tempfile.TemporaryDirectory(prefix="foldcar-")
     for name, file_bytes in recipe.files:
         file = Path(folder.name) / name

@@ -8,6 +8,7 @@ configuration (distributed.comm.tls); a local cluster creates temporary ones.
 import contextlib
 import importlib.metadata
 import logging
+import math
 import re
 import signal
 import tempfile
@@ -32,6 +33,13 @@ POLL_S = 1.0
 WAIT = "10 minutes"
 # Retries of a chunk for which a worker raises an error.
 RETRIES = 2
+# Number of characters of Dask's own message that an error shows.
+MAX_REASON = 200
+# HOST:PORT, or with a protocol such as tcp:// before it.
+PROTOCOL = r"([a-z]+://)?"
+# A host is an IPv6 address in brackets, a name, or an IPv4 address.
+HOST = r"(\[[0-9a-fA-F:.%\w]+\]|[^\s:/\[\]]+)"
+ADDRESS = re.compile(f"{PROTOCOL}{HOST}:[0-9]{{1,5}}")
 
 
 def check_scheduler(scheduler: str | None, jobs: int | None) -> None:
@@ -47,13 +55,12 @@ def _local_workers(scheduler: str) -> int | None:
     """Return the number of workers to start on this machine; None for an address."""
     if scheduler == LOCAL:
         return usable_processors()
-    head, _, tail = scheduler.partition(":")
-    if head == LOCAL and re.fullmatch(r"[0-9]{1,9}", tail) and 1 <= int(tail) <= MAX_JOBS:
-        return int(tail)
-    if head == LOCAL:
+    protocol_or_host, _, number = scheduler.partition(":")
+    if protocol_or_host == LOCAL:
+        if re.fullmatch(r"[0-9]{1,9}", number) and 1 <= int(number) <= MAX_JOBS:
+            return int(number)
         raise FoldcarError(f"--scheduler: {scheduler}: is not local:N with N from 1 to {MAX_JOBS}")
-    # HOST:PORT, or with a protocol; a host is a name, an IPv4 address, or an IPv6 address in brackets.
-    if not re.fullmatch(r"([a-z]+://)?(\[[0-9a-fA-F:.%\w]+\]|[^\s:/\[\]]+):[0-9]{1,5}", scheduler):
+    if not ADDRESS.fullmatch(scheduler):
         raise FoldcarError(f"--scheduler: '{scheduler}' is neither local nor an address such as tcp://10.0.0.1:8786")
     return None
 
@@ -64,7 +71,7 @@ def open_cluster(scheduler: str, carsim: Carsim, print_line: Callable[[str], Non
 
     ``print_line`` is called with a line if workers are missing or cannot run the sweep. Raises FoldcarError.
     """
-    workers = _local_workers(scheduler)
+    local_workers = _local_workers(scheduler)
     require("cluster")
     import dask
     import distributed
@@ -75,25 +82,33 @@ def open_cluster(scheduler: str, carsim: Carsim, print_line: Callable[[str], Non
     with contextlib.ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="foldcar-", ignore_cleanup_errors=True))
         stack.enter_context(dask.config.set({"temporary-directory": folder}))
+        # Dask takes an address or a cluster object.
         address: Any = scheduler
-        if workers is not None:
-            with _ignoring_ctrl_c():
-                cluster = distributed.LocalCluster(
-                    n_workers=workers, threads_per_worker=1, security=distributed.Security.temporary(), memory_limit=0,
-                    dashboard_address=None, worker_dashboard_address=None, silence_logs=logging.CRITICAL,
-                )  # fmt: skip
-            address = stack.enter_context(cluster)
+        if local_workers is not None:
+            address = stack.enter_context(_local_cluster(local_workers))
         try:
             client = stack.enter_context(distributed.Client(address, timeout=CONNECT_S, set_as_default=False))
             version = client.get_versions()["scheduler"]["packages"]["distributed"]
         except Exception as error:
-            reason = " ".join(str(error).split())[:200] or type(error).__name__
+            reason = " ".join(str(error).split())[:MAX_REASON] or type(error).__name__
             raise FoldcarError(f"--scheduler: {scheduler}: no Dask scheduler answers there: {reason}") from None
-        if version != (own_version := distributed.__version__):
+        own_version = distributed.__version__
+        if version != own_version:
             raise FoldcarError(
                 f"--scheduler: {scheduler}: runs distributed {version}, here is {own_version}: install the same"
             )
         yield ClusterSimulators(client, carsim, print_line)
+
+
+def _local_cluster(workers: int) -> Any:
+    """Start a Dask scheduler and workers with one thread each on this machine. Return it as a context manager."""
+    import distributed
+
+    with _ignoring_ctrl_c():
+        return distributed.LocalCluster(
+            n_workers=workers, threads_per_worker=1, security=distributed.Security.temporary(), memory_limit=0,
+            dashboard_address=None, worker_dashboard_address=None, silence_logs=logging.CRITICAL,
+        )  # fmt: skip
 
 
 @contextlib.contextmanager
@@ -125,9 +140,9 @@ class ClusterSimulators:
         self._lock = threading.RLock()
         self._stopped = threading.Event()
         self._recipes: dict[Runner, Recipe] = {}
-        # Each worker's number of threads, and when they were read.
+        # Each worker's number of threads, and when they were last read from the scheduler; the first time is at once.
         self._threads: dict[str, int] = {}
-        self._updated_s = -POLL_S
+        self._updated_s = -math.inf
         # Why a worker cannot run a recipe; "" if it can.
         self._faults: dict[tuple[Recipe, str], str] = {}
 
@@ -175,34 +190,47 @@ class ClusterSimulators:
         """
         while True:
             workers = self._await_workers(recipe)
-            done = threading.Event()
             future = self._client.submit(run_chunk, recipe, *chunk, workers=workers, retries=RETRIES, pure=False)
-            # The default binds the event of this round.
-            future.add_done_callback(lambda _, done=done: done.set())
-            # Dask would wait for the named workers forever, even if they are gone.
-            while not done.wait(POLL_S) and self._threads.keys() & workers:
-                self._update_workers()
-            if done.is_set():
+            if self._wait(future, workers):
                 answers: tuple[list[dict[str, Any]], float] = future.result()
                 return answers
             future.cancel()
 
+    def _wait(self, future: Any, workers: Sequence[str]) -> bool:
+        """Wait until ``future`` is done. Return False if all its workers disappear before.
+
+        Dask itself would wait for these workers forever. Raises FoldcarError after `stop`.
+        """
+        done = threading.Event()
+        future.add_done_callback(lambda _: done.set())
+        while not done.wait(POLL_S):
+            if not any(worker in self._threads for worker in workers):
+                return done.is_set()
+            self._update_workers()
+        return True
+
     def _await_workers(self, recipe: Recipe) -> list[str]:
-        """Wait for workers that can run the recipe, and return them. Raises FoldcarError after a time or `stop`."""
+        """Wait for workers that can run the recipe, and return them.
+
+        Raises FoldcarError if there is none within the time limit, or after `stop`.
+        """
         started_s = time.monotonic()
         is_announced = False
         while True:
             with self._lock:
+                # This raises FoldcarError after `stop`.
                 self._update_workers()
                 self._check_workers(recipe)
-                if workers := [worker for worker in self._threads if not self._faults[recipe, worker]]:
-                    return workers
+                workers = [worker for worker in self._threads if not self._faults[recipe, worker]]
+            if workers:
+                return workers
             message = f"there is no worker{' that can run this sweep' if self._threads else ''}"
             if time.monotonic() - started_s > self._wait_s:
                 raise FoldcarError(f"--scheduler: {message} for {self._wait_s:g} s; the same command resumes")
             if not is_announced:
                 is_announced = True
                 self._print_line(f"--scheduler: {message}; waiting up to {self._wait_s:g} s")
+            # Wait a second, or less if `stop` is called.
             self._stopped.wait(POLL_S)
 
     def _update_workers(self) -> None:
@@ -221,12 +249,12 @@ class ClusterSimulators:
         new_workers = [worker for worker in self._threads if (recipe, worker) not in self._faults]
         if not new_workers:
             return
-        # A worker without foldcar can call this function, because it belongs to Python.
+        # A worker without foldcar can call this function, because it belongs to Python. Its answer is then an exception.
         versions = self._client.run(importlib.metadata.version, "foldcar", workers=new_workers, on_error="return")
         same_version = [worker for worker in new_workers if versions.get(worker) == __version__]
-        faults = (
-            self._client.run(fault_of_worker, recipe, workers=same_version, on_error="return") if same_version else {}
-        )
+        faults = {}
+        if same_version:
+            faults = self._client.run(fault_of_worker, recipe, workers=same_version, on_error="return")
         for worker in new_workers:
             version = versions.get(worker)
             if worker in faults:
@@ -236,8 +264,10 @@ class ClusterSimulators:
             else:
                 fault = f"it has no foldcar: pip install 'foldcar[cluster]=={__version__}' in its environment"
             # A worker's fault is printed once, not for each recipe.
-            earlier_faults = [earlier for (_, other), earlier in self._faults.items() if other == worker]
-            was_printed = any(earlier != "" for earlier in earlier_faults)
-            self._faults[recipe, worker] = fault
-            if fault and not was_printed:
+            if fault and not self._has_fault(worker):
                 self._print_line(f"worker {worker} gets no runs: {fault}")
+            self._faults[recipe, worker] = fault
+
+    def _has_fault(self, worker: str) -> bool:
+        """Return whether the worker cannot run one of the recipes that were checked."""
+        return any(fault and other == worker for (_, other), fault in self._faults.items())

@@ -66,19 +66,28 @@ class DesignSimulator:
         The design must be buildable. Raises FoldcarError if a simulator fails.
         """
         plan = self._plan_with(values)
-        position = self._positions[values]
         runs: list[PlannedRun] = []
         for index, sample in enumerate(samples):
-            self._samples.reach(sample)
-            run = next(run for run in self._writer.planned_runs(plan, sample) if run.design == position)
+            run = self._planned_run(plan, values, sample)
             runs.append(run)
-            if run.outcome is None and not self._pool.joins(run):
-                for finished in self._pool.add(run, runs_left=len(samples) - index):
-                    self._keep(finished)
+            has_result = run.outcome is not None
+            if has_result or self._pool.share_running(run):
+                continue
+            for finished in self._pool.add(run, runs_left=len(samples) - index):
+                self._keep(finished)
         for finished in self._pool.finish():
             self._keep(finished)
         results = [self._writer.result(run) for run in runs]
         return [RunRow(result["outcome"], result["elapsed_time_s"], result["consumed_energy_j"]) for result in results]
+
+    def _planned_run(self, plan: PlannedExperiment, values: Values, sample: int) -> PlannedRun:
+        """Return the run of a design in a sample of the environment. Draw and store the sample first if necessary."""
+        self._samples.store_up_to(sample)
+        position = self._positions[values]
+        for run in self._writer.planned_runs(plan, sample):
+            if run.design == position:
+                return run
+        raise AssertionError("the plan has each of its designs in every sample")
 
     def finish(self, skipped: Sequence[Values] = ()) -> None:
         """Store the designs in the family's order; ``skipped`` are designs that cannot be built."""
@@ -89,7 +98,7 @@ class DesignSimulator:
     def _plan_with(self, values: Values) -> PlannedExperiment:
         """Return the stored experiment. Add this design to its designs first if it is not among them."""
         if self._plan is None:
-            self._plan = self._store_experiment([*self._stored_designs(), values])
+            self._plan = self._store_experiment([*self._adopt_stored_designs(), values])
         if values not in self._positions:
             position = len(self._positions)
             design = self._experiment.family.design(values)
@@ -99,24 +108,31 @@ class DesignSimulator:
         return self._plan
 
     def _store_experiment(self, members: Sequence[Values]) -> PlannedExperiment:
-        """Store the experiment with these designs, in this order, instead of its earlier designs. Return its plan."""
+        """Store the experiment with these designs, in this order, instead of its earlier designs. Return its plan.
+
+        An experiment that was swept completely keeps all designs, and stays a sweep.
+        """
         family = self._experiment.family
-        if not self._is_swept:
-            family = family.only(dict.fromkeys(members))
+        objectives = self._objectives
+        if self._is_swept:
+            # A sweep chooses no design by objectives.
+            objectives = ()
+        else:
+            distinct_members = dict.fromkeys(members)
+            family = family.only(distinct_members)
         experiment = replace(self._experiment, family=family)
         designs = PlannedDesigns(experiment, self._table, None)
-        # A sweep chooses no design by objectives.
-        options = SearchOptions(() if self._is_swept else self._objectives)
+        options = SearchOptions(objectives)
         plan = plan_experiment(experiment, self._environment, self._writer, designs, options)
         buildable = [values for values in family.value_combinations() if family.error(values) is None]
         self._positions = {values: position for position, values in enumerate(buildable)}
         return plan
 
-    def _stored_designs(self) -> list[Values]:
+    def _adopt_stored_designs(self) -> list[Values]:
         """Return the family's designs that an earlier sweep or search has stored in the experiment.
 
-        The stored experiment may have more environments than this one. Then the number of environments of this one is
-        raised to that of the stored one.
+        This also notes whether that was a complete sweep. The stored experiment may have more environments than this one.
+        Then the number of environments of this one is raised to that of the stored one.
         """
         environment_id = self._writer.environment(self._environment.fingerprint)
         spread_id = self._writer.spread(self._environment.spread_fingerprint)
@@ -133,7 +149,8 @@ class DesignSimulator:
             if family.has(values):
                 designs.append(values)
         facts = self._writer.experiment_facts(self._experiment.id)
-        has_all_designs = len(designs) == len(sweep.designs) == family.combinations - len(facts["skipped"])
+        buildable_designs = family.combinations - len(facts["skipped"])
+        has_all_designs = len(designs) == buildable_designs and len(sweep.designs) == buildable_designs
         stored_runs = sum(self._writer.design_counts(self._experiment.id).runs)
         has_all_runs = stored_runs == len(designs) * environments
         self._is_swept = has_all_designs and has_all_runs and not facts.get("searched")
@@ -157,9 +174,9 @@ def open_simulator(
 ) -> Iterator[DesignSimulator]:
     """Yield the DesignSimulator of an experiment in its ``environment``. Raises FoldcarError.
 
-    After each finished chunk of runs, ``report_runs`` is called with their number. ``objectives`` are the names of the
-    quantities by which a search chooses designs from these runs. The runs that test chosen designs in fresh environments
-    have no objectives.
+    After each finished chunk of runs, ``report_runs`` is called with the number of runs in the chunk. ``objectives`` are
+    the names of what a search optimises, such as "success"; they are stored with the experiment. They are empty for runs
+    that only test designs which were chosen before.
     """
     environment_id = writer.environment(environment.fingerprint)
     dynamic = writer.is_dynamic(environment_id, lambda: environment.dynamic)

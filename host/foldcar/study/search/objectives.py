@@ -7,7 +7,7 @@ random realities (study/random_realities.py).
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,9 +23,20 @@ BUILT = "built"
 PERFECT = RunRow("passed", 0.0, 0.0)
 
 
+class PairedLosses(NamedTuple):
+    """How a design compares with the best design so far in the environments in which both were simulated.
+
+    ``differences`` has for each environment the loss of the design's run minus that of the best design's run.
+    ``max_gain`` is the most by which a perfect run could be better than a run of the best design.
+    """
+
+    differences: list[float]
+    max_gain: float
+
+
 @dataclass(frozen=True)
 class Objective:
-    """An objective of a search, maximised if ``largest``, else minimised.
+    """An objective of a search, which is maximised or minimised.
 
     ``value(rows, limit_s)`` is a design's value, ``interval(rows, limit_s)`` its 95 % interval; rows are results of its
     runs, at least one, without rejected runs. ``run_loss(row, limit_s, target)`` is the loss of a run against a target
@@ -35,37 +46,44 @@ class Objective:
 
     name: str
     unit: str
-    largest: bool
+    is_maximised: bool
     meaning: str
     value: Callable[[Sequence[RunRow], float], float] | None
     interval: Callable[[Sequence[RunRow], float], Interval] | None
     run_loss: Callable[[RunRow, float, float], float] | None
 
     @property
+    def needs_runs(self) -> bool:
+        """Whether the objective is computed from runs, not from the design alone."""
+        return self.value is not None
+
+    @property
     def heading(self) -> str:
         """The heading of its column in results."""
         return self.meaning if self.name == BUILT else self.name
 
-    def excess(self, rows: Sequence[RunRow], best: Sequence[RunRow], limit_s: float) -> tuple[list[float], float]:
-        """Compare a design with the best design so far, environment by environment.
+    def loss(self, value: float) -> float:
+        """Return a value of this objective as a number that is smaller if the design is better."""
+        return -value if self.is_maximised else value
 
-        ``rows`` are the results of the design in the first environments, and ``best`` those of the best design in all of
-        them, in the same order, rejected runs included. Returns two things. The first is a list: the loss of each run
-        minus the loss of the best design's run in the same environment, or 0 if one of them is unknown. The second is the
-        largest advantage that the design could have in an environment: the largest loss of the best design minus that of
-        a perfect run.
+    def compare(self, rows: Sequence[RunRow], best_rows: Sequence[RunRow], limit_s: float) -> PairedLosses:
+        """Compare the runs of a design with those of the best design so far, environment by environment.
+
+        ``rows`` are the results of the design in the first environments. ``best_rows`` are the results of the best design
+        in all environments, in the same order. Both include rejected runs.
         """
         assert self.run_loss is not None and self.value is not None
-        # A loss counts from the value of the best design.
-        target = self.value([row for row in best if row.passed is not None], limit_s)
-        losses = [self.run_loss(row, limit_s, target) for row in rows]
-        best_losses = [self.run_loss(row, limit_s, target) for row in best]
-        excess = []
-        for loss, best_loss in zip(losses, best_losses, strict=False):
-            difference = loss - best_loss
-            excess.append(difference if math.isfinite(difference) else 0.0)
+        judged_rows = [row for row in best_rows if row.passed is not None]
+        # The losses of the best design's runs have the sum 0, because its value is the target.
+        target = self.value(judged_rows, limit_s)
+        best_losses = [self.run_loss(row, limit_s, target) for row in best_rows]
+        differences = []
+        for row, best_loss in zip(rows, best_losses, strict=False):
+            difference = self.run_loss(row, limit_s, target) - best_loss
+            # The difference is unknown if one of the two runs was rejected. Then the environment favours neither design.
+            differences.append(difference if math.isfinite(difference) else 0.0)
         max_best_loss = max((loss for loss in best_losses if math.isfinite(loss)), default=0.0)
-        return excess, max_best_loss - self.run_loss(PERFECT, limit_s, target)
+        return PairedLosses(differences, max_gain=max_best_loss - self.run_loss(PERFECT, limit_s, target))
 
 
 def _times_s(rows: Sequence[RunRow], limit_s: float) -> list[float]:
@@ -96,13 +114,18 @@ def _energy_interval(rows: Sequence[RunRow], limit_s: float) -> Interval:
 
     The samples have a fixed seed. The interval contains the middle 95 % of their values.
     """
-    # A row for each run: its energy (J), and whether it passed. The objective is the ratio of the totals of both columns.
+    # A row for each run: its energy (J), and 1 if it passed, else 0.
     table = _energies(rows)
-    picks = np.random.default_rng(0).integers(0, len(table), (RESAMPLES, len(table)))
-    totals = table[picks].sum(axis=1)
-    ratios = np.divide(totals[:, 0], totals[:, 1], out=np.full(RESAMPLES, math.inf), where=totals[:, 1] > 0)
-    # Interpolation between infinite ratios would give NaN.
-    low, high = np.quantile(ratios, (0.025, 0.975), method="nearest")
+    runs = len(table)
+    # Each of the bootstrap's samples has as many runs as there are, drawn with replacement.
+    drawn_runs = np.random.default_rng(0).integers(0, runs, (RESAMPLES, runs))
+    energies_j, passed = table[drawn_runs].sum(axis=1).T
+    # If no run of a sample passed, its energy per passed run is infinite.
+    energies_per_passed_j = np.full(RESAMPLES, math.inf)
+    has_passed = passed > 0
+    energies_per_passed_j[has_passed] = energies_j[has_passed] / passed[has_passed]
+    # Interpolation between infinite values would give NaN.
+    low, high = np.quantile(energies_per_passed_j, (0.025, 0.975), method="nearest")
     return float(low), float(high)
 
 

@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 import optuna
 from optuna.trial import Trial, TrialState
 
@@ -22,12 +21,14 @@ from foldcar.study.family import Family
 from foldcar.study.search.design_simulator import RunRow, Values
 from foldcar.study.search.objectives import Objective, is_dominated
 
-# After this many successive proposals of designs that were proposed before, a new design is drawn at random, in at most
-# DRAWS attempts.
+# After this many successive proposals of designs that were proposed before or cannot be built, a new design is drawn at
+# random, in at most DRAWS attempts.
 MAX_REPEATS = 8
 DRAWS = 2000
 # Probability, over all interim checks, that pruning stops a design that would be at least as good as the best.
 PRUNING_RISK = 0.1
+# The evidence (see evidence_of_worse) at which a design is pruned.
+MIN_EVIDENCE = 1 / PRUNING_RISK
 # Name of Optuna's constraint; it is met at 0 and violated above.
 BUILDABLE = "buildable"
 
@@ -64,7 +65,7 @@ class Proposals:
         # Optuna warns of each option that may still change, such as multivariate TPE.
         warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
         self._study = optuna.create_study(
-            directions=["maximize" if objective.largest else "minimize" for objective in objectives]
+            directions=["maximize" if objective.is_maximised else "minimize" for objective in objectives]
         )
         # The proposal whose result is awaited: Optuna's trial, and the design.
         self._trial: Trial | None = None
@@ -79,45 +80,56 @@ class Proposals:
 
         Pass its result to :meth:`tell`, or to :meth:`refuse`, before the next call.
         """
-        seen = {*(tried.values for tried in self.tried), *self.unbuildable}
-        repeats = 0
+        seen = {tried.values for tried in self.tried}
+        seen.update(self.unbuildable)
+        failed_proposals = 0
         while True:
-            if repeats >= MAX_REPEATS:
+            if failed_proposals == MAX_REPEATS:
                 # The sampler proposes the same designs again and again, so a random new design takes its turn.
                 if not self._enqueue_new_design(seen):
                     return None
-                repeats = 0
-            # Each proposal has a sampler of its own, so that a resumed search repeats the same proposals.
-            self._study.sampler = self._sampler_of(len(self._study.get_trials(deepcopy=False)))
-            self._trial = trial = self._study.ask()
-            indices = {key: trial.suggest_int(key, 0, len(self._levels[key]) - 1) for key in self._varied}
-            self._suggested = values = self._values(indices)
+                failed_proposals = 0
+            values = self._ask()
             if values in seen:
                 # The design's result is known. If the study got it again, it would count twice.
-                self._study.tell(trial, state=TrialState.FAIL)
-            elif (error := self._family.error(values)) is None:
+                assert self._trial is not None
+                self._study.tell(self._trial, state=TrialState.FAIL)
+                failed_proposals += 1
+                continue
+            error = self._family.error(values)
+            if error is None:
                 return values
-            else:
-                self.refuse(str(error))
-                seen.add(values)
-            repeats += 1
+            self.refuse(str(error))
+            seen.add(values)
+            failed_proposals += 1
+
+    def _ask(self) -> Values:
+        """Return the design that Optuna proposes next. It may be one that was tried, or that cannot be built."""
+        # Each proposal has a sampler of its own, so that a resumed search repeats the same proposals.
+        self._study.sampler = self._sampler_of(len(self._study.get_trials(deepcopy=False)))
+        trial = self._study.ask()
+        indices = {key: trial.suggest_int(key, 0, len(self._levels[key]) - 1) for key in self._varied}
+        self._trial = trial
+        self._suggested = self._values(indices)
+        return self._suggested
 
     def is_worse(self, rows: Sequence[RunRow], limit_s: float) -> bool:
         """Return whether the proposed design is probably worse than the best design so far.
 
-        ``rows`` are its results so far, in the order of the environments. If a design is in truth at least as good as the
-        best one, the probability that any of these checks calls it worse is at most PRUNING_RISK (see
-        :func:`evidence_of_worse`). The best design was chosen by all its runs; the bound holds nevertheless, because the
-        order of the environments is random.
+        ``rows`` are its results so far, in the order of the environments. The search asks after every batch of
+        environments. A design that is in truth at least as good as the best one is called worse in any of these checks
+        with a probability of at most PRUNING_RISK. This is shown at :func:`evidence_of_worse`; it needs a random order of
+        the environments.
         """
         if self._best is None:
             return False
         best_loss, best_rows = self._best
-        # The excess over an infinite loss cannot be computed.
+        # A difference from an infinite loss cannot be computed.
         if not math.isfinite(best_loss):
             return False
-        excess, max_gain = self._objectives[0].excess(rows, best_rows, limit_s)
-        return evidence_of_worse(excess, len(best_rows), max_gain) >= 1 / PRUNING_RISK
+        losses = self._objectives[0].compare(rows, best_rows, limit_s)
+        evidence = evidence_of_worse(losses.differences, len(best_rows), losses.max_gain)
+        return evidence >= MIN_EVIDENCE
 
     def refuse(self, reason: str) -> None:
         """Record why the proposed design has no result, so that it is not proposed again."""
@@ -136,7 +148,7 @@ class Proposals:
         # At 0 the constraint is met: the design can be built.
         self._trial.set_constraint(BUILDABLE, 0.0)
         self._study.tell(self._trial, list(objectives))
-        loss = -objectives[0] if self._objectives[0].largest else objectives[0]
+        loss = self._objectives[0].loss(objectives[0])
         if not pruned and (self._best is None or loss < self._best[0]):
             self._best = loss, rows
         self.tried.append(Tried(self._suggested, tuple(objectives), len(rows), pruned, mean_time_s))
@@ -156,8 +168,10 @@ class Proposals:
 
     def _losses(self, tried: Tried) -> tuple[float, ...]:
         """Return a design's objectives with the sign that makes smaller values better."""
-        signs = np.array([-1 if objective.largest else 1 for objective in self._objectives])
-        return tuple(signs * tried.objectives)
+        losses = []
+        for objective, value in zip(self._objectives, tried.objectives, strict=True):
+            losses.append(objective.loss(value))
+        return tuple(losses)
 
     def _values(self, indices: dict[str, int]) -> Values:
         """Return the design whose varied parameters have the values with these indices."""

@@ -33,7 +33,7 @@ from foldcar.study.search.proposals import Proposals, Tried
 
 # Number of batches of a design's environments; pruning is checked after each.
 BATCHES = 10
-# Flipping this bit of the seed gives new environments, by which no design is chosen.
+# A seed with this bit flipped gives the new environments, by which no design is chosen.
 FRESH_BIT = 1 << 40
 
 
@@ -117,10 +117,15 @@ def searched_study(study: ListedStudy, plan: Plan) -> ListedStudy:
         searched,
         id=fresh_id(searched.id),
         environments=plan.fresh,
-        seed=(searched.seed ^ FRESH_BIT) & MAX_SEED,
-        variation_seed=(searched.variation_seed ^ FRESH_BIT) & MAX_SEED,
+        seed=_other_seed(searched.seed),
+        variation_seed=_other_seed(searched.variation_seed),
     )
     return replace(study, experiments=(searched, fresh_experiment))
+
+
+def _other_seed(seed: int) -> int:
+    """Return another seed, which gives other environments and cars. Equal seeds give equal other seeds."""
+    return (seed ^ FRESH_BIT) & MAX_SEED
 
 
 def search(
@@ -141,7 +146,7 @@ def search(
     experiment, fresh = study.experiments
     environment_of = RandomRealities if plan.over_realities else ExperimentEnvironment
     environment = environment_of(experiment)
-    _check(experiment, environment, plan)
+    _check_plan(experiment, environment, plan)
     objectives = [objective.name for objective in plan.objectives]
 
     def report_runs(runs: int) -> None:
@@ -206,29 +211,28 @@ def _try_designs(
         elif result.best_so_far is None:
             result.best_so_far = objectives[0]
         else:
-            better = max if plan.objectives[0].largest else min
-            result.best_so_far = better(result.best_so_far, objectives[0])
+            result.best_so_far = min(result.best_so_far, objectives[0], key=plan.objectives[0].loss)
         report(result)
 
 
 def _value(objective: Objective, experiment: Experiment, values: Values, rows: Sequence[RunRow]) -> float:
     """Return the value of an objective for a design with these results, which must not be rejected runs."""
-    # The area of the film is the only objective that follows from the design alone.
     if objective.value is None:
+        # The area of the film is the only objective that follows from the design alone.
         return film_area_cm2(folded_car(experiment.family.design(values)))
     return objective.value(rows, experiment.timeout_s)
 
 
 def _judged(experiment: Experiment, plan: Plan, tried: Tried, rows: Sequence[RunRow]) -> Judged:
-    """Return one of the best designs with its objectives, also those in new environments.
+    """Return one of the best designs with its objectives in the environments of the search and in new environments.
 
     ``rows`` are its results in the new environments, without rejected runs.
     """
     fresh: list[float | None] = []
     intervals: list[tuple[float, float] | None] = []
     for objective in plan.objectives:
-        if objective.value is not None and not rows:
-            # All runs were rejected, so an objective of the runs is unknown.
+        if objective.needs_runs and not rows:
+            # All runs in new environments were rejected.
             fresh.append(None)
             intervals.append(None)
             continue
@@ -253,11 +257,12 @@ def batches(environments: int) -> list[range]:
     return [range(first, min(first + size, environments)) for first in range(0, environments, size)]
 
 
-def _check(experiment: Experiment, environment: ExperimentEnvironment, plan: Plan) -> None:
+def _check_plan(experiment: Experiment, environment: ExperimentEnvironment, plan: Plan) -> None:
     """Raise FoldcarError if the plan cannot be carried out for the experiment."""
-    if all(objective.value is None for objective in plan.objectives):
+    names = [objective.name for objective in plan.objectives]
+    if not any(objective.needs_runs for objective in plan.objectives):
         raise FoldcarError(f"--objective sheet-area: needs no simulation; add an objective such as {BUILT}")
-    if {BUILT, "success"} <= {objective.name for objective in plan.objectives}:
+    if BUILT in names and "success" in names:
         raise FoldcarError(
             f"--objective: {BUILT} and success cannot be combined: one is over realities, one in nominal simulation; "
             "choose one"

@@ -53,7 +53,8 @@ class RecordedFiles:
             return
         with suppress(OSError, TypeError, ValueError):
             path = _normal_path(path_or_descriptor)
-            is_for_writing = bool(flags & (os.O_WRONLY | os.O_RDWR))
+            # A file that is opened for both, as by "r+", may be read unless its content is dropped.
+            is_for_writing = bool(flags & os.O_WRONLY) or bool(flags & os.O_RDWR and flags & os.O_TRUNC)
             # A file that was read before it is written stays an input.
             was_read_before = self.read.get(path) is not None
             if is_for_writing and not was_read_before:

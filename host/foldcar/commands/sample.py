@@ -57,10 +57,13 @@ def sample(
     \b
     Example: foldcar sample scenarios/step_pyramids.scenic -n 9 --seed 42 --plot scenes.png
     """
+    from foldcar.scenes.scene_notes import EARLY_DRAW
     from foldcar.scenes.source import open_environment
 
     check_distinct([scenario], [output, plot])
     source = open_environment(scenario, _parse_params(param or []), seed)
+    # This also checks that the program draws the same sample if it is compiled once more.
+    source.fixed_files()
     shown: list[dict[str, Any]] = []
     # The samples to which each remark applies, by the remark.
     notes: dict[str, list[int]] = {}
@@ -90,6 +93,8 @@ def sample(
     from foldcar.statistics.words import count as count_text
 
     print_result(as_json, result, *lines)
+    if source.has_drawn_early:
+        print_note(EARLY_DRAW)
     for text, samples in notes.items():
         print_note(f"{count_text(len(samples), 'sample')} (first {samples[0]}): {text}")
 

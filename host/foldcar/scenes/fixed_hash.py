@@ -69,6 +69,7 @@ class _SourceElsewhere(SceneSource):
 
     def __init__(self, source: SceneSource, arguments: Mapping[str, Any]) -> None:
         super().__init__(source.program, source.files, source.scenario, source.seed)
+        self.has_drawn_early = source.has_drawn_early
         self._opening = {"program": str(source.program), "seed": source.seed, **arguments}
         self.forget_process()
         _sources.add(self)

@@ -218,11 +218,13 @@ def refuse_unordered_sets(node: ast.AST, file: str) -> None:
             if isinstance(operator, ast.In | ast.NotIn):
                 # This function is called for the operand later, and then finds the mark.
                 operand.only_contains = True  # type: ignore[attr-defined]
-    if not isinstance(node, ast.Set) or getattr(node, "only_contains", False):
+    if getattr(node, "only_contains", False):
         return
-    if not all(map(_has_lasting_order, node.elts)):
+    # A set comprehension such as {kind for kind in kinds} has the loop's values, which may be classes or objects.
+    takes_any_values = isinstance(node, ast.SetComp) and isinstance(node.elt, ast.Name)
+    if takes_any_values or (isinstance(node, ast.Set) and not all(map(_has_lasting_order, node.elts))):
         message = "a set of names has another order in each process, and so would the scenes: write a list, [...]"
-        raise at(InvalidScenarioError(message), file, node.lineno)
+        raise at(InvalidScenarioError(message), file, getattr(node, "lineno", None))
 
 
 def _has_lasting_order(element: ast.expr) -> bool:

@@ -9,6 +9,7 @@ from typing import Any
 
 from foldcar.scenes.checks import rectangle
 from foldcar.scenes.terrain_kinds import KIND_NAMES, kind_of, reach_m
+from foldcar.statistics.words import count
 
 # A piece of ground is remarked on if a block covers more than this fraction of the smaller of both.
 MIN_COVERED = 0.5
@@ -18,22 +19,38 @@ MIN_APPROACH = 1e-6
 ROUGH_REACH_SD = 3.0
 
 
+EARLY_DRAW = (
+    "the program draws random values with `random` or numpy outside of Scenic's distributions: all samples have the same "
+    "ones; Range, Normal and other distributions of Scenic give each sample its own"
+)
+ALIKE = (
+    "samples 0 and 1 are the same course, and the cars do not vary: more samples say nothing new, and intervals that "
+    "count them are too narrow"
+)
+
+
 def scene_notes(scene: Mapping[str, Any]) -> list[str]:
     """Return remarks, each once, on ground that a block hides, and on a start that does not face the goal.
 
-    Example: ["the rough ground at (1.2, 0) lies under the ramp at (1, 0): the higher one counts, so it has no effect"]
+    If several blocks hide ground, the remark names the first pair.
+
+    Example: ["the rough ground at (1.2, 0) lies under the ramp at (1, 0): where both are, only the higher one counts"]
     """
     notes = []
+    hidden = []
     for ground in scene["terrain"]:
         for block in scene["terrain"]:
-            note = _hidden_ground(ground, block)
-            if note is not None:
-                notes.append(note)
+            if _hides(block, ground):
+                hidden.append(f"the {_place(ground)} lies under the {_place(block)}")
+    # The blocks of a pyramid have one place, and so one remark.
+    hidden = list(dict.fromkeys(hidden))
+    if hidden:
+        others = f" (and {count(len(hidden) - 1, 'more case')} like it)" if len(hidden) > 1 else ""
+        notes.append(f"{hidden[0]}{others}: where both are, only the higher one counts")
     goal = scene.get("goal")
     if goal is not None and not _is_straight_on(scene["start"], goal):
         notes.append("the start does not face the goal: a car that drives straight on never reaches it")
-    # The blocks of a pyramid have one place, and so one remark.
-    return list(dict.fromkeys(notes))
+    return notes
 
 
 def _is_straight_on(start: Mapping[str, Any], goal: Mapping[str, Any]) -> bool:
@@ -50,23 +67,21 @@ def _is_straight_on(start: Mapping[str, Any], goal: Mapping[str, Any]) -> bool:
     return distance_ahead_m > 0 and distance_aside_m <= goal["radius_m"]
 
 
-def _hidden_ground(ground: Mapping[str, Any], block: Mapping[str, Any]) -> str | None:
-    """Return a remark if a block hides a piece of smooth ground, such as a hill, or None if it does not.
+def _hides(block: Mapping[str, Any], ground: Mapping[str, Any]) -> bool:
+    """Return whether a piece of terrain is a block that hides a piece of smooth ground, such as a hill.
 
     A block hides the ground if it is higher, and covers most of the ground or stands on it with most of its own area.
     """
     are_ground_and_block = kind_of(ground).form == "smooth" and kind_of(block).form == "block"
     if not are_ground_and_block or block["height_m"] <= _height_m(ground):
-        return None
+        return False
     # Round ground has no heading.
     ground_area = rectangle({"heading_rad": 0.0, **ground}, reach_m(ground))
     block_area = rectangle(block, reach_m(block))
     shared_m2 = ground_area.intersection(block_area).area
     half_sizes_m = (reach_m(ground), reach_m(block))
     smaller_m2 = min(4 * half_length_m * half_width_m for half_length_m, half_width_m in half_sizes_m)
-    if shared_m2 <= MIN_COVERED * smaller_m2:
-        return None
-    return f"the {_place(ground)} lies under the {_place(block)}: the higher one counts, so it has no effect there"
+    return bool(shared_m2 > MIN_COVERED * smaller_m2)
 
 
 def _height_m(ground: Mapping[str, Any]) -> float:

@@ -8,10 +8,11 @@ their number and order. Scenic draws from the global generators of Python and nu
 import contextlib
 import hashlib
 import io
+import pickle
 import random
 import sys
-from collections.abc import Iterator, Mapping
-from functools import cached_property
+from collections.abc import Callable, Iterator, Mapping
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -40,6 +41,10 @@ class SceneSource:
         self.files = files
         self.seed = seed
         self.scenario = scenario
+        # Whether the program has drawn random values when it was compiled, which are the same in all samples.
+        self.has_drawn_early = False
+        # Compiles the program once more.
+        self._open_again: Callable[[], SceneSource] | None = None
         self._first: dict[str, Any] | None = None
         self._terrain_names: list[str] | None = None
 
@@ -74,9 +79,14 @@ class SceneSource:
             return success_rule(self.scenario, self.program)
 
     def fixed_files(self) -> Files:
-        """Fix and return the program's files: those that compiling and sample 0 read. It must not read others later."""
+        """Fix and return the program's files: those that compiling and sample 0 read. It must not read others later.
+
+        Raises FoldcarError if the program draws another sample 0 when it is compiled once more.
+        """
         if self._first is None:
             self._first = self.sample(0)
+            if self._open_again is not None and self._open_again().sample(0) != self._first:
+                raise other_scene_error(self.program, 0)
         return self.files.fix()
 
     def sample(self, k: int) -> dict[str, Any]:
@@ -141,13 +151,24 @@ class SceneSource:
     def terrain_objects(self) -> list[tuple[str, int]]:
         """Return name and number of pieces of each terrain object, in sample 0's order. Raises FoldcarError."""
         scene = self.scenic_scene(0)
-        with self.files.inside(), contained(SAMPLE_LIMIT_S, f"{self.program}: sample 0", self.program):
+        with self._describing(0):
             return terrain_objects(self.scenario, scene)
+
+    @contextlib.contextmanager
+    def _describing(self, k: int) -> Iterator[None]:
+        """In the block, sample ``k`` is described. Classes of the program may draw random values for their `pieces`."""
+        place = f"{self.program}: sample {k}"
+        with (
+            seeded(f"{self.seed}/{k}/pieces"),
+            self.files.inside(),
+            contained(SAMPLE_LIMIT_S, place, self.program),
+        ):
+            yield
 
     def _with_obstacles(self, scene: Any, k: int) -> tuple[dict[str, Any], list[Obstacle]]:
         """Return sample ``k``'s Scenic Scene as the "scene" object of docs/carsim.md, and its obstacles."""
         native, _needs_scenic = self._native
-        with self.files.inside(), contained(SAMPLE_LIMIT_S, f"{self.program}: sample {k}", self.program):
+        with self._describing(k):
             return scene_with_obstacles(
                 scene,
                 self.program,
@@ -192,8 +213,12 @@ def open_environment(
     """
     with seeded(f"{seed}/compile"):
         program_files = ProgramFiles(program, files)
+        states_before = _generator_states()
         scenario = compile_program(program, params, program_files)
+        has_drawn = _generator_states() != states_before
     source = SceneSource(program, program_files, scenario, seed)
+    source.has_drawn_early = has_drawn
+    source._open_again = partial(open_environment, program, params, seed, condition)
     if condition is not None:
         from foldcar.scenes.conditioning import condition as freeze
 
@@ -209,8 +234,17 @@ def other_scene_error(program: Path, k: int) -> FoldcarError:
     """Return the error for a sample ``k`` that differs from the first draw."""
     return FoldcarError(
         f"{program}: sample {k} is another scene now than when it was first drawn: the program depends on more than its "
-        "parameters, its seed and the files that it reads, as on a random generator of its own or on the time"
+        "parameters, its seed and the files that it reads: on a random generator of its own, on the order of a set, or "
+        "on the time"
     )
+
+
+def _generator_states() -> tuple[Any, ...]:
+    """Return the states of the global random generators of Python and numpy, for comparison."""
+    import numpy
+
+    numpy_state = numpy.random.get_state(legacy=False)
+    return random.getstate(), pickle.dumps(numpy_state)
 
 
 @contextlib.contextmanager

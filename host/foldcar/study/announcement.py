@@ -24,9 +24,9 @@ def success_lines(plans: Sequence[PlannedExperiment]) -> Iterator[str]:
 
 
 def environment_lines(experiment: Experiment, environment: ExperimentEnvironment) -> Iterator[str]:
-    """Yield a line for each oddity in sample 0 of an environment."""
+    """Yield a line for each remark on an environment."""
     for note in environment.notes():
-        yield f"experiment {experiment.id}: sample 0: {note}"
+        yield f"experiment {experiment.id}: {note}"
 
 
 def engine_lines(limits_by_experiment: Mapping[str, str]) -> Iterator[str]:

@@ -16,7 +16,7 @@ from foldcar.scenes.fixed_hash import open_fixed_environment
 from foldcar.scenes.object_names import Parameters
 from foldcar.scenes.obstacles import Obstacle
 from foldcar.scenes.program_files import Files, ProgramFiles
-from foldcar.scenes.scene_notes import scene_notes
+from foldcar.scenes.scene_notes import ALIKE, EARLY_DRAW, scene_notes
 from foldcar.scenes.source import SceneSource
 from foldcar.scenes.success import SuccessRule
 from foldcar.simulation.carsim import Carsim
@@ -96,11 +96,19 @@ class ExperimentEnvironment:
         return self._open().success
 
     def notes(self) -> list[str]:
-        """Return remarks on sample 0, which its author probably did not mean; none if the program is not compiled.
+        """Return remarks on what the author of the program probably did not mean.
 
-        A program that an earlier sweep has sampled is not compiled again for its remarks.
+        A program that an earlier sweep has sampled is not compiled again for its remarks, and so gets none.
         """
-        return [] if self._source is None else scene_notes(self.sample(0))
+        if self._source is None:
+            return []
+        notes = [f"sample 0: {note}" for note in scene_notes(self.sample(0))]
+        if self._source.has_drawn_early:
+            notes.append(EARLY_DRAW)
+        experiment = self._experiment
+        if experiment.environments > 1 and not experiment.variation and self.sample(1) == self.sample(0):
+            notes.append(ALIKE)
+        return notes
 
     @property
     def terrain_objects(self) -> list[tuple[str, int]]:

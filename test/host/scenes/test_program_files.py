@@ -347,7 +347,7 @@ def test_samples_that_depend_on_the_ones_before_are_refused(
 def test_a_sweep_that_resumes_with_other_samples_is_refused(
     listing: Path, program: Path, foldcar: Run, tmp_path: Path
 ) -> None:
-    program.write_text(f"{HEAD}import time\nnow = time.time()\ndef value(x):\n    return now % 1 + 0.1\n{SAMPLED}")
+    program.write_text(f"{HEAD}import os\ndef value(x):\n    return os.getpid() % 97 / 100 + 0.1\n{SAMPLED}")
     words = ["sweep", listing, "--store", "s.db", "--samples"]
     assert foldcar(*words, "2").returncode == 0
     again, more = foldcar(*words, "2"), foldcar(*words, "4")
@@ -355,6 +355,21 @@ def test_a_sweep_that_resumes_with_other_samples_is_refused(
     assert more.returncode == 2
     assert "program.scenic: sample 1 is another scene now" in more.stderr
     assert len(rows(tmp_path / "s.db")) == 2
+
+
+@pytest.mark.parametrize("mode", ["r", "r+", "a+"])
+def test_a_file_that_is_opened_to_be_read_and_written_is_an_input(
+    mode: str, listing: Path, program: Path, foldcar: Run
+) -> None:
+    number = program.with_name("number.txt")
+    number.write_text("0.5")
+    program.write_text(
+        f"{HEAD}with open(localPath('number.txt'), '{mode}') as file:\n    file.seek(0)\n    x = float(file.read())\n"
+        "new Kerb at (x, 0), facing -90 deg\n"
+    )
+    assert "1 new run, 2 already stored" in foldcar("sweep", listing, "--store", "s.db").stdout
+    number.write_text("0.4")
+    assert "1 new run, 2 already stored" in foldcar("sweep", listing, "--store", "s.db").stdout
 
 
 def test_a_run_may_import_neighbours_but_read_nothing_that_the_fingerprint_does_not_know(

@@ -26,9 +26,17 @@ def test_gravel_under_a_ramp_is_remarked_on(foldcar: Any, tmp_path: Path) -> Non
     hidden = notes(foldcar, tmp_path, RAMP + gravel + FACING)
     beside = notes(foldcar, tmp_path, RAMP + gravel.replace("(0.65, 0)", "(0.65, 0.5)") + FACING)
 
-    why = "the higher one counts, so it has no effect there"
+    why = "where both are, only the higher one counts"
     assert hidden == [f"the rough ground at (0.65, 0) lies under the block at (0.65, 0): {why}"]
     assert beside == []
+
+
+def test_a_course_with_many_stones_on_gravel_gets_one_remark(foldcar: Any, tmp_path: Path) -> None:
+    gravel = "new RoughGround at (1, 0), with length 1, with width 1, with amplitude 0.003\n"
+    stones = "for i in range(6):\n    new Kerb at (0.6 + 0.15 * i, 0), facing -90 deg, with height 0.03\n"
+    (remark,) = notes(foldcar, tmp_path, gravel + stones + FACING)
+    # A kerb has a slanted edge and a block behind it.
+    assert "lies under the block at (0.605, 0) (and 10 more cases like it)" in remark
 
 
 def test_a_hill_that_is_higher_than_the_block_on_it_counts(foldcar: Any, tmp_path: Path) -> None:

@@ -77,7 +77,8 @@ def test_the_publications_own_ending_passes(listing: Path, program: Path, foldca
     rule = "experiment 1: a run has passed if `terminate when distance from ego to target <= 0.05` (line 4) ends it"
     assert done.stderr.startswith(rule)
     again = foldcar("sweep", listing, "--store", "s.db", "--jobs", "1")
-    assert again.stderr == done.stderr and ", 100.0 % passed; store" in again.stdout
+    # A program that is not compiled again gets no remarks, which follow the rule.
+    assert done.stderr.startswith(again.stderr) and ", 100.0 % passed; store" in again.stdout
 
 
 def told_of_run(foldcar: Any, listing: Path) -> dict[str, str]:

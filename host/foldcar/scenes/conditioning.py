@@ -33,21 +33,14 @@ def condition(
     parameters. If both are None, everything is frozen. Otherwise the named parts are frozen, together with the random
     values that they depend on. Parts that are not named, but depend on a frozen one, are computed from it.
 
-    Each random value belongs to one part: to the parameter that it is, or else to the first parameter that depends on
-    it, or else to the first object or named point. A named part must not depend on a value of another part, because
-    this value would then be frozen for both, or differ between them.
-
     ``scenario`` is changed in place, as by Scenic's `conditionOn`; ``scene`` is not changed. Raises FoldcarError if a
-    name is unknown, or if a named part depends on a random value that belongs to another part.
+    name is unknown, or if a named part and a part that is not named share a random value.
     """
     for name, value, kind in (("scenario", scenario, Scenario), ("scene", scene, Scene)):
         if not isinstance(value, kind):
             raise FoldcarError(f"condition: {name}: {shown_value(value)} is not a {kind.__name__} of Scenic")
-    for name, value in (("objects", objects), ("params", params)):
-        # The letters of a string would be taken for names.
-        is_names = isinstance(value, Collection) and not isinstance(value, str | bytes)
-        if value is not None and not (is_names and all(isinstance(part, str) for part in value)):
-            raise FoldcarError(f'condition: {name}: {shown_value(value)} is not a list of names, such as ["ego"]')
+    _check_names("objects", objects)
+    _check_names("params", params)
     if objects is None and params is None:
         _freeze(scenario.dependencies, scene.sample)
         return
@@ -61,8 +54,8 @@ def condition(
 
 
 def _freeze(roots: Collection[Any], sample: Any) -> None:
-    """Fix the random values ``roots``, and those that they depend on, at their values in ``sample``."""
-    # First collect all values, because a fixed value no longer leads to those that it depends on.
+    """Fix the random values ``roots``, and those from which they are computed, at their values in ``sample``."""
+    # Collect all values before the first one is fixed. A fixed value is a constant, so nothing can be reached from it.
     random_values: list[Any] = []
     for root in roots:
         random_values += _reachable(root)
@@ -71,66 +64,76 @@ def _freeze(roots: Collection[Any], sample: Any) -> None:
             continue
         value = sample[random_value]
         constant = _without_noise(value) if isinstance(random_value, Constructible) else ConstantSamplable(value)
-        # A converted value has a method of its own for this, which would also fix the value before its conversion. So
-        # call the method of the base class.
+        # Some classes override conditionTo, so that it also fixes the values from which this one is computed. The method
+        # of the base class fixes this value only.
         Samplable.conditionTo(random_value, constant)
 
 
+def _check_names(name: str, names: Any) -> None:
+    """Raise FoldcarError if an argument of ``condition`` is neither None nor a collection of texts."""
+    if names is None:
+        return
+    # A single text is also a collection: its letters would be taken for names.
+    is_collection = isinstance(names, Collection) and not isinstance(names, str | bytes)
+    if not is_collection or not all(isinstance(part, str) for part in names):
+        raise FoldcarError(f'condition: {name}: {shown_value(names)} is not a list of names, such as ["ego"]')
+
+
 def _refuse_shared(scenario: Any, frozen_parts: Collection[Any]) -> None:
-    """Raise FoldcarError if one of ``frozen_parts`` depends on a random value that belongs to another part."""
-    owner_by_value = _owner_by_value(scenario)
-    frozen_ids = {id(part) for part in frozen_parts}
+    """Raise FoldcarError if a part that is frozen uses a random value that belongs to a part that is not frozen.
+
+    The value would have to be frozen for both parts, or differ between them. The error names both parts.
+    """
+    owner_by_value_id = _owner_by_value_id(scenario)
     name_by_id = _name_by_id(scenario)
     for part in frozen_parts:
-        # The other parts to which random values of this part belong. Keys are ids, so that each part is named once.
-        other_owners: dict[int, Any] = {}
+        labels: list[str] = []
         for random_value in _unfrozen_values(part):
-            owner = owner_by_value.get(id(random_value))
-            if owner is not None and id(owner) not in frozen_ids:
-                other_owners[id(owner)] = owner
-        if other_owners:
-            labels = " and of ".join(_label(owner, name_by_id) for owner in other_owners.values())
+            owner = owner_by_value_id.get(id(random_value))
+            is_shared = owner is not None and not any(owner is frozen for frozen in frozen_parts)
+            if is_shared and _label(owner, name_by_id) not in labels:
+                labels.append(_label(owner, name_by_id))
+        if labels:
             raise FoldcarError(
-                f"condition: {_label(part, name_by_id)} depends on a random value of {labels}, which would be frozen "
-                "too: name both, or neither"
+                f"condition: {_label(part, name_by_id)} depends on a random value of {' and of '.join(labels)}, which "
+                "would be frozen too: name both, or neither"
             )
 
 
-def _owner_by_value(scenario: Any) -> dict[int, Any]:
-    """Return which part of the scene each random value belongs to, by the value's id.
+def _owner_by_value_id(scenario: Any) -> dict[int, Any]:
+    """Return the part of the scene to which each random value belongs. The keys are the values' ids.
 
-    The parts of a scene are the values of its parameters, its objects and its named points, in this order. A value
-    belongs to the first part that depends on it.
+    The parts of a scene are the values of its parameters, its objects and its named points, in this order. A parameter or
+    an object that is itself a random value belongs to itself. Any other value belongs to the first part that uses it.
     """
     name_by_id = _name_by_id(scenario)
     parts = list(scenario.params.values())
     for instance in scenic_private.instances(scenario):
         if isinstance(instance, Object) or id(instance) in name_by_id:
             parts.append(instance)
-    # A part is a random value itself, and belongs to itself. This comes before the loop, because an earlier part may
-    # depend on it.
-    owner_by_value = {id(part): part for part in parts}
-    for part in list(owner_by_value.values()):
+    owner_by_value_id = {id(part): part for part in parts}
+    for part in parts:
         for random_value in _unfrozen_values(part):
-            owner_by_value.setdefault(id(random_value), part)
-    return owner_by_value
+            owner_by_value_id.setdefault(id(random_value), part)
+    return owner_by_value_id
 
 
 def _unfrozen_values(root: Any) -> Iterator[Any]:
     """Yield every random value on which ``root`` depends, including itself, except those that are frozen already."""
-    return _reachable(root, stop=lambda value: not needsSampling(scenic_private.conditioned(value)))
+    return _reachable(root, is_skipped=lambda value: not needsSampling(scenic_private.conditioned(value)))
 
 
-def _reachable(root: Any, stop: Callable[[Any], bool] = lambda node: False) -> Iterator[Any]:
-    """Yield every random value on which ``root`` depends, and ``root`` itself if it is random. No value comes twice.
+def _reachable(root: Any, is_skipped: Callable[[Any], bool] = lambda value: False) -> Iterator[Any]:
+    """Yield ``root``, if it is random, and then each random value that it is computed from, directly or indirectly.
 
-    Values for which ``stop`` is true are left out. Values on which only these depend are left out, too.
+    No value comes twice. A value for which ``is_skipped`` is true is not yielded, and the search does not go on from it.
     """
     seen_ids: set[int] = set()
     waiting = [root]
     while waiting:
         value = waiting.pop()
-        if id(value) in seen_ids or not isinstance(value, Samplable) or not needsSampling(value) or stop(value):
+        is_random = isinstance(value, Samplable) and needsSampling(value)
+        if not is_random or id(value) in seen_ids or is_skipped(value):
             continue
         seen_ids.add(id(value))
         # Scenic's pruning replaces a value by a narrower one, so these are the dependencies of both.
@@ -139,7 +142,10 @@ def _reachable(root: Any, stop: Callable[[Any], bool] = lambda node: False) -> I
 
 
 def _name_by_id(scenario: Any) -> dict[int, str]:
-    """Return what messages call parameters, objects and named points, by the id of the parameter's value or object."""
+    """Return the name that messages use for each parameter, object and named point of the program.
+
+    The keys are the ids of parameters' values, objects and points.
+    """
     name_by_id = {}
     for name, instances in named_instances(scenario).items():
         for instance in instances:
@@ -158,18 +164,16 @@ def _label(part: Any, name_by_id: Mapping[int, str]) -> str:
 
 
 def _without_noise(thing: Any) -> Any:
-    """Return a copy of a sampled object to which Scenic's `mutate` does not add noise.
-
-    An Object forwards assignments to its dynamic proxy, and the proxy of the copy is still the original object. So the
-    attributes of the copy are set by ``object.__setattr__``.
-    """
+    """Return a copy of a sampled object to which Scenic's `mutate` does not add noise."""
     noiseless = copy.copy(thing)
+    # An object of Scenic passes an ordinary assignment on to its proxy, and the proxy of the copy is still the original.
+    set_attribute = object.__setattr__
     if isinstance(thing, Object):
-        # Attributes are read from the proxy, too. Outside of simulations an object is its own proxy.
-        object.__setattr__(noiseless, "_dynamicProxy", noiseless)
+        # Outside of simulations, each object is its own proxy.
+        set_attribute(noiseless, "_dynamicProxy", noiseless)
     # Scenic samples the object to which "_conditioned" refers. In the copy this is still the original, which has noise.
-    object.__setattr__(noiseless, "_conditioned", noiseless)
-    object.__setattr__(noiseless, "mutationScale", 0)
+    set_attribute(noiseless, "_conditioned", noiseless)
+    set_attribute(noiseless, "mutationScale", 0)
     return noiseless
 
 

@@ -64,6 +64,10 @@ _waiting: "list[weakref.ref[_SourceElsewhere]]" = []
 _sources: "weakref.WeakSet[_SourceElsewhere]" = weakref.WeakSet()
 
 
+# The numbers of a process's standard output and standard error.
+STDOUT, STDERR = 1, 2
+
+
 class _SourceElsewhere(SceneSource):
     """A source of scenes whose samples another process draws. The process is started when the first sample is drawn."""
 
@@ -131,7 +135,7 @@ class _SourceElsewhere(SceneSource):
 
     def _start(self) -> "subprocess.Popen[str]":
         """Return a new process that has opened the program. Raises FoldcarError if the program has changed since."""
-        # Programs that other threads run change the variables meanwhile.
+        # While a program runs in another thread, which holds this lock, the environment variables are changed.
         with program_lock:
             variables = {**minimal_variables(), "PYTHONHASHSEED": "0"}
         # The process has a session of its own, so Ctrl-C does not reach it. It ends when its input ends.
@@ -142,12 +146,12 @@ class _SourceElsewhere(SceneSource):
         try:
             # If the program cannot be opened, the answers to all later questions say why.
             self._send(process, self._opening)
-            # If the program was edited, the process has opened the new one, but this object has the old definition of
-            # success.
+            # If the program was edited since this object opened it, the process has opened another version.
             self.files.require_unchanged()
         except BaseException:
             _end(process)
             raise
+        # Only a few processes may wait at the same time, so an older one may have to end.
         _make_room(self)
         return process
 
@@ -196,33 +200,43 @@ def main() -> None:
     The first line of input describes the environment; each further line is a question. Each is answered with a line of
     JSON, until the input ends.
     """
-    # What programs print must not mix with the answers.
-    answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
-    os.dup2(2, 1)
-    source: SceneSource | None = None
-    # Why the environment cannot be opened; "" if it can.
-    opening_error = ""
-    for line in sys.stdin:
-        question = json.loads(line)
-        answer: dict[str, Any] = {"result": None}
-        try:
-            if source is None and not opening_error:
-                source = open_environment(
-                    program=Path(question["program"]),
-                    params=question["params"],
-                    seed=question["seed"],
-                    condition=question["condition"],
-                    files=question["files"],
-                )
-            elif source is None:
-                answer = {"error": opening_error}
-            elif "files" in question:
-                answer["result"] = dict(source.fixed_files())
-            else:
-                answer["result"] = source.sample_with_parameters(question["sample"])
-        except FoldcarError as error:
-            answer = {"error": str(error)}
-            # If the environment cannot be opened, all later questions get the same answer.
-            opening_error = str(error) if source is None else ""
+    # Answers go to the standard output. What programs print must not mix with them, so it goes to the standard error.
+    answers = os.fdopen(os.dup(STDOUT), "w", encoding="utf-8")
+    os.dup2(STDERR, STDOUT)
+
+    def send(answer: Mapping[str, Any]) -> None:
+        """Write an answer as a line of JSON."""
         answers.write(json.dumps(answer) + "\n")
         answers.flush()
+
+    first_line = sys.stdin.readline()
+    if not first_line:
+        return
+    description = json.loads(first_line)
+    try:
+        source = open_environment(
+            program=Path(description["program"]),
+            params=description["params"],
+            seed=description["seed"],
+            condition=description["condition"],
+            files=description["files"],
+        )
+    except FoldcarError as opening_error:
+        # Every question gets the same answer.
+        send({"error": str(opening_error)})
+        for _ in sys.stdin:
+            send({"error": str(opening_error)})
+        return
+    send({"result": None})
+    for line in sys.stdin:
+        try:
+            send({"result": _answer(source, json.loads(line))})
+        except FoldcarError as error:
+            send({"error": str(error)})
+
+
+def _answer(source: SceneSource, question: Mapping[str, Any]) -> Any:
+    """Return the answer to a question about an environment: its files, or one of its samples. Raises FoldcarError."""
+    if "files" in question:
+        return dict(source.fixed_files())
+    return source.sample_with_parameters(question["sample"])

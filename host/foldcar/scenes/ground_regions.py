@@ -28,56 +28,55 @@ def use_ground_regions() -> None:
     from scenic.core.type_support import toVector
     from scenic.core.vectors import Vector
 
-    def ground_plane_version(contains_point: Any) -> Any:
-        """Return a method like Scenic's ``contains_point`` that ignores the height of the point."""
+    def contains_in_ground_plane(contains_point: Any) -> Any:
+        """Return a function like ``contains_point``, Scenic's method of a region, that ignores the point's height."""
 
-        def containsPoint(self: Any, point: Any) -> bool:  # noqa: N802
-            """Return whether the point, moved to the height of the region, is inside."""
+        def contains(region: Any, point: Any) -> bool:
+            """Return whether the point is in the region after it is moved to the height of the region."""
             position = toVector(point)
-            position_at_height_of_region = Vector(position.x, position.y, self.z)
-            return bool(contains_point(self, position_at_height_of_region))
+            position_at_height_of_region = Vector(position.x, position.y, region.z)
+            return bool(contains_point(region, position_at_height_of_region))
 
-        return distributionFunction(containsPoint)
+        # Scenic then also accepts points with random coordinates.
+        return distributionFunction(contains)
 
     for kind in (CircularRegion, SectorRegion):
-        kind.containsPoint = ground_plane_version(kind.containsPoint)
+        kind.containsPoint = contains_in_ground_plane(kind.containsPoint)
     for kind in (CircularRegion, SectorRegion, RectangularRegion, PolygonalRegion):
         kind.__init__ = _constructor_with_reasons(kind, kind.__init__)
 
 
-def _constructor_with_reasons(kind: Any, init: Any) -> Any:
-    """Return a constructor of the region class ``kind`` that says why a shape has no area.
+def _constructor_with_reasons(kind: Any, scenic_init: Any) -> Any:
+    """Return a constructor of Scenic's region class ``kind`` that says why a shape has no area.
 
-    It calls ``init``, the class's own constructor. Where that fails without a reason, it raises Scenic's
-    InvalidScenarioError with one.
+    It calls ``scenic_init``, the class's own constructor. If that raises an error that does not say why, the returned
+    constructor raises Scenic's InvalidScenarioError with a reason.
     """
     from scenic.core.errors import InvalidScenarioError
     from shapely.errors import GEOSException
 
-    signature = inspect.signature(init)
+    signature = inspect.signature(scenic_init)
 
-    @functools.wraps(init)
-    def __init__(self: Any, *args: Any, **keywords: Any) -> None:  # noqa: N807
+    @functools.wraps(scenic_init)
+    def init(region: Any, *args: Any, **keywords: Any) -> None:
         """Create a region. Raises InvalidScenarioError if it has no area."""
         try:
-            init(self, *args, **keywords)
+            scenic_init(region, *args, **keywords)
         except (AssertionError, AttributeError, TypeError, ValueError, GEOSException) as error:
-            # A derived class gives its own reason.
-            if type(self) is not kind:
+            is_derived = type(region) is not kind
+            is_wrong_call = isinstance(error, TypeError) and kind.__name__ in str(error)
+            if is_derived or is_wrong_call:
+                # The error comes from a class of the program, or says which argument is missing or unknown.
                 raise
-            # Python's message says which argument is missing or unknown.
-            if isinstance(error, TypeError) and kind.__name__ in str(error):
-                raise
-            arguments = signature.bind(self, *args, **keywords).arguments
+            arguments = signature.bind(region, *args, **keywords).arguments
             reason = next(_faults(kind.__name__, arguments), None)
-            if reason is None:
-                # An error of these kinds has nothing to do with the area: its own message is better.
-                if isinstance(error, AttributeError | TypeError):
-                    raise
-                reason = "its numbers give no area of the ground"
-            raise InvalidScenarioError(f"{kind.__name__}: {reason}") from None
+            if reason is None and isinstance(error, AttributeError | TypeError):
+                # The error has nothing to do with the area, so its own message is better.
+                raise
+            message = reason or "its numbers give no area of the ground"
+            raise InvalidScenarioError(f"{kind.__name__}: {message}") from None
 
-    return __init__
+    return init
 
 
 def _faults(kind: str, arguments: Mapping[str, Any]) -> Iterator[str]:

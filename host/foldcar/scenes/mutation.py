@@ -26,13 +26,15 @@ NOISY = {"position": Vector, "yaw": float, "pitch": float, "roll": float}
 class Mutations:
     """The objects that one compilation of a program creates, numbered in the order of creation.
 
-    ``points`` are the numbers of the Points that the program mutates. ``followed`` are those of the Points that take
-    their place from a hidden copy (see the head of this file).
+    A program is compiled twice if it mutates Points. After the first compilation, ``mutated_points`` has the numbers of
+    these Points. The second compilation gets these numbers as ``points_with_copy``: each of these Points gets a *hidden
+    copy*, an object that the program does not know. Scenic adds the noise to the copy, and the Point takes its place
+    from the copy.
     """
 
-    def __init__(self, followed: Collection[int] = ()) -> None:
-        self.points: set[int] = set()
-        self._followed = frozenset(followed)
+    def __init__(self, points_with_copy: Collection[int] = ()) -> None:
+        self.mutated_points: set[int] = set()
+        self._points_with_copy = frozenset(points_with_copy)
         # All created things, in the order of their numbers. They are kept, because an id is unique only while a thing
         # lives.
         self._created: list[Any] = []
@@ -43,18 +45,19 @@ class Mutations:
     def create(self, cls: Any, specifiers: list[Any]) -> Any:
         """Create an instance of a Scenic class, like Scenic's `new`.
 
-        Some Points are mutated by the program. For such a Point two things are created: first a hidden copy, to which
-        Scenic will add noise, and then the Point itself, which is placed where the copy is.
+        For a Point that the program mutates, this first creates its hidden copy, and then the Point where the copy is.
         """
         number = len(self._created)
-        # Take the number first: computing the default of a property may create further things.
+        # Keep a place for the thing under its number. While it is created, defaults of its properties may create others.
         self._created.append(None)
-        if number in self._followed:
-            copy = self._copies[number] = scenic_private.made(cls, specifiers, is_object=False)
+        if number in self._points_with_copy:
+            copy = scenic_private.made(cls, specifiers, is_object=False)
             # The copy must be sampled even if it depends on nothing random, because it gets noise.
             scenic_private.sample_always(copy)
+            self._copies[number] = copy
             specifiers = [_place_of(copy, specifiers)]
-        thing = self._created[number] = scenic_private.made(cls, specifiers)
+        thing = scenic_private.made(cls, specifiers)
+        self._created[number] = thing
         self._number_by_id[id(thing)] = number
         return thing
 
@@ -63,32 +66,40 @@ class Mutations:
 
         ``scale`` is the scale of the noise. Like Scenic's `mutate`, this raises TypeError if it is not a number.
         """
-        points = [thing for thing in things if isinstance(thing, Point) and not isinstance(thing, Object)]
-        if points and not isinstance(scale, int | float):
-            raise TypeError('"mutate X by Y" with Y not a number')
-        for point in points:
-            number = self._number_by_id.get(id(point))
+        other_things = []
+        for thing in things:
+            is_point = isinstance(thing, Point) and not isinstance(thing, Object)
+            if not is_point:
+                other_things.append(thing)
+                continue
+            if not isinstance(scale, int | float):
+                raise TypeError('"mutate X by Y" with Y not a number')
+            number = self._number_by_id.get(id(thing))
             if number is not None:
-                self.points.add(number)
-            if self._followed:
-                # The Point takes its place from its hidden copy, so the copy gets the noise.
+                self.mutated_points.add(number)
+            if self._points_with_copy:
                 if number not in self._copies:
                     raise InvalidScenarioError("the program mutates other Points whenever it is compiled")
+                # The Point takes its place from the copy, so the copy gets the noise.
                 self._copies[number].mutationScale = scale
-        return [thing for thing in things if not any(thing is point for point in points)]
+        return other_things
 
 
 def _place_of(copy: Any, specifiers: Sequence[Any]) -> Any:
     """Return a specifier that places a Point where its hidden ``copy`` is, including the copy's noise.
 
-    ``specifiers`` are those that the program gives to the Point. The properties that they set are taken from the copy,
-    too.
+    A specifier of Scenic, such as ``at (1, 2)``, gives an object properties. ``specifiers`` are those that the program
+    gives to the Point. The returned specifier replaces them, and so also sets the other properties that they set.
     """
-    # The copy has the noise already, so the Point must not have a "mutationScale" of its own.
-    specified = {name for specifier in specifiers for name in specifier.priorities} - {"mutationScale"}
-    values = {name: getattr(copy, name) for name in copy.properties if name in specified}
+    specified_names: set[str] = set()
+    for specifier in specifiers:
+        specified_names.update(specifier.priorities)
+    # The copy has the noise already, so the Point must not get noise of its own.
+    specified_names.discard("mutationScale")
+    values = {name: getattr(copy, name) for name in copy.properties if name in specified_names}
     for name, kind in NOISY.items():
         if name in copy.properties:
+            # The value of this property in each sample of the copy.
             values[name] = AttributeDistribution(name, copy, kind)
     # Scenic gives the priority 1 to a property that a program sets by `with`. These properties get it, too.
     return Specifier("mutated", dict.fromkeys(values, 1), values)

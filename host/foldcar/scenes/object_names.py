@@ -85,25 +85,30 @@ def _own_numbers(thing: Any) -> dict[str, float]:
 
     Properties that every Terrain has are left out. The properties of derived classes come before those of their bases.
     """
-    classes = type(thing).__mro__
-    terrain_position = [cls.__name__ for cls in classes].index("Terrain")
-    properties_of_terrain = scenic_private.defaults(classes[terrain_position])
-    lengths: set[str] = set()
-    names: list[str] = []
-    for cls in classes[:terrain_position]:
-        declared = scenic_private.own_properties(cls)
-        names += declared
-        if cls.__module__ == VOCABULARY:
-            lengths.update(name for name in declared if name not in UNITLESS)
+    # The object's class and its bases, from the most derived one to Terrain.
+    classes = list(type(thing).__mro__)
+    while classes[-1].__name__ != "Terrain":
+        classes.pop()
+    terrain = classes.pop()
+    # The names with units, by the names in the program, in the order of the result.
+    name_with_unit: dict[str, str] = {}
+    for cls in classes:
+        for name in scenic_private.own_properties(cls):
+            # All numbers that foldcar's own classes declare are lengths, except a few.
+            is_length = cls.__module__ == VOCABULARY and name not in UNITLESS
+            if is_length:
+                name_with_unit[name] = f"{name}_m"
+            else:
+                name_with_unit.setdefault(name, name)
     # The program may give further properties by `with`.
-    names += [name for name in thing.properties if name not in properties_of_terrain]
+    for name in thing.properties:
+        if name not in scenic_private.defaults(terrain):
+            name_with_unit.setdefault(name, name)
     numbers = {}
-    # A name may occur several times. Only its first place counts.
-    for name in dict.fromkeys(names):
+    for name, with_unit in name_with_unit.items():
         value = getattr(thing, name)
         if _is_quantity(value):
-            name_with_unit = f"{name}_m" if name in lengths else name
-            numbers[name_with_unit] = rounded(float(value))
+            numbers[with_unit] = rounded(float(value))
     return numbers
 
 
@@ -114,17 +119,22 @@ def _is_quantity(value: Any) -> bool:
 
 
 def _variables(scenario: Any) -> dict[int, str]:
-    """Return the name of the variable that holds each object, by the object's id; ``name[index]`` in a list."""
+    """Return the name of the program's variable that holds an object, by the object's id.
+
+    An object in a list is called ``name[index]``. An object that no variable holds is left out.
+    """
     variable_by_id: dict[int, str] = {}
     for name, instances in named_instances(scenario).items():
         for index, instance in enumerate(instances):
             variable = name if len(instances) == 1 else f"{name}[{index}]"
             variable_by_id.setdefault(id(instance), variable)
-    # After a loop, the loop's variable holds only its last object. So if an object has no name, the other objects that
-    # the same line has made get none either.
-    unnamed_lines = {_line(instance) for instance in scenario.objects if id(instance) not in variable_by_id}
-    unnamed_ids = {id(instance) for instance in scenario.objects if _line(instance) in unnamed_lines}
-    return {instance_id: name for instance_id, name in variable_by_id.items() if instance_id not in unnamed_ids}
+    # A line in a loop makes several objects, and the loop's variable holds only the last one. This one is not called by
+    # the variable, so that all of them are named in the same way.
+    lines_with_unnamed = {_line(instance) for instance in scenario.objects if id(instance) not in variable_by_id}
+    for instance in scenario.objects:
+        if _line(instance) in lines_with_unnamed:
+            variable_by_id.pop(id(instance), None)
+    return variable_by_id
 
 
 def _line(instance: Any) -> Any:

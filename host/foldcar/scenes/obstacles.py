@@ -54,27 +54,35 @@ class Obstacle:
         has none if the mark is in its middle.
         """
         if len(self.pieces) == 1 and kind_of(terrain[self.pieces[0]]).shape == "disc":
-            distance_m = math.hypot(self.x_m, self.y_m)
-            if not distance_m:
-                return []
-            # The nearest point is on the line from the mark to the middle, one radius before the middle. ``fraction``
-            # says how far along this line it is.
-            radius_m = self.length_m / 2
-            fraction = abs(1 - radius_m / distance_m)
-            return [(fraction * self.x_m, fraction * self.y_m)] if fraction else []
+            return self._near_points_of_disc_m()
         corners = self.corners_m
         # Distances are rounded to micrometres. So if two corners are equally near, every machine chooses the same one.
         distances_m = [round(math.hypot(*corner), 6) for corner in corners]
         nearest_index = distances_m.index(min(distances_m))
         nearest = corners[nearest_index]
-
-        def edge_length_and_nearness(corner: tuple[float, float]) -> tuple[float, float]:
-            """Return the length of the edge to this corner. If the edges are equally long, the nearer corner counts."""
-            return round(math.dist(corner, nearest), 6), -math.hypot(*corner)
-
         # The corners are in order around the obstacle.
-        neighbours = corners[(nearest_index + 1) % 4], corners[(nearest_index - 1) % 4]
-        return [nearest, max(neighbours, key=edge_length_and_nearness)]
+        next_corner = corners[(nearest_index + 1) % 4]
+        previous_corner = corners[(nearest_index - 1) % 4]
+        length_to_next_m = round(math.dist(next_corner, nearest), 6)
+        length_to_previous_m = round(math.dist(previous_corner, nearest), 6)
+        if length_to_next_m == length_to_previous_m:
+            # Both edges are equally long, so take the one whose other end is nearer to the mark.
+            return [nearest, min(next_corner, previous_corner, key=lambda corner: math.hypot(*corner))]
+        return [nearest, next_corner if length_to_next_m > length_to_previous_m else previous_corner]
+
+    def _near_points_of_disc_m(self) -> list[tuple[float, float]]:
+        """Return the point of a round obstacle that is nearest to the mark; none if the mark is its middle.
+
+        If the mark is inside, this is the nearest point of the edge, seen from the far side of the middle.
+        """
+        distance_m = math.hypot(self.x_m, self.y_m)
+        if not distance_m:
+            return []
+        # The nearest point is on the line from the mark to the middle, one radius before the middle. ``fraction`` says
+        # how far along this line it is.
+        radius_m = self.length_m / 2
+        fraction = abs(1 - radius_m / distance_m)
+        return [(fraction * self.x_m, fraction * self.y_m)] if fraction else []
 
 
 def obstacles_of(

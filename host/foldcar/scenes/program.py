@@ -64,13 +64,13 @@ def compile_program(program: Path, params: Mapping[str, Any], files: ProgramFile
 
 
 def _compiled(
-    program: Path, files: ProgramFiles, params: Mapping[str, Any], followed: Collection[int] = ()
+    program: Path, files: ProgramFiles, params: Mapping[str, Any], mutated_points: Collection[int] = ()
 ) -> tuple[Any, set[int]]:
     """Compile the program once. Return Scenic's scenario, and the numbers of the Points to which `mutate` adds noise.
 
-    Things are numbered in the order in which the program creates them. ``followed`` are the numbers of mutated Points,
-    if they are known from an earlier compilation; objects that are placed relative to these follow them. Raises
-    FoldcarError.
+    The program's things are numbered in the order in which they are created. ``mutated_points`` are the numbers that an
+    earlier compilation has returned. Objects that are placed relative to one of these Points then move with its noise.
+    Raises FoldcarError.
     """
     with _no_garbage_collection(), warnings.catch_warnings():
         # Scenic installs an excepthook, and warns if another library has done so before.
@@ -82,15 +82,15 @@ def _compiled(
     from foldcar.scenes.scenic_hooks import hooks
 
     use_ground_regions()
-    mutations = Mutations(followed)
-    limited = contained(COMPILE_LIMIT_S, f"{program}: compiling", program)
+    mutations = Mutations(points_with_copy=mutated_points)
+    time_limit = contained(COMPILE_LIMIT_S, f"{program}: compiling", program)
     try:
-        with _no_garbage_collection(), files.inside(anew=True), _vocabulary_on_path(), hooks(mutations), limited:
+        with _no_garbage_collection(), files.inside(anew=True), _vocabulary_on_path(), hooks(mutations), time_limit:
             scenario = scenic.scenarioFromFile(str(program), params=dict(params))
             refuse_same_names(scenario)
             if is_dynamic(scenario):
                 refuse_misspelt_attributes(scenario, program)
-            return scenario, mutations.points
+            return scenario, mutations.mutated_points
     except FoldcarError:
         raise
     except Exception as error:
@@ -122,21 +122,23 @@ class ProgramError(FoldcarError):
     ``what`` begins the message.
     """
 
-    def __init__(self, what: str, error: BaseException, program: Path) -> None:
-        super().__init__(f"{what}: {one_line(error, program)}")
+    def __init__(self, place: str, error: BaseException, program: Path) -> None:
+        """Create the error from one that Scenic or Python has raised. The message begins with ``place``."""
+        super().__init__(f"{place}: {one_line(error, program)}")
+        # The line of the program, and below it a caret where the mistake is, as far as both are known.
         self._excerpt: list[str] = []
         file, line, column = _place(error)
-        text = linecache.getline(file, line).rstrip() if file is not None and line is not None else ""
+        if file is None or line is None:
+            return
+        text = linecache.getline(file, line).rstrip()
         if not text:
             return
         self._excerpt.append(f"  {text}")
-        undefined_name = _undefined_name(error)
-        if column is None and undefined_name is not None:
-            word = re.search(rf"\b{re.escape(undefined_name)}\b", text)
-            column = word.start() if word else None
+        if column is None:
+            column = _column_of_undefined_name(error, text)
         if column is not None:
             # Tabs stay tabs, so that the caret stands below its column.
-            indentation = re.sub(r"[^\t]", " ", text[:column])
+            indentation = "".join("\t" if character == "\t" else " " for character in text[:column])
             self._excerpt.append(f"  {indentation}^")
 
     def lines(self) -> list[str]:
@@ -181,6 +183,15 @@ def _undefined_name(error: BaseException) -> str | None:
     return quoted_name[1] if quoted_name else None
 
 
+def _column_of_undefined_name(error: BaseException, text: str) -> int | None:
+    """Return where an undefined name stands in the line ``text``, or None if the error is about something else."""
+    undefined_name = _undefined_name(error)
+    if undefined_name is None:
+        return None
+    word = re.search(rf"\b{re.escape(undefined_name)}\b", text)
+    return word.start() if word else None
+
+
 def _name_hint(error: BaseException) -> str:
     """Return a hint for an error about a name or a world model that is not defined, or "" for other errors."""
     # A program begins with `model model`, which defines foldcar's objects.
@@ -189,18 +200,25 @@ def _name_hint(error: BaseException) -> str:
     name = _undefined_name(error)
     if name is None:
         return ""
-    classes = re.findall(r"^class (\w+)", VOCABULARY.read_text(encoding="utf-8"), re.MULTILINE)
-    # The names that are defined where the error occurred: in the program, or in a program that it imports.
-    names: Mapping[str, Any] = {}
+    foldcar_classes = re.findall(r"^class (\w+)", VOCABULARY.read_text(encoding="utf-8"), re.MULTILINE)
+    defined_names = _defined_names(error)
+    has_foldcar_classes = any(foldcar_class in defined_names for foldcar_class in foldcar_classes)
+    if name in foldcar_classes and not has_foldcar_classes:
+        return "; the line `model model` at the top of the program defines foldcar's objects"
+    if name[0].isupper():
+        # Probably the name of a class.
+        return f"; foldcar's objects: {', '.join(sorted(foldcar_classes))}{did_you_mean(name, foldcar_classes)}"
+    return did_you_mean(name, [defined for defined in defined_names if not defined.startswith("_")])
+
+
+def _defined_names(error: BaseException) -> Collection[str]:
+    """Return the names that are defined where an error occurred: in the program, or in a program that it imports."""
+    names: Collection[str] = ()
     for frame, _line in traceback.walk_tb(error.__traceback__):
         if frame.f_code.co_filename.endswith(".scenic"):
-            names = frame.f_globals
-    has_no_foldcar_objects = not names.keys() & set(classes)
-    if name in classes and has_no_foldcar_objects:
-        return "; the line `model model` at the top of the program defines foldcar's objects"
-    if name[:1].isupper():
-        return f"; foldcar's objects: {', '.join(sorted(classes))}{did_you_mean(name, classes)}"
-    return did_you_mean(name, [defined for defined in names if not defined.startswith("_")])
+            # The last such frame is that in which the error occurred.
+            names = frame.f_globals.keys()
+    return names
 
 
 def line_prefix(file: str | None, line: int, program: Path) -> str:

@@ -65,23 +65,23 @@ class Translator:
         self._ego = scenario.egoObject
         self._params = scenario.params
         named_values = named_things(scenario)
-        # The names of STANDARD to which the program gives another meaning. They are names of Scenic, of Python, or
-        # `math`.
+        # What the names of STANDARD mean, unless the program gives them another meaning.
+        standard_values = {"math": math, **vars(builtins), **vars(veneer)}
+        # The names of STANDARD that the program has redefined.
         self._redefined = set()
         for name in STANDARD:
-            standard_value = getattr(veneer, name, getattr(builtins, name, math))
-            value_in_program = named_values.get(name, standard_value)
-            if value_in_program is not standard_value:
+            if name in named_values and named_values[name] is not standard_values[name]:
                 self._redefined.add(name)
         assignment_counts = Counter(
             node.id for node in ast.walk(tree) if isinstance(node, ast.Name) and not isinstance(node.ctx, ast.Load)
         )
-        # A name that is assigned twice may have had another value where the expression stands.
+        # Names that are assigned once. The others may have had another value at an earlier line.
         self.names = {name: value for name, value in named_values.items() if assignment_counts[name] == 1}
-        # Whether the ego's yaw, pitch and roll count from another orientation than the world's.
+        # Scenic measures the yaw, pitch and roll of an object from its parent's orientation, which is the world's unless
+        # the program says otherwise.
         self._turned = not _stands_in_world(scenario.egoObject)
 
-    def truth(self, node: Any) -> Terms:
+    def condition(self, node: Any) -> Terms:
         """Translate a condition to terms in postfix order. Raises NotNativeError for forms that carsim does not have."""
         if self.is_constant(node):
             return [PerSample(lambda sample: [bool(sample.value(node))])]
@@ -90,7 +90,7 @@ class Translator:
                 operation = "and" if isinstance(node.op, ast.And) else "or"
                 return joined([self._bool_operand(operand) for operand in node.values], operation)
             case ast.UnaryOp(op=ast.Not()):
-                return [*self.truth(node.operand), "not"]
+                return [*self.condition(node.operand), "not"]
             case ast.Compare(ops=[ast.In() | ast.NotIn() as operator]):
                 region_terms = self._inside(node.left, node.comparators[0])
                 return region_terms if isinstance(operator, ast.In) else [*region_terms, "not"]
@@ -107,7 +107,7 @@ class Translator:
         """Translate an operand of `and` or `or`, which must be a condition or a constant that is true or false."""
         if self.is_constant(node):
             return [PerSample(lambda sample: sample.truth(node))]
-        return self.truth(node)
+        return self.condition(node)
 
     def number(self, node: Any) -> Terms:
         """Translate an expression that is a number to terms in postfix order, such as ["speed_m_s", "negate"].
@@ -130,24 +130,29 @@ class Translator:
             case ast.BinOp() if type(node.op) in ARITHMETIC:
                 operator_term, _ = ARITHMETIC[type(node.op)]
                 return [*self.number(node.left), *self.number(node.right), operator_term]
-            case ast.Call(func=ast.Name(id="abs") as called, args=[argument], keywords=[]) if self._is_standard(called):
-                return [*self.number(argument), "abs"]
-            case ast.Call(func=ast.Name(id="min" | "max" as name) as called, keywords=[]) if len(
-                node.args
-            ) > 1 and self._is_standard(called):
-                return joined([self.number(argument) for argument in node.args], name)
+            case ast.Call(func=ast.Name() as function, keywords=[]) if self._is_standard(function):
+                return self._call(node, function.id)
         if type(node).__name__ == "DistanceFromOp":
             return self._distance(node)
+        raise NotNativeError(shown(node))
+
+    def _call(self, node: Any, function: str) -> Terms:
+        """Translate a call of `abs`, `min` or `max`. Raises NotNativeError for calls of other functions."""
+        arguments = [self.number(argument) for argument in node.args] if function in ("abs", "min", "max") else []
+        if function == "abs" and len(arguments) == 1:
+            return [*arguments[0], "abs"]
+        if function in ("min", "max") and len(arguments) > 1:
+            return joined(arguments, function)
         raise NotNativeError(shown(node))
 
     def recorded(self, node: Any) -> Terms:
         """Translate a recorded value: a number, a boolean or the car's position."""
         if self.is_position(node):
             return ["x_m", "y_m", *self._height()]
-        if not _gives_truth(node):
+        if _may_give_operand(node):
             # Python's `a > b and 1` gives False or 1, but carsim would give False or True.
             raise NotNativeError(shown(node))
-        return self.truth(node) if is_truth(node) else self.number(node)
+        return self.condition(node) if is_condition(node) else self.number(node)
 
     def is_constant(self, node: Any) -> bool:
         """Return whether an expression does not depend on the drive, so that its value is known once a scene is sampled.
@@ -235,14 +240,13 @@ class Translator:
         One of the two must be the car or a side of it, such as `front of ego`, and the other a constant place. Raises
         NotNativeError otherwise.
         """
-        # `distance to B` is the distance from the ego.
+        # `distance to B` leaves out the other point, which is then the ego.
         ego = ast.Name("ego", ast.Load())
-        points: list[Any] = [ego if point is None else point for point in (node.target, node.base)]
-        constant_points = [point for point in points if self.is_constant(point)]
-        car_points = [point for point in points if not self.is_constant(point)]
-        if len(constant_points) != 1:
+        first: Any = ego if node.target is None else node.target
+        second: Any = ego if node.base is None else node.base
+        if self.is_constant(first) == self.is_constant(second):
             raise NotNativeError(shown(node))
-        (constant_point,), (car_point,) = constant_points, car_points
+        constant_point, car_point = (first, second) if self.is_constant(first) else (second, first)
         if self._is_region(constant_point):
             raise NotNativeError("the distance from a region")
         place_terms = PerSample(lambda sample: sample.place(constant_point))
@@ -256,9 +260,9 @@ class Translator:
         raise NotNativeError(shown(node))
 
     def _inside(self, thing: Any, region: Any) -> Terms:
-        """Translate `ego.position in REGION`. Raises NotNativeError for other things than the car's position.
+        """Translate `ego.position in REGION`. Raises NotNativeError if ``thing`` is not the car's position.
 
-        `ego in REGION` is another condition, which holds if the whole car is inside.
+        `ego in REGION` is another condition, which carsim cannot evaluate: it holds if the whole car is inside.
         """
         if not (self.is_position(thing) and self._is_region(region)):
             raise NotNativeError("a region")
@@ -267,7 +271,7 @@ class Translator:
         value = self.names.get(region.id) if isinstance(region, ast.Name) else None
         if type(value).__name__ == "PolygonalRegion":
             return _polygonal(value)
-        # All other regions may be random, so their terms are computed for each sample.
+        # The size of another region may be random, so its terms are computed for each sample.
         return [PerSample(lambda sample: sample.region(region))]
 
     def _is_region(self, node: Any) -> bool:
@@ -284,10 +288,11 @@ def _polygonal(region: Any) -> Terms:
     """
     from shapely import MultiPolygon
 
+    # Scenic's region has a MultiPolygon of Shapely, unless its corners are random.
     polygons = region.polygons
     if not isinstance(polygons, MultiPolygon):
         raise NotNativeError("a random PolygonalRegion")
-    # The edge of a hole is inside for Scenic; carsim has no such comparison.
+    # For Scenic, a point on the edge of a hole is inside the region. carsim's conditions cannot express this.
     if any(polygon.interiors for polygon in polygons.geoms):
         raise NotNativeError("a region with a hole")
     if any(len(polygon.exterior.coords) - 1 > MAX_CORNERS for polygon in polygons.geoms):
@@ -310,22 +315,23 @@ def joined(operands: list[Terms], operation: str) -> Terms:
     return terms
 
 
-def _gives_truth(node: Any) -> bool:
-    """Return whether an `and` or `or` always gives True or False; True for all other expressions.
+def _may_give_operand(node: Any) -> bool:
+    """Return whether an expression is an `and` or `or` whose value may be something else than True or False.
 
     In Python these operators give one of their operands, so `a > b and 1` may be 1.
     """
     if not isinstance(node, ast.BoolOp):
-        return True
+        return False
     for operand in node.values:
-        is_bool_literal = isinstance(operand, ast.Constant) and isinstance(operand.value, bool)
-        is_condition = is_truth(operand) and _gives_truth(operand)
-        if not (is_bool_literal or is_condition):
-            return False
-    return True
+        is_true_or_false = isinstance(operand, ast.Constant) and isinstance(operand.value, bool)
+        if is_true_or_false:
+            continue
+        if not is_condition(operand) or _may_give_operand(operand):
+            return True
+    return False
 
 
-def is_truth(node: Any) -> bool:
+def is_condition(node: Any) -> bool:
     """Return whether an expression has the form of a condition: a comparison, or `and`, `or` or `not`."""
     if isinstance(node, ast.UnaryOp):
         return isinstance(node.op, ast.Not)

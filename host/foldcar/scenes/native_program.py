@@ -4,12 +4,13 @@ Input: a compiled program, then its sampled scenes. Output: the member `program`
 are `terminate when`, `terminate after` and `record` of the top level.
 """
 
+import contextlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from foldcar.scenes import scenic_private
-from foldcar.scenes.native_expressions import NotNativeError, PerSample, Translator, is_truth
+from foldcar.scenes.native_expressions import NotNativeError, PerSample, Translator, is_condition
 from foldcar.scenes.program import parsed_program
 from foldcar.scenes.reading import UnusableError, finite, outer_step_s
 from foldcar.scenes.recorded import to_json
@@ -64,26 +65,13 @@ class NativeProgram:
         for ending in self._endings:
             outcome = "passed" if ending.is_pass else "terminated"
             endings.append({"when": _resolved(ending.terms, sample), "outcome": outcome})
-        records: list[dict[str, Any]] = []
-        verdict: Any = None
-        for record in self._records:
-            if record.terms:
-                value = _resolved(record.terms, sample)
-                records.append({"name": record.name, "kind": record.kind, "value": value})
-                as_verdict = _as_truth(record.node, value)
-            else:
-                # The record does not depend on the drive.
-                constant = to_json(sample.value(record.node), record.name)
-                records.append({"name": record.name, "kind": record.kind, "constant": constant})
-                as_verdict = [bool(constant)]
-            is_verdict = record.name == VERDICT and record.kind != "initial"
-            if is_verdict:
-                verdict = as_verdict
+        # The record whose value at the end of a run says whether the run has passed.
+        verdict_records = [record for record in self._records if record.name == VERDICT and record.kind != "initial"]
         return {
             "endings": endings,
             "time_limit_s": self._time_limit_s(sample, step_s),
-            "verdict": verdict,
-            "records": records,
+            "verdict": _verdict(verdict_records[-1], sample) if verdict_records else None,
+            "records": [_record_of_scene(record, sample) for record in self._records],
             "step_s": step_s,
         }
 
@@ -99,50 +87,75 @@ class NativeProgram:
         return limit_s if limit_s < MAX_TIME_LIMIT_S else None
 
 
-def native_program(scenario: Any, program: Path, success: SuccessRule) -> tuple[NativeProgram | None, str]:
-    """Return the translated program and ""; or None and the part, with its line, that needs Scenic beside carsim."""
-    tree = parsed_program(read_text(program))
-    # The line that is being translated, 0 for the whole program, for the reason.
-    line = 0
+class Translation(NamedTuple):
+    """A program's statements about its runs, translated for carsim, or why this is not possible.
+
+    If carsim cannot evaluate all of them, ``program`` is None, and ``needs_scenic`` names a part that it cannot evaluate,
+    with its line. Otherwise ``needs_scenic`` is "".
+    """
+
+    program: NativeProgram | None
+    needs_scenic: str = ""
+
+
+def native_program(scenario: Any, program: Path, success: SuccessRule) -> Translation:
+    """Translate the statements of a compiled program about its runs, so that carsim evaluates them without Scenic."""
     try:
-        _check_only_translatable_parts(scenario)
-        translator = Translator(tree, scenario)
-        endings, limits, records = [], [], []
-        conditions = (*scenario.terminationConditions, *scenario.terminateSimulationConditions)
-        passing_lines = {condition.line for condition in conditions if str(condition) in success.endings}
-        for statement_kind in ("TerminateWhen", "TerminateSimulationWhen"):
-            for node in _statements(tree, statement_kind):
-                line = node.lineno
-                endings.append(_Ending(translator.truth(node.cond), is_pass=line in passing_lines))
-        for node in _statements(tree, "TerminateAfter"):
-            line = node.lineno
+        return Translation(_translated(scenario, parsed_program(read_text(program)), success))
+    except NotNativeError as reason:
+        return Translation(None, needs_scenic=str(reason))
+
+
+def _translated(scenario: Any, tree: Any, success: SuccessRule) -> NativeProgram:
+    """Return the translated statements of a program with the syntax ``tree``.
+
+    Raises NotNativeError if a statement needs Scenic. Its message begins with the line of the statement.
+    """
+    _check_only_translatable_parts(scenario)
+    translator = Translator(tree, scenario)
+    endings, limits, records = [], [], []
+    conditions = (*scenario.terminationConditions, *scenario.terminateSimulationConditions)
+    passing_lines = {condition.line for condition in conditions if str(condition) in success.endings}
+    for statement_kind in ("TerminateWhen", "TerminateSimulationWhen"):
+        for node in _statements(tree, statement_kind):
+            with _errors_with_line_of(node):
+                endings.append(_Ending(translator.condition(node.cond), is_pass=node.lineno in passing_lines))
+    for node in _statements(tree, "TerminateAfter"):
+        with _errors_with_line_of(node):
             if not translator.is_constant(node.duration.value):
                 raise NotNativeError(shown(node.duration.value))
             limits.append(node.duration)
-        for statement_kind, record_kind in RECORDS.items():
-            for node in _statements(tree, statement_kind):
-                line = node.lineno
-                is_constant = translator.is_constant(node.value)
-                terms = [] if is_constant else translator.recorded(node.value)
-                record_name = _record_name(scenario, node)
-                if record_name == VERDICT and translator.is_position(node.value):
-                    raise NotNativeError(f"a position as `{VERDICT}`")
-                records.append(_Record(name=record_name, kind=record_kind, node=node.value, terms=terms))
-        expressions = (*scenario.recordedExprs, *scenario.recordedInitialExprs, *scenario.recordedFinalExprs)
-        line = 0
-        if len(endings) > MAX_STATEMENTS or len(records) > MAX_STATEMENTS:
-            raise NotNativeError(f"more than {MAX_STATEMENTS} conditions or records")
-        expressions_terms = [ending.terms for ending in endings] + [record.terms for record in records]
-        if any(len(terms) > MAX_TERMS for terms in expressions_terms):
-            raise NotNativeError(f"an expression of more than {MAX_TERMS} terms")
-        # Scenic knows all statements; the syntax tree's top level has fewer if some stand in a block.
-        if len(endings) != len(conditions) or len(records) != len(expressions) or len(limits) > 1:
-            raise NotNativeError("statements that do not stand at the top level")
+    for statement_kind, record_kind in RECORDS.items():
+        for node in _statements(tree, statement_kind):
+            with _errors_with_line_of(node):
+                records.append(_translated_record(translator, scenario, node, record_kind))
+    if len(endings) > MAX_STATEMENTS or len(records) > MAX_STATEMENTS:
+        raise NotNativeError(f"more than {MAX_STATEMENTS} conditions or records")
+    expressions_terms = [ending.terms for ending in endings] + [record.terms for record in records]
+    if any(len(terms) > MAX_TERMS for terms in expressions_terms):
+        raise NotNativeError(f"an expression of more than {MAX_TERMS} terms")
+    # Scenic knows all statements. The syntax tree's top level has fewer if some stand in a block.
+    if len(endings) != len(conditions) or len(records) != len(_scenic_records(scenario)) or len(limits) > 1:
+        raise NotNativeError("statements that do not stand at the top level")
+    return NativeProgram(translator, endings, limits, records)
+
+
+@contextlib.contextmanager
+def _errors_with_line_of(node: Any) -> Iterator[None]:
+    """Let a NotNativeError of the block begin with the line of the statement ``node``."""
+    try:
+        yield
     except NotNativeError as reason:
-        if line:
-            return None, f"line {line}: {reason}"
-        return None, str(reason)
-    return NativeProgram(translator, endings, limits, records), ""
+        raise NotNativeError(f"line {node.lineno}: {reason}") from None
+
+
+def _translated_record(translator: Translator, scenario: Any, node: Any, kind: str) -> _Record:
+    """Translate a `record` statement. Raises NotNativeError."""
+    terms = [] if translator.is_constant(node.value) else translator.recorded(node.value)
+    name = _record_name(scenario, node)
+    if name == VERDICT and translator.is_position(node.value):
+        raise NotNativeError(f"a position as `{VERDICT}`")
+    return _Record(name=name, kind=kind, node=node.value, terms=terms)
 
 
 def _check_only_translatable_parts(scenario: Any) -> None:
@@ -163,11 +176,17 @@ def _statements(tree: Any, kind: str) -> Iterator[Any]:
     return (node for node in tree.body if type(node).__name__ == kind)
 
 
+def _scenic_records(scenario: Any) -> list[Any]:
+    """Return Scenic's objects of all `record` statements of a program."""
+    return [*scenario.recordedExprs, *scenario.recordedInitialExprs, *scenario.recordedFinalExprs]
+
+
 def _record_name(scenario: Any, node: Any) -> str:
     """Return the name under which Scenic keeps a record: the name in the statement, or one that Scenic makes."""
-    records = (*scenario.recordedExprs, *scenario.recordedInitialExprs, *scenario.recordedFinalExprs)
-    matching = (record for record in records if record.line == node.lineno and node.name in (None, record.name))
-    return str(next(matching).name)
+    for record in _scenic_records(scenario):
+        if record.line == node.lineno and node.name in (None, record.name):
+            return str(record.name)
+    raise AssertionError("Scenic knows each record of the program")
 
 
 def _resolved(terms: Terms, sample: SampledValues) -> Terms:
@@ -178,6 +197,19 @@ def _resolved(terms: Terms, sample: SampledValues) -> Terms:
     return resolved
 
 
-def _as_truth(node: Any, terms: Terms) -> Terms:
-    """Return the terms of a boolean: for an expression that is a number, whether it is not 0."""
-    return terms if is_truth(node) else [*terms, "abs", 0.0, ">"]
+def _record_of_scene(record: _Record, sample: SampledValues) -> dict[str, Any]:
+    """Return a record as carsim reads it: its name, its kind, and either terms or a constant."""
+    entry = {"name": record.name, "kind": record.kind}
+    if record.terms:
+        return {**entry, "value": _resolved(record.terms, sample)}
+    # The record does not depend on the drive.
+    return {**entry, "constant": to_json(sample.value(record.node), record.name)}
+
+
+def _verdict(record: _Record, sample: SampledValues) -> Terms:
+    """Return the terms of the condition that a record's value is true: a number is true if it is not 0."""
+    if not record.terms:
+        constant = to_json(sample.value(record.node), record.name)
+        return [bool(constant)]
+    terms = _resolved(record.terms, sample)
+    return terms if is_condition(record.node) else [*terms, "abs", 0.0, ">"]

@@ -63,14 +63,15 @@ class ProgramFiles:
     def __init__(self, program: Path, fixed: Files | None = None) -> None:
         self._program = program
         self._folder = program.parent.absolute()
-        self._fixed = fixed is not None
+        # Whether the program may read no further files, because its fingerprint has been computed from the known ones.
+        self._is_complete = fixed is not None
         self._digests: dict[str, str] = dict(fixed) if fixed is not None else self._neighbours()
         self._modules = _Modules(self._folder)
         self._written: set[Path] = set()
 
     def fix(self) -> Files:
         """Return the files. From now on a block must not read others."""
-        self._fixed = True
+        self._is_complete = True
         return self._digests
 
     def adopt(self, files: Files) -> None:
@@ -120,37 +121,43 @@ class ProgramFiles:
         for path, state in opened.read.items():
             if path in self._written or not is_own(path, self._folder):
                 continue
-            is_missing = state is None
-            # A missing file need not be recorded after sample 0, or outside the folder: if it appears and is read later,
-            # that is noticed then.
-            if is_missing and (self._fixed or not path.is_relative_to(self._folder)):
+            if state is None and not self._must_record_missing(path):
                 continue
             # The digest is None if the file has changed since the program read it.
-            current = digest_or_missing(path) if file_state(path) == state else None
-            self._record(path, current, verb="reads", remedy="read it at the program's head")
-        # The program's own folder may hold the store and the report, and Python lists it to find packages.
+            digest = digest_or_missing(path) if file_state(path) == state else None
+            self._record(path, digest, action="reads", remedy="read it at the program's head")
         for path in sorted(opened.listed):
+            # Only folders inside the program's folder count. The folder itself may hold the store and the report, and
+            # Python lists it to find packages.
             if self._folder in path.parents or self._folder.resolve() in path.resolve().parents:
                 digest = digest_or_missing(path)
-                self._record(path, digest, verb="lists the folder", remedy="list it at the program's head")
+                self._record(path, digest, action="lists the folder", remedy="list it at the program's head")
 
-    def _record(self, path: Path, current: str | None, verb: str, remedy: str) -> None:
+    def _must_record_missing(self, path: Path) -> bool:
+        """Return whether it must be recorded that the program has looked for a file that does not exist.
+
+        This is so for a file inside the program's folder, until sample 0 is drawn. If another missing file appears later
+        and the program reads it, reading it is an error.
+        """
+        return not self._is_complete and path.is_relative_to(self._folder)
+
+    def _record(self, path: Path, digest: str | None, action: str, remedy: str) -> None:
         """Record the digest of a file that the program has read, or of a folder that it has listed.
 
-        ``current`` is the digest, or None if the file has changed since it was read. ``verb`` and ``remedy`` are parts of
-        error messages: what the program does with the file, and what it should do. Raises FoldcarError if the file has
-        changed since its digest was recorded first, or if it is new after sample 0.
+        ``digest`` is None if the file has changed since it was read. Raises FoldcarError if the file has changed since
+        its digest was recorded first, or if it was not read before sample 0 was drawn. The message says what the program
+        does with the file, ``action``, and what it should do instead, ``remedy``.
         """
         name = self._name(path)
-        recorded_digest = self._digests.get(name)
-        if current is None or (recorded_digest and current != recorded_digest):
+        earlier_digest = self._digests.get(name)
+        if digest is None or (earlier_digest is not None and digest != earlier_digest):
             raise _changed(self._program.parent / name)
-        if recorded_digest is None and self._fixed:
+        if earlier_digest is None and self._is_complete:
             raise FoldcarError(
-                f"{self._program}: {verb} {self._program.parent / name} for the first time after sample 0, too late "
+                f"{self._program}: {action} {self._program.parent / name} for the first time after sample 0, too late "
                 f"to tell environments apart by it; {remedy}"
             )
-        self._digests[name] = current
+        self._digests[name] = digest
 
     def _name(self, path: Path) -> str:
         """Return a file's path relative to the program's folder, or its full path if it is outside."""
@@ -198,39 +205,61 @@ class _Modules:
     @contextmanager
     def loaded(self) -> Iterator[None]:
         """Run the block with sys.modules and sys.path as they would be if this program alone ran in a new Python."""
-        other_modules, outer_path = _pop_own_modules(self._folder), list(sys.path)
+        path_outside = list(sys.path)
+        # Modules of other programs that have the same names.
+        modules_outside = _pop_own_modules(self._folder)
+        if self._path is None:
+            # The empty entry means the working directory. It is left out, so that a program finds the same modules
+            # wherever it is started.
+            self._path = [str(self._folder), *filter(None, path_outside)]
+        sys.path[:] = self._path
         sys.modules.update(self._modules)
-        # The empty entry means the working directory. It is left out, so that a program finds the same modules wherever
-        # it is started.
-        sys.path[:] = self._path or [str(self._folder), *filter(None, outer_path)]
         try:
             with sources_only(self._folder):
                 yield
         finally:
-            self._path, sys.path[:] = list(sys.path), outer_path
+            # Keep what the block has changed for the next block.
+            self._path = list(sys.path)
             self._modules = _pop_own_modules(self._folder)
-            sys.modules.update(other_modules)
+            sys.path[:] = path_outside
+            sys.modules.update(modules_outside)
 
 
 def _pop_own_modules(folder: Path) -> dict[str, ModuleType]:
-    """Remove the program's own modules from sys.modules, so that they are loaded anew. Return them by name."""
-    # Modules that earlier calls have not seen.
-    names = sys.modules.keys() - _installed
-    own_names = {name for name in names if _is_own_module(sys.modules[name], folder)} - {"__main__"}
-    _installed.update(names - own_names)
-    if own_names:
-        # A compiled module cannot be loaded twice, so it counts as installed. If a package has an installed module, all
-        # of the package stays in sys.modules.
-        installed_packages = {name.partition(".")[0] for name in _installed}
-        own_names = {name for name in own_names if name.partition(".")[0] not in installed_packages}
-    return {name: sys.modules.pop(name) for name in own_names}
+    """Remove the program's own modules from sys.modules, so that they are loaded anew. Return them by name.
+
+    Names of all other modules are added to ``_installed``, so that later calls need not look at them again.
+    """
+    own_names = []
+    for name in sys.modules.keys() - _installed:
+        if name != "__main__" and _is_own_module(sys.modules[name], folder):
+            own_names.append(name)
+        else:
+            _installed.add(name)
+    if not own_names:
+        return {}
+    # A package may have compiled modules, which cannot be loaded twice. Then all of the package stays in sys.modules.
+    installed_packages = {name.partition(".")[0] for name in _installed}
+    popped = {}
+    for name in own_names:
+        package = name.partition(".")[0]
+        if package not in installed_packages:
+            popped[name] = sys.modules.pop(name)
+    return popped
 
 
 def _is_own_module(module: object, folder: Path) -> bool:
-    """Whether a module is the program's: loaded from a source file, or a package folder, that is not installed."""
-    attributes = vars(module) if isinstance(module, ModuleType) else {}
+    """Return whether a module is the user's own: it was loaded from a source file in a folder of the user.
+
+    A folder without ``__init__.py`` is also a module, a namespace package. It is the user's own if it is not installed.
+    """
+    if not isinstance(module, ModuleType):
+        return False
+    attributes = vars(module)
     spec, file = attributes.get("__spec__"), attributes.get("__file__")
     if isinstance(file, str):
-        return spec is not None and isinstance(spec.loader, SourceFileLoader) and is_own(Path(file).absolute(), folder)
-    # A namespace package: a folder without __init__.py, which has paths but no file.
-    return any(is_own(Path(folder_name).absolute(), folder) for folder_name in attributes.get("__path__", ()))
+        is_from_source = spec is not None and isinstance(spec.loader, SourceFileLoader)
+        return is_from_source and is_own(Path(file).absolute(), folder)
+    # A namespace package has no file, but one or more folders.
+    package_folders = attributes.get("__path__", ())
+    return any(is_own(Path(package_folder).absolute(), folder) for package_folder in package_folders)

@@ -131,7 +131,10 @@ def _reads(caller: FrameType, name: str) -> bool:
         return True
     text = read_text(file)
     # `.name = …` assigns the property, but `.name == …` reads it.
-    reads_attribute = re.search(rf"\.\s*{name}\b(?!\s*=(?!=))", text) is not None
+    reads_attribute = False
+    for mention in re.finditer(rf"\.\s*{name}\b\s*(?P<operator>=*)", text):
+        if mention["operator"] != "=":
+            reads_attribute = True
     has_string = f"'{name}'" in text or f'"{name}"' in text
     return reads_attribute or has_string
 
@@ -207,22 +210,24 @@ def refuse_degrees(node: ast.AST, file: str) -> None:
 
 
 def refuse_unordered_sets(node: ast.AST, file: str) -> None:
-    """Raise Scenic's InvalidScenarioError if ``node`` is a set whose order differs between processes.
+    """Raise Scenic's InvalidScenarioError if ``node`` is a set that may have another order in the next process.
 
-    Python orders classes, objects and None by their place in memory, so a loop over such a set draws other scenes in each
-    process, even with a fixed hash seed. A set of literal texts and numbers has the same order in all of them. The order
-    of a set that stands after `in` does not matter. ``file`` is the program, for the error.
+    Python orders classes, objects and None by their place in memory, so a loop over a set of these draws other scenes in
+    each process. A set of texts and numbers that stand in the program has the same order in all processes. The order of a
+    set after `in` does not matter. This function must be called for the parents of a node before the node. ``file`` is
+    the program, for the error.
     """
     if isinstance(node, ast.Compare):
         for operator, operand in zip(node.ops, node.comparators, strict=True):
             if isinstance(operator, ast.In | ast.NotIn):
-                # This function is called for the operand later, and then finds the mark.
-                operand.only_contains = True  # type: ignore[attr-defined]
-    if getattr(node, "only_contains", False):
+                # Mark the operand for its own call of this function.
+                operand.stands_after_in = True  # type: ignore[attr-defined]
+    if getattr(node, "stands_after_in", False):
         return
     # A set comprehension such as {kind for kind in kinds} has the loop's values, which may be classes or objects.
-    takes_any_values = isinstance(node, ast.SetComp) and isinstance(node.elt, ast.Name)
-    if takes_any_values or (isinstance(node, ast.Set) and not all(map(_has_lasting_order, node.elts))):
+    is_unordered_comprehension = isinstance(node, ast.SetComp) and isinstance(node.elt, ast.Name)
+    is_unordered_set = isinstance(node, ast.Set) and not all(map(_has_lasting_order, node.elts))
+    if is_unordered_comprehension or is_unordered_set:
         message = "a set of names has another order in each process, and so would the scenes: write a list, [...]"
         raise at(InvalidScenarioError(message), file, getattr(node, "lineno", None))
 

@@ -7,7 +7,7 @@ vocabulary/model.scenic, from which a program may derive its own.
 import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from foldcar.errors import FoldcarError
 from foldcar.scenes.checks import (
@@ -32,14 +32,24 @@ TURN_RAD = (-100.0, 100.0)
 
 PLACE_KEYS = {"x_m": PLACE_M, "y_m": PLACE_M, "heading_rad": TURN_RAD}
 MAX_PIECES = 10_000
+MAX_HEIGHT_M = HEIGHT_M[1]
 # The simulator represents rough ground as a grid with cells of an eighth of the correlation length.
 GRID_FINENESS = 8
 MAX_NODES = 4_000_000
-# Sizes that are limited by other sizes of the piece: the key, its maximum, and what the maximum is.
-BOUNDED: Mapping[str, tuple[str, Callable[[Mapping[str, Any]], float], str]] = {
-    "half_round": ("height_m", lambda piece: piece["length_m"] / 2, "half the length"),
-    "pothole": ("edge_m", lambda piece: piece["radius_m"], "the radius"),
-    "rough": ("correlation_m", lambda piece: min(piece["length_m"], piece["width_m"]), "the shorter side"),
+
+
+class _Bound(NamedTuple):
+    """The maximum of a size of a piece, computed from the piece's other sizes. ``meaning`` says what the maximum is."""
+
+    key: str
+    maximum: Callable[[Mapping[str, Any]], float]
+    meaning: str
+
+
+BOUNDED = {
+    "half_round": _Bound("height_m", lambda piece: piece["length_m"] / 2, "half the length"),
+    "pothole": _Bound("edge_m", lambda piece: piece["radius_m"], "the radius"),
+    "rough": _Bound("correlation_m", lambda piece: min(piece["length_m"], piece["width_m"]), "the shorter side"),
 }
 COURSE_SIDES = ("x_min", "x_max", "y_min", "y_max")
 
@@ -135,43 +145,50 @@ def terrain_pieces(thing: Any) -> list[dict[str, Any]]:
     return [_placed(_checked(given_piece, thing), place_of_object) for given_piece in given_pieces]
 
 
-def _checked(part: Any, thing: Any) -> dict[str, Any]:
+def _checked(given_piece: Any, thing: Any) -> dict[str, Any]:
     """Check a piece of terrain and return it with all keys of its kind.
 
-    ``part`` is the piece as the object ``thing`` of the program describes it, with its place relative to this object.
-    Raises UnusableError if a key is unknown or missing, or if a value is outside its limits.
+    ``given_piece`` is what the method `pieces` of the program's object ``thing`` has returned. Its place is relative to
+    this object. Raises UnusableError if a key is unknown or missing, or if a value is outside its limits.
     """
-    if not isinstance(part, Mapping) or part.get("kind") not in KINDS:
-        raise UnusableError(f"{part!r} is not a piece of terrain; its kind must be one of {', '.join(KINDS)}", thing)
-    kind = part["kind"]
+    if not isinstance(given_piece, Mapping) or given_piece.get("kind") not in KINDS:
+        kinds = ", ".join(KINDS)
+        raise UnusableError(f"{given_piece!r} is not a piece of terrain; its kind must be one of {kinds}", thing)
+    kind = given_piece["kind"]
     sizes = KINDS[kind].sizes
-    unknown_keys = [key for key in part if key != "kind" and key not in sizes and key not in PLACE_KEYS]
+    unknown_keys = [key for key in given_piece if key != "kind" and key not in sizes and key not in PLACE_KEYS]
     if unknown_keys:
         raise UnusableError(f"{kind}: unknown key {unknown_keys[0]}; its keys are {', '.join(sizes)}", thing)
     piece: dict[str, Any] = {"kind": kind}
     for key, (minimum, maximum) in {**PLACE_KEYS, **sizes}.items():
-        if key in sizes and key not in part:
+        if key in sizes and key not in given_piece:
             raise UnusableError(f"{kind}: {key} is missing", thing)
-        piece[key] = finite(f"{kind}: {key}", part.get(key, 0.0), thing)
+        piece[key] = finite(f"{kind}: {key}", given_piece.get(key, 0.0), thing)
         if not minimum <= piece[key] <= maximum:
             # Of all limits, that of heights is the lowest. A value above it is probably in mm.
-            hint = "; lengths are in metres" if maximum == HEIGHT_M[1] else ""
-            raise UnusableError(f"{kind}: {key}: {part[key]} is not within {minimum:g} to {maximum:g}{hint}", thing)
-    # The limit of some keys depends on the piece's other values.
+            hint = "; lengths are in metres" if maximum == MAX_HEIGHT_M else ""
+            raise UnusableError(
+                f"{kind}: {key}: {given_piece[key]} is not within {minimum:g} to {maximum:g}{hint}", thing
+            )
     if kind in BOUNDED:
-        key, limit, maximum_text = BOUNDED[kind]
-        if piece[key] > limit(piece):
-            raise UnusableError(f"{kind}: {key}: {piece[key]:g} is above {maximum_text}, {limit(piece):g}", thing)
+        bound = BOUNDED[kind]
+        value, bound_value = piece[bound.key], bound.maximum(piece)
+        if value > bound_value:
+            raise UnusableError(f"{kind}: {bound.key}: {value:g} is above {bound.meaning}, {bound_value:g}", thing)
     if kind == "rough":
-        # The simulator draws a grid of random heights.
-        cells_per_m = GRID_FINENESS / piece["correlation_m"]
-        nodes = (piece["length_m"] * cells_per_m + 1) * (piece["width_m"] * cells_per_m + 1)
-        if nodes > MAX_NODES:
-            raise UnusableError(f"rough: correlation_m: makes {nodes:.3g} heights, the limit is {MAX_NODES:.3g}", thing)
-        if piece["seed"] != int(piece["seed"]):
-            raise UnusableError(f"rough: seed: {piece['seed']:g} is not an integer", thing)
+        _check_grid(piece, thing)
         piece["seed"] = int(piece["seed"])
     return piece
+
+
+def _check_grid(piece: Mapping[str, Any], thing: Any) -> None:
+    """Raise UnusableError if the simulator cannot draw the grid of random heights of a piece of rough ground."""
+    cells_per_m = GRID_FINENESS / piece["correlation_m"]
+    nodes = (piece["length_m"] * cells_per_m + 1) * (piece["width_m"] * cells_per_m + 1)
+    if nodes > MAX_NODES:
+        raise UnusableError(f"rough: correlation_m: makes {nodes:.3g} heights, the limit is {MAX_NODES:.3g}", thing)
+    if piece["seed"] != int(piece["seed"]):
+        raise UnusableError(f"rough: seed: {piece['seed']:g} is not an integer", thing)
 
 
 def _placed(part: dict[str, Any], place: Mapping[str, float]) -> dict[str, Any]:

@@ -66,19 +66,21 @@ def hooks(mutations: Mutations) -> Iterator[None]:
         refuse_misspelt_parameters(params, sys._getframe(1))
         scenics_param(params)
 
-    def visit(self: Any, node: Any) -> Any:
-        """Compile a node of the syntax tree, as Scenic does.
+    def visit(transformer: Any, node: Any) -> Any:
+        """Translate a node of a program's syntax tree to Python, like Scenic's method of its ``transformer``.
 
-        Some of the nodes that Scenic creates have no line. They get the line of the node, so that errors can name it.
+        Raises InvalidScenarioError if the node seems to have another meaning than its author believes. Some nodes of the
+        translation have no line. They get the line of the node, so that errors can name it.
         """
-        refuse_degrees(node, self.filename)
-        refuse_unordered_sets(node, self.filename)
-        compiled = scenics_visit(self, node)
+        refuse_degrees(node, transformer.filename)
+        refuse_unordered_sets(node, transformer.filename)
+        translation = scenics_visit(transformer, node)
+        translated_nodes = translation if isinstance(translation, list) else [translation]
         if isinstance(node, ast.AST) and hasattr(node, "lineno"):
-            for part in compiled if isinstance(compiled, list) else [compiled]:
-                if isinstance(part, ast.AST) and not hasattr(part, "lineno"):
-                    ast.copy_location(part, node)
-        return compiled
+            for translated_node in translated_nodes:
+                if isinstance(translated_node, ast.AST) and not hasattr(translated_node, "lineno"):
+                    ast.copy_location(translated_node, node)
+        return translation
 
     def parse(source: str, mode: str, filename: str) -> Any:
         """Parse a program, like Scenic's parser; also one with a byte order mark, or with Windows' ends of lines."""

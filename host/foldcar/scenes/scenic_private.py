@@ -110,17 +110,17 @@ def defer_time_limit(dynamic: Any) -> None:
 
 
 def names(dynamic: Any) -> dict[str, Any]:
-    """Return the variables of a compiled program by name.
-
-    They are its global variables. In a modular scenario, a program with `scenario` statements, the variables of its
-    `setup` are added.
-    """
-    modular: dict[str, Any] = {}
+    """Return the variables of a compiled program by name. ``dynamic`` is Scenic's DynamicScenario of the program."""
+    # A program without `scenario` statements has a namespace of its own.
     namespace = dynamic._dummyNamespace
+    own_variables: dict[str, Any] = {}
     if namespace is None:
-        namespace = (dynamic._setup or dynamic._compose).__globals__
-        modular = {name: dynamic.__dict__[name] for name in dynamic._locals if name in dynamic.__dict__}
-    return {name: value for name, value in namespace.items() if not name.startswith("_")} | modular
+        # This is a `scenario` of the program. It has the program's global variables, and those of its `setup` block.
+        block = dynamic._setup or dynamic._compose
+        namespace = block.__globals__
+        own_variables = {name: dynamic.__dict__[name] for name in dynamic._locals if name in dynamic.__dict__}
+    global_variables = {name: value for name, value in namespace.items() if not name.startswith("_")}
+    return {**global_variables, **own_variables}
 
 
 def file_of(dynamic: Any) -> str | None:

@@ -26,7 +26,7 @@ from foldcar.scenes.scene_json import scene_with_obstacles
 from foldcar.scenes.success import SuccessRule, success_rule
 
 if TYPE_CHECKING:
-    from foldcar.scenes.native_program import NativeProgram
+    from foldcar.scenes.native_program import Translation
 
 # Scenic's default. A program whose samples are rejected this often has requirements that are almost never fulfilled.
 MAX_ITERATIONS = 2000
@@ -56,19 +56,16 @@ class SceneSource:
     @property
     def needs_scenic(self) -> str:
         """The part, with its line, that Scenic must evaluate beside carsim; "" if carsim evaluates everything."""
-        return self._native[1]
+        return self._translation.needs_scenic
 
     @cached_property
-    def _native(self) -> "tuple[NativeProgram | None, str]":
-        """The program's statements about runs, translated for carsim, or the reason why they cannot be translated.
+    def _translation(self) -> "Translation":
+        """The program's statements about runs, translated for carsim, or the reason why this is not possible."""
+        from foldcar.scenes.native_program import Translation, native_program
 
-        The pair has the translated statements and "", or None and the part that needs Scenic (see
-        :func:`native_program`). It is (None, "") if the program has no such statements.
-        """
         if not is_dynamic(self.scenario):
-            return None, ""
-        from foldcar.scenes.native_program import native_program
-
+            # There are no such statements.
+            return Translation(None)
         with self.files.inside():
             return native_program(self.scenario, self.program, self.success)
 
@@ -115,30 +112,32 @@ class SceneSource:
 
         if k < 0:
             raise FoldcarError(f"{self.program}: sample {k} is below the minimum 0")
-        # Sampling gives the program's names sampled values. So the program is translated before the first sample: reading
-        # this cached property does it.
-        self._native  # noqa: B018
+        place = f"{self.program}: sample {k}"
+        self._translate()
         try:
-            with (
-                seeded(f"{self.seed}/{k}"),
-                self.files.inside(),
-                contained(SAMPLE_LIMIT_S, f"{self.program}: sample {k}", self.program),
-            ):
+            with seeded(f"{self.seed}/{k}"), self.files.inside(), contained(SAMPLE_LIMIT_S, place, self.program):
                 scene, _ = self.scenario.generate(maxIterations=MAX_ITERATIONS, verbosity=0)
         except RejectionException:
             raise FoldcarError(
-                f"{self.program}: sample {k}: Scenic rejected all {MAX_ITERATIONS} tries, "
+                f"{place}: Scenic rejected all {MAX_ITERATIONS} tries, "
                 f"the last because of {self._rejection_reason(k)}; relax the program's requirements"
             ) from None
         except FoldcarError:
             raise
         except Exception as error:
-            raise ProgramError(f"{self.program}: sample {k}", error, self.program) from error
-        # Scenic would check all requirements again in the simulation, even soft ones that this sample need not fulfil.
-        scene.temporalRequirements = tuple(
-            requirement for requirement in scene.temporalRequirements if requirement.proposition.has_temporal_operator
-        )
+            raise ProgramError(place, error, self.program) from error
+        # In a simulation, Scenic would check all of these requirements once more, also soft ones that this sample need
+        # not fulfil. So keep only those on the course of a run.
+        requirements_on_runs = []
+        for requirement in scene.temporalRequirements:
+            if requirement.proposition.has_temporal_operator:
+                requirements_on_runs.append(requirement)
+        scene.temporalRequirements = tuple(requirements_on_runs)
         return scene
+
+    def _translate(self) -> None:
+        """Translate the program before its first sample is drawn, because sampling replaces its names' values."""
+        _ = self._translation
 
     def describe(self, scene: Any, k: int) -> dict[str, Any]:
         """Return the "scene" object of docs/carsim.md for sample ``k``'s Scene. Raises FoldcarError."""
@@ -166,15 +165,14 @@ class SceneSource:
             yield
 
     def _with_obstacles(self, scene: Any, k: int) -> tuple[dict[str, Any], list[Obstacle]]:
-        """Return sample ``k``'s Scenic Scene as the "scene" object of docs/carsim.md, and its obstacles."""
-        native, _needs_scenic = self._native
+        """Convert sample ``k``, a Scene of Scenic, to a "scene" object of docs/carsim.md. Return it and its obstacles."""
         with self._describing(k):
             return scene_with_obstacles(
                 scene,
                 self.program,
                 where=f"sample {k}",
                 needs_goal=not may_end_itself(self.scenario),
-                native=native,
+                native=self._translation.program,
             )
 
     def _rejection_reason(self, k: int) -> str:

@@ -6,7 +6,7 @@ A program with none of these defines no success.
 """
 
 import ast
-from collections.abc import Iterator
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -48,50 +48,57 @@ def success_rule(scenario: Any, program: Path) -> SuccessRule:
     has_goal = any(is_a(thing, "Goal") for thing in scenario.objects)
     # A run has passed if one of these holds. Each text completes the words "a run has passed if".
     alternatives = ["it reaches its Goal"] if has_goal else []
-    endings: frozenset[str] = frozenset()
-    ambiguous = ""
     records = [*scenario.recordedFinalExprs, *scenario.recordedExprs]
     if any(record.name == VERDICT for record in records):
         alternatives.append(f"the program ends it and its record `{VERDICT}` is true then")
-    else:
-        conditions = [*scenario.terminationConditions, *scenario.terminateSimulationConditions]
-        lines = {condition.line for condition in conditions}
-        candidates = _approaches(program, scenario, has_goal) if lines else ()
-        approaches = [approach for approach in candidates if approach.line in lines]
-        if len({approach.place for approach in approaches}) > 1:
-            approaches = [approach for approach in approaches if approach.place.lower() == TARGET]
-            if not approaches:
-                ambiguous = " (it measures the distance to several places, and none is named `target`)"
-        for approach in approaches:
-            alternatives.append(f"`{approach.text}` (line {approach.line}) ends it with the car upright")
-        approach_lines = {approach.line for approach in approaches}
-        endings = frozenset(str(condition) for condition in conditions if condition.line in approach_lines)
+        return _rule(alternatives, endings=frozenset())
+    conditions = [*scenario.terminationConditions, *scenario.terminateSimulationConditions]
+    approaches = _approaches(program, scenario, has_goal, {condition.line for condition in conditions})
+    has_several_places = len({approach.place for approach in approaches}) > 1
+    if has_several_places:
+        approaches = [approach for approach in approaches if approach.place.lower() == TARGET]
+    for approach in approaches:
+        alternatives.append(f"`{approach.text}` (line {approach.line}) ends it with the car upright")
     if alternatives:
-        rule = ", or if ".join(alternatives)
-        return SuccessRule(defined=True, text=f"a run has passed if {rule}, within the time limit", endings=endings)
+        approach_lines = {approach.line for approach in approaches}
+        passing = frozenset(str(condition) for condition in conditions if condition.line in approach_lines)
+        return _rule(alternatives, endings=passing)
+    several = " (it measures the distance to several places, and none is named `target`)" if has_several_places else ""
     return SuccessRule(
         defined=False,
         text=f"success is undefined: {program.name} has no Goal, no `record final … as {VERDICT}` and no "
-        f"`terminate when` on the distance of the car to its target{ambiguous}; no fraction of passed runs is reported",
+        f"`terminate when` on the distance of the car to its target{several}; no fraction of passed runs is reported",
     )
 
 
-def _approaches(program: Path, scenario: Any, has_goal: bool) -> Iterator[_Approach]:
-    """Yield the statements that end a run when the car has come close to its target.
+def _rule(alternatives: Sequence[str], endings: frozenset[str]) -> SuccessRule:
+    """Return the rule that a run has passed if one of the ``alternatives`` holds within the time limit."""
+    text = ", or if ".join(alternatives)
+    return SuccessRule(defined=True, text=f"a run has passed if {text}, within the time limit", endings=endings)
 
-    The target is the Goal. In a program without a Goal, it is a place.
+
+def _approaches(program: Path, scenario: Any, has_goal: bool, lines: Collection[int]) -> list[_Approach]:
+    """Return the statements that end a run when the car has come close to its target.
+
+    The target is the Goal. In a program without a Goal, it is a place. Only statements in these ``lines`` count.
     """
     source = read_text(program)
     things = named_things(scenario)
-    for node in ast.walk(parsed_program(source)):
-        if type(node).__name__ not in ("TerminateWhen", "TerminateSimulationWhen"):
+    approaches: list[_Approach] = []
+    if not lines:
+        return approaches
+    statements: list[Any] = list(ast.walk(parsed_program(source)))
+    for statement in statements:
+        is_ending = type(statement).__name__ in ("TerminateWhen", "TerminateSimulationWhen")
+        if not is_ending or statement.lineno not in lines:
             continue
-        condition: Any = node
-        for conjunct in _conjuncts(condition.cond):
+        for conjunct in _conjuncts(statement.cond):
             place = _approached_place(conjunct)
             if place is not None and _is_target(place, things, has_goal):
-                text = " ".join((ast.get_source_segment(source, node) or "").split())
-                yield _Approach(condition.lineno, text, ast.get_source_segment(source, place) or ast.dump(place))
+                place_text = ast.get_source_segment(source, place) or ast.dump(place)
+                text = " ".join((ast.get_source_segment(source, statement) or "").split())
+                approaches.append(_Approach(statement.lineno, text, place_text))
+    return approaches
 
 
 def _conjuncts(condition: ast.AST) -> list[ast.AST]:

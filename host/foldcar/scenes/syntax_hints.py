@@ -13,9 +13,10 @@ FACES_A_NAME = re.compile(r"\bfacing\s+(?!toward\b|away\b|directly\b)([A-Za-z_]\
 
 
 def syntax_hint(error: BaseException, text: str) -> str:
-    """Return the hint for an error in the line ``text``, or "" without a hint.
+    """Return a hint on how to write the line ``text`` in Scenic 3, to be appended to the message of ``error``.
 
-    For ``ego = Robot at startPos facing endPos`` it names ``new``, the comma and ``facing toward``.
+    The hint for ``ego = Robot at startPos facing endPos`` names three changes: ``new``, a comma and ``facing toward``.
+    Returns "" if there is no hint.
     """
     if "not a heading or orientation" in str(error):
         return _toward(text)

@@ -341,21 +341,18 @@ def _unknown_key_message(type_string: str, letters: Sequence[str], key: str, par
     return f"{type_string} has no such parameter; it has {', '.join(parameter_keys)}"
 
 
-def design_errors(
-    type_string: str, values: Mapping[str, float], parts: Catalogue
-) -> dict[str, tuple[DesignError, float]]:
-    """Return the error and the violated limit of every value that is outside its limits, by key.
+def limit_errors(type_string: str, values: Mapping[str, float], parts: Catalogue) -> list[DesignError]:
+    """Return an error for every value that is outside the limits of its parameter. ``values`` are given by key.
 
     Keys of unknown parameters, or of modules that the type does not have, are skipped: other checks report them.
     """
-    letters, errors = modules_of(type_string), {}
+    letters = modules_of(type_string)
+    errors = []
     for key, value in values.items():
         parameter = parameter_of(key)
         if parameter is None or parameter.modules.isdisjoint(letters):
             continue
-        declaration = parameter.declared
-        limit_error = declaration.limit_error(value, parts)
-        if limit_error:
-            limit = declaration.maximum if value > declaration.maximum else declaration.minimum_with(parts)
-            errors[key] = (DesignError(key, limit_error), limit)
+        message = parameter.declared.limit_error(value, parts)
+        if message:
+            errors.append(DesignError(key, message))
     return errors

@@ -5,13 +5,13 @@ module the settings that depend on other modules (module_settings.py).
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from itertools import pairwise
 
 from foldcar.car.components.assemble import Assembly, assemble, build
-from foldcar.car.components.box_beam import PANELS, put_cap, wall_mm
+from foldcar.car.components.box_beam import PANELS, put_cap, wall_distance_mm
 from foldcar.car.components.component import ROUNDING, Component, Sub, minimum_text
 from foldcar.car.components.electronics import ElectronicsModule
 from foldcar.car.components.hinge_module import HingeModule, stiffness_n_m_rad
@@ -55,7 +55,7 @@ class Car(Component):
         return modules
 
     def build(self, shape: Shape) -> None:
-        """Fuse neighbouring beams, close the segments' ends with caps, glue on the hinges."""
+        """Connect the modules to segments, close the ends of the segments with caps, and join the segments by hinges."""
         self._fuse_beams(shape)
         self._put_caps(shape)
         self._put_switches(shape)
@@ -63,10 +63,10 @@ class Car(Component):
         # The origin of the car's frame is the middle of its length, width and height. x points forward, y to the left and
         # z up. The floor of the first module, at the front, has its own origin at its rear right corner. This is the pose
         # of that floor in the car's frame.
-        distance_of_walls = wall_mm(self.design.width_mm, self.parts)
-        floor_to_lid = wall_mm(self.design.height_mm, self.parts)
+        right_to_left_wall = wall_distance_mm(self.design.width_mm, self.parts)
+        floor_to_lid = wall_distance_mm(self.design.height_mm, self.parts)
         rear_of_first = self.design.length_mm / 2 - self.design.length_of(0)
-        floor_pose = translation(rear_of_first, -distance_of_walls / 2, -floor_to_lid / 2)
+        floor_pose = translation(rear_of_first, -right_to_left_wall / 2, -floor_to_lid / 2)
         shape.begin_at(f"{self.names[0]}.beam.floor", floor_pose)
 
     def _fuse_beams(self, shape: Shape) -> None:
@@ -80,15 +80,15 @@ class Car(Component):
 
     def _put_caps(self, shape: Shape) -> None:
         """Close both ends of each segment with a cap. The caps at a hinge have a slit for the cables."""
-        outer_mm = self.design.width_mm, self.design.height_mm
-        last_module = len(self.names) - 1
         for number, segment in enumerate(self.design.segments, 1):
-            for end, module, outer_module in (
-                ("front", segment.modules[0], 0),
-                ("rear", segment.modules[-1], last_module),
-            ):
-                slit_mm = 0.0 if module == outer_module else self.parts.assembly.cable_slit_length_mm.value
-                put_cap(shape, f"{end} cap {number}", end, self.names[module], outer_mm, slit_mm)
+            self._put_cap(shape, "front", number, segment.modules[0], is_at_hinge=number > 1)
+            self._put_cap(shape, "rear", number, segment.modules[-1], is_at_hinge=number < len(self.design.segments))
+
+    def _put_cap(self, shape: Shape, end: str, segment_number: int, module: int, is_at_hinge: bool) -> None:
+        """Close the ``front`` or the ``rear`` end of a segment, which is an end of the module with this index."""
+        outer_mm = self.design.width_mm, self.design.height_mm
+        slit_mm = self.parts.assembly.cable_slit_length_mm.value if is_at_hinge else 0.0
+        put_cap(shape, f"{end} cap {segment_number}", end, self.names[module], outer_mm, slit_mm)
 
     def _put_switches(self, shape: Shape) -> None:
         """Mount the switches in the middle of their cap, and the button, if the car has one, in the other cap."""
@@ -179,8 +179,9 @@ def _folded_car(letters: tuple[str, ...], values: tuple[tuple[str, float], ...],
 
 
 def _check_stance(design: Design, car: FoldedCar) -> None:
-    """Raise DesignError if wheels of different radii tilt the body so far that it would touch the ground."""
-    if len(set(design.radii_mm)) == 1:
+    """Raise DesignError if wheels of different radii tilt the body so far that it is too near to the ground."""
+    smallest, largest = min(design.radii_mm), max(design.radii_mm)
+    if smallest == largest:
         return
     center_x, _, center_z = center_mm(car)
     half, belly = design.height_mm / 2, design.parts.assembly.belly_clearance_mm.value
@@ -193,27 +194,29 @@ def _check_stance(design: Design, car: FoldedCar) -> None:
         stance = standing(wheels, (center_x, center_z))
         return all(stance.height_mm(end, -half) >= belly - ROUNDING for end in ends)
 
-    # The body is clear with the wheels that the car has.
-    smallest, largest = min(design.radii_mm), max(design.radii_mm)
-    if is_clear(smallest):
+    # A car that tips over its first or last axle touches the ground even on wheels that are all as large as the largest.
+    # This is not an error of the radii.
+    if is_clear(smallest) or not is_clear(largest):
         return
-    # The body touches the ground even if all wheels are as large as the largest, because the car tips over its first or
-    # last axle. This is not an error of the radii.
-    if not is_clear(largest):
-        return
-    # Find the smallest radius with which the body is clear, by bisection between ``low`` and ``high``. The message names
-    # it.
-    low, high = smallest, largest
+    min_radius_mm = _smallest_that_satisfies(is_clear, smallest, largest)
+    module = min(design.wheel_modules, key=lambda i: design.of(i, "radius"))
+    reason = f"beside {largest:g}: the tilted body is less than {belly:g} above the ground"
+    message = f"{design.of(module, 'radius'):g} is below the minimum {minimum_text(min_radius_mm)} ({reason})"
+    raise DesignError(design.of_modules[module].keys.get("radius"), message)
+
+
+def _smallest_that_satisfies(condition: Callable[[float], bool], low: float, high: float) -> float:
+    """Return the smallest radius (mm) that satisfies a condition, found by bisection to STANCE_TOLERANCE_MM.
+
+    ``low`` does not satisfy the condition, and ``high`` does.
+    """
     while high - low > STANCE_TOLERANCE_MM:
         middle = (low + high) / 2
-        if is_clear(middle):
+        if condition(middle):
             high = middle
         else:
             low = middle
-    module = min(design.wheel_modules, key=lambda i: design.of(i, "radius"))
-    reason = f"beside {largest:g}: the tilted body is less than {belly:g} above the ground"
-    message = f"{design.of(module, 'radius'):g} is below the minimum {minimum_text(high)} ({reason})"
-    raise DesignError(design.of_modules[module].keys.get("radius"), message)
+    return high
 
 
 # The values of a wheel by name, which distinguish it from others.

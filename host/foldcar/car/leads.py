@@ -193,6 +193,15 @@ def _ends(mount: Mount, battery: BoxPart) -> Iterator[BatteryEnd]:
         yield BatteryEnd(side, middle + to_end)
 
 
+def _segment_number(body: str) -> int:
+    return int(body.removeprefix("segment"))
+
+
+def _along_axes_mm(start: Points, end: Points) -> float:
+    """Return the length of a way between two points that runs along the axes of the car (mm)."""
+    return float(np.abs(end - start).sum())
+
+
 class _Ways:
     """The starts and ends of one car's leads, and the ways between them."""
 
@@ -252,38 +261,42 @@ class _Ways:
         """Yield the three leads of the servos' supply.
 
         The battery has a lead + to the switch and a lead - to the terminal block of the servo driver. A wire leads from
-        the switch to the terminal block.
+        the switch to the terminal block. The battery's leads leave it at the end from which they are shorter.
         """
-        parts, wing = self.parts, self.parts.featherwing
-        battery, switch = self.of_part[parts.battery.name], self.mounts[SERVO_SWITCH]
-        # The points at which the leads end, and the length of a lead that is in a soldered joint.
-        switch_terminals = self._terminals(switch)
-        terminal_block = self._mouth(wing, wing.terminal_block)
-        joint_mm, available_mm = parts.wiring.joint_mm.value, parts.battery.lead_length_mm.min_value
-        # To change cells, the battery is lifted above the walls with its leads on, so they must be long enough for this,
-        # too. A battery on the roof is turned over beside its place, so it must be lifted by its own height.
-        wall_top = _height_mm(self.bodies[battery.body], "left")
-        bottom = battery.center_mm[2] - battery.size_mm[2] / 2
-        min_lift_mm = battery.size_mm[2] if parts.battery_place == "roof" else 0.0
-        lift = np.array((0.0, 0.0, max(min_lift_mm, wall_top - bottom)))
-
-        def leads_from(end: BatteryEnd) -> tuple[Lead, Lead]:
-            """Return the leads + and - of the battery if they leave it at this end."""
-            # The longer way counts: with the battery in its place, or lifted.
-            starts = (end.middle, end.middle + lift)
-            plus_way = max(self.way(start, switch_terminals, battery.body, parts.switch.name) for start in starts)
-            minus_way = max(self.way(start, terminal_block, battery.body, wing.name) for start in starts)
-            plus, minus = f"{battery.name} +", f"{battery.name} -"
-            plus_lead = self._lead(plus, f"{SERVO_SWITCH} 1", "solder", plus_way, joint_mm, available_mm)
-            minus_lead = self._lead(minus, f"{wing.name} terminal -", "solder", minus_way, joint_mm, available_mm)
-            return replace(plus_lead, leaves=end.side), replace(minus_lead, leaves=end.side)
-
-        # The leads leave the battery at the end from which they are shorter.
-        pairs = [leads_from(end) for end in _ends(battery, parts.battery)]
+        wing, switch = self.parts.featherwing, self.mounts[SERVO_SWITCH]
+        battery = self.of_part[self.parts.battery.name]
+        pairs = [self._battery_leads(end) for end in _ends(battery, self.parts.battery)]
         yield from min(pairs, key=lambda pair: sum(lead.needed_mm for lead in pair))
-        # The wire has a joint at each end.
-        way = self.way(switch_terminals, terminal_block, switch.body, wing.name)
-        yield self._lead(f"{SERVO_SWITCH} 2", f"{wing.name} terminal +", "wire", way, 2 * joint_mm)
+        # The wire has a soldered joint at each end.
+        way = self.way(self._terminals(switch), self._mouth(wing, wing.terminal_block), switch.body, wing.name)
+        joints_mm = 2 * self.parts.wiring.joint_mm.value
+        yield self._lead(f"{SERVO_SWITCH} 2", f"{wing.name} terminal +", "wire", way, joints_mm)
+
+    def _battery_leads(self, end: BatteryEnd) -> tuple[Lead, Lead]:
+        """Return the leads + and - of the servos' battery if they leave it at this end."""
+        parts, wing, name = self.parts, self.parts.featherwing, self.parts.battery.name
+        body = self.of_part[name].body
+        switch_terminals = self._terminals(self.mounts[SERVO_SWITCH])
+        terminal_block = self._mouth(wing, wing.terminal_block)
+        # The leads must be long enough for the battery in its place, and for the lifted battery.
+        starts = (end.middle, end.middle + np.array((0.0, 0.0, self._battery_lift_mm())))
+        plus_way = max(self.way(start, switch_terminals, body, parts.switch.name) for start in starts)
+        minus_way = max(self.way(start, terminal_block, body, wing.name) for start in starts)
+        joint_mm, available_mm = parts.wiring.joint_mm.value, parts.battery.lead_length_mm.min_value
+        plus = self._lead(f"{name} +", f"{SERVO_SWITCH} 1", "solder", plus_way, joint_mm, available_mm)
+        minus = self._lead(f"{name} -", f"{wing.name} terminal -", "solder", minus_way, joint_mm, available_mm)
+        return replace(plus, leaves=end.side), replace(minus, leaves=end.side)
+
+    def _battery_lift_mm(self) -> float:
+        """Return how far (mm) the battery is lifted, with its leads on, when its cells are changed.
+
+        It is lifted above the walls. A battery on the roof is turned over beside its place, so it is lifted by its
+        height.
+        """
+        battery = self.of_part[self.parts.battery.name]
+        bottom = battery.center_mm[2] - battery.size_mm[2] / 2
+        above_walls_mm = _height_mm(self.bodies[battery.body], "left") - bottom
+        return max(battery.size_mm[2] if self.parts.battery_place == "roof" else 0.0, above_walls_mm)
 
     def controls(self) -> Iterator[Lead]:
         """Yield the wires of the board switch and of the options, such as the button.
@@ -357,24 +370,24 @@ class _Ways:
         return Lead(start, end, kind, way.length_mm, needed_mm=with_slack + ends_mm, available_mm=available_mm)
 
     def way(self, start: Points, end: Points, body: str, part: str) -> Way:
-        """Return the way of a lead from a point in ``body`` to a point at ``part``.
+        """Return the way of a lead from the point ``start`` in the segment ``body`` to the point ``end`` at a part.
 
-        At a hinge it goes through the slits of the caps. Within a segment it runs along the axes of the car, so the
-        differences of x, y and z add up.
+        The lead runs along the axes of the car, so the differences of x, y and z add up. From segment to segment it
+        passes the hinge between them, through the slits of the two caps there.
         """
-        first, last = (int(name.removeprefix("segment")) for name in (body, self.of_part[part].body))
+        first, last = _segment_number(body), _segment_number(self.of_part[part].body)
         # Hinge i joins segment i and, behind it, segment i + 1.
         goes_rearwards = first < last
-        hinges = range(first, last) if goes_rearwards else range(first - 1, last - 1, -1)
+        hinges = range(first, last) if goes_rearwards else reversed(range(last, first))
+        # A lead of a battery on the roof first goes to the hole in the lid.
         position = self._inside(start, body)
-        length = float(np.abs(start - position).sum())
+        length_mm = _along_axes_mm(start, position)
         for hinge in hinges:
             front_slit, rear_slit = self._slits_at(hinge)
             near_slit, far_slit = (front_slit, rear_slit) if goes_rearwards else (rear_slit, front_slit)
-            to_slit = float(np.abs(near_slit - position).sum())
-            length += to_slit + self._max_gap_mm(hinge, front_slit, rear_slit)
+            length_mm += _along_axes_mm(position, near_slit) + self._max_gap_mm(hinge, front_slit, rear_slit)
             position = far_slit
-        return Way(length + float(np.abs(end - position).sum()), len(hinges))
+        return Way(length_mm + _along_axes_mm(position, end), hinges=abs(last - first))
 
     def _slits_at(self, hinge: int) -> tuple[Points, Points]:
         """Return the middles of the slits in the caps before and behind a hinge."""

@@ -11,8 +11,10 @@ the film's middle surface.
 
 import math
 from collections.abc import Mapping
+from itertools import pairwise
+from typing import NamedTuple
 
-from foldcar.car.components.bridge import mouth_mm, span_mm, stack_height_mm
+from foldcar.car.components.bridge import bridge_span, mouth_mm, stack_height_mm
 from foldcar.car.components.component import Component, Parameter
 from foldcar.car.components.mounts import min_doubler_mm
 from foldcar.car.components.shape import Shape
@@ -49,7 +51,7 @@ def _min_width_mm(parts: Catalogue) -> float:
     # the boards, to the right end of the bridge that carries the boards, and to the right wall.
     wall_to_socket = assembly.usb_inside_mm.value
     socket_to_middle = mouth_mm(parts)
-    _, middle_to_bridge_end = span_mm(parts)
+    middle_to_bridge_end = bridge_span(parts).right_mm
     # The lid's flap hangs down between the bridge and the right wall.
     bridge_end_to_wall = max(assembly.bridge_gap_mm.value, assembly.flap_gap_mm.value + film)
     boards = wall_to_socket + socket_to_middle + middle_to_bridge_end + bridge_end_to_wall
@@ -73,9 +75,10 @@ LEVER_OVER_MM = 1.0
 CORNER_MM = 1.0
 
 
-def wall_mm(outer_mm: float, parts: Catalogue) -> float:
-    """Return the distance between the middles of two opposite walls (mm): the outer dimension minus the film's
-    thickness.
+def wall_distance_mm(outer_mm: float, parts: Catalogue) -> float:
+    """Return the distance of two opposite walls (mm), from the middle of one film to the middle of the other.
+
+    It is the outer dimension of the body minus the film's thickness.
     """
     return outer_mm - parts.film_mm
 
@@ -85,11 +88,19 @@ def flap_end_mm(parts: Catalogue) -> float:
     return parts.assembly.cap_tab_mm.value + 2 * parts.assembly.slot_clearance_mm.value
 
 
-def latch_mm(parts: Catalogue) -> Point:
-    """Return the length of a latch's notch along the lid, and its depth across the lid (mm), without a pull tab."""
+class Notch(NamedTuple):
+    """The size of a notch in the lid (mm): its length along the lid and its depth across the lid."""
+
+    length_mm: float
+    depth_mm: float
+
+
+def latch_notch(parts: Catalogue) -> Notch:
+    """Return the size of a latch's notch in the lid, without the room for a pull tab."""
     assembly = parts.assembly
     gap = assembly.grip_gap_mm.value
-    return assembly.lock_mm.value + LEVER_OVER_MM + 2 * gap, assembly.grip_mm.value + gap
+    length = assembly.lock_mm.value + LEVER_OVER_MM + 2 * gap
+    return Notch(length, depth_mm=assembly.grip_mm.value + gap)
 
 
 class BoxBeam(Component):
@@ -103,24 +114,24 @@ class BoxBeam(Component):
     parameters = (LENGTH, WIDTH, HEIGHT)
 
     def build(self, shape: Shape) -> None:
-        """Add the floor, the two walls that are folded up from it, the lid that is folded from the left wall, flap
-        and latches.
+        """Add the faces of the beam: the floor, two walls, a lid with a flap, and the latches that hold the flap.
+
+        The walls are folded up from the floor, the lid is folded from the left wall, and the flap from the lid. The flap
+        goes inside the right wall.
         """
         length = self["length"]
-        width, height = wall_mm(self["width"], self.parts), wall_mm(self["height"], self.parts)
-        for name, size in (("floor", width), ("right", height), ("left", height)):
-            shape.rectangle(name, length, size, piece="beam")
-        # The flap's fold begins behind the tab of a cap and behind the notch of a latch.
-        notch, _ = latch_mm(self.parts)
-        fold_starts: dict[str, float] = {}
-        for end in ("front", "rear"):
-            fold_starts[end] = self[f"flap_{end}"]
-            if self[f"latch_{end}"]:
-                fold_starts[end] += notch
+        floor_width = wall_distance_mm(self["width"], self.parts)
+        wall_height = wall_distance_mm(self["height"], self.parts)
+        for name, width in (("floor", floor_width), ("right", wall_height), ("left", wall_height)):
+            shape.rectangle(name, length, width, piece="beam")
+        fold_starts = {end: self._flap_fold_start_mm(end) for end in ("front", "rear")}
         self._add_lid(shape, fold_starts)
         self._add_flap(shape, fold_starts)
-        for panel, following in (("right", "floor"), ("floor", "left"), ("left", "lid"), ("lid", "flap")):
-            shape.connect(f"{panel}.far", f"{following}.near", "fold", 90)
+        # Each panel is folded from the far edge of the panel before it, in the order in which the beam is rolled up.
+        for panel, next_panel in pairwise(("right", "floor", "left", "lid", "flap")):
+            shape.connect(f"{panel}.far", f"{next_panel}.near", "fold", 90)
+        # The right edge of the lid is tucked in behind the upper edge of the right wall. The lid has up to three such
+        # edges.
         for edge in ("far", "far front", "far rear"):
             if edge in shape.edges("lid"):
                 shape.touch("tuck", f"lid.{edge}", "right.near")
@@ -128,28 +139,39 @@ class BoxBeam(Component):
             if self[f"latch_{end}"]:
                 self._add_latch(shape, end)
 
-    def _add_lid(self, shape: Shape, fold_starts: Mapping[str, float]) -> None:
-        """Add the lid, with a notch for each latch.
+    def _flap_fold_start_mm(self, end: str) -> float:
+        """Return the distance (mm) from an end of the beam to the fold between lid and flap.
 
-        The origin of the lid's frame is the rear end of the left wall's upper edge. x points forward, and y across the
-        car to the right wall. The flap is folded from the middle part of the lid's right edge. ``fold_starts`` has the
-        distance (mm) from the beam's ``front`` and from its ``rear`` to the nearer end of this fold.
+        The fold leaves out the part beside the cap at this end, and the notch of a latch there.
+        """
+        start_mm = self[f"flap_{end}"]
+        if self[f"latch_{end}"]:
+            start_mm += latch_notch(self.parts).length_mm
+        return start_mm
+
+    def _add_lid(self, shape: Shape, fold_starts: Mapping[str, float]) -> None:
+        """Add the lid, with a notch in its right edge for each latch.
+
+        The origin of the lid's frame is its rear left corner; x points forward, and y to the right. The flap is folded
+        from the middle part of the right edge. ``fold_starts`` has, for each end of the lid, ``front`` and ``rear``, the
+        distance (mm) from that end to this fold.
         """
         assembly, film = self.parts.assembly, self.parts.film_mm
         length = self["length"]
         # The lid is narrower than the floor, because wall and flap lie beside it.
-        width = wall_mm(self["width"], self.parts) - film - assembly.flap_gap_mm.value
+        width = wall_distance_mm(self["width"], self.parts) - film - assembly.flap_gap_mm.value
         fold_front_x = length - fold_starts["front"]
         fold_rear_x = fold_starts["rear"]
-        # The corners, counter-clockwise. Each has the name of the edge that leads from it to the next corner.
+        # The corners, counter-clockwise. Each has the name of the edge that leads from it to the next corner. The left
+        # edge and the front edge come first.
         corners: dict[str, Point] = {"near": (0.0, 0.0), "front": (length, 0.0)}
-        # The right edge, from front to rear: the part beside a front cap, a notch, the fold of the flap ("far"), a notch,
-        # and the part beside a rear cap.
+        # The right edge, from front to rear, has up to five parts: beside a front cap, a notch, the fold of the flap, a
+        # notch, and beside a rear cap.
         if self["flap_front"]:
             corners["far front"] = (length, width)
         if self["latch_front"]:
-            notch_length, _ = latch_mm(self.parts)
-            corners |= self._notch("front", fold_front_x + notch_length, width)
+            notch_front_x = fold_front_x + latch_notch(self.parts).length_mm
+            corners |= self._notch("front", notch_front_x, width)
         corners["far"] = (fold_front_x, width)
         if self["latch_rear"]:
             corners |= self._notch("rear", fold_rear_x, width)
@@ -165,7 +187,7 @@ class BoxBeam(Component):
         middle of the notch's bottom, the edge ``END grip``.
         """
         assembly = self.parts.assembly
-        length, depth = latch_mm(self.parts)
+        length, depth = latch_notch(self.parts)
         has_pull_tab = bool(self[f"pull_{end}"])
         rear_x = front_x - length
         bottom_y = lid_width - depth
@@ -190,7 +212,7 @@ class BoxBeam(Component):
         """
         assembly = self.parts.assembly
         fold_length = self["length"] - sum(fold_starts.values())
-        notch, _ = latch_mm(self.parts)
+        notch = latch_notch(self.parts).length_mm
         depth, gap = assembly.flap_mm.value, assembly.grip_gap_mm.value
         half_tongue = assembly.lock_mm.value / 2
         # The corners, from the rear end of the fold forward, down, back along the lower edge, and up. Each has the name
@@ -235,7 +257,7 @@ class BoxBeam(Component):
         """
         assembly, film = self.parts.assembly, self.parts.film_mm
         width, play = assembly.lock_mm.value, assembly.slot_clearance_mm.value
-        notch, _ = latch_mm(self.parts)
+        notch = latch_notch(self.parts).length_mm
         # The tongue reaches from the middle of the flap's film, through the gap and the film of the wall, to beyond the
         # wall. So it passes one and a half films.
         reach = 1.5 * film + assembly.flap_gap_mm.value + assembly.lock_reach_mm.value
@@ -341,7 +363,7 @@ def put_cap(shape: Shape, cap: str, end: str, module: str, outer_mm: Point, slit
     parts, assembly, inset = shape.parts, shape.parts.assembly, cap_inset_mm(shape.parts)
     beam, tab_depth = f"{module}.beam", assembly.cap_tab_mm.value
     body = shape.body_of(f"{beam}.floor")
-    width, height = (wall_mm(size, parts) - 2 * inset for size in outer_mm)
+    width, height = (wall_distance_mm(size, parts) - 2 * inset for size in outer_mm)
     # The cap, whose piece has its name without the number of the segment.
     piece = cap.rpartition(" ")[0]
     shape.rectangle(f"{cap}.cap", width, height, piece=piece, body=body)

@@ -123,9 +123,9 @@ class Component:
     ) -> None:  # fmt: skip
         """Set and check the values of the parameters, and make the subcomponents.
 
-        ``path`` is the path of the component in the car, and ``body`` the rigid body to which it belongs. ``keys`` has,
-        by the name of a value, the key of the design that sets it, so that messages can name this key. By default each
-        value is set by the key of its own name. Raises ComponentError for a value outside its limits.
+        ``path`` is the path of the component in the car, and ``body`` the rigid body to which it belongs. ``keys`` maps
+        the name of a value to the key in the design file that sets it, for use in messages: ``radius`` may be set by
+        ``W2.radius``. Without ``keys``, each name is its own key. Raises ComponentError for a value outside its limits.
         """
         self.path = path
         self.body = body
@@ -142,15 +142,21 @@ class Component:
         for sub in self.subcomponents():
             if sub.name in self.children:
                 raise ComponentError(path, f'two subcomponents are called "{sub.name}"')
-            # A value of the subcomponent may come from a parameter of this component. Then the same key of the design
-            # sets both. A value that this component has computed is set by no key.
-            child_keys: dict[str, str] = {}
-            for value_name in sub.values:
-                parameter_name = sub.keys.get(value_name, value_name)
-                if parameter_name in self.keys:
-                    child_keys[value_name] = self.keys[parameter_name]
             child_path, child_body = self._under(sub.name), sub.body or self.body
-            self.children[sub.name] = sub.kind(sub.values, child_path, child_body, self.parts, child_keys)
+            self.children[sub.name] = sub.kind(sub.values, child_path, child_body, self.parts, self._keys_of(sub))
+
+    def _keys_of(self, sub: Sub) -> dict[str, str]:
+        """Return the key of the design that sets each value of a subcomponent, by the name of the value.
+
+        A value that comes from a parameter of this component is set by the same key as that parameter. A value that this
+        component computes is set by no key, so it is left out.
+        """
+        keys: dict[str, str] = {}
+        for value_name in sub.values:
+            parameter_name = sub.keys.get(value_name, value_name)
+            if parameter_name in self.keys:
+                keys[value_name] = self.keys[parameter_name]
+        return keys
 
     def subcomponents(self) -> Sequence[Sub]:
         """Return the subcomponents; none by default."""

@@ -243,24 +243,18 @@ SERVO_SWITCH, BOARD_SWITCH = "servo switch", "board switch"
 
 
 def put_switches(shape: Shape, panel: str, at_mm: Point) -> None:
-    """Mount both switches of the car beside each other in the face ``panel``.
+    """Mount both switches of the car beside each other in the face ``panel``; ``at_mm`` is the middle between them.
 
-    ``at_mm`` is the middle between them. Barbs on a switch hold it behind the panel. The panel alone is too thin for
-    them, so layers of film are stuck behind it with tape, the faces ``switch.layer 1`` and so on.
+    Barbs on a switch hold it behind the panel. The panel alone is too thin for them, so layers of film are stuck behind
+    it with tape, the faces ``switch.layer 1`` and so on. The slots of the switches go through panel and layers.
     """
     switch, parts = shape.parts.switch, shape.parts
     slot_length, slot_width = switch.slot_length_mm.value, switch.slot_width_mm.value
     margin = parts.assembly.switch_margin_mm.value
-    # The number of layers. Any switch must hold in any film, so the calculation is for the switch that needs the thickest
-    # panel, in the thinnest film with the thinnest tape.
-    min_film_mm = parts.film.thickness_mm.min_value
-    min_layer_mm = min_film_mm + parts.assembly.tape_mm.min_value
-    needed_layers = (switch.panel_least_mm.max_value - min_film_mm) / min_layer_mm
-    layer_count = max(1, math.ceil(needed_layers - ROUNDING))
     # The two slots have a margin between them, so the middle of each has this distance from the middle of the margin.
     offset = (slot_length + margin) / 2
     outline = rectangle_around((0.0, 0.0), switches_width_mm(parts), slot_width + 2 * margin)
-    for level in range(1, layer_count + 1):
+    for level in range(1, _switch_layers(parts) + 1):
         layer = f"switch.layer {level}"
         shape.layer(layer, panel, outline, at_mm, "switch doubler", level)
         for slot_x in (-offset, offset):
@@ -268,6 +262,18 @@ def put_switches(shape: Shape, panel: str, at_mm: Point) -> None:
     middle_x, middle_y = at_mm
     _put_switch(shape, SERVO_SWITCH, panel, (middle_x - offset, middle_y))
     _put_switch(shape, BOARD_SWITCH, panel, (middle_x + offset, middle_y))
+
+
+def _switch_layers(parts: Catalogue) -> int:
+    """Return how many layers of film are stuck behind a panel, so that it is thick enough for the barbs of a switch.
+
+    Any switch must hold in any film: the switch may need the thickest panel, and film and tape may be the thinnest.
+    """
+    panel_mm = parts.film.thickness_mm.min_value
+    layer_mm = panel_mm + parts.assembly.tape_mm.min_value
+    needed_panel_mm = parts.switch.panel_least_mm.max_value
+    needed_layers = (needed_panel_mm - panel_mm) / layer_mm
+    return max(1, math.ceil(needed_layers - ROUNDING))
 
 
 def _put_switch(shape: Shape, name: str, panel: str, at_mm: Point) -> None:

@@ -182,34 +182,41 @@ class Tyre(Bought):
 
         ``radius_mm`` is the outer radius of the wheel with its tyre, and ``rim_width_mm`` the width of its rim.
         """
-        width, thickness = self.running_width_mm(rim_width_mm), self.thickness_mm.value
-        rim_diameter_mm = 2 * (radius_mm - thickness)
+        width = self.running_width_mm(rim_width_mm)
+        rim_diameter_mm = 2 * (radius_mm - self.thickness_mm.value)
         # A tube that shrinks onto the rim. Laid flat, it is half as wide as its circumference.
         if self.form == "tube":
             flat = math.ceil(math.pi * rim_diameter_mm / 2)
             wide_enough = f"wider than {rim_diameter_mm:g} mm before it shrinks ({flat} mm flat)"
             return (f"{width:g} mm of a tube that is {wide_enough}",)
-        # A strip is as long as the circle through the middle of the tyre's thickness.
-        strip_mm = math.pi * (rim_diameter_mm + thickness)
-        strip = f"a strip of {round(strip_mm)} x {width:g} mm"
         stretch = self.closed_stretch(radius_mm)
         if stretch is None:
-            if self.inside_mm is None:
-                return (strip,)
-            # The strip is cut from bands that are sold in one size only, and do not fit closed.
-            bands = math.ceil(strip_mm / self.inside_mm.value)
-            source = "one band, cut open" if bands == 1 else f"{bands} bands, cut open and laid end to end"
-            return (f"{strip}, of {source}",)
+            return (self._strip_text(rim_diameter_mm, width),)
         on_rim = f"on the rim it is stretched by {100 * stretch:.0f} %"
         if self.inside_mm is not None:
             return (f"one closed band as it is: {on_rim}",)
         # A band that can be bought in any size, or a strip instead of it.
-        inside_mm = math.pi * rim_diameter_mm / (1 + stretch)
-        band = (
-            f"a closed band {inside_mm / math.pi:.0f} mm in inside diameter ({inside_mm / 2:.0f} mm long when it lies "
-            f"flat), {width:g} mm wide, {thickness:g} mm thick: {on_rim}"
-        )
-        return (band, strip)
+        return (f"{self._band_text(rim_diameter_mm, width, stretch)}: {on_rim}", self._strip_text(rim_diameter_mm, width))
+
+    def _strip_text(self, rim_diameter_mm: float, width_mm: float) -> str:
+        """Describe the strip that is laid around a rim, and the bands that it is cut from, if it is cut from bands."""
+        # The strip is as long as the circle through the middle of the tyre's thickness.
+        length_mm = math.pi * (rim_diameter_mm + self.thickness_mm.value)
+        strip = f"a strip of {round(length_mm)} x {width_mm:g} mm"
+        # Bands that are sold in one size only are cut open. ``inside_mm`` is the length around the inside of a band.
+        if self.inside_mm is None:
+            return strip
+        bands = math.ceil(length_mm / self.inside_mm.value)
+        source = "one band, cut open" if bands == 1 else f"{bands} bands, cut open and laid end to end"
+        return f"{strip}, of {source}"
+
+    def _band_text(self, rim_diameter_mm: float, width_mm: float, stretch: float) -> str:
+        """Describe the closed band to buy that is longer by the fraction ``stretch`` when it is on a rim."""
+        length_round_inside_mm = math.pi * rim_diameter_mm / (1 + stretch)
+        diameter_mm, flat_mm = length_round_inside_mm / math.pi, length_round_inside_mm / 2
+        lying_flat = f"({flat_mm:.0f} mm long when it lies flat)"
+        cross_section = f"{width_mm:g} mm wide, {self.thickness_mm.value:g} mm thick"
+        return f"a closed band {diameter_mm:.0f} mm in inside diameter {lying_flat}, {cross_section}"
 
     def closed_stretch(self, radius_mm: float) -> float | None:
         """Return the stretch of a closed band on a wheel of that outer radius, as a fraction of the band's length.
@@ -282,12 +289,18 @@ class Feather(BoxPart):
     pins: Pins
 
     def pin_mm(self, name: str) -> tuple[float, float]:
-        """Return x and y (mm) of a pin in the board's frame."""
-        for header, names in zip(self.headers, (self.pins.long_row, self.pins.short_row), strict=True):
-            if name in names:
-                (x, y, _), (length, _, _) = header.at_mm, header.size_mm
-                pitch = length / len(names)
-                return x - length / 2 + (names.index(name) + 0.5) * pitch, y
+        """Return x and y (mm) of a pin in the board's frame. Raises KeyError if there is no pin of this name.
+
+        The pins of a row are evenly spaced along x below the row's header.
+        """
+        long_header, short_header = self.headers
+        for header, row in ((long_header, self.pins.long_row), (short_header, self.pins.short_row)):
+            if name in row:
+                middle_x, row_y, _ = header.at_mm
+                length, _, _ = header.size_mm
+                pitch = length / len(row)
+                # The first pin is half a pitch from the end of the header.
+                return middle_x - length / 2 + (row.index(name) + 0.5) * pitch, row_y
         raise KeyError(name)
 
     @property

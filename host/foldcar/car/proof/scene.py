@@ -108,19 +108,20 @@ class CarSolids:
         self._mount = cache(_mount_solids)
 
     def _tongue_joins(self) -> list[Join]:
-        """Return the joins of tongues and slots, without those whose tongues are cut off like those of another join.
+        """Return the joins of tongues and slots at which tongues are cut off, one join for each cut.
 
-        Where several tongues of a piece go into the same face, one join stands for all, because its cut goes through all
-        faces of the piece. But where a piece locks into itself, the cut goes through the face of the tongue only. So each
-        face with a tongue has a join there.
+        A cut goes through all faces of the piece with the tongue. So if several tongues of a piece go into the same face,
+        one cut is enough for all. If a piece locks into itself, a cut goes through one face only, that of the tongue. So
+        there is a cut for each face with a tongue.
         """
-        joins: dict[tuple[str, ...], Join] = {}
+        join_of_cut: dict[tuple[str, str | None, str, str], Join] = {}
         for join in self.roles.car.joins:
             if join.kind in TONGUES:
                 locks_into_itself = join.piece_a == join.piece_b
-                cut_faces = join.a.face if locks_into_itself else "all faces"
-                joins[join.piece_a, cut_faces, join.piece_b, join.b.face] = join
-        return list(joins.values())
+                # None stands for all faces.
+                cut_face = join.a.face if locks_into_itself else None
+                join_of_cut[join.piece_a, cut_face, join.piece_b, join.b.face] = join
+        return list(join_of_cut.values())
 
     def solid(self, key: PartKey, stage: Stage) -> Blocks:
         """Return the solids of a copy of a piece, or of a mount; none for loose wires.

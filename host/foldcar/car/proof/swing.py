@@ -28,9 +28,10 @@ class Swing(NamedTuple):
 
 
 def even_path(start: Mapping[str, float], end: Mapping[str, float]) -> Iterator[dict[str, float]]:
-    """Yield how far folds are closed, step by step, if they close evenly: fractions by crease.
+    """Yield the positions of folds, in equal steps from ``start`` to ``end``.
 
-    ``start`` and ``end`` are the fractions before and after. A crease that has none at the start is open.
+    A position has, for each crease, the fraction of its final angle by which it is closed. A crease that is not in
+    ``start`` is open at first, with the fraction 0. All creases of ``end`` move at the same time.
     """
     for number in range(SWING_STEPS + 1):
         t = number / SWING_STEPS

@@ -175,13 +175,18 @@ class Design:
     @property
     def segments(self) -> tuple[Segment, ...]:
         """The rigid parts, front to back: groups of modules between hinges."""
+        groups: list[list[int]] = [[]]
+        for index, letter in enumerate(self.modules):
+            if letter == HINGE:
+                groups.append([])
+            else:
+                groups[-1].append(index)
         segments = []
-        for is_hinge, group in itertools.groupby(range(len(self.modules)), lambda i: self.modules[i] == HINGE):
-            if not is_hinge:
-                indices = tuple(group)
-                lengths = [self.length_of(i) for i in indices]
-                front = self.module_centers_mm[indices[0]] + lengths[0] / 2
-                segments.append(Segment(indices, front - sum(lengths) / 2, sum(lengths)))
+        for group in groups:
+            length_mm = sum(self.length_of(index) for index in group)
+            first = group[0]
+            front_x = self.module_centers_mm[first] + self.length_of(first) / 2
+            segments.append(Segment(tuple(group), front_x - length_mm / 2, length_mm))
         return tuple(segments)
 
     def segment_at(self, module: int) -> int:

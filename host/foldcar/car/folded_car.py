@@ -101,14 +101,16 @@ class Car(Component):
             put_button(shape, cap, (width / 2, height / 2))
 
     def _join_hinges(self, shape: Shape) -> None:
-        """Glue each hinge under the modules and onto the caps beside it."""
-        for index, name in enumerate(self.names):
+        """Glue each hinge under the modules in front of it and behind it, and its stop onto the cap in front of it."""
+        # A hinge is never at an end of the car.
+        for index in range(1, len(self.names) - 1):
+            name = self.names[index]
             hinge = self.children[name]
             if isinstance(hinge, HingeModule):
-                # Segments count from 0, from the front; caps from 1.
-                front_segment = self.design.segment_at(index)
-                caps = (f"rear cap {front_segment + 1}", f"front cap {front_segment + 2}")
-                hinge.join(shape, name, (self.names[index - 1], self.names[index + 1]), caps)
+                front_module, rear_module = self.names[index - 1], self.names[index + 1]
+                # Segments count from 0, caps from 1.
+                front_cap = f"rear cap {self.design.segment_at(index) + 1}"
+                hinge.join(shape, name, front_module=front_module, rear_module=rear_module, front_cap=front_cap)
 
 
 def folded_car(design: Design) -> FoldedCar:

@@ -330,16 +330,22 @@ class _Ways:
         return WireStart(self._below_feather(x, y), feather.body, free_mm=wing_width_mm)
 
     def _control_end(self, terminal: str) -> Points:
-        """Return the point where a wire ends: a pin of the Feather, the wing's terminal block, or its pad of #OE."""
-        wing = self.parts.featherwing
-        if terminal.startswith(self.parts.feather.name):
-            return self._below_feather(*self.parts.feather.pin_mm(terminal.rpartition(" ")[2]))
-        if terminal.endswith("+"):
+        """Return the point where a wire ends, in the car.
+
+        ``terminal`` is a pin of the Feather, such as ``Feather GND``, or a terminal of the wing: the + of its terminal
+        block, or the net ``#OE``, for which the board has pads.
+        """
+        wing, feather = self.parts.featherwing, self.parts.feather
+        part, _, last_word = terminal.rpartition(" ")
+        if part == feather.name:
+            return self._below_feather(*feather.pin_mm(last_word))
+        if last_word == "+":
             x, y, z = wing.terminal_block.at_mm
         else:
             # The first of the pads is large enough to be soldered to.
             x, y = wing.output_enable.at_mm[0]
             z = wing.board_mm.value
+        # Boxes are given over the board's underside. The frame of the mount is half its height above.
         return self._at(wing.name, (x, y, z - wing.height_mm.value / 2))
 
     def _below_feather(self, x: float, y: float) -> Points:

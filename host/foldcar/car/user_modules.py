@@ -191,14 +191,25 @@ def components_digest() -> str:
 def forbid_new_files() -> Iterator[None]:
     """Raise FoldcarError if users' modules read a file within the block that they did not read when they were loaded.
 
-    The digest of designs contains the files that were read when the modules were loaded, so it would miss such a file.
+    Designs are told apart by a digest of the files that were read when the modules were loaded, so the digest would not
+    change with such a file.
     """
     if not USER_FILES:
         yield
         return
-    folders = [file.parent for file in USER_FILES]
-    with only_minimal_variables(), sources_only(folders[0]), recorded_files() as recorded:
+    first_module = next(iter(USER_FILES))
+    with only_minimal_variables(), sources_only(first_module.parent), recorded_files() as recorded:
         yield
+    for file in _new_files(recorded):
+        raise FoldcarError(
+            f"{first_module}: reads {file} while a car is folded; foldcar tells designs apart by the files that a "
+            "module reads when it is loaded, so read it at the module's head"
+        )
+
+
+def _new_files(recorded: RecordedFiles) -> Iterator[Path]:
+    """Yield the recorded files, and listed folders, of users' modules that the modules did not read when loaded."""
+    folders = [file.parent for file in USER_FILES]
     read_files = [file for file, state in recorded.read.items() if state is not None]
     listed_folders = [listed for listed in recorded.listed if any(folder in listed.parents for folder in folders)]
     for file in (*read_files, *listed_folders):
@@ -206,11 +217,7 @@ def forbid_new_files() -> Iterator[None]:
         # module, and the digest does not contain them.
         is_file_of_modules = all(_identifies_module(file, folder) for folder in folders)
         if is_file_of_modules and file not in _module_files:
-            first_module = next(iter(USER_FILES))
-            raise FoldcarError(
-                f"{first_module}: reads {file} while a car is folded; foldcar tells designs apart by the files that a "
-                "module reads when it is loaded, so read it at the module's head"
-            )
+            yield file
 
 
 @contextlib.contextmanager

@@ -13,7 +13,7 @@ from typing import NamedTuple
 from foldcar.car.components.component import Component, ComponentError
 from foldcar.car.components.equal_pieces import IndexedJoin, PieceEdge, Place, merge_equal_pieces, numbered_titles
 from foldcar.car.components.fuse import Fused, fuse, propagate_poses
-from foldcar.car.components.shape import Edge, EdgeJoin, Graph, Shape
+from foldcar.car.components.shape import Contact, Edge, EdgeJoin, Graph, Shape
 from foldcar.car.folded.model import (
     IDENTITY,
     Axle,
@@ -145,6 +145,7 @@ class _Pieces:
     """
 
     def __init__(self, graph: Graph) -> None:
+        """Fuse the faces of a graph, and find out which fused faces, folds and tabs make up each piece."""
         self.graph = graph
         self.fused = fuse(graph)
         self.fused_path: dict[str, str] = {}
@@ -157,12 +158,8 @@ class _Pieces:
         self.piece_of: dict[str, int] = {}
         self.names: dict[str, str] = {}
         for index, sheet in enumerate(self.sheets):
-            last_parts = {path: path.rpartition(".")[2] for path in sheet}
-            counts = Counter(last_parts.values())
-            for path, last_part in last_parts.items():
-                self.piece_of[path] = index
-                # A face is called by the last part of its path, unless another face of the piece has the same last part.
-                self.names[path] = last_part if counts[last_part] == 1 else path
+            self.piece_of |= dict.fromkeys(sheet, index)
+            self.names |= _short_names(sheet)
         self.tabs = self._tabs()
 
     def _sheets(self) -> list[dict[str, Pose]]:
@@ -355,25 +352,33 @@ class _Pieces:
 
         Several contacts may lie on the same edges of fused faces. They give one join.
         """
-        yielded = set()
+        yielded: set[Contact] = set()
         for contact in self.graph.contacts:
-            edge_a, edge_b = self._fused_edge(contact.a), self._fused_edge(contact.b)
-            if (contact.kind, edge_a, edge_b, contact.slot) in yielded:
+            fused_contact = replace(contact, a=self._fused_edge(contact.a), b=self._fused_edge(contact.b))
+            if fused_contact in yielded:
                 continue
-            yielded.add((contact.kind, edge_a, edge_b, contact.slot))
-            # Joins with equal identities are one seam and share a printed number.
-            seam_identity: object
-            if self.fused[edge_a.face].face.role == "rim":
-                # All hooks between a strip of the rim and a disc.
-                seam_identity = (self.piece_of[edge_a.face], self.piece_of[edge_b.face])
-            elif contact.kind == "tuck":
-                # All edges of a face that tuck into the same edge.
-                seam_identity = ("tuck", edge_a.face, edge_b)
-            else:
-                seam_identity = contact
-            length_mm = 0.0 if contact.kind == "laminate" else math.dist(*self.graph.ends_mm(contact.a))
-            piece_edge_a, piece_edge_b = self._piece_edge(edge_a), self._piece_edge(edge_b)
-            yield IndexedJoin(seam_identity, contact.kind, piece_edge_a, piece_edge_b, length_mm, contact.slot)
+            yielded.add(fused_contact)
+            yield IndexedJoin(
+                seam=self._seam_of_contact(fused_contact),
+                kind=contact.kind,
+                a=self._piece_edge(fused_contact.a),
+                b=self._piece_edge(fused_contact.b),
+                length_mm=0.0 if contact.kind == "laminate" else math.dist(*self.graph.ends_mm(contact.a)),
+                slot=contact.slot,
+            )
+
+    def _seam_of_contact(self, contact: Contact) -> object:
+        """Return what identifies the seam of a contact between fused faces.
+
+        Contacts with equal results are one seam, and get the same number in print.
+        """
+        if self.fused[contact.a.face].face.role == "rim":
+            # All hooks between a strip of the rim and a disc are one seam.
+            return (self.piece_of[contact.a.face], self.piece_of[contact.b.face])
+        if contact.kind == "tuck":
+            # All edges of a face that tuck into the same edge are one seam.
+            return ("tuck", contact.a.face, contact.b)
+        return contact
 
     def _fused_edge(self, edge: Edge) -> Edge:
         """Return the edge of a fused face in which an end of a contact lies.
@@ -382,6 +387,16 @@ class _Pieces:
         """
         path = self.fused_path[edge.face]
         return Edge(path, self.fused[path].edges.get(edge, 0))
+
+
+def _short_names(paths: Iterable[str]) -> dict[str, str]:
+    """Return the name of each face of a piece, by its path.
+
+    It is the last part of the path. Faces with the same last part keep their whole paths as names.
+    """
+    last_parts = {path: path.rpartition(".")[2] for path in paths}
+    counts = Counter(last_parts.values())
+    return {path: last_part if counts[last_part] == 1 else path for path, last_part in last_parts.items()}
 
 
 def _tab(name: str, seam: Seam) -> Face:

@@ -206,37 +206,49 @@ class BoxBeam(Component):
         The origin of the flap's frame is the rear end of the fold between lid and flap. x points forward, and y down.
         ``fold_starts`` has the distance (mm) from the beam's ``front`` and from its ``rear`` to this fold.
 
-        The flap is longer than its fold: at a latch, it continues under the notch of the lid. There a lever stands up
-        from it through the notch, so the lever's y is negative. Below the lever, the latch's tongue grows from the part
-        ``lock front`` or ``lock rear`` of the flap's lower edge.
+        The flap is longer than its fold: at a latch, it continues under the notch of the lid. There a *lever* stands up
+        through the notch, so its y is negative. The latch's tongue grows from the flap's lower edge below the lever, from
+        the part ``lock front`` or ``lock rear``.
         """
-        assembly = self.parts.assembly
         fold_length = self["length"] - sum(fold_starts.values())
-        notch = latch_notch(self.parts).length_mm
-        depth, gap = assembly.flap_mm.value, assembly.grip_gap_mm.value
-        half_tongue = assembly.lock_mm.value / 2
         # The corners, from the rear end of the fold forward, down, back along the lower edge, and up. Each has the name
         # of the edge that leads from it to the next corner.
-        corners: dict[str, Point] = {"near": (0.0, 0.0), "front": (fold_length, 0.0)}
-        if self["latch_front"]:
-            lever_rear_x, lever_front_x = fold_length + gap, fold_length + notch - gap
-            tongue_x = fold_length + notch / 2
-            corners |= self._lever("front", lever_rear_x, lever_front_x)
-            corners["before front"] = (lever_front_x, depth)
-            corners["lock front"] = (tongue_x + half_tongue, depth)
-            corners["far"] = (tongue_x - half_tongue, depth)
-        else:
-            corners["far"] = (fold_length, depth)
-        if self["latch_rear"]:
-            lever_rear_x, lever_front_x = gap - notch, -gap
-            tongue_x = -notch / 2
-            corners["lock rear"] = (tongue_x + half_tongue, depth)
-            corners["behind rear"] = (tongue_x - half_tongue, depth)
-            corners["rear"] = (lever_rear_x, depth)
-            corners |= self._lever("rear", lever_rear_x, lever_front_x)
-        else:
-            corners["rear"] = (0.0, depth)
+        corners: dict[str, Point] = {"near": (0.0, 0.0)}
+        corners |= self._front_end_of_flap(fold_length)
+        corners |= self._rear_end_of_flap()
         shape.face("flap", corners)
+
+    def _front_end_of_flap(self, fold_front_x: float) -> dict[str, Point]:
+        """Return the corners from the front end of the flap's fold, down to the lower edge, and past the latch there."""
+        depth, gap = self.parts.assembly.flap_mm.value, self.parts.assembly.grip_gap_mm.value
+        corners: dict[str, Point] = {"front": (fold_front_x, 0.0)}
+        if not self["latch_front"]:
+            return corners | {"far": (fold_front_x, depth)}
+        # The notch of the lid begins at the front end of the fold. The lever keeps a gap from both of its sides.
+        notch, half_tongue = latch_notch(self.parts).length_mm, self.parts.assembly.lock_mm.value / 2
+        lever_rear_x, lever_front_x = fold_front_x + gap, fold_front_x + notch - gap
+        tongue_x = fold_front_x + notch / 2
+        corners |= self._lever("front", lever_rear_x, lever_front_x)
+        corners["before front"] = (lever_front_x, depth)
+        corners["lock front"] = (tongue_x + half_tongue, depth)
+        corners["far"] = (tongue_x - half_tongue, depth)
+        return corners
+
+    def _rear_end_of_flap(self) -> dict[str, Point]:
+        """Return the corners from before the rear latch on the lower edge, up to the rear end of the flap's fold."""
+        depth, gap = self.parts.assembly.flap_mm.value, self.parts.assembly.grip_gap_mm.value
+        if not self["latch_rear"]:
+            return {"rear": (0.0, depth)}
+        # The notch of the lid ends at the rear end of the fold, where x is 0.
+        notch, half_tongue = latch_notch(self.parts).length_mm, self.parts.assembly.lock_mm.value / 2
+        lever_rear_x, lever_front_x = gap - notch, -gap
+        tongue_x = -notch / 2
+        corners: dict[str, Point] = {
+            "lock rear": (tongue_x + half_tongue, depth),
+            "behind rear": (tongue_x - half_tongue, depth),
+            "rear": (lever_rear_x, depth),
+        }
+        return corners | self._lever("rear", lever_rear_x, lever_front_x)
 
     def _lever(self, end: str, rear_x: float, front_x: float) -> dict[str, Point]:
         """Return the points of a lever in the flap's frame, from its rear side to its front side."""
@@ -277,19 +289,20 @@ class BoxBeam(Component):
     def _require_latch_clearances(self, shape: Shape, end: str, width: float, flap_depth: float) -> None:
         """Require free space for the finger that opens a latch, and for its tongue when it is drawn in.
 
-        Both are given in the frame of the tongue, which is ``width`` wide. The origin is an end of the tongue's fold. x
-        points along the fold, y outwards to the tip, and z down. The fold is ``flap_depth`` below the lid.
+        Both are given in the frame of the tongue, which is ``width`` wide. The origin is an end of the fold between flap
+        and tongue. x points along this fold, y outwards to the tip, and z down. The fold is ``flap_depth`` below the
+        lid.
         """
         film = self.parts.film_mm
-        # The tongue is free of the wall once it has moved inwards by this stroke. The end of the lever is as high above
-        # the flap's fold as the tongue is below it, so the lever moves outwards by the same stroke.
+        # The tongue is free of the wall once it has moved inwards by this stroke. The lever is as long above the axis
+        # about which the flap turns as the flap is below it. So the end of the lever moves outwards by the same stroke.
         stroke = self.parts.assembly.lock_reach_mm.value + film
-        # The finger is a cylinder that stands on the lid, inwards of the lever. It follows the lever by the stroke.
+        # The finger is a cylinder that stands on the lid and pushes the lever from inside, until the end of the stroke.
         finger, finger_length = self.parts.tools.finger_mm
         lid_top_z = -(flap_depth + film)
         finger_pose = compose(translation(width / 2, stroke - finger / 2, lid_top_z), rotation("x", math.pi))
         shape.require_clearance(f"{end} tongue", ToolClearance("finger", finger_pose, finger, finger_length))
-        # The space into which the tongue's fold moves is a cylinder along the fold, inwards of the flap.
+        # When the tongue is drawn in, its fold moves inwards. This space is a cylinder along the fold, beside the flap.
         tongue_pose = compose(translation(0.0, -(film + stroke) / 2, 0.0), rotation("y", math.pi / 2))
         shape.require_clearance(f"{end} tongue", ToolClearance("tongue", tongue_pose, stroke, width))
 

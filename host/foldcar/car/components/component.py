@@ -165,21 +165,28 @@ class Component:
     def sub(self, name: str, kind: "type[Component]", inherit: str = "", **settings: str | float) -> Sub:
         """Return a subcomponent whose parameters are inherited, set, or left at their defaults.
 
-        ``inherit`` names the parameters that have the same name here, separated by blanks. In ``settings``, a string
-        names the parameter here that sets the value; a number or a boolean is the value itself.
+        ``inherit`` names the parameters whose values come from the parameters of this component with the same names,
+        separated by blanks. In ``settings``, a string is the name of the parameter of this component whose value is
+        taken; a number or a boolean is the value itself. Raises ComponentError for a parameter that the subcomponent
+        does not have.
 
         Example: ``self.sub("car", WheelModule, "width height", length="wheel_length", driven=False)``
         """
-        # Parameter of the subcomponent -> parameter of this component.
-        inherited = {parameter: parameter for parameter in inherit.split()}
-        inherited |= {parameter: outer for parameter, outer in settings.items() if isinstance(outer, str)}
-        fixed = {parameter: float(value) for parameter, value in settings.items() if not isinstance(value, str)}
+        # The parameter of this component that sets a parameter of the subcomponent, by the name of the latter.
+        own_parameters = {parameter: parameter for parameter in inherit.split()}
+        values: dict[str, float] = {}
+        for parameter, setting in settings.items():
+            if isinstance(setting, str):
+                own_parameters[parameter] = setting
+            else:
+                values[parameter] = float(setting)
         declared = [parameter.name for parameter in kind.parameters]
-        for parameter in (*inherited, *fixed):
+        for parameter in (*own_parameters, *values):
             if parameter not in declared:
                 message = f'{kind.__name__} has no parameter "{parameter}"; it has {", ".join(declared)}'
                 raise ComponentError(self._under(name), message)
-        return Sub(name, kind, {parameter: self[outer] for parameter, outer in inherited.items()} | fixed, inherited)
+        inherited_values = {parameter: self[own_parameter] for parameter, own_parameter in own_parameters.items()}
+        return Sub(name, kind, values=inherited_values | values, keys=own_parameters)
 
     def build(self, shape: "Shape") -> None:
         """Make the component's faces and connect them; its subcomponents are built before."""

@@ -101,20 +101,20 @@ class ElectronicsModule(BrainModule):
         so a plug would hide it from straight ahead. Its window is in front of the plug. You see the light through it when
         you look backwards at an angle.
         """
-        parts, assembly, z = self.parts, self.parts.assembly, usb_height_mm(self.parts)
+        parts, assembly, usb_y = self.parts, self.parts.assembly, usb_height_mm(self.parts)
         hole = plug_room_mm(parts.plugs.usb) + 2 * (parts.feather.usb.tolerance + assembly.slot_clearance_mm.value)
-        shape.round_hole("beam.left", "USB", "opening", (x, z), hole)
+        shape.round_hole("beam.left", "USB", "opening", (x, usb_y), hole)
         window = assembly.light_window_mm.value
         window_x = x + (hole + window) / 2 + assembly.grip_gap_mm.value
-        shape.round_hole("beam.left", "light", "opening", (window_x, z), window)
-        # The tie goes through two slots above the plug, which are half as wide as they are high. The least distance of a
-        # hole from a fold lies between their upper ends and the fold of the lid, and one height of a slot in addition.
-        # Half a slot further down is their middle.
+        shape.round_hole("beam.left", "light", "opening", (window_x, usb_y), window)
+        # The tie goes through two slots above the plug, which are half as wide as they are high. Between their upper ends
+        # and the fold of the lid remain the minimum distance of a hole from a fold, and one height of a slot. Half a slot
+        # farther down is their middle.
         slot_height = assembly.tie_slot_mm.value
-        slots_z = wall_distance_mm(self["height"], parts) - assembly.fold_distance_mm.value - 1.5 * slot_height
+        slots_y = wall_distance_mm(self["height"], parts) - assembly.fold_distance_mm.value - 1.5 * slot_height
         slot_offset = (assembly.tie_apart_mm.value + slot_height) / 2
         for name, slot_x in (("tie 1", x - slot_offset), ("tie 2", x + slot_offset)):
-            shape.rectangular_hole("beam.left", name, "slit", (slot_x, slots_z), slot_height / 2, slot_height)
+            shape.rectangular_hole("beam.left", name, "slit", (slot_x, slots_y), slot_height / 2, slot_height)
 
     def _place_battery(self, shape: Shape, layout: Layout, boards_y: float) -> None:
         """Add the battery and its pad on the floor or on the roof, on the side of the car opposite to the boards.
@@ -179,38 +179,44 @@ class ElectronicsModule(BrainModule):
 
         The origin of the lid's frame is the rear end of its left edge. x points forward, y to the right and z down into
         the car. The roof is the lid's outer side, on which nothing is printed. So holes at the corners of pad and battery
-        show where to lay them.
+        show where to lay them. The battery's length lies across the car.
         """
-        parts, assembly, film = self.parts, self.parts.assembly, self.parts.film_mm
-        battery, pad, hole_mm = parts.battery, parts.pad, assembly.corner_hole_mm.value
-        # The battery's length lies across the car. The holes at its corners must keep a distance from the lid's folds.
-        min_fold_distance = assembly.fold_distance_mm.value + hole_mm / 2
+        parts, film = self.parts, self.parts.film_mm
+        battery, pad, hole_mm = parts.battery, parts.pad, parts.assembly.corner_hole_mm.value
+        # The holes at the battery's corners must keep a distance from the lid's folds.
+        min_fold_distance = parts.assembly.fold_distance_mm.value + hole_mm / 2
         _, lid_width = shape.face_size_mm("beam.lid")
         middle_y = lid_width / 2
         max_distance = middle_y - min_fold_distance - battery.length_mm.value / 2
         y = middle_y + _clamped(wanted_y - middle_y, max(max_distance, 0.0))
         # The pad lies on the lid, and the battery on the pad.
         shape.part(pad, "beam.lid", (x, y, -(film + pad.height_mm.value) / 2), turned=True)
-        battery_size = (battery.width_mm.value, battery.length_mm.value, battery.height_mm.value)
-        battery_z = film / 2 + pad.height_mm.value + battery.height_mm.value / 2
-        # The leads go through a hole of the lid, as one cylinder that is two wires wide. It belongs to the battery's
-        # mount, whose frame has its origin in the battery's middle; z points down there, too.
-        lead_x, lead_y = self._cut_lead_hole(shape, x + battery.width_mm.value / 2)
-        wire_mm = parts.wiring.wire_diameter_mm.value
-        lid_top_z = battery_z - film / 2
-        lead = cylinder(2 * wire_mm, lid_top_z - 2 * wire_mm, lid_top_z + film + wire_mm, lead_x - x, lead_y - y)
-        solids = (Solid("box", battery_size, IDENTITY), replace(lead, weightless=True))
-        pose = translation(x, y, -battery_z)
-        shape.box(battery.name, battery.name, "beam.lid", pose, battery_size, battery.mass_kg.value, solids=solids)
+        hole_x, hole_y = self._cut_lead_hole(shape, x + battery.width_mm.value / 2)
+        battery_height = film / 2 + pad.height_mm.value + battery.height_mm.value / 2
+        size = (battery.width_mm.value, battery.length_mm.value, battery.height_mm.value)
+        solids = (Solid("box", size, IDENTITY), self._leads_through_lid((hole_x - x, hole_y - y), battery_height))
+        pose = translation(x, y, -battery_height)
+        shape.box(battery.name, battery.name, "beam.lid", pose, size, battery.mass_kg.value, solids=solids)
         # The holes at the corners, for each part whose corners are not too near to a fold.
         for part in (pad, battery):
-            half_length, half_width = part.length_mm.value / 2, part.width_mm.value / 2
-            distance_to_fold = middle_y - abs(y - middle_y) - half_length
+            distance_to_fold = middle_y - abs(y - middle_y) - part.length_mm.value / 2
             if distance_to_fold >= min_fold_distance - ROUNDING:
-                corners = itertools.product((-half_width, half_width), (-half_length, half_length))
-                for number, (from_middle_x, from_middle_y) in enumerate(corners, 1):
-                    corner = (x + from_middle_x, y + from_middle_y)
+                # From the rear to the front, and there from the left to the right.
+                half_length, half_width = part.length_mm.value / 2, part.width_mm.value / 2
+                corners = itertools.product((x - half_width, x + half_width), (y - half_length, y + half_length))
+                for number, corner in enumerate(corners, 1):
                     shape.round_hole("beam.lid", f"{part.name} corner {number}", "mark", corner, hole_mm)
+
+    def _leads_through_lid(self, hole: Point, height: float) -> Solid:
+        """Return the leads of a battery on the roof where they pass the lid, as one cylinder that is two wires wide.
+
+        It belongs to the battery's mount and is given in its frame: the origin is the middle of the battery, ``height``
+        above the middle of the lid's film, and z points down. ``hole`` is the point where the leads pass.
+        """
+        wire_mm, film = self.parts.wiring.wire_diameter_mm.value, self.parts.film_mm
+        lid_top_z = height - film / 2
+        leads = cylinder(2 * wire_mm, lid_top_z - 2 * wire_mm, lid_top_z + film + wire_mm, *hole)
+        return replace(leads, weightless=True)
 
     def _cut_lead_hole(self, shape: Shape, battery_front_x: float) -> Point:
         """Cut a hole for the leads of a battery on the roof into the lid, and return the hole's middle.
@@ -255,13 +261,15 @@ class ElectronicsModule(BrainModule):
             # A battery on the roof needs no length of the floor. It lies across the car, in the middle of the module.
             yield self._layout(battery_mm=0.0, side=-1, turned=True)
             return
-        battery, floor_mm = self.parts.battery, self["width"] - 2 * self.parts.film_mm
-        orientations = ((battery.width_mm, battery.length_mm, True), (battery.length_mm, battery.width_mm, False))
-        for along, across, turned in orientations:
-            fits_across = across.max_value + 2 * self.parts.assembly.cut_mm.value <= floor_mm + ROUNDING
-            if fits_across:
-                for side in (-1, 1):
-                    yield self._layout(along.value, side, turned)
+        battery = self.parts.battery
+        floor_mm = self["width"] - 2 * self.parts.film_mm
+        for turned in (True, False):
+            along, across = (battery.width_mm, battery.length_mm) if turned else (battery.length_mm, battery.width_mm)
+            needed_mm = across.max_value + 2 * self.parts.assembly.cut_mm.value
+            if needed_mm <= floor_mm + ROUNDING:
+                # The battery is behind the boards, or in front of them.
+                yield self._layout(along.value, side=-1, turned=turned)
+                yield self._layout(along.value, side=1, turned=turned)
 
     def _layout(self, battery_mm: float, side: int, turned: bool) -> Layout:
         """Return a layout of the parts along x, with the boards as near to the middle of the module as possible.

@@ -125,32 +125,36 @@ def _fused(graph: Graph, poses: dict[str, Pose], link_of_edge: dict[Edge, EdgeLi
     straight line become one edge if their values in ``link_of_edge``, which says how an edge is linked, are equal.
     """
     first = graph.faces[next(iter(poses))]
-    # The outer edges of the faces. The corners of the outline are the starts of those that do not continue a line.
     ring = _ring(graph, poses, inner_edges)
+    # An edge of the fused face consists of outer edges in a line. Its start, a corner, is that of the first of them.
     corners = [index for index in range(len(ring)) if not _continues_edge_before(ring, link_of_edge, index)]
-    # The index of the outline's edge in which each outer edge lies. Outer edges before the first corner continue the
-    # outline's last edge.
+    # The index of the fused face's edge in which each outer edge lies. The ring may begin in the middle of a line: outer
+    # edges before the first corner belong to the last edge.
     edges: dict[Edge, int] = {}
-    outline_edge = len(corners) - 1
+    fused_edge = len(corners) - 1
     for index, ring_edge in enumerate(ring):
         if index in corners:
-            outline_edge = corners.index(index)
-        edges[ring_edge.edge] = outline_edge
-    # Everything on the faces, moved into the common frame.
+            fused_edge = corners.index(index)
+        edges[ring_edge.edge] = fused_edge
+    face = _with_contents(graph, poses, Face(first.path, tuple(ring[index].start for index in corners), role=first.role))
+    return Fused(face, first, poses, edges)
+
+
+def _with_contents(graph: Graph, poses: dict[str, Pose], fused_face: Face) -> Face:
+    """Return a fused face with the holes, printed outlines and clearances of the components' faces in ``poses``."""
     holes: list[Hole] = []
     marks: list[PrintedOutline] = []
     clearances: list[ToolClearance] = []
     for path, pose in poses.items():
         face = graph.faces[path]
-        # The first face's holes keep their exact coordinates.
-        holes += face.holes if pose is IDENTITY else (_moved(hole, pose) for hole in face.holes)
-        marks += (PrintedOutline(mark.name, tuple(_flat(pose, at) for at in mark.outline_mm)) for mark in face.marks)
-        clearances += (replace(clearance, pose=compose(pose, clearance.pose)) for clearance in face.clearances)
-    outline = tuple(ring[index].start for index in corners)
-    fused_face = Face(
-        first.path, outline, holes=tuple(holes), role=first.role, marks=tuple(marks), clearances=tuple(clearances)
-    )
-    return Fused(fused_face, first, poses, edges)
+        for hole in face.holes:
+            # The first face's holes keep their exact coordinates.
+            holes.append(hole if pose is IDENTITY else _moved(hole, pose))
+        for mark in face.marks:
+            marks.append(PrintedOutline(mark.name, tuple(_flat(pose, point) for point in mark.outline_mm)))
+        for clearance in face.clearances:
+            clearances.append(replace(clearance, pose=compose(pose, clearance.pose)))
+    return replace(fused_face, holes=tuple(holes), marks=tuple(marks), clearances=tuple(clearances))
 
 
 def _ring(graph: Graph, poses: dict[str, Pose], inner_edges: set[Edge]) -> list[RingEdge]:
@@ -158,33 +162,42 @@ def _ring(graph: Graph, poses: dict[str, Pose], inner_edges: set[Edge]) -> list[
 
     ``inner_edges`` lie between two faces and are left out. Raises ComponentError if the outer edges form no single ring.
     """
+    outer_edges = _outer_edges(graph, poses, inner_edges)
+    if len(poses) == 1:
+        return outer_edges
+    # Except for rounding, the end of an edge is the start of the next one.
+    edge_by_start = {_rounded(ring_edge.start): ring_edge for ring_edge in outer_edges}
+    first = next(iter(edge_by_start.values()))
+    last = first
+    ring = [first]
+    while _rounded(last.end) != _rounded(first.start):
+        next_edge = edge_by_start.get(_rounded(last.end))
+        # An outline that returns to an edge other than the first one would be followed for ever.
+        is_endless = len(ring) > len(edge_by_start)
+        if next_edge is None or is_endless:
+            message = "is fused with its neighbours into something without a closed outline"
+            raise ComponentError(last.edge.face, message)
+        ring.append(next_edge)
+        last = next_edge
+    if len(ring) != len(edge_by_start):
+        raise ComponentError(last.edge.face, "is fused with its neighbours into more than one outline")
+    return ring
+
+
+def _outer_edges(graph: Graph, poses: dict[str, Pose], inner_edges: set[Edge]) -> list[RingEdge]:
+    """Return all edges of the faces in ``poses`` except the inner ones, face by face."""
     outer_edges: list[RingEdge] = []
     for path, pose in poses.items():
         for index in range(len(graph.faces[path].outline_mm)):
             edge = Edge(path, index)
-            if edge not in inner_edges:
-                ends = graph.ends_mm(edge)
-                # The corners of a single face keep their exact coordinates.
-                start, end = ends if len(poses) == 1 else (_flat(pose, point) for point in ends)
-                outer_edges.append(RingEdge(edge, start, end))
-    if len(poses) == 1:
-        return outer_edges
-    # Rounded, the end of an edge equals the start of the next one.
-    edge_by_start = {_key(ring_edge.start): ring_edge for ring_edge in outer_edges}
-    first = next(iter(edge_by_start.values()))
-    ring = [first]
-    while _key(ring[-1].end) != _key(first.start):
-        following = edge_by_start.get(_key(ring[-1].end))
-        # The outline has a gap where no edge follows. A ring with more edges than there are repeats some of them, and
-        # never comes back to the first one.
-        never_returns = len(ring) > len(edge_by_start)
-        if following is None or never_returns:
-            message = "is fused with its neighbours into something without a closed outline"
-            raise ComponentError(ring[-1].edge.face, message)
-        ring.append(following)
-    if len(ring) != len(edge_by_start):
-        raise ComponentError(ring[-1].edge.face, "is fused with its neighbours into more than one outline")
-    return ring
+            if edge in inner_edges:
+                continue
+            start, end = graph.ends_mm(edge)
+            # The corners of a single face keep their exact coordinates.
+            if len(poses) > 1:
+                start, end = _flat(pose, start), _flat(pose, end)
+            outer_edges.append(RingEdge(edge, start, end))
+    return outer_edges
 
 
 def _continues_edge_before(ring: list[RingEdge], link_of_edge: dict[Edge, EdgeLink], index: int) -> bool:
@@ -212,5 +225,7 @@ def _flat(pose: Pose, point: Point) -> Point:
     return apply(pose, *point)[:2]
 
 
-def _key(point: Point) -> tuple[int, int]:
-    return (round(point[0] / GRID_MM / 100), round(point[1] / GRID_MM / 100))
+def _rounded(point: Point) -> tuple[int, int]:
+    """Return the coordinates of a point in steps of 100 GRID_MM, as whole numbers."""
+    x, y = point
+    return (round(x / GRID_MM / 100), round(y / GRID_MM / 100))

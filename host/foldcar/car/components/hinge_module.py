@@ -10,6 +10,7 @@ from itertools import pairwise
 from foldcar.car.components.box_beam import HEIGHT, WIDTH, cap_inset_mm, wall_distance_mm
 from foldcar.car.components.component import ROUNDING, Component, Parameter, maximum_text, minimum_text
 from foldcar.car.components.shape import Shape
+from foldcar.car.folded.model import Pose
 from foldcar.car.folded.pose import compose, rotation, translation
 from foldcar.car.parts.bought import Film
 from foldcar.car.parts.catalogue import Catalogue, film_of, films
@@ -105,44 +106,50 @@ class HingeModule(Component):
             raise self.parameter_error("length", f"{falls_short} ({reason})")
 
     def _add_stop(self, shape: Shape, length_mm: float) -> None:
-        """Add the stop, a tube of this length: two flaps that are glued to one cap, two sides, the face that meets the
-        other cap.
+        """Add the stop, a tube that is folded from one piece and glued to a cap. It stops the other cap.
+
+        The tube is ``length_mm`` long. Around it follow a flap that is glued to the cap, a side, the face that meets the
+        other cap, the other side, and a second flap.
         """
         web_mm, depth_mm = self._web_mm(), self._stop_mm()
         flap_mm = web_mm * GLUE_SHARE
         widths_mm = {"glue 1": flap_mm, "side 1": depth_mm, "stop": web_mm, "side 2": depth_mm, "glue 2": flap_mm}
         for name, width_mm in widths_mm.items():
             shape.rectangle(name, length_mm, width_mm, piece="hinge stop")
-        for name, following in pairwise(widths_mm):
-            shape.connect(f"{name}.far", f"{following}.near", "fold", 90)
+        for name, next_name in pairwise(widths_mm):
+            shape.connect(f"{name}.far", f"{next_name}.near", "fold", 90)
 
-    def join(self, shape: Shape, hinge: str, modules: tuple[str, str], caps: tuple[str, str]) -> None:
-        """Glue the strip under the floors of the modules before and behind it, and the stop onto the cap before the gap.
+    def join(self, shape: Shape, hinge: str, front_module: str, rear_module: str, front_cap: str) -> None:
+        """Glue the strip under the floors of the modules in front of it and behind it, and the stop onto a cap.
 
-        ``hinge`` is the path of this component. ``modules`` and ``caps`` are the names of those in front of the gap and
-        behind it. The pose of everything behind the strip follows from it.
+        ``hinge`` is the path of this component. ``front_cap`` is the cap at the rear end of the segment in front of the
+        hinge. The pose of everything behind the strip follows from it.
         """
-        (front, rear), (front_cap, _) = modules, caps
-        film, glue_mm = self.parts.film_mm, self.parts.assembly.hinge_glue_mm.value
+        glue_mm = self.parts.assembly.hinge_glue_mm.value
         # A floor's frame has its origin at the rear right corner, and z points up. The strip lies under the floor.
-        strip_z = -(film + self["thickness"]) / 2
+        strip_z = -(self.parts.film_mm + self["thickness"]) / 2
         front_pose = translation(-self["length"] / 2, 0, strip_z)
-        shape.place(f"{hinge}.front half", f"{front}.beam.floor", front_pose, laminated=True)
-        rear_floor_mm, _ = shape.face_size_mm(f"{rear}.beam.floor")
+        shape.place(f"{hinge}.front half", f"{front_module}.beam.floor", front_pose, laminated=True)
+        rear_floor_mm, _ = shape.face_size_mm(f"{rear_module}.beam.floor")
         rear_pose = translation(rear_floor_mm - glue_mm, 0, strip_z)
-        shape.place(f"{hinge}.rear half", f"{rear}.beam.floor", rear_pose, laminated=True)
+        shape.place(f"{hinge}.rear half", f"{rear_module}.beam.floor", rear_pose, laminated=True)
         if self._stop_mm() >= MIN_STOP_MM:
-            # The stop is glued to the outer side of the front segment's rear cap, in the middle of the car. In the cap's
-            # frame x points left, y up, and z into the segment. The stop is turned over, so its own x points right, and
-            # its origin is its left end.
             cap_width_mm, _ = shape.face_size_mm(f"{front_cap}.cap")
-            half_stop_mm = cap_width_mm * STOP_SHARE / 2
-            left_end_x = cap_width_mm / 2 + half_stop_mm
-            stop_top_y = wall_distance_mm(self["height"], self.parts) - STOP_FROM_LID_MM - cap_inset_mm(self.parts)
-            upper_flap_mm = self._web_mm() * GLUE_SHARE
-            stop_origin = translation(left_end_x, stop_top_y - upper_flap_mm, -film)
-            stop_pose = compose(stop_origin, rotation("y", math.pi))
-            shape.place(f"{hinge}.glue 1", f"{front_cap}.cap", stop_pose, laminated=True)
+            shape.place(f"{hinge}.glue 1", f"{front_cap}.cap", self._stop_pose(cap_width_mm), laminated=True)
+
+    def _stop_pose(self, cap_width_mm: float) -> Pose:
+        """Return the pose of the stop on the outer side of the front segment's rear cap, in the frame of the cap.
+
+        In the cap's frame x points left, y up, and z into the segment. The face of the stop that is glued to the cap is
+        its upper flap. It is turned over, so its own x points right, and its origin is its lower left corner. The stop
+        is in the middle of the car.
+        """
+        half_stop_mm = cap_width_mm * STOP_SHARE / 2
+        left_end_x = cap_width_mm / 2 + half_stop_mm
+        stop_top_y = wall_distance_mm(self["height"], self.parts) - STOP_FROM_LID_MM - cap_inset_mm(self.parts)
+        flap_height_mm = self._web_mm() * GLUE_SHARE
+        origin = translation(left_end_x, stop_top_y - flap_height_mm, -self.parts.film_mm)
+        return compose(origin, rotation("y", math.pi))
 
     def _stop_mm(self) -> float:
         """Return the depth of the stop along the car (mm).

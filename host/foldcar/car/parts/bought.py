@@ -5,7 +5,7 @@ row of pins, z up.
 """
 
 import math
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from foldcar.car.parts.quantity import Bought, Box, BoxPart, Data, Holes, PartData, Places, Quantity
 
@@ -121,6 +121,15 @@ class Arms(Data):
     source: str
 
 
+class Extent(NamedTuple):
+    """The limits of a part in the x-y plane of its frame (mm)."""
+
+    min_x: float
+    min_y: float
+    max_x: float
+    max_y: float
+
+
 class Horn(Bought):
     """A servo horn; it comes with the servo, and its mass counts to the wheel's.
 
@@ -134,16 +143,19 @@ class Horn(Bought):
     wheel_screws: Holes
 
     @property
-    def extent_mm(self) -> tuple[float, float, float, float]:
-        """Minimum x and y, maximum x and y of arms, disc and hub (mm)."""
-        half = max(self.hub_diameter_mm.value, self.disc_diameter_mm.value if self.disc_diameter_mm else 0.0) / 2
-        xs, ys = [-half, half], [-half, half]
+    def extent_mm(self) -> Extent:
+        """Return the extent of arms, disc and hub, seen along the axis (mm)."""
+        diameters = [self.hub_diameter_mm.value]
+        if self.disc_diameter_mm:
+            diameters.append(self.disc_diameter_mm.value)
+        radius = max(diameters) / 2
+        xs, ys = [-radius, radius], [-radius, radius]
         if self.arms:
             for angle_deg, reach in zip(self.arms.at_deg, self.arms.reach_mm, strict=True):
                 # Rounding makes the cosine of 90° exactly 0.
                 xs.append(reach * round(math.cos(math.radians(angle_deg)), 9))
                 ys.append(reach * round(math.sin(math.radians(angle_deg)), 9))
-        return min(xs), min(ys), max(xs), max(ys)
+        return Extent(min_x=min(xs), min_y=min(ys), max_x=max(xs), max_y=max(ys))
 
 
 class Cells(Bought):
@@ -322,14 +334,17 @@ class Feather(BoxPart):
 
     def free_holes(self, screw: Screw) -> list[tuple[float, float]]:
         """Return the centres (x, y) of the holes at which a screw's nut can be turned without meeting other parts."""
-        # Half of a hexagonal nut's width across corners.
-        nut_mm = screw.nut_width_mm.value / math.sqrt(3) if screw.nut_width_mm else screw.diameter_mm.value / 2
+        # Half of a hexagonal nut's width across corners. Without a nut, the screw's own radius counts.
+        radius_mm = screw.nut_width_mm.value / math.sqrt(3) if screw.nut_width_mm else screw.diameter_mm.value / 2
+        centers = [center for pattern in self.holes for center in pattern.at_mm]
+        return [center for center in centers if all(_distance_mm(center, box) > radius_mm for box in self.standing)]
 
-        def distance_mm(box: Box, at: tuple[float, float]) -> float:
-            return math.hypot(*(max(0.0, abs(at[i] - box.at_mm[i]) - box.size_mm[i] / 2) for i in (0, 1)))
 
-        holes = [at for pattern in self.holes for at in pattern.at_mm]
-        return [at for at in holes if all(distance_mm(box, at) > nut_mm for box in self.standing)]
+def _distance_mm(point: tuple[float, float], box: Box) -> float:
+    """Return the distance of a point from a box, seen from above (mm); 0 if the point is in it."""
+    (x, y), (box_x, box_y, _), (length, width, _) = point, box.at_mm, box.size_mm
+    beside_x, beside_y = abs(x - box_x) - length / 2, abs(y - box_y) - width / 2
+    return math.hypot(max(0.0, beside_x), max(0.0, beside_y))
 
 
 class FeatherWing(BoxPart):

@@ -189,19 +189,20 @@ def check_joins(car: FoldedCar, bodies: Bodies) -> Iterator[Finding]:
 def _gap_mm(join: Join, a: PlacedFace, b: PlacedFace) -> float:
     """Return the gap (mm) between the two edges of a join, which should meet.
 
-    For a tab, it is the largest distance of an end of the tab's edge from the line of the wall's edge, measured in the
-    plane of the wall: a tab may be shorter than the wall's edge, and it lies one film inside the wall. For other joins
-    it is the larger of the two distances between the edges' ends.
+    For a tab, it is the larger of the distances from the two ends of its edge to the edge of the wall, both projected to
+    the wall: the tab lies one film inside the wall, and may be shorter than the wall's edge. For other joins it is the
+    larger of the two distances between the edges' ends.
     """
     first, second = a.edge_mm(join.a.index), b.edge_mm(join.b.index)
     if join.kind == "tab":
+        # Without z, the points are projected to the plane of the wall.
         wall_edge = shapely.LineString(b.in_face(second)[:, :2])
         tab_ends = shapely.points(b.in_face(first)[:, :2])
         return float(wall_edge.distance(tab_ends).max())
     # The edges may run in the same direction or in opposite directions.
-    same_way = np.linalg.norm(first - second, axis=1).max()
-    opposite_way = np.linalg.norm(first - second[::-1], axis=1).max()
-    return float(min(same_way, opposite_way))
+    gap_in_same_direction = np.linalg.norm(first - second, axis=1).max()
+    gap_in_opposite_direction = np.linalg.norm(first - second[::-1], axis=1).max()
+    return float(min(gap_in_same_direction, gap_in_opposite_direction))
 
 
 def _check_tab(join: Join, a: PlacedFace, b: PlacedFace) -> Iterator[Finding]:

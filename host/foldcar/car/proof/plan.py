@@ -30,13 +30,16 @@ class Building:
     """
 
     def __init__(self, roles: Roles) -> None:
+        """Begin the assembly, in which nothing is in place yet."""
         self.roles = roles
         self.steps: list[AssemblyStep] = []
+        # The names of the bought parts (mounts) in place, and the names and numbers of the copies of pieces in place.
         self.parts: set[str] = set()
         self._present: set[tuple[str, int]] = set()
+        # The names of the pieces that are folded; a piece without creases needs no folding.
         self._folded = {piece.name for piece in roles.car.pieces if not piece.creases}
         self._made_joins: set[int] = set()
-        # The pieces in units that are still outside the car.
+        # The names of the pieces in units that are still outside the car.
         self._outside: set[str] = set()
         # Joins that shut a lid are made last.
         self._lid_joins = {number for lid in roles.lids.values() for number in lid.joins}

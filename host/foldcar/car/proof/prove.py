@@ -347,8 +347,8 @@ class _Prover:
             previous: Blocks | None = None
             for fractions, stage in zip(fractions_by_position, stages, strict=True):
                 # What moves, at this position.
-                faces = [self.scene.solid(key, stage).with_titles(swing.faces) for key in swing.piece_keys]
-                parts = [self.scene.solid(key, stage) for key in swing.part_keys]
+                faces = [self.scene.solid(key, stage).with_titles(swing.moving_faces) for key in swing.copies]
+                parts = [self.scene.solid(key, stage) for key in swing.carried]
                 current = merge_blocks([*faces, *parts])
                 obstacle: str | None = None
                 if previous is not None:

@@ -23,10 +23,10 @@ from foldcar.car.components.shape import Shape
 from foldcar.car.components.wheel import Wheel
 from foldcar.car.design import HINGE, Design, DesignError, compose_columns
 from foldcar.car.design_parameters import places_of
+from foldcar.car.extensions import with_extensions
 from foldcar.car.folded.model import Crease, FoldedCar, HingeJoint, Piece, PlacedPiece, Wire
 from foldcar.car.folded.pose import apply, compose, edge, folded, rotation, translation
 from foldcar.car.folded.stance import center_mm, standing
-from foldcar.car.leads import with_extensions
 from foldcar.car.module_settings import button_cap, settings_from_car, switch_cap
 from foldcar.car.parts.catalogue import Catalogue, PartChoices, catalogue_of
 from foldcar.car.user_modules import component_errors, forbid_new_files

@@ -1,6 +1,6 @@
-"""Lengths of a car's leads: needed along their ways and available; servo extensions where a lead is too short.
+"""Lengths of a car's leads: needed along their ways and available.
 
-Input: a FoldedCar. Output: Leads; the car with its extensions. A lead is laid along floor and walls, so the length of a
+Input: a FoldedCar. Output: Leads. A lead is laid along floor and walls, so the length of a
 stretch is the sum of its parts along x, y and z. From segment to segment it passes through the slits of the caps, whose
 distance counts at the hinge angle where it is largest. Lengths are in mm, in the car's frame.
 """
@@ -14,18 +14,15 @@ from numpy.typing import NDArray
 
 from foldcar.car.components.bridge import option_resistors
 from foldcar.car.components.mounts import BOARD_SWITCH, BUTTON, SERVO_SWITCH
-from foldcar.car.design import DesignError
-from foldcar.car.folded.model import FoldedCar, Mount, Wire
+from foldcar.car.folded.model import FoldedCar, Mount
 from foldcar.car.folded.placed import PlacedFace, placed_faces
-from foldcar.car.folded.pose import apply, hinge_motion, translation
+from foldcar.car.folded.pose import apply, hinge_motion
 from foldcar.car.parts.quantity import Bought, Box, BoxPart, PartData
 
 Points = NDArray[np.float64]
 LeadKind = Literal["plug", "solder", "wire"]
 # A direction counts as an axis of the car if its component along this axis is larger.
 ALONG = 0.9
-# Between an extension's joint and the layers of a wall (mm).
-JOINT_GAP_MM = 1.0
 # The sides of the car in the directions -x and +x, -y and +y.
 SIDES = (("rear", "front"), ("right", "left"))
 
@@ -75,80 +72,17 @@ def extra_wire_m(leads_of_car: Iterable[Lead], wiring: PartData) -> float:
     return max(0.0, stock_wire_mm(leads_of_car) - wiring.wire_mm.value) / 1000
 
 
-def with_extensions(car: FoldedCar) -> FoldedCar:
-    """Return the car with an extension for each servo whose lead is too short, and with the mass of all its wire.
-
-    Each extension is the shortest that is long enough. Raises DesignError if even the longest one is too short.
-    """
-    mounts = {mount.name: mount for mount in car.mounts}
-    car_leads = leads(car)
-    servos = {axle.servo for axle in car.axles if axle.driven}
-    # The mount of each extension, by the name of its servo.
-    extensions: dict[str, Mount] = {}
-    for lead in car_leads:
-        if lead.start in servos and lead.missing_mm > 0:
-            extensions[lead.start] = _extension_mount(car, mounts[lead.start], _shortest_extension(car, lead))
-    # The servo driver is wired to the extension, and this to the servo.
-    wires: list[Wire] = []
-    for wire in car.wires:
-        if wire.carries == "signal" and wire.b in extensions:
-            extension_name = extensions[wire.b].name
-            wires += [replace(wire, b=extension_name), Wire(extension_name, wire.b, "signal", wire.note)]
-        else:
-            wires.append(wire)
-    wiring = car.parts.wiring
-    extra_kg = extra_wire_m(car_leads, wiring) * wiring.wire_kg_m.value
-    own_mounts = []
-    for mount in car.mounts:
-        if mount.part == wiring.name:
-            own_mounts.append(replace(mount, mass_kg=mount.mass_kg + extra_kg))
-        else:
-            own_mounts.append(mount)
-    return replace(car, mounts=(*own_mounts, *extensions.values()), wires=tuple(wires))
-
-
-def _shortest_extension(car: FoldedCar, lead: Lead) -> Bought:
-    """Return the shortest extension that makes a servo's lead long enough. Raises DesignError if there is none."""
-    for extension in car.parts.extensions.sold:
-        if _extended_mm(car, lead.available_mm, extension) >= lead.needed_mm:
-            return extension
-    longest = car.parts.extensions.sold[-1]
-    longest_mm = _extended_mm(car, lead.available_mm, longest)
-    is_long = f"{longest_mm:.0f} mm with the longest extension, {longest.name}"
-    message = f"the lead of the {lead.start} must be {lead.needed_mm:.0f} mm long, but is {is_long}"
-    raise DesignError(None, f"{message}: make the car shorter")
-
-
-def _extended_mm(car: FoldedCar, lead_mm: float, extension: Bought) -> float:
+def extended_mm(car: FoldedCar, lead_mm: float, extension: Bought) -> float:
     """Return the minimum length (mm) of a lead that is plugged into an extension."""
     return lead_mm + extension.length_mm.min_value - car.parts.plugs.servo.inserted_mm.value
 
 
-def _extension_mount(car: FoldedCar, servo: Mount, extension: Bought) -> Mount:
-    """Return an extension as a part of the car: its socket with the plug of the servo in it.
-
-    It lies on the floor, below the servo and beside the wall of the servo. Its lead counts as wiring.
-    """
-    parts, film, extensions = car.parts, car.parts.film_mm, car.parts.extensions
-    length, width = extensions.joint_length_mm.value, extensions.joint_width_mm.value
-    height = extensions.joint_height_mm.value
-    # In the servo's frame, z points from its middle to its bottom, into the car. The undersides of its ears lie on the
-    # outside of the wall. From there inwards follow the wall, its second layer of film, a gap and the joint.
-    ears_z = parts.servo.depth_mm.value / 2 - parts.servo.ear_underside_mm.value
-    inside_of_wall_z = ears_z + 2 * film
-    x, y, _ = apply(servo.pose, 0.0, 0.0, inside_of_wall_z + JOINT_GAP_MM + width / 2)
-    floor_z = _height_mm(_segments(car)[servo.body], "floor")
-    pose = translation(x, y, floor_z + film / 2 + height / 2)
-    name = f"extension of {servo.name}"
-    return Mount(extension.name, name, servo.body, pose, (length, width, height), extension.mass_kg.value)
-
-
-def _segments(car: FoldedCar) -> dict[str, list[PlacedFace]]:
+def segment_faces(car: FoldedCar) -> dict[str, list[PlacedFace]]:
     """Return the faces of the segments, by body."""
     return placed_faces(car, {placed.body for placed in car.placed if placed.body.startswith("segment")})
 
 
-def _height_mm(faces: Iterable[PlacedFace], name: str) -> float:
+def height_mm(faces: Iterable[PlacedFace], name: str) -> float:
     """Return the greatest height of a beam's face of that name (mm)."""
     return max(float(face.corners_mm[:, 2].max()) for face in faces if face.face.name == name)
 
@@ -207,7 +141,7 @@ class _Ways:
 
     def __init__(self, car: FoldedCar) -> None:
         self.car, self.parts, self.wing = car, car.parts, car.parts.featherwing.name
-        self.bodies = _segments(car)
+        self.bodies = segment_faces(car)
         self.mounts = {mount.name: mount for mount in car.mounts}
         self.of_part = {mount.part: mount for mount in car.mounts}
 
@@ -230,7 +164,7 @@ class _Ways:
             available_mm, extension_name = servo.lead_length_mm.min_value, ""
             extension = self._extension_of(axle.servo)
             if extension is not None:
-                available_mm = _extended_mm(self.car, available_mm, extension)
+                available_mm = extended_mm(self.car, available_mm, extension)
                 extension_name = extension.name
             output = f"{self.wing} {axle.channel}"
             lead = self._lead(axle.servo, output, "plug", way, additional_mm, available_mm)
@@ -295,7 +229,7 @@ class _Ways:
         """
         battery = self.of_part[self.parts.battery.name]
         bottom = battery.center_mm[2] - battery.size_mm[2] / 2
-        above_walls_mm = _height_mm(self.bodies[battery.body], "left") - bottom
+        above_walls_mm = height_mm(self.bodies[battery.body], "left") - bottom
         return max(battery.size_mm[2] if self.parts.battery_place == "roof" else 0.0, above_walls_mm)
 
     def controls(self) -> Iterator[Lead]:
@@ -319,7 +253,7 @@ class _Ways:
         if part in (BOARD_SWITCH, BUTTON):
             switch = self.mounts[part]
             # The wire stays on the boards while they are lifted, until the Feather's underside is above the walls.
-            wall_top = _height_mm(self.bodies[feather.body], "left")
+            wall_top = height_mm(self.bodies[feather.body], "left")
             lift_mm = max(0.0, wall_top - feather.center_mm[2] + feather.size_mm[2] / 2)
             return WireStart(self._terminals(switch), switch.body, free_mm=lift_mm)
         # All other wires lead from the Feather, the lower board, to the wing, the upper one. The wire stays on both while
@@ -412,7 +346,7 @@ class _Ways:
 
     def _inside(self, start: Points, body: str) -> Points:
         """Return the point where a lead enters the body: the hole in the lid for a battery on the roof."""
-        if self.parts.battery_place != "roof" or start[2] < _height_mm(self.bodies[body], "left"):
+        if self.parts.battery_place != "roof" or start[2] < height_mm(self.bodies[body], "left"):
             return start
         return next(self._holes(body, 2))
 

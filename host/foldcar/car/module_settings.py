@@ -11,7 +11,8 @@ from foldcar.car.components.box_beam import flap_end_mm, latch_notch, wall_dista
 from foldcar.car.components.bridge import plug_room_mm, usb_height_mm
 from foldcar.car.components.component import ROUNDING, minimum_text
 from foldcar.car.components.module import BrainModule
-from foldcar.car.components.mounts import ROD_LAYER_MM, button_depth_mm, servo_reach_mm, switch_depth_mm
+from foldcar.car.components.mounts import button_depth_mm, servo_reach_mm, switch_depth_mm
+from foldcar.car.components.rods import ROD_LAYER_MM
 from foldcar.car.design import Design, DesignError, Segment
 
 # Limit (mm) of the place of USB on a side without a tyre.

@@ -12,8 +12,9 @@ from typing import NamedTuple
 
 from foldcar.car.components.component import Component, ComponentError
 from foldcar.car.components.equal_pieces import IndexedJoin, PieceEdge, Place, merge_equal_pieces, numbered_titles
-from foldcar.car.components.fuse import Fused, fuse, propagate_poses
-from foldcar.car.components.shape import Contact, Edge, EdgeJoin, Graph, Shape
+from foldcar.car.components.fuse import fuse, propagate_poses
+from foldcar.car.components.seams import Seam, seams_of
+from foldcar.car.components.shape import Contact, Edge, Graph, Shape
 from foldcar.car.folded.model import (
     IDENTITY,
     Axle,
@@ -32,8 +33,6 @@ from foldcar.car.folded.pose import across_crease, apply, compose, inverse, side
 
 # Links that make creases of one piece.
 FOLDED = ("fold", "bend", "hinge")
-# Tolerance (mm) on the equality of the lengths of two joined edges, after their faces were fused.
-LENGTH_TOLERANCE_MM = 1e-4
 
 
 @dataclass(frozen=True)
@@ -45,18 +44,6 @@ class Assembly:
     joins: tuple[Join, ...]
     mounts: tuple[Mount, ...]
     axles: tuple[Axle, ...]
-
-
-class Seam(NamedTuple):
-    """Two edges of fused faces that meet, the link that joins them, and the length of edge ``b``.
-
-    An edge names its fused face by the path of the first component's face in it.
-    """
-
-    link: EdgeJoin
-    a: Edge
-    b: Edge
-    length_mm: float
 
 
 class Tab(NamedTuple):
@@ -100,42 +87,6 @@ def assemble(graph: Graph) -> Assembly:
     return Assembly(tuple(distinct), tuple(placed), tuple(joins), tuple(mounts), tuple(axles))
 
 
-def _seams(graph: Graph, fused: dict[str, Fused], fused_path: dict[str, str]) -> Iterator[Seam]:
-    """Yield one seam for each pair of edges of fused faces that are joined to each other.
-
-    A *fused face* is made of components' faces that are rigidly linked. ``fused`` has the fused faces by path, and
-    ``fused_path`` has, for each component's face, the path of the fused face that contains it. Links of the graph that
-    join the same two edges make one seam. Raises ComponentError if the lengths of the two edges do not match.
-    """
-
-    def fused_edge(edge: Edge) -> Edge:
-        """Return the edge of a fused face in which the edge of a component's face lies."""
-        path = fused_path[edge.face]
-        edge_index = fused[path].edges[edge]
-        return Edge(path, edge_index)
-
-    def length_mm(edge: Edge) -> float:
-        """Return the length of an edge of a fused face."""
-        return math.dist(*side(fused[edge.face].face.outline_mm, edge.index))
-
-    yielded = set()
-    for link in graph.links:
-        if link.kind == "rigid":
-            continue
-        edge_a, edge_b = fused_edge(link.a), fused_edge(link.b)
-        if (edge_a, edge_b) in yielded:
-            continue
-        yielded.add((edge_a, edge_b))
-        length_a_mm, length_b_mm = length_mm(edge_a), length_mm(edge_b)
-        # A tab grows from edge b and is glued along edge a, of which it leaves the inset free at both ends. Other links
-        # have no inset, so their edges are equally long.
-        expected_a_mm = length_b_mm + 2 * link.inset_mm
-        if abs(length_a_mm - expected_a_mm) > LENGTH_TOLERANCE_MM:
-            message = f"meets {link.b.face} in edges of {length_a_mm:g} and {length_b_mm:g} mm once they are fused"
-            raise ComponentError(link.a.face, message)
-        yield Seam(link, edge_a, edge_b, length_b_mm)
-
-
 class _Pieces:
     """The pieces of a graph. A fused face is known by its path, that of the first component's face in it.
 
@@ -152,7 +103,7 @@ class _Pieces:
         for fused_path, fused in self.fused.items():
             for face_path in fused.poses:
                 self.fused_path[face_path] = fused_path
-        self.seams = list(_seams(graph, self.fused, self.fused_path))
+        self.seams = list(seams_of(graph, self.fused, self.fused_path))
         self.folds = [seam for seam in self.seams if seam.link.kind in FOLDED]
         self.sheets = self._sheets()
         self.piece_of: dict[str, int] = {}

@@ -12,9 +12,6 @@ from typing import NamedTuple
 
 from foldcar.car.components.box_beam import latch_notch, wall_distance_mm
 from foldcar.car.components.bridge import (
-    BUTTON_PIN,
-    DIVIDER_UPPER,
-    OE_PIN,
     half_length_mm,
     middle_mm,
     mouth_mm,
@@ -24,11 +21,11 @@ from foldcar.car.components.bridge import (
 )
 from foldcar.car.components.component import ROUNDING, ComponentError
 from foldcar.car.components.module import BrainModule
-from foldcar.car.components.mounts import BOARD_SWITCH, BUTTON, SERVO_SWITCH, cylinder
+from foldcar.car.components.mounts import cylinder
 from foldcar.car.components.shape import Shape, rectangle_around
-from foldcar.car.folded.model import IDENTITY, Point, Solid, Wire
+from foldcar.car.components.wires import power_wires
+from foldcar.car.folded.model import IDENTITY, Point, Solid
 from foldcar.car.folded.pose import translation
-from foldcar.car.parts.catalogue import Catalogue
 from foldcar.car.parts.quantity import BoxPart
 
 # The layer below a battery on the floor is longer than the battery by this at both ends: so its outline is printed on
@@ -92,7 +89,7 @@ class ElectronicsModule(BrainModule):
         # All wires count as one part in the module's middle.
         wires_center = (self["length"] / 2, across / 2, wall_distance_mm(self["height"], parts) / 2)
         shape.part(parts.wiring, "beam.floor", wires_center)
-        shape.graph.wires += _power_wires(parts)
+        shape.graph.wires += power_wires(parts)
 
     def _cut_usb_opening(self, shape: Shape, x: float) -> None:
         """Cut three openings into the left wall: for the USB plug, for the board's light, and for the USB cable's tie.
@@ -357,39 +354,6 @@ class ElectronicsModule(BrainModule):
         if is_limited_by_tyres:
             parts_text += ", with a USB plug clear of the tyres"
         return self.parameter_error("length", _too_small(length, length + nearest.missing_mm, parts_text))
-
-
-def _power_wires(parts: Catalogue) -> list[Wire]:
-    """Return the wires between batteries, switch and boards."""
-    feather, wing = parts.feather.name, parts.featherwing.name
-    return [
-        Wire(f"{feather} headers", f"{wing} headers", "stack", "the wing sits on the Feather: I2C on SDA 23 and SCL 22"),
-        Wire(f"{parts.lipo.name}", f"{feather} JST", "supply", "3.7 V for the processor"),
-        Wire(
-            f"{parts.battery.name} +", f"{SERVO_SWITCH} 1", "supply", f"{parts.cells.supply_v.value:g} V for the servos"
-        ),
-        Wire(f"{SERVO_SWITCH} 2", f"{wing} terminal +", "supply", "switched"),
-        Wire(f"{parts.battery.name} -", f"{wing} terminal -", "supply", "ground"),
-        Wire(f"{BOARD_SWITCH} 1", f"{feather} EN", "control", "closed, it turns the board off"),
-        Wire(f"{BOARD_SWITCH} 2", f"{feather} GND", "control", "ground"),
-        *_option_wires(parts),
-        Wire(f"{feather} USB", "computer", "usb", "to flash, and for trials by cable"),
-    ]
-
-
-def _option_wires(parts: Catalogue) -> list[Wire]:
-    """Return the wires of the options that a car has."""
-    feather, wing, wires = parts.feather.name, parts.featherwing.name, []
-    if parts.button == "fitted":
-        wires += [
-            Wire(f"{BUTTON} 1", f"{feather} {BUTTON_PIN}", "control", "starts and stops a trial"),
-            Wire(f"{BUTTON} 2", f"{feather} GND", "control", "ground"),
-        ]
-    if parts.divider == "fitted":
-        wires.append(Wire(DIVIDER_UPPER, f"{wing} terminal +", "control", "measures the voltage of the servos' battery"))
-    if parts.oe_wire == "fitted":
-        wires.append(Wire(f"{feather} {OE_PIN}", f"{wing} #OE", "control", "ends the pulses while the board hangs"))
-    return wires
 
 
 def _extent_mm(part: BoxPart, turned: bool) -> Point:

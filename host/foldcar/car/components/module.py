@@ -12,12 +12,12 @@ from foldcar.car.components.box_beam import HEIGHT, WIDTH, BoxBeam, wall_distanc
 from foldcar.car.components.component import Component, Parameter, Sub
 from foldcar.car.components.mounts import (
     min_doubler_mm,
-    put_rod,
     put_servo,
     screw_end_mm,
     servo_reach_mm,
     switches_width_mm,
 )
+from foldcar.car.components.rods import put_rod
 from foldcar.car.components.shape import Shape
 from foldcar.car.components.wheel import DRIVEN, RADIUS, TYRE_WIDTH
 from foldcar.car.parts.catalogue import Catalogue

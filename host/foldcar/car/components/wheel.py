@@ -11,7 +11,8 @@ from itertools import pairwise
 
 from foldcar.car.components.component import Component, Parameter
 from foldcar.car.components.hooked_strip import build_hub, build_rim, first_facet_pose
-from foldcar.car.components.mounts import add_screw, cylinder, wheel_hole_mm
+from foldcar.car.components.mounts import add_screw, cylinder
+from foldcar.car.components.rods import wheel_hole_mm
 from foldcar.car.components.shape import Shape, on_circle
 from foldcar.car.components.wheel_size import WheelSize, access_radius_mm, arc_steps, min_radius_mm, wheel_screws_mm
 from foldcar.car.folded.model import Point, Solid

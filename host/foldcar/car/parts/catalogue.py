@@ -18,16 +18,15 @@ from foldcar.car.parts.bought import (
     FeatherWing,
     Film,
     Headers,
-    Horn,
     Plugs,
     Screw,
-    Servo,
     Spacer,
     Tools,
     Tyre,
     Wiring,
 )
 from foldcar.car.parts.quantity import Bought, BoxPart, Data, PartData, Quantity
+from foldcar.car.parts.servo import Horn, Servo
 from foldcar.errors import FoldcarError
 from foldcar.typed import did_you_mean
 

@@ -175,13 +175,18 @@ class Design:
     @property
     def segments(self) -> tuple[Segment, ...]:
         """The rigid parts, front to back: groups of modules between hinges."""
+        groups: list[list[int]] = [[]]
+        for index, letter in enumerate(self.modules):
+            if letter == HINGE:
+                groups.append([])
+            else:
+                groups[-1].append(index)
         segments = []
-        for is_hinge, group in itertools.groupby(range(len(self.modules)), lambda i: self.modules[i] == HINGE):
-            if not is_hinge:
-                indices = tuple(group)
-                lengths = [self.length_of(i) for i in indices]
-                front = self.module_centers_mm[indices[0]] + lengths[0] / 2
-                segments.append(Segment(indices, front - sum(lengths) / 2, sum(lengths)))
+        for group in groups:
+            length_mm = sum(self.length_of(index) for index in group)
+            first = group[0]
+            front_x = self.module_centers_mm[first] + self.length_of(first) / 2
+            segments.append(Segment(tuple(group), front_x - length_mm / 2, length_mm))
         return tuple(segments)
 
     def segment_at(self, module: int) -> int:
@@ -341,21 +346,18 @@ def _unknown_key_message(type_string: str, letters: Sequence[str], key: str, par
     return f"{type_string} has no such parameter; it has {', '.join(parameter_keys)}"
 
 
-def design_errors(
-    type_string: str, values: Mapping[str, float], parts: Catalogue
-) -> dict[str, tuple[DesignError, float]]:
-    """Return the error and the violated limit of every value that is outside its limits, by key.
+def limit_errors(type_string: str, values: Mapping[str, float], parts: Catalogue) -> list[DesignError]:
+    """Return an error for every value that is outside the limits of its parameter. ``values`` are given by key.
 
     Keys of unknown parameters, or of modules that the type does not have, are skipped: other checks report them.
     """
-    letters, errors = modules_of(type_string), {}
+    letters = modules_of(type_string)
+    errors = []
     for key, value in values.items():
         parameter = parameter_of(key)
         if parameter is None or parameter.modules.isdisjoint(letters):
             continue
-        declaration = parameter.declared
-        limit_error = declaration.limit_error(value, parts)
-        if limit_error:
-            limit = declaration.maximum if value > declaration.maximum else declaration.minimum_with(parts)
-            errors[key] = (DesignError(key, limit_error), limit)
+        message = parameter.declared.limit_error(value, parts)
+        if message:
+            errors.append(DesignError(key, message))
     return errors

@@ -112,23 +112,26 @@ def _axle_distance(design: "Design", front: int, rear: int) -> AxleDistance:
     limits.
     """
     centers, half_height = design.module_centers_mm, design.height_mm / 2
-    hinges = [module for module in range(rear, front, -1) if design.modules[module] == HingeModule.letter]
+    # Modules are counted from the front, so these are the hinges from the rear axle to the front axle.
+    hinges = [module for module in reversed(range(front, rear)) if design.modules[module] == HingeModule.letter]
     if not hinges:
         distance = centers[front] - centers[rear]
         return AxleDistance(min_mm=distance, flat_mm=distance)
-    # Seen from the side, a point (x, z) is the complex number x + i z. Multiplying a vector by exp(i angle) turns it. The
-    # chain leads from the rear axle over the hinges to the front axle. The hinges are at the floor, half of the body's
+    # Seen from the side, a point (x, z) is the complex number x + i z. The hinges are at the floor, half of the body's
     # height below the axles.
-    on_floor = [complex(centers[hinge], -half_height) for hinge in hinges]
-    chain = [complex(centers[rear], 0.0), *on_floor, complex(centers[front], 0.0)]
-    to_first_hinge, *steps_after_hinges = (end - start for start, end in itertools.pairwise(chain))
+    rear_axle, front_axle = complex(centers[rear], 0.0), complex(centers[front], 0.0)
+    hinge_points = [complex(centers[hinge], -half_height) for hinge in hinges]
 
     def distance_mm(hinge_angles_rad: list[float]) -> float:
         """Return the distance of the axles if each hinge turns everything in front of it by its angle."""
-        rear_to_front, pitch_rad = to_first_hinge, 0.0
-        for angle_rad, step in zip(hinge_angles_rad, steps_after_hinges, strict=True):
+        pitch_rad = 0.0
+        rear_to_front = hinge_points[0] - rear_axle
+        # From each hinge to the next one, and from the last hinge to the front axle.
+        sections = itertools.pairwise((*hinge_points, front_axle))
+        for angle_rad, (start, end) in zip(hinge_angles_rad, sections, strict=True):
             pitch_rad += angle_rad
-            rear_to_front += step * cmath.rect(1.0, pitch_rad)
+            # The product with this number of length 1 turns a vector by the pitch.
+            rear_to_front += (end - start) * cmath.rect(1.0, pitch_rad)
         return abs(rear_to_front)
 
     flat_mm = distance_mm([0.0 for _ in hinges])

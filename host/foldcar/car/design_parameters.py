@@ -93,14 +93,14 @@ def key_of(column: str) -> str | None:
     for key, parameter in parameters().items():
         if parameter.column == column:
             return key
-    # The parameter of a place: the place, the name and the unit, joined by underscores. A name may contain some itself.
+    # The column may belong to a single module, such as W2. Then it is the module's place, the parameter's name and the
+    # unit, joined by underscores. As names may contain underscores, every known name is tried.
     place, _, name_and_unit = column.partition("_")
     names = {parameter.declared.name for parameter in parameters().values()}
     for name in names:
-        if name_and_unit.startswith(name):
-            of_place = find_parameter(place, name)
-            if of_place is not None and of_place.column == column:
-                return of_place.key
+        parameter_of_place = find_parameter(place, name) if name_and_unit.startswith(name) else None
+        if parameter_of_place is not None and parameter_of_place.column == column:
+            return parameter_of_place.key
     return None
 
 

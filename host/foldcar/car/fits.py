@@ -70,40 +70,56 @@ def fits_of(car: FoldedCar) -> tuple[Fit, ...]:
 
 
 def _fit_between_cuts(name: str, room_mm: float, part: Quantity, parts: Catalogue) -> Fit:
-    """Return the fit of a part between two cuts that are nominally ``room_mm`` apart."""
+    """Return the fit of a part between two cuts that are nominally ``room_mm`` apart.
+
+    The cutter may be off by ``cut_mm`` at each of them.
+    """
     return Fit(name, room_mm - part.value, part.tolerance, 2 * parts.assembly.cut_mm.value)
 
 
 def _hole_fits(name: str, hole: Hole, parts: Catalogue) -> Iterator[Fit]:
     """Yield the fits of what goes through a hole with this name: wheel screws in their slots, a rod, the USB plug."""
-    # The cutter may place each edge of an opening by this much beside its line, so it may narrow the opening by twice as
-    # much.
-    cut = parts.assembly.cut_mm.value
     if name.startswith("horn screw"):
-        # The slot lies along the radius of the wheel, whose axle is the origin of the face's frame.
-        radius_direction = (1.0, 0.0) if hole.center_mm is None else hole.center_mm
-        length, width = _size(hole, radius_direction)
-        screw, horn_holes = parts.horn_screw.diameter_mm, parts.horn.wheel_screws
-        # A hole of the horn may be nearer to the axle or farther from it.
-        tolerance_mm = 2 * horn_holes.tolerance + screw.tolerance
-        yield Fit("wheel's screws along their slots", length - screw.value, tolerance_mm, cutter_mm=2 * cut)
-        yield _fit_between_cuts("wheel's screws across their slots", width, screw, parts)
+        yield from _horn_screw_fits(hole, parts)
     elif name == "rod":
         # A round hole is as long as it is wide.
         diameter_mm, _ = _size(hole)
         yield _fit_between_cuts("rod in its holes", diameter_mm, parts.axle_rod.diameter_mm, parts)
     elif name == "USB":
-        usb = parts.plugs.usb
-        diagonal = math.hypot(usb.width_mm.value, usb.thickness_mm.value)
-        max_diagonal = math.hypot(usb.width_mm.max_value, usb.thickness_mm.max_value)
-        # The plug may be too high or too low, because of the socket, the spacers and the cut length of the bridge's legs.
-        # A round hole must then be larger by twice the error of the height.
-        height_tolerance_mm = parts.feather.usb.tolerance + parts.spacer.length_mm.tolerance
-        tolerance_mm = max_diagonal - diagonal + 2 * height_tolerance_mm
-        cuts_of_hole_mm, cuts_of_legs_mm = 2 * cut, 2 * cut
-        diameter_mm, _ = _size(hole)
-        cutter_mm = cuts_of_hole_mm + cuts_of_legs_mm
-        yield Fit("USB plug in its hole", diameter_mm - diagonal, tolerance_mm, cutter_mm)
+        yield _usb_fit(hole, parts)
+
+
+def _horn_screw_fits(slot: Hole, parts: Catalogue) -> Iterator[Fit]:
+    """Yield the fits of a screw that holds a wheel on its horn, along and across its slot in the wheel.
+
+    The slot lies along the radius of the wheel, because a hole of the horn may be nearer to the axle or farther from it
+    than in the horn's data. The axle is the origin of the face's frame.
+    """
+    radius_direction = (1.0, 0.0) if slot.center_mm is None else slot.center_mm
+    length, width = _size(slot, radius_direction)
+    screw, horn_holes = parts.horn_screw.diameter_mm, parts.horn.wheel_screws
+    tolerance_mm = 2 * horn_holes.tolerance + screw.tolerance
+    cutter_mm = 2 * parts.assembly.cut_mm.value
+    yield Fit("wheel's screws along their slots", length - screw.value, tolerance_mm, cutter_mm)
+    yield _fit_between_cuts("wheel's screws across their slots", width, screw, parts)
+
+
+def _usb_fit(hole: Hole, parts: Catalogue) -> Fit:
+    """Return the fit of the USB plug in its round hole.
+
+    The plug may be too high or too low: its height depends on the socket, the spacers and the legs of the bridge. To let
+    it pass nevertheless, the hole must be larger by twice the error of the height.
+    """
+    usb, diameter_mm = parts.plugs.usb, _size(hole)[0]
+    diagonal = math.hypot(usb.width_mm.value, usb.thickness_mm.value)
+    max_diagonal = math.hypot(usb.width_mm.max_value, usb.thickness_mm.max_value)
+    height_tolerance_mm = parts.feather.usb.tolerance + parts.spacer.length_mm.tolerance
+    tolerance_mm = max_diagonal - diagonal + 2 * height_tolerance_mm
+    # The cutter may be off by this at either edge of the hole. It may also be off at the end of a leg, which is an error
+    # of the height and so counts twice, too.
+    cut = parts.assembly.cut_mm.value
+    cuts_of_hole_mm, cuts_of_legs_mm = 2 * cut, 2 * cut
+    return Fit("USB plug in its hole", diameter_mm - diagonal, tolerance_mm, cutter_mm=cuts_of_hole_mm + cuts_of_legs_mm)
 
 
 def _servo_fits(opening: Hole, parts: Catalogue) -> Iterator[Fit]:
@@ -204,34 +220,51 @@ def _fits_under_lid(mount: Mount, faces: list[PlacedFace], parts: Catalogue) -> 
 
     A battery on the roof has no such fit. ``faces`` are those of the segment.
     """
-    wing, battery, film, cuts = parts.featherwing, parts.battery, parts.film_mm, 2 * parts.assembly.cut_mm.value
-    # The gap between the lid's inner surface and the part's highest solid. z of a solid's own frame points up or down, so
-    # half of its size along z lies above its middle.
-    lid_z = max(float(face.corners_mm[:, 2].max()) for face in faces if face.face.name == "lid")
-    tops = []
-    for solid in mount.shape:
-        _, _, middle_z = apply(compose(mount.pose, solid.pose), 0.0, 0.0)
-        tops.append(middle_z + solid.size_mm[2] / 2)
-    gap_mm = lid_z - film / 2 - max(tops)
-    if mount.part == wing.name:
-        # The servos' leads bend over their plugs. The bends count as a part of the wing, but they may touch the lid. So
-        # the plugs, not the bends, must fit below it.
-        gap_over_plugs_mm = gap_mm + wing.plug_bend_mm.value
-        stack = (wing.gap_mm, wing.plug_top_mm, parts.feather.board_mm, wing.board_mm, parts.spacer.length_mm)
-        yield Fit("servo leads' bend under the lid", gap_over_plugs_mm, _tolerance_sum(*stack), cuts)
+    gap_mm = _gap_to_lid_mm(mount, faces, parts)
+    if mount.part == parts.featherwing.name:
+        yield _wing_fit(gap_mm, parts)
         return
     is_on_roof = gap_mm <= 0
     if not is_on_roof:
-        # The gaps to both walls together. A car's panels extend along y from the middle of one wall's film to that of the
-        # other.
+        battery, cutter_mm = parts.battery, 2 * parts.assembly.cut_mm.value
+        # The gaps to both walls together. The panels of a car extend along y from the middle of one wall's film to that
+        # of the other.
         panels = np.concatenate([face.corners_mm for face in faces if face.face.role == "panel"])
-        between_walls_mm = float(np.ptp(panels[:, 1])) - film
+        between_walls_mm = float(np.ptp(panels[:, 1])) - parts.film_mm
         side_gap_mm = between_walls_mm - 2 * mount.half_mm(1)
         lies_across = mount.size_mm[1] == battery.length_mm.value
         size_across = battery.length_mm if lies_across else battery.width_mm
         height_tolerance_mm = _tolerance_sum(battery.height_mm, parts.pad.height_mm)
-        yield Fit(f"{battery.name} between the walls", side_gap_mm, size_across.tolerance, cuts)
-        yield Fit(f"{battery.name} under the lid", gap_mm, height_tolerance_mm, cuts)
+        yield Fit(f"{battery.name} between the walls", side_gap_mm, size_across.tolerance, cutter_mm)
+        yield Fit(f"{battery.name} under the lid", gap_mm, height_tolerance_mm, cutter_mm)
+
+
+def _gap_to_lid_mm(mount: Mount, faces: list[PlacedFace], parts: Catalogue) -> float:
+    """Return the distance (mm) from the highest point of a part up to the inner surface of the lid.
+
+    It is negative for a part on the lid.
+    """
+    lid_z = max(float(face.corners_mm[:, 2].max()) for face in faces if face.face.name == "lid")
+    tops = []
+    for solid in mount.shape:
+        _, _, middle_z = apply(compose(mount.pose, solid.pose), 0.0, 0.0)
+        # z of the solid's own frame points up or down, so half of its size along z lies above its middle.
+        tops.append(middle_z + solid.size_mm[2] / 2)
+    return lid_z - parts.film_mm / 2 - max(tops)
+
+
+def _wing_fit(gap_mm: float, parts: Catalogue) -> Fit:
+    """Return the fit of the FeatherWing, with the servos' plugs on it, under the lid.
+
+    The leads bend over their plugs. The bends are part of the wing, which ends ``gap_mm`` below the lid. But bends may
+    touch the lid, so only the plugs must fit below it.
+    """
+    wing = parts.featherwing
+    gap_over_plugs_mm = gap_mm + wing.plug_bend_mm.value
+    # All that adds up to the height of the plugs over the bridge.
+    stack = (wing.gap_mm, wing.plug_top_mm, parts.feather.board_mm, wing.board_mm, parts.spacer.length_mm)
+    cutter_mm = 2 * parts.assembly.cut_mm.value
+    return Fit("servo leads' bend under the lid", gap_over_plugs_mm, _tolerance_sum(*stack), cutter_mm)
 
 
 def _tolerance_sum(*quantities: Quantity) -> float:

@@ -5,13 +5,13 @@ module the settings that depend on other modules (module_settings.py).
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from itertools import pairwise
 
 from foldcar.car.components.assemble import Assembly, assemble, build
-from foldcar.car.components.box_beam import PANELS, put_cap, wall_mm
+from foldcar.car.components.box_beam import PANELS, put_cap, wall_distance_mm
 from foldcar.car.components.component import ROUNDING, Component, Sub, minimum_text
 from foldcar.car.components.electronics import ElectronicsModule
 from foldcar.car.components.hinge_module import HingeModule, stiffness_n_m_rad
@@ -23,10 +23,10 @@ from foldcar.car.components.shape import Shape
 from foldcar.car.components.wheel import Wheel
 from foldcar.car.design import HINGE, Design, DesignError, compose_columns
 from foldcar.car.design_parameters import places_of
+from foldcar.car.extensions import with_extensions
 from foldcar.car.folded.model import Crease, FoldedCar, HingeJoint, Piece, PlacedPiece, Wire
 from foldcar.car.folded.pose import apply, compose, edge, folded, rotation, translation
 from foldcar.car.folded.stance import center_mm, standing
-from foldcar.car.leads import with_extensions
 from foldcar.car.module_settings import button_cap, settings_from_car, switch_cap
 from foldcar.car.parts.catalogue import Catalogue, PartChoices, catalogue_of
 from foldcar.car.user_modules import component_errors, forbid_new_files
@@ -55,7 +55,7 @@ class Car(Component):
         return modules
 
     def build(self, shape: Shape) -> None:
-        """Fuse neighbouring beams, close the segments' ends with caps, glue on the hinges."""
+        """Connect the modules to segments, close the ends of the segments with caps, and join the segments by hinges."""
         self._fuse_beams(shape)
         self._put_caps(shape)
         self._put_switches(shape)
@@ -63,10 +63,10 @@ class Car(Component):
         # The origin of the car's frame is the middle of its length, width and height. x points forward, y to the left and
         # z up. The floor of the first module, at the front, has its own origin at its rear right corner. This is the pose
         # of that floor in the car's frame.
-        distance_of_walls = wall_mm(self.design.width_mm, self.parts)
-        floor_to_lid = wall_mm(self.design.height_mm, self.parts)
+        right_to_left_wall = wall_distance_mm(self.design.width_mm, self.parts)
+        floor_to_lid = wall_distance_mm(self.design.height_mm, self.parts)
         rear_of_first = self.design.length_mm / 2 - self.design.length_of(0)
-        floor_pose = translation(rear_of_first, -distance_of_walls / 2, -floor_to_lid / 2)
+        floor_pose = translation(rear_of_first, -right_to_left_wall / 2, -floor_to_lid / 2)
         shape.begin_at(f"{self.names[0]}.beam.floor", floor_pose)
 
     def _fuse_beams(self, shape: Shape) -> None:
@@ -80,15 +80,15 @@ class Car(Component):
 
     def _put_caps(self, shape: Shape) -> None:
         """Close both ends of each segment with a cap. The caps at a hinge have a slit for the cables."""
-        outer_mm = self.design.width_mm, self.design.height_mm
-        last_module = len(self.names) - 1
         for number, segment in enumerate(self.design.segments, 1):
-            for end, module, outer_module in (
-                ("front", segment.modules[0], 0),
-                ("rear", segment.modules[-1], last_module),
-            ):
-                slit_mm = 0.0 if module == outer_module else self.parts.assembly.cable_slit_length_mm.value
-                put_cap(shape, f"{end} cap {number}", end, self.names[module], outer_mm, slit_mm)
+            self._put_cap(shape, "front", number, segment.modules[0], is_at_hinge=number > 1)
+            self._put_cap(shape, "rear", number, segment.modules[-1], is_at_hinge=number < len(self.design.segments))
+
+    def _put_cap(self, shape: Shape, end: str, segment_number: int, module: int, is_at_hinge: bool) -> None:
+        """Close the ``front`` or the ``rear`` end of a segment, which is an end of the module with this index."""
+        outer_mm = self.design.width_mm, self.design.height_mm
+        slit_mm = self.parts.assembly.cable_slit_length_mm.value if is_at_hinge else 0.0
+        put_cap(shape, f"{end} cap {segment_number}", end, self.names[module], outer_mm, slit_mm)
 
     def _put_switches(self, shape: Shape) -> None:
         """Mount the switches in the middle of their cap, and the button, if the car has one, in the other cap."""
@@ -101,14 +101,16 @@ class Car(Component):
             put_button(shape, cap, (width / 2, height / 2))
 
     def _join_hinges(self, shape: Shape) -> None:
-        """Glue each hinge under the modules and onto the caps beside it."""
-        for index, name in enumerate(self.names):
+        """Glue each hinge under the modules in front of it and behind it, and its stop onto the cap in front of it."""
+        # A hinge is never at an end of the car.
+        for index in range(1, len(self.names) - 1):
+            name = self.names[index]
             hinge = self.children[name]
             if isinstance(hinge, HingeModule):
-                # Segments count from 0, from the front; caps from 1.
-                front_segment = self.design.segment_at(index)
-                caps = (f"rear cap {front_segment + 1}", f"front cap {front_segment + 2}")
-                hinge.join(shape, name, (self.names[index - 1], self.names[index + 1]), caps)
+                front_module, rear_module = self.names[index - 1], self.names[index + 1]
+                # Segments count from 0, caps from 1.
+                front_cap = f"rear cap {self.design.segment_at(index) + 1}"
+                hinge.join(shape, name, front_module=front_module, rear_module=rear_module, front_cap=front_cap)
 
 
 def folded_car(design: Design) -> FoldedCar:
@@ -179,8 +181,9 @@ def _folded_car(letters: tuple[str, ...], values: tuple[tuple[str, float], ...],
 
 
 def _check_stance(design: Design, car: FoldedCar) -> None:
-    """Raise DesignError if wheels of different radii tilt the body so far that it would touch the ground."""
-    if len(set(design.radii_mm)) == 1:
+    """Raise DesignError if wheels of different radii tilt the body so far that it is too near to the ground."""
+    smallest, largest = min(design.radii_mm), max(design.radii_mm)
+    if smallest == largest:
         return
     center_x, _, center_z = center_mm(car)
     half, belly = design.height_mm / 2, design.parts.assembly.belly_clearance_mm.value
@@ -193,27 +196,29 @@ def _check_stance(design: Design, car: FoldedCar) -> None:
         stance = standing(wheels, (center_x, center_z))
         return all(stance.height_mm(end, -half) >= belly - ROUNDING for end in ends)
 
-    # The body is clear with the wheels that the car has.
-    smallest, largest = min(design.radii_mm), max(design.radii_mm)
-    if is_clear(smallest):
+    # A car that tips over its first or last axle touches the ground even on wheels that are all as large as the largest.
+    # This is not an error of the radii.
+    if is_clear(smallest) or not is_clear(largest):
         return
-    # The body touches the ground even if all wheels are as large as the largest, because the car tips over its first or
-    # last axle. This is not an error of the radii.
-    if not is_clear(largest):
-        return
-    # Find the smallest radius with which the body is clear, by bisection between ``low`` and ``high``. The message names
-    # it.
-    low, high = smallest, largest
+    min_radius_mm = _smallest_that_satisfies(is_clear, smallest, largest)
+    module = min(design.wheel_modules, key=lambda i: design.of(i, "radius"))
+    reason = f"beside {largest:g}: the tilted body is less than {belly:g} above the ground"
+    message = f"{design.of(module, 'radius'):g} is below the minimum {minimum_text(min_radius_mm)} ({reason})"
+    raise DesignError(design.of_modules[module].keys.get("radius"), message)
+
+
+def _smallest_that_satisfies(condition: Callable[[float], bool], low: float, high: float) -> float:
+    """Return the smallest radius (mm) that satisfies a condition, found by bisection to STANCE_TOLERANCE_MM.
+
+    ``low`` does not satisfy the condition, and ``high`` does.
+    """
     while high - low > STANCE_TOLERANCE_MM:
         middle = (low + high) / 2
-        if is_clear(middle):
+        if condition(middle):
             high = middle
         else:
             low = middle
-    module = min(design.wheel_modules, key=lambda i: design.of(i, "radius"))
-    reason = f"beside {largest:g}: the tilted body is less than {belly:g} above the ground"
-    message = f"{design.of(module, 'radius'):g} is below the minimum {minimum_text(high)} ({reason})"
-    raise DesignError(design.of_modules[module].keys.get("radius"), message)
+    return high
 
 
 # The values of a wheel by name, which distinguish it from others.

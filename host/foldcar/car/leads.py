@@ -1,6 +1,6 @@
-"""Lengths of a car's leads: needed along their ways and available; servo extensions where a lead is too short.
+"""Lengths of a car's leads: needed along their ways and available.
 
-Input: a FoldedCar. Output: Leads; the car with its extensions. A lead is laid along floor and walls, so the length of a
+Input: a FoldedCar. Output: Leads. A lead is laid along floor and walls, so the length of a
 stretch is the sum of its parts along x, y and z. From segment to segment it passes through the slits of the caps, whose
 distance counts at the hinge angle where it is largest. Lengths are in mm, in the car's frame.
 """
@@ -14,18 +14,15 @@ from numpy.typing import NDArray
 
 from foldcar.car.components.bridge import option_resistors
 from foldcar.car.components.mounts import BOARD_SWITCH, BUTTON, SERVO_SWITCH
-from foldcar.car.design import DesignError
-from foldcar.car.folded.model import FoldedCar, Mount, Wire
+from foldcar.car.folded.model import FoldedCar, Mount
 from foldcar.car.folded.placed import PlacedFace, placed_faces
-from foldcar.car.folded.pose import apply, hinge_motion, translation
+from foldcar.car.folded.pose import apply, hinge_motion
 from foldcar.car.parts.quantity import Bought, Box, BoxPart, PartData
 
 Points = NDArray[np.float64]
 LeadKind = Literal["plug", "solder", "wire"]
 # A direction counts as an axis of the car if its component along this axis is larger.
 ALONG = 0.9
-# Between an extension's joint and the layers of a wall (mm).
-JOINT_GAP_MM = 1.0
 # The sides of the car in the directions -x and +x, -y and +y.
 SIDES = (("rear", "front"), ("right", "left"))
 
@@ -75,80 +72,17 @@ def extra_wire_m(leads_of_car: Iterable[Lead], wiring: PartData) -> float:
     return max(0.0, stock_wire_mm(leads_of_car) - wiring.wire_mm.value) / 1000
 
 
-def with_extensions(car: FoldedCar) -> FoldedCar:
-    """Return the car with an extension for each servo whose lead is too short, and with the mass of all its wire.
-
-    Each extension is the shortest that is long enough. Raises DesignError if even the longest one is too short.
-    """
-    mounts = {mount.name: mount for mount in car.mounts}
-    car_leads = leads(car)
-    servos = {axle.servo for axle in car.axles if axle.driven}
-    # The mount of each extension, by the name of its servo.
-    extensions: dict[str, Mount] = {}
-    for lead in car_leads:
-        if lead.start in servos and lead.missing_mm > 0:
-            extensions[lead.start] = _extension_mount(car, mounts[lead.start], _shortest_extension(car, lead))
-    # The servo driver is wired to the extension, and this to the servo.
-    wires: list[Wire] = []
-    for wire in car.wires:
-        if wire.carries == "signal" and wire.b in extensions:
-            extension_name = extensions[wire.b].name
-            wires += [replace(wire, b=extension_name), Wire(extension_name, wire.b, "signal", wire.note)]
-        else:
-            wires.append(wire)
-    wiring = car.parts.wiring
-    extra_kg = extra_wire_m(car_leads, wiring) * wiring.wire_kg_m.value
-    own_mounts = []
-    for mount in car.mounts:
-        if mount.part == wiring.name:
-            own_mounts.append(replace(mount, mass_kg=mount.mass_kg + extra_kg))
-        else:
-            own_mounts.append(mount)
-    return replace(car, mounts=(*own_mounts, *extensions.values()), wires=tuple(wires))
-
-
-def _shortest_extension(car: FoldedCar, lead: Lead) -> Bought:
-    """Return the shortest extension that makes a servo's lead long enough. Raises DesignError if there is none."""
-    for extension in car.parts.extensions.sold:
-        if _extended_mm(car, lead.available_mm, extension) >= lead.needed_mm:
-            return extension
-    longest = car.parts.extensions.sold[-1]
-    longest_mm = _extended_mm(car, lead.available_mm, longest)
-    is_long = f"{longest_mm:.0f} mm with the longest extension, {longest.name}"
-    message = f"the lead of the {lead.start} must be {lead.needed_mm:.0f} mm long, but is {is_long}"
-    raise DesignError(None, f"{message}: make the car shorter")
-
-
-def _extended_mm(car: FoldedCar, lead_mm: float, extension: Bought) -> float:
+def extended_mm(car: FoldedCar, lead_mm: float, extension: Bought) -> float:
     """Return the minimum length (mm) of a lead that is plugged into an extension."""
     return lead_mm + extension.length_mm.min_value - car.parts.plugs.servo.inserted_mm.value
 
 
-def _extension_mount(car: FoldedCar, servo: Mount, extension: Bought) -> Mount:
-    """Return an extension as a part of the car: its socket with the plug of the servo in it.
-
-    It lies on the floor, below the servo and beside the wall of the servo. Its lead counts as wiring.
-    """
-    parts, film, extensions = car.parts, car.parts.film_mm, car.parts.extensions
-    length, width = extensions.joint_length_mm.value, extensions.joint_width_mm.value
-    height = extensions.joint_height_mm.value
-    # In the servo's frame, z points from its middle to its bottom, into the car. The undersides of its ears lie on the
-    # outside of the wall. From there inwards follow the wall, its second layer of film, a gap and the joint.
-    ears_z = parts.servo.depth_mm.value / 2 - parts.servo.ear_underside_mm.value
-    inside_of_wall_z = ears_z + 2 * film
-    x, y, _ = apply(servo.pose, 0.0, 0.0, inside_of_wall_z + JOINT_GAP_MM + width / 2)
-    floor_z = _height_mm(_segments(car)[servo.body], "floor")
-    pose = translation(x, y, floor_z + film / 2 + height / 2)
-    name = f"extension of {servo.name}"
-    return Mount(extension.name, name, servo.body, pose, (length, width, height), extension.mass_kg.value)
-
-
-def _segments(car: FoldedCar) -> dict[str, list[PlacedFace]]:
+def segment_faces(car: FoldedCar) -> dict[str, list[PlacedFace]]:
     """Return the faces of the segments, by body."""
     return placed_faces(car, {placed.body for placed in car.placed if placed.body.startswith("segment")})
 
 
-def _height_mm(faces: Iterable[PlacedFace], name: str) -> float:
+def height_mm(faces: Iterable[PlacedFace], name: str) -> float:
     """Return the greatest height of a beam's face of that name (mm)."""
     return max(float(face.corners_mm[:, 2].max()) for face in faces if face.face.name == name)
 
@@ -193,12 +127,21 @@ def _ends(mount: Mount, battery: BoxPart) -> Iterator[BatteryEnd]:
         yield BatteryEnd(side, middle + to_end)
 
 
+def _segment_number(body: str) -> int:
+    return int(body.removeprefix("segment"))
+
+
+def _along_axes_mm(start: Points, end: Points) -> float:
+    """Return the length of a way between two points that runs along the axes of the car (mm)."""
+    return float(np.abs(end - start).sum())
+
+
 class _Ways:
     """The starts and ends of one car's leads, and the ways between them."""
 
     def __init__(self, car: FoldedCar) -> None:
         self.car, self.parts, self.wing = car, car.parts, car.parts.featherwing.name
-        self.bodies = _segments(car)
+        self.bodies = segment_faces(car)
         self.mounts = {mount.name: mount for mount in car.mounts}
         self.of_part = {mount.part: mount for mount in car.mounts}
 
@@ -221,7 +164,7 @@ class _Ways:
             available_mm, extension_name = servo.lead_length_mm.min_value, ""
             extension = self._extension_of(axle.servo)
             if extension is not None:
-                available_mm = _extended_mm(self.car, available_mm, extension)
+                available_mm = extended_mm(self.car, available_mm, extension)
                 extension_name = extension.name
             output = f"{self.wing} {axle.channel}"
             lead = self._lead(axle.servo, output, "plug", way, additional_mm, available_mm)
@@ -252,38 +195,42 @@ class _Ways:
         """Yield the three leads of the servos' supply.
 
         The battery has a lead + to the switch and a lead - to the terminal block of the servo driver. A wire leads from
-        the switch to the terminal block.
+        the switch to the terminal block. The battery's leads leave it at the end from which they are shorter.
         """
-        parts, wing = self.parts, self.parts.featherwing
-        battery, switch = self.of_part[parts.battery.name], self.mounts[SERVO_SWITCH]
-        # The points at which the leads end, and the length of a lead that is in a soldered joint.
-        switch_terminals = self._terminals(switch)
-        terminal_block = self._mouth(wing, wing.terminal_block)
-        joint_mm, available_mm = parts.wiring.joint_mm.value, parts.battery.lead_length_mm.min_value
-        # To change cells, the battery is lifted above the walls with its leads on, so they must be long enough for this,
-        # too. A battery on the roof is turned over beside its place, so it must be lifted by its own height.
-        wall_top = _height_mm(self.bodies[battery.body], "left")
-        bottom = battery.center_mm[2] - battery.size_mm[2] / 2
-        min_lift_mm = battery.size_mm[2] if parts.battery_place == "roof" else 0.0
-        lift = np.array((0.0, 0.0, max(min_lift_mm, wall_top - bottom)))
-
-        def leads_from(end: BatteryEnd) -> tuple[Lead, Lead]:
-            """Return the leads + and - of the battery if they leave it at this end."""
-            # The longer way counts: with the battery in its place, or lifted.
-            starts = (end.middle, end.middle + lift)
-            plus_way = max(self.way(start, switch_terminals, battery.body, parts.switch.name) for start in starts)
-            minus_way = max(self.way(start, terminal_block, battery.body, wing.name) for start in starts)
-            plus, minus = f"{battery.name} +", f"{battery.name} -"
-            plus_lead = self._lead(plus, f"{SERVO_SWITCH} 1", "solder", plus_way, joint_mm, available_mm)
-            minus_lead = self._lead(minus, f"{wing.name} terminal -", "solder", minus_way, joint_mm, available_mm)
-            return replace(plus_lead, leaves=end.side), replace(minus_lead, leaves=end.side)
-
-        # The leads leave the battery at the end from which they are shorter.
-        pairs = [leads_from(end) for end in _ends(battery, parts.battery)]
+        wing, switch = self.parts.featherwing, self.mounts[SERVO_SWITCH]
+        battery = self.of_part[self.parts.battery.name]
+        pairs = [self._battery_leads(end) for end in _ends(battery, self.parts.battery)]
         yield from min(pairs, key=lambda pair: sum(lead.needed_mm for lead in pair))
-        # The wire has a joint at each end.
-        way = self.way(switch_terminals, terminal_block, switch.body, wing.name)
-        yield self._lead(f"{SERVO_SWITCH} 2", f"{wing.name} terminal +", "wire", way, 2 * joint_mm)
+        # The wire has a soldered joint at each end.
+        way = self.way(self._terminals(switch), self._mouth(wing, wing.terminal_block), switch.body, wing.name)
+        joints_mm = 2 * self.parts.wiring.joint_mm.value
+        yield self._lead(f"{SERVO_SWITCH} 2", f"{wing.name} terminal +", "wire", way, joints_mm)
+
+    def _battery_leads(self, end: BatteryEnd) -> tuple[Lead, Lead]:
+        """Return the leads + and - of the servos' battery if they leave it at this end."""
+        parts, wing, name = self.parts, self.parts.featherwing, self.parts.battery.name
+        body = self.of_part[name].body
+        switch_terminals = self._terminals(self.mounts[SERVO_SWITCH])
+        terminal_block = self._mouth(wing, wing.terminal_block)
+        # The leads must be long enough for the battery in its place, and for the lifted battery.
+        starts = (end.middle, end.middle + np.array((0.0, 0.0, self._battery_lift_mm())))
+        plus_way = max(self.way(start, switch_terminals, body, parts.switch.name) for start in starts)
+        minus_way = max(self.way(start, terminal_block, body, wing.name) for start in starts)
+        joint_mm, available_mm = parts.wiring.joint_mm.value, parts.battery.lead_length_mm.min_value
+        plus = self._lead(f"{name} +", f"{SERVO_SWITCH} 1", "solder", plus_way, joint_mm, available_mm)
+        minus = self._lead(f"{name} -", f"{wing.name} terminal -", "solder", minus_way, joint_mm, available_mm)
+        return replace(plus, leaves=end.side), replace(minus, leaves=end.side)
+
+    def _battery_lift_mm(self) -> float:
+        """Return how far (mm) the battery is lifted, with its leads on, when its cells are changed.
+
+        It is lifted above the walls. A battery on the roof is turned over beside its place, so it is lifted by its
+        height.
+        """
+        battery = self.of_part[self.parts.battery.name]
+        bottom = battery.center_mm[2] - battery.size_mm[2] / 2
+        above_walls_mm = height_mm(self.bodies[battery.body], "left") - bottom
+        return max(battery.size_mm[2] if self.parts.battery_place == "roof" else 0.0, above_walls_mm)
 
     def controls(self) -> Iterator[Lead]:
         """Yield the wires of the board switch and of the options, such as the button.
@@ -306,7 +253,7 @@ class _Ways:
         if part in (BOARD_SWITCH, BUTTON):
             switch = self.mounts[part]
             # The wire stays on the boards while they are lifted, until the Feather's underside is above the walls.
-            wall_top = _height_mm(self.bodies[feather.body], "left")
+            wall_top = height_mm(self.bodies[feather.body], "left")
             lift_mm = max(0.0, wall_top - feather.center_mm[2] + feather.size_mm[2] / 2)
             return WireStart(self._terminals(switch), switch.body, free_mm=lift_mm)
         # All other wires lead from the Feather, the lower board, to the wing, the upper one. The wire stays on both while
@@ -317,16 +264,22 @@ class _Ways:
         return WireStart(self._below_feather(x, y), feather.body, free_mm=wing_width_mm)
 
     def _control_end(self, terminal: str) -> Points:
-        """Return the point where a wire ends: a pin of the Feather, the wing's terminal block, or its pad of #OE."""
-        wing = self.parts.featherwing
-        if terminal.startswith(self.parts.feather.name):
-            return self._below_feather(*self.parts.feather.pin_mm(terminal.rpartition(" ")[2]))
-        if terminal.endswith("+"):
+        """Return the point where a wire ends, in the car.
+
+        ``terminal`` is a pin of the Feather, such as ``Feather GND``, or a terminal of the wing: the + of its terminal
+        block, or the net ``#OE``, for which the board has pads.
+        """
+        wing, feather = self.parts.featherwing, self.parts.feather
+        part, _, last_word = terminal.rpartition(" ")
+        if part == feather.name:
+            return self._below_feather(*feather.pin_mm(last_word))
+        if last_word == "+":
             x, y, z = wing.terminal_block.at_mm
         else:
             # The first of the pads is large enough to be soldered to.
             x, y = wing.output_enable.at_mm[0]
             z = wing.board_mm.value
+        # Boxes are given over the board's underside. The frame of the mount is half its height above.
         return self._at(wing.name, (x, y, z - wing.height_mm.value / 2))
 
     def _below_feather(self, x: float, y: float) -> Points:
@@ -357,24 +310,24 @@ class _Ways:
         return Lead(start, end, kind, way.length_mm, needed_mm=with_slack + ends_mm, available_mm=available_mm)
 
     def way(self, start: Points, end: Points, body: str, part: str) -> Way:
-        """Return the way of a lead from a point in ``body`` to a point at ``part``.
+        """Return the way of a lead from the point ``start`` in the segment ``body`` to the point ``end`` at a part.
 
-        At a hinge it goes through the slits of the caps. Within a segment it runs along the axes of the car, so the
-        differences of x, y and z add up.
+        The lead runs along the axes of the car, so the differences of x, y and z add up. From segment to segment it
+        passes the hinge between them, through the slits of the two caps there.
         """
-        first, last = (int(name.removeprefix("segment")) for name in (body, self.of_part[part].body))
+        first, last = _segment_number(body), _segment_number(self.of_part[part].body)
         # Hinge i joins segment i and, behind it, segment i + 1.
         goes_rearwards = first < last
-        hinges = range(first, last) if goes_rearwards else range(first - 1, last - 1, -1)
+        hinges = range(first, last) if goes_rearwards else reversed(range(last, first))
+        # A lead of a battery on the roof first goes to the hole in the lid.
         position = self._inside(start, body)
-        length = float(np.abs(start - position).sum())
+        length_mm = _along_axes_mm(start, position)
         for hinge in hinges:
             front_slit, rear_slit = self._slits_at(hinge)
             near_slit, far_slit = (front_slit, rear_slit) if goes_rearwards else (rear_slit, front_slit)
-            to_slit = float(np.abs(near_slit - position).sum())
-            length += to_slit + self._max_gap_mm(hinge, front_slit, rear_slit)
+            length_mm += _along_axes_mm(position, near_slit) + self._max_gap_mm(hinge, front_slit, rear_slit)
             position = far_slit
-        return Way(length + float(np.abs(end - position).sum()), len(hinges))
+        return Way(length_mm + _along_axes_mm(position, end), hinges=abs(last - first))
 
     def _slits_at(self, hinge: int) -> tuple[Points, Points]:
         """Return the middles of the slits in the caps before and behind a hinge."""
@@ -393,7 +346,7 @@ class _Ways:
 
     def _inside(self, start: Points, body: str) -> Points:
         """Return the point where a lead enters the body: the hole in the lid for a battery on the roof."""
-        if self.parts.battery_place != "roof" or start[2] < _height_mm(self.bodies[body], "left"):
+        if self.parts.battery_place != "roof" or start[2] < height_mm(self.bodies[body], "left"):
             return start
         return next(self._holes(body, 2))
 

@@ -7,12 +7,13 @@ parameters.
 
 import math
 
-from foldcar.car.components.box_beam import flap_end_mm, latch_mm, wall_mm
+from foldcar.car.components.box_beam import flap_end_mm, latch_notch, wall_distance_mm
 from foldcar.car.components.bridge import plug_room_mm, usb_height_mm
 from foldcar.car.components.component import ROUNDING, minimum_text
 from foldcar.car.components.module import BrainModule
-from foldcar.car.components.mounts import ROD_LAYER_MM, button_depth_mm, servo_reach_mm, switch_depth_mm
-from foldcar.car.design import Design, DesignError
+from foldcar.car.components.mounts import button_depth_mm, servo_reach_mm, switch_depth_mm
+from foldcar.car.components.rods import ROD_LAYER_MM
+from foldcar.car.design import Design, DesignError, Segment
 
 # Limit (mm) of the place of USB on a side without a tyre.
 FAR_MM = 2000.0
@@ -103,36 +104,43 @@ def _towards_middle(design: Design, module: int) -> float:
 def _flap_settings(design: Design, module: int) -> dict[str, float]:
     """Return the settings of a module's part of the flap, which hangs along the lid of its segment.
 
-    There are three settings for each end of the module, ``front`` and ``rear``. ``flap_front`` is the distance (mm) of
-    the flap from the front end if a cap closes this end, because the flap stops before a cap; else it is 0.
-    ``latch_front`` is 1 if the flap has a latch at the front end, else 0. ``pull_front`` is 1 if this latch has the pull
-    tab of the lid, else 0. The settings of the rear end are alike. A long segment has latches at both ends, a short
-    segment only at the end with the longer module.
+    There are three settings for each END of the module, ``front`` and ``rear``. ``flap_END`` is the distance (mm) of the
+    flap from that end; it is 0 unless a cap closes the end. ``latch_END`` is 1 if the flap has a latch there, else 0.
+    ``pull_END`` is 1 if the lid's pull tab is at this latch, else 0. Raises DesignError if the module is too short for
+    its latch.
     """
     segment = design.segment_of(module)
-    flap_end_distance, (notch, _) = flap_end_mm(design.parts), latch_mm(design.parts)
     module_at_end = {"front": segment.modules[0], "rear": segment.modules[-1]}
-    flap_length_mm = segment.length_mm - 2 * flap_end_distance
-    if flap_length_mm > design.parts.assembly.lock_distance_mm.value:
-        latched_ends = ["front", "rear"]
-    else:
-        latched_ends = [max(module_at_end, key=lambda end: design.length_of(module_at_end[end]))]
+    latched_ends = _latched_ends(design, segment)
     settings: dict[str, float] = {}
     for end in ("front", "rear"):
         is_at_end = module == module_at_end[end]
         has_latch = is_at_end and end in latched_ends
         has_pull_tab = has_latch and end == latched_ends[0]
-        settings[f"flap_{end}"] = flap_end_distance if is_at_end else 0.0
+        settings[f"flap_{end}"] = flap_end_mm(design.parts) if is_at_end else 0.0
         settings[f"latch_{end}"] = float(has_latch)
         settings[f"pull_{end}"] = float(has_pull_tab)
-    # A segment of a single module has caps at both ends of this module.
-    min_length = notch + MIN_FOLD_MM + settings["flap_front"] + settings["flap_rear"]
+    # The flap needs some fold beside a latch. A segment of a single module has caps at both ends of this module.
+    notch_mm = latch_notch(design.parts).length_mm
+    min_length = notch_mm + MIN_FOLD_MM + settings["flap_front"] + settings["flap_rear"]
     length, needs_latch = design.length_of(module), settings["latch_front"] or settings["latch_rear"]
     if needs_latch and length < min_length - ROUNDING:
         key = design.of_modules[module].keys.get("length")
         reason = "the latch of a segment's lid"
         raise DesignError(key, f"{length:g} is below the minimum {minimum_text(min_length)} ({reason})")
     return settings
+
+
+def _latched_ends(design: Design, segment: Segment) -> list[str]:
+    """Return the ends of a segment at which its lid has a latch; the pull tab is at the first of them.
+
+    A long flap has latches at both ends, a short one only at the end with the longer module.
+    """
+    flap_length_mm = segment.length_mm - 2 * flap_end_mm(design.parts)
+    if flap_length_mm > design.parts.assembly.lock_distance_mm.value:
+        return ["front", "rear"]
+    front_module, rear_module = segment.modules[0], segment.modules[-1]
+    return ["front"] if design.length_of(front_module) >= design.length_of(rear_module) else ["rear"]
 
 
 def _free_floor_mm(design: Design, module: int, step: int) -> float:
@@ -179,7 +187,7 @@ def _between_tyres(design: Design, module: int) -> tuple[float, float]:
     rear = design.module_centers_mm[module] - design.length_of(module) / 2
     gap = design.parts.assembly.part_gap_mm.value
     # Height of the plug over the axles.
-    usb_offset_mm = usb_height_mm(design.parts) - wall_mm(design.height_mm, design.parts) / 2
+    usb_offset_mm = usb_height_mm(design.parts) - wall_distance_mm(design.height_mm, design.parts) / 2
     low, high = -FAR_MM, FAR_MM
     for x, radius in zip(design.axles_mm, design.radii_mm, strict=True):
         reach = radius + plug_room_mm(design.parts.plugs.usb) / 2 + gap

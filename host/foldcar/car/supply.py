@@ -46,14 +46,17 @@ def stall_current_a(car: FoldedCar) -> float:
 
 def supply(car: FoldedCar) -> Supply:
     """Return the currents of a car's servos, and the switch, fuse and wire that bear them."""
-    parts, servos = car.parts, sum(axle.driven for axle in car.axles)
-    free_a = servos * parts.servo.at_voltage(parts.cells.supply_v.value).no_load_current_a
+    parts = car.parts
+    servo_count = sum(axle.driven for axle in car.axles)
+    no_load_a = servo_count * parts.servo.at_voltage(parts.cells.supply_v.value).no_load_current_a
     stall_a = stall_current_a(car)
     fuse_a = next(fuse for fuse in FUSES_A if fuse >= stall_a)
-    usual_a, strong_a = parts.switch.current_a.value, parts.switch.strong_current_a.value
-    switch_a = usual_a if stall_a <= usual_a else strong_a
+    # Switches of this size are sold for two currents.
+    weak_switch_a, strong_switch_a = parts.switch.current_a.value, parts.switch.strong_current_a.value
+    switch_a = weak_switch_a if stall_a <= weak_switch_a else strong_switch_a
+    # The wire must bear the current at which the fuse blows. Gauges are ordered from the thinnest wire on.
     gauge = next(gauge for gauge in parts.wiring.gauges if gauge.current_a >= fuse_a)
-    return Supply(servos, stall_a, free_a, switch_a, fuse_a, gauge)
+    return Supply(servo_count, stall_a, free_a=no_load_a, switch_a=switch_a, fuse_a=fuse_a, gauge=gauge)
 
 
 def check_supply(car: FoldedCar) -> Iterator[Finding]:

@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import ModuleType
 
-from foldcar.car.components.component import ComponentError
+from foldcar.car.components.component import ComponentError, Parameter
 from foldcar.car.components.composite import Composite
 from foldcar.car.components.electronics import ElectronicsModule
 from foldcar.car.components.hinge_module import HingeModule
@@ -65,7 +65,7 @@ def load_components(file: Path) -> list[str]:
             raise FoldcarError(f"{file}:{_first_line(kind)}: {kind.__name__}{reason}")
         MODULES[kind.letter] = kind
         parameters.cache_clear()
-        _check(file, kind)
+        _check_defaults(file, kind)
     USER_FILES[path] = [kind.letter for kind in kinds]
     # A module that was imported before is not opened again, so these files are found by the modules' names.
     modules = (getattr(module, "__file__", None) for module in list(sys.modules.values()))
@@ -83,28 +83,37 @@ def _identifies_module(file: Path, folder: Path) -> bool:
 
 
 def _outside_files(module: ModuleType, recorded: RecordedFiles, folder: Path) -> Iterator[Path]:
-    """Yield the files outside ``folder`` that are not installed, and that the module has read or imports names from."""
-    yield from (file for file, state in recorded.read.items() if state is not None and _is_outside(file, folder))
+    """Yield the user's own files outside ``folder`` on which a module depends.
+
+    The module has read them while it was loaded, or it has imported names from them.
+    """
+    for file, state in recorded.read.items():
+        # A file without a state was looked for, but does not exist.
+        exists = state is not None
+        if exists and _is_outside(file, folder):
+            yield file
     # The file of a module that was imported earlier is not read again. So the names that the user's module has imported
     # are followed to the modules that define them.
     for value in vars(module).values():
         defining_module = value.__name__ if isinstance(value, ModuleType) else getattr(value, "__module__", None)
         if defining_module == module.__name__:
             continue
-        file = getattr(sys.modules.get(str(defining_module)), "__file__", None)
-        if file is not None and _is_outside(Path(file), folder):
-            yield Path(file)
+        file_name = getattr(sys.modules.get(str(defining_module)), "__file__", None)
+        if file_name is not None and _is_outside(Path(file_name), folder):
+            yield Path(file_name)
 
 
 def _is_outside(file: Path, folder: Path) -> bool:
+    """Return whether a file is outside the folder of a user's module, and is no installed code or system file."""
     is_inside = file.is_relative_to(folder) or file.resolve().is_relative_to(folder)
     return not is_inside and _identifies_module(file, folder)
 
 
-def _check(file: Path, kind: type[Module] | type[Composite]) -> None:
-    """Raise FoldcarError if the module cannot be made with its defaults, or a composite's modules do not form a chain.
+def _check_defaults(file: Path, kind: type[Module] | type[Composite]) -> None:
+    """Make a user's module with its default values. Raise FoldcarError, and forget the module, if that fails.
 
-    The module is removed from MODULES then.
+    It also fails if the modules of a composite do not form a chain, or if other modules have modules in them. The message
+    names the line of ``file`` that raised the error, or else the line at which the class begins.
     """
     try:
         instance = kind(path=kind.letter)
@@ -112,6 +121,7 @@ def _check(file: Path, kind: type[Module] | type[Composite]) -> None:
             instance.check()
         elif any(isinstance(child, Module | HingeModule) for child in instance.children.values()):
             raise ComponentError(instance.path, "has modules in it: derive it from Composite and connect them")
+    # A user's code may raise anything, and may call sys.exit.
     except (Exception, SystemExit) as error:
         del MODULES[kind.letter]
         parameters.cache_clear()
@@ -145,24 +155,35 @@ def _rejections(kind: type[Module] | type[Composite]) -> Iterator[str]:
     if issubclass(kind, ElectronicsModule):
         yield ": derives from the class that carries the electronics; derive it from Module"
     for parameter in kind.parameters:
-        # A parameter with the name of one of the whole car, such as "width", must be declared like that one: if it is
-        # shared by all modules, or if it is uniform, which means that it must have the same value in all modules. A
-        # composite computes the values of its modules, so it may declare a uniform parameter in another way.
-        parameter_of_car = parameters().get(parameter.name)
-        if parameter_of_car is None or parameter_of_car.declared == parameter:
-            continue
-        is_uniform_in_module = parameter_of_car.declared.uniform and issubclass(kind, Module)
-        if parameter.shared or is_uniform_in_module:
+        if _contradicts_car(parameter, kind):
             yield f': its parameter "{parameter.name}" must be declared like that of the whole car'
 
 
+def _contradicts_car(parameter: Parameter, kind: type[Module] | type[Composite]) -> bool:
+    """Return whether a parameter of a user's class is wrongly declared, because the car has one of the same name.
+
+    The name of a parameter of the whole car, such as "width", stands for that parameter. So a shared parameter, and a
+    uniform one, which has the same value in all modules, must be declared like that of the car. A composite computes the
+    values of its modules itself, so it may declare a uniform parameter in another way.
+    """
+    parameter_of_car = parameters().get(parameter.name)
+    if parameter_of_car is None or parameter_of_car.declared == parameter:
+        return False
+    is_uniform_in_module = parameter_of_car.declared.uniform and issubclass(kind, Module)
+    return parameter.shared or is_uniform_in_module
+
+
 def components_digest() -> str:
-    """Return the hash of all files of users' modules: those read while loading them, and Python files beside them."""
+    """Return a hash of the names and contents of all files that users' modules consist of.
+
+    These are the files that were read while the modules were loaded, and the Python files beside them. Names are taken
+    relative to the modules' folders, so that the hash is the same for a copy of the folders.
+    """
     digest = hashlib.sha256()
     folders = {path.parent for path in USER_FILES}
     for file in sorted(_module_files):
-        names = sorted(os.path.relpath(file, folder) for folder in folders)
-        digest.update(json.dumps([names, file_digest(file)]).encode())
+        relative_names = sorted(os.path.relpath(file, folder) for folder in folders)
+        digest.update(json.dumps([relative_names, file_digest(file)]).encode())
     return digest.hexdigest()
 
 
@@ -170,14 +191,25 @@ def components_digest() -> str:
 def forbid_new_files() -> Iterator[None]:
     """Raise FoldcarError if users' modules read a file within the block that they did not read when they were loaded.
 
-    The digest of designs contains the files that were read when the modules were loaded, so it would miss such a file.
+    Designs are told apart by a digest of the files that were read when the modules were loaded, so the digest would not
+    change with such a file.
     """
     if not USER_FILES:
         yield
         return
-    folders = [file.parent for file in USER_FILES]
-    with only_minimal_variables(), sources_only(folders[0]), recorded_files() as recorded:
+    first_module = next(iter(USER_FILES))
+    with only_minimal_variables(), sources_only(first_module.parent), recorded_files() as recorded:
         yield
+    for file in _new_files(recorded):
+        raise FoldcarError(
+            f"{first_module}: reads {file} while a car is folded; foldcar tells designs apart by the files that a "
+            "module reads when it is loaded, so read it at the module's head"
+        )
+
+
+def _new_files(recorded: RecordedFiles) -> Iterator[Path]:
+    """Yield the recorded files, and listed folders, of users' modules that the modules did not read when loaded."""
+    folders = [file.parent for file in USER_FILES]
     read_files = [file for file, state in recorded.read.items() if state is not None]
     listed_folders = [listed for listed in recorded.listed if any(folder in listed.parents for folder in folders)]
     for file in (*read_files, *listed_folders):
@@ -185,11 +217,7 @@ def forbid_new_files() -> Iterator[None]:
         # module, and the digest does not contain them.
         is_file_of_modules = all(_identifies_module(file, folder) for folder in folders)
         if is_file_of_modules and file not in _module_files:
-            first_module = next(iter(USER_FILES))
-            raise FoldcarError(
-                f"{first_module}: reads {file} while a car is folded; foldcar tells designs apart by the files that a "
-                "module reads when it is loaded, so read it at the module's head"
-            )
+            yield file
 
 
 @contextlib.contextmanager

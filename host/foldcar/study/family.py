@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from foldcar.car.design import Design, DesignError, compose, design_errors, modules_of
+from foldcar.car.design import Design, DesignError, compose, limit_errors, modules_of
 from foldcar.car.design_parameters import (
     declared,
     find_parameter,
@@ -161,9 +161,9 @@ class Family:
         There is an error for each value outside its limits. If there is no such value, there is at most one error: the
         first that is found when the car is folded.
         """
-        limit_errors = [error for error, _ in design_errors(self.type, values, catalogue_of(self.parts)).values()]
-        if limit_errors:
-            return limit_errors
+        errors_of_limits = limit_errors(self.type, values, catalogue_of(self.parts))
+        if errors_of_limits:
+            return errors_of_limits
         first_error = self._first_error(values)
         return [] if first_error is None else [first_error]
 

@@ -6,14 +6,15 @@ mounts and axles. A loop of folds, or a face without any join, is a ComponentErr
 
 import math
 from collections import Counter, defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from foldcar.car.components.component import Component, ComponentError
 from foldcar.car.components.equal_pieces import IndexedJoin, PieceEdge, Place, merge_equal_pieces, numbered_titles
-from foldcar.car.components.fuse import Fused, fuse, propagate_poses
-from foldcar.car.components.shape import Edge, EdgeJoin, Graph, Shape
+from foldcar.car.components.fuse import fuse, propagate_poses
+from foldcar.car.components.seams import Seam, seams_of
+from foldcar.car.components.shape import Contact, Edge, Graph, Shape
 from foldcar.car.folded.model import (
     IDENTITY,
     Axle,
@@ -32,8 +33,6 @@ from foldcar.car.folded.pose import across_crease, apply, compose, inverse, side
 
 # Links that make creases of one piece.
 FOLDED = ("fold", "bend", "hinge")
-# Tolerance (mm) on the equality of the lengths of two joined edges, after their faces were fused.
-LENGTH_TOLERANCE_MM = 1e-4
 
 
 @dataclass(frozen=True)
@@ -45,18 +44,6 @@ class Assembly:
     joins: tuple[Join, ...]
     mounts: tuple[Mount, ...]
     axles: tuple[Axle, ...]
-
-
-class Seam(NamedTuple):
-    """Two edges of fused faces that meet, the link that joins them, and the length of edge ``b``.
-
-    An edge names its fused face by the path of the first component's face in it.
-    """
-
-    link: EdgeJoin
-    a: Edge
-    b: Edge
-    length_mm: float
 
 
 class Tab(NamedTuple):
@@ -76,72 +63,28 @@ def build(component: Component, graph: Graph | None = None) -> Graph:
 
 
 def assemble(graph: Graph) -> Assembly:
-    """Return the pieces of a graph, with everything that is fixed to them, in the frame of the component.
+    """Return the pieces of a graph with their joins, mounts and axles, all in the frame of the component.
 
     A *piece* is a sheet of film that is folded from one cut. It consists of *fused faces*, each made of components'
-    faces that are rigidly linked. ``graph.origin`` gives the pose of one face; by default the first face lies at the
-    origin. All other poses follow from it. Raises ComponentError for a loop of folds, or for a face that is joined to
-    nothing.
+    faces that are rigidly linked. ``graph.origin`` gives the pose of one face, by default that the first face lies at
+    the origin. All other poses follow from it. Raises ComponentError if folds connect faces in a loop, or if a face is
+    joined to nothing.
     """
     builder = _Pieces(graph)
     root_poses = builder.root_poses()
-    places = []
-    # The pose of each component's face, in whose frame mounts and axles are given.
-    face_poses: dict[str, Pose] = {}
-    for sheet, root_pose in zip(builder.sheets, root_poses, strict=True):
-        root_path = next(iter(sheet))
-        # A piece belongs to the rigid body of its root face.
-        places.append(Place(builder.fused[root_path].first.body, root_pose))
-        for fused_path, pose_in_piece in sheet.items():
-            fused_face_pose = compose(root_pose, pose_in_piece)
-            for face_path, pose_in_fused in builder.fused[fused_path].poses.items():
-                face_poses[face_path] = compose(fused_face_pose, pose_in_fused)
+    places = [Place(body, pose) for body, pose in zip(builder.bodies(), root_poses, strict=True)]
     distinct, placed, joins = merge_equal_pieces(builder.pieces(), places, list(builder.joins()))
-    # The mounts and axles in the frame of the component.
+    # Mounts and axles are given in the frames of the components' faces that they are on.
+    face_poses = builder.face_poses(root_poses)
     mounts = []
     for mount in graph.mounts:
         face_path = str(mount.face)
-        fused_face_name = builder.names[builder.fused_path[face_path]]
-        mounts.append(replace(mount, pose=compose(face_poses[face_path], mount.pose), face=fused_face_name))
+        pose = compose(face_poses[face_path], mount.pose)
+        mounts.append(replace(mount, pose=pose, face=builder.name_of_fused_face(face_path)))
     axles = []
     for face_path, axle in graph.axles:
         axles.append(replace(axle, center_mm=apply(face_poses[face_path], *axle.center_mm)))
     return Assembly(tuple(distinct), tuple(placed), tuple(joins), tuple(mounts), tuple(axles))
-
-
-def _seams(graph: Graph, fused: dict[str, Fused], fused_path: dict[str, str]) -> Iterator[Seam]:
-    """Yield one seam for each pair of edges of fused faces that are joined to each other.
-
-    A *fused face* is made of components' faces that are rigidly linked. ``fused`` has the fused faces by path.
-    ``fused_path`` has, by the path of a component's face, the path of the fused face that it is part of. Several links
-    of the graph can lie on the same pair of edges, which are still one seam. Raises ComponentError if the two edges of
-    a seam differ in length.
-    """
-
-    def fused_edge(edge: Edge) -> Edge:
-        """Return the edge of a fused face in which the edge of a component's face lies."""
-        path = fused_path[edge.face]
-        return Edge(path, fused[path].edges[edge])
-
-    def length_mm(edge: Edge) -> float:
-        """Return the length of an edge of a fused face."""
-        return math.dist(*side(fused[edge.face].face.outline_mm, edge.index))
-
-    yielded = set()
-    for link in graph.links:
-        if link.kind == "rigid":
-            continue
-        edge_a, edge_b = fused_edge(link.a), fused_edge(link.b)
-        if (edge_a, edge_b) in yielded:
-            continue
-        yielded.add((edge_a, edge_b))
-        length_a_mm, length_b_mm = length_mm(edge_a), length_mm(edge_b)
-        # A tab grows from edge b. It is shorter than edge a, to which it is glued, by the inset at each of its two ends.
-        expected_a_mm = length_b_mm + 2 * link.inset_mm
-        if abs(length_a_mm - expected_a_mm) > LENGTH_TOLERANCE_MM:
-            message = f"meets {link.b.face} in edges of {length_a_mm:g} and {length_b_mm:g} mm once they are fused"
-            raise ComponentError(link.a.face, message)
-        yield Seam(link, edge_a, edge_b, length_b_mm)
 
 
 class _Pieces:
@@ -153,24 +96,21 @@ class _Pieces:
     """
 
     def __init__(self, graph: Graph) -> None:
+        """Fuse the faces of a graph, and find out which fused faces, folds and tabs make up each piece."""
         self.graph = graph
         self.fused = fuse(graph)
         self.fused_path: dict[str, str] = {}
         for fused_path, fused in self.fused.items():
             for face_path in fused.poses:
                 self.fused_path[face_path] = fused_path
-        self.seams = list(_seams(graph, self.fused, self.fused_path))
+        self.seams = list(seams_of(graph, self.fused, self.fused_path))
         self.folds = [seam for seam in self.seams if seam.link.kind in FOLDED]
         self.sheets = self._sheets()
         self.piece_of: dict[str, int] = {}
         self.names: dict[str, str] = {}
         for index, sheet in enumerate(self.sheets):
-            last_parts = {path: path.rpartition(".")[2] for path in sheet}
-            counts = Counter(last_parts.values())
-            for path, last_part in last_parts.items():
-                self.piece_of[path] = index
-                # A face is called by the last part of its path, unless another face of the piece has the same last part.
-                self.names[path] = last_part if counts[last_part] == 1 else path
+            self.piece_of |= dict.fromkeys(sheet, index)
+            self.names |= _short_names(sheet)
         self.tabs = self._tabs()
 
     def _sheets(self) -> list[dict[str, Pose]]:
@@ -231,45 +171,89 @@ class _Pieces:
         return [self._piece(index, sheet) for index, sheet in enumerate(self.sheets)]
 
     def _piece(self, index: int, sheet: dict[str, Pose]) -> Piece:
-        """Return the piece with this index, which consists of the fused faces in ``sheet`` and of its tabs.
-
-        The creases come in the order of their child faces, so that each parent comes before its children.
-        """
-        position = {path: number for number, path in enumerate(sheet)}
-        # The crease by which each child hangs on its parent, by the position of the child among the faces.
-        crease_by_position: dict[int, Crease] = {}
-        for seam in self.folds:
-            if seam.a.face not in position:
-                continue
-            parent, child = sorted((seam.a, seam.b), key=lambda edge: position[edge.face])
-            link = seam.link
-            crease_by_position[position[child.face]] = Crease(
-                f"{self.names[parent.face]} to {self.names[child.face]}", self._ref(parent), self._ref(child),
-                link.angle_rad, flexure=link.kind == "hinge", min_rad=link.min_rad, max_rad=link.max_rad,
-                bend=link.kind == "bend",
-            )  # fmt: skip
-        creases = [crease_by_position[child_position] for child_position in sorted(crease_by_position)]
+        """Return the piece with this index, which consists of the fused faces in ``sheet`` and of its tabs."""
         faces = [replace(self.fused[path].face, name=self.names[path]) for path in sheet]
-        # A tab is a face of the piece with edge b of its seam. Edge 0 of the tab lies on that edge.
+        creases = self._creases(sheet)
+        # A tab grows from an edge of a fused face, edge b of its seam. The tab's own edge 0 lies on it.
         for tab in self.tabs:
-            if self.piece_of[tab.seam.b.face] == index:
+            parent_edge = tab.seam.b
+            if self.piece_of[parent_edge.face] == index:
                 faces.append(tab.face)
                 tab_edge = EdgeRef(tab.face.name, 0)
-                creases.append(Crease(tab.face.name, self._ref(tab.seam.b), tab_edge, tab.seam.link.angle_rad))
+                creases.append(Crease(tab.face.name, self._ref(parent_edge), tab_edge, tab.seam.link.angle_rad))
         # The piece has the name that the component gave to its root face, else the name of this face.
         root_path = next(iter(sheet))
         root = self.fused[root_path].first
-        label = root.piece or self.names[root_path]
-        return Piece(label, label, tuple(faces), tuple(creases), root.thickness_mm)
+        name = root.piece or self.names[root_path]
+        return Piece(name, label=name, faces=tuple(faces), creases=tuple(creases), thickness_mm=root.thickness_mm)
+
+    def _creases(self, sheet: dict[str, Pose]) -> list[Crease]:
+        """Return the creases between the fused faces of a sheet, ordered as their child faces are in the sheet.
+
+        A sheet has parents before children, so each crease leads from an earlier face, its parent, to a later one.
+        """
+        position = {path: number for number, path in enumerate(sheet)}
+        crease_by_child: dict[str, Crease] = {}
+        for seam in self.folds:
+            if seam.a.face not in position:
+                continue
+            parent, child = seam.a, seam.b
+            if position[child.face] < position[parent.face]:
+                parent, child = child, parent
+            link = seam.link
+            crease_by_child[child.face] = Crease(
+                name=f"{self.names[parent.face]} to {self.names[child.face]}",
+                parent=self._ref(parent),
+                child=self._ref(child),
+                angle_rad=link.angle_rad,
+                flexure=link.kind == "hinge",
+                min_rad=link.min_rad,
+                max_rad=link.max_rad,
+                bend=link.kind == "bend",
+            )
+        return [crease_by_child[path] for path in sheet if path in crease_by_child]
+
+    def bodies(self) -> list[str]:
+        """Return the rigid body to which each piece belongs, which is that of its root face."""
+        root_paths = [next(iter(sheet)) for sheet in self.sheets]
+        return [self.fused[root_path].first.body for root_path in root_paths]
+
+    def name_of_fused_face(self, face_path: str) -> str:
+        """Return the name of the fused face that contains a component's face."""
+        return self.names[self.fused_path[face_path]]
+
+    def face_poses(self, root_poses: Iterable[Pose]) -> dict[str, Pose]:
+        """Return the pose of each component's face in the component's frame, from those of the pieces' root faces."""
+        face_poses: dict[str, Pose] = {}
+        for sheet, root_pose in zip(self.sheets, root_poses, strict=True):
+            for fused_path, pose_in_piece in sheet.items():
+                fused_face_pose = compose(root_pose, pose_in_piece)
+                for face_path, pose_in_fused in self.fused[fused_path].poses.items():
+                    face_poses[face_path] = compose(fused_face_pose, pose_in_fused)
+        return face_poses
 
     def root_poses(self) -> list[Pose]:
         """Return the pose of the root face of each piece in the component's frame.
 
-        The pose of the face ``graph.origin`` is given, and so is that of its piece. Placements and tabs say how two
-        pieces lie relative to each other. They lead from that piece to all others. Raises ComponentError for a piece
-        that they do not reach.
+        The pose of the face ``graph.origin`` is given, and with it that of its piece. The poses of all other pieces
+        follow from those of their neighbours. Raises ComponentError for a piece that has no connection to the first one.
         """
-        # The neighbours of each piece, with their poses in its frame. Pieces are known by their indices.
+        origin_path, origin_pose = self.graph.origin or (next(iter(self.graph.faces)), IDENTITY)
+        # From the pose of the origin face follows that of its fused face, and from this that of the root of its piece.
+        fused_path = self.fused_path[origin_path]
+        origin_in_fused = self.fused[fused_path].poses[origin_path]
+        root_pose = compose(origin_pose, inverse(origin_in_fused), inverse(self.local(fused_path)))
+        poses = propagate_poses(self.piece_of[fused_path], root_pose, self._neighbours_of_pieces())
+        for path, index in self.piece_of.items():
+            if index not in poses:
+                raise ComponentError(path, "is joined to nothing")
+        return [poses[index] for index in range(len(self.sheets))]
+
+    def _neighbours_of_pieces(self) -> dict[int, list[tuple[int, Pose]]]:
+        """Return the neighbours of each piece with their poses in its frame. Pieces are known by their indices.
+
+        Two pieces are neighbours if a placement or a tab says how they lie relative to each other.
+        """
         neighbours: dict[int, list[tuple[int, Pose]]] = defaultdict(list)
 
         def add_neighbours(face_a: str, face_b: str, b_in_a: Pose) -> None:
@@ -291,36 +275,27 @@ class _Pieces:
                 # The tab lies this much above the face of edge a. So edge b, from which the tab grows, does too.
                 above = translation(0, 0, seam.link.inset_mm)
                 add_neighbours(seam.a.face, seam.b.face, compose(above, across))
-        origin_path, origin_pose = self.graph.origin or (next(iter(self.graph.faces)), IDENTITY)
-        fused_path = self.fused_path[origin_path]
-        # From the component's frame to the origin face, back to its fused face, and from there to the root of its piece.
-        to_fused = inverse(self.fused[fused_path].poses[origin_path])
-        start_pose = compose(origin_pose, to_fused, inverse(self.local(fused_path)))
-        poses = propagate_poses(self.piece_of[fused_path], start_pose, neighbours)
-        for path, index in self.piece_of.items():
-            if index not in poses:
-                raise ComponentError(path, "is joined to nothing")
-        return [poses[index] for index in range(len(self.sheets))]
+        return neighbours
 
     def joins(self) -> Iterator[IndexedJoin]:
         """Yield the joins that are made by hand: tabs, laminated layers, and the contacts of the graph.
 
-        A contact is a join of faces that other links hold in their places, such as a tongue in its slot. The first value
-        of a join identifies its seam, and joins of one seam get the same printed number. For example, all hooks of a
-        rim's strip in one disc are one seam. A join with None is a seam of its own.
+        A *contact* is a join of faces that other links hold in their places, such as a tongue in its slot. Joins with
+        the same ``seam`` get the same number in print. Each tab has its own seam. A layer has none yet: it gets its
+        number when equal pieces are merged.
         """
         for tab_number, tab in enumerate(self.tabs):
             glued_at = self._piece_edge(tab.seam.a)
             tab_edge = PieceEdge(self.piece_of[tab.seam.b.face], EdgeRef(tab.face.name, 0))
             # A tab that is glued within its own piece is a lap.
             kind: JoinKind = "lap" if tab_edge.piece == glued_at.piece else "tab"
-            yield IndexedJoin(tab_number, kind, tab_edge, glued_at, tab.seam.length_mm)
+            yield IndexedJoin(seam=tab_number, kind=kind, a=tab_edge, b=glued_at, length_mm=tab.seam.length_mm)
         for placement in self.graph.placements:
             if placement.laminated:
                 # Edge 0 stands for the whole face.
                 layer = self._piece_edge(Edge(self.fused_path[placement.face], 0))
                 host = self._piece_edge(Edge(self.fused_path[placement.on], 0))
-                yield IndexedJoin(None, "laminate", layer, host, 0.0)
+                yield IndexedJoin(seam=None, kind="laminate", a=layer, b=host, length_mm=0.0)
         yield from self._contact_joins()
 
     def _contact_joins(self) -> Iterator[IndexedJoin]:
@@ -328,25 +303,33 @@ class _Pieces:
 
         Several contacts may lie on the same edges of fused faces. They give one join.
         """
-        yielded = set()
+        yielded: set[Contact] = set()
         for contact in self.graph.contacts:
-            edge_a, edge_b = self._fused_edge(contact.a), self._fused_edge(contact.b)
-            if (contact.kind, edge_a, edge_b, contact.slot) in yielded:
+            fused_contact = replace(contact, a=self._fused_edge(contact.a), b=self._fused_edge(contact.b))
+            if fused_contact in yielded:
                 continue
-            yielded.add((contact.kind, edge_a, edge_b, contact.slot))
-            # Joins with equal identities are one seam and share a printed number.
-            seam_identity: object
-            if self.fused[edge_a.face].face.role == "rim":
-                # All hooks between a strip of the rim and a disc.
-                seam_identity = (self.piece_of[edge_a.face], self.piece_of[edge_b.face])
-            elif contact.kind == "tuck":
-                # All edges of a face that tuck into the same edge.
-                seam_identity = ("tuck", edge_a.face, edge_b)
-            else:
-                seam_identity = contact
-            length_mm = 0.0 if contact.kind == "laminate" else math.dist(*self.graph.ends_mm(contact.a))
-            piece_edge_a, piece_edge_b = self._piece_edge(edge_a), self._piece_edge(edge_b)
-            yield IndexedJoin(seam_identity, contact.kind, piece_edge_a, piece_edge_b, length_mm, contact.slot)
+            yielded.add(fused_contact)
+            yield IndexedJoin(
+                seam=self._seam_of_contact(fused_contact),
+                kind=contact.kind,
+                a=self._piece_edge(fused_contact.a),
+                b=self._piece_edge(fused_contact.b),
+                length_mm=0.0 if contact.kind == "laminate" else math.dist(*self.graph.ends_mm(contact.a)),
+                slot=contact.slot,
+            )
+
+    def _seam_of_contact(self, contact: Contact) -> object:
+        """Return what identifies the seam of a contact between fused faces.
+
+        Contacts with equal results are one seam, and get the same number in print.
+        """
+        if self.fused[contact.a.face].face.role == "rim":
+            # All hooks between a strip of the rim and a disc are one seam.
+            return (self.piece_of[contact.a.face], self.piece_of[contact.b.face])
+        if contact.kind == "tuck":
+            # All edges of a face that tuck into the same edge are one seam.
+            return ("tuck", contact.a.face, contact.b)
+        return contact
 
     def _fused_edge(self, edge: Edge) -> Edge:
         """Return the edge of a fused face in which an end of a contact lies.
@@ -355,6 +338,16 @@ class _Pieces:
         """
         path = self.fused_path[edge.face]
         return Edge(path, self.fused[path].edges.get(edge, 0))
+
+
+def _short_names(paths: Iterable[str]) -> dict[str, str]:
+    """Return the name of each face of a piece, by its path.
+
+    It is the last part of the path. Faces with the same last part keep their whole paths as names.
+    """
+    last_parts = {path: path.rpartition(".")[2] for path in paths}
+    counts = Counter(last_parts.values())
+    return {path: last_part if counts[last_part] == 1 else path for path, last_part in last_parts.items()}
 
 
 def _tab(name: str, seam: Seam) -> Face:

@@ -11,8 +11,10 @@ the film's middle surface.
 
 import math
 from collections.abc import Mapping
+from itertools import pairwise
+from typing import NamedTuple
 
-from foldcar.car.components.bridge import mouth_mm, span_mm, stack_height_mm
+from foldcar.car.components.bridge import bridge_span, mouth_mm, stack_height_mm
 from foldcar.car.components.component import Component, Parameter
 from foldcar.car.components.mounts import min_doubler_mm
 from foldcar.car.components.shape import Shape
@@ -49,7 +51,7 @@ def _min_width_mm(parts: Catalogue) -> float:
     # the boards, to the right end of the bridge that carries the boards, and to the right wall.
     wall_to_socket = assembly.usb_inside_mm.value
     socket_to_middle = mouth_mm(parts)
-    _, middle_to_bridge_end = span_mm(parts)
+    middle_to_bridge_end = bridge_span(parts).right_mm
     # The lid's flap hangs down between the bridge and the right wall.
     bridge_end_to_wall = max(assembly.bridge_gap_mm.value, assembly.flap_gap_mm.value + film)
     boards = wall_to_socket + socket_to_middle + middle_to_bridge_end + bridge_end_to_wall
@@ -73,9 +75,10 @@ LEVER_OVER_MM = 1.0
 CORNER_MM = 1.0
 
 
-def wall_mm(outer_mm: float, parts: Catalogue) -> float:
-    """Return the distance between the middles of two opposite walls (mm): the outer dimension minus the film's
-    thickness.
+def wall_distance_mm(outer_mm: float, parts: Catalogue) -> float:
+    """Return the distance of two opposite walls (mm), from the middle of one film to the middle of the other.
+
+    It is the outer dimension of the body minus the film's thickness.
     """
     return outer_mm - parts.film_mm
 
@@ -85,11 +88,19 @@ def flap_end_mm(parts: Catalogue) -> float:
     return parts.assembly.cap_tab_mm.value + 2 * parts.assembly.slot_clearance_mm.value
 
 
-def latch_mm(parts: Catalogue) -> Point:
-    """Return the length of a latch's notch along the lid, and its depth across the lid (mm), without a pull tab."""
+class Notch(NamedTuple):
+    """The size of a notch in the lid (mm): its length along the lid and its depth across the lid."""
+
+    length_mm: float
+    depth_mm: float
+
+
+def latch_notch(parts: Catalogue) -> Notch:
+    """Return the size of a latch's notch in the lid, without the room for a pull tab."""
     assembly = parts.assembly
     gap = assembly.grip_gap_mm.value
-    return assembly.lock_mm.value + LEVER_OVER_MM + 2 * gap, assembly.grip_mm.value + gap
+    length = assembly.lock_mm.value + LEVER_OVER_MM + 2 * gap
+    return Notch(length, depth_mm=assembly.grip_mm.value + gap)
 
 
 class BoxBeam(Component):
@@ -103,24 +114,24 @@ class BoxBeam(Component):
     parameters = (LENGTH, WIDTH, HEIGHT)
 
     def build(self, shape: Shape) -> None:
-        """Add the floor, the two walls that are folded up from it, the lid that is folded from the left wall, flap
-        and latches.
+        """Add the faces of the beam: the floor, two walls, a lid with a flap, and the latches that hold the flap.
+
+        The walls are folded up from the floor, the lid is folded from the left wall, and the flap from the lid. The flap
+        goes inside the right wall.
         """
         length = self["length"]
-        width, height = wall_mm(self["width"], self.parts), wall_mm(self["height"], self.parts)
-        for name, size in (("floor", width), ("right", height), ("left", height)):
-            shape.rectangle(name, length, size, piece="beam")
-        # The flap's fold begins behind the tab of a cap and behind the notch of a latch.
-        notch, _ = latch_mm(self.parts)
-        fold_starts: dict[str, float] = {}
-        for end in ("front", "rear"):
-            fold_starts[end] = self[f"flap_{end}"]
-            if self[f"latch_{end}"]:
-                fold_starts[end] += notch
+        floor_width = wall_distance_mm(self["width"], self.parts)
+        wall_height = wall_distance_mm(self["height"], self.parts)
+        for name, width in (("floor", floor_width), ("right", wall_height), ("left", wall_height)):
+            shape.rectangle(name, length, width, piece="beam")
+        fold_starts = {end: self._flap_fold_start_mm(end) for end in ("front", "rear")}
         self._add_lid(shape, fold_starts)
         self._add_flap(shape, fold_starts)
-        for panel, following in (("right", "floor"), ("floor", "left"), ("left", "lid"), ("lid", "flap")):
-            shape.connect(f"{panel}.far", f"{following}.near", "fold", 90)
+        # Each panel is folded from the far edge of the panel before it, in the order in which the beam is rolled up.
+        for panel, next_panel in pairwise(("right", "floor", "left", "lid", "flap")):
+            shape.connect(f"{panel}.far", f"{next_panel}.near", "fold", 90)
+        # The right edge of the lid is tucked in behind the upper edge of the right wall. The lid has up to three such
+        # edges.
         for edge in ("far", "far front", "far rear"):
             if edge in shape.edges("lid"):
                 shape.touch("tuck", f"lid.{edge}", "right.near")
@@ -128,28 +139,39 @@ class BoxBeam(Component):
             if self[f"latch_{end}"]:
                 self._add_latch(shape, end)
 
-    def _add_lid(self, shape: Shape, fold_starts: Mapping[str, float]) -> None:
-        """Add the lid, with a notch for each latch.
+    def _flap_fold_start_mm(self, end: str) -> float:
+        """Return the distance (mm) from an end of the beam to the fold between lid and flap.
 
-        The origin of the lid's frame is the rear end of the left wall's upper edge. x points forward, and y across the
-        car to the right wall. The flap is folded from the middle part of the lid's right edge. ``fold_starts`` has the
-        distance (mm) from the beam's ``front`` and from its ``rear`` to the nearer end of this fold.
+        The fold leaves out the part beside the cap at this end, and the notch of a latch there.
+        """
+        start_mm = self[f"flap_{end}"]
+        if self[f"latch_{end}"]:
+            start_mm += latch_notch(self.parts).length_mm
+        return start_mm
+
+    def _add_lid(self, shape: Shape, fold_starts: Mapping[str, float]) -> None:
+        """Add the lid, with a notch in its right edge for each latch.
+
+        The origin of the lid's frame is its rear left corner; x points forward, and y to the right. The flap is folded
+        from the middle part of the right edge. ``fold_starts`` has, for each end of the lid, ``front`` and ``rear``, the
+        distance (mm) from that end to this fold.
         """
         assembly, film = self.parts.assembly, self.parts.film_mm
         length = self["length"]
         # The lid is narrower than the floor, because wall and flap lie beside it.
-        width = wall_mm(self["width"], self.parts) - film - assembly.flap_gap_mm.value
+        width = wall_distance_mm(self["width"], self.parts) - film - assembly.flap_gap_mm.value
         fold_front_x = length - fold_starts["front"]
         fold_rear_x = fold_starts["rear"]
-        # The corners, counter-clockwise. Each has the name of the edge that leads from it to the next corner.
+        # The corners, counter-clockwise. Each has the name of the edge that leads from it to the next corner. The left
+        # edge and the front edge come first.
         corners: dict[str, Point] = {"near": (0.0, 0.0), "front": (length, 0.0)}
-        # The right edge, from front to rear: the part beside a front cap, a notch, the fold of the flap ("far"), a notch,
-        # and the part beside a rear cap.
+        # The right edge, from front to rear, has up to five parts: beside a front cap, a notch, the fold of the flap, a
+        # notch, and beside a rear cap.
         if self["flap_front"]:
             corners["far front"] = (length, width)
         if self["latch_front"]:
-            notch_length, _ = latch_mm(self.parts)
-            corners |= self._notch("front", fold_front_x + notch_length, width)
+            notch_front_x = fold_front_x + latch_notch(self.parts).length_mm
+            corners |= self._notch("front", notch_front_x, width)
         corners["far"] = (fold_front_x, width)
         if self["latch_rear"]:
             corners |= self._notch("rear", fold_rear_x, width)
@@ -165,7 +187,7 @@ class BoxBeam(Component):
         middle of the notch's bottom, the edge ``END grip``.
         """
         assembly = self.parts.assembly
-        length, depth = latch_mm(self.parts)
+        length, depth = latch_notch(self.parts)
         has_pull_tab = bool(self[f"pull_{end}"])
         rear_x = front_x - length
         bottom_y = lid_width - depth
@@ -184,37 +206,49 @@ class BoxBeam(Component):
         The origin of the flap's frame is the rear end of the fold between lid and flap. x points forward, and y down.
         ``fold_starts`` has the distance (mm) from the beam's ``front`` and from its ``rear`` to this fold.
 
-        The flap is longer than its fold: at a latch, it continues under the notch of the lid. There a lever stands up
-        from it through the notch, so the lever's y is negative. Below the lever, the latch's tongue grows from the part
-        ``lock front`` or ``lock rear`` of the flap's lower edge.
+        The flap is longer than its fold: at a latch, it continues under the notch of the lid. There a *lever* stands up
+        through the notch, so its y is negative. The latch's tongue grows from the flap's lower edge below the lever, from
+        the part ``lock front`` or ``lock rear``.
         """
-        assembly = self.parts.assembly
         fold_length = self["length"] - sum(fold_starts.values())
-        notch, _ = latch_mm(self.parts)
-        depth, gap = assembly.flap_mm.value, assembly.grip_gap_mm.value
-        half_tongue = assembly.lock_mm.value / 2
         # The corners, from the rear end of the fold forward, down, back along the lower edge, and up. Each has the name
         # of the edge that leads from it to the next corner.
-        corners: dict[str, Point] = {"near": (0.0, 0.0), "front": (fold_length, 0.0)}
-        if self["latch_front"]:
-            lever_rear_x, lever_front_x = fold_length + gap, fold_length + notch - gap
-            tongue_x = fold_length + notch / 2
-            corners |= self._lever("front", lever_rear_x, lever_front_x)
-            corners["before front"] = (lever_front_x, depth)
-            corners["lock front"] = (tongue_x + half_tongue, depth)
-            corners["far"] = (tongue_x - half_tongue, depth)
-        else:
-            corners["far"] = (fold_length, depth)
-        if self["latch_rear"]:
-            lever_rear_x, lever_front_x = gap - notch, -gap
-            tongue_x = -notch / 2
-            corners["lock rear"] = (tongue_x + half_tongue, depth)
-            corners["behind rear"] = (tongue_x - half_tongue, depth)
-            corners["rear"] = (lever_rear_x, depth)
-            corners |= self._lever("rear", lever_rear_x, lever_front_x)
-        else:
-            corners["rear"] = (0.0, depth)
+        corners: dict[str, Point] = {"near": (0.0, 0.0)}
+        corners |= self._front_end_of_flap(fold_length)
+        corners |= self._rear_end_of_flap()
         shape.face("flap", corners)
+
+    def _front_end_of_flap(self, fold_front_x: float) -> dict[str, Point]:
+        """Return the corners from the front end of the flap's fold, down to the lower edge, and past the latch there."""
+        depth, gap = self.parts.assembly.flap_mm.value, self.parts.assembly.grip_gap_mm.value
+        corners: dict[str, Point] = {"front": (fold_front_x, 0.0)}
+        if not self["latch_front"]:
+            return corners | {"far": (fold_front_x, depth)}
+        # The notch of the lid begins at the front end of the fold. The lever keeps a gap from both of its sides.
+        notch, half_tongue = latch_notch(self.parts).length_mm, self.parts.assembly.lock_mm.value / 2
+        lever_rear_x, lever_front_x = fold_front_x + gap, fold_front_x + notch - gap
+        tongue_x = fold_front_x + notch / 2
+        corners |= self._lever("front", lever_rear_x, lever_front_x)
+        corners["before front"] = (lever_front_x, depth)
+        corners["lock front"] = (tongue_x + half_tongue, depth)
+        corners["far"] = (tongue_x - half_tongue, depth)
+        return corners
+
+    def _rear_end_of_flap(self) -> dict[str, Point]:
+        """Return the corners from before the rear latch on the lower edge, up to the rear end of the flap's fold."""
+        depth, gap = self.parts.assembly.flap_mm.value, self.parts.assembly.grip_gap_mm.value
+        if not self["latch_rear"]:
+            return {"rear": (0.0, depth)}
+        # The notch of the lid ends at the rear end of the fold, where x is 0.
+        notch, half_tongue = latch_notch(self.parts).length_mm, self.parts.assembly.lock_mm.value / 2
+        lever_rear_x, lever_front_x = gap - notch, -gap
+        tongue_x = -notch / 2
+        corners: dict[str, Point] = {
+            "lock rear": (tongue_x + half_tongue, depth),
+            "behind rear": (tongue_x - half_tongue, depth),
+            "rear": (lever_rear_x, depth),
+        }
+        return corners | self._lever("rear", lever_rear_x, lever_front_x)
 
     def _lever(self, end: str, rear_x: float, front_x: float) -> dict[str, Point]:
         """Return the points of a lever in the flap's frame, from its rear side to its front side."""
@@ -235,7 +269,7 @@ class BoxBeam(Component):
         """
         assembly, film = self.parts.assembly, self.parts.film_mm
         width, play = assembly.lock_mm.value, assembly.slot_clearance_mm.value
-        notch, _ = latch_mm(self.parts)
+        notch = latch_notch(self.parts).length_mm
         # The tongue reaches from the middle of the flap's film, through the gap and the film of the wall, to beyond the
         # wall. So it passes one and a half films.
         reach = 1.5 * film + assembly.flap_gap_mm.value + assembly.lock_reach_mm.value
@@ -255,19 +289,20 @@ class BoxBeam(Component):
     def _require_latch_clearances(self, shape: Shape, end: str, width: float, flap_depth: float) -> None:
         """Require free space for the finger that opens a latch, and for its tongue when it is drawn in.
 
-        Both are given in the frame of the tongue, which is ``width`` wide. The origin is an end of the tongue's fold. x
-        points along the fold, y outwards to the tip, and z down. The fold is ``flap_depth`` below the lid.
+        Both are given in the frame of the tongue, which is ``width`` wide. The origin is an end of the fold between flap
+        and tongue. x points along this fold, y outwards to the tip, and z down. The fold is ``flap_depth`` below the
+        lid.
         """
         film = self.parts.film_mm
-        # The tongue is free of the wall once it has moved inwards by this stroke. The end of the lever is as high above
-        # the flap's fold as the tongue is below it, so the lever moves outwards by the same stroke.
+        # The tongue is free of the wall once it has moved inwards by this stroke. The lever is as long above the axis
+        # about which the flap turns as the flap is below it. So the end of the lever moves outwards by the same stroke.
         stroke = self.parts.assembly.lock_reach_mm.value + film
-        # The finger is a cylinder that stands on the lid, inwards of the lever. It follows the lever by the stroke.
+        # The finger is a cylinder that stands on the lid and pushes the lever from inside, until the end of the stroke.
         finger, finger_length = self.parts.tools.finger_mm
         lid_top_z = -(flap_depth + film)
         finger_pose = compose(translation(width / 2, stroke - finger / 2, lid_top_z), rotation("x", math.pi))
         shape.require_clearance(f"{end} tongue", ToolClearance("finger", finger_pose, finger, finger_length))
-        # The space into which the tongue's fold moves is a cylinder along the fold, inwards of the flap.
+        # When the tongue is drawn in, its fold moves inwards. This space is a cylinder along the fold, beside the flap.
         tongue_pose = compose(translation(0.0, -(film + stroke) / 2, 0.0), rotation("y", math.pi / 2))
         shape.require_clearance(f"{end} tongue", ToolClearance("tongue", tongue_pose, stroke, width))
 
@@ -341,7 +376,7 @@ def put_cap(shape: Shape, cap: str, end: str, module: str, outer_mm: Point, slit
     parts, assembly, inset = shape.parts, shape.parts.assembly, cap_inset_mm(shape.parts)
     beam, tab_depth = f"{module}.beam", assembly.cap_tab_mm.value
     body = shape.body_of(f"{beam}.floor")
-    width, height = (wall_mm(size, parts) - 2 * inset for size in outer_mm)
+    width, height = (wall_distance_mm(size, parts) - 2 * inset for size in outer_mm)
     # The cap, whose piece has its name without the number of the segment.
     piece = cap.rpartition(" ")[0]
     shape.rectangle(f"{cap}.cap", width, height, piece=piece, body=body)

@@ -7,6 +7,7 @@ plug, which would fold the legs over. The bridge drops in from above with the bo
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 from foldcar.car.components.mounts import add_screw, cylinder
 from foldcar.car.components.shape import Shape
@@ -28,7 +29,7 @@ RESISTOR_FROM_LEG_MM = 1.0
 FOOT_CLEARANCE_MM = 0.5
 
 
-def half_width_mm(parts: Catalogue) -> float:
+def half_length_mm(parts: Catalogue) -> float:
     """Return half of the bridge's length along the car (mm), with room for the boards and film around their screws."""
     feather, assembly = parts.feather, parts.assembly
     screw_offset = max(abs(y) for _, y in feather.free_holes(parts.board_screw))
@@ -57,53 +58,69 @@ def stack_height_mm(parts: Catalogue) -> float:
     return shelf_height_mm(parts) + parts.film_mm / 2 + parts.spacer.length_mm.value + boards
 
 
-def span_mm(parts: Catalogue) -> tuple[float, float]:
-    """Return distances of the bridge's ends from the boards' middle (mm): on the side of USB, and on the other."""
+class BridgeSpan(NamedTuple):
+    """How far the bridge extends across the car from the middle of its boards (mm): to the left and to the right.
+
+    The USB socket is at the left.
+    """
+
+    left_mm: float
+    right_mm: float
+
+
+def bridge_span(parts: Catalogue) -> BridgeSpan:
+    """Return how far the bridge extends to the left and to the right of the middle of its boards (mm)."""
     assembly = parts.assembly
-    at_wall = mouth_mm(parts) + assembly.usb_inside_mm.value - assembly.bridge_gap_mm.value
-    return at_wall, parts.feather.length_mm.value / 2 + assembly.bridge_gap_mm.value
+    left_mm = mouth_mm(parts) + assembly.usb_inside_mm.value - assembly.bridge_gap_mm.value
+    return BridgeSpan(left_mm, right_mm=parts.feather.length_mm.value / 2 + assembly.bridge_gap_mm.value)
 
 
 def middle_mm(parts: Catalogue, y_mm: float) -> float:
-    """y (mm) of the bridge's middle if the middle of its boards is at ``y_mm``."""
-    left, right = span_mm(parts)
-    return y_mm + (left - right) / 2
+    """Return y (mm) of the bridge's middle if the middle of its boards is at ``y_mm``."""
+    span = bridge_span(parts)
+    return y_mm + (span.left_mm - span.right_mm) / 2
 
 
 def put_bridge(shape: Shape, floor: str, x_mm: float, y_mm: float, side: int) -> None:
-    """Add the bridge that carries the boards over the LiPo, and the boards on it, to the face ``floor``.
+    """Add the bridge over the LiPo to the face ``floor``, and the boards that it carries.
 
-    In the floor's frame x points forward, y to the left and z up. The middle of the boards is at (x, y), with USB
-    towards +y. The faces are ``bridge.shelf``, a leg and a foot at its right and at its left end, and
-    ``bridge.flange``, which hangs from the shelf's front edge if ``side`` is 1 and from its rear edge if it is -1. The
-    origin of the shelf's frame is its right rear corner; its axes point as those of the floor.
+    The bridge is a shelf on two legs with feet, and a flange that hangs down from the shelf's front edge if ``side`` is
+    1, or from its rear edge if ``side`` is -1. The middle of the boards is at (``x_mm``, ``y_mm``) in the floor's frame,
+    where x points forward, y to the left and z up. The boards' USB socket is at the left.
     """
-    parts, assembly, film = shape.parts, shape.parts.assembly, shape.parts.film_mm
-    half_length, shelf_z = half_width_mm(parts), shelf_height_mm(parts)
-    # The distances from the middle of the boards to the two ends of the shelf.
-    left_span, right_span = span_mm(parts)
-    length, width = 2 * half_length, left_span + right_span
-    # The shelf, and at each of its ends a leg that is folded down and a foot that is folded outwards.
-    shape.rectangle("bridge.shelf", length, width, piece="bridge")
-    for leg, edge in (("right", "near"), ("left", "far")):
-        # A foot lies on the floor, so the leg ends one film above the floor's middle.
-        shape.rectangle(f"bridge.{leg} leg", length, shelf_z - film)
-        shape.rectangle(f"bridge.{leg} foot", length, assembly.bridge_foot_mm.value)
-        shape.connect(f"bridge.shelf.{edge}", f"bridge.{leg} leg.near", "fold", -90)
-        shape.connect(f"bridge.{leg} leg.far", f"bridge.{leg} foot.near", "fold", -90)
+    parts, half_length, shelf_z = shape.parts, half_length_mm(shape.parts), shelf_height_mm(shape.parts)
+    span = bridge_span(parts)
+    width = span.left_mm + span.right_mm
+    _add_shelf_and_legs(shape, 2 * half_length, width, shelf_z)
     _add_flange(shape, width, shelf_z, shelf_edge="front" if side > 0 else "rear")
-    # The place of the bridge on the floor, to which its feet are glued.
-    shape.place("bridge.shelf", floor, translation(x_mm - half_length, y_mm - right_span, shelf_z))
+    # The origin of the shelf's frame is its right rear corner, and its axes point as those of the floor. The feet are
+    # glued to the floor.
+    shape.place("bridge.shelf", floor, translation(x_mm - half_length, y_mm - span.right_mm, shelf_z))
     for leg in ("right", "left"):
         shape.touch("laminate", f"bridge.{leg} foot", floor)
     # The slot in the floor for the tongue of the flange, under the middle of the flange.
-    play = assembly.slot_clearance_mm.value
+    play = parts.assembly.slot_clearance_mm.value
     slot_center = (x_mm + side * half_length, middle_mm(parts, y_mm))
-    slot_size = (film + play, assembly.tongue_mm.value + 2 * play)
+    slot_size = (parts.film_mm + play, parts.assembly.tongue_mm.value + 2 * play)
     shape.rectangular_hole(floor, "bridge slot", "slot", slot_center, *slot_size)
     shape.touch("tab_slot", "bridge.flange.tip", floor, "bridge slot")
-    boards_middle = (half_length, right_span)
+    boards_middle = (half_length, span.right_mm)
     _add_boards_with_fasteners(shape, "bridge.shelf", boards_middle)
+
+
+def _add_shelf_and_legs(shape: Shape, length: float, width: float, shelf_z: float) -> None:
+    """Add the shelf of the bridge, and at its right and its left end a leg folded down and a foot folded outwards.
+
+    ``length`` is the shelf's size along the car and ``width`` its size across. ``shelf_z`` is the height of the shelf
+    above the floor, from the middle of one film to that of the other.
+    """
+    shape.rectangle("bridge.shelf", length, width, piece="bridge")
+    for leg, shelf_edge in (("right", "near"), ("left", "far")):
+        # A foot lies on the floor, so the leg ends one film above the floor's middle.
+        shape.rectangle(f"bridge.{leg} leg", length, shelf_z - shape.parts.film_mm)
+        shape.rectangle(f"bridge.{leg} foot", length, shape.parts.assembly.bridge_foot_mm.value)
+        shape.connect(f"bridge.shelf.{shelf_edge}", f"bridge.{leg} leg.near", "fold", -90)
+        shape.connect(f"bridge.{leg} leg.far", f"bridge.{leg} foot.near", "fold", -90)
 
 
 def _add_flange(shape: Shape, width: float, shelf_z: float, shelf_edge: str) -> None:

@@ -123,9 +123,9 @@ class Component:
     ) -> None:  # fmt: skip
         """Set and check the values of the parameters, and make the subcomponents.
 
-        ``path`` is the path of the component in the car, and ``body`` the rigid body to which it belongs. ``keys`` has,
-        by the name of a value, the key of the design that sets it, so that messages can name this key. By default each
-        value is set by the key of its own name. Raises ComponentError for a value outside its limits.
+        ``path`` is the path of the component in the car, and ``body`` the rigid body to which it belongs. ``keys`` maps
+        the name of a value to the key in the design file that sets it, for use in messages: ``radius`` may be set by
+        ``W2.radius``. Without ``keys``, each name is its own key. Raises ComponentError for a value outside its limits.
         """
         self.path = path
         self.body = body
@@ -142,15 +142,21 @@ class Component:
         for sub in self.subcomponents():
             if sub.name in self.children:
                 raise ComponentError(path, f'two subcomponents are called "{sub.name}"')
-            # A value of the subcomponent may come from a parameter of this component. Then the same key of the design
-            # sets both. A value that this component has computed is set by no key.
-            child_keys: dict[str, str] = {}
-            for value_name in sub.values:
-                parameter_name = sub.keys.get(value_name, value_name)
-                if parameter_name in self.keys:
-                    child_keys[value_name] = self.keys[parameter_name]
             child_path, child_body = self._under(sub.name), sub.body or self.body
-            self.children[sub.name] = sub.kind(sub.values, child_path, child_body, self.parts, child_keys)
+            self.children[sub.name] = sub.kind(sub.values, child_path, child_body, self.parts, self._keys_of(sub))
+
+    def _keys_of(self, sub: Sub) -> dict[str, str]:
+        """Return the key of the design that sets each value of a subcomponent, by the name of the value.
+
+        A value that comes from a parameter of this component is set by the same key as that parameter. A value that this
+        component computes is set by no key, so it is left out.
+        """
+        keys: dict[str, str] = {}
+        for value_name in sub.values:
+            parameter_name = sub.keys.get(value_name, value_name)
+            if parameter_name in self.keys:
+                keys[value_name] = self.keys[parameter_name]
+        return keys
 
     def subcomponents(self) -> Sequence[Sub]:
         """Return the subcomponents; none by default."""
@@ -159,21 +165,28 @@ class Component:
     def sub(self, name: str, kind: "type[Component]", inherit: str = "", **settings: str | float) -> Sub:
         """Return a subcomponent whose parameters are inherited, set, or left at their defaults.
 
-        ``inherit`` names the parameters that have the same name here, separated by blanks. In ``settings``, a string
-        names the parameter here that sets the value; a number or a boolean is the value itself.
+        ``inherit`` names the parameters whose values come from the parameters of this component with the same names,
+        separated by blanks. In ``settings``, a string is the name of the parameter of this component whose value is
+        taken; a number or a boolean is the value itself. Raises ComponentError for a parameter that the subcomponent
+        does not have.
 
         Example: ``self.sub("car", WheelModule, "width height", length="wheel_length", driven=False)``
         """
-        # Parameter of the subcomponent -> parameter of this component.
-        inherited = {parameter: parameter for parameter in inherit.split()}
-        inherited |= {parameter: outer for parameter, outer in settings.items() if isinstance(outer, str)}
-        fixed = {parameter: float(value) for parameter, value in settings.items() if not isinstance(value, str)}
+        # The parameter of this component that sets a parameter of the subcomponent, by the name of the latter.
+        own_parameters = {parameter: parameter for parameter in inherit.split()}
+        values: dict[str, float] = {}
+        for parameter, setting in settings.items():
+            if isinstance(setting, str):
+                own_parameters[parameter] = setting
+            else:
+                values[parameter] = float(setting)
         declared = [parameter.name for parameter in kind.parameters]
-        for parameter in (*inherited, *fixed):
+        for parameter in (*own_parameters, *values):
             if parameter not in declared:
                 message = f'{kind.__name__} has no parameter "{parameter}"; it has {", ".join(declared)}'
                 raise ComponentError(self._under(name), message)
-        return Sub(name, kind, {parameter: self[outer] for parameter, outer in inherited.items()} | fixed, inherited)
+        inherited_values = {parameter: self[own_parameter] for parameter, own_parameter in own_parameters.items()}
+        return Sub(name, kind, values=inherited_values | values, keys=own_parameters)
 
     def build(self, shape: "Shape") -> None:
         """Make the component's faces and connect them; its subcomponents are built before."""

@@ -10,12 +10,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-from foldcar.car.components.box_beam import latch_mm, wall_mm
+from foldcar.car.components.box_beam import latch_notch, wall_distance_mm
 from foldcar.car.components.bridge import (
-    BUTTON_PIN,
-    DIVIDER_UPPER,
-    OE_PIN,
-    half_width_mm,
+    half_length_mm,
     middle_mm,
     mouth_mm,
     plug_room_mm,
@@ -24,11 +21,11 @@ from foldcar.car.components.bridge import (
 )
 from foldcar.car.components.component import ROUNDING, ComponentError
 from foldcar.car.components.module import BrainModule
-from foldcar.car.components.mounts import BOARD_SWITCH, BUTTON, SERVO_SWITCH, cylinder
+from foldcar.car.components.mounts import cylinder
 from foldcar.car.components.shape import Shape, rectangle_around
-from foldcar.car.folded.model import IDENTITY, Point, Solid, Wire
+from foldcar.car.components.wires import power_wires
+from foldcar.car.folded.model import IDENTITY, Point, Solid
 from foldcar.car.folded.pose import translation
-from foldcar.car.parts.catalogue import Catalogue
 from foldcar.car.parts.quantity import BoxPart
 
 # The layer below a battery on the floor is longer than the battery by this at both ends: so its outline is printed on
@@ -40,7 +37,7 @@ class Layout(NamedTuple):
     """An arrangement along x (mm) of boards, LiPo and battery on the floor, or with the battery on the roof.
 
     The boards' middle may be anywhere from ``low`` to ``high``; the layout does not fit if ``low`` exceeds ``high``.
-    ``boards_mm``, ``lipo_mm`` and ``battery_mm`` are the middles. ``side`` is the bridge's edge with the flange, at the
+    ``boards_x``, ``lipo_x`` and ``battery_x`` are the middles. ``side`` is the bridge's edge with the flange, at the
     battery: 1 is the front, -1 the rear. ``turned``: the battery's length lies across the car.
     """
 
@@ -48,14 +45,22 @@ class Layout(NamedTuple):
     high: float
     side: int
     turned: bool
-    boards_mm: float
-    lipo_mm: float
-    battery_mm: float
+    boards_x: float
+    lipo_x: float
+    battery_x: float
 
     @property
     def missing_mm(self) -> float:
         """By how much (mm) the module is too short for this layout; 0 or less if it fits."""
         return self.low - self.high
+
+
+class Doubler(NamedTuple):
+    """The second layer of film on the floor: x of its middle (mm), its length along the car and its width across."""
+
+    middle_x: float
+    length_mm: float
+    width_mm: float
 
 
 class ElectronicsModule(BrainModule):
@@ -72,19 +77,19 @@ class ElectronicsModule(BrainModule):
         the left wall and z up.
         """
         parts, assembly, layout = self.parts, self.parts.assembly, self.layout
-        film, across = parts.film_mm, wall_mm(self["width"], parts)
+        film, across = parts.film_mm, wall_distance_mm(self["width"], parts)
         # The mouth of the USB socket is just inside the left wall, and the boards are to the right of it.
         socket_mouth_y = across - film / 2 - assembly.usb_inside_mm.value
         boards_y = socket_mouth_y - mouth_mm(parts)
-        put_bridge(shape, "beam.floor", layout.boards_mm, boards_y, layout.side)
-        lipo_center = (layout.lipo_mm, middle_mm(parts, boards_y), film / 2 + parts.lipo.height_mm.value / 2)
+        put_bridge(shape, "beam.floor", layout.boards_x, boards_y, layout.side)
+        lipo_center = (layout.lipo_x, middle_mm(parts, boards_y), film / 2 + parts.lipo.height_mm.value / 2)
         shape.part(parts.lipo, "beam.floor", lipo_center, turned=True, marked=True)
-        self._cut_usb_opening(shape, layout.boards_mm)
+        self._cut_usb_opening(shape, layout.boards_x)
         self._place_battery(shape, layout, boards_y)
         # All wires count as one part in the module's middle.
-        wires_center = (self["length"] / 2, across / 2, wall_mm(self["height"], parts) / 2)
+        wires_center = (self["length"] / 2, across / 2, wall_distance_mm(self["height"], parts) / 2)
         shape.part(parts.wiring, "beam.floor", wires_center)
-        shape.graph.wires += _power_wires(parts)
+        shape.graph.wires += power_wires(parts)
 
     def _cut_usb_opening(self, shape: Shape, x: float) -> None:
         """Cut three openings into the left wall: for the USB plug, for the board's light, and for the USB cable's tie.
@@ -93,20 +98,20 @@ class ElectronicsModule(BrainModule):
         so a plug would hide it from straight ahead. Its window is in front of the plug. You see the light through it when
         you look backwards at an angle.
         """
-        parts, assembly, z = self.parts, self.parts.assembly, usb_height_mm(self.parts)
+        parts, assembly, usb_y = self.parts, self.parts.assembly, usb_height_mm(self.parts)
         hole = plug_room_mm(parts.plugs.usb) + 2 * (parts.feather.usb.tolerance + assembly.slot_clearance_mm.value)
-        shape.round_hole("beam.left", "USB", "opening", (x, z), hole)
+        shape.round_hole("beam.left", "USB", "opening", (x, usb_y), hole)
         window = assembly.light_window_mm.value
         window_x = x + (hole + window) / 2 + assembly.grip_gap_mm.value
-        shape.round_hole("beam.left", "light", "opening", (window_x, z), window)
-        # The tie goes through two slots above the plug, which are half as wide as they are high. The least distance of a
-        # hole from a fold lies between their upper ends and the fold of the lid, and one height of a slot in addition.
-        # Half a slot further down is their middle.
+        shape.round_hole("beam.left", "light", "opening", (window_x, usb_y), window)
+        # The tie goes through two slots above the plug, which are half as wide as they are high. Between their upper ends
+        # and the fold of the lid remain the minimum distance of a hole from a fold, and one height of a slot. Half a slot
+        # farther down is their middle.
         slot_height = assembly.tie_slot_mm.value
-        slots_z = wall_mm(self["height"], parts) - assembly.fold_distance_mm.value - 1.5 * slot_height
+        slots_y = wall_distance_mm(self["height"], parts) - assembly.fold_distance_mm.value - 1.5 * slot_height
         slot_offset = (assembly.tie_apart_mm.value + slot_height) / 2
         for name, slot_x in (("tie 1", x - slot_offset), ("tie 2", x + slot_offset)):
-            shape.rectangular_hole("beam.left", name, "slit", (slot_x, slots_z), slot_height / 2, slot_height)
+            shape.rectangular_hole("beam.left", name, "slit", (slot_x, slots_y), slot_height / 2, slot_height)
 
     def _place_battery(self, shape: Shape, layout: Layout, boards_y: float) -> None:
         """Add the battery and its pad on the floor or on the roof, on the side of the car opposite to the boards.
@@ -114,14 +119,14 @@ class ElectronicsModule(BrainModule):
         The battery is as far from the middle of the car as it must be to balance the boards, or as far as the walls
         allow. ``boards_y`` is y of the boards' middle in the frame of the floor, whose y points to the left.
         """
-        parts, across = self.parts, wall_mm(self["width"], self.parts)
+        parts, across = self.parts, wall_distance_mm(self["width"], self.parts)
         battery, middle_y = parts.battery, across / 2
         boards_kg = sum(part.mass_kg.value for part in (parts.feather, parts.featherwing, parts.lipo))
         # How far to the right of the car's middle the battery balances the boards; negative means to the left.
         to_right_mm = (boards_y - middle_y) * boards_kg / battery.mass_kg.value
         if parts.battery_place == "roof":
             # y of the lid's frame points to the right.
-            self._place_on_roof(shape, layout.battery_mm, middle_y + to_right_mm)
+            self._place_on_roof(shape, layout.battery_x, middle_y + to_right_mm)
             return
         battery_across_mm = (battery.length_mm if layout.turned else battery.width_mm).value
         max_distance_mm = (across - parts.film_mm - battery_across_mm) / 2
@@ -131,105 +136,121 @@ class ElectronicsModule(BrainModule):
     def _place_on_floor(self, shape: Shape, layout: Layout, y: float) -> None:
         """Add pad and battery on the floor, with their middle at ``y``, and a second layer of film below them.
 
-        The layer, the *floor doubler*, reaches from wall to wall and stiffens the floor. In a car of 95 mm, of 0.25 mm
-        PET, the battery (1.2 N, 31.5 mm wide) would hang by two strips of film, L = 18 mm long. They would sag by
-        F L³ / (12 E I) = 1.6 mm if they were clamped at both ends, and four times as much if the folds turned freely. Two
-        layers are two to eight times as stiff as one.
+        The layer, the *floor doubler*, stiffens the floor. In a car of 95 mm, of 0.25 mm PET, the battery (1.2 N, 31.5
+        mm wide) would hang by two strips of film, L = 18 mm long. They would sag by F L³ / (12 E I) = 1.6 mm if they
+        were clamped at both ends, and four times as much if the folds turned freely. Two layers are two to eight times
+        as stiff as one.
         """
-        parts, across = self.parts, wall_mm(self["width"], self.parts)
-        battery, x, middle_y = parts.battery, layout.battery_mm, across / 2
-
-        def size_of(part: BoxPart) -> Point:
-            """Return the extent of a part along x and y (mm)."""
-            length, width, _ = part.size_mm
-            return (width, length) if layout.turned else (length, width)
-
-        # The layer is a little longer than the battery, but ends where the free floor ends. Across the car it ends before
-        # the folds, unless the battery is wider.
-        battery_x_mm, battery_y_mm = size_of(battery)
-        layer_rear_x = max(x - battery_x_mm / 2 - DOUBLER_EDGE_MM, -self["floor_rear"])
-        layer_front_x = min(x + battery_x_mm / 2 + DOUBLER_EDGE_MM, self["length"] + self["floor_front"])
-        clear_of_folds_mm = across - 2 * parts.assembly.fold_distance_mm.value
-        layer_y_mm = max(clear_of_folds_mm, battery_y_mm + 2 * DOUBLER_EDGE_MM)
-        size_mm = (layer_front_x - layer_rear_x, layer_y_mm)
-        layer_x = (layer_rear_x + layer_front_x) / 2
-        # A printed outline on the floor shows where the layer lies. The outline of the battery on the layer is beside its
-        # middle, which shows how to turn the layer.
-        shape.mark("beam.floor", "floor doubler", rectangle_around((layer_x, middle_y), *size_mm))
-        outline = rectangle_around((0.0, 0.0), *size_mm)
-        shape.layer("floor doubler", "beam.floor", outline, (layer_x, middle_y), "floor doubler")
-        # The pad lies on the layer, and the battery on the pad.
+        parts, x = self.parts, layout.battery_x
+        layer = self._floor_doubler(layout)
+        layer_mm = (layer.length_mm, layer.width_mm)
+        layer_middle = (layer.middle_x, wall_distance_mm(self["width"], parts) / 2)
+        # A printed outline on the floor shows where the layer lies.
+        shape.mark("beam.floor", "floor doubler", rectangle_around(layer_middle, *layer_mm))
+        shape.layer("floor doubler", "beam.floor", rectangle_around((0.0, 0.0), *layer_mm), layer_middle, "floor doubler")
+        # The pad lies on the layer, and the battery on the pad. Their outlines on the layer are beside its middle, which
+        # shows how to turn the layer.
+        middle_on_layer = (x - layer_middle[0], y - layer_middle[1])
         bottom_z = parts.film_mm / 2 + parts.film_mm
-        for part in (parts.pad, battery):
+        for part in (parts.pad, parts.battery):
             height = part.height_mm.value
-            shape.mark("floor doubler", part.name, rectangle_around((x - layer_x, y - middle_y), *size_of(part)))
+            shape.mark("floor doubler", part.name, rectangle_around(middle_on_layer, *_extent_mm(part, layout.turned)))
             shape.part(part, "beam.floor", (x, y, bottom_z + height / 2), turned=layout.turned)
             bottom_z += height
+
+    def _floor_doubler(self, layout: Layout) -> Doubler:
+        """Return the place and the size of the layer of film below a battery on the floor.
+
+        Along the car it is a little longer than the battery, but ends where the free floor ends. Across the car it ends
+        before the folds of the walls, unless the battery is wider.
+        """
+        battery_x_mm, battery_y_mm = _extent_mm(self.parts.battery, layout.turned)
+        rear_x = max(layout.battery_x - battery_x_mm / 2 - DOUBLER_EDGE_MM, -self["floor_rear"])
+        front_x = min(layout.battery_x + battery_x_mm / 2 + DOUBLER_EDGE_MM, self["length"] + self["floor_front"])
+        between_folds_mm = wall_distance_mm(self["width"], self.parts) - 2 * self.parts.assembly.fold_distance_mm.value
+        width_mm = max(between_folds_mm, battery_y_mm + 2 * DOUBLER_EDGE_MM)
+        return Doubler((rear_x + front_x) / 2, length_mm=front_x - rear_x, width_mm=width_mm)
 
     def _place_on_roof(self, shape: Shape, x: float, wanted_y: float) -> None:
         """Add pad and battery on the roof, with their middle at ``x``, and as near to ``wanted_y`` as the folds allow.
 
         The origin of the lid's frame is the rear end of its left edge. x points forward, y to the right and z down into
         the car. The roof is the lid's outer side, on which nothing is printed. So holes at the corners of pad and battery
-        show where to lay them.
+        show where to lay them. The battery's length lies across the car.
         """
-        parts, assembly, film = self.parts, self.parts.assembly, self.parts.film_mm
-        battery, pad, hole_mm = parts.battery, parts.pad, assembly.corner_hole_mm.value
-        # The battery's length lies across the car. The holes at its corners must keep a distance from the lid's folds.
-        min_fold_distance = assembly.fold_distance_mm.value + hole_mm / 2
+        parts, film = self.parts, self.parts.film_mm
+        battery, pad, hole_mm = parts.battery, parts.pad, parts.assembly.corner_hole_mm.value
+        # The holes at the battery's corners must keep a distance from the lid's folds.
+        min_fold_distance = parts.assembly.fold_distance_mm.value + hole_mm / 2
         _, lid_width = shape.face_size_mm("beam.lid")
         middle_y = lid_width / 2
         max_distance = middle_y - min_fold_distance - battery.length_mm.value / 2
         y = middle_y + _clamped(wanted_y - middle_y, max(max_distance, 0.0))
         # The pad lies on the lid, and the battery on the pad.
         shape.part(pad, "beam.lid", (x, y, -(film + pad.height_mm.value) / 2), turned=True)
-        battery_size = (battery.width_mm.value, battery.length_mm.value, battery.height_mm.value)
-        battery_z = film / 2 + pad.height_mm.value + battery.height_mm.value / 2
-        # The leads go through a hole of the lid, as one cylinder that is two wires wide. It belongs to the battery's
-        # mount, whose frame has its origin in the battery's middle; z points down there, too.
-        lead_x, lead_y = self._cut_lead_hole(shape, x + battery.width_mm.value / 2)
-        wire_mm = parts.wiring.wire_diameter_mm.value
-        lid_top_z = battery_z - film / 2
-        lead = cylinder(2 * wire_mm, lid_top_z - 2 * wire_mm, lid_top_z + film + wire_mm, lead_x - x, lead_y - y)
-        solids = (Solid("box", battery_size, IDENTITY), replace(lead, weightless=True))
-        pose = translation(x, y, -battery_z)
-        shape.box(battery.name, battery.name, "beam.lid", pose, battery_size, battery.mass_kg.value, solids=solids)
+        hole_x, hole_y = self._cut_lead_hole(shape, x + battery.width_mm.value / 2)
+        battery_height = film / 2 + pad.height_mm.value + battery.height_mm.value / 2
+        size = (battery.width_mm.value, battery.length_mm.value, battery.height_mm.value)
+        solids = (Solid("box", size, IDENTITY), self._leads_through_lid((hole_x - x, hole_y - y), battery_height))
+        pose = translation(x, y, -battery_height)
+        shape.box(battery.name, battery.name, "beam.lid", pose, size, battery.mass_kg.value, solids=solids)
         # The holes at the corners, for each part whose corners are not too near to a fold.
         for part in (pad, battery):
-            half_length, half_width = part.length_mm.value / 2, part.width_mm.value / 2
-            distance_to_fold = middle_y - abs(y - middle_y) - half_length
+            distance_to_fold = middle_y - abs(y - middle_y) - part.length_mm.value / 2
             if distance_to_fold >= min_fold_distance - ROUNDING:
-                corners = itertools.product((-half_width, half_width), (-half_length, half_length))
-                for number, (from_middle_x, from_middle_y) in enumerate(corners, 1):
-                    corner = (x + from_middle_x, y + from_middle_y)
+                # From the rear to the front, and there from the left to the right.
+                half_length, half_width = part.length_mm.value / 2, part.width_mm.value / 2
+                corners = itertools.product((x - half_width, x + half_width), (y - half_length, y + half_length))
+                for number, corner in enumerate(corners, 1):
                     shape.round_hole("beam.lid", f"{part.name} corner {number}", "mark", corner, hole_mm)
 
-    def _cut_lead_hole(self, shape: Shape, battery_front_x: float) -> Point:
-        """Cut a hole for the battery's leads into the lid, in front of the battery, and return the hole's middle.
+    def _leads_through_lid(self, hole: Point, height: float) -> Solid:
+        """Return the leads of a battery on the roof where they pass the lid, as one cylinder that is two wires wide.
 
-        The hole is near the lid's left edge. The battery lies in the middle of the module, and ``battery_front_x`` is its
-        front end. Raises ComponentError if the module is too short for battery and hole, or for the battery and the
-        fingers that open a latch beside it.
+        It belongs to the battery's mount and is given in its frame: the origin is the middle of the battery, ``height``
+        above the middle of the lid's film, and z points down. ``hole`` is the point where the leads pass.
         """
-        battery, assembly = self.parts.battery, self.parts.assembly
+        wire_mm, film = self.parts.wiring.wire_diameter_mm.value, self.parts.film_mm
+        lid_top_z = height - film / 2
+        leads = cylinder(2 * wire_mm, lid_top_z - 2 * wire_mm, lid_top_z + film + wire_mm, *hole)
+        return replace(leads, weightless=True)
+
+    def _cut_lead_hole(self, shape: Shape, battery_front_x: float) -> Point:
+        """Cut a hole for the leads of a battery on the roof into the lid, and return the hole's middle.
+
+        The hole is in front of the battery, near the lid's left edge. ``battery_front_x`` is the front end of the
+        battery, which lies in the middle of the module. Raises ComponentError if the module is too short for it.
+        """
+        assembly = self.parts.assembly
         hole, fold_distance = assembly.lead_hole_mm.value, assembly.fold_distance_mm.value
-        # From the battery's front end to the end of the lid there are a distance, the hole, and the same distance again.
-        # The battery is in the middle, so there is as much lid behind it.
-        min_length = battery.width_mm.value + 2 * (2 * fold_distance + hole)
-        # A latch and the fingers that open it take this length of the lid, from the end of the lid or from a cap's tab.
-        notch, _ = latch_mm(self.parts)
-        finger, _ = self.parts.tools.finger_mm
-        latch_length = notch / 2 + max(notch, finger) / 2
-        latch_ends = [self[f"flap_{end}"] + latch_length for end in ("front", "rear") if self[f"latch_{end}"]]
-        if latch_ends:
-            beside_battery = assembly.placement_mm.value + max(latch_ends)
-            min_length = max(min_length, battery.width_mm.max_value + 2 * beside_battery)
+        min_length = self._min_length_with_roof_mm()
         if self["length"] < min_length - ROUNDING:
-            parts_text = f"the {battery.name} on the roof beside its lead and the lid's latch"
+            parts_text = f"the {self.parts.battery.name} on the roof beside its lead and the lid's latch"
             raise self.parameter_error("length", _too_small(self["length"], min_length, parts_text))
         center = (battery_front_x + fold_distance + hole / 2, fold_distance + hole)
         shape.round_hole("beam.lid", "lead", "slit", center, hole)
         return center
+
+    def _min_length_with_roof_mm(self) -> float:
+        """Return the minimum length of a module with a battery on its roof (mm).
+
+        In front of the battery there must be room for the hole of its leads, and at each latch for fingers that open it.
+        The battery is in the middle, so twice the room at one end is needed.
+        """
+        battery_width, assembly = self.parts.battery.width_mm, self.parts.assembly
+        # The hole keeps a distance from the battery, and the same distance from the end of the lid.
+        room_for_hole = 2 * assembly.fold_distance_mm.value + assembly.lead_hole_mm.value
+        min_length = battery_width.value + 2 * room_for_hole
+        # Fingers press in the middle of the latch's notch, and may be wider than the notch.
+        notch = latch_notch(self.parts).length_mm
+        finger, _ = self.parts.tools.finger_mm
+        latch_and_finger = notch / 2 + max(notch, finger) / 2
+        for end in ("front", "rear"):
+            if self[f"latch_{end}"]:
+                # The latch is beside the tab of the cap. The battery is laid by eye, so its place has a tolerance.
+                room_for_latch = assembly.placement_mm.value + (self[f"flap_{end}"] + latch_and_finger)
+                min_length = max(min_length, battery_width.max_value + 2 * room_for_latch)
+        return min_length
 
     def _layouts(self) -> Iterator[Layout]:
         """Yield the possible layouts, also those for which the module is too short."""
@@ -237,13 +258,15 @@ class ElectronicsModule(BrainModule):
             # A battery on the roof needs no length of the floor. It lies across the car, in the middle of the module.
             yield self._layout(battery_mm=0.0, side=-1, turned=True)
             return
-        battery, floor_mm = self.parts.battery, self["width"] - 2 * self.parts.film_mm
-        orientations = ((battery.width_mm, battery.length_mm, True), (battery.length_mm, battery.width_mm, False))
-        for along, across, turned in orientations:
-            fits_across = across.max_value + 2 * self.parts.assembly.cut_mm.value <= floor_mm + ROUNDING
-            if fits_across:
-                for side in (-1, 1):
-                    yield self._layout(along.value, side, turned)
+        battery = self.parts.battery
+        floor_mm = self["width"] - 2 * self.parts.film_mm
+        for turned in (True, False):
+            along, across = (battery.width_mm, battery.length_mm) if turned else (battery.length_mm, battery.width_mm)
+            needed_mm = across.max_value + 2 * self.parts.assembly.cut_mm.value
+            if needed_mm <= floor_mm + ROUNDING:
+                # The battery is behind the boards, or in front of them.
+                yield self._layout(along.value, side=-1, turned=turned)
+                yield self._layout(along.value, side=1, turned=turned)
 
     def _layout(self, battery_mm: float, side: int, turned: bool) -> Layout:
         """Return a layout of the parts along x, with the boards as near to the middle of the module as possible.
@@ -252,16 +275,9 @@ class ElectronicsModule(BrainModule):
         is behind the boards and the battery in front of them. If ``side`` is -1, the order is the reverse one. If the
         battery is ``turned``, its length lies across the car.
         """
-        parts, length = self.parts, self["length"]
-        # The distance from the boards' middle to the far end of the battery. Without a battery on the floor, the bridge
-        # ends there.
-        battery_end_mm = half_width_mm(parts) + parts.film_mm
-        if battery_mm:
-            # The LiPo's lead leaves the Feather at the front, so its plug is between the boards and a battery there.
-            gap_mm = parts.plugs.battery.length_mm.value if side > 0 else parts.assembly.part_gap_mm.value
-            battery_end_mm += gap_mm + battery_mm
-        lipo_end_mm = self._lipo_end_mm()
-        # How far the parts extend behind the boards' middle and in front of it.
+        length = self["length"]
+        # The distances from the boards' middle to the far ends of what is on its two sides.
+        battery_end_mm, lipo_end_mm = self._battery_end_mm(battery_mm, side), self._lipo_end_mm()
         if side > 0:
             rear_mm, front_mm = lipo_end_mm, battery_end_mm
         else:
@@ -270,12 +286,25 @@ class ElectronicsModule(BrainModule):
         low = max(rear_mm - self["floor_rear"], self["usb_low"])
         high = min(length + self["floor_front"] - front_mm, self["usb_high"])
         boards_x = min(max(length / 2, low), high)
-        lipo_x = boards_x - side * (lipo_end_mm - parts.lipo.width_mm.value / 2)
+        lipo_x = boards_x - side * (lipo_end_mm - self.parts.lipo.width_mm.value / 2)
         # A battery on the roof lies in the middle of the module.
         battery_x = length / 2
         if battery_mm:
             battery_x = boards_x + side * battery_end_mm - side * battery_mm / 2
-        return Layout(low, high, side, turned, boards_mm=boards_x, lipo_mm=lipo_x, battery_mm=battery_x)
+        return Layout(low, high, side, turned, boards_x=boards_x, lipo_x=lipo_x, battery_x=battery_x)
+
+    def _battery_end_mm(self, battery_mm: float, side: int) -> float:
+        """Return the distance along x from the middle of the boards to the far end of the battery beside them (mm).
+
+        ``battery_mm`` is the battery's extent along x. If it is 0, there is no battery on the floor, and the result
+        leads to the end of the bridge. ``side`` is 1 for a battery in front of the boards, and -1 for one behind them.
+        """
+        bridge_end_mm = half_length_mm(self.parts) + self.parts.film_mm
+        if not battery_mm:
+            return bridge_end_mm
+        # The LiPo's lead leaves the Feather at the front, so its plug is between the boards and a battery there.
+        gap_mm = self.parts.plugs.battery.length_mm.value if side > 0 else self.parts.assembly.part_gap_mm.value
+        return bridge_end_mm + (gap_mm + battery_mm)
 
     def _lipo_end_mm(self) -> float:
         """Return the distance along x from the middle of the boards to the end of the LiPo that is away from the battery.
@@ -288,7 +317,7 @@ class ElectronicsModule(BrainModule):
         gap_mm = assembly.placement_mm.value + lipo.tolerance / 2 + assembly.slot_clearance_mm.value
         # Both distances are measured from the middle of the flange's film.
         flange_to_lipo_end_mm = self.parts.film_mm / 2 + gap_mm + lipo.value
-        flange_to_boards_middle_mm = half_width_mm(self.parts)
+        flange_to_boards_middle_mm = half_length_mm(self.parts)
         return flange_to_lipo_end_mm - flange_to_boards_middle_mm
 
     @property
@@ -303,7 +332,7 @@ class ElectronicsModule(BrainModule):
         fitting = [layout for layout in layouts if layout.missing_mm <= ROUNDING]
         if not fitting:
             raise self._too_short(layouts)
-        return min(fitting, key=lambda layout: abs(layout.boards_mm - self["length"] / 2))
+        return min(fitting, key=lambda layout: abs(layout.boards_x - self["length"] / 2))
 
     def _too_narrow(self) -> ComponentError:
         """Return the error of a body in which the battery fits on the floor neither along nor across the car."""
@@ -327,37 +356,10 @@ class ElectronicsModule(BrainModule):
         return self.parameter_error("length", _too_small(length, length + nearest.missing_mm, parts_text))
 
 
-def _power_wires(parts: Catalogue) -> list[Wire]:
-    """Return the wires between batteries, switch and boards."""
-    feather, wing = parts.feather.name, parts.featherwing.name
-    return [
-        Wire(f"{feather} headers", f"{wing} headers", "stack", "the wing sits on the Feather: I2C on SDA 23 and SCL 22"),
-        Wire(f"{parts.lipo.name}", f"{feather} JST", "supply", "3.7 V for the processor"),
-        Wire(
-            f"{parts.battery.name} +", f"{SERVO_SWITCH} 1", "supply", f"{parts.cells.supply_v.value:g} V for the servos"
-        ),
-        Wire(f"{SERVO_SWITCH} 2", f"{wing} terminal +", "supply", "switched"),
-        Wire(f"{parts.battery.name} -", f"{wing} terminal -", "supply", "ground"),
-        Wire(f"{BOARD_SWITCH} 1", f"{feather} EN", "control", "closed, it turns the board off"),
-        Wire(f"{BOARD_SWITCH} 2", f"{feather} GND", "control", "ground"),
-        *_option_wires(parts),
-        Wire(f"{feather} USB", "computer", "usb", "to flash, and for trials by cable"),
-    ]
-
-
-def _option_wires(parts: Catalogue) -> list[Wire]:
-    """Return the wires of the options that a car has."""
-    feather, wing, wires = parts.feather.name, parts.featherwing.name, []
-    if parts.button == "fitted":
-        wires += [
-            Wire(f"{BUTTON} 1", f"{feather} {BUTTON_PIN}", "control", "starts and stops a trial"),
-            Wire(f"{BUTTON} 2", f"{feather} GND", "control", "ground"),
-        ]
-    if parts.divider == "fitted":
-        wires.append(Wire(DIVIDER_UPPER, f"{wing} terminal +", "control", "measures the voltage of the servos' battery"))
-    if parts.oe_wire == "fitted":
-        wires.append(Wire(f"{feather} {OE_PIN}", f"{wing} #OE", "control", "ends the pulses while the board hangs"))
-    return wires
+def _extent_mm(part: BoxPart, turned: bool) -> Point:
+    """Return the extent of a part along x and y (mm). The length of a ``turned`` part lies along y."""
+    length, width, _ = part.size_mm
+    return (width, length) if turned else (length, width)
 
 
 def _clamped(value: float, limit: float) -> float:

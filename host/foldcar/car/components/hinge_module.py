@@ -7,9 +7,10 @@ crest) by ``fold_down``, and nose up by ``fold_up``. The meeting lids, or a stop
 import math
 from itertools import pairwise
 
-from foldcar.car.components.box_beam import HEIGHT, WIDTH, cap_inset_mm, wall_mm
+from foldcar.car.components.box_beam import HEIGHT, WIDTH, cap_inset_mm, wall_distance_mm
 from foldcar.car.components.component import ROUNDING, Component, Parameter, maximum_text, minimum_text
 from foldcar.car.components.shape import Shape
+from foldcar.car.folded.model import Pose
 from foldcar.car.folded.pose import compose, rotation, translation
 from foldcar.car.parts.bought import Film
 from foldcar.car.parts.catalogue import Catalogue, film_of, films
@@ -74,7 +75,7 @@ class HingeModule(Component):
         have to bend too sharply.
         """
         self._check_angles()
-        glue_mm, width = self.parts.assembly.hinge_glue_mm.value, wall_mm(self["width"], self.parts)
+        glue_mm, width = self.parts.assembly.hinge_glue_mm.value, wall_distance_mm(self["width"], self.parts)
         half_length = self["length"] / 2 + glue_mm
         for name in ("front half", "rear half"):
             shape.rectangle(name, half_length, width, piece="hinge strip", thickness_mm=self["thickness"])
@@ -90,7 +91,7 @@ class HingeModule(Component):
     def _check_angles(self) -> None:
         """Raise ComponentError if the lids meet before the upper limit, or if the strip bends too sharply at a limit."""
         # The segments turn about the middle of the strip.
-        max_fold_up_deg = math.degrees(2 * math.atan2(self["length"] / 2, wall_mm(self["height"], self.parts)))
+        max_fold_up_deg = math.degrees(2 * math.atan2(self["length"] / 2, wall_distance_mm(self["height"], self.parts)))
         if self["fold_up"] > max_fold_up_deg + ROUNDING:
             where = f"where the lids meet at H.length {self['length']:g} and height {self['height']:g}"
             exceeds = f"{self['fold_up']:g} is above the maximum {maximum_text(max_fold_up_deg)}"
@@ -105,62 +106,70 @@ class HingeModule(Component):
             raise self.parameter_error("length", f"{falls_short} ({reason})")
 
     def _add_stop(self, shape: Shape, length_mm: float) -> None:
-        """Add the stop, a tube of this length: two flaps that are glued to one cap, two sides, the face that meets the
-        other cap.
+        """Add the stop, a tube that is folded from one piece and glued to a cap. It stops the other cap.
+
+        The tube is ``length_mm`` long. Around it follow a flap that is glued to the cap, a side, the face that meets the
+        other cap, the other side, and a second flap.
         """
         web_mm, depth_mm = self._web_mm(), self._stop_mm()
         flap_mm = web_mm * GLUE_SHARE
         widths_mm = {"glue 1": flap_mm, "side 1": depth_mm, "stop": web_mm, "side 2": depth_mm, "glue 2": flap_mm}
         for name, width_mm in widths_mm.items():
             shape.rectangle(name, length_mm, width_mm, piece="hinge stop")
-        for name, following in pairwise(widths_mm):
-            shape.connect(f"{name}.far", f"{following}.near", "fold", 90)
+        for name, next_name in pairwise(widths_mm):
+            shape.connect(f"{name}.far", f"{next_name}.near", "fold", 90)
 
-    def join(self, shape: Shape, hinge: str, modules: tuple[str, str], caps: tuple[str, str]) -> None:
-        """Glue the strip under the floors of the modules before and behind it, and the stop onto the cap before the gap.
+    def join(self, shape: Shape, hinge: str, front_module: str, rear_module: str, front_cap: str) -> None:
+        """Glue the strip under the floors of the modules in front of it and behind it, and the stop onto a cap.
 
-        ``hinge`` is the path of this component. ``modules`` and ``caps`` are the names of those in front of the gap and
-        behind it. The pose of everything behind the strip follows from it.
+        ``hinge`` is the path of this component. ``front_cap`` is the cap at the rear end of the segment in front of the
+        hinge. The pose of everything behind the strip follows from it.
         """
-        (front, rear), (front_cap, _) = modules, caps
-        film, glue_mm = self.parts.film_mm, self.parts.assembly.hinge_glue_mm.value
+        glue_mm = self.parts.assembly.hinge_glue_mm.value
         # A floor's frame has its origin at the rear right corner, and z points up. The strip lies under the floor.
-        strip_z = -(film + self["thickness"]) / 2
+        strip_z = -(self.parts.film_mm + self["thickness"]) / 2
         front_pose = translation(-self["length"] / 2, 0, strip_z)
-        shape.place(f"{hinge}.front half", f"{front}.beam.floor", front_pose, laminated=True)
-        rear_floor_mm, _ = shape.face_size_mm(f"{rear}.beam.floor")
+        shape.place(f"{hinge}.front half", f"{front_module}.beam.floor", front_pose, laminated=True)
+        rear_floor_mm, _ = shape.face_size_mm(f"{rear_module}.beam.floor")
         rear_pose = translation(rear_floor_mm - glue_mm, 0, strip_z)
-        shape.place(f"{hinge}.rear half", f"{rear}.beam.floor", rear_pose, laminated=True)
+        shape.place(f"{hinge}.rear half", f"{rear_module}.beam.floor", rear_pose, laminated=True)
         if self._stop_mm() >= MIN_STOP_MM:
-            # The stop is glued to the outer side of the front segment's rear cap, in the middle of the car. In the cap's
-            # frame x points left, y up, and z into the segment. The stop is turned over, so its own x points right, and
-            # its origin is its left end.
             cap_width_mm, _ = shape.face_size_mm(f"{front_cap}.cap")
-            half_stop_mm = cap_width_mm * STOP_SHARE / 2
-            left_end_x = cap_width_mm / 2 + half_stop_mm
-            stop_top_y = wall_mm(self["height"], self.parts) - STOP_FROM_LID_MM - cap_inset_mm(self.parts)
-            upper_flap_mm = self._web_mm() * GLUE_SHARE
-            stop_origin = translation(left_end_x, stop_top_y - upper_flap_mm, -film)
-            stop_pose = compose(stop_origin, rotation("y", math.pi))
-            shape.place(f"{hinge}.glue 1", f"{front_cap}.cap", stop_pose, laminated=True)
+            shape.place(f"{hinge}.glue 1", f"{front_cap}.cap", self._stop_pose(cap_width_mm), laminated=True)
+
+    def _stop_pose(self, cap_width_mm: float) -> Pose:
+        """Return the pose of the stop on the outer side of the front segment's rear cap, in the frame of the cap.
+
+        In the cap's frame x points left, y up, and z into the segment. The face of the stop that is glued to the cap is
+        its upper flap. It is turned over, so its own x points right, and its origin is its lower left corner. The stop
+        is in the middle of the car.
+        """
+        half_stop_mm = cap_width_mm * STOP_SHARE / 2
+        left_end_x = cap_width_mm / 2 + half_stop_mm
+        stop_top_y = wall_distance_mm(self["height"], self.parts) - STOP_FROM_LID_MM - cap_inset_mm(self.parts)
+        flap_height_mm = self._web_mm() * GLUE_SHARE
+        origin = translation(left_end_x, stop_top_y - flap_height_mm, -self.parts.film_mm)
+        return compose(origin, rotation("y", math.pi))
 
     def _stop_mm(self) -> float:
-        """Return the depth of the stop along the car (mm), with which it meets the other cap at the upper limit.
+        """Return the depth of the stop along the car (mm).
 
-        Less than MIN_STOP_MM, or a negative depth, means that there is no room for a stop.
+        The stop is glued to the cap of the front segment. It is so deep that it meets the cap of the rear segment when
+        the hinge is at its upper limit. A depth below MIN_STOP_MM, or a negative one, means that there is no room for a
+        stop.
         """
-        # Seen from the side, the origin is the middle of the strip, x points to the front segment and z up. The cap of
-        # the front segment is the line x = a, where a is half of the strip's length. At the upper limit u, the cap of the
-        # rear segment leans forward: it is the line x = -a / cos u + z tan u. The stop fills the distance between the two
-        # lines at the height z of the stop's upper edge.
-        a, u = self["length"] / 2, math.radians(self["fold_up"])
-        z = wall_mm(self["height"], self.parts) - STOP_FROM_LID_MM
-        distance_of_caps = a + a / math.cos(u) - z * math.tan(u)
-        # Both lines, and both ends of the stop, are middles of films. At each end the stop's film lies on the film of a
-        # cap, so their middles are one film apart.
+        # Seen from the side, the origin is the middle of the hinge's strip; x points to the front and z up. The front cap
+        # stands upright at x = half_strip. At the upper limit, the rear cap leans forward by that angle: it is the line
+        # x = -half_strip / cos(angle) + z tan(angle).
+        half_strip, angle = self["length"] / 2, math.radians(self["fold_up"])
+        stop_top_z = wall_distance_mm(self["height"], self.parts) - STOP_FROM_LID_MM
+        # The distance of the caps at the height of the stop's upper edge, where they are closest.
+        distance_of_caps = half_strip + half_strip / math.cos(angle) - stop_top_z * math.tan(angle)
+        # All these lines are middles of films. The film at each end of the stop lies beside the film of a cap, so their
+        # middles are one film apart.
         return distance_of_caps - 2 * self.parts.film_mm
 
     def _web_mm(self) -> float:
         """Return height of the stop (mm), which ends above the slit for cables."""
         slit = self.parts.assembly.cable_slit_mm.value
-        return min(STOP_WEB_MM, wall_mm(self["height"], self.parts) / 2 - slit / 2 - STOP_FROM_LID_MM - 1)
+        return min(STOP_WEB_MM, wall_distance_mm(self["height"], self.parts) / 2 - slit / 2 - STOP_FROM_LID_MM - 1)

@@ -45,20 +45,9 @@ class Hook(NamedTuple):
         the facet. The points run counter-clockwise around the facet, and each has the name of the edge that starts at
         it. The edge at the tip of the hook is ``inner tip`` or ``outer tip``; the others are numbered.
         """
-        outwards = -1 if side == "inner" else 1
-        head_y = y + outwards * self.reach_mm
-        tip_y = y + outwards * (self.reach_mm + DEPTH_MM)
-
-        def points_to_tip(direction: int, hook_mm: float) -> list[Point]:
-            """Return the points from the facet to the tip, on the left (-1) or the right (1) of the hook's middle."""
-            neck_x = x + direction * self.neck_mm / 2
-            if hook_mm == 0:
-                return [(neck_x, y), (neck_x, tip_y)]
-            head_x = neck_x + direction * hook_mm
-            tip_x = head_x - direction * TAPER_MM
-            return [(neck_x, y), (neck_x, head_y), (head_x, head_y), (tip_x, tip_y)]
-
-        left, right = points_to_tip(-1, self.left_mm), points_to_tip(1, self.right_mm)
+        base, outwards = (x, y), -1 if side == "inner" else 1
+        left = self._points_to_tip(base, outwards, left_or_right=-1, head_mm=self.left_mm)
+        right = self._points_to_tip(base, outwards, left_or_right=1, head_mm=self.right_mm)
         # Counter-clockwise around the facet, the inner edge runs from left to right, the outer edge from right to left.
         to_tip, from_tip = (left, right) if side == "inner" else (right, left)
         outline: dict[str, Point] = {}
@@ -67,6 +56,24 @@ class Hook(NamedTuple):
             name = "tip" if len(outline) == len(to_tip) - 1 else len(outline)
             outline[f"{side} {name}"] = point
         return outline
+
+    def _points_to_tip(self, base: Point, outwards: int, left_or_right: int, head_mm: float) -> list[Point]:
+        """Return the points along one side of the hook, from the facet to the tip.
+
+        The neck begins with its middle at ``base``. The hook points towards +y if ``outwards`` is 1, and towards -y if it
+        is -1. ``left_or_right`` is -1 for its left side and 1 for its right side. The head is wider than the neck by
+        ``head_mm`` on this side.
+        """
+        middle_x, y = base
+        head_y = y + outwards * self.reach_mm
+        tip_y = y + outwards * (self.reach_mm + DEPTH_MM)
+        neck_x = middle_x + left_or_right * self.neck_mm / 2
+        if head_mm == 0:
+            return [(neck_x, y), (neck_x, tip_y)]
+        head_x = neck_x + left_or_right * head_mm
+        # The head narrows towards the tip.
+        tip_x = head_x - left_or_right * TAPER_MM
+        return [(neck_x, y), (neck_x, head_y), (head_x, head_y), (tip_x, tip_y)]
 
 
 def facet(
@@ -135,25 +142,26 @@ def build_rim(shape: Shape, size: WheelSize) -> None:
 
 
 def first_facet_pose(size: WheelSize, strip: int) -> Pose:
-    """Return the pose of a strip's first facet in the frame of the wheel.
+    """Return the pose of the first facet of a strip in the frame of the wheel.
 
-    The origin of the wheel's frame is the middle of the wheel, and y points along the axle. The middle of the facet lies
-    at the strip's first tie.
+    The origin of the wheel's frame is the middle of the wheel, and y points along the axle. The first facet of a strip
+    is at a *tie*, where the strip holds the discs. A facet's frame has its origin at a corner; x points around the
+    wheel, y along the axle, and z towards the axle.
     """
-    # First the facet's axes are turned as those of a facet on the wheel's x axis. Its x points around the circle, which
-    # is along z of the wheel. Its y points along the axle, and its z to the axle, which is along -x of the wheel.
+    # The directions of a facet's axes if the facet is on the x axis of the wheel: each column has one axis. There the
+    # facet's x points along +z of the wheel, its y along +y, and its z, towards the axle, along -x.
     on_x_axis: Pose = (
         (0.0, 0.0, -1.0, 0.0),
         (0.0, 1.0, 0.0, 0.0),
         (1.0, 0.0, 0.0, 0.0),
         (0.0, 0.0, 0.0, 1.0),
     )
-    # Then the facet is turned about the axle to its tie. Angles of ties are counted from x towards z. A positive rotation
-    # about y turns z towards x, so the angle is negative here.
+    # Then the facet is turned about the axle to its tie. Directions of ties are counted from x towards z, but a positive
+    # rotation about y turns z towards x.
     to_tie = rotation("y", -size.tie_angles_rad[strip * size.ties])
-    # In the facet's axes: from the wheel's middle out to the facet, and from there to the facet's corner at its origin.
-    to_origin = translation(-size.facet_mm / 2, -size.between_mm / 2, -size.apothem_mm)
-    return compose(to_tie, on_x_axis, to_origin)
+    # From the wheel's middle to the middle of the facet, against the facet's z, and from there to the facet's corner.
+    to_corner = translation(-size.facet_mm / 2, -size.between_mm / 2, -size.apothem_mm)
+    return compose(to_tie, on_x_axis, to_corner)
 
 
 def _add_strip(shape: Shape, size: WheelSize, strip: int, facet_count: int) -> None:
@@ -201,16 +209,16 @@ class Tongue(NamedTuple):
 
 
 def _tongue(size: WheelSize) -> Tongue:
-    """Return the sizes of the tongues of a wheel, which join the strips of its rim.
+    """Return the sizes of the tongue that joins a strip of the rim to the strip before it.
 
-    The last facet of a strip ends below the first facet of the next strip, and the two overlap.
+    The last facet of the strip before ends below the first facet of the strip, and the two overlap a little.
     """
-    # Seen from the side, in the directions of the first facet: the last facet of the strip before meets it at the angle
-    # `slope`, which is smaller than the angle between other facets. So it ends beyond the start of the first facet by
-    # this length, and one film below it.
+    # Seen from the side, x runs along the strip's first facet, from its start. The last facet of the strip before rises
+    # towards it at the angle `slope`, which is smaller than the angle `turn` between other facets. That facet ends at
+    # x = beyond_start_mm, one film below the first facet.
     slope, film = size.slope_rad, size.film_mm
     beyond_start_mm = size.facet_mm * (math.cos(slope) - math.cos(size.turn_rad))
-    # The same two distances in the directions of the last facet, which are turned by the slope.
+    # The same end point in a frame that is turned by the slope, so that x runs along the last facet of the strip before.
     overlap_mm = beyond_start_mm * math.cos(slope) - film * math.sin(slope)
     distance_mm = beyond_start_mm * math.sin(slope) + film * math.cos(slope)
     return Tongue(
@@ -223,19 +231,22 @@ def _tongue(size: WheelSize) -> Tongue:
 
 
 def _slot_outline(size: WheelSize) -> list[Point]:
-    """Return the outline of the slot in the last facet of a strip, for the tongue of the next strip.
+    """Return the outline of the slot in the last facet of a strip, into which the tongue of the next strip locks.
 
-    In the facet's frame x runs towards the next strip, whose tongue comes back over the facet in the direction of -x.
-    So the slot is narrow on its right, where the tongue passes, and wide on its left, where the head goes in.
+    In the facet's frame x points towards the next strip and y across the strip. The tongue comes from the right and
+    points to the left, towards -x. The slot has a narrow right part, in which the tongue stands, and a wide left part,
+    through which the tongue's head is put.
     """
     tongue = _tongue(size)
-    # The tongue passes the facet's film at an angle: it descends from a distance above it to the same distance below it.
-    # By Pythagoras, its part through the slot takes this length along x.
-    through_length = math.sqrt(tongue.through_mm**2 - (2 * tongue.distance_mm) ** 2)
+    # The tongue first lies above the facet. Its middle part, ``through``, starts here and leads down through the film, to
+    # as far below the facet as it was above it.
     through_start_x = size.facet_mm - tongue.overlap_mm - OUTSIDE_MM
-    # The slot from right to left: a narrow part, from before the tongue's film to over its head, and a wide part.
+    descent_mm = 2 * tongue.distance_mm
+    # The middle part is the hypotenuse of a triangle with this descent. The other leg is the way along x.
+    way_along_x = math.sqrt(tongue.through_mm**2 - descent_mm**2)
+    # The narrow part of the slot reaches from the right of the middle part to over the head, which lies at its end.
     right_x = through_start_x + size.film_mm / 2 + size.clearance_mm
-    middle_x = through_start_x - through_length - OVER_MM
+    middle_x = through_start_x - way_along_x - OVER_MM
     left_x = middle_x - WIDE_MM
     narrow_half = tongue.width_mm / 2 + size.clearance_mm
     wide_half = narrow_half + tongue.spread_mm
@@ -348,19 +359,20 @@ def _hub_outline(size: WheelSize) -> dict[str, Point]:
 
 
 def _wall_slot_outline(size: WheelSize, angle_rad: float) -> list[Point]:
-    """Return the outline of a slot in the outer disc for the hook of a wall: an arc around the axle.
+    """Return the outline of the slot in the outer disc for the hook of one wall of the hub: an arc around the axle.
 
-    The hook goes in at the counter-clockwise end of the slot. Then the disc is turned, until the hook stands at the
-    clockwise end, in the direction ``angle_rad``. The hook's head points clockwise and holds behind the film there. The
-    origin of the disc's frame is on the axle.
+    To assemble the wheel, you put the hook through the slot's counter-clockwise end. Then you turn the disc until the
+    hook's neck stands at the clockwise end, in the direction ``angle_rad`` from the axle. There the hook's head, which
+    is wider than its neck on one side only, holds behind the film. The origin of the disc's frame is on the axle.
     """
-    # Along the radius, the slot reaches from the neck's inner face, with some play, to the outer corner of the head.
-    inside, outside = size.hub_mm - size.film_mm / 2, size.hub_mm + size.film_mm / 2
-    inner_radius = inside - PLAY_MM
-    outer_radius = math.hypot(outside, WALL_NECK_MM / 2 + WALL_HOOK_MM) + size.clearance_mm
-    # Half of the neck's angle as seen from the axle, with its clearance.
-    half_neck_rad = math.atan(WALL_NECK_MM / 2 / inside) + size.clearance_mm / size.hub_mm
-    # Around the axle, the slot is as wide as the neck, and longer by the turn of the disc.
+    # The radii between which the slot lies. The neck is as thick as the film, and its middle has the distance hub_mm from
+    # the axle. The outer radius leads to the outer corner of the head.
+    neck_inside, neck_outside = size.hub_mm - size.film_mm / 2, size.hub_mm + size.film_mm / 2
+    inner_radius = neck_inside - PLAY_MM
+    outer_radius = math.hypot(neck_outside, WALL_NECK_MM / 2 + WALL_HOOK_MM) + size.clearance_mm
+    # Half of the neck's width and its clearance, as angles around the axle.
+    half_neck_rad = math.atan(WALL_NECK_MM / 2 / neck_inside) + size.clearance_mm / size.hub_mm
+    # The slot spans the neck in its final place, and the angle by which the disc is turned.
     start_angle = angle_rad - half_neck_rad
     end_angle = angle_rad + half_neck_rad + turn_rad(size)
     slot_rad = end_angle - start_angle

@@ -8,16 +8,16 @@ import math
 from collections.abc import Sequence
 from typing import ClassVar, Literal
 
-from foldcar.car.components.box_beam import HEIGHT, WIDTH, BoxBeam, wall_mm
+from foldcar.car.components.box_beam import HEIGHT, WIDTH, BoxBeam, wall_distance_mm
 from foldcar.car.components.component import Component, Parameter, Sub
 from foldcar.car.components.mounts import (
     min_doubler_mm,
-    put_rod,
     put_servo,
     screw_end_mm,
     servo_reach_mm,
     switches_width_mm,
 )
+from foldcar.car.components.rods import put_rod
 from foldcar.car.components.shape import Shape
 from foldcar.car.components.wheel import DRIVEN, RADIUS, TYRE_WIDTH
 from foldcar.car.parts.catalogue import Catalogue
@@ -73,35 +73,40 @@ class WheelModule(Module):
     def build(self, shape: Shape) -> None:
         """Mount two wheels: each on a servo in a side wall, or both on a rod through the walls if they are not driven.
 
-        ``towards_middle`` is a value that the car sets: 1 if the middle of the segment lies in front of this module, else
-        -1. The long sides of the servos point to the middle. The frame of a side wall has x forward and z into the car.
+        The long sides of the servos point to the middle of the segment. The car says where it is by ``towards_middle``: 1
+        if it lies in front of this module, else -1. In the frame of a side wall x points forward and z into the car.
         """
-        parts, servo, horn = self.parts, self.parts.servo, self.parts.horn
-        wheel_width_mm = self["tire_thickness"]
-        # The axis passes the middle of a side wall. So its place is the same in the frames of both walls.
-        axis = (self["length"] / 2, wall_mm(self["height"], parts) / 2)
-        # The gap between the wall's outer surface and the wheel. Heights of servo and horn are measured from the servo's
-        # bottom. The undersides of its ears lie on the wall, and the wheel lies on the horn's outer face.
-        horn_face_mm = servo.spline_top_mm.value - horn.spline_depth_mm.value + horn.height_mm.value
-        gap_mm = horn_face_mm - servo.ear_underside_mm.value
+        parts, wheel_width_mm = self.parts, self["tire_thickness"]
+        gap_mm = self._wall_to_wheel_mm()
+        # The axis of the wheels passes the middle of a side wall, so its place is the same in the frames of both walls.
+        axis = (self["length"] / 2, wall_distance_mm(self["height"], parts) / 2)
         # The name of the servo of each wheel, "" without a servo.
         servos = dict.fromkeys(SIDES, "")
         if self["driven"]:
             self._check_length()
             self._check_switches()
-            height_mm = self._doubler_height_mm()
+            layer_mm = self._doubler_height_mm()
             for side in SIDES:
-                servos[side] = put_servo(
-                    shape, f"{side} servo", f"beam.{side}", axis, self["towards_middle"], height_mm
-                )  # fmt: skip
+                servo, wall = f"{side} servo", f"beam.{side}"
+                servos[side] = put_servo(shape, servo, wall, axis, inward=self["towards_middle"], height_mm=layer_mm)
         else:
-            walls = ("beam.left", "beam.right")
-            wall_distance_mm = wall_mm(self["width"], parts)
-            put_rod(shape, walls, axis, apart_mm=wall_distance_mm, gap_mm=gap_mm, wheel_mm=wheel_width_mm)
-        wheel_z = -(parts.film_mm / 2 + gap_mm + wheel_width_mm / 2)
-        running_width_mm = parts.tyre.running_width_mm(wheel_width_mm)
+            walls_mm = wall_distance_mm(self["width"], parts)
+            put_rod(shape, ("beam.left", "beam.right"), axis, apart_mm=walls_mm, gap_mm=gap_mm, wheel_mm=wheel_width_mm)
+        # A wheel is outside the wall, where z is negative.
+        center_mm = (*axis, -(parts.film_mm / 2 + gap_mm + wheel_width_mm / 2))
+        tyre_width_mm = parts.tyre.running_width_mm(wheel_width_mm)
         for side in SIDES:
-            shape.axle(f"beam.{side}", servos[side], side, (*axis, wheel_z), self["radius"], running_width_mm)
+            shape.axle(f"beam.{side}", servos[side], side, center_mm, self["radius"], tyre_width_mm)
+
+    def _wall_to_wheel_mm(self) -> float:
+        """Return the gap (mm) between the outer surface of a side wall and the wheel on its servo.
+
+        The undersides of the servo's ears lie on the wall, and the wheel lies on the outer face of the servo's horn.
+        """
+        servo, horn = self.parts.servo, self.parts.horn
+        # Both heights are measured from the servo's bottom.
+        horn_face_mm = servo.spline_top_mm.value - horn.spline_depth_mm.value + horn.height_mm.value
+        return horn_face_mm - servo.ear_underside_mm.value
 
     def _check_length(self) -> None:
         """Raise ComponentError if the layer of film behind a servo, or the nut of its screw, meets the tab of a cap."""
@@ -118,27 +123,29 @@ class WheelModule(Module):
         """
         parts = self.parts
         flap_depth_mm = parts.assembly.flap_mm.value + parts.film_mm + parts.assembly.slot_clearance_mm.value
-        clear_height_mm = wall_mm(self["height"], parts) - 2 * flap_depth_mm
+        clear_height_mm = wall_distance_mm(self["height"], parts) - 2 * flap_depth_mm
         return max(min_doubler_mm(parts), min(clear_height_mm, 2 * parts.servo.width_mm.value))
 
     def _check_switches(self) -> None:
-        """Raise ComponentError if the switches in the cap at this module's end have no room between or beside servos."""
+        """Raise ComponentError if the two servos of this module leave no room for switches in the cap at its end.
+
+        Switches fit if they go between the servos, or if the module is so long that they end before the servos begin.
+        """
         if not self["switch_depth"]:
             return
         parts, gap_mm = self.parts, self.parts.assembly.part_gap_mm.value
         # A servo hangs with its ears on the outer surface of its wall. It reaches into the car by the height of the ears.
-        outer_mm = wall_mm(self["width"], parts) + parts.film_mm
+        outer_mm = wall_distance_mm(self["width"], parts) + parts.film_mm
         between_servos_mm = outer_mm - 2 * parts.servo.ear_underside_mm.max_value
         needed_mm = switches_width_mm(parts) + 2 * gap_mm
         if between_servos_mm >= needed_mm:
             return
-        # The switches do not fit between the servos, so they must end before them. The axis is in the middle of the
-        # module's length, and the short sides of the servos point to the cap.
-        min_length_mm = _rounded_up(2 * (servo_reach_mm(parts).short_mm + self["switch_depth"] + gap_mm))
+        # The axis is in the middle of the module's length, and the short sides of the servos point to the cap.
+        axis_to_cap_mm = servo_reach_mm(parts).short_mm + self["switch_depth"] + gap_mm
+        min_length_mm = _rounded_up(2 * axis_to_cap_mm)
         if self["length"] < min_length_mm:
-            # In a body that is wider by what is missing, the switches would fit between the servos.
-            missing_mm = needed_mm - between_servos_mm
-            sufficient_width_mm = math.ceil(self["width"] + missing_mm)
+            # In a body of this width, the switches would fit between the servos.
+            sufficient_width_mm = math.ceil(self["width"] + (needed_mm - between_servos_mm))
             reason = f"the servos beside the switches in the cap, if width is below {sufficient_width_mm}"
             raise self.parameter_error("length", f"{self['length']:g} is below the minimum {min_length_mm:g} ({reason})")
 

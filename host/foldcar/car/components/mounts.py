@@ -1,7 +1,7 @@
-"""Mounts of servo, rod, switch and ball caster in walls, caps and floors, with layers of film behind them; screws.
+"""Mounts of servo, switch and ball caster in walls, caps and floors, with layers of film behind them; screws.
 
 A servo is inserted from outside until its ears lie on the wall. Its shaft points outwards, its length runs along the
-wall. A rod passes both walls and carries wheels that turn freely. A switch snaps into an end cap. A caster is screwed
+wall. A switch snaps into an end cap. A caster is screwed
 under the floor of a user's module. The simulator has contacts for wheels and bellies only, so a caster is mass without
 contact there. A screw's frame has its origin in the middle of its length, z along its axis towards its head.
 """
@@ -100,71 +100,6 @@ def put_servo(shape: Shape, name: str, wall: str, axis_mm: Point, inward: float,
     return title
 
 
-# Half a side of the layer of film around a rod.
-ROD_LAYER_MM = 10.0
-M3_PER_MM3 = 1e-9
-
-
-def rod_hole_mm(parts: Catalogue) -> float:
-    """Return diameter of a hole in a wall (mm) that the thickest rod passes."""
-    return parts.axle_rod.diameter_mm.max_value + 2 * parts.assembly.cut_mm.value
-
-
-def wheel_hole_mm(parts: Catalogue) -> float:
-    """Return diameter of the holes of a wheel (mm) that turns on the rod."""
-    return rod_hole_mm(parts) + parts.axle_rod.play_mm.value
-
-
-def put_rod(
-    shape: Shape, walls: tuple[str, str], axis_mm: Point, apart_mm: float, gap_mm: float, wheel_mm: float
-) -> None:
-    """Mount a rod through two walls, with a spacer tube and a cap for a wheel at each end.
-
-    ``axis_mm`` is the point where it passes each wall. The walls are ``apart_mm`` from each other. Outside of a wall
-    follow the spacer tube, ``gap_mm`` long, the wheel, ``wheel_mm`` wide, and the cap.
-    """
-    parts, film = shape.parts, shape.parts.film_mm
-    for wall in walls:
-        _put_rod_end(shape, wall, axis_mm, gap_mm, wheel_mm)
-    rod = parts.axle_rod
-    diameter = rod.diameter_mm.value
-    length = apart_mm + film + 2 * (gap_mm + wheel_mm + parts.axle_cap.height_mm.value)
-    mass_kg = math.pi / 4 * diameter**2 * length * M3_PER_MM3 * rod.density_kg_m3.value
-    # z of a wall's frame points to the other wall.
-    pose, size = translation(*axis_mm, apart_mm / 2), (diameter, diameter, length)
-    solids = [cylinder(diameter, -length / 2, length / 2)]
-    shape.box(rod.name, shape.path("rod"), walls[0], pose, size, mass_kg, solids=solids)
-
-
-def _put_rod_end(shape: Shape, wall: str, axis_mm: Point, gap_mm: float, wheel_mm: float) -> None:
-    """Add what a rod needs at one wall: the hole, a second layer of film, the spacer tube and the cap.
-
-    ``axis_mm`` is the point where the rod passes the wall. From the wall outwards follow the tube, ``gap_mm`` long, the
-    wheel, ``wheel_mm`` wide, and the cap. z of the wall's frame points into the car, so what is outside has negative z.
-    """
-    film, tube, cap = shape.parts.film_mm, shape.parts.axle_tube, shape.parts.axle_cap
-    side = wall.rpartition(".")[2]
-    # The layer, and a hole in it and in the wall.
-    layer, hole_mm = f"{side} rod.doubler", rod_hole_mm(shape.parts)
-    outline = rectangle_around((0.0, 0.0), 2 * ROD_LAYER_MM, 2 * ROD_LAYER_MM)
-    shape.layer(layer, wall, outline, axis_mm, "rod doubler")
-    shape.round_hole(layer, f"{layer}.rod", "axle", (0.0, 0.0), hole_mm)
-    shape.round_hole(wall, f"{side} rod.wall.rod", "axle", axis_mm, hole_mm)
-    # The tube.
-    tube_mm, bore_mm = tube.diameter_mm.value, tube.bore_mm.value
-    tube_kg = math.pi / 4 * (tube_mm**2 - bore_mm**2) * gap_mm * M3_PER_MM3 * tube.density_kg_m3.value
-    tube_pose = translation(*axis_mm, -(film + gap_mm) / 2)
-    tube_solid = cylinder(tube_mm, -gap_mm / 2, gap_mm / 2, bore_mm=bore_mm)
-    tube_name = shape.path(f"{side} spacer tube")
-    shape.box(tube.name, tube_name, wall, tube_pose, (tube_mm, tube_mm, gap_mm), tube_kg, solids=[tube_solid])
-    # The cap.
-    cap_mm, height = cap.diameter_mm.value, cap.height_mm.value
-    cap_pose = translation(*axis_mm, -(film / 2 + gap_mm + wheel_mm + height / 2))
-    cap_solid = cylinder(cap_mm, -height / 2, height / 2, bore_mm=shape.parts.axle_rod.diameter_mm.value)
-    cap_name = shape.path(f"{side} axle cap")
-    shape.box(cap.name, cap_name, wall, cap_pose, (cap_mm, cap_mm, height), cap.mass_kg.value, solids=[cap_solid])
-
-
 def _servo_solids(parts: Catalogue) -> list[Solid]:
     """Return the servo's body, its ears, and the three cylinders on its top.
 
@@ -243,24 +178,18 @@ SERVO_SWITCH, BOARD_SWITCH = "servo switch", "board switch"
 
 
 def put_switches(shape: Shape, panel: str, at_mm: Point) -> None:
-    """Mount both switches of the car beside each other in the face ``panel``.
+    """Mount both switches of the car beside each other in the face ``panel``; ``at_mm`` is the middle between them.
 
-    ``at_mm`` is the middle between them. Barbs on a switch hold it behind the panel. The panel alone is too thin for
-    them, so layers of film are stuck behind it with tape, the faces ``switch.layer 1`` and so on.
+    Barbs on a switch hold it behind the panel. The panel alone is too thin for them, so layers of film are stuck behind
+    it with tape, the faces ``switch.layer 1`` and so on. The slots of the switches go through panel and layers.
     """
     switch, parts = shape.parts.switch, shape.parts
     slot_length, slot_width = switch.slot_length_mm.value, switch.slot_width_mm.value
     margin = parts.assembly.switch_margin_mm.value
-    # The number of layers. Any switch must hold in any film, so the calculation is for the switch that needs the thickest
-    # panel, in the thinnest film with the thinnest tape.
-    min_film_mm = parts.film.thickness_mm.min_value
-    min_layer_mm = min_film_mm + parts.assembly.tape_mm.min_value
-    needed_layers = (switch.panel_least_mm.max_value - min_film_mm) / min_layer_mm
-    layer_count = max(1, math.ceil(needed_layers - ROUNDING))
     # The two slots have a margin between them, so the middle of each has this distance from the middle of the margin.
     offset = (slot_length + margin) / 2
     outline = rectangle_around((0.0, 0.0), switches_width_mm(parts), slot_width + 2 * margin)
-    for level in range(1, layer_count + 1):
+    for level in range(1, _switch_layers(parts) + 1):
         layer = f"switch.layer {level}"
         shape.layer(layer, panel, outline, at_mm, "switch doubler", level)
         for slot_x in (-offset, offset):
@@ -268,6 +197,18 @@ def put_switches(shape: Shape, panel: str, at_mm: Point) -> None:
     middle_x, middle_y = at_mm
     _put_switch(shape, SERVO_SWITCH, panel, (middle_x - offset, middle_y))
     _put_switch(shape, BOARD_SWITCH, panel, (middle_x + offset, middle_y))
+
+
+def _switch_layers(parts: Catalogue) -> int:
+    """Return how many layers of film are stuck behind a panel, so that it is thick enough for the barbs of a switch.
+
+    Any switch must hold in any film: the switch may need the thickest panel, and film and tape may be the thinnest.
+    """
+    panel_mm = parts.film.thickness_mm.min_value
+    layer_mm = panel_mm + parts.assembly.tape_mm.min_value
+    needed_panel_mm = parts.switch.panel_least_mm.max_value
+    needed_layers = (needed_panel_mm - panel_mm) / layer_mm
+    return max(1, math.ceil(needed_layers - ROUNDING))
 
 
 def _put_switch(shape: Shape, name: str, panel: str, at_mm: Point) -> None:

@@ -6,11 +6,13 @@ from the car outwards along the axle.
 """
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 
 from foldcar.car.components.component import Component, Parameter
 from foldcar.car.components.hooked_strip import build_hub, build_rim, first_facet_pose
-from foldcar.car.components.mounts import add_screw, cylinder, wheel_hole_mm
+from foldcar.car.components.mounts import add_screw, cylinder
+from foldcar.car.components.rods import wheel_hole_mm
 from foldcar.car.components.shape import Shape, on_circle
 from foldcar.car.components.wheel_size import WheelSize, access_radius_mm, arc_steps, min_radius_mm, wheel_screws_mm
 from foldcar.car.folded.model import Point, Solid
@@ -52,10 +54,11 @@ class Wheel(Component):
         to the outer one. z of each disc's frame points along the axle into the wheel.
         """
         size = WheelSize(self["radius"], self["tire_thickness"], self.parts)
-        # Film parts. Angles around the axle run from x to z in the wheel's frame. In the outer disc's frame they run from
-        # x to y, too, but in the inner disc's frame they run the other way, because its z points the other way.
-        shape.face("inner", _disc_outline(size, -1), piece="wheel inner disc")
-        shape.face("outer", _disc_outline(size, 1), piece="wheel outer disc")
+        # The discs face each other. So the same direction around the axle has opposite angles in their frames.
+        outer_angles = size.tie_angles_rad
+        inner_angles = [-angle for angle in outer_angles]
+        shape.face("inner", _disc_outline(size, inner_angles), piece="wheel inner disc")
+        shape.face("outer", _disc_outline(size, outer_angles), piece="wheel outer disc")
         build_hub(shape, size)
         if self["driven"]:
             self._cut_holes(shape, size)
@@ -97,25 +100,24 @@ class Wheel(Component):
         shape.round_hole("outer", "outer.access", "opening", (0, 0), 2 * access_radius_mm(self.parts))
 
 
-def _disc_outline(size: WheelSize, mirror: int) -> dict[str, Point]:
+def _disc_outline(size: WheelSize, tie_angles_rad: Sequence[float]) -> dict[str, Point]:
     """Return the outline of a disc: a circle around the axle with a notch for each *tie*, a hook of the rim.
 
-    The outline runs counter-clockwise in the disc's frame, whose origin is on the axle. Each point has the name of the
-    edge that starts at it. The bottom of notch 0 is the edge ``notch 0``. ``mirror`` is -1 if angles around the axle have
-    the opposite sign in the frame of the disc, else 1.
+    The outline runs counter-clockwise in the disc's frame, whose origin is on the axle. ``tie_angles_rad`` has the
+    directions of the ties in this frame. Each point has the name of the edge that starts at it. The bottom of the notch
+    for tie 0 is the edge ``notch 0``.
     """
-    radius, half_width, bottom = size.disc_radius_mm, size.notch_half_mm, size.notch_bottom_mm
-    half_notch_rad = math.asin(half_width / radius)
-    # The notches in the order of the outline. After the last one comes the first again.
-    angles_with_ties = sorted((mirror * angle, tie) for tie, angle in enumerate(size.tie_angles_rad))
+    radius = size.disc_radius_mm
+    half_notch_rad = math.asin(size.notch_half_mm / radius)
+    # The ties in the order of the outline. After the last one comes the first again.
+    angles_with_ties = sorted((angle, tie) for tie, angle in enumerate(tie_angles_rad))
     first_angle, first_tie = angles_with_ties[0]
     angles_with_ties.append((first_angle + 2 * math.pi, first_tie))
     outline: dict[str, Point] = {}
     for (angle, tie), (next_angle, _) in pairwise(angles_with_ties):
-        # The two corners at the bottom of the notch, half of its width clockwise and counter-clockwise of its middle.
-        cos, sin = math.cos(angle), math.sin(angle)
-        outline[f"notch {tie}"] = (cos * bottom + sin * half_width, sin * bottom - cos * half_width)
-        outline[f"wall a {tie}"] = (cos * bottom - sin * half_width, sin * bottom + cos * half_width)
+        bottom_start, bottom_end = _notch_bottom(size, angle)
+        outline[f"notch {tie}"] = bottom_start
+        outline[f"wall a {tie}"] = bottom_end
         # The arc from this notch to the next one, in short steps. The last point is the upper corner of the next notch.
         arc_start, arc_end = angle + half_notch_rad, next_angle - half_notch_rad
         steps = arc_steps(radius, arc_end - arc_start)
@@ -125,6 +127,18 @@ def _disc_outline(size: WheelSize, mirror: int) -> dict[str, Point]:
             outline[f"arc {tie} {step}"] = point
         outline[f"wall b {tie}"] = next_corner
     return outline
+
+
+def _notch_bottom(size: WheelSize, angle_rad: float) -> tuple[Point, Point]:
+    """Return the two ends of the bottom of a notch, in counter-clockwise order. ``angle_rad`` is the notch's direction.
+
+    The bottom is a straight line across this direction, whose middle has the distance ``notch_bottom_mm`` from the axle.
+    """
+    cos, sin = math.cos(angle_rad), math.sin(angle_rad)
+    half_width, bottom = size.notch_half_mm, size.notch_bottom_mm
+    start = (cos * bottom + sin * half_width, sin * bottom - cos * half_width)
+    end = (cos * bottom - sin * half_width, sin * bottom + cos * half_width)
+    return start, end
 
 
 # The number of boxes that model the tyre's ring.
@@ -140,9 +154,10 @@ def _add_horn(shape: Shape, size: WheelSize) -> None:
     horn, parts, film = shape.parts.horn, shape.parts, size.film_mm
     # The horn's outer face lies on the disc's surface that faces the car.
     horn_top_z = -film / 2
-    x0, y0, x1, y1 = horn.extent_mm
-    center = ((x0 + x1) / 2, (y0 + y1) / 2, horn_top_z - horn.height_mm.value / 2)
-    box_mm = (x1 - x0, y1 - y0, horn.height_mm.value)
+    extent = horn.extent_mm
+    middle_x, middle_y = (extent.min_x + extent.max_x) / 2, (extent.min_y + extent.max_y) / 2
+    center = (middle_x, middle_y, horn_top_z - horn.height_mm.value / 2)
+    box_mm = (extent.max_x - extent.min_x, extent.max_y - extent.min_y, horn.height_mm.value)
     solids = _horn_solids(parts, center)
     shape.box(horn.name, "horn", "inner", translation(*center), box_mm, horn.mass_kg.value, solids=solids)
     # The centre screw holds the horn on the servo. Its head lies in a recess of the horn.
@@ -161,39 +176,47 @@ def _horn_solids(parts: Catalogue, center: tuple[float, float, float]) -> list[S
     ``center`` is the middle of the horn's box in a frame whose origin lies on the horn's axis. The solids are given in
     the frame of the box, whose origin is this middle. z points outwards, away from the servo.
     """
-    horn = parts.horn
-    axis_x, axis_y = -center[0], -center[1]
-    hub_mm, recess_mm = horn.hub_diameter_mm.value, horn.recess_diameter_mm.value
-    # The hub is three cylinders, from the servo outwards: one around the spline, a floor for the centre screw's head, and
-    # one around the recess for this head.
-    top_z = horn.height_mm.value / 2
-    floor_z = -top_z + horn.spline_depth_mm.value
-    recess_z = top_z - horn.recess_depth_mm.value
-    solids = [
-        cylinder(hub_mm, -top_z, floor_z, axis_x, axis_y, bore_mm=parts.servo.spline_diameter_mm.value),
-        cylinder(hub_mm, floor_z, recess_z, axis_x, axis_y, bore_mm=horn.centre_hole_mm.value),
-        cylinder(hub_mm, recess_z, top_z, axis_x, axis_y, bore_mm=recess_mm),
-    ]
+    horn, recess_mm = parts.horn, parts.horn.recess_diameter_mm.value
+    center_x, center_y, _ = center
+    axis = (-center_x, -center_y)
     # Arms and disc are flush with the hub's outer face. They have a bore for the recess, and one for each screw that cuts
     # its thread into them.
     plate_height = horn.thickness_mm.value
-    plate_middle = translation(axis_x, axis_y, (horn.height_mm.value - plate_height) / 2)
+    plate_middle = translation(*axis, (horn.height_mm.value - plate_height) / 2)
     screws, screw_mm = wheel_screws_mm(horn), parts.horn_screw.diameter_mm.value
+    solids = _horn_hub(parts, axis)
     if horn.disc_diameter_mm:
         disc_mm = horn.disc_diameter_mm.value
-        disc_bores = [(0.0, 0.0, recess_mm), *((x, y, screw_mm) for x, y in screws)]
-        solids.append(Solid("cylinder", (disc_mm, disc_mm, plate_height), plate_middle, tuple(disc_bores)))
+        bores = [(0.0, 0.0, recess_mm), *((x, y, screw_mm) for x, y in screws)]
+        solids.append(Solid("cylinder", (disc_mm, disc_mm, plate_height), plate_middle, tuple(bores)))
     if horn.arms:
         for angle_deg, reach in zip(horn.arms.at_deg, horn.arms.reach_mm, strict=True):
             # An arm begins at the horn's axis. The origin of its frame is its middle, and x points outwards along it.
             turn = rotation("z", math.radians(angle_deg))
-            arm_bores = [(-reach / 2, 0.0, recess_mm)]
+            bores = [(-reach / 2, 0.0, recess_mm)]
             for screw in screws:
                 along_arm, across_arm, _ = apply(inverse(turn), *screw)
-                arm_bores.append((along_arm - reach / 2, across_arm, screw_mm))
+                bores.append((along_arm - reach / 2, across_arm, screw_mm))
             pose = compose(plate_middle, turn, translation(reach / 2, 0, 0))
-            solids.append(Solid("box", (reach, horn.arms.width_mm, plate_height), pose, tuple(arm_bores)))
+            solids.append(Solid("box", (reach, horn.arms.width_mm, plate_height), pose, tuple(bores)))
     return solids
+
+
+def _horn_hub(parts: Catalogue, axis: Point) -> list[Solid]:
+    """Return the hub of a horn as three cylinders around ``axis``, in the frame of the horn's box.
+
+    From the servo outwards, these are a cylinder around the end of the servo's shaft, a floor for the centre screw's
+    head, and a cylinder around the recess for this head.
+    """
+    horn, (x, y) = parts.horn, axis
+    hub_mm, top_z = horn.hub_diameter_mm.value, horn.height_mm.value / 2
+    floor_z = -top_z + horn.spline_depth_mm.value
+    recess_z = top_z - horn.recess_depth_mm.value
+    return [
+        cylinder(hub_mm, -top_z, floor_z, x, y, bore_mm=parts.servo.spline_diameter_mm.value),
+        cylinder(hub_mm, floor_z, recess_z, x, y, bore_mm=horn.centre_hole_mm.value),
+        cylinder(hub_mm, recess_z, top_z, x, y, bore_mm=horn.recess_diameter_mm.value),
+    ]
 
 
 def _add_tyre(shape: Shape, size: WheelSize) -> None:

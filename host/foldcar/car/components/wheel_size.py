@@ -8,8 +8,8 @@ to.
 import math
 
 from foldcar.car.folded.model import Point
-from foldcar.car.parts.bought import Horn
 from foldcar.car.parts.catalogue import Catalogue
+from foldcar.car.parts.servo import Horn
 
 # The maximum length of a rim strip, so that it fits on a sheet of A4.
 MAX_STRIP_MM = 250.0

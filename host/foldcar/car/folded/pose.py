@@ -75,19 +75,21 @@ def across_crease(parent: tuple[Point, Point], child: tuple[Point, Point], angle
     parent_x, parent_y = _direction(parent)
     child_x, child_y = _direction(child)
     cos, sin = _cos_sin(angle_rad)
-    # Where three axes of the child point in the parent's frame. The direction of the child's edge is opposite to that of
-    # the parent's edge. The child's normal to its edge, which points into the child, is the parent's outward normal,
-    # turned up by the fold. The child's z is the parent's z, turned likewise.
+    # Three unit vectors of the child, given in the parent's frame. The first runs along the child's edge, so it is
+    # opposite to the direction of the parent's edge.
     along_x, along_y = -parent_x, -parent_y
-    normal_x, normal_y, normal_z = parent_y * cos, -parent_x * cos, sin
+    # The second is across the edge and points into the child. In the flat it points out of the parent, and the fold turns
+    # it up.
+    inwards_x, inwards_y, inwards_z = parent_y * cos, -parent_x * cos, sin
+    # The third is the child's z.
     up_x, up_y, up_z = -parent_y * sin, parent_x * sin, cos
-    # The same three axes in the child's own frame are its edge (child_x, child_y, 0), its normal (-child_y, child_x, 0)
-    # and (0, 0, 1). The rotation turns these into the above: it is the matrix with the columns along, normal and up,
-    # times the matrix with the rows edge, own normal and (0, 0, 1). As along_z is 0, the last row is shorter.
+    # In the child's own frame, the three are (child_x, child_y, 0), (-child_y, child_x, 0) and (0, 0, 1). The rotation
+    # takes a point (x, y, z) of the child to x · column 1 + y · column 2 + z · column 3. So column 1 is what becomes of
+    # (1, 0, 0) = child_x · along - child_y · inwards, and column 2 of (0, 1, 0) = child_y · along + child_x · inwards.
     rotation_rows = (
-        (along_x * child_x - normal_x * child_y, along_x * child_y + normal_x * child_x, up_x),
-        (along_y * child_x - normal_y * child_y, along_y * child_y + normal_y * child_x, up_y),
-        (-normal_z * child_y, normal_z * child_x, up_z),
+        (along_x * child_x - inwards_x * child_y, along_x * child_y + inwards_x * child_x, up_x),
+        (along_y * child_x - inwards_y * child_y, along_y * child_y + inwards_y * child_x, up_y),
+        (-inwards_z * child_y, inwards_z * child_x, up_z),
     )
     # The translation takes the middle of the child's edge, after the rotation, to the middle of the parent's edge.
     parent_middle = (*_middle(parent), 0.0)

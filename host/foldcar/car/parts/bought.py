@@ -1,4 +1,4 @@
-"""The film, screws, servos, wheels' parts, boards, batteries, switch and plugs, as their data files describe them.
+"""The film, screws, tyres, boards, batteries, switch and plugs, as their data files describe them.
 
 A board's frame: the middle of its outline on its underside; x away from the Feather's USB socket, y towards its shorter
 row of pins, z up.
@@ -63,89 +63,6 @@ class Tools(PartData):
         return self.driver_diameter_mm.max_value, self.driver_length_mm.max_value
 
 
-STANDARD_GRAVITY_M_S2 = 9.80665
-
-
-class OperatingPoint(Data):
-    """A servo's data-sheet values at one voltage."""
-
-    voltage_v: float
-    no_load_speed_rpm: Quantity
-    stall_torque_kgf_cm: Quantity
-    no_load_current_a: Quantity
-    stall_current_a: Quantity
-
-
-class ServoLine(Data):
-    """A servo's torque-speed line and currents at one voltage, in SI units."""
-
-    no_load_speed_rad_s: float
-    stall_torque_n_m: float
-    no_load_current_a: float
-    stall_current_a: float
-
-
-class Servo(Bought):
-    """A wheel servo: length along the car, width up, depth across, its shaft outwards.
-
-    Heights (``ear_underside_mm``, ``turret_top_mm``, ``spline_top_mm``, ``lead_height_mm``) are above its bottom, the end
-    of its depth that lies inside the car. The turret is the round around the axis, the idler the smaller one beside it.
-    """
-
-    operating_points: tuple[OperatingPoint, OperatingPoint]
-
-    def at_voltage(self, voltage_v: float) -> ServoLine:
-        """Return torque, speed and currents at ``voltage_v`` in SI units, linear in the two points of the data sheet."""
-        low, high = self.operating_points
-        fraction = (voltage_v - low.voltage_v) / (high.voltage_v - low.voltage_v)
-
-        def interpolated(name: str) -> float:
-            at_low, at_high = (float(getattr(point, name).value) for point in (low, high))
-            return at_low + fraction * (at_high - at_low)
-
-        return ServoLine(
-            no_load_speed_rad_s=interpolated("no_load_speed_rpm") * 2 * math.pi / 60,
-            stall_torque_n_m=interpolated("stall_torque_kgf_cm") * STANDARD_GRAVITY_M_S2 / 100,
-            no_load_current_a=interpolated("no_load_current_a"),
-            stall_current_a=interpolated("stall_current_a"),
-        )
-
-
-class Arms(Data):
-    """A horn's arms: their directions, lengths from the axis to the tip, and the width at the tip."""
-
-    at_deg: tuple[float, ...]
-    reach_mm: tuple[float, ...]
-    width_mm: float
-    tolerance: float
-    source: str
-
-
-class Horn(Bought):
-    """A servo horn; it comes with the servo, and its mass counts to the wheel's.
-
-    Its frame: the axis is z, arms in the plane of x and y, the first along x. Arms or disc are flush with the hub's
-    outer face. ``holes`` are all its holes, ``wheel_screws`` those for the wheel's screws. Its cost tells its origin.
-    """
-
-    arms: Arms | None
-    disc_diameter_mm: Quantity | None
-    holes: Holes
-    wheel_screws: Holes
-
-    @property
-    def extent_mm(self) -> tuple[float, float, float, float]:
-        """Minimum x and y, maximum x and y of arms, disc and hub (mm)."""
-        half = max(self.hub_diameter_mm.value, self.disc_diameter_mm.value if self.disc_diameter_mm else 0.0) / 2
-        xs, ys = [-half, half], [-half, half]
-        if self.arms:
-            for angle_deg, reach in zip(self.arms.at_deg, self.arms.reach_mm, strict=True):
-                # Rounding makes the cosine of 90° exactly 0.
-                xs.append(reach * round(math.cos(math.radians(angle_deg)), 9))
-                ys.append(reach * round(math.sin(math.radians(angle_deg)), 9))
-        return min(xs), min(ys), max(xs), max(ys)
-
-
 class Cells(Bought):
     """The four cells in the battery's holder: their voltage without load; their resistance with holder, leads and switch.
 
@@ -182,34 +99,41 @@ class Tyre(Bought):
 
         ``radius_mm`` is the outer radius of the wheel with its tyre, and ``rim_width_mm`` the width of its rim.
         """
-        width, thickness = self.running_width_mm(rim_width_mm), self.thickness_mm.value
-        rim_diameter_mm = 2 * (radius_mm - thickness)
+        width = self.running_width_mm(rim_width_mm)
+        rim_diameter_mm = 2 * (radius_mm - self.thickness_mm.value)
         # A tube that shrinks onto the rim. Laid flat, it is half as wide as its circumference.
         if self.form == "tube":
             flat = math.ceil(math.pi * rim_diameter_mm / 2)
             wide_enough = f"wider than {rim_diameter_mm:g} mm before it shrinks ({flat} mm flat)"
             return (f"{width:g} mm of a tube that is {wide_enough}",)
-        # A strip is as long as the circle through the middle of the tyre's thickness.
-        strip_mm = math.pi * (rim_diameter_mm + thickness)
-        strip = f"a strip of {round(strip_mm)} x {width:g} mm"
         stretch = self.closed_stretch(radius_mm)
         if stretch is None:
-            if self.inside_mm is None:
-                return (strip,)
-            # The strip is cut from bands that are sold in one size only, and do not fit closed.
-            bands = math.ceil(strip_mm / self.inside_mm.value)
-            source = "one band, cut open" if bands == 1 else f"{bands} bands, cut open and laid end to end"
-            return (f"{strip}, of {source}",)
+            return (self._strip_text(rim_diameter_mm, width),)
         on_rim = f"on the rim it is stretched by {100 * stretch:.0f} %"
         if self.inside_mm is not None:
             return (f"one closed band as it is: {on_rim}",)
         # A band that can be bought in any size, or a strip instead of it.
-        inside_mm = math.pi * rim_diameter_mm / (1 + stretch)
-        band = (
-            f"a closed band {inside_mm / math.pi:.0f} mm in inside diameter ({inside_mm / 2:.0f} mm long when it lies "
-            f"flat), {width:g} mm wide, {thickness:g} mm thick: {on_rim}"
-        )
-        return (band, strip)
+        return (f"{self._band_text(rim_diameter_mm, width, stretch)}: {on_rim}", self._strip_text(rim_diameter_mm, width))
+
+    def _strip_text(self, rim_diameter_mm: float, width_mm: float) -> str:
+        """Describe the strip that is laid around a rim, and the bands that it is cut from, if it is cut from bands."""
+        # The strip is as long as the circle through the middle of the tyre's thickness.
+        length_mm = math.pi * (rim_diameter_mm + self.thickness_mm.value)
+        strip = f"a strip of {round(length_mm)} x {width_mm:g} mm"
+        # Bands that are sold in one size only are cut open. ``inside_mm`` is the length around the inside of a band.
+        if self.inside_mm is None:
+            return strip
+        bands = math.ceil(length_mm / self.inside_mm.value)
+        source = "one band, cut open" if bands == 1 else f"{bands} bands, cut open and laid end to end"
+        return f"{strip}, of {source}"
+
+    def _band_text(self, rim_diameter_mm: float, width_mm: float, stretch: float) -> str:
+        """Describe the closed band to buy that is longer by the fraction ``stretch`` when it is on a rim."""
+        length_round_inside_mm = math.pi * rim_diameter_mm / (1 + stretch)
+        diameter_mm, flat_mm = length_round_inside_mm / math.pi, length_round_inside_mm / 2
+        lying_flat = f"({flat_mm:.0f} mm long when it lies flat)"
+        cross_section = f"{width_mm:g} mm wide, {self.thickness_mm.value:g} mm thick"
+        return f"a closed band {diameter_mm:.0f} mm in inside diameter {lying_flat}, {cross_section}"
 
     def closed_stretch(self, radius_mm: float) -> float | None:
         """Return the stretch of a closed band on a wheel of that outer radius, as a fraction of the band's length.
@@ -282,12 +206,18 @@ class Feather(BoxPart):
     pins: Pins
 
     def pin_mm(self, name: str) -> tuple[float, float]:
-        """Return x and y (mm) of a pin in the board's frame."""
-        for header, names in zip(self.headers, (self.pins.long_row, self.pins.short_row), strict=True):
-            if name in names:
-                (x, y, _), (length, _, _) = header.at_mm, header.size_mm
-                pitch = length / len(names)
-                return x - length / 2 + (names.index(name) + 0.5) * pitch, y
+        """Return x and y (mm) of a pin in the board's frame. Raises KeyError if there is no pin of this name.
+
+        The pins of a row are evenly spaced along x below the row's header.
+        """
+        long_header, short_header = self.headers
+        for header, row in ((long_header, self.pins.long_row), (short_header, self.pins.short_row)):
+            if name in row:
+                middle_x, row_y, _ = header.at_mm
+                length, _, _ = header.size_mm
+                pitch = length / len(row)
+                # The first pin is half a pitch from the end of the header.
+                return middle_x - length / 2 + (row.index(name) + 0.5) * pitch, row_y
         raise KeyError(name)
 
     @property
@@ -309,14 +239,17 @@ class Feather(BoxPart):
 
     def free_holes(self, screw: Screw) -> list[tuple[float, float]]:
         """Return the centres (x, y) of the holes at which a screw's nut can be turned without meeting other parts."""
-        # Half of a hexagonal nut's width across corners.
-        nut_mm = screw.nut_width_mm.value / math.sqrt(3) if screw.nut_width_mm else screw.diameter_mm.value / 2
+        # Half of a hexagonal nut's width across corners. Without a nut, the screw's own radius counts.
+        radius_mm = screw.nut_width_mm.value / math.sqrt(3) if screw.nut_width_mm else screw.diameter_mm.value / 2
+        centers = [center for pattern in self.holes for center in pattern.at_mm]
+        return [center for center in centers if all(_distance_mm(center, box) > radius_mm for box in self.standing)]
 
-        def distance_mm(box: Box, at: tuple[float, float]) -> float:
-            return math.hypot(*(max(0.0, abs(at[i] - box.at_mm[i]) - box.size_mm[i] / 2) for i in (0, 1)))
 
-        holes = [at for pattern in self.holes for at in pattern.at_mm]
-        return [at for at in holes if all(distance_mm(box, at) > nut_mm for box in self.standing)]
+def _distance_mm(point: tuple[float, float], box: Box) -> float:
+    """Return the distance of a point from a box, seen from above (mm); 0 if the point is in it."""
+    (x, y), (box_x, box_y, _), (length, width, _) = point, box.at_mm, box.size_mm
+    beside_x, beside_y = abs(x - box_x) - length / 2, abs(y - box_y) - width / 2
+    return math.hypot(max(0.0, beside_x), max(0.0, beside_y))
 
 
 class FeatherWing(BoxPart):

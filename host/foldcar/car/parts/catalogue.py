@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import cache
 from importlib.resources import files
-from typing import Literal
+from typing import Any, Literal
 
 from foldcar.car.parts.bought import (
     Cells,
@@ -18,16 +18,15 @@ from foldcar.car.parts.bought import (
     FeatherWing,
     Film,
     Headers,
-    Horn,
     Plugs,
     Screw,
-    Servo,
     Spacer,
     Tools,
     Tyre,
     Wiring,
 )
 from foldcar.car.parts.quantity import Bought, BoxPart, Data, PartData, Quantity
+from foldcar.car.parts.servo import Horn, Servo
 from foldcar.errors import FoldcarError
 from foldcar.typed import did_you_mean
 
@@ -177,14 +176,17 @@ def catalogue() -> Catalogue:
 @cache
 def catalogue_of(choices: PartChoices) -> Catalogue:
     """Return the catalogue with these choices, read from the package's data."""
-    data, contents = files("foldcar.car.parts").joinpath("data"), {}
+    folder = files("foldcar.car.parts").joinpath("data")
+    contents: dict[str, Any] = {}
     for field in Catalogue.model_fields:
-        name = getattr(choices, field, None)
+        # The part that was chosen, by name, or None for a part that is the same in all cars.
+        chosen_name = getattr(choices, field, None)
         if field in WITHOUT_DATA:
-            contents[field] = name
-        else:
-            file = f"{field}_{name}.json" if name else f"{field}.json"
-            contents[field] = json.loads(data.joinpath(file).read_text(encoding="utf-8"))
+            # The choice itself is the content, such as the battery's place "roof".
+            contents[field] = chosen_name
+            continue
+        file_name = f"{field}_{chosen_name}.json" if chosen_name else f"{field}.json"
+        contents[field] = json.loads(folder.joinpath(file_name).read_text(encoding="utf-8"))
     return Catalogue.model_validate(contents)
 
 

@@ -138,13 +138,14 @@ def solid_blocks(solid: Solid, title: str) -> Blocks:
         corners = prism(x_mm / 2 - SKIN_MM, -z_mm / 2 + SKIN_MM, z_mm / 2 - SKIN_MM)
     if not solid.bores:
         return blocks_of([corners], title).moved(solid.pose)
-    # A bore is a regular polygon around its circle, so that a shaft of the same diameter passes. The corners of such a
-    # polygon are farther out than the circle by this factor.
+    # A bore becomes a regular polygon. So that a shaft of the same diameter passes, the sides of the polygon must touch
+    # the circle of the bore. Then its corners are farther out than the circle by this factor.
     corner_factor = 1 / math.cos(math.pi / SIDES)
     bores = []
     for x, y, bore_mm in solid.bores:
         bores.append(shapely.Point(x, y).buffer(bore_mm / 2 * corner_factor, quad_segs=SIDES // 4))
-    # `box` and `prism` have shrunk the solid by the skin, and `plate` does so again. So the outline is widened between.
+    # `box` and `prism` have made the solid smaller by SKIN_MM, and `plate` will do so again. So the outline is first made
+    # larger by SKIN_MM.
     outline = shapely.MultiPoint(corners[:, :2]).convex_hull.buffer(SKIN_MM, join_style="mitre")
     return plate(outline.difference(shapely.union_all(bores)), z_mm, title).moved(solid.pose)
 
@@ -173,6 +174,8 @@ def prism(radius_mm: float, low_mm: float, high_mm: float) -> Points:
 FIRST_MM = (1.0, 2.0, 4.0, 8.0, 15.0, 25.0, 40.0, 60.0)
 # An exit path ends this far beyond all standing solids.
 CLEAR_MM = 20.0
+# A direction with a smaller component along an axis does not lead along this axis.
+MIN_COMPONENT = 1e-6
 AXES: tuple[Vector, ...] = ((0, 0, 1), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, -1))
 
 
@@ -211,16 +214,9 @@ def swept_obstacle(start: Blocks, end: Blocks, standing: Blocks, ignored: Ignore
         return None
     # The pairs of a moving and a standing solid that may meet on the way, by their indices.
     pairs = _near(np.minimum(start.low, end.low), np.maximum(start.high, end.high), standing)
-    moving, obstacles = pairs.T
-    # Sort the pairs by their distance at the start. Along each axis, the gap is that before or that behind the moving
-    # solid; the other one, and both if the bounds overlap, are negative. The distance is the largest gap of the axes.
-    gaps_towards_high_mm = standing.low[obstacles] - start.high[moving]
-    gaps_towards_low_mm = start.low[moving] - standing.high[obstacles]
-    distances_mm = np.maximum(gaps_towards_high_mm, gaps_towards_low_mm).max(axis=1)
-    nearest_first = np.argsort(distances_mm, kind="stable")
     is_at_rest = start is end
     swept: dict[int, fcl.CollisionObject] = {}
-    for moving_index, standing_index in pairs[nearest_first].tolist():
+    for moving_index, standing_index in _nearest_first(pairs, start, standing).tolist():
         obstacle: str = standing.titles[standing_index]
         if (start.titles[moving_index], obstacle) in ignored:
             continue
@@ -230,6 +226,20 @@ def swept_obstacle(start: Blocks, end: Blocks, standing: Blocks, ignored: Ignore
         if fcl.collide(swept[moving_index], standing.collision_object(standing_index)):
             return obstacle
     return None
+
+
+def _nearest_first(pairs: NDArray[np.intp], moving: Blocks, standing: Blocks) -> NDArray[np.intp]:
+    """Return pairs of a moving and a standing solid, (n, 2), sorted by the distance of their bounds.
+
+    The distance of two bounds is the largest of the gaps between them along x, y and z. A gap is negative where they
+    overlap.
+    """
+    moving_indices, standing_indices = pairs.T
+    gap_above = standing.low[standing_indices] - moving.high[moving_indices]
+    gap_below = moving.low[moving_indices] - standing.high[standing_indices]
+    # Only one of the two can be positive: the gap is on that side.
+    gaps = np.maximum(gap_above, gap_below)
+    return pairs[np.argsort(gaps.max(axis=1), kind="stable")]
 
 
 def _near(low: Points, high: Points, standing: Blocks) -> NDArray[np.intp]:
@@ -267,7 +277,7 @@ def find_exit_path(
         # The part's axes are often the car's.
         if all(np.dot(direction, other) < 0.999 for other in directions):
             directions.append(direction)
-    moves = [(direction, _out(moving, standing, direction)) for direction in directions]
+    moves = [(direction, _move_out(moving, standing, direction)) for direction in directions]
 
     def cost(direction_and_move: tuple[Vector, Vector]) -> float:
         direction, move = direction_and_move
@@ -291,26 +301,27 @@ def find_exit_path(
             after_first = moving.moved(translation(*first))
             # A second move along the first one's line would be the same as a single move.
             for second_direction in (other for other, _ in obstacles if abs(np.dot(other, direction)) < 0.9):
-                second = _out(after_first, standing, second_direction)
+                second = _move_out(after_first, standing, second_direction)
                 if first_obstacle(after_first, standing, second, ignored) is None:
                     return ExitPath((first, second), tuple(obstacles))
     return ExitPath(None, tuple(obstacles))
 
 
-def _out(moving: Blocks, standing: Blocks, direction: Vector) -> Vector:
+def _move_out(moving: Blocks, standing: Blocks, direction: Vector) -> Vector:
     """Return the shortest move in a direction after which the bounds of moving and standing solids are CLEAR_MM apart."""
     if not standing.titles:
         return vector(np.array(direction) * CLEAR_MM)
     moving_low, moving_high = moving.low.min(axis=0), moving.high.max(axis=0)
     standing_low, standing_high = standing.low.min(axis=0), standing.high.max(axis=0)
-    # Bounds are apart as soon as they are apart along one axis.
+    # Bounds are apart as soon as they are apart along one axis. For each axis, this is how long the move must be.
     lengths = []
-    for axis in range(3):
-        if abs(direction[axis]) > 1e-6:
-            overlap = moving_high[axis] - standing_low[axis]
-            if direction[axis] > 0:
-                overlap = standing_high[axis] - moving_low[axis]
-            lengths.append(overlap / abs(direction[axis]))
+    for axis, component in enumerate(direction):
+        if component > MIN_COMPONENT:
+            way_along_axis = standing_high[axis] - moving_low[axis]
+            lengths.append(way_along_axis / component)
+        elif component < -MIN_COMPONENT:
+            way_along_axis = moving_high[axis] - standing_low[axis]
+            lengths.append(way_along_axis / -component)
     return vector(np.array(direction) * (max(0.0, min(lengths)) + CLEAR_MM))
 
 

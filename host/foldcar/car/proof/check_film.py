@@ -16,7 +16,7 @@ from shapely.affinity import affine_transform
 from foldcar.car.folded.model import Face, FoldedCar, Join, Piece
 from foldcar.car.folded.placed import Bodies, Finding, PlacedFace, polygon
 from foldcar.car.folded.pose import edge, folded, hinge_motion
-from foldcar.car.proof.blocks import Blocks, first_obstacle, merge_blocks
+from foldcar.car.proof.blocks import Blocks, Ignored, first_obstacle, merge_blocks
 from foldcar.car.proof.roles import Roles, roles_of
 from foldcar.car.proof.scene import CarSolids, Stage, title
 from foldcar.car.proof.step import PartKey
@@ -112,23 +112,32 @@ def _film_of_body(roles: Roles, scene: CarSolids, stage: Stage, body: str, witho
 
 def _check_bodies_apart(roles: Roles, scene: CarSolids, stage: Stage) -> Iterator[Finding]:
     """Yield findings where film collides with other film of its segment or wheel. Equal wheels are checked once."""
-    # Pairs of faces that may overlap. These are glued faces, and faces beside a bend: in the car a bend is a curve, but
-    # in the model it is an edge, at which the plates of the two faces overlap by their thickness.
-    may_overlap = set(scene.ignored(("tab", "lap")))
-    for piece in roles.car.pieces:
-        for crease in piece.creases:
-            if crease.bend:
-                may_overlap.add((title(piece.name, crease.parent.face), title(piece.name, crease.child.face)))
+    may_overlap = _faces_that_may_overlap(roles, scene)
     first_wheels = [wheels[0] for wheels in roles.wheel_units.values()]
     for body in (*roles.segments, *first_wheels):
         film = _film_of_body(roles, scene, stage, body)
+        # The solids of a face have the same title. Each pair of faces is checked once.
         titles = list(dict.fromkeys(film.titles))
         for number, face_title in enumerate(titles, 1):
-            # Each pair of faces is checked once.
-            later_faces = film.with_titles(set(titles[number:]))
-            obstacle = first_obstacle(film.with_titles({face_title}), later_faces, ignored=frozenset(may_overlap))
+            later_titles = set(titles[number:])
+            face, later_faces = film.with_titles({face_title}), film.with_titles(later_titles)
+            obstacle = first_obstacle(face, later_faces, ignored=may_overlap)
             if obstacle is not None:
                 yield Finding("crossing", face_title, f"runs into {obstacle}")
+
+
+def _faces_that_may_overlap(roles: Roles, scene: CarSolids) -> Ignored:
+    """Return the pairs of faces, by their titles, that may overlap: glued faces, and faces beside a bend.
+
+    In the car a bend is a curve. In the model it is an edge, at which the plates of the two faces overlap by their
+    thickness.
+    """
+    pairs = set(scene.ignored(("tab", "lap")))
+    for piece in roles.car.pieces:
+        for crease in piece.creases:
+            if crease.bend:
+                pairs.add((title(piece.name, crease.parent.face), title(piece.name, crease.child.face)))
+    return frozenset(pairs)
 
 
 def _check_segments_apart(roles: Roles, scene: CarSolids, stage: Stage) -> Iterator[Finding]:
@@ -180,19 +189,20 @@ def check_joins(car: FoldedCar, bodies: Bodies) -> Iterator[Finding]:
 def _gap_mm(join: Join, a: PlacedFace, b: PlacedFace) -> float:
     """Return the gap (mm) between the two edges of a join, which should meet.
 
-    For a tab, it is the largest distance of an end of the tab's edge from the line of the wall's edge, measured in the
-    plane of the wall: a tab may be shorter than the wall's edge, and it lies one film inside the wall. For other joins
-    it is the larger of the two distances between the edges' ends.
+    For a tab, it is the larger of the distances from the two ends of its edge to the edge of the wall, both projected to
+    the wall: the tab lies one film inside the wall, and may be shorter than the wall's edge. For other joins it is the
+    larger of the two distances between the edges' ends.
     """
     first, second = a.edge_mm(join.a.index), b.edge_mm(join.b.index)
     if join.kind == "tab":
+        # Without z, the points are projected to the plane of the wall.
         wall_edge = shapely.LineString(b.in_face(second)[:, :2])
         tab_ends = shapely.points(b.in_face(first)[:, :2])
         return float(wall_edge.distance(tab_ends).max())
     # The edges may run in the same direction or in opposite directions.
-    same_way = np.linalg.norm(first - second, axis=1).max()
-    opposite_way = np.linalg.norm(first - second[::-1], axis=1).max()
-    return float(min(same_way, opposite_way))
+    gap_in_same_direction = np.linalg.norm(first - second, axis=1).max()
+    gap_in_opposite_direction = np.linalg.norm(first - second[::-1], axis=1).max()
+    return float(min(gap_in_same_direction, gap_in_opposite_direction))
 
 
 def _check_tab(join: Join, a: PlacedFace, b: PlacedFace) -> Iterator[Finding]:

@@ -30,13 +30,16 @@ class Building:
     """
 
     def __init__(self, roles: Roles) -> None:
+        """Begin the assembly, in which nothing is in place yet."""
         self.roles = roles
         self.steps: list[AssemblyStep] = []
+        # The names of the bought parts (mounts) in place, and the names and numbers of the copies of pieces in place.
         self.parts: set[str] = set()
         self._present: set[tuple[str, int]] = set()
+        # The names of the pieces that are folded; a piece without creases needs no folding.
         self._folded = {piece.name for piece in roles.car.pieces if not piece.creases}
         self._made_joins: set[int] = set()
-        # The pieces in units that are still outside the car.
+        # The names of the pieces in units that are still outside the car.
         self._outside: set[str] = set()
         # Joins that shut a lid are made last.
         self._lid_joins = {number for lid in roles.lids.values() for number in lid.joins}
@@ -45,42 +48,43 @@ class Building:
         self, title: str, pieces: Iterable[PlacedPiece] = (), mounts: Iterable[Mount] = (),
         units: Iterable[AddedPart] = (), folds: Folds | None = None, unit: str = "", flat: bool = False,
     ) -> None:  # fmt: skip
-        """Append a step that adds pieces, mounts and finished units, unless it would be empty.
+        """Append a step that adds pieces, bought parts (mounts) and finished units, unless it would be empty.
 
-        If ``unit`` is given, the step assembles the unit of that name outside the car. ``units`` are those that are
-        finished and are put into the car. Pieces are folded in this step, unless it is ``flat``. ``folds`` are further
+        If ``unit`` is given, the step assembles the unit of that name outside the car. ``units`` are finished units,
+        which the step puts into the car. Pieces are folded in this step, unless it is ``flat``. ``folds`` are further
         folds that the step closes.
         """
-        pieces, mounts, units, folds = list(pieces), list(mounts), list(units), dict(folds or {})
-        # The folds of new pieces.
-        for piece in pieces:
-            fractions = self.roles.all_folded(piece.piece)
-            if not flat and fractions:
-                folds.setdefault(piece.piece, fractions)
+        pieces, mounts, units = list(pieces), list(mounts), list(units)
+        all_folds = dict(folds or {})
+        if not flat:
+            for piece in pieces:
+                if fractions := self.roles.all_folded(piece.piece):
+                    all_folds.setdefault(piece.piece, fractions)
         # What is in place, folded, and outside the car from now on.
         self._present |= {(piece.piece, piece.copy) for piece in pieces}
         self.parts |= {mount.name for mount in mounts}
-        self._folded |= {name for name, fractions in folds.items() if any(fractions.values())}
+        self._folded |= {name for name, fractions in all_folds.items() if any(fractions.values())}
         if unit:
             self._outside |= {piece.piece for piece in pieces}
         for finished_unit in units:
             self._outside -= self._names_in_unit(finished_unit.name)
         # The step itself.
         joins = self._joins(flat, unit)
-        adds = (
-            *(AddedPart("piece", piece.piece, piece.copy, piece.body) for piece in pieces),
-            *units,
-            *(AddedPart("mount", mount.name, 0, mount.body) for mount in mounts),
-        )
-        # A screwdriver turns each new screw.
-        tool_uses = []
+        added_pieces = [AddedPart("piece", piece.piece, piece.copy, piece.body) for piece in pieces]
+        added_mounts = [AddedPart("mount", mount.name, 0, mount.body) for mount in mounts]
+        adds = (*added_pieces, *units, *added_mounts)
+        if adds or joins or all_folds:
+            self.steps.append(AssemblyStep(title, all_folds, adds, joins, self._driver_uses(mounts), unit))
+
+    def _driver_uses(self, mounts: Iterable[Mount]) -> tuple[ToolUse, ...]:
+        """Return the uses of a screwdriver, which turns each screw among the mounts."""
+        uses = []
         for mount in mounts:
             if self.roles.is_fastener(mount):
                 for index, clearance in enumerate(mount.clearances):
                     if clearance.tool == "driver":
-                        tool_uses.append(ToolUse(mount.name, index))
-        if adds or joins or folds:
-            self.steps.append(AssemblyStep(title, folds, adds, joins, tuple(tool_uses), unit))
+                        uses.append(ToolUse(mount.name, index))
+        return tuple(uses)
 
     def _names_in_unit(self, unit: str) -> set[str]:
         """Return the names of the pieces and parts that were added to a unit."""

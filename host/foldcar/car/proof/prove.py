@@ -89,26 +89,25 @@ class _Prover:
     def prove_step(self, number: str, step: AssemblyStep) -> AssemblyStep:
         """Carry out one step of the assembly, and return it with the insertion paths of its parts.
 
-        ``number`` is the name of the step in findings, such as "step 3". The folds are closed first. Then each part is
-        put to the parts that are in place, in the car or in the unit that the step assembles outside the car.
+        ``number`` is the name of the step in findings, such as "step 3". First the folds of the step are closed. Then its
+        parts are added one by one: to the car, or to the *unit* that the step assembles outside the car.
         """
         place = f"{number}, {step.title}"
         self._fold(place, step)
         parts_with_paths: list[AddedPart] = []
         for added in step.adds:
             group = Group(step.unit, added.body) if step.unit else CAR
-            # The wheels of a unit are alike, so paths are searched for the first one only.
+            present = self.standing.setdefault(group, {})
+            # The wheels of a unit are alike, so the first one is checked, and the others have its paths.
             is_repeated_wheel = step.unit in self.roles.wheel_units and added.body != step.adds[0].body
-            present = self.standing.get(group, {})
+            needs_path = bool(present) and not self._is_bent(added)
             if is_repeated_wheel:
                 parts_with_paths.append(self._like_first_wheel(step, added, parts_with_paths))
-            elif present and not self._is_bent(added):
+            elif needs_path:
                 parts_with_paths.append(self._with_insertion_path(place, added, present))
             else:
-                # The first part, and one that is bent into its place, need no path.
                 parts_with_paths.append(added)
-            new_parts = {key: self._solid(key) for key in self._part_keys(added)}
-            self.standing.setdefault(group, {}).update(new_parts)
+            present.update({key: self._solid(key) for key in self._part_keys(added)})
             if not is_repeated_wheel:
                 tool_uses = [use for use in step.tool_uses if use.name == added.name]
                 self._check_tool_uses(place, tool_uses, group)
@@ -220,33 +219,42 @@ class _Prover:
         return self.roles.mounts[added.name].part in (self.car.parts.wiring.name, self.car.parts.tyre.name)
 
     def _with_insertion_path(self, place: str, added: AddedPart, present: Mapping[PartKey, Blocks]) -> AddedPart:
-        """Return the part with its insertion path, which is its path out of the ``present`` parts, backwards.
+        """Return the part with its insertion path: its path out of the ``present`` parts, reversed.
 
-        Boards that are plugged onto each other, and screws, may only move along their own axes. The nut of a screw has a
-        path of its own. If there is no path out, a finding is added, and the path stays empty.
+        A board that is plugged onto another board, and a screw, may only move along their own axes. If there is no path
+        out, a finding is added, and the insertion path stays empty.
         """
-        name = self._name(added)
+        mount = self.roles.mounts[added.name] if added.kind == "mount" else None
+        if mount is not None and self.roles.is_fastener(mount):
+            return self._with_screw_paths(place, added, mount, present)
         moving = merge_blocks(self._solid(key) for key in self._part_keys(added))
         standing = merge_blocks(present.values())
-        mount = self.roles.mounts[added.name] if added.kind == "mount" else None
-        nut_path: ExitPath | None = None
         if mount is None:
             exit_path = find_exit_path(moving, standing, ignored=self.joined)
-        elif self.roles.is_fastener(mount):
-            exit_path, nut_path = self._screw_paths(mount, standing)
-            added = replace(added, passes=self.roles.passed_by(mount))
-            for key in added.passes:
-                if key not in present:
-                    self._add_finding(place, f"{name} passes {key.name}, which is not there yet")
         elif self._plugs_onto(mount, present):
-            # Pins go straight into their sockets, along the part's +z or -z.
-            *_, up, down = _axes(mount)
-            exit_path = find_exit_path(moving, standing, own_axes=(up, down), ignored=self.joined, only_own=True)
+            # Pins go straight into their sockets, along the part's z.
+            exit_path = find_exit_path(moving, standing, _axes(mount, "z"), ignored=self.joined, only_own=True)
         else:
-            exit_path = find_exit_path(moving, standing, own_axes=_axes(mount), ignored=self.joined)
-        way_mm = self._insertion_path(place, name, exit_path)
-        nut_mm = () if nut_path is None else self._insertion_path(place, f"the nut of {name}", nut_path)
-        return replace(added, way_mm=way_mm, nut_mm=nut_mm)
+            exit_path = find_exit_path(moving, standing, _axes(mount), ignored=self.joined)
+        return replace(added, way_mm=self._insertion_path(place, self._name(added), exit_path))
+
+    def _with_screw_paths(
+        self, place: str, added: AddedPart, screw: Mount, present: Mapping[PartKey, Blocks]
+    ) -> AddedPart:
+        """Return the screw with its insertion path, that of its nut, and the parts that its shank passes through.
+
+        A finding is added for each such part that is not ``present`` yet, and for screw or nut if they have no path.
+        """
+        name, passed_parts = self._name(added), self.roles.passed_by(screw)
+        exit_paths = self._screw_paths(screw, merge_blocks(present.values()))
+        for key in passed_parts:
+            if key not in present:
+                self._add_finding(place, f"{name} passes {key.name}, which is not there yet")
+        way_mm = self._insertion_path(place, name, exit_paths.screw)
+        nut_mm: tuple[Vector, ...] = ()
+        if exit_paths.nut is not None:
+            nut_mm = self._insertion_path(place, f"the nut of {name}", exit_paths.nut)
+        return replace(added, way_mm=way_mm, nut_mm=nut_mm, passes=passed_parts)
 
     def _insertion_path(self, place: str, name: str, exit_path: ExitPath) -> tuple[Vector, ...]:
         """Return a path out backwards. If there is none, add a finding and return no moves."""
@@ -262,31 +270,33 @@ class _Prover:
         return mount.part in boards and bool(names & (boards - {mount.part}))
 
     def _screw_paths(self, screw: Mount, standing: Blocks) -> ScrewPaths:
-        """Return how a screw comes out, and how its nut comes out, if it has one.
+        """Return the paths on which a screw and its nut, if it has one, come out of the ``standing`` parts.
 
-        The screw moves to the driver, along the screw's axis. The nut moves in the opposite direction until it is off the
-        shank. Then it may take any path out.
+        The screw can only move straight towards its screwdriver.
         """
         head_and_shank, *nuts = self.scene.screw(screw, self.stage)
-        # The driver is a cylinder along z of its frame. In the car's frame, this is the third column of its pose.
+        # The screwdriver lies along z of its own frame. The third column of its pose has this direction in the car's
+        # frame.
         driver_pose = np.array(compose(self.stage.mount(screw), screw.clearances[0].pose))
         towards_driver = driver_pose[:3, 2]
-        screw_path = find_exit_path(head_and_shank, standing, own_axes=[vector(towards_driver)], only_own=True)
-        if not nuts:
-            return ScrewPaths(screw_path, nut=None)
-        # The first move of the nut.
-        nut = merge_blocks(nuts)
-        off_shank_mm = vector(-towards_driver * self.car.parts.tools.nut_room_mm.value)
+        screw_path = find_exit_path(head_and_shank, standing, [vector(towards_driver)], only_own=True)
+        nut_path = self._nut_path(screw, merge_blocks(nuts), standing, vector(-towards_driver)) if nuts else None
+        return ScrewPaths(screw_path, nut_path)
+
+    def _nut_path(self, screw: Mount, nut: Blocks, standing: Blocks, along_shank: Vector) -> ExitPath:
+        """Return the path on which a nut comes out of the ``standing`` parts.
+
+        First the nut moves off the shank, in the direction ``along_shank``. Then it may take any path out.
+        """
+        off_shank_mm = vector(np.array(along_shank) * self.car.parts.tools.nut_room_mm.value)
         obstacle = first_obstacle(nut, standing, off_shank_mm)
         if obstacle is not None:
-            obstacle_with_direction = (vector(-towards_driver), obstacle)
-            return ScrewPaths(screw_path, nut=ExitPath(moves_mm=None, obstacles=(obstacle_with_direction,)))
-        # Its other moves.
+            return ExitPath(moves_mm=None, obstacles=((along_shank, obstacle),))
         nut_off_shank = nut.moved(translation(*off_shank_mm))
-        further_path = find_exit_path(nut_off_shank, standing, own_axes=_axes(screw))
+        further_path = find_exit_path(nut_off_shank, standing, _axes(screw))
         if further_path.moves_mm is None:
-            return ScrewPaths(screw_path, nut=further_path)
-        return ScrewPaths(screw_path, nut=ExitPath(moves_mm=(off_shank_mm, *further_path.moves_mm)))
+            return further_path
+        return ExitPath(moves_mm=(off_shank_mm, *further_path.moves_mm))
 
     def _name(self, added: AddedPart) -> str:
         """Return the name of a part or unit in findings; a unit of the body is named by its first two parts."""
@@ -302,19 +312,25 @@ class _Prover:
             return
         standing = merge_blocks(self.standing[group].values())
         for tool_use in tool_uses:
+            # The space that the tool needs is a cylinder, whose title is the name of the part or face that the tool
+            # reaches.
             clearance, cylinder = self.scene.clearance(tool_use, self.stage)
             reached = cylinder.titles[0]
-            # The part or face that a tool reaches is no obstacle to it. A finger that pushes the lever of a latch reaches
-            # the latch's tongue. The face on which the tongue hangs moves with it, so it is no obstacle to the finger.
-            free_titles = {reached}
-            if tool_use.piece:
-                for crease in self.roles.pieces[tool_use.piece].creases:
-                    if crease.child.face == tool_use.name:
-                        free_titles.add(title(tool_use.piece, crease.parent.face))
-            ignored = frozenset((reached, free_title) for free_title in free_titles)
+            touchable = [reached, *self._carriers_of_lever(tool_use)]
+            ignored = frozenset((reached, touched) for touched in touchable)
             obstacle = first_obstacle(cylinder, standing, ignored=ignored)
             if obstacle is not None:
                 self._add_finding(place, f"{reached} has no room for its {clearance.tool}: {obstacle} is in the way")
+
+    def _carriers_of_lever(self, tool_use: ToolUse) -> list[str]:
+        """Return the titles of the faces on which the face hangs that a finger pushes; none for a tool at a mount.
+
+        A finger pushes the lever of a latch. The face on which the lever hangs moves with it, so it is no obstacle.
+        """
+        if not tool_use.piece:
+            return []
+        creases = self.roles.pieces[tool_use.piece].creases
+        return [title(tool_use.piece, crease.parent.face) for crease in creases if crease.child.face == tool_use.name]
 
     def _check_swing(self, place: str, name: str, failure: str, path: Iterable[Mapping[str, float]]) -> None:
         """Add a finding if faces of a piece, or parts on them, meet others while the piece ``name`` folds.
@@ -331,8 +347,8 @@ class _Prover:
             previous: Blocks | None = None
             for fractions, stage in zip(fractions_by_position, stages, strict=True):
                 # What moves, at this position.
-                faces = [self.scene.solid(key, stage).with_titles(swing.faces) for key in swing.piece_keys]
-                parts = [self.scene.solid(key, stage) for key in swing.part_keys]
+                faces = [self.scene.solid(key, stage).with_titles(swing.moving_faces) for key in swing.copies]
+                parts = [self.scene.solid(key, stage) for key in swing.carried]
                 current = merge_blocks([*faces, *parts])
                 obstacle: str | None = None
                 if previous is not None:
@@ -344,10 +360,13 @@ class _Prover:
                 previous = current
 
 
-def _axes(mount: Mount) -> list[Vector]:
-    """Return the directions +x, -x, +y, -y, +z and -z of a part's own frame in the car."""
-    axes = np.array(mount.pose)[:3, :3].T
-    return [vector(sign * axis) for axis in axes for sign in (1.0, -1.0)]
+def _axes(mount: Mount, names: str = "xyz") -> list[Vector]:
+    """Return both directions of the named axes of a part's own frame, in the car's frame: +x, -x, +y and so on."""
+    directions = []
+    for name in names:
+        axis = np.array(mount.pose)[:3, "xyz".index(name)]
+        directions += [vector(axis), vector(-axis)]
+    return directions
 
 
 def _failure_message(path: ExitPath) -> str:

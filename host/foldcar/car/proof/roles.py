@@ -49,24 +49,29 @@ class Roles:
     """
 
     def __init__(self, car: FoldedCar) -> None:
+        """Derive the roles from the pieces, parts and joins of a car."""
         self.car = car
+        # What the car has, by name.
         self.pieces = {piece.name: piece for piece in car.pieces}
         self.faces = {piece.name: {face.name: face for face in piece.faces} for piece in car.pieces}
         self.copies = {(copy.piece, copy.copy): copy for copy in car.placed}
         self.mounts = {mount.name: mount for mount in car.mounts}
         self.finished_poses = {piece.name: folded(piece) for piece in car.pieces}
+        # The rigid bodies of the car.
         self.segments = sorted({copy.body for copy in car.placed if copy.body.startswith("segment")})
         self.wheels = [axle.wheel for axle in car.axles]
         self.wheel_units: dict[str, list[str]] = {}
         for axle in car.axles:
             self.wheel_units.setdefault(axle.unit, []).append(axle.wheel)
-        # The beam of a segment is its largest piece.
+        # The *beam* of a segment, the box that carries all else, is its largest piece.
         area = {piece.name: sum(polygon(face).area for face in piece.faces) for piece in car.pieces}
         self.beams = {body: max(self.placed(body), key=lambda copy: area[copy.piece]) for body in self.segments}
         self.beam_names = {copy.piece for copy in self.beams.values()}
         self.lids = {name: lid_of(car, self.pieces[name]) for name in sorted(self.beam_names)}
+        # The kinds of parts.
         self.board_names = {car.parts.feather.name, car.parts.featherwing.name}
         self.fastener_names = {part.name for part in car.parts.bought if isinstance(part, Screw)}
+        # The results of these two methods are remembered.
         self.host = cache(self._host)
         self.held_by = cache(self._held_by)
 
@@ -120,19 +125,21 @@ class Roles:
     def is_on_lid(self, mount: Mount) -> bool:
         """Return whether a mount lies on the outer side of a lid."""
         host = self.mount_host(mount)
-        on_beam = self._on_beam(host, mount.body)
-        if host is None or on_beam is None or self.is_fastener(mount):
+        host_on_beam = self._on_beam(host, mount.body)
+        if host is None or host_on_beam is None or self.is_fastener(mount):
             return False
-        beam, face = on_beam
-        if face not in self.lids[beam.piece].faces:
+        lid = self.lids[host_on_beam.piece.piece]
+        if host_on_beam.face not in lid.faces:
             return False
         # z of a face's frame points to its printed side, which is inside the car. So what is outside has negative z.
-        mount_in_face = compose(inverse(self.pose_of(*host)), mount.pose)
-        _, _, z = apply(mount_in_face, 0.0, 0.0)
-        return z < 0
+        mount_in_face = compose(inverse(self.pose_of(host.piece, host.face)), mount.pose)
+        return _height_mm(mount_in_face) < 0
 
     def _on_beam(self, host: Host | None, body: str) -> Host | None:
-        """Follow a host to the beam that carries it; return the beam and the face on it, or None if there is no beam."""
+        """Return the face of a beam on which something is fixed, directly or by other pieces.
+
+        ``host`` is the piece that it is fixed to, and ``body`` its body. The result is None if no beam carries the host.
+        """
         while host is not None and host.piece is not self.beams.get(body):
             host = self.host(host.piece)
         return host
@@ -189,37 +196,26 @@ class Roles:
         return [m for m in others if any(stands_in(screw, a, m, b) for a in screw.solids for b in m.solids)]
 
     def passed_by(self, screw: Mount) -> tuple[PartKey, ...]:
-        """Return what the shank of a screw passes through, in order from its head: parts with bores, and pieces."""
-        # The second of a screw's solids is its shank. The origin of its frame is its middle, and z points to the head.
+        """Return the parts and the pieces of film that the shank of a screw passes through, in order from its head."""
+        # A screw's solids are its head, its shank and its nut. The origin of the shank's frame is its middle, and z
+        # points to the head. So what is nearer to the head has a greater height in this frame.
         shank = screw.solids[1]
         car_to_shank = inverse(compose(screw.pose, shank.pose))
-        # What the shank passes, with its z in the frame of the shank (mm).
-        passed: list[tuple[float, PartKey]] = []
-        # Parts. If a part has several solids around the shank, the one that is nearest to the head counts.
+        passed: list[PassedPart] = []
+        # If a part has several solids around the shank, the one that is nearest to the head counts.
         for mount in self.held_by(screw):
-            heights = []
-            for solid in mount.solids:
-                if stands_in(screw, shank, mount, solid):
-                    _, _, height = apply(compose(car_to_shank, mount.pose, solid.pose), 0.0, 0.0)
-                    heights.append(height)
+            around_shank = [solid for solid in mount.solids if stands_in(screw, shank, mount, solid)]
+            heights = [_height_mm(compose(car_to_shank, mount.pose, solid.pose)) for solid in around_shank]
             if heights:
-                passed.append((max(heights), PartKey("mount", mount.name, 0)))
-        # Pieces with a face that lies across the shank, between its ends, and has the axis inside its outline.
+                passed.append(PassedPart(max(heights), PartKey("mount", mount.name, 0)))
         for copy in self.placed(screw.body):
             for face in self.pieces[copy.piece].faces:
                 face_in_shank = compose(car_to_shank, self.pose_of(copy, face.name))
-                _, _, height = apply(face_in_shank, 0.0, 0.0)
-                axis_x, axis_y, _ = apply(inverse(face_in_shank), 0.0, 0.0)
-                # The cosine of the angle between the two z axes.
-                z_row = face_in_shank[2]
-                is_across = abs(z_row[2]) > PARALLEL
-                is_between_ends = abs(height) < shank.size_mm[2] / 2
-                if not is_across or not is_between_ends:
-                    continue
-                if shapely.Polygon(face.outline_mm).contains(shapely.Point(axis_x, axis_y)):
-                    passed.append((height, PartKey("piece", copy.piece, copy.copy)))
-        from_head = sorted(passed, key=lambda height_and_part: -height_and_part[0])
-        return tuple(part for _, part in from_head)
+                if _is_pierced(face, face_in_shank, shank):
+                    key = PartKey("piece", copy.piece, copy.copy)
+                    passed.append(PassedPart(_height_mm(face_in_shank), key))
+        from_head = sorted(passed, key=lambda part: -part.height_mm)
+        return tuple(part.key for part in from_head)
 
     def from_outside(self, mount: Mount, clearance: ToolClearance) -> bool:
         """Return whether a tool reaches the mount while the lid is shut.
@@ -247,13 +243,47 @@ class Roles:
         return not starts_inside or leaves_through_wall_or_floor
 
     def _lies_on(self, copy: PlacedPiece, other: PlacedPiece, name: str) -> bool:
-        """Return whether a piece lies on the face ``name`` of another one: in its plane, and inside its outline."""
-        to_face = compose(inverse(self.pose_of(other, name)), copy.pose)
-        middle = polygon(self.pieces[copy.piece].faces[0]).representative_point()
-        x, y, z = apply(to_face, middle.x, middle.y)
-        is_inside = shapely.Polygon(self.faces[other.piece][name].outline_mm).contains(shapely.Point(x, y))
-        cosine = to_face[2][2]
-        return bool(is_inside and abs(cosine) > PARALLEL and abs(z) < LAYER_MM)
+        """Return whether a flat piece lies on the face ``name`` of another piece: close to it and inside its outline."""
+        piece_in_face = compose(inverse(self.pose_of(other, name)), copy.pose)
+        # One point of the piece stands for all.
+        flat_face = self.pieces[copy.piece].faces[0]
+        middle = polygon(flat_face).representative_point()
+        x, y, z = apply(piece_in_face, middle.x, middle.y)
+        outline = shapely.Polygon(self.faces[other.piece][name].outline_mm)
+        is_inside = bool(outline.contains(shapely.Point(x, y)))
+        return is_inside and _is_parallel(piece_in_face) and abs(z) < LAYER_MM
+
+
+class PassedPart(NamedTuple):
+    """A part that the shank of a screw passes through, and its height in the frame of the shank (mm)."""
+
+    height_mm: float
+    key: PartKey
+
+
+def _height_mm(pose: Pose) -> float:
+    """Return z of a pose's origin (mm)."""
+    _, _, z = apply(pose, 0.0, 0.0)
+    return z
+
+
+def _is_parallel(pose: Pose) -> bool:
+    """Return whether z of a pose's frame is parallel to z of the frame in which the pose is given, or opposite to it."""
+    z_row = pose[2]
+    cosine = z_row[2]
+    return abs(cosine) > PARALLEL
+
+
+def _is_pierced(face: Face, face_in_shank: Pose, shank: Solid) -> bool:
+    """Return whether the shank of a screw passes through a face, whose pose in the frame of the shank is given.
+
+    The face must lie across the shank, between its ends, and have the shank's axis inside its outline.
+    """
+    is_between_ends = abs(_height_mm(face_in_shank)) < shank.size_mm[2] / 2
+    if not _is_parallel(face_in_shank) or not is_between_ends:
+        return False
+    axis_x, axis_y, _ = apply(inverse(face_in_shank), 0.0, 0.0)
+    return bool(shapely.Polygon(face.outline_mm).contains(shapely.Point(axis_x, axis_y)))
 
 
 def _partner(join: Join, piece: str) -> tuple[str, str]:

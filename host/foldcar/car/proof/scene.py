@@ -7,6 +7,7 @@ film bends; tongues are cut off where they reach into what they lock into.
 from collections import defaultdict
 from collections.abc import Collection, Iterator
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -56,24 +57,24 @@ class Stage:
         return {name: self.mount(self.roles.mounts[name])}
 
     def _shift(self, host: Host | None) -> Pose:
-        """Return the motion of a part that is fixed to ``host``, from its pose in the finished car to that at this stage.
+        """Return how a part that is fixed to ``host`` has moved from its place in the finished car to that at this stage.
 
         The motion is given in the car's frame. A part without a host does not move.
         """
         if host is None:
             return IDENTITY
-        copy, face = host
+        piece, face = host
         # The piece to which the part is fixed may itself be fixed to a face that has moved.
-        motion_of_piece = self._shift(self.roles.host(copy))
-        # The face has two poses in the frame of its piece's first face: as the piece is folded now, and finished.
-        current = self._folded(copy.piece)[face]
-        finished = self.roles.finished_poses[copy.piece][face]
-        if current == finished:
+        motion_of_piece = self._shift(self.roles.host(piece))
+        # The pose of the face in the frame of its piece's first face: in the finished car, and as the piece is folded
+        # now.
+        finished_pose = self.roles.finished_poses[piece.piece][face]
+        current_pose = self._folded(piece.piece)[face]
+        if current_pose == finished_pose:
             return motion_of_piece
-        # Read from right to left: a point of the part is taken from the car's frame into the frame of the finished face.
-        # It keeps its place on the face, while the face is unfolded. Then it is taken back into the car's frame, and
-        # moves with the whole piece.
-        return compose(motion_of_piece, copy.pose, current, inverse(finished), inverse(copy.pose))
+        # A point of the part is first given in the frame of its piece, and then in that of the finished face. As it keeps
+        # its place on the face, it comes back by the current pose of the face. So the poses apply from right to left.
+        return compose(motion_of_piece, piece.pose, current_pose, inverse(finished_pose), inverse(piece.pose))
 
 
 TONGUES = frozenset({"lock", "tab_slot", "rim"})
@@ -87,6 +88,30 @@ BEHIND_MM = 1.0
 def title(piece: str, face: str) -> str:
     """Return the name of a face in findings."""
     return f"{piece}: {face}"
+
+
+class TongueRegion(NamedTuple):
+    """The region of a tongue that is cut off: the name of the face, and a part of this face in its own frame."""
+
+    face: str
+    region: shapely.Geometry
+
+
+class Height(NamedTuple):
+    """The height of the points of a face above another face: that of a point (x, y) is slope · (x, y) + offset."""
+
+    slope: NDArray[np.float64]
+    offset: float
+
+
+def _height_of_points(face_in_other: Pose, upwards: float) -> Height:
+    """Return the height of a face's points above another face, from the pose of the face in the frame of that one.
+
+    ``upwards`` is 1 if heights are counted along z of the other face, and -1 if they are counted along -z.
+    """
+    # The third row of a pose gives z of a point.
+    slope_x, slope_y, _, offset = upwards * np.array(face_in_other)[2]
+    return Height(np.array((slope_x, slope_y)), offset)
 
 
 class CarSolids:
@@ -108,19 +133,20 @@ class CarSolids:
         self._mount = cache(_mount_solids)
 
     def _tongue_joins(self) -> list[Join]:
-        """Return the joins of tongues and slots, without those whose tongues are cut off like those of another join.
+        """Return the joins of tongues and slots at which tongues are cut off, one join for each cut.
 
-        Where several tongues of a piece go into the same face, one join stands for all, because its cut goes through all
-        faces of the piece. But where a piece locks into itself, the cut goes through the face of the tongue only. So each
-        face with a tongue has a join there.
+        A cut goes through all faces of the piece with the tongue. So if several tongues of a piece go into the same face,
+        one cut is enough for all. If a piece locks into itself, a cut goes through one face only, that of the tongue. So
+        there is a cut for each face with a tongue.
         """
-        joins: dict[tuple[str, ...], Join] = {}
+        join_of_cut: dict[tuple[str, str | None, str, str], Join] = {}
         for join in self.roles.car.joins:
             if join.kind in TONGUES:
                 locks_into_itself = join.piece_a == join.piece_b
-                cut_faces = join.a.face if locks_into_itself else "all faces"
-                joins[join.piece_a, cut_faces, join.piece_b, join.b.face] = join
-        return list(joins.values())
+                # None stands for all faces.
+                cut_face = join.a.face if locks_into_itself else None
+                join_of_cut[join.piece_a, cut_face, join.piece_b, join.b.face] = join
+        return list(join_of_cut.values())
 
     def solid(self, key: PartKey, stage: Stage) -> Blocks:
         """Return the solids of a copy of a piece, or of a mount; none for loose wires.
@@ -150,15 +176,20 @@ class CarSolids:
     def clearance(self, tool_use: ToolUse, stage: Stage) -> tuple[ToolClearance, Blocks]:
         """Return the clearance that a tool needs, and the cylinder that it fills in the car.
 
-        The title of the cylinder is the name of the mount or of the face that the tool reaches.
+        A tool is used at a face of a piece, if ``tool_use`` names one, or at a mount. The title of the cylinder is the
+        name of this face or mount.
         """
         if tool_use.piece:
             face = self.roles.faces[tool_use.piece][tool_use.name]
-            clearance, reached = face.clearances[tool_use.index], title(tool_use.piece, tool_use.name)
-            pose = stage.faces(self.roles.copies[tool_use.piece, 0])[tool_use.name]
+            clearance = face.clearances[tool_use.index]
+            reached = title(tool_use.piece, tool_use.name)
+            # Tools are used at pieces that occur once.
+            copy = self.roles.copies[tool_use.piece, 0]
+            pose = stage.faces(copy)[tool_use.name]
         else:
             mount = self.roles.mounts[tool_use.name]
-            clearance, reached = mount.clearances[tool_use.index], mount.name
+            clearance = mount.clearances[tool_use.index]
+            reached = mount.name
             pose = stage.mount(mount)
         return clearance, clearance_blocks(clearance, reached).moved(pose)
 
@@ -187,36 +218,33 @@ class CarSolids:
                     shape = shape.difference(fold.buffer(piece.thickness_mm / 2, cap_style="flat"))
         return plate(shape, piece.thickness_mm, title(name, face_name))
 
-    def _tongue_regions(self, join: Join) -> Iterator[tuple[str, shapely.Geometry]]:
+    def _tongue_regions(self, join: Join) -> Iterator[TongueRegion]:
         """Yield the regions of a piece with tongues that are cut off because they are in a slot.
 
-        Each is the name of a face of the piece, and a band of this face in its own frame: from the near side of the
-        slotted film to just behind the tip of the tongue. All faces of the piece are cut, because several tongues may
-        share a slot. If a piece locks into itself, only the face of the tongue is cut.
+        A region is a band of a face: from the near side of the slotted film to just behind the tip of the tongue. All
+        faces of the piece are cut, because several tongues may share a slot. If a piece locks into itself, only the face
+        of the tongue is cut.
         """
         roles, piece = self.roles, self.roles.pieces[join.piece_a]
         tongue, slotted = self._joined_copies(join)
-        # In the frame of the slotted face, z is the height over its film. The tongue may come from above or from below.
-        # Heights below count in the direction in which it goes, so its tip always has a positive height.
+        # In the frame of the slotted face, z is the height above its film. If the tongue comes from above, its tip is
+        # below the film, and heights are counted downwards. So the tip always has a positive height.
         car_to_slotted = inverse(roles.pose_of(slotted, join.b.face))
         tip = np.mean(edge(roles.faces[join.piece_a], join.a), axis=0)
         _, _, tip_z = apply(compose(car_to_slotted, roles.pose_of(tongue, join.a.face)), *tip)
-        towards_tip = 1.0 if tip_z > 0 else -1.0
-        tip_height = abs(tip_z)
-        half_film = roles.pieces[join.piece_b].thickness_mm / 2
+        upwards = 1.0 if tip_z > 0 else -1.0
+        near_side = -roles.pieces[join.piece_b].thickness_mm / 2
         locks_into_itself = join.piece_a == join.piece_b
         for face in piece.faces:
             if locks_into_itself and face.name != join.a.face:
                 continue
-            # A point (x, y) of this face has the height slope · (x, y) + offset, as the third row of the pose says.
-            face_in_slotted = np.array(compose(car_to_slotted, roles.pose_of(tongue, face.name)))
-            slope_x, slope_y, _, offset = towards_tip * face_in_slotted[2]
-            slope = np.array((slope_x, slope_y))
-            corner_heights = np.array(face.outline_mm) @ slope + offset
-            is_upright = np.linalg.norm(slope) > UPRIGHT
-            reaches_slot = corner_heights.max() > -half_film
+            height = _height_of_points(compose(car_to_slotted, roles.pose_of(tongue, face.name)), upwards)
+            corner_heights = np.array(face.outline_mm) @ height.slope + height.offset
+            is_upright = np.linalg.norm(height.slope) > UPRIGHT
+            reaches_slot = corner_heights.max() > near_side
             if is_upright and reaches_slot:
-                yield face.name, _band(slope, offset, -half_film, tip_height + BEHIND_MM)
+                band = _band(height.slope, height.offset, low=near_side, high=abs(tip_z) + BEHIND_MM)
+                yield TongueRegion(face.name, band)
 
     def _joined_copies(self, join: Join) -> tuple[PlacedPiece, PlacedPiece]:
         """Return the first copies of both pieces of a join that are in the same body.

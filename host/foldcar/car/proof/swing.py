@@ -17,20 +17,23 @@ SWING_STEPS = 40
 
 
 class Swing(NamedTuple):
-    """The copies of a piece that folds, the titles of their faces that move, the parts that move along, and all that
-    stands still.
+    """What moves and what stands still while a piece folds.
+
+    ``copies`` are the copies of the piece, and ``moving_faces`` the titles of their faces that move. ``carried`` are the
+    other parts that move along with them. ``obstacles`` is all that stands still.
     """
 
-    piece_keys: list[PartKey]
-    faces: set[str]
-    part_keys: list[PartKey]
+    copies: list[PartKey]
+    moving_faces: set[str]
+    carried: list[PartKey]
     obstacles: Blocks
 
 
 def even_path(start: Mapping[str, float], end: Mapping[str, float]) -> Iterator[dict[str, float]]:
-    """Yield how far folds are closed, step by step, if they close evenly: fractions by crease.
+    """Yield the positions of folds, in equal steps from ``start`` to ``end``.
 
-    ``start`` and ``end`` are the fractions before and after. A crease that has none at the start is open.
+    A position has, for each crease, the fraction of its final angle by which it is closed. A crease that is not in
+    ``start`` is open at first, with the fraction 0. All creases of ``end`` move at the same time.
     """
     for number in range(SWING_STEPS + 1):
         t = number / SWING_STEPS
@@ -38,12 +41,12 @@ def even_path(start: Mapping[str, float], end: Mapping[str, float]) -> Iterator[
 
 
 def lid_path(lid: Lid, angles_rad: Mapping[str, float]) -> Iterator[dict[str, float]]:
-    """Yield how far the folds of a lid are closed, step by step, while it shuts.
+    """Yield the positions of the folds of a lid, step by step, while it shuts.
 
-    Each value has a number for each crease: 0 means that the fold is flat, and 1 that it has its final angle. The lid
-    turns about its hinge, and a flap hangs on its other edge. If the flap had its final angle all the time, it would hit
-    the wall behind which it must go. So it is first bent to its final angle. During the first half of the lid's turn it
-    is bent further, by as much as the lid turns, so its number is above 1. During the second half it is bent back.
+    A position has a number for each crease: 0 means that the fold is flat, and 1 that it has its final angle, which
+    ``angles_rad`` contains. The lid turns about its hinge, and a flap hangs on its other edge. With its final angle to
+    the lid, the flap would hit the wall behind which it must go. So it is bent further at first, as the lid turns, up to
+    the middle of the lid's turn. Then it is bent back.
     """
     hinge, *flaps = lid.creases
     if not flaps:
@@ -52,14 +55,15 @@ def lid_path(lid: Lid, angles_rad: Mapping[str, float]) -> Iterator[dict[str, fl
         return
     flap, *others = flaps
     others_closed = dict.fromkeys(others, 1.0)
+    # While the lid is open, the flap is folded to its final angle.
     for number in range(SWING_STEPS):
         yield {hinge: 0.0, flap: number / SWING_STEPS, **others_closed}
-    # Both folds have numbers relative to their own final angles. This turns one of the hinge into one of the flap.
-    hinge_to_flap = angles_rad[hinge] / angles_rad[flap]
+    # Then the lid turns. The flap is bent by the same angle as the lid turns, which is another fraction of its own angle.
+    flap_per_hinge = angles_rad[hinge] / angles_rad[flap]
     for number in range(SWING_STEPS + 1):
         closed = number / SWING_STEPS
         further_bent = min(closed, 1.0 - closed)
-        yield {hinge: closed, flap: 1.0 + hinge_to_flap * further_bent, **others_closed}
+        yield {hinge: closed, flap: 1.0 + flap_per_hinge * further_bent, **others_closed}
 
 
 def swing_of(name: str, first: Stage, last: Stage, standing: Mapping[PartKey, Blocks]) -> Swing:
@@ -67,13 +71,13 @@ def swing_of(name: str, first: Stage, last: Stage, standing: Mapping[PartKey, Bl
 
     ``standing`` are the parts that are in place, with their solids.
     """
-    moving_keys = [key for key in standing if first.poses(key) != last.poses(key)]
-    piece_keys = [key for key in moving_keys if key.kind == "piece" and key.name == name]
-    part_keys = [key for key in moving_keys if key not in piece_keys]
-    faces: set[str] = set()
-    for key in piece_keys:
-        last_poses = last.poses(key)
-        faces |= {title(name, face) for face, pose in first.poses(key).items() if pose != last_poses[face]}
-    still_faces = [standing[key].without_titles(faces) for key in piece_keys]
-    still_parts = [blocks for key, blocks in standing.items() if key not in moving_keys]
-    return Swing(piece_keys, faces, part_keys, obstacles=merge_blocks([*still_faces, *still_parts]))
+    moving = [key for key in standing if first.poses(key) != last.poses(key)]
+    copies = [key for key in moving if key.kind == "piece" and key.name == name]
+    carried = [key for key in moving if key not in copies]
+    moving_faces: set[str] = set()
+    for key in copies:
+        first_poses, last_poses = first.poses(key), last.poses(key)
+        moving_faces |= {title(name, face) for face in first_poses if first_poses[face] != last_poses[face]}
+    still_faces = [standing[key].without_titles(moving_faces) for key in copies]
+    still_parts = [blocks for key, blocks in standing.items() if key not in moving]
+    return Swing(copies, moving_faces, carried, obstacles=merge_blocks([*still_faces, *still_parts]))

@@ -5,7 +5,7 @@ text, in millimetres of the picture.
 """
 
 import html
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -43,6 +43,9 @@ EDGE_SLACK_MM = 0.08
 MARGIN, MIN_ARROW = 0.04, 0.012
 # Height of an arrow's text as a fraction of the larger side, width of a letter as a fraction of that height.
 TEXT, LETTER = 0.03, 0.6
+# How far the base line of an arrow's text lies below the start of the arrow, in heights of the text: for a text above the
+# start and for one below it.
+ABOVE_START, BELOW_START = -0.4, 1.1
 # Width of the white edge of an arrow's text, as a fraction of the larger side.
 TEXT_EDGE = 0.008
 # The brightness of a face without light, and what full light adds to it.
@@ -60,6 +63,8 @@ LINE_EDGE, TIP_EDGE = 2.2, 0.5
 MARK_RADIUS, WIDE_MARK_RADIUS, MARK_TEXT, MARK_LINE = 0.017, 0.023, 0.024, 0.12
 # Minimum distance of two marks as a fraction of the larger side, a little more than their diameter.
 MARKS_APART = 0.036
+# Computed distances carry errors of rounding. Points that are nearer than the second one are the same.
+ROUNDING, SAME_POINT = 1e-9, 1e-6
 
 
 @dataclass(frozen=True)
@@ -166,33 +171,38 @@ def _lines(shape: PictureContent, seen: Sequence[VisibleFacet], view: Camera, si
         keys = tuple(key for key in line.keys if key in visible)
         if keys:
             edges_by_keys.setdefault((line.kind, keys), []).append(line.ends_mm)
-    path_data: dict[str, list[str]] = {kind: [] for kind in LINES}
+    # The data of the path of each kind of line.
+    path_data = dict.fromkeys(LINES, "")
     for (kind, keys), edges in edges_by_keys.items():
         # The places (edges, 2 ends, 2) in the picture. Edges that are seen end-on, as points, are left out.
         ends = view.flat(np.concatenate(edges)).reshape(-1, 2, 2)
         extents = np.ptp(ends, axis=1).max(axis=1)
-        ends = ends[extents > EDGE_SLACK_MM]
-        if any(visible[key].whole for key in keys):
-            path_data[kind] += [_polyline(line) for line in ends]
-            continue
-        regions = [visible[key].region.buffer(EDGE_SLACK_MM, quad_segs=1) for key in keys]
-        all_edges = shapely.multilinestrings(shapely.linestrings(ends))
-        visible_edges = shapely.get_parts(shapely.intersection(all_edges, shapely.union_all(regions)))
-        path_data[kind] += [_polyline(shapely.get_coordinates(edge)) for edge in visible_edges if edge.length > 0]
-    elements = []
-    for kind, (colour, dashes, width_percent) in LINES.items():
-        if not path_data[kind]:
-            continue
-        width_mm = size * width_percent / 100
-        dashed = ""
-        if dashes is not None:
-            lengths = " ".join(f"{dash * width_mm:.3f}" for dash in dashes)
-            dashed = f' stroke-dasharray="{lengths}"'
-        elements.append(
-            f'<path d="{"".join(path_data[kind])}" fill="none" stroke="{colour}" stroke-width="{width_mm:.3f}" '
-            f'stroke-linecap="round"{dashed}/>'
-        )
-    return elements
+        visible_lines = _visible_parts(ends[extents > EDGE_SLACK_MM], [visible[key] for key in keys])
+        path_data[kind] += "".join(_polyline(line) for line in visible_lines)
+    return [_stroked_path(kind, data, size) for kind, data in path_data.items() if data]
+
+
+def _visible_parts(edges: Vector, facets: Sequence[VisibleFacet]) -> Iterable[Vector]:
+    """Return the parts of edges, (edges, 2 ends, 2), that are visible beside one of these facets, as lines (n, 2)."""
+    if any(facet.whole for facet in facets):
+        return edges
+    regions = [facet.region.buffer(EDGE_SLACK_MM, quad_segs=1) for facet in facets]
+    all_edges = shapely.multilinestrings(shapely.linestrings(edges))
+    parts = shapely.get_parts(shapely.intersection(all_edges, shapely.union_all(regions)))
+    return [shapely.get_coordinates(part) for part in parts if part.length > 0]
+
+
+def _stroked_path(kind: str, data: str, size: float) -> str:
+    """Return the SVG of all lines of one kind. ``data`` is that of the path, and ``size`` the picture's size (mm)."""
+    colour, dashes, width_percent = LINES[kind]
+    width_mm = size * width_percent / 100
+    dashed = ""
+    if dashes is not None:
+        lengths = " ".join(f"{dash * width_mm:.3f}" for dash in dashes)
+        dashed = f' stroke-dasharray="{lengths}"'
+    return (
+        f'<path d="{data}" fill="none" stroke="{colour}" stroke-width="{width_mm:.3f}" stroke-linecap="round"{dashed}/>'
+    )
 
 
 def _marks(marks: Sequence[DrawnText], seen: Sequence[VisibleFacet], view: Camera, size: float) -> list[str]:
@@ -232,9 +242,12 @@ def _moved_clear(point: Vector, placed: Sequence[Vector], min_distance: float) -
         nearest = min(placed, key=lambda other: float(np.linalg.norm(point - other)))
         offset = point - nearest
         distance = float(np.linalg.norm(offset))
-        if distance > min_distance - 1e-9:
+        if distance > min_distance - ROUNDING:
             break
-        point = nearest + (offset / distance if distance > 1e-6 else np.array([1.0, 0.0])) * min_distance
+        # If the two points coincide, any direction will do: to the right.
+        coincide = distance <= SAME_POINT
+        direction = np.array([1.0, 0.0]) if coincide else offset / distance
+        point = nearest + direction * min_distance
     return point
 
 
@@ -244,35 +257,44 @@ def _arrow(arrow: Arrow, view: Camera, size: float) -> str:
     A very short arrow is not drawn: the result is "". ``size`` is the picture's larger side (mm).
     """
     points = view.flat(arrow.points_mm)
-    colour, width = ARROWS[arrow.kind]
-    line_width = size * width / 100
-    tip_length = size * (TIP + TIP_PER_WIDTH * width)
-    direction = points[-1] - points[-2]
-    last_length = float(np.linalg.norm(direction))
+    colour, width_percent = ARROWS[arrow.kind]
+    line_width = size * width_percent / 100
+    last_section = points[-1] - points[-2]
+    last_length = float(np.linalg.norm(last_section))
     if last_length < MIN_ARROW * size:
         return ""
-    # From here on, the vector from the base of the tip to its point.
-    direction = direction / last_length * min(tip_length, MAX_TIP * last_length)
-    half_width = HALF_TIP_WIDTH * np.array([-direction[1], direction[0]])
-    tip_base = points[-1] - direction
-    line_path = _polyline(np.vstack([points[:-1], tip_base + INTO_TIP * direction]))
+    # The tip is a triangle. ``tip`` is the vector from the middle of its base to its point.
+    tip_length = min(size * (TIP + TIP_PER_WIDTH * width_percent), MAX_TIP * last_length)
+    tip = last_section / last_length * tip_length
+    tip_base = points[-1] - tip
+    half_width = HALF_TIP_WIDTH * np.array([-tip[1], tip[0]])
+    line_path = _polyline(np.vstack([points[:-1], tip_base + INTO_TIP * tip]))
     tip_path = _polyline(np.stack([points[-1], tip_base + half_width, tip_base - half_width])) + "Z"
-    label = ""
-    if arrow.text:
-        u, v = points[0]
-        # The text stands beside the start of the arrow, on the side that is away from the tip.
-        right, up = points[0] - points[-1]
-        anchor = "end" if right < -abs(up) / 2 else "start"
-        label = (
-            f'<text x="{u:.2f}" y="{-v:.2f}" dy="{-0.4 if up > 0 else 1.1:g}em" font-size="{size * TEXT:.2f}" '
-            f'fill="{colour}" text-anchor="{anchor}" stroke="#ffffff" stroke-width="{size * TEXT_EDGE:.2f}" '
-            'paint-order="stroke">'
-            f"{html.escape(arrow.text)}</text>"
-        )
+    label = _arrow_label(arrow.text, points, size, colour) if arrow.text else ""
     return (
         f'<path d="{line_path}" fill="none" stroke="#ffffff" stroke-width="{LINE_EDGE * line_width:.3f}"/>'
         f'<path d="{line_path}" fill="none" stroke="{colour}" stroke-width="{line_width:.3f}"/>'
         f'<path d="{tip_path}" fill="{colour}" stroke="#ffffff" stroke-width="{TIP_EDGE * line_width:.3f}"/>' + label
+    )
+
+
+def _arrow_label(text: str, points: Vector, size: float, colour: str) -> str:
+    """Return the SVG of an arrow's text. ``points`` (n, 2) are those of the arrow, and ``size`` is the picture's size.
+
+    The text stands beside the start of the arrow, on the side that is away from the tip.
+    """
+    u, v = points[0]
+    right, up = points[0] - points[-1]
+    # The text ends at the arrow if the arrow comes mainly from the left.
+    comes_from_left = right < -abs(up) / 2
+    anchor = "end" if comes_from_left else "start"
+    # In heights of the text, down from the start of the arrow.
+    line_shift = ABOVE_START if up > 0 else BELOW_START
+    return (
+        f'<text x="{u:.2f}" y="{-v:.2f}" dy="{line_shift:g}em" font-size="{size * TEXT:.2f}" '
+        f'fill="{colour}" text-anchor="{anchor}" stroke="#ffffff" stroke-width="{size * TEXT_EDGE:.2f}" '
+        'paint-order="stroke">'
+        f"{html.escape(text)}</text>"
     )
 
 

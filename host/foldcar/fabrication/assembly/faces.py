@@ -41,13 +41,15 @@ def glued_offset_mm(piece: Piece, fraction: Fraction = 1.0) -> dict[str, float]:
     """Return how far (mm) each tab that is taped to another face is moved along its normal, by the name of the tab.
 
     A folded tab would lie in the plane of the other face. It is moved inwards by the thickness of the film, times the
-    fraction to which its fold is closed.
+    ``fraction`` to which its fold is closed: one number for all folds, or a number by the name of the fold.
     """
     tabs = {face.name for face in piece.faces if face.role == "tab"}
     offsets = {}
-    for crease in (crease for crease in piece.creases if crease.child.face in tabs):
-        fold_fraction = fraction.get(crease.name, 0.0) if isinstance(fraction, Mapping) else fraction
-        offsets[crease.child.face] = piece.thickness_mm * (1 if crease.angle_rad > 0 else -1) * fold_fraction
+    for crease in piece.creases:
+        if crease.child.face in tabs:
+            closed = fraction.get(crease.name, 0.0) if isinstance(fraction, Mapping) else fraction
+            direction = 1 if crease.angle_rad > 0 else -1
+            offsets[crease.child.face] = piece.thickness_mm * direction * closed
     return offsets
 
 
@@ -69,16 +71,16 @@ def face_triangles(face: Face) -> NDArray[np.int64]:
     points, ends = face_points(face)
     holes = [points[start:end] for start, end in itertools.pairwise(ends)]
     polygon = Polygon(points[: ends[0]], holes)
-    parts = shapely.get_parts(shapely.constrained_delaunay_triangles(polygon))
-    index_of = {(x, y): i for i, (x, y) in enumerate(points.tolist())}
-    # A triangle has four coordinates, because the last repeats the first.
-    corners = shapely.get_coordinates(parts).reshape(-1, 4, 2)[:, :3].tolist()
-    triangles = np.array([[index_of[x, y] for x, y in triangle] for triangle in corners], dtype=np.int64)
-    a, b, c = (points[triangles[:, i]] for i in range(3))
-    # Twice a triangle's signed area is negative if its corners run clockwise.
-    clockwise = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0] < 0
-    triangles[clockwise] = triangles[clockwise][:, ::-1]
-    return triangles
+    index_of = {(x, y): index for index, (x, y) in enumerate(points.tolist())}
+    triangles = []
+    for triangle in shapely.get_parts(shapely.constrained_delaunay_triangles(polygon)):
+        # The outline of a triangle has four points, because the last one repeats the first.
+        a, b, c, _ = triangle.exterior.coords
+        indices = [index_of[corner] for corner in (a, b, c)]
+        # Twice the signed area of the triangle, which is negative if its corners run clockwise.
+        doubled_area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+        triangles.append(indices[::-1] if doubled_area < 0 else indices)
+    return np.array(triangles, dtype=np.int64)
 
 
 def piece_area_mm2(piece: Piece) -> float:

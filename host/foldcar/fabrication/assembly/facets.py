@@ -155,14 +155,16 @@ def _ring(mount: Mount, pose: Matrix) -> Iterator[SolidSide]:
         """Return the corners of a circle around the z axis, at its place in the car."""
         return moved(pose, np.column_stack([radius_mm * circle, np.full(RING_SIDES, z_mm)]))
 
-    low = (moved_circle(outer_mm, -half_height_mm), moved_circle(inner_mm, -half_height_mm))
-    high = (moved_circle(outer_mm, half_height_mm), moved_circle(inner_mm, half_height_mm))
-    yield SolidSide(low, -1.0 * pose[:3, 2])
-    yield SolidSide(high, 1.0 * pose[:3, 2])
-    for i in range(RING_SIDES):
-        # The normal points to the middle between two corners of the circle.
-        normal = pose[:3, :2] @ (circle[i] + circle[(i + 1) % RING_SIDES])
-        yield SolidSide((_side(low[0], high[0], i),), normal / np.linalg.norm(normal))
+    low_outer, high_outer = moved_circle(outer_mm, -half_height_mm), moved_circle(outer_mm, half_height_mm)
+    low_inner, high_inner = moved_circle(inner_mm, -half_height_mm), moved_circle(inner_mm, half_height_mm)
+    # The lower and the upper face have a hole.
+    yield SolidSide((low_outer, low_inner), -1.0 * pose[:3, 2])
+    yield SolidSide((high_outer, high_inner), 1.0 * pose[:3, 2])
+    # The outer side is flat between each corner of the circle and the next one. Its normal points to their middle.
+    next_corners = np.roll(circle, -1, axis=0)
+    for index, (corner, next_corner) in enumerate(zip(circle, next_corners, strict=True)):
+        normal = pose[:3, :2] @ (corner + next_corner)
+        yield SolidSide((_side(low_outer, high_outer, index),), normal / np.linalg.norm(normal))
 
 
 def _circle(sides: int) -> Vector:
@@ -179,18 +181,10 @@ def _side(low: Vector, high: Vector, i: int) -> Vector:
 
 def _sides(solid: Solid, pose: Matrix) -> Iterator[SolidSide]:
     """Yield the sides of a box or a cylinder at its place. The two ends of a cylinder come first."""
-    half = np.array(solid.size_mm) / 2
     if solid.kind == "box":
-        for axis in range(3):
-            # The two other axes of the box.
-            first, second = (axis + 1) % 3, (axis + 2) % 3
-            for sign in (-1.0, 1.0):
-                corners = np.zeros((4, 3))
-                corners[:, axis] = sign * half[axis]
-                corners[:, first] = np.array([-1, 1, 1, -1]) * half[first]
-                corners[:, second] = np.array([-1, -1, 1, 1]) * half[second]
-                yield SolidSide((moved(pose, corners),), sign * pose[:3, axis])
+        yield from _sides_of_box(solid, pose)
         return
+    half = np.array(solid.size_mm) / 2
     sides = CYLINDER_SIDES if half[0] > SMALL_HOLE_MM / 2 else SMALL_CYLINDER_SIDES
     circle = half[0] * _circle(sides)
     low = moved(pose, np.column_stack([circle, np.full(sides, -half[2])]))
@@ -202,6 +196,21 @@ def _sides(solid: Solid, pose: Matrix) -> Iterator[SolidSide]:
     for i, middle in enumerate(middles):
         normal = pose[:3, 0] * np.cos(middle) + pose[:3, 1] * np.sin(middle)
         yield SolidSide((_side(low, high, i),), normal)
+
+
+def _sides_of_box(box: Solid, pose: Matrix) -> Iterator[SolidSide]:
+    """Yield the six sides of a box at its place: for each axis of the box the side at its lower and its upper end."""
+    half = np.array(box.size_mm) / 2
+    for axis in range(3):
+        # The two other axes of the box, along which the side extends.
+        first, second = (axis + 1) % 3, (axis + 2) % 3
+        for sign in (-1.0, 1.0):
+            corners = np.zeros((4, 3))
+            corners[:, axis] = sign * half[axis]
+            # The four corners around the side.
+            corners[:, first] = (-half[first], half[first], half[first], -half[first])
+            corners[:, second] = (-half[second], -half[second], half[second], half[second])
+            yield SolidSide((moved(pose, corners),), sign * pose[:3, axis])
 
 
 def _hole_ring(hole: Hole) -> Vector:

@@ -13,12 +13,13 @@ from foldcar.car.proof.prove import service_steps
 from foldcar.fabrication.assembly.drawing import Drawing
 from foldcar.fabrication.assembly.facets import film_shape
 from foldcar.fabrication.assembly.finished_car import finished_car
-from foldcar.fabrication.assembly.guide_pictures import Step, join_marks, service_picture, step_pictures
+from foldcar.fabrication.assembly.guide_pictures import Step, service_picture, step_pictures
 from foldcar.fabrication.assembly.guide_service import ListedCar, driving_steps, service_lines
 from foldcar.fabrication.assembly.guide_state import AssemblyState
 from foldcar.fabrication.assembly.guide_words import step_lines
 from foldcar.fabrication.assembly.hidden_surfaces import camera
 from foldcar.fabrication.assembly.insertion_words import DRIVER, join_words, number_ranges
+from foldcar.fabrication.assembly.join_numbers import join_marks
 from foldcar.fabrication.assembly.operations import (
     is_screw,
     is_wound,

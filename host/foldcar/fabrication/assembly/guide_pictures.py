@@ -6,23 +6,23 @@ one side stand apart in a row, in the order of the step; a nut stands on its own
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from markupsafe import Markup
-from shapely.geometry import Point, Polygon
 
-from foldcar.car.folded.model import FoldedCar, Join, Mount, Piece, PlacedPiece
-from foldcar.car.folded.pose import edge
+from foldcar.car.folded.model import FoldedCar, Mount, PlacedPiece
 from foldcar.car.parts.bought import Screw, Spacer
 from foldcar.car.proof.prove import assembly_steps, service_steps
 from foldcar.car.proof.roles import roles_of
 from foldcar.car.proof.step import AddedPart, AssemblyStep
 from foldcar.fabrication.assembly.drawing import Arrow, Drawing, DrawnText
-from foldcar.fabrication.assembly.faces import Fraction, Matrix, face_poses, glued_offset_mm, moved
+from foldcar.fabrication.assembly.faces import face_poses, moved
 from foldcar.fabrication.assembly.facets import PictureContent, merge_shapes, shank_and_nut
 from foldcar.fabrication.assembly.guide_service import reached_part
 from foldcar.fabrication.assembly.guide_state import AssemblyState, Part, facet_key_prefix
 from foldcar.fabrication.assembly.hidden_surfaces import Camera, Vector, camera
+from foldcar.fabrication.assembly.join_numbers import box_area_mm2, join_marks
 from foldcar.fabrication.assembly.operations import Operations, is_screw, is_wound, minutes
 
 # Open lids stand on the left, so that most is seen from the right.
@@ -45,8 +45,6 @@ ACROSS = 0.5
 # Smaller parts, screws and spacers, do not choose the camera. A fold that moves a face by less has no arrow.
 SMALL_MM, MOVED_MM = 14.0, 20.0
 FOLD_ARROWS = 2
-# How far a join's number stands from its slot or edge. On a layer, how far along the way from the middle to a corner.
-BESIDE_EDGE_MM, NEAR_CORNER = 7.0, 0.6
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,11 +191,29 @@ def _views(scene: "StepPicture") -> list[tuple[Camera, str]]:
     return [(FROM_RIGHT, "seen from the right")]
 
 
+class _Box(NamedTuple):
+    """A box along the axes of the car: its corners with the smallest and with the largest coordinates (3,), in mm."""
+
+    low: Vector
+    high: Vector
+
+    @property
+    def middle(self) -> Vector:
+        """The middle of the box (3,)."""
+        middle: Vector = np.stack(self).mean(axis=0)
+        return middle
+
+    @property
+    def longest_mm(self) -> float:
+        """The longest of its sides."""
+        return float(np.ptp(np.stack(self), axis=0).max())
+
+
 @dataclass(frozen=True)
 class _DisplacedPart:
-    """A part drawn apart from its place: its bounding box in place (2, 3), the direction out, and the shift (mm)."""
+    """A part drawn apart from its place: its bounding box in place, the direction out (3,), and the shift (3,) in mm."""
 
-    box_mm: Vector
+    box: _Box
     out: Vector
     shift_mm: Vector
 
@@ -212,22 +228,20 @@ class StepPicture:
     """
 
     def __init__(self, step: AssemblyStep, state: AssemblyState) -> None:
+        """Draw a step. ``state`` is that of the assembly after it."""
         self.step, self.state = step, state
         # If the step builds a unit, such as a wheel, that several bodies have, only the first of them is drawn.
-        body = state.unit_bodies(step.unit)[0] if step.unit else ""
-        axle = next((axle for axle in state.car.axles if axle.wheel == body), None)
+        self.body = state.unit_bodies(step.unit)[0] if step.unit else ""
+        axle = next((axle for axle in state.car.axles if axle.wheel == self.body), None)
         self.axle_mm = None if axle is None else np.array(axle.center_mm)
         self.outward = None if axle is None else np.array([0.0, 1.0 if axle.side == "left" else -1.0, 0.0])
         self.sides: list[Vector] = []
         self.arrows: list[Arrow] = []
         self.marks: list[DrawnText] = []
         self._displaced: list[_DisplacedPart] = []
-        # The parts that are added, and those that are present and are not added.
-        added_parts = [added for added in step.adds if not step.unit or added.body == body]
-        new_ids = {id(part) for added in added_parts for part in state.parts_of(added)}
-        all_parts = state.unit_parts(step.unit, body) if step.unit else state.in_place
-        present = [part for part in all_parts if id(part) not in new_ids]
-        # Of the latter, the pieces that the step folds are drawn like new ones.
+        # The parts that were in place before the step. Of these, the pieces that the step folds are drawn like new ones.
+        added_parts = [added for added in step.adds if not step.unit or added.body == self.body]
+        present = self._parts_before(added_parts)
         folded = [part for part in present if isinstance(part, PlacedPiece) and part.piece in step.folds]
         old_shapes = [state.shape(part) for part in present if part not in folded and not is_hidden(state, part)]
         self.faded = {facet.key for shape in old_shapes for facet in shape.facets}
@@ -239,6 +253,12 @@ class StepPicture:
         for added in added_parts:
             new_shapes += self._show_added(added)
         self.shape = merge_shapes([*old_shapes, *new_shapes])
+
+    def _parts_before(self, added_parts: Sequence[AddedPart]) -> list[Part]:
+        """Return the parts that were in place before the step: in the car, or in the unit that the step builds."""
+        new_ids = {id(part) for added in added_parts for part in self.state.parts_of(added)}
+        parts = self.state.unit_parts(self.step.unit, self.body) if self.step.unit else self.state.in_place
+        return [part for part in parts if id(part) not in new_ids]
 
     def arrows_in(self, view: Camera) -> list[Arrow]:
         """Return the arrows of parts that come from the camera's side or across the picture, not from behind it."""
@@ -269,41 +289,44 @@ class StepPicture:
         place.
         """
         corners_mm = points([self.state.shape(part) for part in parts])
-        box = np.stack([corners_mm.min(axis=0), corners_mm.max(axis=0)])
+        box = _Box(low=corners_mm.min(axis=0), high=corners_mm.max(axis=0))
         moves = self._moves(added, box)
         # How far the parts stand from their places.
-        shift = -np.sum(moves, axis=0) if moves else np.zeros(3)
+        shift = np.zeros(3)
         if moves:
-            out = shift / np.linalg.norm(shift)
-            obstacle_shift = self._shift_of_obstacle(box, out)
-            if np.ptp(box, axis=0).max() > SMALL_MM:
-                self.sides.append(out)
-            start = box.mean(axis=0) + obstacle_shift + shift
+            shift_to_start = -np.sum(moves, axis=0)
+            direction_out = shift_to_start / np.linalg.norm(shift_to_start)
+            shift_of_earlier = self._shift_of_obstacle(box, direction_out)
+            shift = shift_to_start + shift_of_earlier
+            self._displaced.append(_DisplacedPart(box, direction_out, shift))
+            if box.longest_mm > SMALL_MM:
+                self.sides.append(direction_out)
+            # The arrow leads along the moves, from the middle of the parts.
+            start = box.middle + shift_of_earlier + shift_to_start
             path = np.cumsum([start, *moves], axis=0)
             self.arrows.append(Arrow(path, "tool" if self._is_screw(added) else "way"))
-            shift = shift + obstacle_shift
-            self._displaced.append(_DisplacedPart(box, out, shift))
         for part in parts:
             if isinstance(part, PlacedPiece):
                 self._mark_joins(part, shift)
         return [self.state.shape(part, shift, creases=not moves) for part in parts]
 
-    def _shift_of_obstacle(self, box: Vector, out: Vector) -> Vector:
-        """Return the largest shift (3,) of the displaced parts that a box would meet on its way ``out``; 0 if it
-        meets none.
+    def _shift_of_obstacle(self, box: _Box, out: Vector) -> Vector:
+        """Return how far (3,) that part is shifted which a ``box`` would meet on its way in the direction ``out``.
 
-        ``box`` is (2, 3): its minimum and maximum (mm). A displaced part is in the way if it was moved in about the
-        same direction, and if it overlaps the box across that direction.
+        A displaced part is in the way if it was moved in about the same direction, and if it overlaps the box across that
+        direction. Of several, the one that is shifted farthest counts. Without any, the result is 0.
         """
-        across = np.abs(out) < ACROSS
+        # The axes of the car that are about perpendicular to the direction.
+        is_across = np.abs(out) < ACROSS
         shifts = [np.zeros(3)]
         for earlier in self._displaced:
-            overlap = (box[0] <= earlier.box_mm[1]) & (earlier.box_mm[0] <= box[1])
-            if float(earlier.out @ out) > ALIKE and overlap[across].all():
+            has_same_direction = float(earlier.out @ out) > ALIKE
+            overlaps_along_axes = (box.low <= earlier.box.high) & (earlier.box.low <= box.high)
+            if has_same_direction and overlaps_along_axes[is_across].all():
                 shifts.append(earlier.shift_mm)
         return max(shifts, key=lambda shift: float(shift @ out))
 
-    def _moves(self, added: AddedPart, box: Vector) -> list[Vector]:
+    def _moves(self, added: AddedPart, box: _Box) -> list[Vector]:
         """Return the moves (3,) of a part's insertion path, with lengths that suit the picture.
 
         Long moves are shortened. The first move of a part is lengthened if it would be too short to be seen. A strip that
@@ -312,13 +335,12 @@ class StepPicture:
         moves = [np.array(move) for move in added.way_mm if np.linalg.norm(move) > 0]
         if not moves and self.axle_mm is not None and added.kind == "piece" and is_wound(self.state.pieces[added.name]):
             # The axle runs along y, so the radius has no y.
-            radial = (box.mean(axis=0) - self.axle_mm) * (1.0, 0.0, 1.0)
+            radial = (box.middle - self.axle_mm) * (1.0, 0.0, 1.0)
             if np.linalg.norm(radial) == 0:
                 return []
             inwards = -radial
             return [STRIP_APART_MM * inwards / np.linalg.norm(inwards)]
-        size_mm = float(np.ptp(box, axis=0).max())
-        min_first_mm = min(max(MIN_APART_MM, APART_SHARE * size_mm), APART_MM)
+        min_first_mm = min(max(MIN_APART_MM, APART_SHARE * box.longest_mm), APART_MM)
         drawn_moves = []
         for number, move in enumerate(moves):
             length_mm = float(np.linalg.norm(move))
@@ -337,7 +359,7 @@ class StepPicture:
         """Add arrows for the largest faces that the folds of the step move, from where they were to where they are."""
         before = self.state.face_centres(part, self.state.previous_stage)
         after = self.state.face_centres(part, self.state.stage)
-        faces = sorted(self.state.pieces[part.piece].faces, key=lambda face: -_box_area_mm2(face.outline_mm))
+        faces = sorted(self.state.pieces[part.piece].faces, key=lambda face: -box_area_mm2(face.outline_mm))
         moved_faces = [face.name for face in faces if np.linalg.norm(after[face.name] - before[face.name]) > MOVED_MM]
         self.arrows += [Arrow(np.stack([before[name], after[name]])) for name in moved_faces[:FOLD_ARROWS]]
 
@@ -360,86 +382,3 @@ def is_hidden(state: AssemblyState, part: Part) -> bool:
 def points(shapes: Sequence[PictureContent]) -> Vector:
     """Return the corners of all facets' outlines, (n, 3)."""
     return np.concatenate([facet.rings_mm[0] for shape in shapes for facet in shape.facets])
-
-
-def _box_area_mm2(outline_mm: Sequence[tuple[float, float]]) -> float:
-    return float(np.prod(np.ptp(np.array(outline_mm), axis=0)))
-
-
-def join_marks(folded: FoldedCar, piece: Piece, pose: Matrix, fraction: Fraction, prefix: str = "") -> list[DrawnText]:
-    """Return marks with the numbers of all joins of one copy of a piece, whose root face is at ``pose``.
-
-    A mark is a number at a place of a face. ``fraction`` says how far the folds of the piece are closed. A join around a
-    rim has many teeth, and so many places; its number is written once on the strip and once on the disc.
-    """
-    poses = {name: pose @ face_pose for name, face_pose in face_poses(piece, fraction).items()}
-    offsets = glued_offset_mm(piece, fraction)
-    # The places where a number may stand. A number that is written once, although its join has many places, has one key
-    # for all of them: its side of the join. Other numbers have a key for each face.
-    candidates_by_key: dict[tuple[int, str], list[DrawnText]] = {}
-    for join in folded.joins:
-        for side, piece_of_side in (("a", join.piece_a), ("b", join.piece_b)):
-            if piece_of_side != piece.name:
-                continue
-            face_and_point = _number_place(join, piece, side)
-            if face_and_point is None:
-                continue
-            face, point_mm = face_and_point
-            is_written_once = join.kind in ("rim", "laminate")
-            key = (join.number, side if is_written_once else f"{side} {face}")
-            position = moved(poses[face], np.array([[*point_mm, offsets.get(face, 0.0)]]))[0]
-            candidates_by_key.setdefault(key, []).append(DrawnText(str(join.number), position, prefix + face))
-    marks: list[DrawnText] = []
-    # Numbers with a single place come first. Of several places, the one farthest from all other numbers is taken.
-    for candidates in sorted(candidates_by_key.values(), key=len):
-        marks.append(max(candidates, key=lambda mark: round(_min_distance_mm(mark, marks), 3)))
-    return marks
-
-
-def _min_distance_mm(mark: DrawnText, others: list[DrawnText]) -> float:
-    return min((float(np.linalg.norm(mark.at_mm - other.at_mm)) for other in others), default=0.0)
-
-
-def _number_place(join: Join, piece: Piece, side: str) -> tuple[str, Vector] | None:
-    """Return where the number of a join stands on its side "a" or "b": the face, and the point (2,) in its frame (mm).
-
-    The point is inside the film: on a tab, beside a slot, or beside the joined edge. The result is None if this side
-    has no number.
-    """
-    faces = {face.name: face for face in piece.faces}
-    reference = join.a if side == "a" else join.b
-    # The joins of merged copies name the faces of the first copy.
-    face = faces.get(reference.face, piece.faces[0])
-    outline = np.array(face.outline_mm)
-    if join.kind == "laminate" and side == "a":
-        # The number stands near the first corner, because hubs and openings are in the middle.
-        return face.name, outline.mean(axis=0) * (1 - NEAR_CORNER) + outline[0] * NEAR_CORNER
-    if join.kind == "laminate":
-        return None
-    # A slot: the number stands beside it, towards the middle of the face.
-    hole = next((hole for hole in face.holes if side == "b" and hole.name == join.slot), None)
-    if hole is not None:
-        middle = np.array(hole.outline_mm).mean(axis=0)
-        inward = outline.mean(axis=0) - middle
-        distance_mm = float(np.linalg.norm(inward))
-        if distance_mm > BESIDE_EDGE_MM:
-            step = inward * BESIDE_EDGE_MM / distance_mm
-            is_in_hole = any(Polygon(hole.outline_mm).covers(Point(*(middle + step))) for hole in face.holes)
-            return face.name, middle - step if is_in_hole else middle + step
-        # The slot is in the middle of a short face, as in a wound strip. So the number stands on its largest neighbour.
-        neighbours = []
-        for crease in piece.creases:
-            if crease.parent.face == face.name:
-                neighbours.append(faces[crease.child.face])
-            if crease.child.face == face.name:
-                neighbours.append(faces[crease.parent.face])
-        neighbour = max(neighbours, key=lambda other: _box_area_mm2(other.outline_mm), default=face)
-        return neighbour.name, np.array(neighbour.outline_mm).mean(axis=0)
-    # A tab: the number stands in its middle.
-    if side == "a" and join.kind in ("tab", "lap", "rim"):
-        return face.name, outline.mean(axis=0)
-    # The joined edge from a to b: the number stands beside its middle, inside the face.
-    a, b = (np.array(point) for point in edge(faces, reference))
-    inward = np.array([a[1] - b[1], b[0] - a[0]]) / np.linalg.norm(b - a)
-    depth_mm = min(BESIDE_EDGE_MM, float(((outline - a) @ inward).max()) / 2)
-    return face.name, (a + b) / 2 + inward * depth_mm

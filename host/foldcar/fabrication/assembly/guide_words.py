@@ -6,8 +6,9 @@ Input: an AssemblyStep and the AssemblyState before it. Output: lines of text. N
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
-from foldcar.car.folded.model import Crease, FoldedCar
+from foldcar.car.folded.model import Crease, FoldedCar, Join
 from foldcar.car.leads import leads
 from foldcar.car.parts.catalogue import Catalogue
 from foldcar.car.proof.plan import SHUT
@@ -16,33 +17,32 @@ from foldcar.fabrication.assembly.guide_state import AssemblyState
 from foldcar.fabrication.assembly.insertion_words import insertion_lines, join_words, number_ranges
 from foldcar.fabrication.assembly.operations import disc_turns, folds_of_step, is_wound
 from foldcar.fabrication.assembly.plug_words import plug_lines
-from foldcar.fabrication.assembly.switch_words import switch_lines
+from foldcar.fabrication.assembly.switch_words import LinesAround, switch_lines
 from foldcar.fabrication.assembly.wheel_words import is_rim_lock, tyre_lines, wheel_join_lines
 
 
 def step_lines(step: AssemblyStep, state: AssemblyState) -> tuple[str, ...]:
     """Return the instructions of a step."""
     car = state.car
-    before_bridge, after_bridge = _bridge_lines(step)
-    before_switch, after_switch = switch_lines(car, step)
+    around_bridge, around_switch = _bridge_lines(step), switch_lines(car, step)
     return (
         *_preparation(step, state),
-        *before_bridge,
+        *around_bridge.before,
         *_fold_lines(step, state),
-        *before_switch,
+        *around_switch.before,
         *insertion_lines(step, state),
         *_join_lines(car, step),
-        *after_switch,
+        *around_switch.after,
         *plug_lines(car, step),
-        *after_bridge,
+        *around_bridge.after,
         *_cautions(car, step, state),
     )
 
 
-def _bridge_lines(step: AssemblyStep) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def _bridge_lines(step: AssemblyStep) -> LinesAround:
     """Return what is done before the bridge goes in, and what is done after; nothing for a step without the bridge."""
     if not any(added.kind == "unit" and added.name == "bridge" for added in step.adds):
-        return (), ()
+        return LinesAround()
     before = (
         "Push a cable tie through the two slots of the left wall first. Its head is outside. Leave it open.",
         "Turn the bridge so that USB looks to the large hole of the left wall. When the bridge is in, look through the "
@@ -53,7 +53,7 @@ def _bridge_lines(step: AssemblyStep) -> tuple[tuple[str, ...], tuple[str, ...]]
         "Press both feet onto the floor: push the blunt end of a pencil under the boards, beside the cell and never onto "
         "it, from the side of the bridge without a tongue.",
     )
-    return before, after
+    return LinesAround(before, after)
 
 
 def _fold_lines(step: AssemblyStep, state: AssemblyState) -> Iterator[str]:
@@ -100,42 +100,60 @@ def _fold_counts(creases: Sequence[Crease]) -> str:
     return join_words(texts)
 
 
+class JoinInstruction(NamedTuple):
+    """The instruction for joins of these kinds; the numbers of the joins follow it."""
+
+    kinds: tuple[str, ...]
+    text: str
+
+
+JOIN_INSTRUCTIONS = (
+    JoinInstruction(("tab", "lap"), "Tape the tabs to the inside of the panel with the same number, its printed side"),
+    JoinInstruction(("tab_slot",), "Push the tongues through the slots with the same number"),
+    JoinInstruction(("lock",), "Hold the levers outwards, press the lid down, let go: the tongues go into their slots"),
+    JoinInstruction(("tuck",), "The lid lies on the flanges of the caps, its flap inside the right wall, without tape"),
+)
+
+
 def _join_lines(car: FoldedCar, step: AssemblyStep) -> Iterator[str]:
     """Yield the instructions for the joins of a step: what is taped, and which tongues go through which slots.
 
     A *laminate* is a layer of film that is taped onto another piece. Joins of wheels have lines of their own.
     """
     joins = [join for join in car.joins if join.number in step.joins]
-    laminates = {join.number: join for join in joins if join.kind == "laminate"}
+    wheel_joins = {join.number for join in joins if join.kind == "rim" or is_rim_lock(car, join)}
+    wheel_joins |= {join.number for join in disc_turns(car, step)}
+    has_layers = any(join.kind == "laminate" for join in joins)
+    yield from _layer_lines(car, joins)
+    yield from wheel_join_lines(car, step)
+    for instruction in JOIN_INSTRUCTIONS:
+        if has_layers and instruction.kinds == ("tab_slot",):
+            # The lines of the layers say how the tongues go in.
+            continue
+        numbers = {join.number for join in joins if join.kind in instruction.kinds} - wheel_joins
+        if numbers:
+            yield f"{instruction.text}: join {number_ranges(numbers)}."
+
+
+def _layer_lines(car: FoldedCar, joins: Sequence[Join]) -> Iterator[str]:
+    """Yield the instructions for the layers that are taped onto other pieces in a step, if there are any.
+
+    ``joins`` are those of the step. A taped layer sticks at once and cannot be moved any more. So if the step has
+    tongues, they go through their slots first, while the liners are still on the tape.
+    """
+    layers = {join.number: join for join in joins if join.kind == "laminate"}
+    tongues = {join.number for join in joins if join.kind == "tab_slot"}
     labels = {piece.name: piece.label for piece in car.pieces}
     faces_with_holes = {face.name for piece in car.pieces for face in piece.faces if face.holes}
-    tongues = {join.number for join in joins if join.kind == "tab_slot"}
-    if tongues and laminates:
-        # A taped layer sticks at once and cannot be moved any more, so its tongues go in first.
+    if tongues and layers:
         yield f"Push the tongues through the slots with the same number: join {number_ranges(tongues)}."
-    for number, join in sorted(laminates.items()):
+    for number, join in sorted(layers.items()):
         aligned_by_holes = join.a.face in faces_with_holes
         where = "on, holes on each other" if aligned_by_holes else "where it lies on what has the same number"
         if tongues:
             yield f"Pull the liners off. The {labels[join.piece_a]} sticks to what has the same number: join {number}."
         else:
             yield f"Tape the {labels[join.piece_a]} {where}: join {number}."
-    yield from wheel_join_lines(car, step)
-    wheel_joins = {join.number for join in joins if join.kind == "rim" or is_rim_lock(car, join)}
-    wheel_joins |= {join.number for join in disc_turns(car, step)}
-    # Each kind of join, with its instruction.
-    for kinds, text in (
-        (("tab", "lap"), "Tape the tabs to the inside of the panel with the same number, its printed side: join {}."),
-        (("tab_slot",), "Push the tongues through the slots with the same number: join {}."),
-        (("lock",), "Hold the levers outwards, press the lid down, let go: the tongues go into their slots: join {}."),
-        (("tuck",), "The lid lies on the flanges of the caps, its flap inside the right wall, without tape: join {}."),
-    ):
-        numbers = {join.number for join in joins if join.kind in kinds} - wheel_joins
-        if laminates:
-            # The tongues have an instruction of their own above.
-            numbers -= tongues
-        if numbers:
-            yield text.format(number_ranges(numbers))
 
 
 def _shaft_lines(state: AssemblyState) -> Iterator[str]:

@@ -33,23 +33,39 @@ def insertion_lines(step: AssemblyStep, state: AssemblyState) -> list[str]:
     of_first_body = [added for added in step.adds if not step.unit or added.body == step.adds[0].body]
     wires = {mount.name for mount in state.car.mounts if mount.part == state.car.parts.wiring.name}
     parts = [added for added in of_first_body if added.name not in wires]
-    words, screws = _InsertionWords(step, state), _screws(parts, state)
-    instructions = [(f"{words.label(part)}: {words.insertion(part)}", part in screws) for part in parts]
-    # Equal instructions that follow each other are one text with a count.
-    texts: list[str] = []
-    texts_up_to_last_screw = 0
-    for (text, is_screwed), group in itertools.groupby(instructions):
-        count = len(list(group))
-        texts.append(f"{count} × {text}" if count > 1 else text)
-        if is_screwed:
-            texts_up_to_last_screw = len(texts)
+    screws = _screws(parts, state)
     turn_line = [_turn_line(screws)] if screws else []
-    period = _period(texts)
-    if 1 < period < len(texts):
-        return [f"{len(texts) // period} times: {'; then '.join(texts[:period])}.", *turn_line]
+    counted = _counted_instructions(parts, screws, _InsertionWords(step, state))
+    texts = [instruction.text for instruction in counted]
+    # All texts may be one sequence that is repeated.
+    length = _period(texts)
+    if 1 < length < len(texts):
+        return [f"{len(texts) // length} times: {'; then '.join(texts[:length])}.", *turn_line]
     lines = [f"{text[0].upper()}{text[1:]}." for text in texts]
-    # Screws are turned before the parts that cover them go in.
-    return [*lines[:texts_up_to_last_screw], *turn_line, *lines[texts_up_to_last_screw:]]
+    # Screws are turned before the parts that cover them go in, so directly after the last of them.
+    screw_positions = [number for number, instruction in enumerate(counted, 1) if instruction.is_screw]
+    turn_position = max(screw_positions, default=0)
+    return [*lines[:turn_position], *turn_line, *lines[turn_position:]]
+
+
+class _Instruction(NamedTuple):
+    """What the hand does with a part, or with several equal parts, and whether these are screws."""
+
+    text: str
+    is_screw: bool
+
+
+def _counted_instructions(
+    parts: Sequence[AddedPart], screws: Sequence[AddedPart], words: "_InsertionWords"
+) -> list[_Instruction]:
+    """Return the instructions for the parts in their order. Equal ones that follow each other become one with a count."""
+    instructions = [_Instruction(f"{words.label(part)}: {words.insertion(part)}", part in screws) for part in parts]
+    counted = []
+    for instruction, group in itertools.groupby(instructions):
+        count = len(list(group))
+        text = f"{count} × {instruction.text}" if count > 1 else instruction.text
+        counted.append(_Instruction(text, instruction.is_screw))
+    return counted
 
 
 def _period(texts: Sequence[str]) -> int:
@@ -86,6 +102,13 @@ class _LayerPlace(NamedTuple):
     is_on_print: bool
     prints_agree: bool
 
+    @property
+    def own_print(self) -> str:
+        """Where the layer's printed side points, "up" or "down", if the side of the piece that gets it is up."""
+        piece_print_is_up = self.is_on_print
+        own_print_is_up = piece_print_is_up if self.prints_agree else not piece_print_is_up
+        return "up" if own_print_is_up else "down"
+
 
 class _InsertionWords:
     """The words about the parts of a step. ``host`` is the piece that lies flat, onto which the step puts its parts."""
@@ -109,34 +132,41 @@ class _InsertionWords:
     def insertion(self, added: AddedPart) -> str:
         """Return what the hand does with a part, and from which side the part comes.
 
-        The words differ for screws, for flat pieces and tyres that have no way, for layers, and for all other parts.
+        The words differ for screws, for parts without a way, for layers, and for all other parts.
         """
         if added.kind == "mount" and is_screw(self.state.car.parts, self.state.mounts[added.name]):
             return self._screw(added)
         on_wheel = added.body in {axle.wheel for axle in self.state.car.axles}
         if not added.way_mm:
-            if self._is_laid(added):
-                return "lay it down, its printed side up"
-            if added.kind == "piece":
-                return "wind it around the discs"
-            return TYRES[self._tyre_form()] if on_wheel else "lay it down"
+            return self._without_way(added, on_wheel)
         if self._is_layer(added):
             return self._layer(added)
-        side = self._printed_side(added)
-        # Some flat pieces stand upright in the car. In the hand, such a piece has no above and below, so the sides of its
-        # film are named.
-        host_is_upright = self.host is not None and abs(self._normal(self.host)[2]) < PARALLEL
+        printed_side = self._printed_side(added)
+        # The piece that the step assembles in the hand may stand upright in the car. In the hand it lies, so what is
+        # above or below it in the car has no meaning. The sides of its film are named instead.
+        host_stands_in_car = self.host is not None and abs(self._normal(self.host)[2]) < PARALLEL
         goes_into_unit = bool(self.step.unit) and added.kind == "mount" and not on_wheel
-        if host_is_upright and goes_into_unit:
-            return f"push it in from the {self._film_side(added)}{side}"
-        return f"{self._verb(added, on_wheel)} {self._directions(added, added.way_mm)}{side}"
+        if host_stands_in_car and goes_into_unit:
+            return f"push it in from the {self._film_side(added)}{printed_side}"
+        return f"{self._verb(added, on_wheel)} {self._directions(added, added.way_mm)}{printed_side}"
+
+    def _without_way(self, added: AddedPart, on_wheel: bool) -> str:
+        """Return what the hand does with a part that has no way: it is laid down, wound around discs, or stretched."""
+        if self._is_laid(added):
+            return "lay it down, its printed side up"
+        if added.kind == "piece":
+            return "wind it around the discs"
+        return TYRES[self._tyre_form()] if on_wheel else "lay it down"
 
     def _is_laid(self, added: AddedPart) -> bool:
         return added.kind == "piece" and not added.way_mm and not is_wound(self.state.pieces[added.name])
 
     def _tyre_form(self) -> str:
+        """Return the form of the car's tyres, as a key of TYRES."""
         tyre = self.state.car.parts.tyre
-        return "tube" if tyre.form == "tube" else "tape" if tyre.stretch is None else "band"
+        if tyre.form == "tube":
+            return "tube"
+        return "tape" if tyre.stretch is None else "band"
 
     def _verb(self, added: AddedPart, on_wheel: bool) -> str:
         """Return the verb for a part that moves to its place: move, push or put it in or on."""
@@ -162,7 +192,7 @@ class _InsertionWords:
         return [join for join in self.state.car.joins if join.number in self.step.joins and join.kind == "laminate"]
 
     def _layer(self, added: AddedPart) -> str:
-        """Return onto which side of which piece a layer is laid, and which side of the layer is up then."""
+        """Return words on how a layer is laid: onto which side of which piece, and with which of its own sides up."""
         (layer,) = (part for part in self.state.parts_of(added) if isinstance(part, PlacedPiece))
         candidates: list[_LayerPlace] = []
         for join in self._laminates():
@@ -171,30 +201,33 @@ class _InsertionWords:
             for placed in self.state.car.placed:
                 if placed.piece == join.piece_b:
                     candidates.append(self._layer_place(layer, placed, join))
-        # A wheel has several copies of a piece. The layer lies on one that is nearest to it across the film; of these, on
-        # the one whose middle is nearest.
+        # Several copies of the piece may be in the car, as in its wheels. The layer touches those whose film is nearest.
+        # One of these is the copy that it lies on: that whose middle is nearest.
         nearest_mm = min(place.height_mm for place in candidates) + self.state.car.parts.film_mm / 2
         touching = [place for place in candidates if place.height_mm <= nearest_mm]
         place = min(touching, key=lambda place: place.distance_mm)
         label = NUMBER.sub("", self.state.pieces[place.piece].label)
         side = "printed" if place.is_on_print else "unprinted"
-        own_side = "up" if place.prints_agree == place.is_on_print else "down"
-        return f"lay it onto the {side} side of the {label}, its own printed side {own_side}"
+        return f"lay it onto the {side} side of the {label}, its own printed side {place.own_print}"
 
     def _layer_place(self, layer: PlacedPiece, under: PlacedPiece, join: Join) -> "_LayerPlace":
         """Return how a layer lies on a placed piece, if ``join`` joins both."""
-        # The pose of each face; its third column points to the printed side.
-        own_face = np.array(self.state.stage.faces(layer)[join.a.face])
-        other_face = np.array(self.state.stage.faces(under)[join.b.face])
-        own_middle = self.state.face_centres(layer, self.state.stage)[join.a.face]
-        other_middle = self.state.face_centres(under, self.state.stage)[join.b.face]
-        height_mm = float(other_face[:3, 2] @ (own_face[:3, 3] - other_face[:3, 3]))
+        stage = self.state.stage
+        # The poses of the two faces that lie on each other. The fourth column of a pose is the origin of the face's
+        # frame, and the third one its z, which points to the printed side.
+        own_pose = np.array(stage.faces(layer)[join.a.face])
+        other_pose = np.array(stage.faces(under)[join.b.face])
+        own_origin, own_z = own_pose[:3, 3], own_pose[:3, 2]
+        other_origin, other_z = other_pose[:3, 3], other_pose[:3, 2]
+        height_mm = float(other_z @ (own_origin - other_origin))
+        own_middle = self.state.face_centres(layer, stage)[join.a.face]
+        other_middle = self.state.face_centres(under, stage)[join.b.face]
         return _LayerPlace(
             piece=join.piece_b,
             height_mm=abs(height_mm),
             distance_mm=float(np.linalg.norm(own_middle - other_middle)),
             is_on_print=height_mm > 0,
-            prints_agree=float(own_face[:3, 2] @ other_face[:3, 2]) > 0,
+            prints_agree=float(own_z @ other_z) > 0,
         )
 
     def _normal(self, placed: PlacedPiece) -> Vector:

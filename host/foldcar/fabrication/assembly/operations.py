@@ -5,6 +5,7 @@ Not counted are cutting, which is the machine's work, and loading the firmware.
 """
 
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -181,40 +182,58 @@ def operations_of_splices(car: FoldedCar, cut: CutCar) -> Operations:
 
 def operations_by_step(car: FoldedCar) -> list[tuple[AssemblyStep, Operations]]:
     """Return the steps of the assembly, each with its operations."""
+    # How far each fold is closed before a step, by piece and crease.
     fold_fractions: dict[str, dict[str, float]] = {}
-    pieces = {piece.name: piece for piece in car.pieces}
-    mounts = {mount.name: mount for mount in car.mounts}
-    nutted = {part.name for _, part in car.parts if isinstance(part, Screw) and part.nut_width_mm}
     result = []
     for step in assembly_steps(car):
-        folded_pieces = [pieces[name] for name in step.folds]
-        # A join of a wheel occurs once for each wheel that has its pieces.
-        joins = [join for join in car.joins if join.number in step.joins for _ in range(repetitions(car, join))]
-        parts = [mounts[added.name] for added in step.adds if added.kind == "mount"]
-        # A cap with a switch is put in as a unit. Taping its tabs is its only operation, as for a cap without a switch.
-        taped = {name for join in joins if join.kind == "tab" for name in (join.piece_a, join.piece_b)}
-        units = [added for added in step.adds if added.kind == "unit" and added.name not in taped]
-        # Only the LiPo is taped; pads are adhesive themselves.
-        lipos = sum(mount.part == car.parts.lipo.name for mount in parts)
-        screws = [mount for mount in parts if is_screw(car.parts, mount)]
-        # Wires count as plugs, not as parts.
-        wires = [mount for mount in parts if mount.part == car.parts.wiring.name]
-        step_operations = Operations(
-            fold=sum(piece.count * len(folds_of_step(step, fold_fractions, piece)) for piece in folded_pieces),
-            wind=sum(piece.count for piece in folded_pieces if is_wound(piece)),
-            tape=sum(join.kind in TAPED for join in joins) + lipos,
-            tongue=sum(join.kind in PUSHED for join in joins),
-            turn=sum(repetitions(car, join) for join in disc_turns(car, step)),
-            part=len(parts) - len(screws) - len(wires) + len(units),
-            screw=len(screws),
-            nut=sum(mount.part in nutted for mount in parts),
-            plug=len(plugs_in(car, step)),
-            joint=_joints_of(car, step),
-        )
+        result.append((step, _operations_of_step(car, step, fold_fractions)))
         for name, creases in step.folds.items():
             fold_fractions.setdefault(name, {}).update(creases)
-        result.append((step, step_operations))
     return result
+
+
+def _operations_of_step(
+    car: FoldedCar, step: AssemblyStep, fractions_before: Mapping[str, Mapping[str, float]]
+) -> Operations:
+    """Return the operations of a step. ``fractions_before`` has how far each fold was closed before it."""
+    mounts = {mount.name: mount for mount in car.mounts}
+    parts = [mounts[added.name] for added in step.adds if added.kind == "mount"]
+    screws = [mount for mount in parts if is_screw(car.parts, mount)]
+    screws_with_nuts = {part.name for _, part in car.parts if isinstance(part, Screw) and part.nut_width_mm}
+    # Wires count as plugs, not as parts.
+    wires = [mount for mount in parts if mount.part == car.parts.wiring.name]
+    # Only the LiPo is taped; pads are adhesive themselves.
+    lipos = [mount for mount in parts if mount.part == car.parts.lipo.name]
+    folded_pieces = [piece for piece in car.pieces if piece.name in step.folds]
+    # How often joins of each kind are made. A join of a wheel is made once for each wheel.
+    joins: Counter[str] = Counter()
+    for join in car.joins:
+        if join.number in step.joins:
+            joins[join.kind] += repetitions(car, join)
+    return Operations(
+        fold=sum(piece.count * len(folds_of_step(step, fractions_before, piece)) for piece in folded_pieces),
+        wind=sum(piece.count for piece in folded_pieces if is_wound(piece)),
+        tape=sum(joins[kind] for kind in TAPED) + len(lipos),
+        tongue=sum(joins[kind] for kind in PUSHED),
+        turn=sum(repetitions(car, join) for join in disc_turns(car, step)),
+        part=len(parts) - len(screws) - len(wires) + _untaped_units(car, step),
+        screw=len(screws),
+        nut=sum(mount.part in screws_with_nuts for mount in parts),
+        plug=len(plugs_in(car, step)),
+        joint=_joints_of(car, step),
+    )
+
+
+def _untaped_units(car: FoldedCar, step: AssemblyStep) -> int:
+    """Return how many units a step puts in that are not taped, such as wheels.
+
+    A cap with a switch is put in as a unit. Taping its tabs is its only operation, as for a cap without a switch.
+    """
+    taped_pieces: set[str] = set()
+    for join in car.joins:
+        if join.number in step.joins and join.kind == "tab":
+            taped_pieces.update((join.piece_a, join.piece_b))
+    return sum(added.kind == "unit" and added.name not in taped_pieces for added in step.adds)
 
 
 def folds_of_step(step: AssemblyStep, fractions_before: Mapping[str, Mapping[str, float]], piece: Piece) -> list[Crease]:
@@ -234,10 +253,14 @@ def plugs_in(car: FoldedCar, step: AssemblyStep) -> list[Wire]:
     switch are left out, because they are soldered (see ``soldered_in``).
     """
     added_parts = _added_parts(car, step)
-    wires = [wire for wire in car.wires if wire.carries in PLUGGED and not wire.b.startswith(SERVO_SWITCH)]
-    # The part whose step plugs in the wires of a kind.
-    part_of_kind = {"stack": car.parts.featherwing.name}
-    return [wire for wire in wires if part_of_kind.get(wire.carries, car.parts.wiring.name) in added_parts]
+    plugged = []
+    for wire in car.wires:
+        is_between_boards = wire.carries == "stack"
+        plugged_with = car.parts.featherwing.name if is_between_boards else car.parts.wiring.name
+        is_plug = wire.carries in PLUGGED and not wire.b.startswith(SERVO_SWITCH)
+        if is_plug and plugged_with in added_parts:
+            plugged.append(wire)
+    return plugged
 
 
 def soldered_in(car: FoldedCar, step: AssemblyStep) -> list[Wire]:

@@ -65,13 +65,13 @@ def _connection(car: FoldedCar, wire: Wire) -> str:
         )
     if wire.a == parts.lipo.name:
         return f"Plug the {wire.a} into the socket JST of the {parts.feather.name}."
-    # The other end is "… terminal +" or "… terminal -".
-    terminal = wire.b[-1]
+    # All others lead to the terminal block: their ends are called "… terminal +" or "… terminal -".
+    _, _, terminal = wire.b.rpartition(" ")
     if wire.a.startswith(SERVO_SWITCH):
         start = f"free wire of the {SERVO_SWITCH}"
     else:
-        # A battery's lead is named "battery +" or "battery -".
-        battery, sign = wire.a[:-2], wire.a[-1]
+        # The leads of the battery are called "battery +" and "battery -".
+        battery, _, sign = wire.a.rpartition(" ")
         start = f"{sign} lead of the {battery}"
     return f"Put the {start} into {terminal} of the terminal block: it carries {NOTES[terminal]}."
 

@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from foldcar.car.folded.model import FoldedCar, Mount, Piece, PlacedPiece
+from foldcar.car.folded.model import FoldedCar, Mount, Piece, PlacedPiece, Point
 from foldcar.car.folded.pose import edge
-from foldcar.fabrication.assembly.faces import face_poses, mount_material, moved
+from foldcar.fabrication.assembly.faces import Matrix, face_poses, mount_material, moved
 from foldcar.figures.scene_data import ground_data
 from foldcar.simulation.heights import Heights
 
@@ -70,16 +70,13 @@ class SceneShapes:
         return parts
 
     def _index_of_film(self, piece: Piece) -> int:
-        """Return the index of a folded piece of film in ``pieces``, to which it is added at its first use.
-
-        Its coordinates are integers in units of UNIT_MM.
-        """
+        """Return the index of a folded piece of film in ``pieces``, to which it is added at its first use."""
         if piece not in self._film:
-            plain, poses, faces = _without_small_holes(piece), face_poses(piece), []
-            for face in plain.faces:
+            poses = face_poses(piece)
+            faces = []
+            for face in _without_small_holes(piece).faces:
                 rings = [face.outline_mm, *(hole.outline_mm for hole in face.holes)]
-                points = [moved(poses[face.name], np.array(ring)) / UNIT_MM for ring in rings]
-                faces.append([np.rint(point).astype(int).ravel().tolist() for point in points])
+                faces.append([_ring_numbers(poses[face.name], ring) for ring in rings])
             self._film[piece] = self._index_of({"faces": faces})
         return self._film[piece]
 
@@ -90,6 +87,16 @@ class SceneShapes:
             self._index_by_text[text] = len(self.pieces)
             self.pieces.append(piece)
         return self._index_by_text[text]
+
+
+def _ring_numbers(pose: Matrix, ring_mm: Sequence[Point]) -> list[int]:
+    """Return x, y and z of all points of a ring, one after the other, as integers in units of UNIT_MM.
+
+    ``pose`` is the pose of the face in whose frame the ring is given.
+    """
+    points = moved(pose, np.array(ring_mm)) / UNIT_MM
+    numbers: list[int] = np.rint(points).astype(int).ravel().tolist()
+    return numbers
 
 
 def _rows(pose: Any) -> list[float]:

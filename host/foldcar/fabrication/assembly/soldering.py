@@ -27,7 +27,7 @@ from foldcar.fabrication.assembly.operations import operations_of_boards
 from foldcar.fabrication.assembly.wiring import OE_WIRE_AWG, lead_remedy
 from foldcar.figures.page import page_template
 
-# The board switch's pins, as in the wires of components/electronics.py, and the first pin beside EN, at the LiPo.
+# The board switch's pins, as in components/wires.py, and the first pin beside EN, at the LiPo.
 ENABLE_PIN, GROUND_PIN, SUPPLY_PIN, LIPO_PIN = "EN", "GND", "3V", "BAT"
 # The pins to which each option's wires and resistors are soldered.
 PINS_OF_OPTIONS = {"button": (BUTTON_PIN,), "divider": (DIVIDER_PIN,), "oe_wire": (OE_PIN, SUPPLY_PIN)}

@@ -98,9 +98,10 @@ def obj_files(solids: Sequence[PartMesh], name: str) -> dict[str, bytes]:
     scene = trimesh.Scene()
     for solid in solids:
         # In an OBJ file a name ends at the first blank.
-        title, mesh = solid.name.replace(" ", "_"), solid.mesh
-        mesh.visual, mesh.metadata["name"] = TextureVisuals(material=materials[solid.material]), title
-        scene.add_geometry(mesh, node_name=title, geom_name=title)
+        title = solid.name.replace(" ", "_")
+        solid.mesh.visual = TextureVisuals(material=materials[solid.material])
+        solid.mesh.metadata["name"] = title
+        scene.add_geometry(solid.mesh, node_name=title, geom_name=title)
     header = "foldcar, millimetres, x forward, y left, z up"
     text, other_files = export_obj(
         scene, include_normals=False, return_texture=True, digits=DIGITS, mtl_name=f"{name}.mtl", header=header

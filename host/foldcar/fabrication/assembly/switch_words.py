@@ -4,6 +4,8 @@ Input: an AssemblyStep. Output: lines of text. Wires are soldered before a switc
 heat bends.
 """
 
+from typing import NamedTuple
+
 from foldcar.car.components.mounts import BOARD_SWITCH, BUTTON, SERVO_SWITCH
 from foldcar.car.folded.model import FoldedCar
 from foldcar.car.leads import leads
@@ -21,28 +23,42 @@ TUBE = (
 )
 
 
-def switch_lines(car: FoldedCar, step: AssemblyStep) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return the lines before a switch is put in, and the lines after it. Both are empty for a step without a switch.
+class LinesAround(NamedTuple):
+    """The instructions before and after a part is put in."""
+
+    before: tuple[str, ...] = ()
+    after: tuple[str, ...] = ()
+
+
+def switch_lines(car: FoldedCar, step: AssemblyStep) -> LinesAround:
+    """Return the lines before a switch or the button is put in, and the lines after it; none for other steps.
 
     All this is done while no battery is in the car.
     """
     if not soldered_in(car, step):
-        return (), ()
+        return LinesAround()
     (switch,) = (added.name for added in step.adds)
-    gauge = f"{supply(car).gauge.awg} AWG"
-    lead_of = {lead.start: lead for lead in leads(car)}
-    if switch == SERVO_SWITCH:
-        free_mm = wire_length_mm(lead_of[f"{SERVO_SWITCH} 2"])
-        wires = f"{_towards_holder_mm(car)} mm and {free_mm} mm of red wire, {gauge}"
-    else:
-        lengths_mm = [wire_length_mm(lead_of[f"{switch} {terminal}"]) for terminal in (1, 2)]
-        wires = f"{lengths_mm[0]} mm and {lengths_mm[1]} mm of black wire, {gauge}"
-    before = (f"Cut {wires}. Solder them to the terminals of the {switch}, away from the film.", TUBE)
+    before = (
+        f"Cut {_wires_of(car, switch)}. Solder them to the terminals of the {switch}, away from the film.",
+        TUBE,
+    )
     if switch == BUTTON:
-        return before, ("Screw the button's nut on from outside.",)
+        return LinesAround(before, after=("Screw the button's nut on from outside.",))
+    position = _position_line(car, switch)
     if switch == SERVO_SWITCH:
-        return before, (_position_line(car, switch), *_fuse_lines(car))
-    return before, (_position_line(car, switch),)
+        return LinesAround(before, after=(position, *_fuse_lines(car)))
+    return LinesAround(before, after=(position,))
+
+
+def _wires_of(car: FoldedCar, switch: str) -> str:
+    """Return the two wires of a switch or the button in words: their lengths, colour and gauge."""
+    lead_of = {lead.start: lead for lead in leads(car)}
+    second_mm = wire_length_mm(lead_of[f"{switch} 2"])
+    if switch == SERVO_SWITCH:
+        first_mm, colour = _towards_holder_mm(car), "red"
+    else:
+        first_mm, colour = wire_length_mm(lead_of[f"{switch} 1"]), "black"
+    return f"{first_mm} mm and {second_mm} mm of {colour} wire, {supply(car).gauge.awg} AWG"
 
 
 def _position_line(car: FoldedCar, switch: str) -> str:
@@ -79,6 +95,7 @@ def _towards_holder_mm(car: FoldedCar) -> int:
 def _fuse_lines(car: FoldedCar) -> tuple[str, ...]:
     """Return the instructions for soldering the fuse and the leads of the battery's holder."""
     battery = car.parts.battery.name
+    lead_of = {lead.start: lead for lead in leads(car)}
     lines = [
         f"Solder now, before the {car.parts.lipo.name} is in the car and with no cells in the holder. Cover the film "
         "with cardboard.",
@@ -86,7 +103,8 @@ def _fuse_lines(car: FoldedCar) -> tuple[str, ...]:
         f"{supply(car).fuse_a:g} A, between both ends, and the end of the lead to the wire of {_towards_holder_mm(car)} "
         "mm. Heat-shrink tube goes over all three joints. Mark the other wire, which stays free, with +.",
     ]
-    remedy = lead_remedy({lead.start: lead for lead in leads(car)}[f"{battery} -"])
+    # What makes the negative lead long enough, if it is too short.
+    remedy = lead_remedy(lead_of[f"{battery} -"])
     if remedy:
         lines.append(f"The - lead of the {battery} (black): {remedy}, with heat-shrink tube over the joint.")
     return tuple(lines)

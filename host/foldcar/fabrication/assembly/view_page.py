@@ -8,11 +8,11 @@ Units are millimetres and radians, poses are 16 numbers, row-major. The page com
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from foldcar.car.folded.model import Crease, EdgeRef, Face, FoldedCar, Mount, Piece, Pose
+from foldcar.car.folded.model import Crease, EdgeRef, Face, FoldedCar, Mount, Piece, Point, Pose
 from foldcar.car.folded.pose import edge
 from foldcar.fabrication.assembly.faces import (
     face_points,
@@ -67,7 +67,9 @@ def view_data(folded: FoldedCar) -> dict[str, Any]:
         nutted = (NUT, mount.name, 0) in steps.ways
         mounts += zip(shank_and_nut(mount), ("mount", NUT), strict=True) if nutted else [(mount, "mount")]
     extents = [_flat_extent(pieces[placed.piece]) for placed in folded.placed]
-    extents += [(-mount.size_mm[0] / 2, -mount.size_mm[1] / 2, *mount.size_mm[:2]) for mount, _ in mounts]
+    for mount, _ in mounts:
+        length, width, _ = mount.size_mm
+        extents.append(Extent(-length / 2, -width / 2, length, width))
     parts = []
     for placed in folded.placed:
         piece = pieces[placed.piece]
@@ -120,7 +122,7 @@ def _piece(piece: Piece, steps: ViewSteps, glued: set[tuple[str, str]]) -> dict[
     face_index = {face.name: i for i, face in enumerate(piece.faces)}
     faces = {face.name: face for face in piece.faces}
     creases = {crease.child.face: crease for crease in piece.creases}
-    uncut, smooth = _shared_edges(piece, faces)
+    shared = _shared_edges(piece, faces)
     face_entries = []
     for face in piece.faces:
         points, ends = face_points(face)
@@ -131,9 +133,11 @@ def _piece(piece: Piece, steps: ViewSteps, glued: set[tuple[str, str]]) -> dict[
             # Three indices of points for each triangle.
             "triangles": face_triangles(face).ravel().tolist(),
             # Indices of edges of the outline that a neighbour shares, so that no cut is drawn.
-            "uncut": sorted(uncut[face.name]),
+            "uncut": sorted(shared.uncut[face.name]),
             # Points shared with a face beyond a smooth bend, each with the index of that face.
-            "smooth": [[point, face_index[other]] for point, other in smooth[face.name]],
+            "smooth": [
+                [shared_point.point, face_index[shared_point.other_face]] for shared_point in shared.smooth[face.name]
+            ],
         }
         crease = creases.get(face.name)
         if crease is not None:
@@ -161,24 +165,50 @@ def _is_smooth(crease: Crease, faces: dict[str, Face]) -> bool:
     return crease.bend or (faces[crease.parent.face].role == "rim" and faces[crease.child.face].role == "rim")
 
 
-def _shared_edges(piece: Piece, faces: dict[str, Face]) -> tuple[dict[str, set[int]], dict[str, list[tuple[int, str]]]]:
-    """Return two things by face: the edges at which it is not cut, and the points that it shares with faces beyond bends.
+class _SharedPoint(NamedTuple):
+    """A point of a face's outline that the face shares with a face beyond a smooth bend.
 
-    An edge is given by its index. A shared point is (index of the point, name of the other face); both faces then have
-    the same normal at this point, so that a bend looks smooth. At a fold, the edges of both faces may differ in length.
-    A part of the longer edge is then cut, so it does not count as uncut.
+    ``point`` is its index in the outline, and ``other_face`` the name of that face. Both faces have the same
+    normal at this point, so that the bend looks smooth.
     """
-    uncut: dict[str, set[int]] = {name: set() for name in faces}
-    smooth: dict[str, list[tuple[int, str]]] = {name: [] for name in faces}
+
+    point: int
+    other_face: str
+
+
+class _SharedEdges(NamedTuple):
+    """What the faces of a piece share with their neighbours, by the name of the face.
+
+    ``uncut`` are the indices of the edges at which the face is not cut. ``smooth`` are the points at smooth bends.
+    """
+
+    uncut: dict[str, set[int]]
+    smooth: dict[str, list[_SharedPoint]]
+
+
+def _shared_edges(piece: Piece, faces: dict[str, Face]) -> _SharedEdges:
+    """Return what the faces of a piece share with their neighbours.
+
+    At a fold, the edges of both faces may differ in length. A part of the longer edge is then cut, so it does not count
+    as uncut.
+    """
+    shared = _SharedEdges({name: set() for name in faces}, {name: [] for name in faces})
     for crease in piece.creases:
-        uncut[crease.child.face].add(crease.child.index)
-        if _same_length(faces, crease.parent, crease.child):
-            uncut[crease.parent.face].add(crease.parent.index)
+        parent, child = crease.parent, crease.child
+        shared.uncut[child.face].add(child.index)
+        if _same_length(faces, parent, child):
+            shared.uncut[parent.face].add(parent.index)
         if _is_smooth(crease, faces):
-            for this, beyond in ((crease.parent, crease.child), (crease.child, crease.parent)):
-                count = len(faces[this.face].outline_mm)
-                smooth[this.face] += [(this.index, beyond.face), ((this.index + 1) % count, beyond.face)]
-    return uncut, smooth
+            shared.smooth[parent.face] += _ends_of_edge(faces, parent, other_face=child.face)
+            shared.smooth[child.face] += _ends_of_edge(faces, child, other_face=parent.face)
+    return shared
+
+
+def _ends_of_edge(faces: dict[str, Face], edge_ref: EdgeRef, other_face: str) -> list[_SharedPoint]:
+    """Return the start and the end of an edge as points that its face shares with another one."""
+    point_count = len(faces[edge_ref.face].outline_mm)
+    next_index = (edge_ref.index + 1) % point_count
+    return [_SharedPoint(edge_ref.index, other_face), _SharedPoint(next_index, other_face)]
 
 
 def _same_length(faces: dict[str, Face], a: EdgeRef, b: EdgeRef) -> bool:
@@ -192,12 +222,36 @@ def _children(piece: Piece, creases: tuple[str, ...]) -> list[int]:
     return [face_index[crease.child.face] for crease in piece.creases if crease.name in creases]
 
 
-def _flat_extent(piece: Piece) -> tuple[float, float, float, float]:
-    """Return minimum x and y, size along x and y (mm) of the flat piece in its root face's frame."""
+class Extent(NamedTuple):
+    """A rectangle around a flat part, in the part's own frame (mm)."""
+
+    min_x: float
+    min_y: float
+    size_x: float
+    size_y: float
+
+    @property
+    def is_turned(self) -> bool:
+        """Whether it is turned by a quarter turn, because it is longer along y. Then rows are low."""
+        return self.size_y > self.size_x
+
+    @property
+    def room_along_mm(self) -> float:
+        """The length that it takes in its row, with a gap."""
+        return max(self.size_x, self.size_y) + GAP_MM
+
+    @property
+    def room_across_mm(self) -> float:
+        """The height that it takes in its row, with a gap."""
+        return min(self.size_x, self.size_y) + GAP_MM
+
+
+def _flat_extent(piece: Piece) -> Extent:
+    """Return the rectangle around the flat piece in its root face's frame (mm)."""
     poses = face_poses(piece, 0.0)
     corners = np.concatenate([moved(poses[face.name], np.array(face.outline_mm)) for face in piece.faces])
     low, size = corners.min(axis=0), np.ptp(corners, axis=0)
-    return float(low[0]), float(low[1]), float(size[0]), float(size[1])
+    return Extent(float(low[0]), float(low[1]), float(size[0]), float(size[1]))
 
 
 def _ground_mm(folded: FoldedCar) -> float:
@@ -217,39 +271,47 @@ class _Row:
     height_mm: float
     occupied_mm: float = 0.0
 
+    @property
+    def high_y_mm(self) -> float:
+        """y at which the next row begins."""
+        return self.low_y_mm + self.height_mm
 
-def arrange_in_rows(extents: list[tuple[float, float, float, float]]) -> list[list[float]]:
+
+def arrange_in_rows(extents: Sequence[Extent]) -> list[list[float]]:
     """Arrange rectangles in rows around the centre, without overlap. Return the poses [x, y, turn] of their frames.
 
-    A rectangle is (minimum x, minimum y, size along x, size along y) in its own frame (mm). A turn is an angle in rad. A
-    rectangle that is longer along y is turned by 90°, so that rows are low. The highest rectangles are placed first,
-    each in the first row with room.
+    A turn is an angle in rad. The highest rectangles are placed first, each in the first row with room.
     """
-    sizes = [(max(dx, dy) + GAP_MM, min(dx, dy) + GAP_MM) for _, _, dx, dy in extents]
     # All rows together should be about square. They cannot be filled completely, so they are wider than a square with the
     # area of all rectangles.
-    area_mm2 = sum(along * across for along, across in sizes)
-    longest_mm = max(along for along, _ in sizes)
+    area_mm2 = sum(extent.room_along_mm * extent.room_across_mm for extent in extents)
+    longest_mm = max(extent.room_along_mm for extent in extents)
     width = max(WIDER * math.sqrt(area_mm2), longest_mm)
     rows: list[_Row] = []
-    # Where the corner of each rectangle lies that has the smallest x and y after turning.
-    corners = [(0.0, 0.0)] * len(extents)
-    for i in sorted(range(len(extents)), key=lambda i: (-sizes[i][1], i)):
-        along, across = sizes[i]
-        row = next((row for row in rows if row.occupied_mm + along <= width), None)
+    # The corner of each rectangle with the smallest x and y, after it is turned; x is counted from the middle of the
+    # rows.
+    corners: dict[int, Point] = {}
+    for index in sorted(range(len(extents)), key=lambda index: (-extents[index].room_across_mm, index)):
+        extent = extents[index]
+        row = next((row for row in rows if row.occupied_mm + extent.room_along_mm <= width), None)
         if row is None:
-            row = _Row(rows[-1].low_y_mm + rows[-1].height_mm if rows else 0.0, across)
+            row = _Row(low_y_mm=rows[-1].high_y_mm if rows else 0.0, height_mm=extent.room_across_mm)
             rows.append(row)
-        corners[i] = (row.occupied_mm - width / 2, row.low_y_mm)
-        row.occupied_mm += along
-    middle = (rows[-1].low_y_mm + rows[-1].height_mm) / 2
+        corners[index] = (row.occupied_mm - width / 2, row.low_y_mm)
+        row.occupied_mm += extent.room_along_mm
+    middle_y = rows[-1].high_y_mm / 2
     places = []
-    for (x, y), (low_x, low_y, along, across) in zip(corners, extents, strict=True):
-        is_turned = across > along
-        if is_turned:
-            # A quarter turn maps (x, y) to (-y, x), so the side with the largest y becomes the one with the smallest x.
-            origin_x, origin_y, turn_rad = x + low_y + across, y - low_x, math.pi / 2
-        else:
-            origin_x, origin_y, turn_rad = x - low_x, y - low_y, 0.0
-        places.append([round(origin_x, 3), round(origin_y - middle, 3), turn_rad])
+    for index, extent in enumerate(extents):
+        x, y = _origin(extent, corners[index])
+        turn_rad = math.pi / 2 if extent.is_turned else 0.0
+        places.append([round(x, 3), round(y - middle_y, 3), turn_rad])
     return places
+
+
+def _origin(extent: Extent, corner: Point) -> Point:
+    """Return the origin of a part's frame if the rectangle around it, turned if needed, has its lowest corner there."""
+    x, y = corner
+    if extent.is_turned:
+        # A quarter turn maps (x, y) to (-y, x), so the side with the largest y becomes the one with the smallest x.
+        return (x + extent.min_y + extent.size_y, y - extent.min_x)
+    return (x - extent.min_x, y - extent.min_y)

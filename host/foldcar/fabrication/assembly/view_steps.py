@@ -139,32 +139,47 @@ def _exploded(
     """
     # The parts that come out in the same direction, by body and rounded direction.
     groups: dict[tuple[str, tuple[int, ...]], list[_PartOfGroup]] = {}
-    for part, ways in steps.ways.items():
+    for part in steps.ways:
         if part in steps.bases.values():
             continue
         item = item_of[part]
-        kind, _, _ = part
         # The first direction is that of the part. Others are those of the unit that it belongs to.
-        directions = []
-        for _, way, _, _ in ways:
-            # A nut comes off the end of its screw, which is the first move of its way.
-            way_out = way[:1] if kind == NUT else way
-            direction = np.array(way_out).sum(axis=0) if way_out else np.array(_axis_out(folded, item.body))
-            directions.append(direction / np.linalg.norm(direction))
+        own_direction, *unit_directions = _directions_out(part, steps, default=np.array(_axis_out(folded, item.body)))
         # Directions are rounded to thirds, so that nearly equal ones are equal.
-        key = (item.body, tuple(int(value) for value in np.rint(3 * directions[0])))
-        depth_mm = float(np.array(item.pose)[:3, 3] @ directions[0])
-        unit_shift_mm = sum(directions[1:], np.zeros(3)) * FIRST_MM
-        groups.setdefault(key, []).append(_PartOfGroup(part, depth_mm, unit_shift_mm))
-    for (_, rounded), members in groups.items():
+        rounded_direction = tuple(int(value) for value in np.rint(3 * own_direction))
+        depth_mm = float(np.array(item.pose)[:3, 3] @ own_direction)
+        unit_shift_mm = sum(unit_directions, np.zeros(3)) * FIRST_MM
+        group = groups.setdefault((item.body, rounded_direction), [])
+        group.append(_PartOfGroup(part, depth_mm, unit_shift_mm))
+    for (_, rounded), group in groups.items():
         direction = np.array(rounded) / np.linalg.norm(rounded)
-        rank, last_depth_mm = -1, -np.inf
-        for member in sorted(members, key=lambda member: member.depth_mm):
-            # Parts that are equally far out have the same rank.
-            if member.depth_mm > last_depth_mm + SAME_MM:
-                rank += 1
-                last_depth_mm = member.depth_mm
+        for member, rank in _ranked(group):
             yield member.part, _vector(member.unit_shift_mm + direction * (FIRST_MM + NEXT_MM * rank))
+
+
+def _directions_out(part: Part, steps: ViewSteps, default: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    """Return the directions (3,) in which a part comes out, one for each step in which it moves.
+
+    Where it has no way, ``default`` is its direction.
+    """
+    kind, _, _ = part
+    directions = []
+    for _, moves, _, _ in steps.ways[part]:
+        # A nut comes off the end of its screw, which is the first move of its way.
+        way_out = moves[:1] if kind == NUT else moves
+        direction = np.array(way_out).sum(axis=0) if way_out else default
+        directions.append(direction / np.linalg.norm(direction))
+    return directions
+
+
+def _ranked(group: Sequence[_PartOfGroup]) -> Iterator[tuple[_PartOfGroup, int]]:
+    """Yield the parts of a group with their ranks from 0, the innermost first. Equally far parts have the same rank."""
+    rank, last_depth_mm = -1, -np.inf
+    for member in sorted(group, key=lambda member: member.depth_mm):
+        if member.depth_mm > last_depth_mm + SAME_MM:
+            rank += 1
+            last_depth_mm = member.depth_mm
+        yield member, rank
 
 
 def _vector(values: NDArray[np.float64]) -> Vector:

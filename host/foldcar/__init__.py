@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     from foldcar.api.designs import design
     from foldcar.api.environment import environment
     from foldcar.api.oracle import Evaluation, SimulatedRun, evaluate, simulate
-    from foldcar.api.study import Study, sweep
+    from foldcar.api.study import Study
+    from foldcar.api.sweeping import sweep
     from foldcar.car.design import Design
     from foldcar.errors import FoldcarError
     from foldcar.statistics.rate import Rate
@@ -36,7 +37,7 @@ _MODULES = {
     "environment": "foldcar.api.environment",
     "evaluate": "foldcar.api.oracle",
     "simulate": "foldcar.api.oracle",
-    "sweep": "foldcar.api.study",
+    "sweep": "foldcar.api.sweeping",
 }
 
 

@@ -12,7 +12,6 @@ from foldcar.api.arguments import (
     checked_bool,
     checked_confidence,
     checked_experiment,
-    checked_int,
     checked_number,
     checked_path,
     column_named,
@@ -33,7 +32,6 @@ from foldcar.statistics.words import count as count_text
 from foldcar.store.connection import require_store
 from foldcar.store.frames import runs_frame, trials_frame
 from foldcar.store.reader import ExperimentInfo, Store
-from foldcar.study.limits import MAX_ENVIRONMENTS, MAX_JOBS, MAX_REALITIES
 
 if TYPE_CHECKING:
     import pandas
@@ -142,7 +140,8 @@ class Study:
     ) -> Rate:
         """Return the success rate of one design's runs, or of its counted trials, with its interval.
 
-        The rate of trials is that of the cars that drove; :meth:`compare` also estimates that of a new car.
+        The rate of trials is that of the cars that drove; :meth:`compare` also estimates that of a new car. Trials that
+        were driven otherwise than the runs, such as at another speed, are left out; the rate's ``method`` says how many.
 
         Parameters are named as columns (``width_mm=95``), or without unit if that is unambiguous (``width=95``). Give
         enough of them to select one design. Rejected runs are left out. Raises FoldcarError if no design or several
@@ -158,6 +157,9 @@ class Study:
         confidence = checked_confidence(confidence)
         table = self._runs if source == "simulation" else self._trials[self._trials["counts"]]
         design_rows = self._of_design(self._of_experiment(table, experiment, source), design, source)
+        left_out_text = ""
+        if source == "trials":
+            design_rows, left_out_text = _like_runs(design_rows)
         has_passed = self._judged(design_rows)["passed"]
         passed, counted = int(has_passed.sum()), len(has_passed)
         if not counted:
@@ -168,7 +170,7 @@ class Study:
             counted_text = f"trials of {cars}"
         name = str(design_rows["experiment"].iloc[0])
         stopped = source == "simulation" and self.experiments[name].until is not None
-        method = f"{passed} of {counted} {counted_text} that passed"
+        method = f"{passed} of {counted} {counted_text} that passed{left_out_text}"
         return Rate.from_counts(passed, counted, method, stopped, confidence)
 
     def select(
@@ -354,6 +356,22 @@ class Study:
             return read(store)
 
 
+def _like_runs(trials: "pandas.DataFrame") -> "tuple[pandas.DataFrame, str]":
+    """Return the trials that were driven as the runs were, and a text on the others, such as "; 2 trials left out, …".
+
+    The text is empty if no trial is left out. Raises FoldcarError if all trials were driven otherwise.
+    """
+    is_like_runs = trials["unlike_runs"].isna()
+    left_out = trials[~is_like_runs]
+    if left_out.empty:
+        return trials, ""
+    reasons = "; ".join(dict.fromkeys(left_out["unlike_runs"]))
+    text = f"{count_text(len(left_out), 'trial')} left out, not driven as the runs: {reasons}"
+    if not is_like_runs.any():
+        raise FoldcarError(f"rate: {text}")
+    return trials[is_like_runs], f"; {text}"
+
+
 def _parameters(table: "pandas.DataFrame") -> list[str]:
     """Return the columns of design parameters: those between ``environment`` or ``vehicle_type`` and ``sample``.
 
@@ -362,39 +380,3 @@ def _parameters(table: "pandas.DataFrame") -> list[str]:
     columns: list[Any] = list(table.columns)
     first = max(columns.index(name) for name in ("environment", "vehicle_type") if name in columns)
     return [str(name) for name in columns[first + 1 : columns.index("sample")] if table[name].notna().any()]
-
-
-def sweep(
-    listing: str | Path,
-    store: str | Path,
-    *,
-    experiment: str | None = None,
-    samples: int | None = None,
-    jobs: int | None = None,
-    realities: int | None = None,
-) -> Study:
-    """Simulate the runs of a listing, or of one experiment, that the store lacks, and return the study.
-
-    ``samples`` replaces the listing's number of environments; ``jobs`` simulators run in parallel (None: one per
-    processor). ``realities`` is the number of runs of each experiment in other realities, from which the success rate of
-    built cars is learned: 0 leaves them out, None simulates as many as the learning needs. If the sweep is interrupted,
-    the same call resumes it. Raises FoldcarError if the listing or an argument is invalid.
-
-    >>> study = foldcar.sweep("scenarios/width_study.json", "w.db", samples=1, jobs=1)
-    >>> study.experiments["1"].environments
-    1
-    """
-    from foldcar.api.sweeping import planned_sweep
-    from foldcar.installation import usable_processors
-
-    count = None if samples is None else checked_int("samples", samples, 1, MAX_ENVIRONMENTS)
-    workers = usable_processors() if jobs is None else checked_int("jobs", jobs, 1, MAX_JOBS)
-    reality_runs = None if realities is None else checked_int("realities", realities, 0, MAX_REALITIES)
-    checked_experiment(experiment)
-    listing_file, store_file = checked_path("listing", listing, "a listing"), checked_path("store", store, "a store")
-    command = f"foldcar.sweep({str(listing)!r}, {str(store)!r})"
-    planned = planned_sweep(
-        listing_file, store_file, command, experiment=experiment, environments=count, realities=reality_runs
-    )
-    planned.run(workers)
-    return Study(store)

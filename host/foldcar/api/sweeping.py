@@ -1,17 +1,59 @@
-"""Plans a sweep: a listing's experiments with an engine, a reality and a stopping rule."""
+"""Plans and runs sweeps: a listing's experiments with an engine, a reality and a stopping rule."""
 
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from foldcar.api.arguments import checked_experiment, checked_int, checked_path
 from foldcar.errors import FoldcarError
 from foldcar.simulation.carsim import Carsim
 from foldcar.store.reader import Store
 from foldcar.store.tables import STUDY
 from foldcar.study.environments import ExperimentEnvironment
 from foldcar.study.experiments import Experiment, ListedStudy, engine_study, read_study
+from foldcar.study.limits import MAX_ENVIRONMENTS, MAX_JOBS, MAX_REALITIES
 from foldcar.study.stopping import stopping_rules
 from foldcar.study.sweep import Sweep
+
+if TYPE_CHECKING:
+    from foldcar.api.study import Study
+
+
+def sweep(
+    listing: str | Path,
+    store: str | Path,
+    *,
+    experiment: str | None = None,
+    samples: int | None = None,
+    jobs: int | None = None,
+    realities: int | None = None,
+) -> "Study":
+    """Simulate the runs of a listing, or of one experiment, that the store lacks, and return the study.
+
+    ``samples`` replaces the listing's number of environments; ``jobs`` simulators run in parallel (None: one per
+    processor). ``realities`` is the number of runs of each experiment in other realities, from which the success rate of
+    built cars is learned: 0 leaves them out, None simulates as many as the learning needs. If the sweep is interrupted,
+    the same call resumes it. Raises FoldcarError if the listing or an argument is invalid.
+
+    >>> study = foldcar.sweep("scenarios/width_study.json", "w.db", samples=1, jobs=1)
+    >>> study.experiments["1"].environments
+    1
+    """
+    from foldcar.api.study import Study
+    from foldcar.installation import usable_processors
+
+    count = None if samples is None else checked_int("samples", samples, 1, MAX_ENVIRONMENTS)
+    workers = usable_processors() if jobs is None else checked_int("jobs", jobs, 1, MAX_JOBS)
+    reality_runs = None if realities is None else checked_int("realities", realities, 0, MAX_REALITIES)
+    checked_experiment(experiment)
+    listing_file, store_file = checked_path("listing", listing, "a listing"), checked_path("store", store, "a store")
+    command = f"foldcar.sweep({str(listing)!r}, {str(store)!r})"
+    planned = planned_sweep(
+        listing_file, store_file, command, experiment=experiment, environments=count, realities=reality_runs
+    )
+    planned.run(workers)
+    return Study(store)
 
 
 def planned_sweep(

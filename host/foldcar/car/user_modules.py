@@ -15,6 +15,7 @@ import traceback
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 from foldcar.car.components.component import ComponentError, Parameter
 from foldcar.car.components.composite import Composite
@@ -38,6 +39,32 @@ def load_components(file: Path) -> list[str]:
     path = file.resolve()
     if path in USER_FILES:
         return USER_FILES[path]
+    module, recorded = _executed(file, path)
+    for outside in _outside_files(module, recorded, path.parent):
+        raise FoldcarError(
+            f"--components {file}: reads {outside}, which is outside its folder; put that file beside it, so that both "
+            "identify its cars together"
+        )
+    kinds = _module_classes(module)
+    if not kinds:
+        raise FoldcarError(f"{file}:1: defines no subclass of Module or Composite of foldcar.car.components")
+    sys.modules[module.__name__] = module
+    for kind in kinds:
+        for reason in _rejections(kind):
+            raise FoldcarError(f"{file}:{_first_line(kind)}: {kind.__name__}{reason}")
+        MODULES[kind.letter] = kind
+        parameters.cache_clear()
+        _check_defaults(file, kind)
+    USER_FILES[path] = [kind.letter for kind in kinds]
+    _module_files.update(_identifying_files(path, recorded))
+    return USER_FILES[path]
+
+
+def _executed(file: Path, path: Path) -> tuple[ModuleType, RecordedFiles]:
+    """Execute a Python file, and return its module and the files that it has read. Raises FoldcarError if it fails.
+
+    ``path`` is the absolute path of ``file``, which messages name.
+    """
     spec = importlib.util.spec_from_file_location(f"foldcar_components_{path.stem}", path)
     if spec is None or spec.loader is None or not path.is_file():
         raise FoldcarError(f"--components {file}: is not a Python file")
@@ -50,31 +77,35 @@ def load_components(file: Path) -> list[str]:
     except (Exception, SystemExit) as error:
         line = _last_line(error, path) or 1
         raise FoldcarError(f"{file}:{line}: {type(error).__name__}: {error}") from error
-    for outside in _outside_files(module, recorded, path.parent):
-        raise FoldcarError(
-            f"--components {file}: reads {outside}, which is outside its folder; put that file beside it, so that both "
-            "identify its cars together"
-        )
-    classes = (kind for kind in vars(module).values() if inspect.isclass(kind) and kind.__module__ == module.__name__)
-    kinds = [kind for kind in classes if issubclass(kind, Module | Composite)]
-    if not kinds:
-        raise FoldcarError(f"{file}:1: defines no subclass of Module or Composite of foldcar.car.components")
-    sys.modules[module.__name__] = module
-    for kind in kinds:
-        for reason in _rejections(kind):
-            raise FoldcarError(f"{file}:{_first_line(kind)}: {kind.__name__}{reason}")
-        MODULES[kind.letter] = kind
-        parameters.cache_clear()
-        _check_defaults(file, kind)
-    USER_FILES[path] = [kind.letter for kind in kinds]
-    # A module that was imported before is not opened again, so these files are found by the modules' names.
-    modules = (getattr(module, "__file__", None) for module in list(sys.modules.values()))
-    imported = (Path(file) for file in modules if file and Path(file).is_relative_to(path.parent))
-    opened = (file for file, state in recorded.read.items() if state is not None or file.is_relative_to(path.parent))
-    listed = (folder for folder in recorded.listed if path.parent in folder.parents)
-    _module_files.update(file for file in (path, *opened, *imported, *listed) if _identifies_module(file, path.parent))
-    _module_files.update(path.parent.glob("*.py"))
-    return USER_FILES[path]
+    return module, recorded
+
+
+def _module_classes(module: ModuleType) -> list[Any]:
+    """Return the classes of car modules that a Python module defines itself, not those that it has imported."""
+    classes = []
+    for value in vars(module).values():
+        if inspect.isclass(value) and value.__module__ == module.__name__ and issubclass(value, Module | Composite):
+            classes.append(value)
+    return classes
+
+
+def _identifying_files(path: Path, recorded: RecordedFiles) -> set[Path]:
+    """Return the files and folders on which the modules in the file ``path`` depend, so that their change is noticed."""
+    folder = path.parent
+    files = {path}
+    for file, state in recorded.read.items():
+        is_missing = state is None
+        # A file that is missing in the user's folder may be created later.
+        if not is_missing or file.is_relative_to(folder):
+            files.add(file)
+    # A file that was imported before is not opened again.
+    for module in list(sys.modules.values()):
+        module_file = getattr(module, "__file__", None)
+        if module_file and Path(module_file).is_relative_to(folder):
+            files.add(Path(module_file))
+    files.update(listed for listed in recorded.listed if folder in listed.parents)
+    own_files = {file for file in files if _identifies_module(file, folder)}
+    return own_files.union(folder.glob("*.py"))
 
 
 def _identifies_module(file: Path, folder: Path) -> bool:

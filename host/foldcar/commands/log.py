@@ -99,6 +99,12 @@ def log(
         raise FoldcarError(f"--media {media}: not a folder")
     store = store or Path(f"{listing.stem}.db")
     is_untethered = untethered or button
+    if is_untethered and yes and outcome is None:
+        option = "--button" if button else "--untethered"
+        raise FoldcarError(
+            f"--yes: with {option}, neither car nor computer sees whether the car has passed; give --outcome, or leave "
+            "--yes out to be asked"
+        )
     default_countdown_s = UNTETHERED_COUNTDOWN_S if is_untethered else COUNTDOWN_S
     options = SessionOptions(
         listing=listing,

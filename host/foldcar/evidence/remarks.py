@@ -111,11 +111,14 @@ def trials_in_other_environments(programs: Iterable[str | None], info: Experimen
 
 
 def trials_driven_otherwise(differences: Iterable[str]) -> list[str]:
-    """Return a remark for each way in which trials were driven otherwise than the runs, with the number of trials."""
-    return [
-        f"{count(number, 'trial')} left out, not driven as the runs: {difference}."
-        for difference, number in Counter(differences).items()
-    ]
+    """Return a remark on the trials that were driven otherwise than the runs, if there are any.
+
+    ``differences`` has a text for each of these trials. The remark has their number, and each text once.
+    """
+    texts = list(differences)
+    if not texts:
+        return []
+    return [f"{count(len(texts), 'trial')} left out, not driven as the runs: {'; '.join(dict.fromkeys(texts))}."]
 
 
 def unswept_designs(designs_and_reasons: Sequence[tuple[DesignEvidence, str | None]]) -> list[str]:

@@ -7,7 +7,7 @@ footprints have the same middle, such as stacked blocks, are one obstacle.
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import shapely
 from shapely import affinity
@@ -85,20 +85,26 @@ class Obstacle:
         return [(fraction * self.x_m, fraction * self.y_m)] if fraction else []
 
 
-def obstacles_of(
-    terrain: Sequence[Mapping[str, Any]], objects: Sequence[tuple[str, float, Sequence[int]]]
-) -> list[Obstacle]:
-    """Return the obstacles of ``objects``, each a class name, a heading (rad) and indices of pieces, in their order.
+class PlacedObject(NamedTuple):
+    """A terrain object of a program: its class, its heading, and the indices of its pieces in the scene's terrain."""
+
+    name: str
+    heading_rad: float
+    pieces: Sequence[int]
+
+
+def obstacles_of(terrain: Sequence[Mapping[str, Any]], objects: Sequence[PlacedObject]) -> list[Obstacle]:
+    """Return the obstacles that the ``objects`` of a scene are, in their order.
 
     Objects with the same middle, such as stacked blocks, are one obstacle. Pieces of the floor itself, such as rough
     ground, are left out.
     """
     obstacle_by_middle: dict[tuple[float, float], Obstacle] = {}
-    for name, heading_rad, indices in objects:
-        standing_pieces = tuple(index for index in indices if not kind_of(terrain[index]).is_floor)
+    for placed in objects:
+        standing_pieces = tuple(index for index in placed.pieces if not kind_of(terrain[index]).is_floor)
         if not standing_pieces:
             continue
-        obstacle = _obstacle(name, heading_rad, standing_pieces, terrain)
+        obstacle = _obstacle(placed.name, placed.heading_rad, standing_pieces, terrain)
         middle = (obstacle.x_m, obstacle.y_m)
         earlier_obstacle = obstacle_by_middle.get(middle)
         if earlier_obstacle is not None:

@@ -78,7 +78,7 @@ def _compiled(
         import scenic
     from foldcar.scenes.ground_regions import use_ground_regions
     from foldcar.scenes.mutation import Mutations
-    from foldcar.scenes.refused_statements import refuse_misspelt_attributes, refuse_same_names
+    from foldcar.scenes.refused_statements import refuse_misleading_records, refuse_misspelt_attributes
     from foldcar.scenes.scenic_hooks import hooks
 
     use_ground_regions()
@@ -87,7 +87,7 @@ def _compiled(
     try:
         with _no_garbage_collection(), files.inside(anew=True), _vocabulary_on_path(), hooks(mutations), time_limit:
             scenario = scenic.scenarioFromFile(str(program), params=dict(params))
-            refuse_same_names(scenario)
+            refuse_misleading_records(scenario)
             if is_dynamic(scenario):
                 refuse_misspelt_attributes(scenario, program)
             return scenario, mutations.mutated_points

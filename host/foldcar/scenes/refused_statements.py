@@ -25,6 +25,7 @@ from scenic.syntax import ast as scenic_ast
 
 from foldcar.scenes import scenic_private
 from foldcar.scenes.program import VOCABULARY, named_things, parsed_program
+from foldcar.scenes.success import VERDICT
 from foldcar.typed import did_you_mean, read_text
 
 # Names at least this similar (difflib's ratio) count as mistakes: `heigth`, `lenght`, `stepheight`, `heights`.
@@ -275,8 +276,15 @@ def refuse_lost_statements(inherited: Any) -> None:
         raise at(error, scenic_private.file_of(inherited), line)
 
 
-def refuse_same_names(scenario: Any) -> None:
-    """Raise Scenic's InvalidScenarioError, with the line, if two records have the same name: Scenic would keep one."""
+def refuse_misleading_records(scenario: Any) -> None:
+    """Raise Scenic's InvalidScenarioError, with the line, if a record would not be what it seems to be.
+
+    Of two records with the same name Scenic keeps one. A record of the beginning of a run cannot say how the run ended.
+    """
+    for record in scenario.recordedInitialExprs:
+        if record.name == VERDICT:
+            message = f"`record initial … as {VERDICT}` says nothing about the end of a run: write `record final`"
+            raise at(InvalidScenarioError(message), None, record.line)
     line_of_name: dict[str, int] = {}
     records = [*scenario.recordedExprs, *scenario.recordedInitialExprs, *scenario.recordedFinalExprs]
     for record in sorted(records, key=lambda record: int(record.line)):

@@ -18,7 +18,7 @@ from foldcar.scenes.checks import (
     check_on_course,
     check_standing,
 )
-from foldcar.scenes.obstacles import Obstacle, obstacles_of
+from foldcar.scenes.obstacles import Obstacle, PlacedObject, obstacles_of
 from foldcar.scenes.program import line_prefix
 from foldcar.scenes.reading import UnusableError, finite, is_a, outer_step_s, param, pose, rounded
 from foldcar.scenes.terrain_kinds import HEIGHT_M, KINDS, kind_of
@@ -84,42 +84,73 @@ def _scene_with_obstacles(scene: Any, needs_goal: bool) -> tuple[dict[str, Any],
     friction = param(scene, "friction")
     if not 0 < friction <= MAX_FRICTION:
         raise UnusableError(f"param friction: {friction} is not above 0 and at most {MAX_FRICTION:g}")
+    # This raises UnusableError if the parameter is not valid.
     outer_step_s(scene.params)
-    terrain: list[dict[str, Any]] = []
-    owners: list[Any] = []
-    objects: list[tuple[str, float, range]] = []
-    goals = []
-    for thing in scene.objects:
-        check_standing(thing)
-        if is_a(thing, "Terrain"):
-            pieces = terrain_pieces(thing)
-            check_on_course(course, pieces, thing)
-            terrain.extend(pieces)
-            owners.extend([thing] * len(pieces))
-            indices = range(len(terrain) - len(pieces), len(terrain))
-            objects.append((type(thing).__name__, pose(thing)["heading_rad"], indices))
-            if len(terrain) > MAX_PIECES:
-                raise UnusableError(f"the terrain has more than {MAX_PIECES} pieces", thing)
-            continue
-        check_inside(course, pose(thing), thing)
-        if is_a(thing, "Goal"):
-            goals.append(thing)
-        elif is_a(thing, "Robot"):
-            if thing is not ego:
-                raise UnusableError("is a second Robot: only the ego drives", thing)
-        elif not is_a(thing, "Marker"):
-            raise UnusableError("is not one of model.scenic's Terrain, Marker, Goal or Robot", thing)
+    things = list(scene.objects)
+    for thing in things:
+        _check_thing(thing, ego, course)
+    terrain, owners, objects = _terrain(things, course)
     start = pose(ego)
     check_free_start(start, ego, terrain, owners)
-    goal = _goal(goals[0]) if goals else None
+    goal = _only_goal(things, start, needs_goal)
+    scene_data = {"friction": friction, "terrain": terrain, "start": start, "goal": goal, "course": course}
+    return scene_data, obstacles_of(terrain, objects)
+
+
+def _check_thing(thing: Any, ego: Any, course: Mapping[str, float]) -> None:
+    """Raise UnusableError if an object of a scene is of a class that foldcar does not know, or is outside the course."""
+    check_standing(thing)
+    if is_a(thing, "Terrain"):
+        # Its pieces are checked instead.
+        return
+    check_inside(course, pose(thing), thing)
+    if is_a(thing, "Robot") and thing is not ego:
+        raise UnusableError("is a second Robot: only the ego drives", thing)
+    if not any(is_a(thing, name) for name in ("Robot", "Goal", "Marker")):
+        raise UnusableError("is not one of model.scenic's Terrain, Marker, Goal or Robot", thing)
+
+
+def _terrain(
+    things: list[Any], course: Mapping[str, float]
+) -> tuple[list[dict[str, Any]], list[Any], list[PlacedObject]]:
+    """Return the pieces of all Terrain objects, the object that each piece belongs to, and the objects' places.
+
+    Raises UnusableError if a piece is not valid or lies outside the course, or if there are too many pieces.
+    """
+    terrain: list[dict[str, Any]] = []
+    owners: list[Any] = []
+    objects: list[PlacedObject] = []
+    for thing in things:
+        if not is_a(thing, "Terrain"):
+            continue
+        pieces = terrain_pieces(thing)
+        check_on_course(course, pieces, thing)
+        first_index = len(terrain)
+        terrain += pieces
+        owners += [thing] * len(pieces)
+        if len(terrain) > MAX_PIECES:
+            raise UnusableError(f"the terrain has more than {MAX_PIECES} pieces", thing)
+        indices = range(first_index, len(terrain))
+        objects.append(PlacedObject(type(thing).__name__, pose(thing)["heading_rad"], indices))
+    return terrain, owners, objects
+
+
+def _only_goal(things: list[Any], start: dict[str, float], needs_goal: bool) -> dict[str, Any] | None:
+    """Return the Goal of a scene as JSON, or None if there is none.
+
+    Raises UnusableError if there are several, if the goal is not ahead of the start, or if ``needs_goal`` is True and
+    there is none.
+    """
+    goals = [thing for thing in things if is_a(thing, "Goal")]
     if len(goals) > 1:
         raise UnusableError("is a second Goal: the program must place exactly one", goals[1])
-    if goal is not None:
-        check_goal_ahead(start, goal, goals[0])
-    elif needs_goal:
-        raise UnusableError("no Goal: the program must place one, or end the run: `terminate when …`")
-    described = {"friction": friction, "terrain": terrain, "start": start, "goal": goal, "course": course}
-    return described, obstacles_of(terrain, objects)
+    if not goals:
+        if needs_goal:
+            raise UnusableError("no Goal: the program must place one, or end the run: `terminate when …`")
+        return None
+    goal = _goal(goals[0])
+    check_goal_ahead(start, goal, goals[0])
+    return goal
 
 
 def _goal(thing: Any) -> dict[str, Any]:

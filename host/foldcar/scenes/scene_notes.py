@@ -9,7 +9,6 @@ from typing import Any
 
 from foldcar.scenes.checks import rectangle
 from foldcar.scenes.terrain_kinds import KIND_NAMES, kind_of, reach_m
-from foldcar.statistics.words import count
 
 # A piece of ground is remarked on if a block covers more than this fraction of the smaller of both.
 MIN_COVERED = 0.5
@@ -45,7 +44,7 @@ def scene_notes(scene: Mapping[str, Any]) -> list[str]:
     # The blocks of a pyramid have one place, and so one remark.
     hidden = list(dict.fromkeys(hidden))
     if hidden:
-        others = f" (and {count(len(hidden) - 1, 'more case')} like it)" if len(hidden) > 1 else ""
+        others = f" (and {len(hidden) - 1} more like it)" if len(hidden) > 1 else ""
         notes.append(f"{hidden[0]}{others}: where both are, only the higher one counts")
     goal = scene.get("goal")
     if goal is not None and not _is_straight_on(scene["start"], goal):

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from foldcar.simulation.results import NUMBERS, OUTCOMES, REJECTED
+from foldcar.store.other_drives import trials_unlike_runs
 from foldcar.store.reader import Store
 from foldcar.store.run_arrays import run_arrays
 from foldcar.store.tables import EXPERIMENT
@@ -59,10 +60,12 @@ def trials_frame(store: Store, experiment: str | None = None) -> pd.DataFrame:
 
     Columns: ``trial`` (int64), ``experiment``, ``vehicle_type`` (strings); each design parameter (float64); ``sample``
     (Int64, NA if unknown); ``outcome`` (string); ``passed`` (boolean, NA if aborted); ``counts`` (bool, True for
-    trials of built cars that are neither withdrawn nor aborted); ``car``, ``car_name`` (strings, NA if unknown);
+    trials of built cars that are neither withdrawn nor aborted); ``unlike_runs`` (string: what differs if the trial was
+    driven otherwise than the runs of its experiment, NA if nothing does); ``car``, ``car_name`` (strings, NA if unknown);
     ``elapsed_time_s``. Raises StoreError.
     """
     trials = list(store.trials(experiment))
+    differences = trials_unlike_runs(store)
     parameters = dict.fromkeys(name for trial in trials for name in trial.design)
     passed = np.array([trial.outcome == "passed" for trial in trials], dtype=bool)
     completed = [trial.completed for trial in trials]
@@ -76,6 +79,7 @@ def trials_frame(store: Store, experiment: str | None = None) -> pd.DataFrame:
             "outcome": _strings(trial.outcome for trial in trials),
             "passed": _booleans(passed, is_known=completed),
             "counts": np.array([trial.counts for trial in trials], dtype=bool),
+            "unlike_runs": _strings(differences.get(trial.id) for trial in trials),
             "car": _strings(trial.car for trial in trials),
             "car_name": _strings(trial.car_name for trial in trials),
             "elapsed_time_s": _numbers([trial.elapsed_time_s for trial in trials]),

@@ -22,6 +22,26 @@ LIMIT_OVERRUN_S = 0.1
 STOPWATCH_ERROR_S = 1.0
 
 
+def trials_unlike_runs(store: Store) -> dict[int, str]:
+    """Return which trials were driven in another environment or in another way than the runs, by the trial's number.
+
+    The trials of a swept experiment are compared with its nominal runs. Trials of other experiments are not in the
+    result, because there is nothing with which to compare them.
+
+    Example: {3: "another environment", 7: "speed 0.05 m/s, not 0.3 m/s"}
+    """
+    if not store.holds_study():
+        return {}
+    reasons: dict[int, str] = {}
+    for info in store.info().experiments.values():
+        if info.id != info.listed_id:
+            # A variant, such as the experiment in another engine. It has the trials of the nominal experiment.
+            continue
+        reasons |= other_drives(store, info, list(store.trials(info.id)))
+        reasons |= dict.fromkeys(store.trials_in_other_environments(info), "another environment")
+    return reasons
+
+
 def other_drives(store: Store, info: ExperimentInfo, trials: Sequence[Trial]) -> dict[int, str]:
     """Return which trials were driven in another way than the runs, and in which way, by the trial's number.
 

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from foldcar.car.design import Design, DesignError, compose, limit_errors, modules_of
 from foldcar.car.design_parameters import (
+    DesignParameter,
     declared,
     find_parameter,
     names_in,
@@ -290,10 +291,24 @@ def read_family(file: Path, vehicle_id: str, vehicle: ListedVehicle) -> Family:
         letters = modules_of(vehicle.type)
     except DesignError as error:
         raise ListingError(file, f"{place}.type: {error.message}") from error
-    choices: dict[str, tuple[float, ...]] = {}
-    origins: dict[str, str] = {}
-    mistakes = []
+    composition, parts, mistakes = _listed_parts(vehicle, place)
+    reader = _ParameterReader(vehicle.type, letters)
+    for index, groups in enumerate(vehicle.params):
+        for group, settings in groups.items():
+            reader.read(group, settings, f"{place}.params.{index}.{group}")
+    mistakes += reader.mistakes
+    if mistakes:
+        raise ListingError(file, *mistakes)
+    return Family(vehicle_id, composition, reader.choices, reader.origins, file, place, parts=parts)
+
+
+def _listed_parts(vehicle: ListedVehicle, place: str) -> tuple[str, PartChoices, list[str]]:
+    """Return a vehicle's type without parts, its parts, and the mistakes in them.
+
+    Parts are listed in the type, as in ``W_B_W-nimh``, or under ``parts``.
+    """
     composition, parts = vehicle.type, DEFAULT_CHOICES
+    mistakes = []
     try:
         composition, parts = split_type(vehicle.type)
     except PartError as error:
@@ -304,31 +319,53 @@ def read_family(file: Path, vehicle_id: str, vehicle: ListedVehicle) -> Family:
         except PartError as error:
             kind_text = "" if error.kind is None else f".{error.kind}"
             mistakes.append(f"{place}.parts{kind_text}: {error.message}")
-    for index, groups in enumerate(vehicle.params):
-        for group, settings in groups.items():
-            path = f"{place}.params.{index}.{group}"
-            if group not in ("common", *letters, *places_of(letters)):
-                known = ", ".join([*sorted(set(letters)), *places_of(letters)])
-                mistakes.append(f"{path}: {vehicle.type} has no module {group}; known: common, {known}")
-                continue
-            for parameter_name, values in settings.items():
-                parameter = find_parameter(group, parameter_name)
-                origin = f"{path}.{parameter_name}"
-                if parameter is None:
-                    names = names_in(group)
-                    close = did_you_mean(parameter_name, names)
-                    mistakes.append(f'{path}: unknown parameter "{parameter_name}"; known: {", ".join(names)}{close}')
-                elif not parameter.declared.is_switch and any(isinstance(value, bool) for value in values):
-                    text = f"{values[0]} is not a number; write a number, a list of numbers or a range"
-                    mistakes.append(f"{origin}: {text}")
-                elif choices.setdefault(parameter.key, values) != values:
-                    first = origins[parameter.key]
-                    mistakes.append(f"{origin}: differs from {first}, but this parameter has one value for the whole car")
-                else:
-                    origins.setdefault(parameter.key, origin)
-    if mistakes:
-        raise ListingError(file, *mistakes)
-    return Family(vehicle_id, composition, choices, origins, file, place, parts=parts)
+    return composition, parts, mistakes
+
+
+class _ParameterReader:
+    """Reads the parameters of a listed vehicle, group by group.
+
+    ``choices`` are the values of each parameter by its key, ``origins`` the places where they are listed. ``mistakes``
+    are lines about parameters that are not valid.
+    """
+
+    def __init__(self, vehicle_type: str, letters: Sequence[str]) -> None:
+        self.choices: dict[str, tuple[float, ...]] = {}
+        self.origins: dict[str, str] = {}
+        self.mistakes: list[str] = []
+        self._type = vehicle_type
+        self._modules = [*sorted(set(letters)), *places_of(letters)]
+
+    def read(self, group: str, settings: Mapping[str, tuple[float, ...]], place: str) -> None:
+        """Read the values of a group of modules, such as ``common``, ``W`` or ``W2``, which is listed at ``place``."""
+        if group != "common" and group not in self._modules:
+            known = ", ".join(self._modules)
+            self.mistakes.append(f"{place}: {self._type} has no module {group}; known: common, {known}")
+            return
+        for name, values in settings.items():
+            parameter = find_parameter(group, name)
+            if parameter is None:
+                names = names_in(group)
+                suggestion = did_you_mean(name, names)
+                self.mistakes.append(f'{place}: unknown parameter "{name}"; known: {", ".join(names)}{suggestion}')
+            else:
+                self._read_values(parameter, values, f"{place}.{name}")
+
+    def _read_values(self, parameter: DesignParameter, values: tuple[float, ...], origin: str) -> None:
+        """Keep the values of a parameter, which are listed at ``origin``."""
+        has_boolean = any(isinstance(value, bool) for value in values)
+        if has_boolean and not parameter.declared.is_switch:
+            text = f"{values[0]} is not a number; write a number, a list of numbers or a range"
+            self.mistakes.append(f"{origin}: {text}")
+            return
+        # The parameter may have been listed in another group before.
+        earlier_values = self.choices.setdefault(parameter.key, values)
+        if earlier_values != values:
+            first = self.origins[parameter.key]
+            reason = f"differs from {first}, but this parameter has one value for the whole car"
+            self.mistakes.append(f"{origin}: {reason}")
+            return
+        self.origins.setdefault(parameter.key, origin)
 
 
 def _values_text(values: Sequence[float]) -> str:

@@ -115,13 +115,16 @@ def simulated_outcome(car: ConnectedCar, message: Any) -> DriveEnd:
 def drive_end(dialect: Any, message: Any, lost_bytes: int) -> DriveEnd:
     """Return how an untethered drive ended, from ``message``, the last FOLDCAR_TRIAL in the car's log.
 
+    A drive without a fault has no outcome, because without its cable the car cannot be told that it has passed: even one
+    that has crossed the goal drives on to its time limit. A person must judge it.
+
     ``lost_bytes`` is how many bytes of the log are known to be missing or damaged.
     """
     elapsed_s = message.elapsed_ms / 1000
     lost_bytes = max(lost_bytes, message.log_lost)
     lost_text = f", {lost_bytes} bytes of its log lost" if lost_bytes else ""
     if message.end == dialect.FOLDCAR_END_TIME_LIMIT:
-        return DriveEnd(f"time limit, untethered{lost_text}", "timeout", elapsed_s)
+        return DriveEnd(f"time limit, untethered{lost_text}", None, elapsed_s)
     if message.end == dialect.FOLDCAR_END_FAULT:
         return DriveEnd(f"fault, untethered{lost_text}", "aborted", elapsed_s)
     if message.end == dialect.FOLDCAR_END_NONE:

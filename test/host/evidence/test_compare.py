@@ -10,7 +10,9 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
+from foldcar.api.study import Study
 from foldcar.cli import app
+from foldcar.errors import FoldcarError
 from foldcar.evidence.comparison import _verdict
 from foldcar.evidence.design_evidence import in_family
 from foldcar.evidence.selecting import select as select_designs
@@ -201,7 +203,13 @@ def test_trials_of_another_drive_are_left_out_and_named(
         assert (remark in experiment["remarks"]) == (difference is not None)
         assert not any("not driven as the runs" in text and text != remark for text in experiment["remarks"])
     (compared,) = compare(store)["experiments"]
-    assert [row["trials"] for row in compared["designs"]] == [7 if difference is None else 4]
+    counted = 7 if difference is None else 4
+    assert [row["trials"] for row in compared["designs"]] == [counted]
+    study = Study(store)
+    rate = study.rate(source="trials", width_mm=180)
+    assert f"{counted} of {counted} trials of 1 built car that passed" in rate.method
+    assert ("3 trials left out, not driven as the runs" in rate.method) == (difference is not None)
+    assert study.trials["unlike_runs"].dropna().tolist() == ([] if difference is None else [difference] * 3)
 
 
 @pytest.mark.parametrize(
@@ -215,6 +223,8 @@ def test_trials_that_do_not_count_are_not_called_absent(tmp_path: Path, outcome:
     (compared,) = compare(store)["experiments"]
     (selected,) = json_output("select", store)["experiments"]
 
+    with pytest.raises(FoldcarError, match=r"not driven as the runs: speed|has no trials of built cars that count"):
+        Study(store).rate(source="trials", width_mm=180)
     assert compared["sentence"].startswith("Nothing to compare: no trial counts yet.")
     assert "a guess from simulation: no trial counts yet." in selected["works"]
 
@@ -253,9 +263,8 @@ def test_an_exported_trial_that_passed_as_its_time_ended_comes_back_and_one_of_a
 
     (experiment,) = compare(store)["experiments"]
     assert [(row["trials"], row["trials_passed"]) for row in experiment["designs"]] == [(2, 1)]
-    for limit_s in (300, 20):
-        text = f"1 trial left out, not driven as the runs: time limit {limit_s} s, not 120 s."
-        assert text in experiment["remarks"]
+    differences = "time limit 300 s, not 120 s; time limit 20 s, not 120 s"
+    assert f"2 trials left out, not driven as the runs: {differences}." in experiment["remarks"]
 
 
 def test_a_trial_whose_time_contradicts_its_own_limit_is_left_out(tmp_path: Path) -> None:

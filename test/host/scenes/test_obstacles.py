@@ -7,7 +7,7 @@ from typing import Any
 import numpy
 import pytest
 
-from foldcar.scenes.obstacles import Obstacle, obstacles_of
+from foldcar.scenes.obstacles import Obstacle, PlacedObject, obstacles_of
 from foldcar.scenes.source import open_environment
 from foldcar.scenes.terrain_kinds import KINDS
 from foldcar.trials.placement import CAR, instructions, lettered, parse_deviation, scene_as_placed, show_placement
@@ -132,7 +132,7 @@ def test_a_deviation_moves_a_ramp_rigidly(sampled: tuple[dict[str, Any], dict[st
 
 def things_of(terrain: list[dict[str, Any]]) -> dict[str, Obstacle]:
     """Each piece an object of its own."""
-    return lettered(obstacles_of(terrain, [("Bump", 0.0, [k]) for k in range(len(terrain))]))
+    return lettered(obstacles_of(terrain, [PlacedObject("Bump", 0.0, [k]) for k in range(len(terrain))]))
 
 
 def test_what_stands_on_one_middle_is_one_obstacle() -> None:

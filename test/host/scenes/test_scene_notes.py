@@ -36,7 +36,7 @@ def test_a_course_with_many_stones_on_gravel_gets_one_remark(foldcar: Any, tmp_p
     stones = "for i in range(6):\n    new Kerb at (0.6 + 0.15 * i, 0), facing -90 deg, with height 0.03\n"
     (remark,) = notes(foldcar, tmp_path, gravel + stones + FACING)
     # A kerb has a slanted edge and a block behind it.
-    assert "lies under the block at (0.605, 0) (and 10 more cases like it)" in remark
+    assert "lies under the block at (0.605, 0) (and 10 more like it)" in remark
 
 
 def test_a_hill_that_is_higher_than_the_block_on_it_counts(foldcar: Any, tmp_path: Path) -> None:

@@ -183,6 +183,10 @@ def test_statements_beside_a_scenario_that_scenic_would_drop(tmp_path: Path) -> 
             "record ego.position.x as a\nrecord final ego.position.y as a\n",
             "line 5: `record final … as a`: line 4 records under this name already",
         ),
+        (
+            "record initial ego.position.x < 1 as passed\n",
+            "line 4: `record initial … as passed` says nothing about the end of a run: write `record final`",
+        ),
     ],
 )
 def test_statements_that_can_only_fail_in_a_run(tmp_path: Path, text: str, part: str) -> None:

@@ -293,7 +293,7 @@ def test_a_log_that_breaks_off_or_lacks_bytes_is_told() -> None:
         assert end.elapsed_time_s == 3.0
         return end.ending, end.outcome
 
-    assert end("TIME_LIMIT", 0, 0) == ("time limit, untethered", "timeout")
-    assert end("TIME_LIMIT", 12, 40) == ("time limit, untethered, 40 bytes of its log lost", "timeout")
+    assert end("TIME_LIMIT", 0, 0) == ("time limit, untethered", None)
+    assert end("TIME_LIMIT", 12, 40) == ("time limit, untethered, 40 bytes of its log lost", None)
     assert end("STOPPED", 12, 0) == ("stopped, untethered, 12 bytes of its log lost", None)
     assert end("NONE", 0, 0) == ("its log breaks off, untethered", "aborted")

@@ -98,10 +98,18 @@ def test_another_design_is_refused_and_does_not_move(tmp_path: Path, free_course
     assert float(other.stdout.split()[1]) == pytest.approx(body_json(compose("W_B_W", {"width": 150.0}))["track_m"])
 
 
+@pytest.mark.parametrize("option", ["--untethered", "--button"])
+def test_a_script_must_say_how_a_drive_without_a_cable_ended(option: str, refused: Any) -> None:
+    message = refused(*LOG, option, "--yes")
+    assert f"--yes: with {option}, neither car nor computer sees whether the car has passed; give --outcome" in message
+
+
 def test_an_untethered_car_brings_its_log_home(tmp_path: Path, free_course: Path) -> None:
     with (
         car_at_port(goal_x_m=None, tcp=True) as car,
-        Typist(tmp_path, *LOG, "--port", car.port, "--countdown", "0", "--yes", "--untethered") as person,
+        Typist(
+            tmp_path, *LOG, "--port", car.port, "--countdown", "0", "--outcome", "timeout", "--yes", "--untethered"
+        ) as person,
     ):
         person.watches_until(lambda: moving(tmp_path))
         inject(car, inject="unplug", for_s=4)
@@ -123,7 +131,9 @@ def test_an_untethered_car_brings_its_log_home(tmp_path: Path, free_course: Path
 def test_a_crash_on_the_floor_is_stored_with_the_trial_whose_log_it_broke_off(tmp_path: Path, free_course: Path) -> None:
     with (
         car_at_port(goal_x_m=None, tcp=True) as car,
-        Typist(tmp_path, *LOG, "--port", car.port, "--countdown", "0", "--yes", "--untethered") as person,
+        Typist(
+            tmp_path, *LOG, "--port", car.port, "--countdown", "0", "--outcome", "timeout", "--yes", "--untethered"
+        ) as person,
     ):
         person.watches_until(lambda: moving(tmp_path))
         inject(car, inject="unplug", for_s=3)
@@ -160,7 +170,7 @@ def test_the_button_starts_a_trial_without_a_cable_from_start_to_report(
     with car_at_port(goal_x_m=None, tcp=True) as car:
         for name, value in (("BUTTON_WIRED", "1"), ("SERVO_DIVIDER", "3")):
             assert foldcar("params", "set", name, value, "--port", car.port).returncode == 0
-        words = (*LOG, "--port", car.port, "--countdown", "2", "--yes", "--button")
+        words = (*LOG, "--port", car.port, "--countdown", "2", "--outcome", "timeout", "--yes", "--button")
         with Typist(tmp_path, *words) as person:
             person.sees("Pull the cable now, put the car in its place. Its button starts the 2 s.")
             inject(car, inject="unplug", for_s=8)

@@ -54,19 +54,20 @@ def message_on_signal(last_line: Callable[[], str]) -> Iterator[None]:
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
-    """Handle a signal: raise KeyboardInterrupt, but not during an import.
+    """Handle a signal: raise KeyboardInterrupt in the main thread, but not during an import.
 
-    If the user sends a second signal, this ends the process. A thread repeats the first signal, because its
-    KeyboardInterrupt may be lost (see _repeat_interrupt).
+    ``frame`` is what the main thread executes. The first signal of the user also starts a thread that sends this signal
+    again and again, because its KeyboardInterrupt may be lost (see _repeat_interrupt). The second signal of the user
+    ends the process at once.
     """
+    is_sent_by_thread = _repeating.is_set()
+    _repeating.clear()
     is_first = not _stopped.is_set()
-    is_repetition = _repeating.is_set()
     if is_first:
         _stopped.set()
         threading.Thread(target=_repeat_interrupt, args=(number,), daemon=True).start()
-    elif not is_repetition:
+    elif not is_sent_by_thread:
         _end()
-    _repeating.clear()
     # If an import were interrupted, it would leave a half-initialised module. The signal is repeated after the import.
     if not _imports(frame):
         raise KeyboardInterrupt
@@ -97,20 +98,25 @@ def _repeat_interrupt(number: int) -> None:
     may suppress it. The signal is not sent while the main thread imports a module or handles an exception.
     """
     # The identifier is None only before a thread starts.
-    main = threading.main_thread().ident or 0
+    main_thread = threading.main_thread().ident or 0
     for _ in range(round(GRACE_S / RETRY_S)):
         time.sleep(RETRY_S)
-        # If the main thread handles no exception, this is None. Before Python 3.12 it is (None, None, None).
-        exception = sys._current_exceptions().get(main)
-        handles_exception = exception is not None and exception != (None, None, None)
-        if not handles_exception and not _imports(sys._current_frames().get(main)):
-            _repeating.set()
-            if hasattr(signal, "pthread_kill"):
-                # This also interrupts a system call.
-                signal.pthread_kill(main, number)
-            else:
-                _thread.interrupt_main()
+        if _handles_exception(main_thread) or _imports(sys._current_frames().get(main_thread)):
+            continue
+        _repeating.set()
+        if hasattr(signal, "pthread_kill"):
+            # This also interrupts a system call.
+            signal.pthread_kill(main_thread, number)
+        else:
+            _thread.interrupt_main()
     _end()
+
+
+def _handles_exception(thread: int) -> bool:
+    """Return whether the thread with this identifier is in an `except` or a `finally` block because of an exception."""
+    exception = sys._current_exceptions().get(thread)
+    # If there is no exception, Python before 3.12 returns three times None instead.
+    return exception is not None and exception != (None, None, None)
 
 
 def _end() -> None:

@@ -57,24 +57,25 @@ def atomic_folder(folder: Path, manifest: str) -> Iterator[Path]:
     check_output_folder(folder)
     folder = folder.absolute()
     _check_replaceable(folder, manifest)
-    temporary = folder.with_name(f".{folder.name}.{os.getpid()}.part")
-    old = folder.with_name(f".{folder.name}.{os.getpid()}.old")
+    new_folder = folder.with_name(f".{folder.name}.{os.getpid()}.part")
+    old_folder = folder.with_name(f".{folder.name}.{os.getpid()}.old")
     try:
-        temporary.mkdir()
+        new_folder.mkdir()
     except OSError as error:
         raise FoldcarError(f"{folder}: cannot be written: {error.strerror or error}") from error
     try:
-        yield temporary
+        yield new_folder
         if folder.exists():
-            folder.rename(old)
-        temporary.rename(folder)
+            folder.rename(old_folder)
+        new_folder.rename(folder)
     except OSError as error:
         raise FoldcarError(f"{folder}: cannot be written: {error.strerror or error}") from error
     finally:
-        # Only the second renaming has failed.
-        if old.exists() and not folder.exists():
-            old.rename(folder)
-        for leftover in (temporary, old):
+        is_only_moved_away = old_folder.exists() and not folder.exists()
+        if is_only_moved_away:
+            # The new folder could not take the place of the old one, so the old one gets it back.
+            old_folder.rename(folder)
+        for leftover in (new_folder, old_folder):
             shutil.rmtree(leftover, ignore_errors=True)
 
 
@@ -158,11 +159,13 @@ def file_name_part(name: str) -> str:
 
     If ``name`` is short and consists of plain characters, it is returned as it is. Otherwise the result has its plain
     characters and eight digits of its SHA-256.
+
+    Example: file_name_part("ramp-1") is "ramp-1", and file_name_part("Ramp 1") is "ramp_1_" with eight digits after it.
     """
-    # A plain name may look like such a result with digits. It gets digits, too, because otherwise it could be equal to
-    # the result of another name.
-    if len(name) <= MAX_NAME_LENGTH and PLAIN_NAME.fullmatch(name) and not HASHED_NAME.fullmatch(name):
+    is_plain = len(name) <= MAX_NAME_LENGTH and PLAIN_NAME.fullmatch(name) is not None
+    # A plain name that ends with such digits gets digits, too. Otherwise it could be equal to the result of another name.
+    if is_plain and not HASHED_NAME.fullmatch(name):
         return name
-    plain = re.sub("[^a-z0-9-]+", "_", name.lower())[:MAX_NAME_LENGTH].strip("_")
-    digest = hashlib.sha256(name.encode("utf-8", "surrogatepass")).hexdigest()[:8]
-    return f"{plain}_{digest}" if plain else digest
+    plain_characters = re.sub("[^a-z0-9-]+", "_", name.lower())[:MAX_NAME_LENGTH].strip("_")
+    digits = hashlib.sha256(name.encode("utf-8", "surrogatepass")).hexdigest()[:8]
+    return f"{plain_characters}_{digits}" if plain_characters else digits

@@ -18,6 +18,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 PACKAGE = Path(__file__).resolve().parent
@@ -48,8 +49,11 @@ class RecordedFiles:
 
         Files that another thread opens, or that are opened for a stack trace, are not recorded.
         """
-        # An integer is a descriptor. Its file was recorded when the file's path was opened.
-        if isinstance(path_or_descriptor, int) or self._is_other_thread() or _is_for_stack_trace():
+        is_descriptor = isinstance(path_or_descriptor, int)
+        if is_descriptor:
+            # The file is open already. It was recorded when it was opened by its path.
+            return
+        if self._is_other_thread() or _is_for_stack_trace():
             return
         with suppress(OSError, TypeError, ValueError):
             path = _normal_path(path_or_descriptor)
@@ -91,15 +95,20 @@ def _normal_path(path: Any) -> Path:
 
 
 def _is_for_stack_trace() -> bool:
-    """Return whether linecache opens the file, to show its source in a stack trace.
+    """Return whether Python opens a file to show its source in a stack trace.
 
-    Scenic makes such traces of every running file, even foldcar's own.
+    Scenic makes such traces of every running file, even foldcar's own. Python's module linecache reads the sources.
     """
-    # The frames 0 to 2 are this function, `record` and the audit hook. So frame 3 is the caller of `open`, and the next
-    # one its caller. linecache may be either of them, because it opens files by tokenize.open.
-    frame = sys._getframe(3)
-    callers = (frame, frame.f_back)
-    return any(caller is not None and caller.f_globals.get("__name__") == "linecache" for caller in callers)
+    # The stack begins with this function, `record`, the audit hook, and the function that opens the file. linecache opens
+    # files itself or by tokenize.open, so it is that function or the one that called it.
+    opener = sys._getframe(3)
+    caller_of_opener = opener.f_back
+    return _is_linecache(opener) or (caller_of_opener is not None and _is_linecache(caller_of_opener))
+
+
+def _is_linecache(frame: FrameType) -> bool:
+    """Return whether a frame executes a function of Python's module linecache."""
+    return bool(frame.f_globals.get("__name__") == "linecache")
 
 
 # The last recorder is active. It is a list, because Python cannot remove an audit hook.
@@ -190,28 +199,44 @@ def is_own(path: Path, folder: Path) -> bool:
     ``folder`` is the folder of the user's program. If that is itself inside a folder of installed code or of the system,
     the files below it still are the user's own.
     """
-    # The paths are compared as they are named, and with symbolic links resolved.
-    for location, own_folder in ((path, folder), (path.resolve(), folder.resolve())):
-        for root in _installed_roots():
-            is_below_own_folder = root in own_folder.parents and location.is_relative_to(own_folder)
-            if location.is_relative_to(root) and not is_below_own_folder:
-                return False
-    return True
+    # Neither the path itself nor that to which its symbolic links lead may be foreign.
+    return not _is_foreign(path, folder) and not _is_foreign(path.resolve(), folder.resolve())
+
+
+def _is_foreign(path: Path, own_folder: Path) -> bool:
+    """Return whether a path is inside a folder of installed code or of the system, and not in the user's own folder."""
+    for root in _installed_roots():
+        own_folder_is_inside = root in own_folder.parents
+        if own_folder_is_inside and path.is_relative_to(own_folder):
+            continue
+        if path.is_relative_to(root):
+            return True
+    return False
 
 
 @cache
 def _installed_roots() -> set[Path]:
     """Return the folders of installed code, including Scenic's and foldcar's, of caches, and of the system."""
+    folders = [str(PACKAGE), *SYSTEM]
+    # Python's own modules, and installed packages.
+    python_paths = sysconfig.get_paths()
+    folders += [python_paths[name] for name in ("stdlib", "platstdlib", "purelib", "platlib")]
+    folders += [*site.getsitepackages(), site.getusersitepackages()]
+    # Scenic may be installed from a checkout, outside the folders of installed packages.
     scenic = importlib.util.find_spec("scenic")
-    folders = [sysconfig.get_paths()[name] for name in ("stdlib", "platstdlib", "purelib", "platlib")]
-    folders += [*site.getsitepackages(), site.getusersitepackages(), str(PACKAGE), *SYSTEM]
+    if scenic is not None and scenic.submodule_search_locations is not None:
+        folders += scenic.submodule_search_locations
+    # Caches and settings of libraries.
     with suppress(RuntimeError):
         # Path.home() raises if the user has no home.
         folders += [str(Path.home() / name) for name in USERS]
-    folders += [sys.pycache_prefix] if sys.pycache_prefix is not None else []
-    folders += [os.environ[name] for name in ("XDG_CACHE_HOME", "MPLCONFIGDIR") if name in os.environ]
-    folders += (scenic.submodule_search_locations if scenic is not None else None) or []
+    if sys.pycache_prefix is not None:
+        folders.append(sys.pycache_prefix)
+    for variable in ("XDG_CACHE_HOME", "MPLCONFIGDIR"):
+        if variable in os.environ:
+            folders.append(os.environ[variable])
     roots = [Path(folder) for folder in folders]
+    # With symbolic links, and with these resolved.
     return {*roots, *(root.resolve() for root in roots)}
 
 

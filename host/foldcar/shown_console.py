@@ -3,7 +3,7 @@
 import sys
 import textwrap
 from collections.abc import Collection, Iterable, Iterator, Sequence
-from typing import Any, TextIO
+from typing import Any, NamedTuple, TextIO
 
 from rich.box import SIMPLE_HEAD
 from rich.cells import cell_len
@@ -16,14 +16,15 @@ from foldcar.shown_text import plain_stream, shown
 
 
 def shown_console(plain_width: int | None = None, *, stderr: bool = False, file: TextIO | None = None) -> Console:
-    """Return a console on ``file``, else on standard error or output.
+    """Return a console that prints to ``file`` or, without a file, to standard output or standard error.
 
-    If that is not a terminal, the console is ``plain_width`` characters wide (None: rich decides).
+    If that is not a terminal, the console is ``plain_width`` characters wide. If this is None, rich chooses the width.
     """
-    # Bypass the stream that escapes control characters: it would escape rich's own sequences.
-    stream = plain_stream(sys.stderr if stderr else sys.stdout) if file is None else file
-    width = None if stream.isatty() else plain_width
-    return _ShownConsole(file=stream, width=width, markup=False, emoji=False, highlight=False)
+    if file is None:
+        # Printed text is escaped by the console. The usual stream would escape rich's own sequences, too.
+        file = plain_stream(sys.stderr if stderr else sys.stdout)
+    width = None if file.isatty() else plain_width
+    return _ShownConsole(file=file, width=width, markup=False, emoji=False, highlight=False)
 
 
 class _ShownConsole(Console):
@@ -67,70 +68,83 @@ class ResultTable:
 
         If it is too wide for a terminal, each row is printed as a block of lines.
         """
-        heads, widths = self._layout(console.width)
-        fits = bool(widths)
+        layout = self._layout(console.width)
         # rich is too slow for long tables, so they are printed without it.
-        if len(self._rows) > MAX_FRAMED and (fits or not console.is_terminal):
+        is_long = len(self._rows) > MAX_FRAMED
+        is_too_wide_for_terminal = layout is None and console.is_terminal
+        if is_long and not is_too_wide_for_terminal:
             console.file.write("".join(f"{line}\n" for line in self._lines()))
-            return
-        if not fits:
+        elif layout is None:
             console.file.write("".join(f"{block}\n" for block in self._blocks(console.width)))
-            return
+        else:
+            self._print_framed(console, layout)
+
+    def _print_framed(self, console: Console, layout: "_Layout") -> None:
+        """Print the table by rich, on a terminal with frames."""
         table = Table(box=SIMPLE_HEAD if console.is_terminal else None, pad_edge=False, show_edge=False)
-        for title, head, width in zip(self._heads, heads, widths, strict=True):
+        for title, shown_title, min_width in zip(self._heads, layout.titles, layout.min_widths, strict=True):
             if title in self._left:
-                table.add_column(head, min_width=width)
+                table.add_column(shown_title, min_width=min_width)
             else:
-                table.add_column(head, justify="right", no_wrap=True, min_width=width)
+                table.add_column(shown_title, justify="right", no_wrap=True, min_width=min_width)
         for cells in self._rows:
             table.add_row(*cells)
         margin = "\n" if console.is_terminal else ""
         console.print(margin, table, margin, sep="", end="")
 
-    def _layout(self, width: int) -> tuple[Sequence[str], list[int]]:
-        """Return titles and least widths of the columns, so that the table fits into a console of this width.
+    def _layout(self, console_width: int) -> "_Layout | None":
+        """Return a layout of the table that fits into a console of this width, None if there is none.
 
-        Titles are broken into several lines if needed, and then cells. The list of widths is empty if nothing fits.
+        If the table is too wide as it is, its titles are broken into several lines, and then its cells.
         """
-        # A column of this width holds its cells, and its title with one word a line.
-        titles_by_word = [head.replace(" ", "\n") for head in self._heads]
-        column_widths = self._min_widths(titles_by_word, wrapping=False)
-        stacked = []
+        broken_titles = self._broken_titles()
+        for may_break_cells in (False, True):
+            for titles in (self._heads, broken_titles):
+                min_widths = self._min_widths(titles, may_break_cells)
+                gaps = FRAME_GAP * (len(min_widths) - 1)
+                if sum(min_widths) + gaps <= console_width:
+                    return _Layout(titles, min_widths)
+        return None
+
+    def _broken_titles(self) -> list[str]:
+        """Return the titles broken into lines, as narrow as the cells and the longest word of the title allow."""
+        one_word_a_line = [head.replace(" ", "\n") for head in self._heads]
+        column_widths = self._min_widths(one_word_a_line, may_break_cells=False)
+        broken_titles = []
         for head, column_width in zip(self._heads, column_widths, strict=True):
-            stacked.append("\n".join(textwrap.wrap(head, column_width)))
-        for wrapping in (False, True):
-            for heads in (self._heads, stacked):
-                widths = self._min_widths(heads, wrapping)
-                if sum(widths) + FRAME_GAP * (len(widths) - 1) <= width:
-                    return heads, widths
-        return self._heads, []
+            broken_titles.append("\n".join(textwrap.wrap(head, column_width)))
+        return broken_titles
 
-    def _min_widths(self, heads: Sequence[str], wrapping: bool) -> list[int]:
-        """Return the smallest width of each column in characters, if the columns have these titles.
+    def _min_widths(self, titles: Sequence[str], may_break_cells: bool) -> list[int]:
+        """Return the smallest width of each column in characters, with these titles, which may have several lines.
 
-        Without ``wrapping``, a column is as wide as its longest line. With it, the cells of columns that are aligned to
-        the left may be broken into lines of MIN_WRAPPED characters.
+        A column is as wide as its longest line. If cells may be broken into lines, MIN_WRAPPED characters are enough for
+        the columns that are aligned to the left.
         """
         widths = []
-        columns = zip(heads, *self._rows, strict=True)
-        for name, cells in zip(self._heads, columns, strict=True):
-            lines = [line for cell in cells for line in cell.split("\n")]
-            width = max(cell_len(line) for line in lines)
-            widths.append(min(width, MIN_WRAPPED) if wrapping and name in self._left else width)
+        for index, head in enumerate(self._heads):
+            width = _width(titles[index])
+            for cells in self._rows:
+                width = max(width, _width(cells[index]))
+            if may_break_cells and head in self._left:
+                width = min(width, MIN_WRAPPED)
+            widths.append(width)
         return widths
 
     def _blocks(self, width: int) -> Iterator[str]:
         """Yield each row as lines of ``title  cell``, without empty cells, in at most ``width`` characters."""
-        title_width = max(map(cell_len, self._heads))
+        title_width = max(cell_len(head) for head in self._heads)
         indent = " " * (title_width + 2)
+        # On a very narrow console, lines are longer than the console, because cells need some space.
+        line_width = max(width, len(indent) + MIN_WRAPPED)
         for row in self._rows:
-            lines = [
-                textwrap.fill(cell, max(width, len(indent) + MIN_WRAPPED), subsequent_indent=indent,
-                              initial_indent=f"{title.ljust(title_width)}  ")
-                for title, cell in zip(self._heads, row, strict=True)
-                if cell
-            ]  # fmt: skip
-            yield "".join(f"{line}\n" for line in lines)
+            block = ""
+            for title, cell in zip(self._heads, row, strict=True):
+                if cell:
+                    start = f"{title.ljust(title_width)}  "
+                    text = textwrap.fill(cell, line_width, initial_indent=start, subsequent_indent=indent)
+                    block += f"{text}\n"
+            yield block
 
     def _lines(self) -> list[str]:
         """Return the table as lines of text with aligned columns."""
@@ -138,6 +152,18 @@ class ResultTable:
         rows = [self._heads, *(tuple(cell.replace("\n", " ") for cell in cells) for cells in self._rows)]
         columns = [_aligned(cells, cells[0] not in self._left) for cells in zip(*rows, strict=True)]
         return ["  ".join(cells).rstrip() for cells in zip(*columns, strict=True)]
+
+
+class _Layout(NamedTuple):
+    """The titles of a table's columns, which may have several lines, and the smallest widths of the columns."""
+
+    titles: Sequence[str]
+    min_widths: Sequence[int]
+
+
+def _width(text: str) -> int:
+    """Return the width of the longest line of a text on a terminal, in characters."""
+    return max(cell_len(line) for line in text.split("\n"))
 
 
 def _aligned(cells: tuple[str, ...], right: bool) -> list[str]:

@@ -52,15 +52,17 @@ def decoded(text: str) -> str:
 def spreadsheet_cell(cell: Any) -> Any:
     """Return the cell for a CSV file, with an apostrophe before text that a spreadsheet would run as a formula.
 
-    Such text that has apostrophes before it gets one more, so that :func:`without_apostrophe` returns it as it was.
-    Carriage returns become line feeds, because Python before 3.13 does not quote them, and one would end its row.
+    An apostrophe is also added before a formula that has apostrophes already, so that :func:`without_apostrophe` returns
+    it as it was. Carriage returns become line feeds, because Python before 3.13 does not quote them, and one would end
+    its row.
 
     Example: spreadsheet_cell("=1+1") is "'=1+1", spreadsheet_cell("-1.5") is "-1.5"
     """
     if not isinstance(cell, str):
         return cell
     text = with_line_feeds(cell)
-    return f"'{text}" if _FORMULA.match(text.lstrip("'")) else text
+    is_formula = _FORMULA.match(text.lstrip("'")) is not None
+    return f"'{text}" if is_formula else text
 
 
 def with_line_feeds(text: str) -> str:

@@ -20,24 +20,29 @@ def sources_only(folder: Path) -> Iterator[None]:
     ``folder`` is that of the user's program. A module of which there is only compiled code raises ImportError. This holds
     however a module is loaded, also through importlib.
     """
-    from_cache, from_compiled = SourceFileLoader.get_code, SourcelessFileLoader.get_code
+    # Python has two classes that load modules: SourceFileLoader compiles a source, or reads the compiled code of an
+    # earlier time. SourcelessFileLoader reads compiled code without a source. Their method `get_code` is replaced,
+    # because a program may use these classes directly.
+    usual_source_code = SourceFileLoader.get_code
+    usual_sourceless_code = SourcelessFileLoader.get_code
 
-    def source_code(loader: SourceFileLoader, fullname: str) -> CodeType | None:
+    def compiled_from_source(loader: SourceFileLoader, fullname: str) -> CodeType | None:
+        """Compile the source of a user's own module; load other modules as usual."""
         if not is_own(Path(loader.path).absolute(), folder):
-            return from_cache(loader, fullname)
+            return usual_source_code(loader, fullname)
         code: CodeType = loader.source_to_code(loader.get_data(loader.path), loader.path)
         return code
 
-    def no_code(loader: SourcelessFileLoader, fullname: str) -> CodeType | None:
+    def refused_without_source(loader: SourcelessFileLoader, fullname: str) -> CodeType | None:
+        """Refuse a user's own module without a source; load other modules as usual."""
         if is_own(Path(loader.path).absolute(), folder):
             raise ImportError(f"{loader.path} is compiled; put its source there", name=fullname, path=loader.path)
-        return from_compiled(loader, fullname)
+        return usual_sourceless_code(loader, fullname)
 
-    # The loaders are Python's own classes, because a program may use them directly.
-    setattr(SourceFileLoader, "get_code", source_code)  # noqa: B010
-    setattr(SourcelessFileLoader, "get_code", no_code)  # noqa: B010
+    setattr(SourceFileLoader, "get_code", compiled_from_source)  # noqa: B010
+    setattr(SourcelessFileLoader, "get_code", refused_without_source)  # noqa: B010
     try:
         yield
     finally:
-        setattr(SourceFileLoader, "get_code", from_cache)  # noqa: B010
-        setattr(SourcelessFileLoader, "get_code", from_compiled)  # noqa: B010
+        setattr(SourceFileLoader, "get_code", usual_source_code)  # noqa: B010
+        setattr(SourcelessFileLoader, "get_code", usual_sourceless_code)  # noqa: B010

@@ -20,8 +20,13 @@ from typing import Any
 
 # The file descriptor of standard input.
 INPUT = 0
+# How many bytes of standard input are read at once, at most.
+READ_BYTES = 4096
 # Whether `select` waits for terminals and serial ports.
 CAN_SELECT_FILES = sys.platform != "win32"
+# Characters that Windows' console returns: for Ctrl-C, and as the first of two characters that stand for a special key,
+# such as an arrow.
+CTRL_C, FIRST_OF_TWO = "\x03", "\x00\xe0"
 # How often Windows' console is asked for a key.
 CONSOLE_PERIOD_S = 0.01
 
@@ -86,7 +91,8 @@ class TypedInput:
             threading.Thread(target=self._copy, daemon=True).start()
 
     def _copy(self) -> None:
-        while data := os.read(INPUT, 4096):
+        """Put what is read from standard input into the queue, and b"" at its end."""
+        while data := os.read(INPUT, READ_BYTES):
             self._lines.put(data)
         self._lines.put(b"")
 
@@ -98,15 +104,16 @@ class TypedInput:
     def read(self, wait_s: float) -> bytes | None:
         """Return what was typed, b"" at the end of input; None if nothing was typed within ``wait_s``."""
         if CAN_SELECT_FILES:
-            is_typed = bool(select.select([INPUT], [], [], wait_s)[0])
-        elif self._console is not None:
-            is_typed = self._pressed_within(wait_s)
-        else:
-            with contextlib.suppress(queue.Empty):
-                return self._lines.get(timeout=wait_s)
+            readable, _, _ = select.select([INPUT], [], [], wait_s)
+            return os.read(INPUT, READ_BYTES) if readable else None
+        if self._console is not None:
+            # When the first key of a line was pressed, reading waits until the line is complete.
+            return os.read(INPUT, READ_BYTES) if self._pressed_within(wait_s) else None
+        # On Windows, a thread reads a pipe or a file.
+        try:
+            return self._lines.get(timeout=wait_s)
+        except queue.Empty:
             return None
-        # In Windows' console this waits until the line, whose first key was pressed, is complete.
-        return os.read(INPUT, 4096) if is_typed else None
 
     def _pressed_within(self, wait_s: float) -> bool:
         """Return whether a key is pressed within ``wait_s`` in the console of Windows.
@@ -124,47 +131,56 @@ class TypedInput:
     def keys(self) -> Iterator[Callable[[], str | None]]:
         """Yield a function that returns the last key that was pressed, or None if there was none.
 
-        The function does not wait, and a key needs no Enter.
+        The function does not wait, and a key needs no Enter. Keys that were pressed before the block do not count, and
+        keys that are left over at its end are dropped.
         """
         if not self.is_terminal:
             yield lambda: None
-            return
-        if self._console is not None:
-            # Keys that were pressed before do not count. Keys that are left over must not answer the next question.
-            self._last_console_key()
+        elif self._console is not None:
+            self._drop_console_keys()
             yield self._last_console_key
-            self._last_console_key()
-            return
+            self._drop_console_keys()
+        else:
+            with self._single_keys():
+                yield self._last_key
+
+    @contextlib.contextmanager
+    def _single_keys(self) -> Iterator[None]:
+        """Within the block, let the terminal pass on each key at once, instead of a line after Enter."""
         termios, tty = importlib.import_module("termios"), importlib.import_module("tty")
-        before = termios.tcgetattr(INPUT)
+        settings_before = termios.tcgetattr(INPUT)
         try:
-            # Keys that were pressed before do not count. Keys that are left over must not reach the shell.
             tty.setcbreak(INPUT)
+            # This drops keys that were pressed before.
             termios.tcflush(INPUT, termios.TCIFLUSH)
-            yield self._last_key
+            yield
         finally:
+            # Keys that are left over must not reach the shell.
             termios.tcflush(INPUT, termios.TCIFLUSH)
             # TCSANOW does not wait until the output is written, because a person may have stopped it with Ctrl-S.
-            termios.tcsetattr(INPUT, termios.TCSANOW, before)
+            termios.tcsetattr(INPUT, termios.TCSANOW, settings_before)
+
+    def _drop_console_keys(self) -> None:
+        """Read and forget all keys that were pressed in Windows' console. Raises KeyboardInterrupt for Ctrl-C."""
+        self._last_console_key()
 
     def _last_key(self) -> str | None:
         """Return the last character typed, None if nothing was typed."""
         return (self.read(0) or b"").strip()[-1:].decode(errors="replace") or None
 
     def _last_console_key(self) -> str | None:
-        """Return the last character other than a blank that was typed in Windows' console; None if there is none.
+        """Return the last key that was pressed in Windows' console, except blanks and Return; None if there is none.
 
         Raises KeyboardInterrupt for Ctrl-C.
         """
-        last = None
+        last_key = None
         while self._console.kbhit():
             key = self._console.getwch()
-            if key == "\x03":
+            if key == CTRL_C:
                 raise KeyboardInterrupt
-            if key in "\x00\xe0":
-                # The first of two characters that stand for a key such as an arrow.
+            if key in FIRST_OF_TWO:
+                # The second character says which special key it is; no special key has a meaning.
                 self._console.getwch()
-            else:
-                # A blank or Return is not a key that anybody waits for.
-                last = key.strip() or last
-        return last
+            elif key.strip():
+                last_key = key
+        return last_key

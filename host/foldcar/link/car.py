@@ -69,15 +69,21 @@ class ConnectedCar:
 
     def identity(self) -> CarIdentity:
         """Request the car's design and build, and a simulated car's scene. Raises NoCarError if it does not answer."""
+        dialect = self.dialect
         design = self.request("FOLDCAR_DESIGN")
-        refused = design.source == self.dialect.FOLDCAR_DESIGN_SOURCE_REFUSED
-        # None: the car does not say what it is.
-        simulated = {
-            self.dialect.FOLDCAR_HARDWARE_BOARD: False,
-            self.dialect.FOLDCAR_HARDWARE_SIMULATED: True,
-        }.get(design.hardware)
-        scene = self._scene() if simulated else None
-        return CarIdentity(design.name, design.hash, design.build, refused, simulated, scene)
+        simulated: bool | None = None
+        if design.hardware == dialect.FOLDCAR_HARDWARE_BOARD:
+            simulated = False
+        elif design.hardware == dialect.FOLDCAR_HARDWARE_SIMULATED:
+            simulated = True
+        return CarIdentity(
+            name=design.name,
+            hash=design.hash,
+            build=design.build,
+            refused=design.source == dialect.FOLDCAR_DESIGN_SOURCE_REFUSED,
+            simulated=simulated,
+            scene=self._scene() if simulated else None,
+        )
 
     def _scene(self) -> str:
         """Return the id of a simulated car's scene, which the car sends once a second of its own time."""
@@ -126,15 +132,22 @@ class ConnectedCar:
     def crash_report(self) -> Any | None:
         """Request the FOLDCAR_CRASH message of the crash that ended the car's last run; None if it has no report."""
         number, command = self.dialect.MAVLINK_MSG_ID_FOLDCAR_CRASH, self.dialect.MAV_CMD_REQUEST_MESSAGE
+
+        def is_answer(message: Any) -> bool:
+            """Return whether a message is the report, or acknowledges the request for it."""
+            return message.get_type() == "FOLDCAR_CRASH" or self._acknowledges(message, command)
+
         for _ in range(TRIES):
             self._send_command(command, (number,), 0)
-            # The car sends the message before the acknowledgement, or only a refusal.
-            answer = self.connection.wait_for(
-                lambda m: m.get_type() == "FOLDCAR_CRASH" or self._acknowledges(m, command), ANSWER_S
-            )
-            if answer is not None and answer.get_type() == "FOLDCAR_CRASH":
+            answer = self.connection.wait_for(is_answer, ANSWER_S)
+            if answer is None:
+                continue
+            if answer.get_type() == "FOLDCAR_CRASH":
                 return answer
-            if answer is not None and answer.result != self.dialect.MAV_RESULT_ACCEPTED:
+            # The car sends the report before it accepts the request. So the report was lost, or the car refuses the
+            # request, because it has none.
+            is_refused = answer.result != self.dialect.MAV_RESULT_ACCEPTED
+            if is_refused:
                 return None
         return None
 
@@ -158,14 +171,18 @@ class ConnectedCar:
     ) -> None:
         """Start trial number ``trial``: drive at constant speed and yaw rate until the time limit.
 
-        The car first counts down ``delay_s``; if ``button``, from the moment at which its button is pressed. An
-        ``untethered`` trial continues without a host, and the car stores its log. Raises CommandRefusedError.
+        The car first counts down ``delay_s``. If ``button`` is True, the countdown begins when the car's button is
+        pressed. An ``untethered`` trial continues without a host, and the car stores its log. Raises CommandRefusedError.
         """
-        flags = self.dialect.FOLDCAR_TRIAL_FLAGS_UNTETHERED if untethered else 0
-        flags |= self.dialect.FOLDCAR_TRIAL_FLAGS_BUTTON if button else 0
+        dialect = self.dialect
+        flags = 0
+        if untethered:
+            flags |= dialect.FOLDCAR_TRIAL_FLAGS_UNTETHERED
+        if button:
+            flags |= dialect.FOLDCAR_TRIAL_FLAGS_BUTTON
         # In the order of the command's parameters in foldcar.xml.
         values = speed_m_s, yaw_rate_rad_s, time_limit_s, float(flags), float(trial), delay_s
-        self._command("start", self.dialect.MAV_CMD_FOLDCAR_START_TRIAL, *values)
+        self._command("start", dialect.MAV_CMD_FOLDCAR_START_TRIAL, *values)
 
     def is_under_way(self, trial: Any) -> bool:
         """Return whether the trial of a FOLDCAR_TRIAL message drives, counts down, or waits for the car's button."""

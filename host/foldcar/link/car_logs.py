@@ -13,6 +13,8 @@ from foldcar.link.connection import CAR_COMPONENT, CAR_SYSTEM
 
 # Bytes per request, 64 packets of 90; lost parts are requested again.
 WINDOW_BYTES = 90 * 64
+# The range of numbers of all logs.
+FIRST_LOG, LAST_LOG = 0, 0xFFFF
 # Time limits for the list and for a log, and the silence after which a request is repeated.
 LIST_S = 20.0
 FETCH_S = 120.0
@@ -32,23 +34,28 @@ def list_logs(car: ConnectedCar) -> list[StoredLog]:
     car.connection.status_text = None
     end_s = time.monotonic() + LIST_S
     for _ in range(TRIES):
-        # Logs 0 to 0xFFFF are all logs.
-        car.connection.send(car.dialect.MAVLink_log_request_list_message(CAR_SYSTEM, CAR_COMPONENT, 0, 0xFFFF))
-        logs: dict[int, StoredLog] = {}
-        # How many logs the car has; None before its first answer.
-        log_count: int | None = None
-        while (log_count is None or len(logs) < log_count) and time.monotonic() < end_s:
-            entry = car.connection.wait_for(lambda m: m.get_type() == "LOG_ENTRY", ANSWER_S)
-            if entry is None:
-                break
-            log_count = entry.num_logs
-            # A car without logs answers with a single entry, which describes no log.
-            if entry.num_logs:
-                logs[entry.id] = StoredLog(entry.id, entry.size)
-        if log_count is not None and len(logs) == log_count:
+        logs = _try_to_list_logs(car, end_s)
+        if logs is not None:
+            return logs
+    raise FoldcarError(f"{car.port}: the car does not list its logs{_status_suffix(car)}")
+
+
+def _try_to_list_logs(car: ConnectedCar, end_s: float) -> list[StoredLog] | None:
+    """Request the list of the car's logs once. Return None if a part of it is lost, or has not arrived at ``end_s``."""
+    request = car.dialect.MAVLink_log_request_list_message(CAR_SYSTEM, CAR_COMPONENT, FIRST_LOG, LAST_LOG)
+    car.connection.send(request)
+    logs: dict[int, StoredLog] = {}
+    while time.monotonic() < end_s:
+        entry = car.connection.wait_for(lambda m: m.get_type() == "LOG_ENTRY", ANSWER_S)
+        if entry is None:
+            return None
+        # A car without logs answers with a single entry, which describes no log.
+        if entry.num_logs > 0:
+            logs[entry.id] = StoredLog(entry.id, entry.size)
+        if len(logs) == entry.num_logs:
             # The car sends the oldest log first. Do not sort by number: the log after number 65535 has the number 1.
             return list(logs.values())
-    raise FoldcarError(f"{car.port}: the car does not list its logs{_status_suffix(car)}")
+    return None
 
 
 def fetch_log(car: ConnectedCar, log: StoredLog) -> bytes:
@@ -58,8 +65,8 @@ def fetch_log(car: ConnectedCar, log: StoredLog) -> bytes:
     byte.
     """
     content = bytearray()
-    # Parts that arrived, by their offsets, until they can be appended to the content.
-    parts: dict[int, bytes] = {}
+    # Parts that have arrived before a part in front of them, by their offsets in the log.
+    early_parts: dict[int, bytes] = {}
     car.connection.status_text = None
     end_s = time.monotonic() + FETCH_S
     while len(content) < log.size_bytes:
@@ -70,14 +77,18 @@ def fetch_log(car: ConnectedCar, log: StoredLog) -> bytes:
         count = min(WINDOW_BYTES, log.size_bytes - start)
         request = car.dialect.MAVLink_log_request_data_message(CAR_SYSTEM, CAR_COMPONENT, log.id, start, count)
         car.connection.send(request)
-        while len(content) < start + count and time.monotonic() < end_s:
+        window_end = start + count
+        while len(content) < window_end and time.monotonic() < end_s:
             part = car.connection.wait_for(lambda m: m.get_type() == "LOG_DATA" and m.id == log.id, QUIET_S)
             if part is None:
+                # The car sends no more parts of this window.
                 break
-            if start <= part.ofs < start + count:
-                parts[part.ofs] = bytes(part.data[: part.count])
-            while parts.get(len(content)):
-                content += parts.pop(len(content))
+            if start <= part.ofs < window_end:
+                early_parts[part.ofs] = bytes(part.data[: part.count])
+            next_part = early_parts.pop(len(content), b"")
+            while next_part:
+                content += next_part
+                next_part = early_parts.pop(len(content), b"")
     return bytes(content[: log.size_bytes])
 
 

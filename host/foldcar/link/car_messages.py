@@ -28,18 +28,31 @@ def checked_message(message: Any) -> Any | None:
 
     Example: messages = [checked_message(message) for message in mav.parse_buffer(data)]
     """
-    kind = message.get_type()
-    for name, limit in LIMITS.get(kind, {}).items():
-        value = getattr(message, name)
-        # Before the outcome, its time is NaN.
-        is_unset = name == "outcome_time" and not message.outcome and math.isnan(value)
-        if not (abs(value) <= limit or is_unset):
-            return None
-    if kind == "PARAM_VALUE" and message.param_index >= message.param_count:
+    if not _has_possible_numbers(message):
         return None
-    if "char" in getattr(message, "fieldtypes", ()):
+    has_strings = "char" in getattr(message, "fieldtypes", ())
+    if has_strings:
         for name in message.fieldnames:
-            raw = getattr(message, f"_{name}_raw", None)
-            if isinstance(raw, bytes):
-                setattr(message, name, shown_line(raw.split(b"\0", 1)[0].decode("utf-8", "replace")))
+            # pymavlink keeps the bytes of each string in a further attribute.
+            string_bytes = getattr(message, f"_{name}_raw", None)
+            if isinstance(string_bytes, bytes):
+                used_bytes = string_bytes.split(b"\0", 1)[0]
+                setattr(message, name, shown_line(used_bytes.decode("utf-8", "replace")))
     return message
+
+
+def _has_possible_numbers(message: Any) -> bool:
+    """Return whether all numbers of a message are within their limits."""
+    message_type = message.get_type()
+    if message_type == "PARAM_VALUE" and message.param_index >= message.param_count:
+        return False
+    for name, limit in LIMITS.get(message_type, {}).items():
+        value = getattr(message, name)
+        # As long as there is no outcome, its time is NaN.
+        if name == "outcome_time" and not message.outcome and math.isnan(value):
+            continue
+        # NaN is not possible elsewhere; it is never within the limit.
+        is_within_limit = abs(value) <= limit
+        if not is_within_limit:
+            return False
+    return True

@@ -13,7 +13,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 from foldcar.link.car_messages import checked_message
 from foldcar.link.dialect import load_dialect
@@ -49,6 +49,8 @@ class Connection:
     """
 
     def __init__(self, stream: Stream) -> None:
+        """Start sending heartbeats over ``stream``, in a thread of its own."""
+        # These attributes are described above.
         self.stream = stream
         self.dialect = load_dialect()
         self.latest: dict[str, Any] = {}
@@ -58,19 +60,21 @@ class Connection:
         self.received = 0
         self.lost = 0
         self.damaged = 0
-        self._listened_at_s = time.monotonic()
-        self._silence_s = 0.0
+        self.clock_rate = CarClockRate()
+        # Reads and writes packets. With robust parsing, damaged bytes become a message instead of an exception.
         self._mav = self.dialect.MAVLink(None, srcSystem=HOST_SYSTEM, srcComponent=HOST_COMPONENT)
         self._mav.robust_parsing = True
-        self.clock_rate = CarClockRate()
-        # Guards the port's output and the sequence number of packets.
-        self._sending = threading.Lock()
-        # Time (µs since 1970) and packet of heartbeats that are sent, but not yet in the log.
-        self._heartbeats: deque[tuple[int, bytes]] = deque()
+        # When the first thread listened last (by time.monotonic()), and for how long the car was silent until then.
+        self._listened_at_s = time.monotonic()
+        self._silence_s = 0.0
         # The sequence number of the last packet of each component, to count lost packets.
         self._sequences: dict[int, int] = {}
         # If wait_for has found its message, these are the messages that arrived together with it and after it.
         self._unread: list[Any] = []
+        # Guards the port's output and the sequence number of packets, because two threads send packets.
+        self._sending = threading.Lock()
+        # Time (µs since 1970) and packet of heartbeats that are sent, but not yet in the log.
+        self._heartbeats: deque[tuple[int, bytes]] = deque()
         self._closed = threading.Event()
         self._heart = threading.Thread(target=self._send_heartbeats, daemon=True)
         self._heart.start()
@@ -213,6 +217,13 @@ class Connection:
                 self.log.write(packet, time_us)
 
 
+class _ClockTimes(NamedTuple):
+    """The times of both clocks at one moment."""
+
+    car_s: float
+    host_s: float
+
+
 class CarClockRate:
     """Measures how fast the car's clock goes relative to the host's.
 
@@ -225,21 +236,24 @@ class CarClockRate:
 
     def __init__(self) -> None:
         self.value = 1.0
-        self._first: tuple[float, float] | None = None
+        # The times at which the present measurement began; None before the first one.
+        self._began: _ClockTimes | None = None
 
     def add(self, car_s: float, host_s: float) -> None:
         """Add a time since boot that the car reported, and the host's time of its arrival (both s).
 
-        The rate is measured over at least SPAN_S, and again after a restart of the car's clock.
+        Each measurement takes at least SPAN_S. If the car's clock goes backwards, the car has restarted, and so does the
+        measurement.
         """
-        if self._first is None or car_s < self._first[0]:
-            self._first = (car_s, host_s)
+        now = _ClockTimes(car_s, host_s)
+        if self._began is None or now.car_s < self._began.car_s:
+            self._began = now
             return
-        first_car_s, first_host_s = self._first
-        passed_s = host_s - first_host_s
-        if passed_s >= self.SPAN_S:
-            self.value = max(1.0, (car_s - first_car_s) / passed_s)
-            self._first = (car_s, host_s)
+        host_span_s = now.host_s - self._began.host_s
+        if host_span_s >= self.SPAN_S:
+            car_span_s = now.car_s - self._began.car_s
+            self.value = max(1.0, car_span_s / host_span_s)
+            self._began = now
 
 
 def connect(port: str) -> Connection:

@@ -12,7 +12,7 @@ While the car is shaken, the firmware ignores the accelerometer (firmware/lib/at
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -65,78 +65,137 @@ def log_features(file: Path) -> LogFeatures:
     start_s = trial_start_s(messages)
     if start_s is None:
         return LogFeatures()
-    trial = [message for message in messages if message.get_type() == "FOLDCAR_TRIAL"][-1]
-    elapsed_s = trial.elapsed_ms / 1000 if trial.end else None
+    last_state = [message for message in messages if message.get_type() == "FOLDCAR_TRIAL"][-1]
+    elapsed_s = last_state.elapsed_ms / 1000 if last_state.end else None
     duration_s = math.inf if elapsed_s is None else elapsed_s
+    servo_v, servo_rest_v = _servo_battery_v(messages, start_s, duration_s)
+    features = LogFeatures(
+        elapsed_time_s=elapsed_s,
+        battery_sag_v=_sag_v(messages, start_s, duration_s),
+        servo_battery_v=servo_v,
+        servo_battery_rest_v=servo_rest_v,
+    )
     motion = _motion(messages, start_s, duration_s)
-    roll = pitch = None
-    if motion.tilts is not None:
-        # The largest tilts of the drive, with their signs.
-        roll, pitch = (float(max(column, key=abs)) for column in motion.tilts.T)
-    sag_v = _sag_v(messages, start_s, duration_s)
-    servo_v, rest_v = _servo_battery_v(messages, start_s, duration_s)
-    if roll is None or pitch is None:
-        return LogFeatures(elapsed_s, battery_sag_v=sag_v, servo_battery_v=servo_v, servo_battery_rest_v=rest_v)
-    heading_error = HEADING_ERROR_RAD + HEADING_ERROR_FACTOR * abs(roll * pitch)
-    return LogFeatures(
-        elapsed_s,
+    if motion is None:
+        return features
+    # The largest tilts of the drive, with their signs.
+    roll = float(max(motion.rolls, key=abs))
+    pitch = float(max(motion.pitches, key=abs))
+    return replace(
+        features,
         max_roll_rad=roll,
         max_pitch_rad=pitch,
         tilt_error_rad=TILT_ERROR_RAD,
         heading_change_rad=motion.turned_rad,
-        heading_error_rad=heading_error,
+        heading_error_rad=HEADING_ERROR_RAD + HEADING_ERROR_FACTOR * abs(roll * pitch),
         shocks_s=motion.shocks_s,
-        battery_sag_v=sag_v,
-        servo_battery_v=servo_v,
-        servo_battery_rest_v=rest_v,
     )
 
 
 class _Motion(NamedTuple):
-    """What the IMU says of a drive; every field is None if it has no data before the drive or in it.
+    """What the IMU says of a drive.
 
-    ``tilts`` (n, 2) are roll and pitch (rad), where the pitch is corrected for the error of the car's filter.
-    ``turned_rad`` is the change of the heading. ``shocks_s`` are the times of shocks since the start.
+    ``rolls`` and ``pitches`` (rad) have an entry for each measurement; the pitches are corrected for the error of the
+    car's filter. ``turned_rad`` is the change of the heading. ``shocks_s`` are the times of shocks since the start.
     """
 
-    tilts: Any = None
-    turned_rad: float | None = None
-    shocks_s: tuple[float, ...] | None = None
+    rolls: list[float]
+    pitches: list[float]
+    turned_rad: float
+    shocks_s: tuple[float, ...]
 
 
-def _motion(messages: Sequence[Any], start_s: float, duration_s: float) -> _Motion:
-    """Return the motion in a drive that begins at ``start_s`` (time since boot) and takes ``duration_s``."""
+class _Measurement(NamedTuple):
+    """What the car measured at a time since the start: angles by its filter, and the acceleration.
+
+    Angles are MAVLink's: the yaw is clockwise. Accelerations point forward and in any direction (m/s²).
+    """
+
+    time_s: float
+    roll_rad: float
+    pitch_rad: float
+    yaw_rad: float
+    forward_m_s2: float
+    total_m_s2: float
+
+
+def _measurements(messages: Sequence[Any], start_s: float) -> list[_Measurement]:
+    """Return the measurements of the car's IMU, in the order of their times.
+
+    The angles and the acceleration are in two messages, ATTITUDE and SCALED_IMU, which have the same time.
+    """
     attitudes = {message.time_boot_ms: message for message in messages if message.get_type() == "ATTITUDE"}
     samples = {message.time_boot_ms: message for message in messages if message.get_type() == "SCALED_IMU"}
-    common_ms = sorted(attitudes.keys() & samples.keys())
-    # A row has the time since the start (s), the message ATTITUDE and the message SCALED_IMU of this time.
-    rows = [(ms / 1000 - start_s, attitudes[ms], samples[ms]) for ms in common_ms]
+    measurements = []
+    for time_ms in sorted(attitudes.keys() & samples.keys()):
+        attitude, sample = attitudes[time_ms], samples[time_ms]
+        x, y, z = MILLI_G_M_S2 * sample.xacc, MILLI_G_M_S2 * -sample.yacc, MILLI_G_M_S2 * -sample.zacc
+        measurements.append(
+            _Measurement(
+                time_s=time_ms / 1000 - start_s,
+                roll_rad=attitude.roll,
+                pitch_rad=attitude.pitch,
+                yaw_rad=attitude.yaw,
+                forward_m_s2=x,
+                total_m_s2=math.sqrt(x * x + y * y + z * z),
+            )
+        )
+    return measurements
+
+
+def _motion(messages: Sequence[Any], start_s: float, duration_s: float) -> _Motion | None:
+    """Return the motion in a drive that begins at ``start_s`` (time since boot) and takes ``duration_s``.
+
+    Returns None if the IMU has measured nothing before the drive, or nothing in it.
+    """
     # The second before the start is needed for the filter's error and the first heading.
-    rows = [row for row in rows if -1.0 <= row[0] <= duration_s]
-    rows_before, rows_during = [row for row in rows if row[0] <= 0], [row for row in rows if row[0] > 0]
-    if not rows_before or not rows_during:
-        return _Motion()
-    # The accelerometer shows the error of the car's pitch while it measures little but gravity. At all other times the
-    # error is forgotten slowly.
-    filter_error, tilts, shocks = 0.0, [], []
-    last_s = rows[0][0]
-    for time_s, attitude, sample in rows:
-        # MAVLink's axes are forward, right, down.
-        x, y, z = (MILLI_G_M_S2 * value for value in (sample.xacc, -sample.yacc, -sample.zacc))
-        total_m_s2 = math.sqrt(x * x + y * y + z * z)
+    measurements = []
+    for measurement in _measurements(messages, start_s):
+        if -1.0 <= measurement.time_s <= duration_s:
+            measurements.append(measurement)
+    before = [measurement for measurement in measurements if measurement.time_s <= 0]
+    during = [measurement for measurement in measurements if measurement.time_s > 0]
+    if not before or not during:
+        return None
+    filter_errors = _filter_errors(measurements)
+    # The errors of the measurements in the drive, which come last.
+    filter_errors_during = filter_errors[len(before) :]
+    shocks = []
+    for measurement in during:
+        if abs(measurement.total_m_s2 / GRAVITY_M_S2 - 1) > SHOCK_FRACTION:
+            shocks.append(round(measurement.time_s, 3))
+    # Without jumps from π to -π.
+    yaws = numpy.unwrap([measurement.yaw_rad for measurement in (before[-1], *during)])
+    return _Motion(
+        rolls=[measurement.roll_rad for measurement in during],
+        pitches=[m.pitch_rad - error for m, error in zip(during, filter_errors_during, strict=True)],
+        # MAVLink's yaw is clockwise.
+        turned_rad=float(yaws[0] - yaws[-1]),
+        shocks_s=tuple(shocks),
+    )
+
+
+def _filter_errors(measurements: Sequence[_Measurement]) -> list[float]:
+    """Return the estimated error (rad) of the filter's pitch at each measurement: d in the head of this file.
+
+    While the accelerometer measures little but gravity, it shows the pitch, and the filter follows it. At all times,
+    the error is forgotten slowly.
+    """
+    errors = []
+    error = 0.0
+    last_s = measurements[0].time_s
+    for measurement in measurements:
         # After a long gap the whole error is forgotten.
-        step_s, last_s = min(time_s - last_s, FORGETTING_S), time_s
-        filter_error -= filter_error * step_s / FORGETTING_S
-        if abs(total_m_s2 - GRAVITY_M_S2) < SHAKING_M_S2:
-            accelerometer_pitch = math.asin(max(-1.0, min(1.0, x / total_m_s2)))
-            filter_error += (accelerometer_pitch - attitude.pitch) * step_s / FILTER_S
-        if time_s > 0:
-            tilts.append((attitude.roll, attitude.pitch - filter_error))
-            if abs(total_m_s2 / GRAVITY_M_S2 - 1) > SHOCK_FRACTION:
-                shocks.append(round(time_s, 3))
-    yaws = numpy.unwrap([attitude.yaw for _, attitude, _ in (rows_before[-1], *rows_during)])
-    # MAVLink's yaw is clockwise.
-    return _Motion(tilts=numpy.array(tilts), turned_rad=float(yaws[0] - yaws[-1]), shocks_s=tuple(shocks))
+        step_s = min(measurement.time_s - last_s, FORGETTING_S)
+        last_s = measurement.time_s
+        error -= error * step_s / FORGETTING_S
+        is_shaken = abs(measurement.total_m_s2 - GRAVITY_M_S2) >= SHAKING_M_S2
+        if not is_shaken:
+            sine = measurement.forward_m_s2 / measurement.total_m_s2
+            accelerometer_pitch = math.asin(max(-1.0, min(1.0, sine)))
+            error += (accelerometer_pitch - measurement.pitch_rad) * step_s / FILTER_S
+        errors.append(error)
+    return errors
 
 
 def _sag_v(messages: Sequence[Any], start_s: float, duration_s: float) -> float | None:

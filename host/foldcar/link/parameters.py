@@ -5,6 +5,8 @@ Values are transferred as 32-bit floating-point numbers, and compared as such.
 
 import struct
 import time
+from collections.abc import Sequence
+from typing import Any
 
 from foldcar.errors import FoldcarError
 from foldcar.link.car import ANSWER_S, TRIES, ConnectedCar
@@ -27,32 +29,36 @@ def read_parameters(car: ConnectedCar) -> dict[str, float]:
 
     Raises FoldcarError if some are missing after 20 s.
     """
-    dialect = car.dialect
-    # The car numbers its parameters: both are by a parameter's index.
-    values: dict[int, float] = {}
-    names: dict[int, str] = {}
+    # The PARAM_VALUE message of each parameter, by its index: the car numbers its parameters.
+    received: dict[int, Any] = {}
     # How many parameters the car has; None before its first answer.
     count: int | None = None
-    car.connection.send(dialect.MAVLink_param_request_list_message(CAR_SYSTEM, CAR_COMPONENT))
+    list_request = car.dialect.MAVLink_param_request_list_message(CAR_SYSTEM, CAR_COMPONENT)
+    car.connection.send(list_request)
     end_s = time.monotonic() + LIST_S
-    while count is None or len(values) < count:
+    while count is None or len(received) < count:
         if time.monotonic() > end_s:
-            received_text = f"{len(values)} of {count} parameters" if count else "no parameter"
+            received_text = f"{len(received)} of {count} parameters" if count else "no parameter"
             raise FoldcarError(f"{car.port}: the car has sent {received_text} in {LIST_S:g} s; is the cable good?")
         message = car.connection.wait_for(lambda m: m.get_type() == "PARAM_VALUE", QUIET_S)
         if message is not None:
             count = message.param_count
-            values[message.param_index] = message.param_value
-            names[message.param_index] = message.param_id
+            received[message.param_index] = message
         elif count is None:
-            car.connection.send(dialect.MAVLink_param_request_list_message(CAR_SYSTEM, CAR_COMPONENT))
+            car.connection.send(list_request)
         else:
-            missing_indices = [index for index in range(count) if index not in values]
-            for index in missing_indices[:BURST]:
-                # Requested by index, so without a name.
-                request = dialect.MAVLink_param_request_read_message(CAR_SYSTEM, CAR_COMPONENT, b"", index)
-                car.connection.send(request)
-    return {names[index]: values[index] for index in sorted(values)}
+            missing_indices = [index for index in range(count) if index not in received]
+            _request_parameters(car, missing_indices[:BURST])
+    in_order = [received[index] for index in sorted(received)]
+    return {message.param_id: message.param_value for message in in_order}
+
+
+def _request_parameters(car: ConnectedCar, indices: Sequence[int]) -> None:
+    """Request single parameters by their indices."""
+    for index in indices:
+        # The name is empty, because the index says which parameter is requested.
+        request = car.dialect.MAVLink_param_request_read_message(CAR_SYSTEM, CAR_COMPONENT, b"", index)
+        car.connection.send(request)
 
 
 def set_parameter(car: ConnectedCar, name: str, value: float) -> None:

@@ -73,14 +73,19 @@ class Stream:
 
     def write(self, data: bytes) -> None:
         """Write all of ``data``. Raises LinkLostError."""
-        while data:
+        remaining = data
+        while remaining:
             try:
-                data = data[self._write_bytes(data) :]
+                written_count = self._write_bytes(remaining)
             except BlockingIOError:
-                if not select.select([], [self], [], WRITE_S)[1]:
+                # The port's buffer is full, so wait until the port accepts more.
+                _, writable, _ = select.select([], [self], [], WRITE_S)
+                if not writable:
                     raise LinkLostError(f"{self.name}: the car has accepted no bytes for {WRITE_S:g} s") from None
             except OSError as error:
                 raise self._lost_error(error) from error
+            else:
+                remaining = remaining[written_count:]
 
     def close(self) -> None:
         """Close the port."""
@@ -110,20 +115,36 @@ def _open_serial(name: str) -> Stream:
         # Windows it is always exclusive.
         port = serial.Serial(name, BAUD, timeout=0 if CAN_SELECT_FILES else READ_S, exclusive=True)
     except (OSError, serial.SerialException) as error:
-        number = getattr(error, "errno", None)
-        if number == errno.EACCES:
-            raise FoldcarError(permission_text(name)) from error
-        if number in (errno.EBUSY, errno.EAGAIN) or "exclusively lock" in str(error):
-            raise FoldcarError(f"{name}: another program uses this port; close it first") from error
-        # pyserial raises termios.error for other devices; compared by name, because Windows has no module termios.
-        if type(error.__context__).__module__ == "termios":
-            raise FoldcarError(f"{name}: not a serial port") from error
-        raise FoldcarError(f"{name}: cannot be opened: {os.strerror(number) if number else error}") from error
-    if not CAN_SELECT_FILES:
-        threaded = ThreadedPort(lambda: bytes(port.read(port.in_waiting or 1)), port.close)
-        return Stream(name, threaded, threaded.take, lambda data: int(port.write(data) or 0))
-    os.set_blocking(port.fileno(), False)
-    return Stream(name, port, partial(os.read, port.fileno()), partial(os.write, port.fileno()))
+        raise FoldcarError(_cannot_open_text(name, error)) from error
+    if CAN_SELECT_FILES:
+        descriptor = port.fileno()
+        os.set_blocking(descriptor, False)
+        return Stream(name, port, read=partial(os.read, descriptor), write=partial(os.write, descriptor))
+
+    def read_some() -> bytes:
+        """Wait up to READ_S for the first byte, and return all bytes that have arrived."""
+        return bytes(port.read(port.in_waiting or 1))
+
+    def write_some(data: bytes) -> int:
+        """Write bytes and return how many were written."""
+        return int(port.write(data) or 0)
+
+    threaded_port = ThreadedPort(read_some, port.close)
+    return Stream(name, threaded_port, read=threaded_port.take, write=write_some)
+
+
+def _cannot_open_text(name: str, error: Exception) -> str:
+    """Return a message about a serial port that cannot be opened because of ``error``, with a remedy."""
+    number = getattr(error, "errno", None)
+    if number == errno.EACCES:
+        return permission_text(name)
+    if number in (errno.EBUSY, errno.EAGAIN) or "exclusively lock" in str(error):
+        return f"{name}: another program uses this port; close it first"
+    # pyserial raises termios.error for other devices; compared by name, because Windows has no module termios.
+    if type(error.__context__).__module__ == "termios":
+        return f"{name}: not a serial port"
+    reason = os.strerror(number) if number else str(error)
+    return f"{name}: cannot be opened: {reason}"
 
 
 def permission_text(name: str) -> str:

@@ -18,6 +18,11 @@ from foldcar.outputs import atomic_file
 
 # The time before each packet.
 STAMP = struct.Struct(">Q")
+# MAVLink's packets: the first byte, and the bytes besides the payload (header and checksum). In version 2, a flag says
+# whether a signature follows.
+MAVLINK_1, MAVLINK_1_FRAME_BYTES = 0xFE, 8
+MAVLINK_2, MAVLINK_2_FRAME_BYTES = 0xFD, 12
+SIGNED_FLAG, SIGNATURE_BYTES = 1, 13
 
 
 class LogError(FoldcarError):
@@ -28,17 +33,23 @@ class TlogWriter:
     """A log that is being written. A missing folder is created. Raises LogError if the file exists or is not writable."""
 
     def __init__(self, file: Path) -> None:
+        """Create the log file. Raises LogError if it exists or cannot be created."""
         self.file = file
         try:
             file.parent.mkdir(parents=True, exist_ok=True)
-            self._descriptor = os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND, 0o644)
+            # O_EXCL: only a new file. O_APPEND: always write at its end.
+            flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND
+            self._descriptor = os.open(file, flags, 0o644)
         except FileExistsError:
             raise LogError(f"{file}: exists already; logs are never overwritten") from None
         except OSError as error:
             raise LogError(f"{file}: cannot be written: {error.strerror}") from error
+        # The number of bytes of all complete records.
         self._size = 0
+        # The time of the last packet (µs since 1970).
         self._last_us = 0
-        # Added to the monotonic clock, because steps of the wall clock must not change the order of packets.
+        # The time since 1970 at which the monotonic clock was 0. Times are computed from this clock, because somebody may
+        # set the system's clock, and that must not change the order of packets.
         self._epoch_ns = time.time_ns() - time.monotonic_ns()
 
     def now_us(self) -> int:
@@ -129,20 +140,21 @@ def records_of(data: bytes) -> tuple[list[tuple[int, bytes]], int]:
 
 
 def trial_start_s(messages: Sequence[Any]) -> float | None:
-    """Return when a log's trial began, in the car's time since boot (s); None if no trial ran."""
-    running = []
+    """Return when a log's last trial began, in the car's time since boot (s); None if no trial ran."""
+    states_after_start = []
     for message in messages:
-        if message.get_type() != "FOLDCAR_TRIAL" or not message.trial_id:
-            continue
         # Before its start, a trial has no elapsed time.
-        if 0 < message.elapsed_ms < message.time_boot_ms:
-            running.append(message)
-    if not running:
+        is_state_of_trial = message.get_type() == "FOLDCAR_TRIAL" and message.trial_id
+        if is_state_of_trial and 0 < message.elapsed_ms < message.time_boot_ms:
+            states_after_start.append(message)
+    if not states_after_start:
         return None
-    # The first message of the last trial counts, because the elapsed time stands still after the trial's end.
-    last_trial = [message for message in running if message.trial_id == running[-1].trial_id]
-    first_message = last_trial[0]
-    return float(first_message.time_boot_ms - first_message.elapsed_ms) / 1000
+    last_trial_id = states_after_start[-1].trial_id
+    states_of_last_trial = [state for state in states_after_start if state.trial_id == last_trial_id]
+    # The elapsed time stands still after the trial's end. While the car drives, it gives the time of the start; the first
+    # message was certainly sent then.
+    first_state = states_of_last_trial[0]
+    return float(first_state.time_boot_ms - first_state.elapsed_ms) / 1000
 
 
 def merge_records(file: Path, added_records: Iterable[tuple[int, bytes]]) -> None:
@@ -156,12 +168,12 @@ def merge_records(file: Path, added_records: Iterable[tuple[int, bytes]]) -> Non
 def _packet_bytes(data: bytes, offset: int) -> int | None:
     """Return the length in bytes of the MAVLink packet at ``offset``; None if no packet begins there.
 
-    MAVLink 2 (0xFD) has 12 bytes besides the payload, and 13 for a signature; MAVLink 1 (0xFE) has 8.
+    A packet begins with a byte that says which version of MAVLink it has. The next byte is the length of its payload.
     """
-    first_byte, payload_bytes, flags = data[offset : offset + 3]
-    if first_byte == 0xFD:
-        signature_bytes = 13 if flags & 1 else 0
-        return 12 + payload_bytes + signature_bytes
-    if first_byte == 0xFE:
-        return 8 + payload_bytes
+    version_byte, payload_bytes, flags = data[offset : offset + 3]
+    if version_byte == MAVLINK_2:
+        signature_bytes = SIGNATURE_BYTES if flags & SIGNED_FLAG else 0
+        return MAVLINK_2_FRAME_BYTES + payload_bytes + signature_bytes
+    if version_byte == MAVLINK_1:
+        return MAVLINK_1_FRAME_BYTES + payload_bytes
     return None

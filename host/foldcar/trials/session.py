@@ -7,13 +7,12 @@ armed, and completed step by step. If the program is killed, at most the answer 
 import contextlib
 import json
 import shutil
-from dataclasses import dataclass
 from datetime import datetime, timezone
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 from foldcar.car.body import body_json
-from foldcar.car.design import Design
 from foldcar.errors import FoldcarError
 from foldcar.link.car import CarIdentity, CommandRefusedError, NoCarError
 from foldcar.link.stream import LinkLostError, choose_port
@@ -22,7 +21,7 @@ from foldcar.scenes.source import other_scene_error
 from foldcar.shown_text import shown_line
 from foldcar.simulation.carsim import Carsim
 from foldcar.store.log_files import logs_folder, store_folder
-from foldcar.store.trial_records import BUILT, SIMULATED, Ending, TrialDesign
+from foldcar.store.trial_records import BUILT, SIMULATED, TrialDesign
 from foldcar.store.trial_writer import CarFacts, Drive, TrialWriter, write_trials
 from foldcar.store.writer import canonical_json
 from foldcar.study.environments import ExperimentEnvironment
@@ -37,6 +36,7 @@ from foldcar.trials.media import Arrivals, media_kind
 from foldcar.trials.order import Arrangement, arrangement_of, moves_text, next_sample
 from foldcar.trials.person import PersonAnswers, print_line, print_warning
 from foldcar.trials.placement import (
+    Deviations,
     PlannedScene,
     ask_deviations,
     draw_placement,
@@ -46,31 +46,12 @@ from foldcar.trials.placement import (
 )
 from foldcar.trials.plugged_car import SIMULATED_TEXT, PluggedCar, enter_sample, require_same_car, welcome
 from foldcar.trials.recording import complete_interrupted, record_outcome, store_end
-from foldcar.trials.session_options import SessionOptions
+from foldcar.trials.session_options import CheckedCar, DrivenTrial, SessionOptions
 
 MIN_FREE_BYTES = 20_000_000
 # What a person types after a trial. A note and a file follow after their key.
 NEXT, OTHER_OUTCOME, REPEAT, NOTE, FILE, QUIT = "", "u", "r", "n", "m", "q"
 NEXT_QUESTION = "Enter: next; u: other outcome; r: the same again; n TEXT: note; m FILE: photo, film; q: end: "
-
-
-@dataclass(frozen=True)
-class CheckedCar:
-    """A car that has been checked and may drive the trials."""
-
-    identity: CarIdentity
-    design: Design
-
-
-@dataclass(frozen=True)
-class _Driven:
-    """A driven trial of the session, with its end as it was stored."""
-
-    number: int
-    sample: int
-    log: Path
-    stored: Ending
-    end: DriveEnd
 
 
 class Session:
@@ -164,7 +145,7 @@ class Session:
             enter_sample(self._plugged.connected, self._scene(sample).scene, sample, self._experiment)
         return CheckedCar(identity, design)
 
-    def _ask_what_next(self, writer: TrialWriter, trial: "_Driven") -> bool:
+    def _ask_what_next(self, writer: TrialWriter, trial: DrivenTrial) -> bool:
         """Ask what to do after a trial, and do it, until the answer is to go on or to end the session.
 
         Return whether the session goes on. Nobody is asked if the options give the outcome and the note of all trials.
@@ -217,86 +198,48 @@ class Session:
                 # A missing file must not end the session.
                 print_warning(error)
 
-    def _trial(self, writer: TrialWriter, checked_car: CheckedCar) -> "_Driven | None":
+    def _trial(self, writer: TrialWriter, checked_car: CheckedCar) -> DrivenTrial | None:
         """Place, drive and store one trial; return it, or None if the person ends the session before the start."""
-        options, experiment, identity, design = self._options, self._experiment, checked_car.identity, checked_car.design
-        trial_design, fingerprint = TrialDesign(design.type, design.columns), self._environment.fingerprint
-        sample = options.sample if options.sample is not None else self._again
-        if sample is None:
-            kind = SIMULATED if identity.simulated else BUILT
-            counts = writer.trial_counts(experiment.id, trial_design, fingerprint, kind)
-            sample = next_sample(
-                experiment.environments,
-                counts,
-                current=self._arrangement,
-                arrangement_in_sample=self._planned_arrangement,
-            )
+        options, experiment, identity = self._options, self._experiment, checked_car.identity
+        sample = self._next_sample(writer, checked_car)
         mark = f" ({SIMULATED_TEXT})" if identity.simulated else ""
         number = writer.next_number()
         print_line(f"\nTrial {number}: sample {sample} of experiment {experiment.id}{mark}")
         self._attach_new_files(writer)
         self._arrivals.begin(number)
         scene, obstacles = self._scene(sample)
-        if writer.swept_scene(fingerprint, sample) not in (None, json.loads(canonical_json(scene))):
+        swept_scene = writer.swept_scene(self._environment.fingerprint, sample)
+        if swept_scene is not None and swept_scene != json.loads(canonical_json(scene)):
             raise other_scene_error(experiment.program, sample)
         acknowledge_faults(self._plugged.connected, self._questions)
         if identity.simulated:
             enter_sample(self._plugged.connected, scene, sample, experiment)
-        show_placement(scene, obstacles)
-        if self._arrangement is not None:
-            moves = moves_text(self._arrangement, self._planned_arrangement(sample))
-            print_line(f"after trial {self.driven[-1]}: {moves}; the car goes back to its place")
-        if not options.yes:
-            self._draw(sample, checked_car)
+        self._show_placement(sample, checked_car)
         deviations = ask_deviations(self._questions, obstacles, options.deviations)
         if not options.yes and self._answers.line("Enter starts the countdown, q ends: ").lower() == "q":
             return None
-        body = body_json(design)
-        settings = experiment.settings(design, body, self._carsim.parameter_table())
+        body = body_json(checked_car.design)
+        settings = experiment.settings(checked_car.design, body, self._carsim.parameter_table())
         # The car may be exchanged between two trials without a lost link.
         require_same_car(self._plugged.connected, identity)
         acknowledge_faults(self._plugged.connected, self._questions)
         log = self._log_file(number)
-        car_kind = {True: SIMULATED, False: BUILT, None: None}[identity.simulated]
         if identity.simulated and deviations:
             print_line("the simulated car drives in the planned scene: the deviations are stored, but not simulated")
-        placed_scene = scene_as_placed(scene, obstacles, deviations)
-        if deviations and not self._environment.dynamic:
-            writer.put_planned_scene(fingerprint, sample, *self._environment.sample_with_parameters(sample))
-        trial_number = writer.begin(
-            experiment.id,
-            trial_design,
-            Drive(
-                body,
-                settings,
-                scene=placed_scene,
-                environment_fingerprint=fingerprint,
-                scenic_program=experiment.program_name,
-                sample=sample,
-                dynamic=self._environment.dynamic,
-            ),
-            deviations,
-            CarFacts(identity.build, identity.hash, self._plugged.connected.port, car_kind, options.car),
-            str(log.relative_to(store_folder(options.store))),
-            options.operator,
+        inputs = Drive(
+            body,
+            settings,
+            scene=scene_as_placed(scene, obstacles, deviations),
+            environment_fingerprint=self._environment.fingerprint,
+            scenic_program=experiment.program_name,
+            sample=sample,
+            dynamic=self._environment.dynamic,
         )
+        trial_number = self._store_beginning(writer, checked_car, inputs, deviations, log)
         self.driven.append(trial_number)
         self._arrangement = arrangement_of(scene, obstacles, deviations)
         view = DriveView(options.countdown_s, settings["time_limit_s"], self._answers.waitable)
-        end = drive_with_log(
-            self._plugged.connected,
-            self._answers,
-            identity,
-            settings,
-            trial_number,
-            log,
-            view,
-            options,
-        )
-        if end.ending == DRIVES_ON:
-            view.wait_for_terminal()
-            longest_s = options.countdown_s + settings["time_limit_s"]
-            end = self._plugged.collect(trial_number, log, longest_s, self._questions, identity)
+        end = self._drive(identity, settings, trial_number, log, view)
         digest = store_end(writer, trial_number, end, log)
         view.wait_for_terminal()
         if end.error is None:
@@ -305,8 +248,64 @@ class Session:
         stored = record_outcome(
             writer, trial_number, end, log, digest, options.outcome, options.note, self._questions, mark
         )
-        self.aborted += end.outcome == stored.outcome == "aborted"
-        return _Driven(trial_number, sample, log, stored, end)
+        if end.outcome == "aborted" and stored.outcome == "aborted":
+            self.aborted += 1
+        return DrivenTrial(trial_number, sample, log, stored, end)
+
+    def _next_sample(self, writer: TrialWriter, checked_car: CheckedCar) -> int:
+        """Return the sample to drive: the one that the options name, the one to drive again, or else the next one."""
+        if self._options.sample is not None:
+            return self._options.sample
+        if self._again is not None:
+            return self._again
+        kind = SIMULATED if checked_car.identity.simulated else BUILT
+        design = TrialDesign(checked_car.design.type, checked_car.design.columns)
+        return next_sample(
+            self._experiment.environments,
+            writer.trial_counts(self._experiment.id, design, self._environment.fingerprint, kind),
+            current=self._arrangement,
+            arrangement_in_sample=self._planned_arrangement,
+        )
+
+    def _show_placement(self, sample: int, checked_car: CheckedCar) -> None:
+        """Print and draw where the person is to put car and obstacles, and print how to move the obstacles there."""
+        scene, obstacles = self._scene(sample)
+        show_placement(scene, obstacles)
+        if self._arrangement is not None:
+            moves = moves_text(self._arrangement, self._planned_arrangement(sample))
+            print_line(f"after trial {self.driven[-1]}: {moves}; the car goes back to its place")
+        if not self._options.yes:
+            self._draw(sample, checked_car)
+
+    def _store_beginning(
+        self, writer: TrialWriter, checked_car: CheckedCar, inputs: Drive, deviations: Deviations, log: Path
+    ) -> int:
+        """Store a trial before the car is armed, and return its number."""
+        design, identity, options = checked_car.design, checked_car.identity, self._options
+        if deviations and not self._environment.dynamic:
+            planned_scene, objects = self._environment.sample_with_parameters(inputs.sample)
+            writer.put_planned_scene(inputs.environment_fingerprint, inputs.sample, planned_scene, objects)
+        # The car may not report whether it is simulated.
+        kind = {True: SIMULATED, False: BUILT, None: None}[identity.simulated]
+        return writer.begin(
+            self._experiment.id,
+            TrialDesign(design.type, design.columns),
+            inputs,
+            deviations,
+            CarFacts(identity.build, identity.hash, self._plugged.connected.port, kind, options.car),
+            str(log.relative_to(store_folder(options.store))),
+            options.operator,
+        )
+
+    def _drive(self, identity: CarIdentity, settings: dict[str, Any], trial: int, log: Path, view: DriveView) -> DriveEnd:
+        """Drive a trial and return how it ended. If the car drives without its cable, wait until it is back."""
+        car, options = self._plugged.connected, self._options
+        end = drive_with_log(car, self._answers, identity, settings, trial, log, view, options)
+        if end.ending != DRIVES_ON:
+            return end
+        view.wait_for_terminal()
+        longest_s = options.countdown_s + settings["time_limit_s"]
+        return self._plugged.collect(trial, log, longest_s, self._questions, identity)
 
     def _after_error(self, error: FoldcarError, checked_car: CheckedCar) -> CheckedCar:
         """Print the error that aborted a trial, and return the car for the next trial.

@@ -1,8 +1,13 @@
-"""The options of a session of trials, which is the command `foldcar log`."""
+"""What a session of trials, the command `foldcar log`, works with: its options, its car, and its trials."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+
+from foldcar.car.design import Design
+from foldcar.link.car import CarIdentity
+from foldcar.store.trial_records import Ending
+from foldcar.trials.drive_end import DriveEnd
 
 
 @dataclass(frozen=True)
@@ -26,3 +31,22 @@ class SessionOptions:
     yes: bool
     car: str | None = None
     media_folder: Path | None = None  # a phone puts photos and films of each trial here
+
+
+@dataclass(frozen=True)
+class CheckedCar:
+    """A car that has been checked and may drive the trials."""
+
+    identity: CarIdentity
+    design: Design
+
+
+@dataclass(frozen=True)
+class DrivenTrial:
+    """A driven trial of the session, with its end as it was stored."""
+
+    number: int
+    sample: int
+    log: Path
+    stored: Ending
+    end: DriveEnd

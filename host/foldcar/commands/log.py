@@ -90,7 +90,8 @@ def log(
     """
     from foldcar.interrupts import message_on_signal
     from foldcar.store.trial_records import TRIAL_OUTCOMES, checked_name
-    from foldcar.trials.session import Session, SessionOptions
+    from foldcar.trials.session import Session
+    from foldcar.trials.session_options import SessionOptions
 
     if outcome is not None and outcome not in TRIAL_OUTCOMES:
         raise FoldcarError(f"--outcome {outcome}: not one of {', '.join(TRIAL_OUTCOMES)}")

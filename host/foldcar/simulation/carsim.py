@@ -11,7 +11,7 @@ from bisect import bisect_right
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from foldcar.car.body import TableRow
 from foldcar.simulation import results
@@ -61,33 +61,35 @@ class Carsim:
     def __init__(self, binary: Path | None = None, engine: str = MULTIBODY) -> None:
         """Find the program carsim and ask it for its build, its firmware and its engine.
 
-        ``binary`` is the program to use; None searches for the one with this ``engine``. Raises CarsimError if there is
-        none, or if it has another engine.
+        ``binary`` is the program to use; if it is None, the program that contains ``engine`` is searched for. Raises
+        CarsimError if there is no such program, or if the program that was found reports another engine.
         """
-        self.binary = binary if binary is not None else find_carsim(engine)
-        # A program that the caller has named has one engine. Only foldcar's own carsim chooses its engine by an option.
-        engine_options = ENGINES[engine].options if binary is None else ()
-        self.command = (*program_command(self.binary), *engine_options)
+        # foldcar's own program contains several engines, and an option chooses one of them. A program that the caller
+        # names has a single engine, and so no such option.
+        engine_options: tuple[str, ...] = ()
+        if binary is None:
+            binary = find_carsim(engine)
+            engine_options = ENGINES[engine].options
+            expected_title = ENGINES[engine].title
+        else:
+            expected_title = None
+        self.binary = binary
+        self.command = (*program_command(binary), *engine_options)
         self._running: set[subprocess.Popen[str]] = set()
         # How often `stop` was called.
-        self._stops = 0
+        self._stop_count = 0
         self._limits: CarsimLimits | None = None
-        self.build, self.firmware, reported_engine = self._ask(
-            "--version",
-            lambda output: (str(output["build"]), str(output["firmware"]), str(output["engine"])),
-            "is not carsim (`--version` does not print its build)",
-        )
-        # In stores the default engine, multibody, is the empty string.
-        self.engine = "" if reported_engine == MULTIBODY else reported_engine
+        version = self._ask("--version", _read_version, "is not carsim (`--version` does not print its build)")
+        self.build, self.firmware, self.engine = version.build, version.firmware, version.engine
         if self.engine:
-            # Results of another engine must not count as those of this build.
-            self.build += f" {self.engine}"
-        if binary is None and engine_title(self.engine) != ENGINES[engine].title:
+            # Two engines give different results, so they must not have the same build.
+            self.build = f"{version.build} {self.engine}"
+        if expected_title is not None and engine_title(self.engine) != expected_title:
             raise CarsimError(f"{self.binary}: its engine is {self.engine or 'multibody'}, not {engine}")
 
     def stop(self) -> None:
         """Stop all running calls; they raise CarsimError."""
-        self._stops += 1
+        self._stop_count += 1
         for process in list(self._running):
             process.kill()
 
@@ -116,64 +118,79 @@ class Carsim:
     ) -> list[dict[str, Any]]:
         """Simulate the requested runs and return their answers, in order.
 
-        ``bodies`` and ``scenes`` map ids to JSON objects as text. If a signal kills the process, its current run is
-        repeated alone in a new process. If that is killed, too, the run has failed. Raises CarsimError if the simulator
-        refuses its input or ends with another error, and after `stop`.
+        ``bodies`` and ``scenes`` map ids to JSON objects as text. All runs are simulated in one process, one after
+        another. If a signal kills the process, the run that it was simulating is repeated alone, and a new process
+        simulates the runs that follow. Raises CarsimError if the simulator refuses its input, if it ends with another
+        error, and if `stop` is called meanwhile.
         """
+        stop_count_at_start = self._stop_count
         answers: list[dict[str, Any]] = []
-        # If this number changes, `stop` was called in another thread, and the batch ends.
-        stops = self._stops
         while len(answers) < len(requests):
-            batch_answers, death = self._batch(bodies, scenes, requests[len(answers) :], stops)
-            answers += batch_answers
-            if death:
+            remaining = requests[len(answers) :]
+            batch = self._batch(bodies, scenes, remaining, stop_count_at_start)
+            answers += batch.answers
+            if batch.death:
                 interrupted = requests[len(answers)]
-                body = {interrupted.body: bodies[interrupted.body]}
-                scene = {interrupted.scene: scenes[interrupted.scene]}
-                repeated_answers, second_death = self._batch(body, scene, [interrupted], stops)
-                if second_death:
-                    repeated_answers = [{"error": f"the simulation crashed ({second_death})"}]
-                answers += repeated_answers
+                answers.append(self._repeat_alone(bodies, scenes, interrupted, stop_count_at_start))
         return answers
+
+    def _repeat_alone(
+        self, bodies: Mapping[str, str], scenes: Mapping[str, str], request: RunRequest, stop_count_at_start: int
+    ) -> dict[str, Any]:
+        """Simulate one run in a process of its own; if a signal kills this process, too, the run has failed."""
+        body = {request.body: bodies[request.body]}
+        scene = {request.scene: scenes[request.scene]}
+        batch = self._batch(body, scene, [request], stop_count_at_start)
+        if batch.death:
+            return {"error": f"the simulation crashed ({batch.death})"}
+        (answer,) = batch.answers
+        return answer
 
     def answers(self, lines: Sequence[str]) -> list[dict[str, Any]]:
         """Send lines to ``carsim batch`` and return its answers. Raises CarsimError if any answer is an error."""
-        process = self._output(["batch"], lines, self._stops)
+        process = self._output(["batch"], lines, self._stop_count)
         try:
             answers: list[dict[str, Any]] = [json.loads(line) for line in process.stdout.splitlines()]
         except ValueError as error:
             raise CarsimError(f"{self.binary}: its answer is not JSON") from error
-        for answer_line in answers:
-            if "error" in answer_line:
-                raise CarsimError(f"{self.binary}: {answer_line['error']['message']}")
+        for answer in answers:
+            if "error" in answer:
+                raise CarsimError(f"{self.binary}: {answer['error']['message']}")
         if process.returncode != 0:
             raise CarsimError(f"{self.binary}: {process_ending(process.returncode, process.stderr)}")
         return answers
 
     def _batch(
-        self, bodies: Mapping[str, str], scenes: Mapping[str, str], requests: Sequence[RunRequest], stops: int
-    ) -> tuple[list[dict[str, Any]], str]:
-        """Run a batch in one process. Return its answers, and how a signal killed the process, or "" if none did.
+        self,
+        bodies: Mapping[str, str],
+        scenes: Mapping[str, str],
+        requests: Sequence[RunRequest],
+        stop_count_at_start: int,
+    ) -> "_Batch":
+        """Simulate runs in one process.
 
-        If it was killed, it was simulating the run after the last answer. ``stops`` is how often `stop` had been called
-        when :meth:`run` began; if it is called again meanwhile, the process is ended. Raises CarsimError as `run` does.
+        ``stop_count_at_start`` is how often `stop` had been called when :meth:`run` began. If `stop` is called again, the
+        process is ended. Raises CarsimError as :meth:`run` does.
         """
         lines = [input_line("body", name, text) for name, text in bodies.items()]
         lines += [input_line("scene", name, text) for name, text in scenes.items()]
         lines += [run_line(str(index), request) for index, request in enumerate(requests)]
-        process = self._output(["batch"], lines, stops)
-        is_killed = process.returncode < 0
+        process = self._output(["batch"], lines, stop_count_at_start)
         # A killed process may leave an incomplete last line.
         complete_lines = [line for line in process.stdout.splitlines(keepends=True) if line.endswith("\n")]
-        results = [self._read_answer(line, requests) for line in complete_lines]
-        if is_killed and len(results) < len(requests):
-            return results, process_ending(process.returncode, process.stderr)
-        # carsim ends with 2 if a simulation failed.
-        expected_code = 2 if any("error" in result for result in results) else 0
-        if len(results) != len(requests) or not (is_killed or process.returncode == expected_code):
-            ending = process_ending(process.returncode, process.stderr)
-            raise CarsimError(f"{self.binary}: {ending} after {len(results)} of {len(requests)} runs")
-        return results, ""
+        answers = [self._read_answer(line, requests) for line in complete_lines]
+
+        ending = process_ending(process.returncode, process.stderr)
+        was_killed = process.returncode < 0
+        if was_killed and len(answers) < len(requests):
+            return _Batch(answers, death=ending)
+        # carsim ends with the return code 2 if a simulation failed.
+        expected_code = 2 if any("error" in answer for answer in answers) else 0
+        # A process that is killed after its last answer has done all its work.
+        has_expected_ending = was_killed or process.returncode == expected_code
+        if len(answers) != len(requests) or not has_expected_ending:
+            raise CarsimError(f"{self.binary}: {ending} after {len(answers)} of {len(requests)} runs")
+        return _Batch(answers, death="")
 
     def _read_answer(self, line: str, requests: Sequence[RunRequest]) -> dict[str, Any]:
         """Return the answer to one of ``requests``, from a line of carsim's output.
@@ -183,38 +200,52 @@ class Carsim:
         try:
             answer = json.loads(line)
             if "error" in answer:
-                error = answer["error"]
-                if error["kind"] == "simulation":
-                    return {"error": str(error["message"])}
-                # An error about a run has the run's index. An error about a body or a scene has only the number of its
-                # line, because several runs may use it. If there is a single run, any error is about this run.
-                index = 0 if len(requests) == 1 else error["run"]
-                label = requests[int(index)].label if index is not None else f"line {error['line']}"
-                raise InputRefusedError(self.binary, label, str(error["message"]))
-            # An answer with an impossible outcome may lack the metrics.
-            is_possible = answer["outcome"] in results.NATIVE_OUTCOMES
-            is_possible = is_possible and all(_is_possible(answer[m.name], m.optional) for m in results.METRICS)
+                return self._failed_run(answer["error"], requests)
+            is_possible = _is_possible_result(answer)
         except (ValueError, TypeError, KeyError, IndexError) as error:
             raise CarsimError(f"{self.binary}: its answer is not a result: {line[:80]}") from error
         if not is_possible:
             raise CarsimError(f"{self.binary}: its answer is an impossible result: {line[:200]}")
         return {key: value for key, value in answer.items() if key != "run"}
 
-    def _ask(self, argument: str, read: Callable[[Any], T], missing_text: str) -> T:
-        """Run carsim with one argument and convert its JSON by ``read``. Raises CarsimError, with ``missing_text``."""
-        process = self._output([argument], [], self._stops)
+    def _failed_run(self, error: Mapping[str, Any], requests: Sequence[RunRequest]) -> dict[str, Any]:
+        """Return the answer to a run whose simulation failed with carsim's ``error``.
+
+        Raises InputRefusedError if no simulation failed, but carsim has refused one of the ``requests``, a body or a
+        scene.
+        """
+        if error["kind"] == "simulation":
+            return {"error": str(error["message"])}
+        if len(requests) == 1:
+            label = requests[0].label
+        elif error["run"] is not None:
+            label = requests[int(error["run"])].label
+        else:
+            # Several runs may use a refused body or scene, so the error has only the number of its line.
+            label = f"line {error['line']}"
+        raise InputRefusedError(self.binary, label, str(error["message"]))
+
+    def _ask(self, argument: str, read: Callable[[Any], T], problem: str) -> T:
+        """Run carsim with one argument and return what ``read`` makes of the JSON that it prints.
+
+        Raises CarsimError with the text ``problem`` if ``read`` fails, because the output is not as expected.
+        """
+        process = self._output([argument], [], self._stop_count)
         if process.returncode != 0:
             raise CarsimError(f"{self.binary} {argument}: {process_ending(process.returncode, process.stderr)}")
         try:
             return read(json.loads(process.stdout))
         except (ValueError, TypeError, KeyError, AttributeError) as error:
-            raise CarsimError(f"{self.binary}: {missing_text}") from error
+            raise CarsimError(f"{self.binary}: {problem}") from error
 
-    def _output(self, arguments: Sequence[str], lines: Sequence[str], stops: int) -> subprocess.CompletedProcess[str]:
-        """Run the program with these arguments and input lines until it ends.
+    def _output(
+        self, arguments: Sequence[str], lines: Sequence[str], stop_count_at_start: int
+    ) -> subprocess.CompletedProcess[str]:
+        """Run the program with these arguments and input lines until it ends, and return its output.
 
-        ``stops`` is the number of calls of `stop` when the caller began. Raises CarsimError if the program cannot be
-        started, or if `stop` was called since.
+        ``stop_count_at_start`` is how often `stop` had been called when the caller began. If `stop` was called again
+        since then, by another thread, the program is killed and this raises CarsimError. It also raises CarsimError if
+        the program cannot be started.
         """
         command = [*self.command, *arguments]
         try:
@@ -225,10 +256,10 @@ class Carsim:
             )  # fmt: skip
         except OSError as error:
             raise CarsimError(f"{self.binary}: cannot be started: {error.strerror}") from error
+        # From now on, `stop` kills the process. It may have been called just before.
         self._running.add(process)
         try:
-            # `stop` may have been called before this process existed.
-            if self._stops != stops:
+            if self._stop_count != stop_count_at_start:
                 process.kill()
             output, messages = process.communicate("".join(f"{line}\n" for line in lines))
         except BaseException:
@@ -236,9 +267,45 @@ class Carsim:
             raise
         finally:
             self._running.discard(process)
-        if self._stops != stops:
+        if self._stop_count != stop_count_at_start:
             raise CarsimError(f"{self.binary}: stopped")
         return subprocess.CompletedProcess(command, process.returncode, output, messages)
+
+
+class _Version(NamedTuple):
+    """What `carsim --version` prints; ``engine`` is "" for the default engine, multibody, as in stores."""
+
+    build: str
+    firmware: str
+    engine: str
+
+
+def _read_version(output: Any) -> _Version:
+    """Return the version from the JSON that `carsim --version` prints."""
+    engine = str(output["engine"])
+    return _Version(
+        build=str(output["build"]),
+        firmware=str(output["firmware"]),
+        engine="" if engine == MULTIBODY else engine,
+    )
+
+
+class _Batch(NamedTuple):
+    """The answers that a process gave before it ended.
+
+    ``death`` says which signal killed the process while it was simulating the run after the last answer; it is "" if the
+    process has answered all runs.
+    """
+
+    answers: list[dict[str, Any]]
+    death: str
+
+
+def _is_possible_result(answer: Mapping[str, Any]) -> bool:
+    """Return whether a run may have this result: a known outcome, and finite metrics."""
+    if answer["outcome"] not in results.NATIVE_OUTCOMES:
+        return False
+    return all(_is_possible(answer[metric.name], metric.optional) for metric in results.METRICS)
 
 
 def _is_possible(number: float | None, is_optional: bool) -> bool:
@@ -287,7 +354,7 @@ class PulseTrain:
 
 
 def ask_pulses(carsim: Carsim, settings: Sequence[Mapping[str, Any]]) -> list[PulseTrain]:
-    """Return the pulses that the firmware sends with each of the settings, in order."""
+    """Return the pulses that the firmware sends in a trial with each of the settings, in order."""
     lines = []
     for index, setting in enumerate(settings):
         question = {"id": str(index)}
@@ -295,9 +362,11 @@ def ask_pulses(carsim: Carsim, settings: Sequence[Mapping[str, Any]]) -> list[Pu
             if key in setting:
                 question[key] = setting[key]
         lines.append(json.dumps({"pulses": question}))
-    trains = []
-    for answer in carsim.answers(lines):
-        times_s = tuple(time_s for time_s, *_ in answer["changes"])
-        widths_us = tuple(tuple(widths) for _, *widths in answer["changes"])
-        trains.append(PulseTrain(times_s, widths_us))
-    return trains
+    return [_pulse_train(answer["changes"]) for answer in carsim.answers(lines)]
+
+
+def _pulse_train(changes: Sequence[Sequence[float]]) -> PulseTrain:
+    """Return the pulses from rows of a time (s) and the eight widths (µs) from then on."""
+    times_s = tuple(row[0] for row in changes)
+    widths_us = tuple(tuple(row[1:]) for row in changes)
+    return PulseTrain(times_s, widths_us)

@@ -96,17 +96,17 @@ class SteppedCarsim:
     def start(self, body: str, scene: str, settings: str) -> Advanced:
         """Place the car and start the trial; return its first state.
 
-        Body, scene and settings are JSON texts as in docs/carsim.md, without ids. Raises CarsimError if the simulator
-        refuses them, TrialFailedError if the firmware does.
+        Body, scene and settings are JSON objects as text, as in docs/carsim.md, without ids. Raises CarsimError if the
+        simulator refuses them, TrialFailedError if the firmware does.
         """
         if not self.alive:
             self.close()
             self._process = LineProcess([*self._command, "step"])
-        # Each JSON object gets an id before its own keys. The texts are not parsed: their "{" is replaced.
-        body_line = '{"body": {"id": "body", ' + body[1:] + "}"
-        scene_line = '{"scene": {"id": "scene", ' + scene[1:] + "}"
-        run_line = '{"run": {"id": "run", "body": "body", "scene": "scene", ' + settings[1:] + "}"
-        return _advanced(self._ask(body_line, scene_line, run_line))
+        body_with_id = _with_first_keys('"id": "body"', body)
+        scene_with_id = _with_first_keys('"id": "scene"', scene)
+        run_with_id = _with_first_keys('"id": "run", "body": "body", "scene": "scene"', settings)
+        answer = self._ask(f'{{"body": {body_with_id}}}', f'{{"scene": {scene_with_id}}}', f'{{"run": {run_with_id}}}')
+        return _advanced(answer)
 
     def advance(self, to_s: float) -> Advanced:
         """Advance to that time of the trial, or to its end if that is earlier."""
@@ -128,24 +128,39 @@ class SteppedCarsim:
         return 0 if process is None else process.close()
 
     def _ask(self, *lines: str) -> dict[str, Any]:
-        """Send lines and return the JSON answer. Raises SimulatorDiedError, TrialFailedError or CarsimError."""
+        """Send lines to the process and return its JSON answer.
+
+        Raises SimulatorDiedError if the process has died, TrialFailedError if the trial has failed, and CarsimError if no
+        trial is running or if carsim refuses its input.
+        """
         if self._process is None:
             raise CarsimError(f"{self.binary}: no trial is running")
         # If an exception interrupts the question, such as that of a time limit, this remains True.
         self._awaits_answer = True
         line = self._process.ask(*lines)
         if not line:
-            raise SimulatorDiedError(f"the simulation crashed ({process_ending(self.close())})")
+            return_code = self.close()
+            raise SimulatorDiedError(f"the simulation crashed ({process_ending(return_code)})")
         answer: dict[str, Any] = json.loads(line)
         self._awaits_answer = False
-        if "error" in answer:
-            problem = answer["error"]
-            # If carsim has refused a body or a scene, it will also refuse everything that uses it. So end the process.
-            self.close()
-            if problem.get("kind") == "simulation":
-                raise TrialFailedError(str(problem["message"]))
-            raise CarsimError(f"{self.binary} refuses: {problem['message']}")
-        return answer
+        if "error" not in answer:
+            return answer
+        # A process that has refused a body or a scene also refuses all later trials. So the next trial gets a new
+        # process.
+        self.close()
+        problem = answer["error"]
+        if problem.get("kind") == "simulation":
+            raise TrialFailedError(str(problem["message"]))
+        raise CarsimError(f"{self.binary} refuses: {problem['message']}")
+
+
+def _with_first_keys(keys: str, object_text: str) -> str:
+    """Return a JSON object with further keys before its own ones. The text is not parsed, because that takes long.
+
+    Example: _with_first_keys('"id": "body"', '{"track_m": 0.1}') is '{"id": "body", "track_m": 0.1}'
+    """
+    after_brace = object_text[1:]
+    return f"{{{keys}, {after_brace}"
 
 
 def _advanced(answer: dict[str, Any]) -> Advanced:

@@ -69,37 +69,54 @@ def engine_of(reported: str) -> str:
 
 
 def find_carsim(engine: str = MULTIBODY) -> Path:
-    """Return the file of the program with this engine.
+    """Return the file of the program that contains this engine.
 
-    It is the one that the engine's environment variable names, else that of the wheel, else that of the checkout. If
-    there is no native program, it is carsim.wasm; `program_command` starts either. Raises CarsimError if no program
-    exists.
+    It is the first of these that exists:
+    1. the program that the engine's environment variable names,
+    2. the program in the installed wheel,
+    3. the program that was built in the checkout,
+    4. carsim.wasm, which does not contain MuJoCo (`program_command` starts it by Node).
+    Raises CarsimError if none of them exists, or if the first one cannot be used.
     """
     chosen = ENGINES[engine]
-    is_mujoco = chosen.environment == MUJOCO_ENVIRONMENT
-    named_file = os.environ.get(chosen.variable)
-    if named_file:
-        if not Path(named_file).is_file() or not (is_wasm(Path(named_file)) or os.access(named_file, os.X_OK)):
-            raise CarsimError(f"{chosen.variable}: {named_file} is not a program")
-        return Path(named_file)
+    needs_mujoco = chosen.environment == MUJOCO_ENVIRONMENT
+    if os.environ.get(chosen.variable):
+        return _named_program(chosen.variable)
     packaged = packaged_program(chosen.environment)
     if packaged is not None:
-        # The program loads MuJoCo's library from this folder (tools/mujoco_library.py).
-        if is_mujoco and not any((packaged.parents[1] / "mujoco").glob("libmujoco.*")):
-            remedy = "run `pip install 'foldcar[mujoco]'` (Python 3.11 or newer)"
-            raise CarsimError(f"no package mujoco in {packaged.parents[1]}: {remedy}")
+        if needs_mujoco:
+            _require_mujoco_library(packaged)
         return packaged
-    program_text = "carsim with MuJoCo" if is_mujoco else "carsim"
     project = source_tree()
-    binary = project / ".pio" / "build" / chosen.environment / "program" if project else None
-    if binary is not None and binary.is_file():
-        return binary
-    module = find_wasm()
-    if module is not None and not is_mujoco:
+    built = None if project is None else project / ".pio" / "build" / chosen.environment / "program"
+    if built is not None and built.is_file():
+        return built
+    module = None if needs_mujoco else find_wasm()
+    if module is not None:
         return module
-    if binary is None:
+    program_text = "carsim with MuJoCo" if needs_mujoco else "carsim"
+    if built is None:
         raise CarsimError(f"this foldcar has no {program_text}: install a wheel, or set {chosen.variable} to its path")
-    raise CarsimError(f"no {program_text} built at {binary}: run `make {chosen.target}`")
+    raise CarsimError(f"no {program_text} built at {built}: run `make {chosen.target}`")
+
+
+def _named_program(variable: str) -> Path:
+    """Return the program that an environment variable names. Raises CarsimError if that is not a program."""
+    name = os.environ[variable]
+    program = Path(name)
+    can_start = is_wasm(program) or os.access(program, os.X_OK)
+    if not program.is_file() or not can_start:
+        raise CarsimError(f"{variable}: {name} is not a program")
+    return program
+
+
+def _require_mujoco_library(program: Path) -> None:
+    """Raise CarsimError if the package mujoco is missing, whose library the wheel's program loads."""
+    # The program looks for the library in this folder (tools/mujoco_library.py).
+    packages = program.parents[1]
+    if not any((packages / "mujoco").glob("libmujoco.*")):
+        remedy = "run `pip install 'foldcar[mujoco]'` (Python 3.11 or newer)"
+        raise CarsimError(f"no package mujoco in {packages}: {remedy}")
 
 
 def find_wasm() -> Path | None:

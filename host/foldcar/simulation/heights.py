@@ -15,15 +15,17 @@ Heights = Callable[[Mapping[str, Any], Floats, Floats], Floats]
 
 
 def carsim_heights(carsim: Carsim) -> Heights:
-    """Return a function that asks ``carsim`` for the heights of a scene's ground at points (Heights).
+    """Return a function that lets ``carsim`` compute the heights (m) of a scene's ground at given points.
 
-    It raises CarsimError if carsim refuses the scene.
+    The returned function takes a scene and two arrays of one shape, the points' x and y (m). It returns an array of that
+    shape. It raises CarsimError if carsim refuses the scene.
     """
 
     def heights(scene: Mapping[str, Any], x_m: Floats, y_m: Floats) -> Floats:
-        question = {"id": "h", "scene": "s", "x_m": x_m.ravel().tolist(), "y_m": y_m.ravel().tolist()}
-        lines = [json.dumps({"scene": {**scene, "id": "s"}}), json.dumps({"heights": question})]
-        (answer,) = carsim.answers(lines)
+        points = {"x_m": x_m.ravel().tolist(), "y_m": y_m.ravel().tolist()}
+        scene_line = json.dumps({"scene": {**scene, "id": "scene"}})
+        question_line = json.dumps({"heights": {"id": "heights", "scene": "scene", **points}})
+        (answer,) = carsim.answers([scene_line, question_line])
         return numpy.asarray(answer["z_m"], dtype=float).reshape(x_m.shape)
 
     return heights

@@ -39,20 +39,28 @@ NUMBERS: tuple[str, ...]
 
 
 def __getattr__(name: str) -> Any:
-    """Return METRICS or NUMBERS, and define both at the first use of one. Raises CarsimError.
+    """Return METRICS or NUMBERS; Python calls this if the module does not have the attribute ``name`` yet.
 
-    So importing this module does not start carsim.
+    At the first use of either, carsim is asked for its metrics and both are defined, so later uses no longer come here.
+    Raises CarsimError if carsim does not print its metrics.
     """
     if name not in ("METRICS", "NUMBERS"):
         raise AttributeError(name)
+    metrics = _read_metrics()
+    module_attributes = globals()
+    module_attributes["METRICS"] = metrics
+    module_attributes["NUMBERS"] = tuple(metric.name for metric in metrics)
+    return module_attributes[name]
+
+
+def _read_metrics() -> tuple[Metric, ...]:
+    """Return the metrics that carsim computes of each run. Raises CarsimError."""
     program = find_carsim()
     try:
         output = subprocess.run([*program_command(program), "metrics"], capture_output=True, check=True).stdout
-        metrics = tuple(Metric(**row) for row in json.loads(output))
+        return tuple(Metric(**row) for row in json.loads(output))
     except (OSError, subprocess.SubprocessError, ValueError, TypeError) as error:
         raise CarsimError(f"{program}: `carsim metrics` printed no metrics") from error
-    globals().update(METRICS=metrics, NUMBERS=tuple(metric.name for metric in metrics))
-    return globals()[name]
 
 
 def outcome_of(answer: Mapping[str, Any]) -> str:

@@ -99,16 +99,18 @@ def side_by_side(calls: Iterable[Callable[[], T]], jobs: int, stop: Callable[[],
 
     If a call fails, ``stop`` is called, which must make the running calls fail, too.
     """
+    # Half of the submitted calls run. The others wait, so that a thread that has finished one can begin the next.
+    max_submitted = 2 * jobs
     pool = ThreadPoolExecutor(jobs, thread_name_prefix="carsim")
     submitted: deque[Future[T]] = deque()
     try:
         for call in calls:
             submitted.append(pool.submit(call))
-            # One call waits for each that runs, so no thread is idle. More would only take memory.
-            if len(submitted) == 2 * jobs:
-                yield submitted.popleft().result()
-        while submitted:
-            yield submitted.popleft().result()
+            if len(submitted) == max_submitted:
+                oldest = submitted.popleft()
+                yield oldest.result()
+        for future in submitted:
+            yield future.result()
     except BaseException:
         stop()
         raise

@@ -24,44 +24,48 @@ class ShownEgo:
         """Make a copy of the ego, which :meth:`show` moves with the car. ``start`` is the car's state at the start."""
         self._copy = scenic_private.shown_copy(ego)
         self._attributes = self._copy.__dict__
-        self._caches = scenic_private.caches(type(ego))
+        # The names of the attributes in which Scenic keeps what it has derived from other properties.
+        self._cache_names = scenic_private.caches(type(ego))
         # Scenic's position of the ego may be higher than that of the car's state; the difference stays as at the start.
         self._z_offset_m = float(ego.position.z) - start.z_m
-        # The orientation relative to which the ego's angles count; None if it is the global one.
+        # If the program gives the ego a parent orientation, its yaw, pitch and roll count from there. None if they count
+        # from the axes of the scene.
         parent = ego.parentOrientation
         self._parent = None if alwaysGlobalOrientation(parent) else parent
-        # Whether the ego's class derives properties from its state in addition to those of every object.
-        self._derives_more = not scenic_private.derived_while_driving(type(ego)).issubset(DERIVED)
+        # A class of the program may have more properties that depend on the ego's state. They must be computed anew at
+        # each state.
+        derived = scenic_private.derived_while_driving(type(ego))
+        self._has_more_derived_properties = not derived.issubset(DERIVED)
 
     def show(self, state: State) -> None:
         """Give the ego the properties of a state of the car, such as its position and its speed."""
         # Headings count from the y axis in Scenic, and from the x axis in carsim.
         yaw = math.remainder(state.heading_rad - math.pi / 2, 2 * math.pi)
-        angles = yaw, state.pitch_rad, state.roll_rad
-        # Scenic's yaw, pitch and roll are relative to the parent orientation, if the program sets one.
-        local: tuple[float, ...] = angles
+        orientation = _orientation(yaw, state.pitch_rad, state.roll_rad)
+        local_yaw, local_pitch, local_roll = yaw, state.pitch_rad, state.roll_rad
         if self._parent is not None:
-            local = tuple(map(float, self._parent.localAnglesFor(_orientation(*angles))))
-        cos, sin = math.cos(state.heading_rad), math.sin(state.heading_rad)
+            local_yaw, local_pitch, local_roll = map(float, self._parent.localAnglesFor(orientation))
+        velocity_x_m_s = state.speed_m_s * math.cos(state.heading_rad)
+        velocity_y_m_s = state.speed_m_s * math.sin(state.heading_rad)
         attributes = self._attributes
         attributes.update(
             position=Vector(state.x_m, state.y_m, state.z_m + self._z_offset_m),
-            yaw=local[0],
-            pitch=local[1],
-            roll=local[2],
+            yaw=local_yaw,
+            pitch=local_pitch,
+            roll=local_roll,
             heading=yaw,
+            orientation=orientation,
             speed=state.speed_m_s,
-            velocity=Vector(state.speed_m_s * cos, state.speed_m_s * sin, 0.0),
+            velocity=Vector(velocity_x_m_s, velocity_y_m_s, 0.0),
             angularVelocity=Vector(0.0, 0.0, state.yaw_rate_rad_s),
             angularSpeed=abs(state.yaw_rate_rad_s),
             consumedEnergy=state.consumed_energy_j,
         )
-        attributes["orientation"] = _orientation(*angles)
-        if self._derives_more:
+        if self._has_more_derived_properties:
             scenic_private.derive_again(self._copy)
-        # Scenic keeps values that it has derived from the old properties. Once deleted, they are computed again.
-        for cache_name in self._caches.intersection(attributes):
-            del attributes[cache_name]
+        # What Scenic has derived from the old properties is deleted, so that Scenic computes it again.
+        for name in self._cache_names.intersection(attributes):
+            del attributes[name]
 
 
 def _orientation(yaw: float, pitch: float, roll: float) -> Any:

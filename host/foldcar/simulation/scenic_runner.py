@@ -23,6 +23,8 @@ from foldcar.system import kill_group
 
 # The error of a run whose worker dies.
 CRASH = "the process that simulates with Scenic died"
+# How often a run is tried if its worker dies.
+MAX_ATTEMPTS = 2
 
 
 class _Worker(LineProcess):
@@ -30,34 +32,49 @@ class _Worker(LineProcess):
 
     def __init__(self, opening: str) -> None:
         """Start a worker process. ``opening`` is the JSON text of the program, sent before its first run."""
-        # A fixed hash seed gives sets of strings the same order in all workers. Threads for linear algebra would only
-        # slow down copies of the process.
-        # Programs that other threads run change the variables meanwhile.
+        # The environment variables are read only while no program runs in another thread, because programs change them.
         with program_lock:
-            environment = {**minimal_variables(), "PYTHONHASHSEED": "0", "OPENBLAS_NUM_THREADS": "1"}
+            environment = minimal_variables()
+        # Sets of strings have an order that depends on this seed. It must be the same in all workers.
+        environment["PYTHONHASHSEED"] = "0"
+        # Threads for linear algebra would only slow down the copies that the worker makes of itself.
+        environment["OPENBLAS_NUM_THREADS"] = "1"
         command = python_command("foldcar.simulation.worker", "foldcar.simulation.scenic_worker")
-        # In a session of its own, Ctrl-C does not reach it.
+        # In a session of its own, Ctrl-C does not reach the worker; the caller decides what to stop.
         super().__init__(command, env=environment, start_new_session=True)
+        # None as soon as the worker has compiled the program.
         self._opening: str | None = opening
 
     def answer(self, body: str, scene: str, request: RunRequest) -> dict[str, Any] | None:
         """Simulate a run in the worker process. Return its result, {"error": message}, or None if the process has died.
 
-        Raises CarsimError if the process refuses the program or the run.
+        The first run is preceded by compiling the program. Raises CarsimError if the process refuses the program or the
+        run.
         """
         if self._opening is not None:
-            ready = json.loads(self.ask(self._opening) or "null")
+            ready = self._ask_json(self._opening)
             if ready is None:
                 return None
             if "refused" in ready:
                 raise CarsimError(str(ready["refused"]))
             self._opening = None
-        # `keys` has the settings and the reality.
+        # `request.keys` are the settings and the differences between the real car and the planned one.
         run = {"body": body, "scene": scene, "settings": request.keys, "sample": request.sample}
-        answer: dict[str, Any] | None = json.loads(self.ask(json.dumps(run)) or "null")
-        if answer is not None and "refused" in answer:
+        answer = self._ask_json(json.dumps(run))
+        if answer is None or "error" in answer:
+            return answer
+        if "refused" in answer:
             raise CarsimError(f"{request.label}: {answer['refused']}")
-        return answer if answer is None or "error" in answer else answer["result"]
+        result: dict[str, Any] = answer["result"]
+        return result
+
+    def _ask_json(self, line: str) -> dict[str, Any] | None:
+        """Send a line and return the JSON object of the answer; None if the process has died."""
+        answer_line = self.ask(line)
+        if not answer_line:
+            return None
+        answer: dict[str, Any] | None = json.loads(answer_line)
+        return answer
 
     def kill(self) -> None:
         """Kill the process with its copies and simulators, which form the process group of its session."""
@@ -83,6 +100,9 @@ class ScenicRunner:
         files: Files | None,
         command: Sequence[str],
     ) -> None:
+        """Remember the environment; the first run starts a worker. See the class for the parameters."""
+        if not hasattr(os, "fork"):
+            raise CarsimError(f"{program}: runs beside the simulation, which needs Linux or macOS")
         self.program = program
         self.environment: dict[str, Any] = {
             "params": dict(params),
@@ -92,16 +112,19 @@ class ScenicRunner:
         }
         self._opening = json.dumps({"program": str(program), **self.environment, "command": list(command)})
         self._reset_workers()
-        # Handlers of forks cannot be removed, so this one must not keep the runner alive.
+        self._reset_workers_after_forks()
+
+    def _reset_workers_after_forks(self) -> None:
+        """Let each process that this one forks reset its workers, because it must not use those of its parent."""
+        # Python keeps the function until the process ends. Through a weak reference, it does not keep this runner, too.
         reference = weakref.ref(self)
 
         def reset_workers() -> None:
-            if (runner := reference()) is not None:
+            """Reset the runner's workers, if the runner still exists."""
+            runner = reference()
+            if runner is not None:
                 runner._reset_workers()
 
-        if not hasattr(os, "fork"):
-            raise CarsimError(f"{program}: runs beside the simulation, which needs Linux or macOS")
-        # A forked process must not use its parent's workers.
         os.register_at_fork(after_in_child=reset_workers)
 
     def _reset_workers(self) -> None:
@@ -111,32 +134,34 @@ class ScenicRunner:
     def run(
         self, bodies: Mapping[str, str], scenes: Mapping[str, str], requests: Sequence[RunRequest]
     ) -> list[dict[str, Any]]:
-        """Simulate the requested runs one by one in a worker process, and return their answers in order."""
+        """Simulate the requested runs one by one in a worker process, and return their answers in order.
+
+        If the worker dies, the run is tried once more in a new worker. If that dies, too, the run has failed.
+        """
         answers: list[dict[str, Any]] = []
-        process: _Worker | None = None
+        worker: _Worker | None = None
         try:
             for request in requests:
-                answer, ending = None, ""
-                # If the process dies, the run is tried once more in a new one. If that dies, too, the run has failed.
-                for _ in range(2):
-                    process = process or self._take_worker()
-                    answer = process.answer(bodies[request.body], scenes[request.scene], request)
-                    # If a worker is no longer among the busy ones, `stop` has ended it.
-                    if process not in self._busy:
+                answer: dict[str, Any] | None = None
+                for _attempt in range(MAX_ATTEMPTS):
+                    if worker is None:
+                        worker = self._take_worker()
+                    answer = worker.answer(bodies[request.body], scenes[request.scene], request)
+                    # `stop`, called in another thread, removes the workers that it ends from the busy ones.
+                    if worker not in self._busy:
                         raise CarsimError("stopped")
                     if answer is not None:
                         break
-                    ending = f"{CRASH} ({process_ending(self._end_worker(process))})"
-                    process = None
-                answers.append({"error": ending} if answer is None else answer)
+                    return_code = self._end_worker(worker)
+                    worker = None
+                    failed_run = {"error": f"{CRASH} ({process_ending(return_code)})"}
+                answers.append(failed_run if answer is None else answer)
         except BaseException:
-            if process is not None:
-                self._end_worker(process)
+            if worker is not None:
+                self._end_worker(worker)
             raise
-        with self._lock:
-            if process in self._busy:
-                self._busy.remove(process)
-                self._idle.append(process)
+        if worker is not None:
+            self._give_back_worker(worker)
         return answers
 
     def stop(self) -> None:
@@ -161,9 +186,16 @@ class ScenicRunner:
     def _take_worker(self) -> _Worker:
         """Return an idle worker, or a new one, and mark it as busy."""
         with self._lock:
-            process = self._idle.pop() if self._idle else _Worker(self._opening)
-            self._busy.add(process)
-        return process
+            worker = self._idle.pop() if self._idle else _Worker(self._opening)
+            self._busy.add(worker)
+        return worker
+
+    def _give_back_worker(self, worker: _Worker) -> None:
+        """Mark a busy worker as idle, unless `stop` has ended it."""
+        with self._lock:
+            if worker in self._busy:
+                self._busy.remove(worker)
+                self._idle.append(worker)
 
     def _end_worker(self, process: _Worker) -> int:
         """Kill a worker and return its return code."""

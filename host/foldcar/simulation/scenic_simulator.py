@@ -11,9 +11,9 @@ For people who script with Scenic: ``CarSimulator(...).simulate(scene)`` is Scen
 ``CarSimulator(...).run(scene)`` gives the result that a sweep stores.
 """
 
-import contextlib
 import math
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection
+from types import FrameType
 from typing import Any
 
 from rv_ltl import B4
@@ -23,19 +23,19 @@ from scenic.core.dynamics.actions import Action
 from scenic.core.errors import InvalidScenarioError
 from scenic.core.requirements import RequirementType
 from scenic.core.simulators import Simulation, SimulationCreationError, Simulator
-from scenic.syntax import veneer
 
 from foldcar.errors import FoldcarError
 from foldcar.scenes import scenic_private
 from foldcar.scenes.reading import outer_step_s
 from foldcar.scenes.success import VERDICT
-from foldcar.simulation.carsim_step import State, SteppedCarsim
+from foldcar.simulation.carsim_step import Advanced, State, SteppedCarsim
 from foldcar.simulation.scenic_objects import ShownEgo
 from foldcar.simulation.scenic_statements import (
     ChangesMonitor,
     NativeEnding,
     Records,
     has_next,
+    imported_requirements,
     refuse_misplaced,
 )
 
@@ -68,32 +68,43 @@ class CarSimulator(Simulator):  # type: ignore[misc]
         self._passing = frozenset(passing)
 
     def createSimulation(self, scene: Any, *, timestep: float | None, **options: Any) -> "CarSimulation":  # noqa: N802
-        """Run one simulation (Scenic's hook). ``timestep`` (s) takes precedence over the program's outer step."""
+        """Run one simulation and return it. Scenic calls this for every simulation.
+
+        ``timestep`` is the time (s) between two evaluations of the program; None takes it from the program.
+        """
         scene_text = self._describe(scene)
 
-        def start() -> Any:
-            """Start the trial; called when Scenic sets the simulation up."""
+        def start_trial() -> Advanced:
+            """Place the car and start the trial; :meth:`CarSimulation.setup` calls this."""
             return self._carsim.start(self._body, scene_text, self._settings)
 
-        step_s = outer_step_s(scene.params, timestep)
-        return CarSimulation(scene, carsim=self._carsim, start=start, timestep=step_s, **options)
+        return CarSimulation(
+            scene,
+            carsim=self._carsim,
+            start_trial=start_trial,
+            timestep=outer_step_s(scene.params, timestep),
+            **options,
+        )
 
     def run(self, scene: Any) -> Result:
-        """Simulate a scene and return carsim's result, with ``recorded`` and two more outcomes.
+        """Simulate a scene and return carsim's result, with the program's records in ``recorded``.
 
-        These are ``terminated``, if the program ended the run, and ``rejected``, if the run violated a requirement of the
-        program. Recorded values are {"kind": "initial"|"final"|"series", "value": JSON}. Raises FoldcarError if a value
-        cannot be stored, and all exceptions of the program.
+        If carsim has ended the run, for example because the car tipped over, the outcome is that of carsim. If a
+        condition of the program has ended the run, the outcome is "passed" or "terminated". If the run has violated a
+        requirement of the program, the outcome is "rejected".
+
+        A record is {"kind": "initial"|"final"|"series", "value": JSON}. Raises FoldcarError if a record cannot be stored,
+        and every exception of the program.
         """
         try:
             simulation = self.createSimulation(scene, maxSteps=None, name="run", timestep=None, enableReplay=False)
         except (RejectSimulationException, RejectionException, GuardViolation) as rejection:
+            # A misplaced statement can be the reason; then this raises an error that says so.
             refuse_misplaced(scene.dynamicScenario)
             return _result(rejection.simulation, "rejected")
         program_ended_run = simulation.run_result is not None and simulation.run_result["outcome"] == "terminated"
         if program_ended_run and self._has_passed(simulation):
             return _result(simulation, "passed")
-        # The outcome remains that of carsim, or "terminated".
         return _result(simulation, None)
 
     def _has_passed(self, simulation: "CarSimulation") -> bool:
@@ -122,23 +133,31 @@ class CarSimulation(Simulation):  # type: ignore[misc]
     timestep: float
 
     def __init__(
-        self, scene: Any, *, carsim: SteppedCarsim, start: Callable[[], Any], timestep: float, **options: Any
+        self, scene: Any, *, carsim: SteppedCarsim, start_trial: Callable[[], Advanced], timestep: float, **options: Any
     ) -> None:
+        """Run the simulation; ``start_trial`` places the car and returns its first state.
+
+        Scenic evaluates the program's conditions and records at times called *looks*: at the start, then every
+        ``timestep`` (s), which is called an *outer step*. carsim's own steps are shorter: 1/240 s.
+        """
         self.run_result: Result | None = None
         self._carsim = carsim
-        self._start_trial = start
+        self._start_trial = start_trial
+        # The state of the car at the last look, and the time of that look as a number of outer steps.
         self._state: State | None = None
-        # carsim's result, if it has ended the trial itself.
-        self._native: Result | None = None
-        # Outer steps since the start.
-        self._steps: float = 0.0
-        # Time (s) and outer steps at the beginning of the last advance.
-        self._begun: tuple[float, float] = (0.0, 0.0)
-        # If the look was moved back: the row of the last advance that it was moved to. A row is a step of 1/240 s.
-        self._row: int | None = None
-        self._endings: list[Any] = []
+        self._outer_steps: float = 0.0
+        # carsim's result, if carsim has ended the trial.
+        self._carsim_result: Result | None = None
+        # The time (s, and in outer steps) at which the last advance began.
+        self._advance_began_s: float = 0.0
+        self._advance_began_at_step: float = 0.0
+        # If the program ends the run between two looks, the second look is moved back to that time. This is then the
+        # index of carsim's step among those of the last advance; otherwise it is None.
+        self._moved_back_to: int | None = None
+        # The program's conditions that end the run, and its requirements.
+        self._ending_conditions: list[Any] = []
         self._requirements: list[Any] = []
-        with _imported_requirements():
+        with imported_requirements():
             super().__init__(scene, timestep=timestep, **options)
         self._records.finish()
 
@@ -150,7 +169,7 @@ class CarSimulation(Simulation):  # type: ignore[misc]
     @property
     def currentTime(self) -> float:  # noqa: N802
         """Outer steps since the start; not an integer if the look was moved back."""
-        return self._steps
+        return self._outer_steps
 
     @currentTime.setter
     def currentTime(self, steps: float) -> None:  # noqa: N802
@@ -163,95 +182,117 @@ class CarSimulation(Simulation):  # type: ignore[misc]
 
     def setup(self) -> None:
         """Place the car, and create all objects of the scene. Scenic calls this at the start of a simulation."""
+        # The objects that have a behavior; _createObject adds them.
         self.agents: list[Any] = []
         scenario = self.scene.dynamicScenario
         scenic_private.forget_last_simulation(scenario)
-        first_step = self._start_trial()
-        ego = self.scene.egoObject
-        # Objects must be created now: after the first state is shown, createObjectInSimulator refuses them.
+        start = self._start_trial()
+        # Objects must be created before the first state is shown, because from then on createObjectInSimulator refuses
+        # them.
         for obj in self.scene.objects:
             self._createObject(obj)
-        self._ego = ShownEgo(ego, first_step.state)
-        # carsim's result, as soon as carsim ends the run. Then Scenic ends its simulation, too.
-        self._native = first_step.result
-        self._show(first_step.state, 0)
+        self._ego = ShownEgo(self.scene.egoObject, start.state)
+        self._show(start.state, outer_steps=0)
+        # `records` is Scenic's own dictionary of what the program records.
         self._records = Records(self.records)
-        self._endings = scenic_private.endings(scenario)
-        scenic_private.end_simulation_when(scenario, NativeEnding(lambda: self._native))
+        self._ending_conditions = scenic_private.endings(scenario)
+        # As soon as carsim ends the run and gives its result, Scenic ends its simulation, too.
+        self._carsim_result = start.result
+        scenic_private.end_simulation_when(scenario, NativeEnding(lambda: self._carsim_result))
 
     def createObjectInSimulator(self, obj: Any) -> None:  # noqa: N802
-        """Refuse objects that are created during the run, except Markers (Scenic's hook).
+        """Refuse an object that the program creates while the car drives. Scenic calls this for every new object.
 
-        carsim gets ground, obstacles and goal once, before the start. So Goals, which are Markers, are refused, too.
+        carsim gets the ground, the obstacles and the goal once, before the start. A Marker is allowed, because it is
+        neither; a Goal is a Marker that carsim would have to know, so it is refused.
         """
-        kinds = {ancestor.__name__ for ancestor in type(obj).__mro__}
-        if self._state is not None and ("Marker" not in kinds or "Goal" in kinds):
+        class_names = {ancestor.__name__ for ancestor in type(obj).__mro__}
+        is_plain_marker = "Marker" in class_names and "Goal" not in class_names
+        is_driving = self._state is not None
+        if is_driving and not is_plain_marker:
             raise SimulationCreationError(
                 f"a {type(obj).__name__} is created while the car drives; create it before, "
                 "in the program itself or in its top-level `setup`"
             )
 
     def step(self) -> None:
-        """Advance to the next look, or to the end of the run if that is earlier. Scenic calls this at each outer step."""
-        assert self._state is not None
-        self._begun, self._row = (self._state.t_s, self._steps), None
-        # The next whole number of outer steps. If the last look was moved back, the present number has a fraction.
-        look = math.floor(self._steps + ROUNDING_S) + 1
-        advanced = self._carsim.advance(look * self.timestep)
-        self._native = advanced.result
-        self._show(advanced.state, self._steps_at(advanced.state) if advanced.result else look)
-        # The program can end or reject the run before the look by its time limit, its endings and its requirements.
-        limit_s = self._time_limit_s() - ROUNDING_S
-        limit_is_before_look = limit_s < advanced.state.t_s - 2 * ROUNDING_S
-        if limit_is_before_look or self._endings or self._requirements:
-            self._move_back(limit_s)
+        """Advance to the next look, or to the end of the run if that is earlier. Scenic calls this at each outer step.
 
-    def _move_back(self, limit_s: float) -> None:
-        """Go back to the first step of the last advance at which the program ends or rejects the run, if there is one.
-
-        carsim advances by several steps at once, and Scenic sees only the state after the last of them. A condition may
-        hold at a step between. This shows Scenic the state at that step, so that it evaluates everything there.
-        ``limit_s`` is the program's time limit.
+        A *look* is a time at which Scenic evaluates the program: every whole number of outer steps.
         """
         assert self._state is not None
-        last_state, last_steps = self._state, self._steps
-        for row, state in enumerate(self._carsim.rows()[:-1]):
-            self._show(state, self._steps_at(state))
-            violated = [requirement for requirement in self._requirements if requirement.value() is B4.FALSE]
-            ended = self._ending_holds()
-            if violated or ended or state.t_s >= limit_s:
-                self._row, self._native = row, None
-                if ended:
-                    # Scenic checks the time limit first, and would name it as the reason of the end.
-                    scenic_private.defer_time_limit(self.scene.dynamicScenario)
+        self._advance_began_s, self._advance_began_at_step = self._state.t_s, self._outer_steps
+        self._moved_back_to = None
+        # If the last look was moved back, the present number of outer steps has a fraction.
+        next_look = math.floor(self._outer_steps + ROUNDING_S) + 1
+        advanced = self._carsim.advance(next_look * self.timestep)
+        self._carsim_result = advanced.result
+        has_reached_look = advanced.result is None
+        self._show(advanced.state, next_look if has_reached_look else self._outer_steps_at(advanced.state))
+        # Between two looks, the program can end the run by its time limit or a condition, or reject it by a requirement.
+        limit_s = self._time_limit_s() - ROUNDING_S
+        is_limit_passed = limit_s < advanced.state.t_s - 2 * ROUNDING_S
+        if is_limit_passed or self._ending_conditions or self._requirements:
+            self._move_look_back(limit_s)
+
+    def _move_look_back(self, limit_s: float) -> None:
+        """Move the look back to the first of carsim's steps at which the program ends or rejects the run, if any.
+
+        carsim has advanced by many steps, and Scenic sees only the state after the last of them. The car is shown to
+        Scenic in the earlier states, one after another. If the program's time limit ``limit_s`` is reached, a condition
+        ends the run or a requirement is violated, Scenic keeps seeing that state and evaluates the program there.
+        """
+        assert self._state is not None
+        last_state, last_outer_steps = self._state, self._outer_steps
+        earlier_states = self._carsim.rows()[:-1]
+        for index, state in enumerate(earlier_states):
+            self._show(state, self._outer_steps_at(state))
+            # Monitors must see every state, so each requirement is evaluated, even after a violated one.
+            verdicts = [requirement.value() for requirement in self._requirements]
+            is_violated = any(verdict is B4.FALSE for verdict in verdicts)
+            is_ended = self._ending_holds()
+            if is_ended:
+                # Scenic examines its time limit before the conditions, and would give it as the reason for the end.
+                scenic_private.defer_time_limit(self.scene.dynamicScenario)
+            if is_ended or is_violated or state.t_s >= limit_s:
+                self._moved_back_to = index
+                # If carsim ended the run at a later step, that no longer counts.
+                self._carsim_result = None
                 return
-        self._show(last_state, last_steps)
+        self._show(last_state, last_outer_steps)
 
     def _ending_holds(self) -> bool:
         """Return whether a condition that ends the run holds in the state that is shown to the program."""
-        return any(
-            ending.isTrue().is_truthy if ending.ty is RequirementType.terminateSimulationWhen else ending.evaluate()
-            for ending in self._endings
-        )
+        for condition in self._ending_conditions:
+            if condition.ty is RequirementType.terminateSimulationWhen:
+                holds = condition.isTrue().is_truthy
+            else:
+                holds = condition.evaluate()
+            if holds:
+                return True
+        return False
 
     def updateObjects(self) -> None:  # noqa: N802
-        """Prepare the requirements at the start of a simulation. Scenic calls this at each look, to update its objects.
+        """Collect the program's requirements at the first look, and make their evaluation faster.
 
-        The ego needs no update, because step() has shown it the state of the car. At the start, the requirements are
-        collected. Their monitors are replaced by monitors that evaluate only what has changed, which is faster.
+        Scenic calls this at each look, to update its objects. The car needs no update, because :meth:`step` has shown its
+        state already.
         """
         super().updateObjects()
-        scenario = self.scene.dynamicScenario
-        if self._steps > 0:
+        is_first_look = self._outer_steps == 0
+        if not is_first_look:
             return
         # Scenic has just started the scenario, so its requirements exist now.
+        scenario = self.scene.dynamicScenario
         scenic_private.round_time_limit(scenario)
-        # A requirement with `next` depends on Scenic's own steps, so it keeps its monitor.
-        self._requirements = [
-            monitor for monitor in scenic_private.requirement_monitors(scenario) if not has_next(monitor)
-        ]
-        for requirement in self._requirements:
+        for requirement in scenic_private.requirement_monitors(scenario):
+            # The operator `next` means Scenic's next look. Such a requirement must not be evaluated between looks, so it
+            # stays as it is.
+            if has_next(requirement):
+                continue
+            # This monitor computes the verdict again only if a condition has changed.
             requirement.monitor = ChangesMonitor(requirement.proposition)
+            self._requirements.append(requirement)
 
     def actionsAreCompatible(self, agent: Any, actions: tuple[Any, ...]) -> bool:  # noqa: N802
         """Return whether an agent can take these actions together. Scenic calls this at each look.
@@ -261,7 +302,10 @@ class CarSimulation(Simulation):  # type: ignore[misc]
         for action in actions:
             if not isinstance(action, Action):
                 error: Any = InvalidScenarioError(f"a {type(agent).__name__} takes {action!r}, which is no action")
-                error.filename, error.lineno = _place(agent.behavior)
+                # Scenic prints these with the error.
+                frame = _innermost_scenic_frame(agent.behavior)
+                error.filename = None if frame is None else frame.f_code.co_filename
+                error.lineno = None if frame is None else frame.f_lineno
                 raise error
         return bool(super().actionsAreCompatible(agent, actions))
 
@@ -272,7 +316,7 @@ class CarSimulation(Simulation):  # type: ignore[misc]
     def recordCurrentState(self) -> None:  # noqa: N802
         """Evaluate the program's records at this look."""
         assert self._state is not None
-        self._records.take(self.scene.dynamicScenario, self._steps, self._state.t_s)
+        self._records.take(self.scene.dynamicScenario, self._outer_steps, self._state.t_s)
         self.trajectory.append(self.currentState())
 
     def currentState(self) -> tuple[Any, ...]:  # noqa: N802
@@ -281,23 +325,23 @@ class CarSimulation(Simulation):  # type: ignore[misc]
 
     def destroy(self) -> None:
         """End the trial and keep carsim's result. Scenic calls this after every simulation."""
-        if self._state is None or not self._carsim.alive:
+        is_trial_running = self._state is not None and self._carsim.alive
+        if not is_trial_running:
             return
-        if self._native is not None:
-            self.run_result = self._native
-        else:
-            # The trial ends at the last look. This is the last row of the advance, unless the look was moved back.
-            look_row = len(self._carsim.rows()) - 1 if self._row is None else self._row
-            self.run_result = self._carsim.end(look_row)
+        if self._carsim_result is not None:
+            self.run_result = self._carsim_result
+            return
+        # The program has ended the run at the last look. That was the last of carsim's steps, unless it was moved back.
+        last_index = len(self._carsim.rows()) - 1
+        self.run_result = self._carsim.end(last_index if self._moved_back_to is None else self._moved_back_to)
 
-    def _steps_at(self, state: State) -> float:
-        """Return the outer steps since the start, with a fraction, at the time of a state of the last advance."""
-        begun_s, begun_steps = self._begun
-        return begun_steps + (state.t_s - begun_s) / self.timestep
+    def _outer_steps_at(self, state: State) -> float:
+        """Return the time of a state of the last advance as a number of outer steps, which may have a fraction."""
+        return self._advance_began_at_step + (state.t_s - self._advance_began_s) / self.timestep
 
-    def _show(self, state: State, steps: float) -> None:
-        """Set the ego's properties to a state, at that number of outer steps."""
-        self._state, self._steps = state, steps
+    def _show(self, state: State, outer_steps: float) -> None:
+        """Set the ego's properties to a state, whose time is that number of outer steps."""
+        self._state, self._outer_steps = state, outer_steps
         self._ego.show(state)
 
     def _time_limit_s(self) -> float:
@@ -305,38 +349,20 @@ class CarSimulation(Simulation):  # type: ignore[misc]
         return scenic_private.time_limit_s(self.scene.dynamicScenario, self.timestep)
 
 
-@contextlib.contextmanager
-def _imported_requirements() -> Iterator[None]:
-    """Let Scenic evaluate requirements of imported programs within the block.
+def _innermost_scenic_frame(behavior: Any) -> FrameType | None:
+    """Return the frame of the Scenic statement that a running behavior executes; None if it executes none.
 
-    Scenic evaluates a requirement in the scenario of its program. The scenario of an imported program does not run, so
-    Scenic would fail with an assertion. Within the block it uses the running scenario instead.
+    A frame has the file and the line. If the behavior does another behavior, which may do a third one, and so on, the
+    statement is that of the last of them: the generator of each behavior yields from the generator of the next one.
     """
-    evaluate = veneer.executeInRequirement
-
-    def evaluate_in_running_scenario(scenario: Any, ego: Any, values: Any) -> Any:
-        """Evaluate a requirement in the running scenario, or in its own one if none runs."""
-        return evaluate(veneer.currentScenario or scenario, ego, values)
-
-    veneer.executeInRequirement = evaluate_in_running_scenario
-    try:
-        yield
-    finally:
-        veneer.executeInRequirement = evaluate
-
-
-def _place(behavior: Any) -> tuple[str | None, int | None]:
-    """Return the file and line of the innermost Scenic statement that a behavior executes; (None, None) outside one.
-
-    A behavior may do another behavior: its generator then yields from the generator of the other one.
-    """
-    generator, place = scenic_private.running_generator(behavior), (None, None)
+    innermost: FrameType | None = None
+    generator = scenic_private.running_generator(behavior)
     while generator is not None:
         frame = getattr(generator, "gi_frame", None)
         if frame is not None and frame.f_code.co_filename.endswith(".scenic"):
-            place = (frame.f_code.co_filename, frame.f_lineno)
+            innermost = frame
         generator = getattr(generator, "gi_yieldfrom", None)
-    return place
+    return innermost
 
 
 def _result(simulation: CarSimulation, outcome: str | None) -> Result:

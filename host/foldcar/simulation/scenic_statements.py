@@ -5,12 +5,14 @@ which are kept as JSON by name: {"kind": "initial"|"final"|"series", "value": JS
 [time (s), value].
 """
 
-from collections.abc import Callable
+import contextlib
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import rv_ltl
 from scenic.core.propositions import Next, PropositionMonitor
 from scenic.core.requirements import RequirementType
+from scenic.syntax import veneer
 
 from foldcar.errors import FoldcarError
 from foldcar.scenes import scenic_private
@@ -34,12 +36,18 @@ class ChangesMonitor(PropositionMonitor):  # type: ignore[misc]
         self._verdict: rv_ltl.B4 = rv_ltl.B4.TRUE
 
     def update(self) -> rv_ltl.B4:
-        """Add the current values of the proposition's atoms; return the verdict so far."""
-        state = {str(atom.syntax_id): bool(atom.closure()) for atom in self._proposition.atomics()}
-        # A repeated state cannot change the verdict.
-        if state != self._latest:
-            self._latest = state
-            self._monitor.update(state)
+        """Evaluate the proposition in the present state of the simulation, and return the verdict so far.
+
+        A proposition such as ``always (a implies eventually b)`` is built from conditions, here ``a`` and ``b``. Their
+        truth values are all that the verdict depends on.
+        """
+        truth_values: dict[str, bool] = {}
+        for condition in self._proposition.atomics():
+            truth_values[str(condition.syntax_id)] = bool(condition.closure())
+        # If the conditions are as they were at the last update, the verdict is, too.
+        if truth_values != self._latest:
+            self._latest = truth_values
+            self._monitor.update(truth_values)
             self._verdict = self._monitor.evaluate()
         return self._verdict
 
@@ -74,19 +82,23 @@ class Records:
         self._scenic = scenic
 
     def take(self, scenario: Any, steps: float, t_s: float) -> None:
-        """Evaluate the program's records at ``t_s`` (outer step ``steps``): series and, at the start, initial values.
+        """Evaluate and store what the program records at the time ``t_s``, which is ``steps`` of Scenic's steps.
 
-        Each value is stored twice: in Scenic's dictionary, and as JSON in ``plain``.
+        These are the next values of all `record` statements and, at the start, the values of `record initial`. Each value
+        is stored twice: in Scenic's dictionary, and as JSON in ``plain``.
         """
         refuse_misplaced(scenario)
         if steps == 0:
-            for name, value in scenic_private.recorded(scenario, RequirementType.recordInitial, 0).items():
+            initial_values = scenic_private.recorded(scenario, RequirementType.recordInitial, 0)
+            for name, value in initial_values.items():
                 self._scenic[name] = value
                 self.plain[name] = {"kind": "initial", "value": to_json(value, name)}
-        for name, value in scenic_private.recorded(scenario, RequirementType.record, steps).items():
+        present_values = scenic_private.recorded(scenario, RequirementType.record, steps)
+        for name, value in present_values.items():
             self._scenic[name].append((steps, value))
-            series = self.plain.setdefault(name, {"kind": "series", "value": []})
-            series["value"].append([t_s, to_json(value, name)])
+            if name not in self.plain:
+                self.plain[name] = {"kind": "series", "value": []}
+            self.plain[name]["value"].append([t_s, to_json(value, name)])
 
     def finish(self) -> None:
         """Store the final values, which Scenic has evaluated after the end."""
@@ -108,3 +120,23 @@ def refuse_misplaced(scenario: Any) -> None:
                     "invokes; it works in the top-level scenario, and so does `do … until …`"
                 )
         refuse_misplaced(sub)
+
+
+@contextlib.contextmanager
+def imported_requirements() -> Iterator[None]:
+    """Let Scenic evaluate requirements of imported programs within the block.
+
+    Scenic evaluates a requirement in the scenario of its program. The scenario of an imported program does not run, so
+    Scenic would fail with an assertion. Within the block it uses the running scenario instead.
+    """
+    evaluate = veneer.executeInRequirement
+
+    def evaluate_in_running_scenario(scenario: Any, ego: Any, values: Any) -> Any:
+        """Evaluate a requirement in the running scenario, or in its own one if none runs."""
+        return evaluate(veneer.currentScenario or scenario, ego, values)
+
+    veneer.executeInRequirement = evaluate_in_running_scenario
+    try:
+        yield
+    finally:
+        veneer.executeInRequirement = evaluate

@@ -14,7 +14,7 @@ import os
 import sys
 from contextlib import ExitStack, closing
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any, NamedTuple, TextIO
 
 from foldcar.errors import FoldcarError
 from foldcar.scenes.contained import contained
@@ -49,6 +49,14 @@ def main() -> None:
                 _write_line(output, worker.answer(json.loads(line)))
 
 
+class _DrawnSample(NamedTuple):
+    """A sample of the environment: its number, its scene as Scenic has drawn it, and the same scene for carsim."""
+
+    number: int
+    scene: Any
+    described: dict[str, Any]
+
+
 class ScenicWorker:
     """Simulates runs of a compiled Scenic program with carsim. Raises FoldcarError if the program cannot be opened."""
 
@@ -73,12 +81,11 @@ class ScenicWorker:
         self._command = first_message["command"]
         self._open = ExitStack()
         self._carsim: SteppedCarsim | None = None
-        # A copy of this process, which simulates the runs of one sample.
+        # A copy of this process, which simulates the runs of one sample, and the number of that sample.
         self._copy: Forked | None = None
-        # The last sample drawn: its number, its scene for Scenic, and its scene for carsim.
-        self._sample: int | None = None
-        self._scene: Any = None
-        self._described: dict[str, Any] = {}
+        self._sample_of_copy: int | None = None
+        # The sample that this process has drawn, if any.
+        self._drawn: _DrawnSample | None = None
 
     def close(self) -> None:
         """End the simulator and the copy."""
@@ -86,10 +93,10 @@ class ScenicWorker:
 
     def answer(self, request: dict[str, Any]) -> dict[str, Any]:
         """Return the answer to one run, from the copy of this process for the run's sample."""
-        if self._copy is None or self._sample != request["sample"]:
+        if self._copy is None or self._sample_of_copy != request["sample"]:
             self._open.close()
             self._copy = self._open.enter_context(Forked(self._answer_for_sample))
-            self._sample = request["sample"]
+            self._sample_of_copy = request["sample"]
         return self._copy.ask(request)
 
     def _answer_for_sample(self, request: dict[str, Any]) -> dict[str, Any]:
@@ -99,7 +106,7 @@ class ScenicWorker:
         same state.
         """
         try:
-            self._open_sample(request["sample"])
+            self._draw(request["sample"])
         except FoldcarError as error:
             return {"refused": str(error)}
         with Forked(self._answer_in_copy) as copy:
@@ -125,37 +132,48 @@ class ScenicWorker:
         """Simulate a run and return its result.
 
         Raises TrialFailedError if the program has an error during the run, and FoldcarError if the program no longer
-        draws the scene of the request.
+        draws the scene of the request, or if one of its files has changed.
         """
-        sample, program = request["sample"], self._source.program
-        self._open_sample(sample)
-        if self._described != json.loads(request["scene"]):
-            raise other_scene_error(program, sample)
-        assert self._carsim is not None
-        body, settings, scene = request["body"], request["settings"], str(request["scene"])
-        # carsim gets the text of the scene from the store, instead of a new description of the drawn scene.
-        simulator = self._simulator(self._carsim, body, settings, lambda _: scene, self._passing)
-        place = f"{program}: sample {sample}"
+        number = request["sample"]
+        drawn = self._draw(number)
+        if drawn.described != json.loads(request["scene"]):
+            raise other_scene_error(self._source.program, number)
+        # This also checks the program's files at the end, so it must surround the handling of the program's errors.
         with self._source.files.inside():
-            try:
-                with seeded(f"{self._source.seed}/{sample}/run"), contained(RUN_LIMIT_S, "running", program):
-                    return simulator.run(self._scene)
-            except FoldcarError as error:
-                # A CarsimError is not the program's fault. All other errors come from the program's records.
-                if isinstance(error, CarsimError):
-                    raise
-                raise TrialFailedError(f"{place}: {error}") from None
-            except Exception as error:
-                raise TrialFailedError(f"{place}: {one_line(error, program)}") from error
+            return self._simulate(request, drawn)
 
-    def _open_sample(self, sample: int) -> None:
-        """Draw the ``sample``, unless it is the last one drawn."""
-        if self._sample == sample and self._scene is not None:
-            return
-        self._sample, self._scene = None, None
-        scene = self._source.scenic_scene(sample)
-        self._described = self._source.describe(scene, sample)
-        self._sample, self._scene = sample, scene
+    def _simulate(self, request: dict[str, Any], drawn: "_DrawnSample") -> dict[str, Any]:
+        """Simulate a run in a drawn sample and return its result. Raises TrialFailedError if the program has an error."""
+        assert self._carsim is not None
+        source = self._source
+        # carsim gets the scene exactly as the request has it, instead of a new text of the drawn scene.
+        scene_text = str(request["scene"])
+        simulator = self._simulator(
+            self._carsim, request["body"], request["settings"], lambda _scene: scene_text, self._passing
+        )
+        # Random numbers that the program draws while it runs depend only on its seed and on the sample.
+        run_seed = f"{source.seed}/{drawn.number}/run"
+        place = f"{source.program}: sample {drawn.number}"
+        try:
+            with seeded(run_seed), contained(RUN_LIMIT_S, "running", source.program):
+                return simulator.run(drawn.scene)
+        except CarsimError:
+            # The simulator has failed or refused its input, which is not an error of the program.
+            raise
+        except FoldcarError as error:
+            # The program has recorded a value that cannot be stored.
+            raise TrialFailedError(f"{place}: {error}") from None
+        except Exception as error:
+            raise TrialFailedError(f"{place}: {one_line(error, source.program)}") from error
+
+    def _draw(self, number: int) -> "_DrawnSample":
+        """Return the sample with this number. It is drawn only if this process has not drawn it already."""
+        if self._drawn is None or self._drawn.number != number:
+            # If drawing fails, no sample must be left.
+            self._drawn = None
+            scene = self._source.scenic_scene(number)
+            self._drawn = _DrawnSample(number, scene, self._source.describe(scene, number))
+        return self._drawn
 
 
 def _write_line(output: TextIO, answer: dict[str, Any]) -> None:

@@ -43,8 +43,8 @@ def wait_for_no_reader(pipe: int) -> None:
 
 Answer = dict[str, Any]
 
-# Descriptors of the pipes to which this process writes answers. Copies close them, because a reader sees the end of a
-# pipe only when all its writers have closed it.
+# Descriptors of the pipes over which this process answers. Copies close them, because a reader sees the end of a pipe
+# only when all its writers have closed it.
 _answer_descriptors: list[int] = []
 
 
@@ -60,9 +60,12 @@ class Forked:
     """
 
     def __init__(self, answer: Callable[[Answer], Answer]) -> None:
-        """Copy this process (fork). The copy reads questions from a pipe and writes their ``answer`` to another one."""
-        question_pipe, self._questions = os.pipe()
-        self._answers, answer_pipe = os.pipe()
+        """Copy this process by fork. The copy reads questions from a pipe, and writes their ``answer`` to another pipe.
+
+        This function returns only in the original process. The copy answers questions until it ends.
+        """
+        read_questions, write_questions = os.pipe()
+        read_answers, write_answers = os.pipe()
         # Both processes share memory until one of them writes to it. Garbage collection would write to all objects.
         gc.freeze()
         with warnings.catch_warnings():
@@ -70,14 +73,18 @@ class Forked:
             # to be closed, or belong to linear algebra.
             warnings.simplefilter("ignore", DeprecationWarning)
             self._process = os.fork()
-        if self._process == 0:
-            for descriptor in (self._questions, self._answers, *_answer_descriptors):
+        is_copy = self._process == 0
+        if is_copy:
+            # A pipe ends for its reader only when no process has its writing end open. So the copy closes what it does
+            # not use: its parent's ends of the two pipes, and the pipes to which the parent writes answers.
+            for descriptor in (write_questions, read_answers, *_answer_descriptors):
                 os.close(descriptor)
-            set_answer_descriptors(question_pipe, answer_pipe)
-            _serve(answer, question_pipe, answer_pipe)
-        os.close(question_pipe)
-        os.close(answer_pipe)
-        self._reader = os.fdopen(self._answers, encoding="utf-8")
+            set_answer_descriptors(read_questions, write_answers)
+            _serve(answer, read_questions, write_answers)
+        os.close(read_questions)
+        os.close(write_answers)
+        self._questions = write_questions
+        self._reader = os.fdopen(read_answers, encoding="utf-8")
 
     def __enter__(self) -> "Forked":
         return self
@@ -89,17 +96,27 @@ class Forked:
         os.waitpid(self._process, 0)
 
     def ask(self, question: Answer) -> Answer:
-        """Return the copy's answer to a question. If the copy dies without an answer, this process ends, too."""
-        data = (json.dumps(question) + "\n").encode()
-        # If the copy has died, the answer is missing below.
+        """Send a question to the copied process and return its answer.
+
+        If the copy dies without an answer, this process ends at once, too. So the process that has started this one
+        learns that it is without an answer, and can repeat its question in a new process.
+        """
+        question_line = json.dumps(question) + "\n"
+        # If the copy has died, the pipe is broken and the answer is missing below.
         with contextlib.suppress(BrokenPipeError):
-            while data:
-                data = data[os.write(self._questions, data) :]
-        line = self._reader.readline()
-        if not line.endswith("\n"):
+            _write_all(self._questions, question_line.encode())
+        answer_line = self._reader.readline()
+        if not answer_line.endswith("\n"):
             os._exit(1)
-        answer: Answer = json.loads(line)
+        answer: Answer = json.loads(answer_line)
         return answer
+
+
+def _write_all(descriptor: int, data: bytes) -> None:
+    """Write all of ``data`` to a pipe; the system may write only a part of it at once."""
+    while data:
+        written_count = os.write(descriptor, data)
+        data = data[written_count:]
 
 
 def _serve(answer: Callable[[Answer], Answer], question_pipe: int, answer_pipe: int) -> NoReturn:

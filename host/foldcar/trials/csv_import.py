@@ -211,26 +211,27 @@ def _design(
 ) -> Design:
     """Return the design of the car in a row of the table.
 
-    A parameter that the row lacks has the value that is fixed in the sweep, if there is one. Otherwise it has foldcar's
-    default value, and is added to ``defaults``.
+    ``swept`` is the experiment as it was swept, or None. A parameter that the row lacks has the value of the sweep, if
+    that is the same for all of its cars. Otherwise it has foldcar's default value, and is added to ``defaults``.
     """
-    design_values = {name: _number(place, row, name, decimal_number) for name in row if key_of(name)}
-    is_swept_type = swept is not None and row["vehicle_type"] == swept.vehicle_type
-    if swept is not None and is_swept_type:
-        missing_columns = [name for name in swept.varied if name not in design_values]
+    given_values = {name: _number(place, row, name, decimal_number) for name in row if key_of(name)}
+    if swept is not None and row["vehicle_type"] == swept.vehicle_type:
+        missing_columns = [name for name in swept.varied if name not in given_values]
         if missing_columns:
             reason = f'experiment "{experiment_id}" has several values'
             raise FoldcarError(f"{place}: {', '.join(missing_columns)}: missing; {reason}")
-        design_values = {**swept.fixed, **design_values}
+        given_values = {**swept.fixed, **given_values}
+    # The sweep may have parameters of modules that are not loaded now.
+    known_values = {name: value for name, value in given_values.items() if key_of(name)}
     try:
-        design = compose_columns(
-            row["vehicle_type"], {name: value for name, value in design_values.items() if key_of(name)}
-        )
+        design = compose_columns(row["vehicle_type"], known_values)
     except DesignError as error:
         raise FoldcarError(f"{place}: {error}") from error
-    if not design_values:
+    if not given_values:
         raise FoldcarError(f"{place}: has no parameters of the car; give some of {', '.join(design.columns)}")
-    defaults.update({name: value for name, value in design.columns.items() if name not in design_values})
+    for name, value in design.columns.items():
+        if name not in given_values:
+            defaults[name] = value
     return design
 
 
@@ -299,30 +300,38 @@ def swept_experiments(store: Path) -> dict[str, ExperimentInfo]:
 def import_notes(store: Path, trials: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return a remark on each experiment, sample and car of the trials that was not swept in the store's study."""
     swept = swept_experiments(store)
-    notes = []
-    for name in dict.fromkeys(trial["experiment"] for trial in trials):
-        trials_of_experiment = [trial for trial in trials if trial["experiment"] == name]
+    trials_by_experiment: dict[str, list[Mapping[str, Any]]] = {}
+    for trial in trials:
+        trials_by_experiment.setdefault(trial["experiment"], []).append(trial)
+    notes: list[str] = []
+    for name, trials_of_experiment in trials_by_experiment.items():
         samples = {trial["sample"] for trial in trials_of_experiment if "sample" in trial}
-        if name not in swept:
-            if swept:
-                notes.append(f'experiment "{name}" was not swept in {store}, only {", ".join(swept)}')
-            if samples:
-                notes.append(
-                    f'experiment "{name}" was not swept yet, so its samples are not paired with runs; to pair them, '
-                    "sweep first and then import"
-                )
+        if name in swept:
+            notes += _notes_on_cars(store, name, swept[name], trials_of_experiment)
+            number_of_samples = swept[name].environments
+            for sample in sorted(samples):
+                if sample >= number_of_samples:
+                    last = number_of_samples - 1
+                    notes.append(f'experiment "{name}" was swept in samples 0 to {last}; sample {sample} has no runs')
             continue
-        info = swept[name]
-        with Store.open(store) as opened:
-            swept_designs = {frozenset(design.items()) for design in opened.designs(info.id).values()}
-        unswept_trial_counts: Counter[str] = Counter()
-        for trial in trials_of_experiment:
-            is_swept = trial["vehicle_type"] == info.vehicle_type and frozenset(trial["design"].items()) in swept_designs
-            if not is_swept:
-                unswept_trial_counts[design_label(info, trial["vehicle_type"], trial["design"])] += 1
-        for car, number in unswept_trial_counts.most_common(SHOWN_CARS):
-            notes.append(f'experiment "{name}" was swept without a car of {car}; it has {count(number, "trial")}')
-        for sample in sorted(sample for sample in samples if sample >= info.environments):
-            last = info.environments - 1
-            notes.append(f'experiment "{name}" was swept in samples 0 to {last}; sample {sample} has no runs')
+        if swept:
+            notes.append(f'experiment "{name}" was not swept in {store}, only {", ".join(swept)}')
+        if samples:
+            notes.append(
+                f'experiment "{name}" was not swept yet, so its samples are not paired with runs; to pair them, '
+                "sweep first and then import"
+            )
     return notes
+
+
+def _notes_on_cars(store: Path, name: str, swept: ExperimentInfo, trials: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """Yield a remark on each car of the trials that the experiment was not swept with, at most SHOWN_CARS of them."""
+    with Store.open(store) as opened_store:
+        swept_designs = {frozenset(design.items()) for design in opened_store.designs(swept.id).values()}
+    unswept_trial_counts: Counter[str] = Counter()
+    for trial in trials:
+        has_swept_type = trial["vehicle_type"] == swept.vehicle_type
+        if not has_swept_type or frozenset(trial["design"].items()) not in swept_designs:
+            unswept_trial_counts[design_label(swept, trial["vehicle_type"], trial["design"])] += 1
+    for car, trial_count in unswept_trial_counts.most_common(SHOWN_CARS):
+        yield f'experiment "{name}" was swept without a car of {car}; it has {count(trial_count, "trial")}'

@@ -11,6 +11,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
+from typing import TextIO
 
 from rich.console import Group
 from rich.live import Live
@@ -87,40 +88,45 @@ class DriveView:
         return "stopped by key" if key in STOPS else None
 
     def _show(self, car: ConnectedCar) -> None:
-        """Show the car's state every REFRESH_S until the drive has ended."""
-        has_announced = False
-        # This thread writes to a file object of its own. A write to a blocked terminal holds the lock of its file object,
-        # and other threads must still be able to print. A closed terminal is no error.
-        with (
-            contextlib.suppress(OSError),
-            os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding=sys.stdout.encoding) as file,
-        ):
+        """Show the car's state every REFRESH_S until the drive has ended.
+
+        A thread of its own runs this. It also prints the lines that wait to be shown and, once, when to pull the cable.
+        """
+        # If the terminal is closed, nothing is shown.
+        with contextlib.suppress(OSError), _own_standard_output() as file:
             console = shown_console(file=file)
             live = Live(console=console, transient=True, auto_refresh=False, redirect_stdout=False, redirect_stderr=False)
+            has_announced = False
             with live if console.is_terminal else contextlib.nullcontext():
                 while not self._ended.wait(REFRESH_S):
-                    line = None if has_announced else self._announcement(car)
-                    if line is not None:
-                        self._lines.append(line)
+                    announcement = self._announcement(car)
+                    if announcement is not None and not has_announced:
+                        self._lines.append(announcement)
                         has_announced = True
                     while self._lines:
                         console.print(self._lines.popleft(), soft_wrap=True)
                         file.flush()
                     if console.is_terminal and self._begun_s is not None:
-                        remaining_s = max(0.0, self._begun_s + self._countdown_s - time.monotonic())
+                        countdown_end_s = self._begun_s + self._countdown_s
+                        remaining_s = max(0.0, countdown_end_s - time.monotonic())
                         live.update(self._panel(car, remaining_s), refresh=True)
 
     def _announcement(self, car: ConnectedCar) -> str | None:
-        """Return a line that tells the person to pull the cable; None if it must not be pulled yet.
+        """Return a line that tells the person to pull the cable; None if the car does not yet drive by itself.
 
-        It can be pulled when an untethered car itself counts down, or waits for its button.
+        An untethered car needs no cable from the moment on at which it counts down or waits for its button.
         """
         trial, dialect = car.connection.latest.get("FOLDCAR_TRIAL"), car.dialect
-        if trial is None or not trial.flags & dialect.FOLDCAR_TRIAL_FLAGS_UNTETHERED:
+        if trial is None:
+            return None
+        is_untethered = trial.flags & dialect.FOLDCAR_TRIAL_FLAGS_UNTETHERED
+        if not is_untethered:
             return None
         if trial.state == dialect.FOLDCAR_STATE_COUNTING:
             return f"Pull the cable now: the wheels start in {trial.countdown_ms / 1000:.0f} s."
-        if trial.state == dialect.FOLDCAR_STATE_ARMED and car.is_under_way(trial):
+        # A car that is armed, but not told to start, is not under way.
+        waits_for_button = trial.state == dialect.FOLDCAR_STATE_ARMED and car.is_under_way(trial)
+        if waits_for_button:
             return f"Pull the cable now, put the car in its place. Its button starts the {self._countdown_s} s."
         return None
 
@@ -159,3 +165,11 @@ class DriveView:
         if self._has_driven or state in (dialect.FOLDCAR_STATE_FINISHED, dialect.FOLDCAR_STATE_FAULT):
             return Text("ENDED")
         return Text(f"ARMED    {remaining_s:5.1f} s  stand clear", style="bold yellow")
+
+
+def _own_standard_output() -> TextIO:
+    """Open standard output once more, as a file object of its own, which must be closed.
+
+    A write to a blocked terminal holds the lock of its file object. Other threads can still print to theirs.
+    """
+    return os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding=sys.stdout.encoding)

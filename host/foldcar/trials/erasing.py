@@ -14,7 +14,7 @@ from foldcar.link.tlog import messages_of, packets_of, records_of
 from foldcar.store.log_files import intact_log
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import Trial
-from foldcar.trials.driving import wait_for_storage
+from foldcar.trials.cars_log import wait_for_storage
 from foldcar.trials.person import PersonAnswers, print_line
 
 
@@ -76,16 +76,17 @@ def compare_logs(car: ConnectedCar, logs: Sequence[StoredLog], store: Path) -> l
 
 
 def _compared(log: StoredLog, content: bytes, trials: Sequence[Trial], store: Path) -> ComparedLog:
-    """Compare a log of the car, whose bytes are ``content``, with the logs of a store's trials."""
+    """Return a log of the car, whose bytes are ``content``, with the trial of the store that has all of its packets."""
     records, _damaged_bytes = records_of(content)
     packets = {packet for _, packet in records}
     if not packets:
         return ComparedLog(log, trial=None, is_empty=True)
+    # The car's messages have the number of the trial. Usually the trial has this number in the store, too; but if the
+    # trials of two stores were merged, it may have another one. So the trials with these numbers are compared first.
     numbers_in_log = {message.trial_id for _, message in messages_of(records) if message.get_type() == "FOLDCAR_TRIAL"}
-    # In the store into which the trial was driven, it has the number that the car knows; after a merge it may have
-    # another. False sorts before True.
-    likely_first = sorted(trials, key=lambda trial: trial.id not in numbers_in_log)
-    for trial, stored_packets in _packets(likely_first, store):
+    likely_trials = [trial for trial in trials if trial.id in numbers_in_log]
+    other_trials = [trial for trial in trials if trial.id not in numbers_in_log]
+    for trial, stored_packets in _packets([*likely_trials, *other_trials], store):
         if packets <= stored_packets:
             return ComparedLog(log, trial=trial.id, is_empty=False)
     return ComparedLog(log, trial=None, is_empty=False)

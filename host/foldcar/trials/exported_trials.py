@@ -27,6 +27,8 @@ EXPORTED = (
     "trial", "uuid", "ending", "ended_utc", "firmware_build", "design_hash", "log", "log_sha256", "scenic_program",
     "environment_fingerprint", "settings", "corrections", "deviations",
 )  # fmt: skip
+# Columns whose cells are taken over as they are.
+UNCHECKED = ("ending", "ended_utc", "firmware_build", "design_hash", "scenic_program", "environment_fingerprint")
 Deviations = dict[str, tuple[Number, Number, Number]]
 
 
@@ -57,67 +59,80 @@ def exported_facts(place: str, row: Mapping[str, str]) -> dict[str, Any]:
 
     ``row`` is the trial's row. Error messages begin with ``place``. Raises FoldcarError.
     """
-    facts: dict[str, Any] = {
-        name: row[name]
-        for name in ("ending", "ended_utc", "firmware_build", "design_hash", "scenic_program", "environment_fingerprint")
-        if name in row
-    }
-    try:
-        facts["uuid"] = str(uuid.UUID(row["uuid"]))
-    except ValueError:
-        raise FoldcarError(f'{place}: uuid: "{row["uuid"]}" is not a UUID') from None
-    defaults = {"deviations": "{}", "corrections": "[]", "settings": "null"}
-    shapes: dict[str, Any] = {
-        "deviations": Deviations,
-        "corrections": list[ExportedCorrection],
-        "settings": ExportedSettings | None,
-    }
-    for name, shape in shapes.items():
-        try:
-            adapter: TypeAdapter[Any] = TypeAdapter(shape)
-            facts[name] = adapter.validate_json(row.get(name, defaults[name]))
-        except ValidationError as error:
-            reason = error.errors()[0]["msg"].lower()
-            raise FoldcarError(f"{place}: {name}: {row[name][:80]} is not as foldcar exports it: {reason}") from None
-    for correction in facts["corrections"]:
-        if correction["field"] == "outcome" and not {correction["before"], correction["after"]} <= set(TRIAL_OUTCOMES):
+    facts: dict[str, Any] = {name: row[name] for name in UNCHECKED if name in row}
+    facts["uuid"] = _uuid(place, row["uuid"])
+
+    corrections: list[ExportedCorrection] = _parsed_cell(place, row, "corrections", list[ExportedCorrection], "[]")
+    for correction in corrections:
+        outcomes = {correction["before"], correction["after"]}
+        if correction["field"] == "outcome" and not outcomes <= set(TRIAL_OUTCOMES):
             raise FoldcarError(f"{place}: corrections: an outcome is not one of {', '.join(TRIAL_OUTCOMES)}")
-    settings = facts.pop("settings")
+    facts["corrections"] = corrections
+
+    deviations: Deviations = _parsed_cell(place, row, "deviations", Deviations, "{}")
+    facts["deviations"] = canonical_json({name: list(pose) for name, pose in deviations.items()})
+
+    settings = _parsed_cell(place, row, "settings", ExportedSettings | None, "null")
     if settings is not None:
-        # The check has turned whole numbers into floating-point numbers. So read the numbers again
-        # from the cell, to get the same text as in the store.
+        # In the parsed settings all numbers are floating-point numbers. The store keeps whole numbers as they are, so
+        # take the numbers from the cell.
         facts["settings"] = canonical_json(json.loads(row["settings"]))
-    facts["deviations"] = canonical_json({name: list(pose) for name, pose in facts["deviations"].items()})
     return facts
 
 
-def require_corrected(place: str, trial: Mapping[str, Any]) -> None:
-    """Raise FoldcarError if an exported trial contradicts its own corrections.
+def _uuid(place: str, text: str) -> str:
+    """Return a UUID in its usual form. Raises FoldcarError if the text is not a UUID."""
+    try:
+        return str(uuid.UUID(text))
+    except ValueError:
+        raise FoldcarError(f'{place}: uuid: "{text}" is not a UUID') from None
 
-    A field must have the value that its latest correction gave it. A person may have changed the cell in a spreadsheet.
+
+def _parsed_cell(place: str, row: Mapping[str, str], name: str, shape: Any, default: str) -> Any:
+    """Return the JSON value in a cell of a row; the cell's text is ``default`` if the row lacks it.
+
+    Raises FoldcarError if the value does not have the type ``shape``.
     """
-    # Sorting keeps the order of corrections that were made in the same second, so the last of them counts.
-    corrections = sorted(trial["corrections"], key=lambda correction: str(correction["corrected_utc"]))
-    for name, after in {correction["field"]: correction["after"] for correction in corrections}.items():
-        # Only trials that are not withdrawn are exported, so the present value of "withdrawn" is 0.
+    adapter: TypeAdapter[Any] = TypeAdapter(shape)
+    try:
+        return adapter.validate_json(row.get(name, default))
+    except ValidationError as error:
+        reason = error.errors()[0]["msg"].lower()
+        raise FoldcarError(f"{place}: {name}: {row[name][:80]} is not as foldcar exports it: {reason}") from None
+
+
+def require_corrected(place: str, trial: Mapping[str, Any]) -> None:
+    """Raise FoldcarError if an exported trial contradicts its own corrections. The message begins with ``place``.
+
+    Each field must have the value that its latest correction gave it. A person who changes the cell in a spreadsheet
+    does not add a correction.
+    """
+    # Python's sorting keeps the order of corrections that were made in the same second.
+    oldest_first = sorted(trial["corrections"], key=lambda correction: str(correction["corrected_utc"]))
+    corrected_values: dict[str, Any] = {}
+    for correction in oldest_first:
+        corrected_values[correction["field"]] = correction["after"]
+    for name, corrected_value in corrected_values.items():
+        # The table has no column for "withdrawn", and it contains only trials that are not withdrawn (0).
         value = 0 if name == "withdrawn" else trial.get(name)
-        if not _is_same(value, after):
+        if not _is_same(value, corrected_value):
             raise FoldcarError(
-                f"{place}: {name}: {value} is not what the trial's corrections made it, {after}: use "
+                f"{place}: {name}: {value} is not what the trial's corrections made it, {corrected_value}: use "
                 "`foldcar trials correct` after the import"
             )
 
 
-def _is_same(value: Any, after: Any) -> bool:
-    """Return whether a cell has a correction's value; spreadsheets shorten numbers, and the import shortens spaces.
+def _is_same(value: Any, corrected_value: Any) -> bool:
+    """Return whether a cell of the imported table still has the value that a correction gave it.
 
-    An empty or blank text is an empty cell, None.
+    Texts are compared word by word, because the import removes superfluous spaces; a blank text is equal to None, an
+    empty cell. Numbers may differ slightly, because spreadsheets round them.
     """
-    if isinstance(value, str | None) and isinstance(after, str | None):
-        return (value or "").split() == (after or "").split()
-    if isinstance(value, int | float) and isinstance(after, int | float):
-        return math.isclose(value, after, rel_tol=1e-6)
-    return bool(value == after)
+    if isinstance(value, str | None) and isinstance(corrected_value, str | None):
+        return (value or "").split() == (corrected_value or "").split()
+    if isinstance(value, int | float) and isinstance(corrected_value, int | float):
+        return math.isclose(value, corrected_value, rel_tol=1e-6)
+    return bool(value == corrected_value)
 
 
 def parquet_text(file: Path) -> str:

@@ -57,13 +57,22 @@ def fault_line(car: ConnectedCar) -> str | None:
     text = car.fault_text()
     if text is None:
         return None
-    fault_number = car.connection.latest["FOLDCAR_TRIAL"].fault
-    fault_entry = car.dialect.enums["FOLDCAR_FAULT"].get(fault_number)
-    # None if this foldcar does not know the fault of a newer firmware.
-    fault_name = "" if fault_entry is None else fault_entry.name.removeprefix("FOLDCAR_FAULT_")
-    remedy = REMEDIES.get(fault_name, "")
-    crash = crash_line(car) if remedy is CRASH_REMEDY else None
-    return ": ".join(part for part in (text, crash, remedy) if part)
+    parts = [text]
+    remedy = REMEDIES.get(_fault_name(car))
+    if remedy == CRASH_REMEDY:
+        crash = crash_line(car)
+        if crash is not None:
+            parts.append(crash)
+    if remedy is not None:
+        parts.append(remedy)
+    return ": ".join(parts)
+
+
+def _fault_name(car: ConnectedCar) -> str:
+    """Return the name of the car's fault as in REMEDIES, "" if only a newer foldcar knows it."""
+    number = car.connection.latest["FOLDCAR_TRIAL"].fault
+    entry = car.dialect.enums["FOLDCAR_FAULT"].get(number)
+    return "" if entry is None else str(entry.name.removeprefix("FOLDCAR_FAULT_"))
 
 
 def crash_line(car: ConnectedCar) -> str | None:

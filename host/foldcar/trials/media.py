@@ -4,11 +4,15 @@ Input: a folder, the times when trials begin. Output: files that have stopped gr
 """
 
 import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 from foldcar.errors import FoldcarError
 from foldcar.read_files import FileState, file_state
+from foldcar.shown_text import shown_line
 from foldcar.store.trial_records import MEDIA_ENDINGS
+from foldcar.trials.person import IDLE_S, print_line
 
 # A file that was not changed for this long is complete; pauses of a network are shorter.
 SETTLED_S = 2.0
@@ -31,6 +35,13 @@ def _changed_s(file: Path) -> float:
         return 0.0
 
 
+class _Observation(NamedTuple):
+    """The state of a file, and when the file was first seen in this state (s, monotonic)."""
+
+    state: FileState | None
+    first_seen_s: float
+
+
 class Arrivals:
     """A folder to watch, or None. Files that are in it at the beginning belong to no trial.
 
@@ -42,30 +53,45 @@ class Arrivals:
         self._folder = folder
         # When each trial began to be set up (s since 1970), and the trial's number.
         self._begun: list[tuple[float, int]] = []
-        # For files whose times are in the future: their last state, and when it was first seen.
-        self._states: dict[Path, tuple[FileState | None, float]] = {}
-        # The files that are not new. At first these are all files that are in the folder now.
+        # What was seen of files whose times are in the future.
+        self._observations: dict[Path, _Observation] = {}
+        # The files that are not new: those that were returned, and all that are in the folder now.
         self._known: set[Path] = set()
-        self._known |= set(self._new())
+        self._known.update(self._new())
 
     def begin(self, trial: int) -> None:
         """Record that ``trial`` begins to be set up now."""
         self._begun.append((time.time(), trial))
 
     def is_growing(self, file: Path) -> bool:
-        """Whether the file was changed in the last SETTLED_S.
+        """Return whether the file was changed in the last SETTLED_S.
 
-        If its time is in the future, as that of a camera with a wrong clock, the file is compared with its last state.
+        A camera with a wrong clock may give a file a time in the future. Such a file is growing if its size or time has
+        changed since it was looked at before.
         """
         age_s = time.time() - _changed_s(file)
         if age_s >= 0:
             return age_s < SETTLED_S
-        state, now_s = file_state(file), time.monotonic()
-        last_state, unchanged_since_s = self._states.get(file, (None, 0.0))
-        if last_state != state:
-            unchanged_since_s = now_s
-            self._states[file] = state, now_s
-        return now_s - unchanged_since_s < SETTLED_S
+        now_s = time.monotonic()
+        state = file_state(file)
+        observation = self._observations.get(file)
+        if observation is None or observation.state != state:
+            observation = self._observations[file] = _Observation(state, first_seen_s=now_s)
+        return now_s - observation.first_seen_s < SETTLED_S
+
+    def wait_until_complete(self, file: Path, idle: Callable[[], None]) -> None:
+        """Wait until a file has stopped growing; ``idle`` is called again and again meanwhile."""
+        while self.is_growing(file):
+            idle()
+            time.sleep(IDLE_S)
+
+    def wait_for_growing(self, idle: Callable[[], None]) -> None:
+        """Wait until no new file grows, and print which files do; ``idle`` is called again and again meanwhile."""
+        while growing := self.growing():
+            print_line(f"waiting until {', '.join(shown_line(file.name) for file in growing)} stops growing")
+            while self.growing() == growing:
+                idle()
+                time.sleep(IDLE_S)
 
     def growing(self) -> list[Path]:
         """Return the new files that may still grow."""

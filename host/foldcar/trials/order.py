@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from foldcar.scenes.obstacles import Obstacle
 from foldcar.statistics.words import listed
-from foldcar.trials.placement import Deviations, what_it_is
+from foldcar.trials.placement import NO_DEVIATION, Deviations, what_it_is
 
 # All 720 orders of a block are compared.
 BLOCK = 6
@@ -36,9 +36,13 @@ def arrangement_of(scene: Mapping[str, Any], obstacles: Mapping[str, Obstacle], 
     """Return how the obstacles of a scene really stand: at their planned poses, changed by the measured deviations."""
     arrangement = {}
     for letter, planned in obstacles.items():
-        x_m, y_m, turned_rad = deviations.get(letter, (0.0, 0.0, 0.0))
-        heading_rad = planned.heading_rad + turned_rad
-        measured = replace(planned, x_m=planned.x_m + x_m, y_m=planned.y_m + y_m, heading_rad=heading_rad)
+        deviation = deviations.get(letter, NO_DEVIATION)
+        measured = replace(
+            planned,
+            x_m=planned.x_m + deviation.x_m,
+            y_m=planned.y_m + deviation.y_m,
+            heading_rad=planned.heading_rad + deviation.turned_rad,
+        )
         arrangement[letter] = PlacedObstacle(measured, what_it_is(scene, planned))
     return arrangement
 
@@ -53,40 +57,49 @@ def next_sample(
 
     ``counts`` is the number of trials in each sample. ``current`` are the obstacles as they stand now, None if unknown.
 
-    The candidates are the samples with the fewest trials. Only the candidates of one block are considered: that of the
-    first candidate. All orders of these are compared. The best order moves the fewest obstacles; of equally good orders,
-    the best one moves them the shortest distance. The result is the first sample in the best order.
+    A sample with the fewest trials is driven next. To choose one, the person's work is compared for all orders in which
+    such samples of one block can be driven. The least work is that in which the fewest obstacles are moved; if two
+    orders are equal in this, they are moved the shorter distance. The result is the first sample of the best order.
     """
     min_count = min(counts.get(sample, 0) for sample in range(samples))
     candidates = [sample for sample in range(samples) if counts.get(sample, 0) == min_count]
-    block = [sample for sample in candidates if sample // BLOCK == candidates[0] // BLOCK]
-    arrangements: dict[int | None, Arrangement | None] = {sample: arrangement_in_sample(sample) for sample in block}
-    # The key None is the floor as it is now.
-    arrangements[None] = current
-    cost_of_step = {}
-    for before, after in itertools.permutations(arrangements, 2):
-        cost_of_step[before, after] = _cost(arrangements[before], arrangements[after])
+    first_block = candidates[0] // BLOCK
+    candidates_in_block = [sample for sample in candidates if sample // BLOCK == first_block]
+    arrangements = {sample: arrangement_in_sample(sample) for sample in candidates_in_block}
+    work_at_start = {sample: _work(current, arrangements[sample]) for sample in candidates_in_block}
+    work_between: dict[tuple[int, int], Work] = {}
+    for before, after in itertools.permutations(candidates_in_block, 2):
+        work_between[before, after] = _work(arrangements[before], arrangements[after])
 
-    def cost(order: tuple[int, ...]) -> tuple[float, ...]:
-        """Return how many obstacles an order of samples moves in all, and their total distance (m)."""
-        steps = [cost_of_step[pair] for pair in itertools.pairwise((None, *order))]
-        total_count = sum(moved_count for moved_count, _ in steps)
-        # Rounding makes sums of the same distances in different orders equal.
-        total_m = round(sum(distance_m for _, distance_m in steps), 9)
-        return total_count, total_m
+    def total_work(order: tuple[int, ...]) -> Work:
+        """Return the work of a person who drives the samples in this order."""
+        works = [work_at_start[order[0]]]
+        works += [work_between[pair] for pair in itertools.pairwise(order)]
+        return Work(
+            moved_count=sum(work.moved_count for work in works),
+            # Rounding makes sums of the same distances in different orders equal.
+            distance_m=round(sum(work.distance_m for work in works), 9),
+        )
 
-    first_sample, *_ = min(itertools.permutations(block), key=cost)
-    return first_sample
+    best_order = min(itertools.permutations(candidates_in_block), key=total_work)
+    return best_order[0]
 
 
-def _cost(before: Arrangement | None, after: Arrangement | None) -> tuple[int, float]:
-    """Return how many obstacles a person moves between two arrangements, and their total distance (m).
+class Work(NamedTuple):
+    """How many obstacles a person moves, and by which total distance."""
 
-    Both are 0 if an arrangement is unknown, because then the order does not matter. Obstacles that are put down or taken
-    away have no distance.
+    moved_count: int
+    distance_m: float
+
+
+def _work(before: Arrangement | None, after: Arrangement) -> Work:
+    """Return the work of changing one arrangement into another one.
+
+    There is none if ``before`` is None: from an unknown arrangement, all samples are equal. Obstacles that are put down
+    or taken away have no distance.
     """
-    if before is None or after is None:
-        return 0, 0.0
+    if before is None:
+        return Work(moved_count=0, distance_m=0.0)
     moved_count, distance_m = 0, 0.0
     for letter in {**before, **after}:
         old, new = before.get(letter), after.get(letter)
@@ -96,7 +109,7 @@ def _cost(before: Arrangement | None, after: Arrangement | None) -> tuple[int, f
         moved_count += 1
         if old is not None and new is not None:
             distance_m += math.hypot(new.obstacle.x_m - old.obstacle.x_m, new.obstacle.y_m - old.obstacle.y_m)
-    return moved_count, distance_m
+    return Work(moved_count, distance_m)
 
 
 def moves_text(current: Arrangement, next_arrangement: Arrangement) -> str:

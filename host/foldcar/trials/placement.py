@@ -12,7 +12,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from string import ascii_uppercase
-from typing import Any
+from typing import Any, NamedTuple
 
 from foldcar.car.design import Design
 from foldcar.errors import FoldcarError
@@ -31,8 +31,37 @@ PLAIN_WIDTH = 80
 FRAME_TEXT = "x counts along the course from the mark on the floor, y to the left, turns counter-clockwise."
 HEIGHT_TEXT = "Heights count from the floor, also those of pieces that lie on or in other pieces."
 MAX_DEVIATION_MM = 1000.0
+MAX_TURN_DEG = 180.0
 
-Deviations = Mapping[str, tuple[float, float, float]]
+
+class Deviation(NamedTuple):
+    """How far an obstacle or the car stands from its planned place: along x and y, and by which angle it is turned."""
+
+    x_m: float
+    y_m: float
+    turned_rad: float
+
+
+NO_DEVIATION = Deviation(x_m=0.0, y_m=0.0, turned_rad=0.0)
+# Measured deviations by the letter of the obstacle; that of the car has the name CAR.
+Deviations = Mapping[str, Deviation]
+
+
+class PlannedScene(NamedTuple):
+    """A scene of docs/carsim.md, and its obstacles by their letters."""
+
+    scene: dict[str, Any]
+    obstacles: dict[str, Obstacle]
+
+
+class Instruction(NamedTuple):
+    """A row of the table that says where a person places things; the cells are texts. HEADS are its columns."""
+
+    place: str
+    x_mm: str
+    y_mm: str
+    turned_deg: str
+    description: str
 
 
 def lettered(obstacles: Iterable[Obstacle]) -> dict[str, Obstacle]:
@@ -40,33 +69,44 @@ def lettered(obstacles: Iterable[Obstacle]) -> dict[str, Obstacle]:
     return {_letters(number): obstacle for number, obstacle in enumerate(obstacles)}
 
 
-def instructions(scene: Mapping[str, Any], obstacles: Mapping[str, Obstacle]) -> Iterator[tuple[str, ...]]:
-    """Yield the rows of the table that says where a person places everything; HEADS are its columns.
+def instructions(scene: Mapping[str, Any], obstacles: Mapping[str, Obstacle]) -> Iterator[Instruction]:
+    """Yield the rows of the table that says where a person places everything.
 
     The rows are the car, the obstacles with their pieces, rough ground, the goal and the floor.
     """
     start = scene["start"]
-    yield CAR, *_place(start["x_m"], start["y_m"], start["heading_rad"]), "its middle"
-    obstacle_pieces = {index for obstacle in obstacles.values() for index in obstacle.pieces}
-    # Pieces of the floor itself, such as rough ground, belong to no obstacle.
-    named_obstacles = list(obstacles.items())
+    yield Instruction(CAR, *_place(start["x_m"], start["y_m"], start["heading_rad"]), "its middle")
+    for letter, obstacle in obstacles.items():
+        yield from _obstacle_rows(scene, letter, obstacle)
+    # Pieces that belong to no obstacle, such as rough ground, are pieces of the floor.
+    pieces_of_obstacles = {index for obstacle in obstacles.values() for index in obstacle.pieces}
     for index in range(len(scene["terrain"])):
-        if index not in obstacle_pieces:
-            named_obstacles.append(("floor", footprint("", scene["terrain"], index)))
-    for name, obstacle in named_obstacles:
-        lines = [_whole(scene, obstacle), *_by_tape(scene, obstacle)]
-        yield name, *_obstacle_place(obstacle), "\n".join(lines)
-        if len(obstacle.pieces) > 1:
-            for number, index in enumerate(obstacle.pieces, 1):
-                piece = footprint("", scene["terrain"], index)
-                yield f"{name} piece {number}", *_obstacle_place(piece), description(scene["terrain"][index])
+        if index not in pieces_of_obstacles:
+            yield from _obstacle_rows(scene, "floor", _piece(scene, index))
     goal = scene["goal"]
     if goal is not None:
-        is_line = goal["kind"] == "line"
-        text = "a line across, to be crossed" if is_line else f"a disc of radius {1000 * goal['radius_m']:.0f} mm"
-        yield "goal", *_place(goal["x_m"], goal["y_m"], goal.get("heading_rad", 0.0)), text
+        if goal["kind"] == "line":
+            text = "a line across, to be crossed"
+        else:
+            text = f"a disc of radius {1000 * goal['radius_m']:.0f} mm"
+        yield Instruction("goal", *_place(goal["x_m"], goal["y_m"], goal.get("heading_rad", 0.0)), text)
     # The floor has no position.
-    yield "floor", "", "", "", f"friction {scene['friction']:g} in the simulation"
+    yield Instruction("floor", "", "", "", f"friction {scene['friction']:g} in the simulation")
+
+
+def _obstacle_rows(scene: Mapping[str, Any], name: str, obstacle: Obstacle) -> Iterator[Instruction]:
+    """Yield the row of an obstacle and, if it has several pieces, a row for each of them."""
+    lines = [_whole(scene, obstacle), *_by_tape(scene, obstacle)]
+    yield Instruction(name, *_obstacle_place(obstacle), "\n".join(lines))
+    if len(obstacle.pieces) > 1:
+        for number, index in enumerate(obstacle.pieces, 1):
+            place = _obstacle_place(_piece(scene, index))
+            yield Instruction(f"{name} piece {number}", *place, description(scene["terrain"][index]))
+
+
+def _piece(scene: Mapping[str, Any], index: int) -> Obstacle:
+    """Return a single piece of the terrain as an obstacle without a name."""
+    return footprint("", scene["terrain"], index)
 
 
 def _whole(scene: Mapping[str, Any], obstacle: Obstacle) -> str:
@@ -126,81 +166,101 @@ def draw_placement(
 
 def ask_deviations(
     answers: PersonAnswers | None, obstacles: Mapping[str, Obstacle], option_texts: list[str] | None
-) -> dict[str, tuple[float, float, float]]:
-    """Return measured deviations (m, m, rad) by name: from ``option_texts`` or, if that is None, as they are typed.
+) -> dict[str, Deviation]:
+    """Return the measured deviations by name. What is missing stands at its planned place.
 
-    Without ``answers`` nothing is asked. Raises FoldcarError for an option that cannot be parsed.
+    They are parsed from the options ``option_texts``. If these are None, the person is asked; if nobody may be asked
+    (``answers`` is None), there are no deviations. Raises FoldcarError for an option that cannot be parsed.
     """
     names = [CAR, *obstacles]
-    deviations: dict[str, tuple[float, float, float]] = {}
     if option_texts is not None:
-        for text in option_texts:
-            name, deviation = parse_deviation(text, names)
-            if name in deviations:
-                raise FoldcarError(f'--deviation "{text}": {name} is given twice')
-            deviations[name] = deviation
-    elif answers is not None:
-        print_line("Measured deviations, one a line: NAME X_MM Y_MM [HEADING_DEG]; Enter to finish.")
-        while typed := answers.line("deviation: "):
-            try:
-                name, deviation = parse_deviation(typed, names)
-                deviations[name] = deviation
-            except FoldcarError as error:
-                print_line(f"  {error}")
+        return _deviations_in_options(option_texts, names)
+    if answers is not None:
+        return _typed_deviations(answers, names)
+    return {}
+
+
+def _deviations_in_options(option_texts: Sequence[str], names: Sequence[str]) -> dict[str, Deviation]:
+    """Return the deviations of the options. Raises FoldcarError if two options are about the same thing."""
+    deviations: dict[str, Deviation] = {}
+    for text in option_texts:
+        name, deviation = parse_deviation(text, names)
+        if name in deviations:
+            raise FoldcarError(f'--deviation "{text}": {name} is given twice')
+        deviations[name] = deviation
     return deviations
 
 
-def parse_deviation(text: str, names: Sequence[str]) -> tuple[str, tuple[float, float, float]]:
-    """Parse a name and deviations in x (mm), y (mm) and heading (°) to (name, (m, m, rad)). Raises FoldcarError.
+def _typed_deviations(answers: PersonAnswers, names: Sequence[str]) -> dict[str, Deviation]:
+    """Return the deviations that a person types, one a line until an empty line; a later one replaces an earlier one."""
+    deviations: dict[str, Deviation] = {}
+    print_line("Measured deviations, one a line: NAME X_MM Y_MM [HEADING_DEG]; Enter to finish.")
+    while typed := answers.line("deviation: "):
+        try:
+            name, deviation = parse_deviation(typed, names)
+            deviations[name] = deviation
+        except FoldcarError as error:
+            print_line(f"  {error}")
+    return deviations
 
-    Example: ``"A 5 -3 1.5"`` gives ("A", (0.005, -0.003, 0.026…)).
+
+def parse_deviation(text: str, names: Sequence[str]) -> tuple[str, Deviation]:
+    """Parse a name and its deviation in x (mm), y (mm) and heading (°). Raises FoldcarError.
+
+    Example: ``"A 5 -3 1.5"`` gives "A" and a deviation of 0.005 m, -0.003 m and 0.026 rad.
     """
     words = text.split()
     if not words or words[0] not in names:
         raise FoldcarError(f'deviation "{text}": does not begin with one of {", ".join(names)}')
+    name, *number_words = words
     try:
-        numbers = [decimal_number(word) for word in words[1:]]
+        numbers = [decimal_number(word) for word in number_words]
     except ValueError:
         numbers = []
-    if len(numbers) not in (2, 3) or not all(map(math.isfinite, numbers)):
+    if len(numbers) == 2:
+        # The heading may be left out.
+        numbers.append(0.0)
+    if len(numbers) != 3 or not all(math.isfinite(number) for number in numbers):
         raise FoldcarError(f'deviation "{text}": not NAME X_MM Y_MM [HEADING_DEG], as in "{names[0]} 5 -3 1.5"')
-    limits = ((MAX_DEVIATION_MM, "mm"), (MAX_DEVIATION_MM, "mm"), (180.0, "°"))
-    for number, (limit, unit) in zip(numbers, limits, strict=False):
-        if abs(number) > limit:
-            raise FoldcarError(f'deviation "{text}": {number:g} is beyond ±{limit:g} {unit}')
-    x_mm, y_mm = numbers[:2]
-    turned_deg = numbers[2] if len(numbers) == 3 else 0.0
-    return words[0], (x_mm / 1000, y_mm / 1000, math.radians(turned_deg))
+    x_mm, y_mm, turned_deg = numbers
+    for length_mm in (x_mm, y_mm):
+        if abs(length_mm) > MAX_DEVIATION_MM:
+            raise FoldcarError(f'deviation "{text}": {length_mm:g} is beyond ±{MAX_DEVIATION_MM:g} mm')
+    if abs(turned_deg) > MAX_TURN_DEG:
+        raise FoldcarError(f'deviation "{text}": {turned_deg:g} is beyond ±{MAX_TURN_DEG:g} °')
+    return name, Deviation(x_m=x_mm / 1000, y_m=y_mm / 1000, turned_rad=math.radians(turned_deg))
 
 
 def scene_as_placed(
     scene: Mapping[str, Any], obstacles: Mapping[str, Obstacle], deviations: Deviations
 ) -> dict[str, Any]:
-    """Return the scene as built on the floor: car and obstacles are moved by their deviations (m, m, rad).
+    """Return the scene as built on the floor: car and obstacles are moved by their measured deviations.
 
     An obstacle turns around the middle of its footprint.
     """
     placed_scene: dict[str, Any] = copy.deepcopy(dict(scene))
     for name, deviation in deviations.items():
         if name == CAR:
-            _move(placed_scene["start"], (placed_scene["start"]["x_m"], placed_scene["start"]["y_m"]), deviation)
-            continue
-        for index in obstacles[name].pieces:
-            _move(placed_scene["terrain"][index], (obstacles[name].x_m, obstacles[name].y_m), deviation)
+            start = placed_scene["start"]
+            _move(start, (start["x_m"], start["y_m"]), deviation)
+        else:
+            obstacle = obstacles[name]
+            for index in obstacle.pieces:
+                piece = placed_scene["terrain"][index]
+                _move(piece, (obstacle.x_m, obstacle.y_m), deviation)
     return placed_scene
 
 
-def _move(piece: dict[str, Any], middle: tuple[float, float], deviation: tuple[float, float, float]) -> None:
-    """Move a piece of an obstacle by the obstacle's deviation (m, m, rad), turning it around the ``middle`` (m)."""
-    x_m, y_m, turned_rad = deviation
-    middle_x_m, middle_y_m = middle
+def _move(piece: dict[str, Any], middle_m: tuple[float, float], deviation: Deviation) -> None:
+    """Move a piece of an obstacle by the obstacle's deviation, turning it around the obstacle's middle (x, y)."""
+    middle_x_m, middle_y_m = middle_m
     from_middle_x_m, from_middle_y_m = piece["x_m"] - middle_x_m, piece["y_m"] - middle_y_m
-    cos, sin = math.cos(turned_rad), math.sin(turned_rad)
+    cos, sin = math.cos(deviation.turned_rad), math.sin(deviation.turned_rad)
     # Written as a change of the planned position, so that a piece in the middle keeps its exact coordinates.
-    piece["x_m"] += x_m + from_middle_x_m * (cos - 1) - from_middle_y_m * sin
-    piece["y_m"] += y_m + from_middle_x_m * sin + from_middle_y_m * (cos - 1)
+    piece["x_m"] += deviation.x_m + from_middle_x_m * (cos - 1) - from_middle_y_m * sin
+    piece["y_m"] += deviation.y_m + from_middle_x_m * sin + from_middle_y_m * (cos - 1)
     if "heading_rad" in piece:
-        piece["heading_rad"] += turned_rad
+        piece["heading_rad"] += deviation.turned_rad
 
 
 def _obstacle_place(obstacle: Obstacle) -> tuple[str, str, str]:

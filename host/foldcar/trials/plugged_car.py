@@ -20,7 +20,8 @@ from foldcar.scenes.fingerprint import scene_name
 from foldcar.simulation.carsim import Carsim
 from foldcar.study.experiments import TRIAL_LIMIT, Experiment
 from foldcar.study.family import Family
-from foldcar.trials.driving import DriveEnd, merge_cars_log
+from foldcar.trials.cars_log import merge_cars_log
+from foldcar.trials.drive_end import DriveEnd
 from foldcar.trials.erasing import erase_stored_logs
 from foldcar.trials.faults import acknowledge_faults, fault_line
 from foldcar.trials.person import PersonAnswers, print_line, print_warning
@@ -228,12 +229,13 @@ def check_build(identity: CarIdentity, simulated_build: str) -> None:
 
 
 def enter_sample(car: ConnectedCar, scene: Mapping[str, Any], sample: int, experiment: Experiment) -> None:
-    """Move a simulated car to the sample with this ``scene``.
+    """Move a simulated car to the start of a sample, whose scene is ``scene``.
 
-    Raises FoldcarError if the car has a fault or does not have the scene, NoCarError if it does not answer.
+    Raises FoldcarError if the car has a fault, or if `foldcar link` has not loaded this scene. Raises NoCarError if the
+    car does not answer.
     """
+    # Only a disarmed car can be moved.
     with contextlib.suppress(CommandRefusedError):
-        # Only a disarmed car moves.
         car.disarm()
     if car.enter_scene(scene_name(scene, sample)):
         return
@@ -242,7 +244,9 @@ def enter_sample(car: ConnectedCar, scene: Mapping[str, Any], sample: int, exper
         raise FoldcarError(f"the simulated car does not move to sample {sample}, because it has a fault: {fault}")
     if car.connection.silence_s() > ANSWER_S:
         raise NoCarError(f"{car.port}: the simulated car does not answer: is `foldcar link` stopped?")
+    # `place` begins with the file of the experiment's listing.
+    listing = experiment.place.partition(": ")[0]
     raise FoldcarError(
         f"the simulated car cannot drive in sample {sample} of experiment {experiment.id}: start `foldcar link` with "
-        f"this experiment of {experiment.place.partition(': ')[0]} as it is now, and with --sample {sample}"
+        f"this experiment of {listing} as it is now, and with --sample {sample}"
     )

@@ -11,7 +11,7 @@ from foldcar.store.errors import StoreError
 from foldcar.store.log_files import log_file, sha256_of
 from foldcar.store.trial_records import INTERRUPTED, Ending, ending_without_outcome
 from foldcar.store.trial_writer import TrialWriter
-from foldcar.trials.driving import DriveEnd
+from foldcar.trials.drive_end import DriveEnd
 from foldcar.trials.person import PersonAnswers, print_line
 
 OUTCOME_KEYS = {
@@ -27,16 +27,19 @@ OUTCOME_QUESTION = "Outcome: (p)assed, (t)ipped, (s)tuck, (o)ff course, t(i)me l
 
 
 def store_end(writer: TrialWriter, number: int, end: DriveEnd, log: Path) -> str | None:
-    """Store how a trial ended, before the person is asked for its outcome. Return the hash of its log, if there is one.
+    """Store how a trial ended, before a person is asked for its outcome. Return the hash of its log, if there is a log.
 
-    So the trial is stored even if the program ends before there is an answer. Raises StoreError.
+    So the trial is kept even if the program ends before the person has answered. Until then, a trial without an outcome
+    counts as aborted, and an aborted trial is in no success rate. Raises StoreError.
     """
     digest = sha256_of(log)
+    if end.outcome is None:
+        outcome, ending = "aborted", ending_without_outcome(end.ending)
+    else:
+        outcome, ending = end.outcome, end.ending
     stored_ending = Ending(
-        # A drive may have no outcome of its own. Until the person has entered one, the trial is an aborted one, which
-        # does not count in any success rate.
-        outcome=end.outcome or "aborted",
-        ending=end.ending if end.outcome else ending_without_outcome(end.ending),
+        outcome=outcome,
+        ending=ending,
         elapsed_time_s=end.elapsed_time_s,
         note="",
         log_sha256=digest,
@@ -53,28 +56,19 @@ def record_outcome(
     writer: TrialWriter, number: int, end: DriveEnd, log: Path, digest: str | None, outcome: str | None,
     note: str | None, answers: PersonAnswers | None, mark: str = "",
 ) -> Ending:  # fmt: skip
-    """Store the outcome of trial ``number``, print it, and return what was stored.
+    """Find out the outcome of trial ``number``, store and print it, and return what was stored.
 
-    The outcome is decided in this order:
-    1. A drive that ended with an error is aborted. So is a drive that was aborted, even if ``outcome`` is given.
-    2. Otherwise it is ``outcome`` if that is given.
-    3. Otherwise the person is asked, if there is one (``answers``).
-    4. Otherwise it is the outcome that the drive itself had.
-    ``digest`` is the hash of the trial's log. ``mark`` is printed behind the outcome. Raises FoldcarError if the outcome
-    remains unknown.
+    ``outcome`` and ``note`` are those of the command's options, or None; ``answers`` are those of a person, or None if
+    nobody is asked. ``digest`` is the hash of the trial's log. ``mark`` is printed behind the outcome. Raises
+    FoldcarError if the outcome remains unknown, or if the log has disappeared.
     """
     elapsed_text = f" after {end.elapsed_time_s:.2f} s" if end.elapsed_time_s is not None else ""
     print_line(f"Ended{elapsed_text}: {end.ending}")
-    if end.error is not None or (end.outcome == "aborted" and outcome is not None):
-        outcome = "aborted"
-    if outcome is None and answers is not None:
-        default_text = f" [{end.outcome}]" if end.outcome else ""
-        outcome = answers.choice(f"{OUTCOME_QUESTION}{default_text}: ", OUTCOME_KEYS, end.outcome)
-    outcome = outcome or end.outcome
-    if outcome is None:
+    final_outcome = _final_outcome(end, outcome, answers)
+    if final_outcome is None:
         raise FoldcarError(f"trial {number}: {end.ending}: its outcome is unknown; with --yes, give it by --outcome")
     final_ending = Ending(
-        outcome=outcome,
+        outcome=final_outcome,
         ending=end.ending,
         elapsed_time_s=end.elapsed_time_s,
         note=note or "",
@@ -83,12 +77,28 @@ def record_outcome(
     try:
         writer.complete(number, final_ending)
     except StoreError as error:
-        advice = f"enter {outcome} later with `foldcar trials correct`"
+        advice = f"enter {final_outcome} later with `foldcar trials correct`"
         raise StoreError(f"{error}; trial {number} remains stored as {end.outcome or 'aborted'}; {advice}") from error
-    print_line(f"Trial {number}: {outcome}{mark}; log: {log if digest else 'none'}")
+    print_line(f"Trial {number}: {final_outcome}{mark}; log: {log if digest else 'none'}")
     if digest is None and end.error is None:
         raise FoldcarError(f"{log}: was deleted or moved; trial {number} is stored without its log")
     return final_ending
+
+
+def _final_outcome(end: DriveEnd, option: str | None, answers: PersonAnswers | None) -> str | None:
+    """Return the outcome of a trial whose drive ended with ``end``, or None if it is unknown.
+
+    ``option`` is the outcome that the command's options give, or None. A drive that failed is aborted, whatever the
+    option says. If there is no option, the person is asked; the outcome of the drive itself is then the default.
+    """
+    if end.error is not None:
+        return "aborted"
+    if option is not None:
+        return "aborted" if end.outcome == "aborted" else option
+    if answers is None:
+        return end.outcome
+    default_text = f" [{end.outcome}]" if end.outcome else ""
+    return answers.choice(f"{OUTCOME_QUESTION}{default_text}: ", OUTCOME_KEYS, end.outcome)
 
 
 def complete_interrupted(writer: TrialWriter) -> None:

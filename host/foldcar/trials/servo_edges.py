@@ -20,6 +20,7 @@ PULSE_S = 1.5
 RENEW_S = 0.7
 DIRECTIONS = {"f": "forward", "b": "backward", "n": "not"}
 DIRECTION_OF = {"forward": 1, "backward": -1, "not": 0}
+FORWARDS, AT_REST = 1, 0
 YES_OR_NO = {"y": "yes", "n": "no"}
 
 # Outside any deadband, but below full speed.
@@ -42,26 +43,25 @@ class ServoEdges:
 
 
 def find_edges(direction_at: Callable[[int], int], expected: ServoEdges) -> ServoEdges:
-    """Find the limits of the deadband of a servo that turns with direction 1 at MAX_PULSE_US.
+    """Find the limits of a servo's deadband, the range of pulses at which the servo rests.
 
-    ``direction_at(pulse_us)`` returns -1, 0 (at rest) or 1. A servo that is as ``expected`` needs the fewest questions.
-    Raises FoldcarError if the deadband is above ±150 µs, or if the servo does not change its direction.
+    ``direction_at(pulse_us)`` returns the direction in which the servo turns: -1, 0 (at rest) or 1. At MAX_PULSE_US it
+    must be 1. The closer the servo is to ``expected``, the fewer pulses are tried. Raises FoldcarError if the deadband
+    is above ±150 µs, or if the servo does not change its direction.
     """
     observed = {MIN_PULSE_US: -1, MAX_PULSE_US: 1}
-
-    def find_edge(minimum: int, expected_us: float) -> float:
-        """Return the pulse (µs) from which on the servo turns with at least the direction ``minimum``."""
-        return _find_edge(direction_at, observed, minimum, expected_us)
-
-    # The servo rests from the lower edge on, where its direction becomes 0, to the upper edge, where it becomes 1.
-    high = find_edge(1, expected.neutral_us + expected.deadband_us)
-    low = find_edge(0, high - 2 * expected.deadband_us)
-    edges = ServoEdges(neutral_us=(low + high) / 2, deadband_us=(high - low) / 2)
+    # The servo turns backwards below the lower edge, rests between the edges, and turns forwards above the upper edge.
+    expected_upper_us = expected.neutral_us + expected.deadband_us
+    upper_us = _find_edge(direction_at, observed, FORWARDS, expected_upper_us)
+    expected_lower_us = upper_us - 2 * expected.deadband_us
+    lower_us = _find_edge(direction_at, observed, AT_REST, expected_lower_us)
+    edges = ServoEdges(neutral_us=(lower_us + upper_us) / 2, deadband_us=(upper_us - lower_us) / 2)
     if edges.deadband_us > MAX_DEADBAND_US:
         raise FoldcarError(f"a deadband of ±{edges.deadband_us:g} µs is above the maximum {MAX_DEADBAND_US} µs")
-    # The search takes for granted that the servo turns backwards at MIN_PULSE_US. If an edge is at an end of the range,
-    # the servo was never seen to change its direction.
-    if min(low - MIN_PULSE_US, MAX_PULSE_US - high) < RESOLUTION_US:
+    # That the servo turns backwards at MIN_PULSE_US was only assumed. If an edge is at an end of the range of pulses,
+    # the servo turned in the same direction at every pulse that was tried.
+    margin_us = min(lower_us - MIN_PULSE_US, MAX_PULSE_US - upper_us)
+    if margin_us < RESOLUTION_US:
         raise FoldcarError(
             f"the servo turns in the same direction at all pulses from {MIN_PULSE_US} to {MAX_PULSE_US} µs: is it a "
             "servo for continuous rotation, and is its trimmer in the middle?"
@@ -69,32 +69,40 @@ def find_edges(direction_at: Callable[[int], int], expected: ServoEdges) -> Serv
     return edges
 
 
-def _find_edge(direction_at: Callable[[int], int], observed: dict[int, int], minimum: int, expected_us: float) -> float:
-    """Find the edge of a direction: the pulse (µs) from which on the servo turns with at least the direction ``minimum``.
+def _find_edge(
+    direction_at: Callable[[int], int], observed: dict[int, int], min_direction: int, expected_us: float
+) -> float:
+    """Find the pulse (µs) from which on the servo's direction is at least ``min_direction``.
 
-    A direction is -1 (backwards), 0 (still) or 1 (forwards), and it grows with the pulse. ``observed`` has the directions
-    that were observed so far, by pulse; new observations are added. ``direction_at`` observes a pulse. The search begins
-    at ``expected_us`` and moves towards the edge in steps that double. As soon as it has seen both sides of the edge, it
-    bisects.
+    A direction is -1 (backwards), 0 (at rest) or 1 (forwards), and it grows with the pulse. ``direction_at`` observes
+    it. ``observed`` has all observations so far, by pulse, and new ones are added.
+
+    The search begins at ``expected_us`` and goes towards the edge in steps that double. When it has passed the edge, it
+    halves the interval that contains the edge until that is narrow enough.
     """
     # The edge lies between these two pulses.
-    below = max(pulse for pulse, direction in observed.items() if direction < minimum)
-    above = min(pulse for pulse, direction in observed.items() if direction >= minimum)
-    pulse, step_us = round(expected_us), FIRST_STEP_US
-    tried_above = tried_below = False
-    while above - below > RESOLUTION_US:
-        is_edge_passed = tried_above and tried_below
-        if is_edge_passed or not below < pulse < above:
-            pulse = (below + above) // 2
-        observed[pulse] = direction_at(pulse)
-        if observed[pulse] >= minimum:
-            tried_above = True
-            above, pulse = pulse, pulse - step_us
+    below_us = max(pulse_us for pulse_us, direction in observed.items() if direction < min_direction)
+    above_us = min(pulse_us for pulse_us, direction in observed.items() if direction >= min_direction)
+    next_us = round(expected_us)
+    step_us = FIRST_STEP_US
+    has_tried_below = has_tried_above = False
+    while above_us - below_us > RESOLUTION_US:
+        has_passed_edge = has_tried_below and has_tried_above
+        is_between = below_us < next_us < above_us
+        if has_passed_edge or not is_between:
+            next_us = (below_us + above_us) // 2
+        tried_us = next_us
+        observed[tried_us] = direction_at(tried_us)
+        if observed[tried_us] >= min_direction:
+            has_tried_above = True
+            above_us = tried_us
+            next_us = tried_us - step_us
         else:
-            tried_below = True
-            below, pulse = pulse, pulse + step_us
+            has_tried_below = True
+            below_us = tried_us
+            next_us = tried_us + step_us
         step_us *= 2
-    return (below + above) / 2
+    return (below_us + above_us) / 2
 
 
 def calibrate_outputs(car: ConnectedCar, outputs: list[int]) -> None:
@@ -166,23 +174,25 @@ def _ask_direction(
     answers: PersonAnswers,
     save: Callable[[str, float], None],
 ) -> int:
-    """Ask in which direction a servo's wheel turns at MAX_PULSE_US, and return it: 1 or -1.
+    """Ask a person in which direction a wheel turns at MAX_PULSE_US, and return it: 1 (forwards) or -1 (backwards).
 
-    If the wheel turns backwards, the person is asked whether the servo is to be reversed; if so, this is saved. Raises
-    FoldcarError if the wheel stands still, or if it turns backwards and is not to be reversed.
+    ``number`` is the servo's output, and ``values`` are the car's parameters. ``ask`` asks for the direction at a pulse,
+    and ``save`` sets a parameter of the car. If the wheel turns the wrong way, and the person agrees, the servo is
+    reversed. Raises FoldcarError if the wheel stands still, or if it turns the wrong way and is not reversed.
     """
-    reversed_before = values[f"CH{number}_REVERSED"]
-    direction_of_design = int(values[f"CH{number}_DIRECTION"])
-    expected = -direction_of_design if reversed_before else direction_of_design
-    observed = ask(MAX_PULSE_US)
-    if observed == 0:
+    is_reversed = bool(values[f"CH{number}_REVERSED"])
+    expected_direction = int(values[f"CH{number}_DIRECTION"])
+    if is_reversed:
+        expected_direction = -expected_direction
+    direction = ask(MAX_PULSE_US)
+    if direction == AT_REST:
         raise FoldcarError(
             f"output {number} stands at {MAX_PULSE_US} µs: are the switch and the cells in order, is its plug on this "
             "output, with the brown lead at GND?"
         )
-    if observed != expected:
+    if direction != expected_direction:
         print_line("  It turns backwards. Is this the wheel of this output? If not, change the plugs and begin again.")
         if answers.choice("  Shall it be reversed (y or n)? ", YES_OR_NO, None) == "no":
             raise FoldcarError(f"output {number} turns backwards: put its plug where it belongs, and begin again")
-        save(f"CH{number}_REVERSED", 0 if reversed_before else 1)
-    return observed
+        save(f"CH{number}_REVERSED", 0 if is_reversed else 1)
+    return direction

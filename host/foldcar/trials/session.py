@@ -7,23 +7,17 @@ armed, and completed step by step. If the program is killed, at most the answer 
 import contextlib
 import json
 import shutil
-import time
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import datetime, timezone
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 from foldcar.car.body import body_json
 from foldcar.car.design import Design
 from foldcar.errors import FoldcarError
 from foldcar.link.car import CarIdentity, CommandRefusedError, NoCarError
-from foldcar.link.parameters import read_parameters
 from foldcar.link.stream import LinkLostError, choose_port
-from foldcar.link.tlog import LogError, TlogWriter
 from foldcar.outputs import file_name_part, make_output_folder
-from foldcar.scenes.obstacles import Obstacle
 from foldcar.scenes.source import other_scene_error
 from foldcar.shown_text import shown_line
 from foldcar.simulation.carsim import Carsim
@@ -33,44 +27,31 @@ from foldcar.store.trial_writer import CarFacts, Drive, TrialWriter, write_trial
 from foldcar.store.writer import canonical_json
 from foldcar.study.environments import ExperimentEnvironment
 from foldcar.study.experiments import read_study
+from foldcar.trials.after_trial import StoredTrial
+from foldcar.trials.drive_end import DriveEnd
 from foldcar.trials.drive_view import DriveView
-from foldcar.trials.driving import CTRL_C, DRIVES_ON, DriveEnd, drive
+from foldcar.trials.driving import CTRL_C, DRIVES_ON
 from foldcar.trials.faults import CarFaultError, acknowledge_faults
+from foldcar.trials.logged_drive import drive_with_log
 from foldcar.trials.media import Arrivals, media_kind
 from foldcar.trials.order import Arrangement, arrangement_of, moves_text, next_sample
-from foldcar.trials.person import IDLE_S, PersonAnswers, print_line, print_warning
-from foldcar.trials.placement import ask_deviations, draw_placement, lettered, scene_as_placed, show_placement
+from foldcar.trials.person import PersonAnswers, print_line, print_warning
+from foldcar.trials.placement import (
+    PlannedScene,
+    ask_deviations,
+    draw_placement,
+    lettered,
+    scene_as_placed,
+    show_placement,
+)
 from foldcar.trials.plugged_car import SIMULATED_TEXT, PluggedCar, enter_sample, require_same_car, welcome
-from foldcar.trials.recording import OUTCOME_KEYS, OUTCOME_QUESTION, complete_interrupted, record_outcome, store_end
+from foldcar.trials.recording import complete_interrupted, record_outcome, store_end
+from foldcar.trials.session_options import SessionOptions
 
 MIN_FREE_BYTES = 20_000_000
-NEXT, REPEAT, QUIT = "", "r", "q"
+# What a person types after a trial. A note and a file follow after their key.
+NEXT, OTHER_OUTCOME, REPEAT, NOTE, FILE, QUIT = "", "u", "r", "n", "m", "q"
 NEXT_QUESTION = "Enter: next; u: other outcome; r: the same again; n TEXT: note; m FILE: photo, film; q: end: "
-KEPT_KEYS = {"k": "kept", "w": "withdrawn"}
-CORRECTED_AT_ONCE, REPEATED_AT_ONCE = "said at once after the trial", "driven again at once"
-
-
-@dataclass(frozen=True)
-class SessionOptions:
-    """The options of `foldcar log`; those that are None are asked for or chosen in the session, unless ``yes``."""
-
-    listing: Path
-    experiment: str
-    store: Path
-    settings: Mapping[str, float | str]
-    sample: int | None
-    trials: int | None
-    deviations: list[str] | None
-    outcome: str | None
-    note: str | None
-    operator: str
-    countdown_s: int
-    untethered: bool
-    button: bool
-    any_build: bool
-    yes: bool
-    car: str | None = None
-    media_folder: Path | None = None  # a phone puts photos and films of each trial here
 
 
 @dataclass(frozen=True)
@@ -111,8 +92,8 @@ class Session:
         self._plugged = PluggedCar()
         # The samples whose placement was drawn, each with the hash of the car.
         self._drawn: set[tuple[int, str]] = set()
-        # Scene and obstacles by sample.
-        self._scenes: dict[int, tuple[dict[str, Any], dict[str, Obstacle]]] = {}
+        # The planned scenes by sample.
+        self._scenes: dict[int, PlannedScene] = {}
         # Where the obstacles stand since the last trial; None if this is unknown.
         self._arrangement: Arrangement | None = None
         # The sample to drive again; None if the next one is driven.
@@ -129,35 +110,44 @@ class Session:
 
         ``named_port`` is the port of the car; None means the only port with a board. Raises FoldcarError.
         """
-        options = self._options
         self._plugged.connect(choose_port(named_port))
         try:
             checked_car = self._welcome()
-            with write_trials(options.store) as writer:
+            with write_trials(self._options.store) as writer:
                 complete_interrupted(writer)
-                while options.trials is None or len(self.driven) < options.trials + self._repeated:
-                    try:
-                        trial = self._trial(writer, checked_car)
-                    except (LinkLostError, NoCarError) as error:
-                        # The car was lost before the trial began.
-                        checked_car = self._after_error(error, checked_car)
-                        continue
-                    if trial is None:
-                        break
-                    if trial.end.ending == CTRL_C:
-                        raise KeyboardInterrupt
-                    self._take_media(writer)
-                    if trial.end.error is not None:
-                        checked_car = self._after_error(trial.end.error, checked_car)
-                    # If nobody may be asked and no number of trials is given, the session is one trial.
-                    if options.trials is None and options.yes:
-                        break
-                    if not self._ask_what_next(writer, trial):
-                        break
-                self._take_media(writer, wait=True)
-            self._plugged.offer_to_erase_logs(options.store, self._questions)
+                self._drive_trials(writer, checked_car)
+                self._arrivals.wait_for_growing(self._idle)
+                self._attach_new_files(writer)
+            self._plugged.offer_to_erase_logs(self._options.store, self._questions)
         finally:
             self._plugged.close()
+
+    def _drive_trials(self, writer: TrialWriter, checked_car: CheckedCar) -> None:
+        """Drive trials until their number is reached, or until the person ends the session."""
+        goes_on = True
+        while goes_on and not self._has_driven_all:
+            try:
+                trial = self._trial(writer, checked_car)
+            except (LinkLostError, NoCarError) as error:
+                # The car was lost before the trial began.
+                checked_car = self._after_error(error, checked_car)
+                continue
+            if trial is None:
+                return
+            if trial.end.ending == CTRL_C:
+                raise KeyboardInterrupt
+            self._attach_new_files(writer)
+            if trial.end.error is not None:
+                checked_car = self._after_error(trial.end.error, checked_car)
+            goes_on = self._ask_what_next(writer, trial)
+
+    @property
+    def _has_driven_all(self) -> bool:
+        """Whether the requested trials were driven. If nobody may be asked, a missing number of trials means one."""
+        requested = self._options.trials
+        if requested is None:
+            return self._options.yes and len(self.driven) > 0
+        return len(self.driven) >= requested + self._repeated
 
     def _welcome(self) -> CheckedCar:
         """Check the car; return it with its design. Raises FoldcarError if it cannot drive the trials."""
@@ -171,46 +161,39 @@ class Session:
         )
         if identity.simulated:
             sample = self._options.sample or 0
-            scene, _ = self._scene(sample)
-            enter_sample(self._plugged.connected, scene, sample, self._experiment)
+            enter_sample(self._plugged.connected, self._scene(sample).scene, sample, self._experiment)
         return CheckedCar(identity, design)
 
     def _ask_what_next(self, writer: TrialWriter, trial: "_Driven") -> bool:
         """Ask what to do after a trial, and do it, until the answer is to go on or to end the session.
 
-        Return whether the session goes on. A changed outcome is stored as a correction, so that the first one is kept.
+        Return whether the session goes on. Nobody is asked if the options give the outcome and the note of all trials.
         """
-        options, answers, number, ending = self._options, self._questions, trial.number, trial.stored
+        options, answers = self._options, self._questions
         self._again = None
-        # Nobody is asked if the options give outcome and note of all trials.
-        if answers is None or None not in (options.outcome, options.note):
+        is_all_given = options.outcome is not None and options.note is not None
+        if answers is None or is_all_given:
             return True
+        stored_trial = StoredTrial(writer, trial.number, trial.stored, options.operator, answers)
         while True:
-            key, _, argument = answers.line(NEXT_QUESTION).partition(" ")
-            argument = argument.strip()
+            key, _, text = answers.line(NEXT_QUESTION).partition(" ")
+            text = text.strip()
             try:
-                if key in (NEXT, QUIT) and not argument:
-                    return key == NEXT
-                if key == REPEAT and not argument:
-                    question = f"Trial {number} is (k)ept or (w)ithdrawn [kept]: "
-                    if answers.choice(question, KEPT_KEYS, "kept") == "withdrawn":
-                        writer.withdraw([number], withdrawn=True, reason=REPEATED_AT_ONCE, operator=options.operator)
+                if key == NEXT and not text:
+                    return True
+                if key == QUIT and not text:
+                    return False
+                if key == REPEAT and not text:
+                    stored_trial.ask_whether_kept()
                     self._again = trial.sample
                     self._repeated += 1
                     return True
-                # The key "u" changes the outcome, "n" adds to the note, and "m" attaches a file.
-                if key == "u" and not argument:
-                    outcome = answers.choice(f"{OUTCOME_QUESTION} [{ending.outcome}]: ", OUTCOME_KEYS, ending.outcome)
-                    if outcome != ending.outcome:
-                        writer.correct(number, {"outcome": outcome}, CORRECTED_AT_ONCE, options.operator)
-                        ending = replace(ending, outcome=outcome)
-                    print_line(f"Trial {number}: {outcome}")
-                elif key == "n" and argument:
-                    ending = replace(ending, note=f"{ending.note}; {argument}" if ending.note else argument)
-                    writer.complete(number, ending)
-                    print_line(f"Trial {number}: {ending.note}")
-                elif key == "m" and argument:
-                    self._attach(writer, number, Path(argument).expanduser())
+                if key == OTHER_OUTCOME and not text:
+                    stored_trial.ask_outcome()
+                elif key == NOTE and text:
+                    stored_trial.add_note(text)
+                elif key == FILE and text:
+                    self._attach(writer, trial.number, Path(text).expanduser())
                 else:
                     print_line("  type Enter, u, r, q, n and a note, or m and a file")
             except FoldcarError as error:
@@ -219,19 +202,12 @@ class Session:
     def _attach(self, writer: TrialWriter, number: int, file: Path) -> None:
         """Add a photo or film to trial ``number`` as soon as the file has stopped growing."""
         kind = media_kind(file)
-        while self._arrivals.is_growing(file):
-            self._idle()
-            time.sleep(IDLE_S)
+        self._arrivals.wait_until_complete(file, self._idle)
         record = writer.put_media(number, kind, file)
         print_line(f"Trial {number}: {record.kind} {shown_line(str(file))}")
 
-    def _take_media(self, writer: TrialWriter, wait: bool = False) -> None:
-        """Attach new files of the folder to their trials; if ``wait``, wait for files that grow, until Ctrl-C."""
-        while wait and (growing := self._arrivals.growing()):
-            print_line(f"waiting until {', '.join(shown_line(file.name) for file in growing)} stops growing")
-            while self._arrivals.growing() == growing:
-                self._idle()
-                time.sleep(IDLE_S)
+    def _attach_new_files(self, writer: TrialWriter) -> None:
+        """Attach the new complete files of the media folder to their trials; files that still grow are left for later."""
         for number, file in self._arrivals.take():
             try:
                 if number not in self.driven:
@@ -253,12 +229,12 @@ class Session:
                 experiment.environments,
                 counts,
                 current=self._arrangement,
-                arrangement_in_sample=lambda k: arrangement_of(*self._scene(k), {}),
+                arrangement_in_sample=self._planned_arrangement,
             )
         mark = f" ({SIMULATED_TEXT})" if identity.simulated else ""
         number = writer.next_number()
         print_line(f"\nTrial {number}: sample {sample} of experiment {experiment.id}{mark}")
-        self._take_media(writer)
+        self._attach_new_files(writer)
         self._arrivals.begin(number)
         scene, obstacles = self._scene(sample)
         if writer.swept_scene(fingerprint, sample) not in (None, json.loads(canonical_json(scene))):
@@ -268,7 +244,7 @@ class Session:
             enter_sample(self._plugged.connected, scene, sample, experiment)
         show_placement(scene, obstacles)
         if self._arrangement is not None:
-            moves = moves_text(self._arrangement, arrangement_of(scene, obstacles, {}))
+            moves = moves_text(self._arrangement, self._planned_arrangement(sample))
             print_line(f"after trial {self.driven[-1]}: {moves}; the car goes back to its place")
         if not options.yes:
             self._draw(sample, checked_car)
@@ -307,7 +283,16 @@ class Session:
         self.driven.append(trial_number)
         self._arrangement = arrangement_of(scene, obstacles, deviations)
         view = DriveView(options.countdown_s, settings["time_limit_s"], self._answers.waitable)
-        end, faults = self._drive(settings, trial_number, log, identity, view)
+        end = drive_with_log(
+            self._plugged.connected,
+            self._answers,
+            identity,
+            settings,
+            trial_number,
+            log,
+            view,
+            options,
+        )
         if end.ending == DRIVES_ON:
             view.wait_for_terminal()
             longest_s = options.countdown_s + settings["time_limit_s"]
@@ -315,7 +300,7 @@ class Session:
         digest = store_end(writer, trial_number, end, log)
         view.wait_for_terminal()
         if end.error is None:
-            for fault in faults:
+            for fault in end.later_faults:
                 print_line(f"After the end the car had a fault, which is acknowledged: {fault}")
         stored = record_outcome(
             writer, trial_number, end, log, digest, options.outcome, options.note, self._questions, mark
@@ -323,56 +308,26 @@ class Session:
         self.aborted += end.outcome == stored.outcome == "aborted"
         return _Driven(trial_number, sample, log, stored, end)
 
-    def _drive(
-        self, settings: dict[str, Any], number: int, log: Path, identity: CarIdentity, view: DriveView
-    ) -> tuple[DriveEnd, list[str]]:
-        """Drive one trial and write its log. Return how it ended, and the faults that the car had afterwards.
-
-        These faults are acknowledged, so that the car can drive the next trial.
-        """
-        car, options, limit_s = self._plugged.connected, self._options, settings["time_limit_s"]
-        begins = "From the car's button on, it counts" if options.button else "Countdown"
-        print_line(f"{begins} {options.countdown_s} s, then {limit_s:g} s at most. Ctrl-C stops.")
-        faults: list[str] = []
-        try:
-            with contextlib.closing(TlogWriter(log)) as writer:
-                car.connection.catch_up()
-                car.connection.log = writer
-                # The answers to these requests put the car's identity and settings into the log.
-                require_same_car(car, identity)
-                for message in ("AUTOPILOT_VERSION", "SYS_STATUS"):
-                    car.request(message)
-                read_parameters(car)
-                with self._answers.keys() as pressed, view.watching(car, pressed):
-                    end = drive(car, settings, number, options.countdown_s, view, options.untethered, options.button)
-                    can_ask_car = end.ending != DRIVES_ON and not isinstance(end.error, (LinkLostError, LogError))
-                    if can_ask_car:
-                        # A fault after the end belongs to this trial, but does not change its outcome.
-                        with contextlib.suppress(FoldcarError):
-                            faults = acknowledge_faults(car)
-                if view.passed and end.outcome is None:
-                    end = replace(end, outcome="passed")
-                return end, faults
-        except FoldcarError as error:
-            ending = "link lost before the start" if isinstance(error, LinkLostError) else "not begun"
-            return DriveEnd(ending, "aborted", None, error), faults
-        finally:
-            car.connection.log = None
-
     def _after_error(self, error: FoldcarError, checked_car: CheckedCar) -> CheckedCar:
         """Print the error that aborted a trial, and return the car for the next trial.
 
-        After a fault of the car the session goes on. After a command that the car has refused it goes on, too, if there
-        is a person who has read the error. If the link is lost, the person plugs the car in again, and the car is
-        checked again. In all other cases, or if the person ends the session, this raises ``error``.
+        After a fault of the car the session goes on. If there is a person, it also goes on after a command that the car
+        has refused and, when the person has plugged the car in again, after a lost link. In all other cases, this raises
+        ``error``.
         """
         has_person = not self._options.yes and self._answers.is_terminal
-        if isinstance(error, CarFaultError) or (has_person and isinstance(error, CommandRefusedError)):
+        is_refused_before_person = has_person and isinstance(error, CommandRefusedError)
+        if isinstance(error, CarFaultError) or is_refused_before_person:
             print_warning(error)
             return checked_car
-        if not has_person or not isinstance(error, (LinkLostError, NoCarError)):
-            raise error
-        print_warning(error)
+        is_car_lost = isinstance(error, (LinkLostError, NoCarError))
+        if has_person and is_car_lost:
+            print_warning(error)
+            return self._car_plugged_in_again(error)
+        raise error
+
+    def _car_plugged_in_again(self, error: FoldcarError) -> CheckedCar:
+        """Let the person plug the lost car in, check it and return it. Raises ``error`` if the person gives up."""
         while True:
             typed_port = self._answers.line("Plug the car in and press Enter, or type its port; q ends: ")
             if typed_port.lower() == "q":
@@ -383,20 +338,33 @@ class Session:
             except FoldcarError as new_error:
                 print_warning(new_error)
 
-    def _scene(self, sample: int) -> tuple[dict[str, Any], dict[str, Obstacle]]:
-        """Return a sample's scene and its lettered obstacles."""
+    def _scene(self, sample: int) -> PlannedScene:
+        """Return a sample's scene with its lettered obstacles."""
         if sample not in self._scenes:
             scene, obstacles = self._environment.sample_with_obstacles(sample)
-            self._scenes[sample] = scene, lettered(obstacles)
+            self._scenes[sample] = PlannedScene(scene, lettered(obstacles))
         return self._scenes[sample]
+
+    def _planned_arrangement(self, sample: int) -> Arrangement:
+        """Return where the obstacles of a sample are to stand."""
+        planned = self._scene(sample)
+        return arrangement_of(planned.scene, planned.obstacles, deviations={})
 
     def _draw(self, sample: int, checked_car: CheckedCar) -> None:
         """Draw where car and obstacles stand, once for each sample and car, and print the picture's path."""
         picture = self._logs / f"place-{file_name_part(self._experiment.id)}-{sample}.png"
-        if (sample, checked_car.identity.hash) not in self._drawn:
-            title = f"Sample {sample}: where to put car and obstacles"
-            draw_placement(*self._scene(sample), checked_car.design, self._carsim, picture, title)
-            self._drawn.add((sample, checked_car.identity.hash))
+        sample_and_car = (sample, checked_car.identity.hash)
+        if sample_and_car not in self._drawn:
+            planned = self._scene(sample)
+            draw_placement(
+                planned.scene,
+                planned.obstacles,
+                checked_car.design,
+                self._carsim,
+                picture,
+                title=f"Sample {sample}: where to put car and obstacles",
+            )
+            self._drawn.add(sample_and_car)
         print_line(f"picture: {picture}")
 
     @cached_property

@@ -16,7 +16,7 @@ from foldcar.store.errors import StoreError
 from foldcar.store.reader import Store
 from foldcar.store.trial_records import Ending, TrialDesign
 from foldcar.store.trial_writer import CarFacts, Drive, TrialWriter, write_trials
-from foldcar.trials.driving import DriveEnd
+from foldcar.trials.drive_end import DriveEnd
 from foldcar.trials.recording import record_outcome, store_end
 from test_report_command import EXPERIMENT_FACTS, width_outcome
 from written_study import import_trials, write_study

@@ -23,7 +23,8 @@ from foldcar.link.dialect import load_dialect
 from foldcar.link.parameters import value_text
 from foldcar.link.stream import choose_port, open_stream, permission_text
 from foldcar.link.tlog import LogError, TlogWriter, log_damage, read_tlog
-from foldcar.trials.driving import drive_end, wait_for_storage
+from foldcar.trials.cars_log import wait_for_storage
+from foldcar.trials.drive_end import drive_end
 from foldcar.trials.faults import crash_text
 from foldcar.trials.placement import ask_deviations, parse_deviation
 from foldcar.trials.servo_edges import ServoEdges, find_edges

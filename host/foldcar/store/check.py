@@ -20,7 +20,7 @@ from foldcar.store.errors import SQLITE_ERRORS, StoreError, store_errors
 from foldcar.store.log_files import log_file, logs_folder, sha256_of, store_folder
 from foldcar.store.reader import Store
 from foldcar.store.rows import read_rows
-from foldcar.store.tables import BY_NAME, RECORDED, RUN, TABLES
+from foldcar.store.tables import BUILD, BY_NAME, RECORDED, RUN, TABLES
 
 
 @dataclass(slots=True)
@@ -73,6 +73,13 @@ def _damaged_texts(path: Path, connection: sqlite3.Connection) -> Iterator[str]:
                 pass
         except StoreError as error:
             yield str(error).removeprefix(f"{path}: ")
+
+
+def require_references(path: Path, connection: sqlite3.Connection) -> None:
+    """Raise StoreError if a row of the store at ``path`` refers to a missing row."""
+    lines = missing_references(connection)
+    if lines:
+        raise StoreError(f"{path}: {lines[0]}")
 
 
 def missing_references(connection: sqlite3.Connection) -> list[str]:
@@ -140,23 +147,30 @@ def store_digest(store: Store) -> tuple[str, int]:
     name, the hashes of body, scene, settings and variation, the outcome, the metrics by name, the message, the recorded
     values.
     """
-    # Ids differ between stores, so a build is identified by its name; body, scene, settings and variation by their hash.
-    identities: dict[str, dict[int, str]] = {}
-    for key_column in RUN.key:
-        table = BY_NAME[key_column.removesuffix("_id")]
-        identity_column = "name" if table.name == "build" else "hash"
-        identities[key_column] = {row["id"]: row[identity_column] for row in store.rows(table)}
-    digest_sum = run_count = 0
+    identities = {column: _identities(store, column) for column in RUN.key}
     with_recorded = store.holds_recorded()
+    digest_sum = run_count = 0
     for run in store.rows(RUN, f"ORDER BY {', '.join(RUN.order)}"):
-        # The id of a missing row stands for itself.
-        key = [identities[column].get(run[column], run[column]) for column in RUN.key]
+        # In a damaged store, a row to which a run refers may be missing. Then the run's id takes its place.
+        inputs = [identities[column].get(run[column], run[column]) for column in RUN.key]
         metrics = {name: run[name] for name in NUMBERS}
-        recorded_rows = store.recorded_rows(run) if with_recorded else ()
-        recorded = [[record["name"], record["kind"], record["value"]] for record in recorded_rows]
+        recorded = []
+        if with_recorded:
+            for row in store.recorded_rows(run):
+                recorded.append([row["name"], row["kind"], row["value"]])
         result = [run["outcome"], metrics, run["message"], recorded]
-        text = json.dumps([key, result], sort_keys=True, separators=(",", ":"))
+        text = json.dumps([inputs, result], sort_keys=True, separators=(",", ":"))
         run_digest = hashlib.sha256(text.encode()).digest()
         digest_sum += int.from_bytes(run_digest, "big")
         run_count += 1
     return f"{digest_sum % 2**256:064x}", run_count
+
+
+def _identities(store: Store, key_column: str) -> dict[int, str]:
+    """Return what identifies the rows to which a column of a run's key refers, by their ids, which differ in stores.
+
+    It is the name of a build, and the hash of a body, a scene, settings or a variation.
+    """
+    table = BY_NAME[key_column.removesuffix("_id")]
+    identity_column = "name" if table is BUILD else "hash"
+    return {row["id"]: row[identity_column] for row in store.rows(table)}

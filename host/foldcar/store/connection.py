@@ -9,14 +9,14 @@ Readers copy the store into a temporary database, which is deleted with the conn
 import contextlib
 import os
 import sqlite3
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 
 from foldcar.outputs import make_output_folder
 from foldcar.store.errors import StoreError, store_errors
-from foldcar.store.rows import Row, insert_sql, key_text, read_row, read_rows, text_hash
-from foldcar.store.tables import BY_NAME, LIMITS, OLDEST_TRIALS, TABLES, VERSION, VIEWS, Table, create_tables
+from foldcar.store.rows import key_text
+from foldcar.store.tables import LIMITS, OLDEST_TRIALS, TABLES, VERSION, VIEWS, create_tables
 from foldcar.typed import did_you_mean_file
 
 # "Fold" in ASCII: distinguishes a store from other SQLite files.
@@ -38,28 +38,48 @@ def open_reading(path: Path) -> sqlite3.Connection:
     than MAX_COPIED_BYTES, it is not copied; the connection then stays in one transaction. Raises StoreError if the file
     is not a store, or is damaged.
     """
-    with contextlib.ExitStack() as stack:
-        connection = stack.enter_context(contextlib.closing(connect_reading(path)))
-        with store_errors(path):
-            if path.stat().st_size > MAX_COPIED_BYTES:
-                connection.execute("BEGIN")
-                # There was no error, so the connection must not be closed at the end of the block.
-                stack.pop_all()
-                return connection
-            copy = sqlite3.connect("", isolation_level=None)
-            stack.callback(copy.close)
-            connection.backup(copy)
-            copy.execute("PRAGMA query_only = ON")
-            # SQLite checks structure, types, required values and choices, so that later code can rely on them.
-            (first_damage,) = copy.execute("PRAGMA quick_check(1)").fetchone()
-            if first_damage != "ok":
-                raise StoreError(f"{path}: is damaged: {first_damage}; `foldcar check {path}` lists all damage")
-            for damaged_number in numbers_beyond_limits(copy):
-                raise StoreError(f"{path}: {damaged_number}")
-        # There was no error, so the copy must not be closed at the end of the block. The original is not needed any more.
-        stack.pop_all()
+    connection = connect_reading(path)
+    with _closed_on_error(connection), store_errors(path):
+        if path.stat().st_size > MAX_COPIED_BYTES:
+            connection.execute("BEGIN")
+            return connection
+        copy = _checked_copy(path, connection)
+    connection.close()
+    return copy
+
+
+def _checked_copy(path: Path, connection: sqlite3.Connection) -> sqlite3.Connection:
+    """Copy a store into a temporary database, and return a read-only connection to it.
+
+    Raises StoreError if the copy is damaged.
+    """
+    copy = sqlite3.connect("", isolation_level=None)
+    with _closed_on_error(copy):
+        connection.backup(copy)
+        copy.execute("PRAGMA query_only = ON")
+        # SQLite checks structure, types, required values and choices, so that later code can rely on them.
+        (first_damage,) = copy.execute("PRAGMA quick_check(1)").fetchone()
+        if first_damage != "ok":
+            raise StoreError(f"{path}: is damaged: {first_damage}; `foldcar check {path}` lists all damage")
+        require_numbers_within_limits(path, copy)
+    return copy
+
+
+@contextlib.contextmanager
+def _closed_on_error(connection: sqlite3.Connection) -> Iterator[None]:
+    """Close a connection if the block raises an exception; otherwise it stays open."""
+    try:
+        yield
+    except BaseException:
         connection.close()
-        return copy
+        raise
+
+
+def require_numbers_within_limits(path: Path, connection: sqlite3.Connection) -> None:
+    """Raise StoreError about the first number in the store that is outside its limits, if there is one."""
+    first_damage = next(numbers_beyond_limits(connection), None)
+    if first_damage is not None:
+        raise StoreError(f"{path}: {first_damage}")
 
 
 def numbers_beyond_limits(connection: sqlite3.Connection) -> Iterator[str]:
@@ -92,15 +112,13 @@ def connect_reading(path: Path, oldest: int = VERSION) -> sqlite3.Connection:
         raise StoreError(f"{path}: no such store{did_you_mean_file(path)}")
     if not path.is_file():
         raise StoreError(f"{path}: is not a file")
-    with store_errors(path), contextlib.ExitStack() as stack:
+    with store_errors(path):
         # Not read-only, so that SQLite can merge changes that a killed writer left in files beside the store.
         connection = sqlite3.connect(f"{path.resolve().as_uri()}?mode=rw", timeout=BUSY_S, uri=True, isolation_level=None)
-        stack.callback(connection.close)
-        connection.execute("PRAGMA query_only = ON")
-        if _is_blank(path, connection, oldest):
-            raise StoreError(f"{path}: is not a foldcar store")
-        # There was no error, so the connection must not be closed at the end of the block.
-        stack.pop_all()
+        with _closed_on_error(connection):
+            connection.execute("PRAGMA query_only = ON")
+            if _is_blank(path, connection, oldest):
+                raise StoreError(f"{path}: is not a foldcar store")
         return connection
 
 
@@ -119,31 +137,52 @@ def _is_blank(path: Path, connection: sqlite3.Connection, oldest: int = VERSION)
 
     Raises StoreError if it is neither.
     """
+    header = _read_header(path, connection)
+    if header.table_count == 0 and header.application_id == 0:
+        return True
+    if header.application_id != APPLICATION_ID:
+        raise StoreError(f"{path}: is not a foldcar store")
+    _require_version(path, header.version, oldest)
+    if header.version == VERSION:
+        with store_errors(path):
+            _check_schema(path, connection)
+    return False
+
+
+class _Header(NamedTuple):
+    """What a database says of itself; a new database has 0 everywhere."""
+
+    table_count: int
+    application_id: int
+    version: int
+
+
+def _read_header(path: Path, connection: sqlite3.Connection) -> _Header:
+    """Read the header of a database. Raises StoreError if the file is not a database, with advice if it is a listing."""
     try:
         with store_errors(path, "is not a foldcar store: "):
             (table_count,) = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
             (application_id,) = connection.execute("PRAGMA application_id").fetchone()
             (version,) = connection.execute("PRAGMA user_version").fetchone()
     except StoreError as error:
-        if isinstance(error.__cause__, sqlite3.DatabaseError) and "not a database" in str(error):
+        is_other_file = isinstance(error.__cause__, sqlite3.DatabaseError) and "not a database" in str(error)
+        if is_other_file:
             _raise_if_listing(path)
         raise
-    if table_count == 0 and application_id == 0:
-        return True
-    if application_id != APPLICATION_ID:
-        raise StoreError(f"{path}: is not a foldcar store")
-    if not oldest <= version <= VERSION:
-        remedy = "sweep into a new store"
-        if OLDEST_TRIALS <= version < VERSION:
-            remedy += "; `foldcar trials import NEW.db OLD.db` takes its trials along"
-        raise StoreError(
-            f"{path}: is a store of version {version}, and this foldcar reads version {VERSION}: {remedy}, or use the "
-            "foldcar that made it"
-        )
-    if version == VERSION:
-        with store_errors(path):
-            _check_schema(path, connection)
-    return False
+    return _Header(table_count, application_id, version)
+
+
+def _require_version(path: Path, version: int, oldest: int) -> None:
+    """Raise StoreError if a store's version is before ``oldest`` or after this foldcar's."""
+    if oldest <= version <= VERSION:
+        return
+    remedy = "sweep into a new store"
+    if OLDEST_TRIALS <= version < VERSION:
+        remedy += "; `foldcar trials import NEW.db OLD.db` takes its trials along"
+    raise StoreError(
+        f"{path}: is a store of version {version}, and this foldcar reads version {VERSION}: {remedy}, or use the "
+        "foldcar that made it"
+    )
 
 
 def _check_schema(path: Path, connection: sqlite3.Connection) -> None:
@@ -242,10 +281,9 @@ def writing(path: Path, synchronous: str = "NORMAL") -> Iterator[sqlite3.Connect
 def _writer_lock(path: Path) -> Iterator[None]:
     """Hold the lock of the store at ``path`` during the block, so that only this process writes to it.
 
-    The lock is that of a database file beside the store. Raises StoreError if another process holds it.
+    The lock is SQLite's lock of an empty database file beside the store. Raises StoreError if another process holds it.
     """
     file = beside(path, "-lock")
-    in_use_error = StoreError(f"{path}: another sweep or trial is writing this store; wait for it or use another store")
     try:
         file.touch()
         status = file.stat()
@@ -254,24 +292,34 @@ def _writer_lock(path: Path) -> Iterator[None]:
     except OSError as error:
         raise StoreError(f"{path}: cannot be written: {error.strerror or error}") from error
     with contextlib.closing(lock):
-        try:
-            # Nothing is written to this database, so it needs no journal file.
-            lock.execute("PRAGMA journal_mode = MEMORY")
-            lock.execute("BEGIN EXCLUSIVE")
-        except sqlite3.Error as error:
-            if "locked" in str(error):
-                raise in_use_error from error
-            raise StoreError(f"{path}: cannot be locked: {error}") from error
-        # Meanwhile another process may have ended and deleted the lock's file, and a third one may have created a new
-        # file of this name. Then this process has locked a file that nobody else sees.
+        _lock_database(path, lock)
+        # A writer deletes the file when it ends, and the next one creates a new file. If this happened since the file
+        # was opened, this process has locked a deleted file, which no other process sees.
         if not is_same_file(file, status):
-            raise in_use_error
+            raise _in_use_error(path)
         try:
             yield
         finally:
             # Windows cannot delete an open file, so an empty one remains.
             with contextlib.suppress(OSError):
                 file.unlink()
+
+
+def _lock_database(path: Path, lock: sqlite3.Connection) -> None:
+    """Lock the database ``lock``, which stands for the store at ``path``. Raises StoreError if it is locked."""
+    try:
+        # Nothing is written to this database, so it needs no journal file.
+        lock.execute("PRAGMA journal_mode = MEMORY")
+        lock.execute("BEGIN EXCLUSIVE")
+    except sqlite3.Error as error:
+        if "locked" in str(error):
+            raise _in_use_error(path) from error
+        raise StoreError(f"{path}: cannot be locked: {error}") from error
+
+
+def _in_use_error(path: Path) -> StoreError:
+    """Return the error that another process is writing a store."""
+    return StoreError(f"{path}: another sweep or trial is writing this store; wait for it or use another store")
 
 
 def is_same_file(path: Path, status: os.stat_result) -> bool:
@@ -288,28 +336,36 @@ def _open_writing(path: Path) -> sqlite3.Connection:
     It uses SQLite's write-ahead mode, so that readers need not wait. This mode needs shared memory. Where the file system
     has none, the connection uses a rollback journal instead. Raises StoreError.
     """
-    with store_errors(path), contextlib.ExitStack() as stack:
+    with store_errors(path):
         connection = sqlite3.connect(path, timeout=BUSY_S, isolation_level=None)
-        # If an error occurs, close the connection. The lambda is evaluated then, because `connection` may be another one.
-        stack.callback(lambda: connection.close())
-        _is_blank(path, connection)
-        try:
-            connection.execute("PRAGMA journal_mode = WAL")
-            # If the mode does not work here, this first read fails.
-            connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
-        except sqlite3.OperationalError as error:
-            if "locked" in str(error):
-                raise
-            connection.close()
-            connection = sqlite3.connect(path, timeout=BUSY_S, isolation_level=None)
+        with _closed_on_error(connection):
+            # Other databases are refused before their mode is changed.
+            _is_blank(path, connection)
+            if _can_write_ahead(connection):
+                return connection
+        connection.close()
+        connection = sqlite3.connect(path, timeout=BUSY_S, isolation_level=None)
+        with _closed_on_error(connection):
             # Without shared memory, only a connection with exclusive access can leave write-ahead mode.
             connection.execute("PRAGMA locking_mode = EXCLUSIVE")
             connection.execute("PRAGMA journal_mode = DELETE")
             connection.execute("PRAGMA locking_mode = NORMAL")
+            # The new locking mode applies from the next access on.
             connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
-        # There was no error, so the connection must not be closed at the end of the block.
-        stack.pop_all()
         return connection
+
+
+def _can_write_ahead(connection: sqlite3.Connection) -> bool:
+    """Change a connection to SQLite's write-ahead mode, and return whether this mode works on the file system."""
+    try:
+        connection.execute("PRAGMA journal_mode = WAL")
+        # If the mode does not work here, this first read fails.
+        connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
+    except sqlite3.OperationalError as error:
+        if "locked" in str(error):
+            raise
+        return False
+    return True
 
 
 def _close_writing(path: Path, connection: sqlite3.Connection, status: os.stat_result) -> None:
@@ -337,76 +393,3 @@ def transaction(connection: sqlite3.Connection) -> Iterator[None]:
         if connection.in_transaction:
             with contextlib.suppress(sqlite3.Error):
                 connection.execute("ROLLBACK")
-
-
-class StoreConnection:
-    """The base class of all writers of a store. All methods raise StoreError."""
-
-    def __init__(self, path: Path, connection: sqlite3.Connection) -> None:
-        self.path = path
-        self._connection = connection
-        self._file = path.stat()
-
-    def _put_text(self, table: str, text: str, identity: str = "") -> int:
-        """Return the id of a JSON text in ``table``, to which it is added if it is missing.
-
-        Equal texts with different ``identity`` are different rows.
-        """
-        return self._identify(table, "hash", text_hash(text, identity), json=text)
-
-    def _identify(self, table: str, column: str, value: str, **others: Any) -> int:
-        """Return the id of the row with this value in ``column``.
-
-        If there is no such row, it is added; ``others`` are the values of its other columns.
-        """
-        row = self._run(f"SELECT id FROM {table} WHERE {column} = ?", value).fetchone()
-        if row is not None:
-            return int(row[0])
-        return self._add(BY_NAME[table], {column: value, **others})
-
-    def _add(self, table: Table, row: Mapping[str, Any]) -> int:
-        """Add a row to a table whose rows have an ``id``, and return its id: the highest one + 1."""
-        (last_id,) = self._run(f"SELECT max(id) FROM {table.name}").fetchone()
-        row_id = int(last_id or 0) + 1
-        self._insert(table, [{**row, "id": row_id}])
-        return row_id
-
-    def _insert(self, table: Table, rows: Iterable[Mapping[str, Any]], otherwise: str = "") -> None:
-        """Add rows, in which columns that are not given are empty.
-
-        ``otherwise`` says what happens if a row's key exists: ``OR IGNORE``, ``OR REPLACE``, or "" for an error.
-        """
-        cells_of_rows = ([row.get(column) for column in table.names] for row in rows)
-        with store_errors(self.path):
-            self._connection.executemany(insert_sql(table, otherwise), cells_of_rows)
-
-    def _update(self, table: Table, row: Row) -> None:
-        """Write back a row that was read and changed; its key must be unchanged."""
-        changes = ", ".join(f"{name} = ?" for name in table.names)
-        has_key = " AND ".join(f"{name} = ?" for name in table.key)
-        values = [row.get(name) for name in (*table.names, *table.key)]
-        self._run(f"UPDATE {table.name} SET {changes} WHERE {has_key}", *values)
-
-    def rows(self, table: Table, rest: str = "", *values: Any) -> list[Row]:
-        """Return rows of a table; ``rest`` is SQL from WHERE on."""
-        return list(read_rows(self.path, self._connection, table, rest, *values))
-
-    def row(self, table: Table, **key: Any) -> Row:
-        """Return the row with that key. Raises StoreError if it is missing."""
-        return read_row(self.path, self._connection, table, **key)
-
-    def _run(self, statement: str, *values: Any) -> Any:
-        """Execute an SQL statement; return SQLite's cursor over the result."""
-        with store_errors(self.path):
-            return self._connection.execute(statement, values)
-
-    @contextlib.contextmanager
-    def _transaction(self) -> Iterator[None]:
-        """Commit the block's changes. Raises StoreError if the file was moved or deleted meanwhile."""
-        with store_errors(self.path), transaction(self._connection):
-            yield
-        if not is_same_file(self.path, self._file):
-            # SQLite continues to write to a file that was deleted or renamed.
-            raise StoreError(
-                f"{self.path}: was deleted, moved or replaced while it was written: the last changes are not in it"
-            )

@@ -6,11 +6,12 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from sqlite3 import Connection
+from typing import NamedTuple
 
 from foldcar.simulation.results import REJECTED
 from foldcar.store.connection import connect_reading
 from foldcar.store.errors import StoreError, store_errors
-from foldcar.store.rows import read_rows
+from foldcar.store.rows import read_row, read_rows
 from foldcar.store.tables import DESIGN, EXPERIMENT, RESULT_JOIN
 
 
@@ -30,6 +31,15 @@ class DesignCounts:
     reached: list[int]
 
 
+class _Counts(NamedTuple):
+    """The counts of one design; see DesignCounts."""
+
+    runs: int
+    counted: int
+    passed: int
+    reached: int
+
+
 def design_counts(path: Path, connection: Connection, experiment: str) -> DesignCounts:
     """Count the stored runs of each design of an experiment. Raises StoreError.
 
@@ -44,15 +54,16 @@ def design_counts(path: Path, connection: Connection, experiment: str) -> Design
             f"{RESULT_JOIN} AND e.id = ? GROUP BY d.position",
             (experiment,),
         )
-        counts_by_position = {position: counts for position, *counts in rows}
-    result = DesignCounts(positions, runs=[], counted=[], passed=[], reached=[])
-    for position in positions:
-        runs, counted, passed, reached = counts_by_position.get(position, (0, 0, 0, 0))
-        result.runs.append(runs)
-        result.counted.append(counted)
-        result.passed.append(passed)
-        result.reached.append(reached)
-    return result
+        counts_by_position = {position: _Counts(*counts) for position, *counts in rows}
+    no_runs = _Counts(runs=0, counted=0, passed=0, reached=0)
+    counts = [counts_by_position.get(position, no_runs) for position in positions]
+    return DesignCounts(
+        positions=positions,
+        runs=[design.runs for design in counts],
+        counted=[design.counted for design in counts],
+        passed=[design.passed for design in counts],
+        reached=[design.reached for design in counts],
+    )
 
 
 @dataclass(frozen=True)
@@ -83,15 +94,22 @@ def stored_designs(path: Path, experiments: Iterable[str]) -> dict[str, StoredDe
 
 
 def designs_of(path: Path, connection: Connection, experiment: str) -> StoredDesigns | None:
-    """Return the designs of an experiment; None if they are incomplete or have no fingerprint."""
-    with contextlib.suppress(StoreError):
-        for experiment_row in read_rows(path, connection, EXPERIMENT, "WHERE id = ?", experiment):
-            designs = list(read_rows(path, connection, DESIGN, "WHERE experiment = ? ORDER BY position", experiment))
-            positions = [design["position"] for design in designs]
-            # A killed sweep may have stored fewer designs than the experiment has.
-            is_complete = positions == list(range(experiment_row["designs"] or 0))
-            fingerprint = experiment_row["designs_fingerprint"]
-            if fingerprint is not None and is_complete:
-                parameters = [json.loads(design["parameters"]) for design in designs]
-                return StoredDesigns(fingerprint, parameters)
-    return None
+    """Return the designs of an experiment.
+
+    Returns None if the experiment is not stored, if its designs are incomplete or damaged, or if they have no
+    fingerprint.
+    """
+    try:
+        stored_experiment = read_row(path, connection, EXPERIMENT, id=experiment)
+        designs = list(read_rows(path, connection, DESIGN, "WHERE experiment = ? ORDER BY position", experiment))
+    except StoreError:
+        return None
+    fingerprint = stored_experiment["designs_fingerprint"]
+    if fingerprint is None:
+        return None
+    # A killed sweep may have stored fewer designs than the experiment has, or not even their number.
+    design_count = stored_experiment["designs"] or 0
+    positions = [design["position"] for design in designs]
+    if positions != list(range(design_count)):
+        return None
+    return StoredDesigns(fingerprint, [json.loads(design["parameters"]) for design in designs])

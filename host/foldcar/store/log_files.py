@@ -5,7 +5,6 @@ They are accepted only as foldcar writes them: a file of another name could be o
 model.scenic.
 """
 
-import contextlib
 import hashlib
 import re
 from pathlib import Path
@@ -34,27 +33,37 @@ def logs_folder(store: Path) -> Path:
 
 
 def log_file(store: Path, log: str) -> Path:
-    """Return the file of a trial's log.
+    """Return the file of a trial's log, which has a name such as study-logs/trial-0007-20261122T113100Z.tlog.
 
-    Raises StoreError if it is outside the store's folder or not named as foldcar names logs. Symbolic links are resolved:
-    their targets must be in the folder, too. Only the folder of logs itself may be a link, because people keep logs on
-    another disk. Example of a name: study-logs/trial-0007-20261122T113100Z.tlog
+    Raises StoreError if the file is outside the store's folder, or is not named as foldcar names logs.
     """
-    path, folder = Path(log), store_folder(store)
-    is_inside = False
-    if log and not path.is_absolute() and ".." not in path.parts:
-        # Paths that the system cannot resolve, such as a loop of links, are outside as well.
-        with contextlib.suppress(OSError, ValueError, RuntimeError):
-            file = (folder / path).resolve()
-            is_inside = file.is_relative_to(folder.resolve()) or file.parent == (folder / path).parent.resolve()
-    if not is_inside:
+    folder = store_folder(store)
+    if not _is_inside(folder, log):
         raise StoreError(f'{store}: log: "{_escaped(log)}" is outside the folder {folder}')
     # If a terminal shows some of its characters in another way, the name could look like that of another log.
     has_log_form = _LOG_NAME.fullmatch(log) is not None
     if not has_log_form or log != shown_line(log):
         expected_name = "NAME-logs/trial-NUMBER-TIME.tlog"
         raise StoreError(f'{store}: log: "{_escaped(log)}" is not named as `foldcar log` names logs: {expected_name}')
-    return folder / path
+    return folder / log
+
+
+def _is_inside(folder: Path, log: str) -> bool:
+    """Return whether a log is really in the store's folder, or in the folder of logs to which a link in it leads.
+
+    People keep logs on another disk, so the folder of logs may be a link. Other links must not lead out of the folder.
+    """
+    path = Path(log)
+    if not log or path.is_absolute() or ".." in path.parts:
+        return False
+    try:
+        file = (folder / path).resolve()
+        is_in_store_folder = file.is_relative_to(folder.resolve())
+        is_in_logs_folder = file.parent == (folder / path).parent.resolve()
+    except (OSError, ValueError, RuntimeError):
+        # The system cannot resolve the path, because it is a loop of links, for example.
+        return False
+    return is_in_store_folder or is_in_logs_folder
 
 
 def _escaped(name: str) -> str:

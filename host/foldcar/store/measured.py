@@ -8,8 +8,9 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from foldcar.errors import FoldcarError
-from foldcar.store.connection import StoreConnection, writing
+from foldcar.store.connection import writing
 from foldcar.store.reader import Store
+from foldcar.store.store_connection import StoreConnection
 from foldcar.store.tables import MEASURED
 
 

@@ -7,22 +7,20 @@ error. If a trial was corrected after its store was copied, the corrected trial 
 
 import contextlib
 import json
-import os
-import shutil
 import sqlite3
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
-from foldcar.store.check import missing_references
-from foldcar.store.connection import check_new, connect_reading, new_store, numbers_beyond_limits
+from foldcar.store.check import require_references
+from foldcar.store.connection import check_new, connect_reading, new_store, require_numbers_within_limits
 from foldcar.store.designs import design_counts
 from foldcar.store.errors import StoreError, store_errors
-from foldcar.store.log_files import log_file, reference, referred_file, sha256_of
+from foldcar.store.log_copies import LogCopies
+from foldcar.store.log_files import reference, referred_file
+from foldcar.store.merge_words import key_with_values, shown_value
 from foldcar.store.rows import Row, insert_sql, read_rows
 from foldcar.store.tables import (
-    BUILD,
-    BY_NAME,
     CORRECTION,
     DESIGN,
     ENVIRONMENT,
@@ -50,8 +48,6 @@ REALITY_FACTS = ("realities", "no_realities", "reality_spread")
 SAME_COLUMNS = ("build_id", "environment_id", "spread_id", "vehicle", "environment")
 # Whether a program is dynamic is known after its first run, parameters of objects only since version 5.
 MAY_BE_UNKNOWN = {ENVIRONMENT.name: "dynamic", SAMPLE.name: "objects"}
-# In messages, longer values are cut, and a row is named by the first digits of its hash.
-MAX_SHOWN, HASH_DIGITS = 80, 12
 # The columns that distinguish the corrections of a trial: all except the numbers of correction and trial.
 CHANGE = CORRECTION.names[2:]
 
@@ -63,28 +59,23 @@ def merge_stores(stores: Sequence[Path], merged: Path) -> dict[str, int]:
     other; then nothing is created.
     """
     check_new(merged)
-    copied: list[Path] = []
+    log_copies = LogCopies(merged)
     try:
         with new_store(merged) as connection:
-            merge = Merge(connection, merged)
+            merge = Merge(connection, merged, log_copies)
             for path in stores:
                 with contextlib.closing(connect_reading(path)) as source, store_errors(path):
                     source.execute("BEGIN")
-                    # The first missing reference is enough for an error.
-                    for missing in missing_references(source):
-                        raise StoreError(f"{path}: {missing}")
+                    require_references(path, source)
                     merge.add(path, source)
             merge.end()
-            for log, target in merge.logs.items():
-                target.parent.mkdir(parents=True, exist_ok=True)
-                copied.append(target)
-                shutil.copyfile(log, target)
-            return {
-                table.name: connection.execute(f"SELECT count(*) FROM {table.name}").fetchone()[0] for table in TABLES
-            }
+            log_copies.make()
+            row_counts = {}
+            for table in TABLES:
+                (row_counts[table.name],) = connection.execute(f"SELECT count(*) FROM {table.name}").fetchone()
+            return row_counts
     except BaseException:
-        for target in copied:
-            target.unlink(missing_ok=True)
+        log_copies.delete()
         raise
 
 
@@ -105,22 +96,41 @@ def _changes(corrections: Iterable[Row]) -> set[tuple[Any, ...]]:
     return {tuple(correction[name] for name in CHANGE) for correction in corrections}
 
 
-class Merge:
-    """Adds stores to the store ``merged``, one after another. ``logs`` maps the logs to copy to their new files."""
+def _share_values(row: Row, existing: Row) -> None:
+    """Fill gaps in two copies of a trial, and make values equal that mean the same.
 
-    def __init__(self, connection: sqlite3.Connection, merged: Path) -> None:
+    One of the copies may have been imported from a table. Such a copy lacks some values, which it gets from the other
+    one. And its texts may differ in form: a table may write a number in another way, and shortens spaces.
+    """
+    for name in UNKNOWN_IF_IMPORTED:
+        if row[name] is None:
+            row[name] = existing[name]
+        existing[name] = row[name]
+    for name in ("design", "deviations"):
+        if json.loads(row[name]) == json.loads(existing[name]):
+            row[name] = existing[name]
+    if row["note"].split() == existing["note"].split():
+        row["note"] = existing["note"]
+
+
+class Merge:
+    """Adds stores to the store ``merged``, one after another, and plans the copies of their logs."""
+
+    def __init__(self, connection: sqlite3.Connection, merged: Path, log_copies: LogCopies) -> None:
         self._connection = connection
         self._merged = merged
-        # The log files that must be copied, each with the path of its copy.
-        self.logs: dict[Path, Path] = {}
-        self._stores: list[Path] = []
-        # The store that is being added. Its rows get new numbers; these are kept by table and old number.
+        self._log_copies = log_copies
+        self._added_stores: list[Path] = []
+        # The store that is being added.
         self._source = connection
-        self._numbers: dict[str, dict[int, int]] = {}
+        # The rows of a store get new numbers in the merged store. These are kept for the store that is being added: by
+        # table, and by the number that the row has in that store.
+        self._new_numbers: dict[str, dict[int, int]] = {}
         # The highest number of a row in each table of the merged store.
-        self._last = {table.name: self._last_number(table) for table in TABLES}
-        # How many runs the sweeps of each experiment had when they ended. A sweep that has not ended has None.
-        self._ended: dict[str, set[int | None]] = {}
+        self._last_numbers = {table.name: self._last_number(table) for table in TABLES}
+        # How many runs each experiment had in the stores in which its sweep has ended. A store in which the sweep has not
+        # ended adds None.
+        self._run_counts_at_end: dict[str, set[int | None]] = {}
 
     def _last_number(self, table: Table) -> int:
         """Return the greatest number of a table's rows; 0 if they have no numbers."""
@@ -129,30 +139,33 @@ class Merge:
         return int(self._connection.execute(f"SELECT coalesce(max(id), 0) FROM {table.name}").fetchone()[0])
 
     def add(self, path: Path, source: sqlite3.Connection, tables: Sequence[Table] = TABLES) -> None:
-        """Add all rows of a store, or of some of its tables. Raises StoreError if they contradict earlier stores."""
-        # A store with impossible numbers is refused by all commands, and so would be the merged store. The first such
-        # number is enough for an error.
-        for damage in numbers_beyond_limits(source):
-            raise StoreError(f"{path}: {damage}")
-        self._stores.append(path)
+        """Add all rows of the store ``source`` at ``path``, or of some of its tables.
+
+        A table must come after those to which it refers. Raises StoreError if the store contradicts the earlier ones.
+        """
+        # All commands refuse a store with impossible numbers, so they would refuse the merged store, too.
+        require_numbers_within_limits(path, source)
+        self._added_stores.append(path)
         self._source = source
-        self._numbers = {table.name: {} for table in tables}
+        self._new_numbers = {table.name: {} for table in tables}
         earlier_design_counts = dict(self._connection.execute(DESIGN_COUNTS).fetchall())
         for table in tables:
             order = ("position",) if table is EXPERIMENT else table.order or table.key
             for row in read_rows(path, source, table, f"ORDER BY {', '.join(order)}"):
                 self._add_source_row(path, table, row)
-        # The rows above are compared one by one. If a store has more or fewer designs of an experiment than another,
-        # none of these comparisons shows it.
-        for experiment, count in source.execute(DESIGN_COUNTS):
-            earlier_count = earlier_design_counts.get(experiment, count)
-            if earlier_count != count:
-                self._raise_difference(EXPERIMENT, {"id": experiment}, "designs", count, earlier_count)
+        # If two stores have the same experiment, their designs were compared above one by one. That one of them has
+        # further designs shows only in their number.
+        for experiment, design_count in source.execute(DESIGN_COUNTS):
+            earlier_count = earlier_design_counts.get(experiment, design_count)
+            if earlier_count != design_count:
+                self._raise_difference(EXPERIMENT, {"id": experiment}, "designs", design_count, earlier_count)
 
     def _add_source_row(self, path: Path, table: Table, row: Row) -> None:
-        """Add a row of the store at ``path`` to the merged store, after giving it the numbers of the merged store."""
-        # The key of a run in its own store, by which its recorded values are found there.
-        source_key = tuple(row.get(name) for name in RUN.key)
+        """Add a row of the store at ``path`` to the merged store.
+
+        If the row refers to other rows by their numbers, these are replaced by their numbers in the merged store.
+        """
+        original_row = dict(row)
         self._renumber(table, row)
         if table is EXPERIMENT:
             self._add_experiment(row)
@@ -164,16 +177,18 @@ class Merge:
             file = reference(self._merged, referred_file(path, row["file"]))
             self._insert(MEDIA, {**row, "file": file}, "OR IGNORE")
         else:
-            self._add_row(table, row, source_key)
+            self._add_row(table, row, original_row)
 
     def _renumber(self, table: Table, row: Row) -> None:
         """Replace the numbers of other rows, to which a row refers, by their numbers in the merged store."""
         for column in table.columns:
             referred_table = column.refers or REFERENCES.get(column.name)
-            # An experiment is referred to by its name, which stays.
-            if referred_table in (None, EXPERIMENT.name) or row[column.name] is None:
+            # The column does not refer to another row, or refers to an experiment by its name, which stays.
+            if referred_table is None or referred_table == EXPERIMENT.name:
                 continue
-            row[column.name] = self._numbers[referred_table][row[column.name]]
+            number = row[column.name]
+            if number is not None:
+                row[column.name] = self._new_numbers[referred_table][number]
 
     def _add_correction(self, row: Row) -> None:
         """Add a correction of a trial, unless the merged store has an equal one."""
@@ -183,28 +198,27 @@ class Merge:
                 return
         self._add_numbered(CORRECTION, row)
 
-    def _add_row(self, table: Table, row: Row, source_key: tuple[Any, ...]) -> None:
-        """Add a row of a table whose rows are not identified by their numbers.
+    def _add_row(self, table: Table, row: Row, original_row: Row) -> None:
+        """Add a row of a table whose rows are not identified by their numbers, but by their key or a unique column.
 
-        If the merged store has the row already, both must be equal, or this raises StoreError. If the row is a run,
-        ``source_key`` is its key in the store that is being added.
+        If the merged store has the row already, both must be equal, or this raises StoreError. ``original_row`` is the
+        row with the numbers that it has in the store that is being added.
         """
-        source_number = row.get("id")
-        # The rows of some tables are identified by a unique column, such as a hash. They get the next number of the
-        # merged store, or keep the number of the equal row that it has already.
+        # The rows of some tables have numbers and a unique column, such as a hash. A new row gets the next number.
         if table.unique:
-            row["id"] = self._last[table.name] + 1
-        if self._insert(table, row, "OR IGNORE"):
-            self._last[table.name] += 1
+            row["id"] = self._last_numbers[table.name] + 1
+        is_new = self._insert(table, row, "OR IGNORE")
+        if is_new:
+            self._last_numbers[table.name] += 1
         elif table is STUDY:
             self._keep_earliest_creation(row)
         else:
-            # The merged store has the row. This compares both, and takes over the number of the existing one.
+            # The row gets the number of the existing row.
             self._unite(table, row)
             if table is RUN:
-                self._compare_recorded(row, source_key)
-        if source_number is not None:
-            self._numbers[table.name][source_number] = row["id"]
+                self._compare_recorded(row, original_row)
+        if "id" in original_row:
+            self._new_numbers[table.name][original_row["id"]] = row["id"]
 
     def _keep_earliest_creation(self, row: Row) -> None:
         """Keep the facts of the first store, but the earliest time of creation."""
@@ -213,21 +227,21 @@ class Merge:
             self._insert(STUDY, row, "OR REPLACE")
 
     def _unite(self, table: Table, row: Row) -> None:
-        """Compare a row with the existing row of the merged store with the same key. Raises StoreError if they differ.
+        """Compare a row with the row of the merged store that has the same key. Raises StoreError if they differ.
 
-        ``row`` gets the number of the existing row. In some tables one of the two may lack a value that the other one
-        has. Then the merged store gets the value.
+        ``row`` gets the number of the existing row. In some tables, one column may be unknown in one of the two rows.
+        Then both get the value of the other one.
         """
         key = (table.unique,) if table.unique else table.key
-        where = " AND ".join(f"{name} = ?" for name in key)
-        (existing,) = self._merged_rows(table, f"WHERE {where}", *(row[name] for name in key))
-        if table.name in MAY_BE_UNKNOWN:
-            name = MAY_BE_UNKNOWN[table.name]
-            if existing[name] is None and row[name] is not None:
-                existing[name] = row[name]
+        has_key = " AND ".join(f"{name} = ?" for name in key)
+        (existing,) = self._merged_rows(table, f"WHERE {has_key}", *(row[name] for name in key))
+        optional_column = MAY_BE_UNKNOWN.get(table.name)
+        if optional_column is not None:
+            if row[optional_column] is None:
+                row[optional_column] = existing[optional_column]
+            elif existing[optional_column] is None:
+                existing[optional_column] = row[optional_column]
                 self._insert(table, existing, "OR REPLACE")
-            elif row[name] is None:
-                row[name] = existing[name]
         row["id"] = existing.get("id")
         self._compare(table, row, existing)
 
@@ -237,13 +251,17 @@ class Merge:
             if row[name] != existing[name]:
                 self._raise_difference(table, row, name, row[name], existing[name])
 
-    def _compare_recorded(self, run: Row, source_key: tuple[Any, ...]) -> None:
-        """Raise StoreError if a run has recorded values of other names than the same run of the merged store."""
-        query = f"SELECT name FROM recorded WHERE {' AND '.join(f'{name} = ?' for name in RUN.key)}"
-        new = {name for (name,) in self._source.execute(query, source_key)}
-        old = {name for (name,) in self._connection.execute(query, tuple(map(run.get, RUN.key)))}
-        if new != old:
-            self._raise_difference(RECORDED, run, "records", sorted(new), sorted(old))
+    def _compare_recorded(self, run: Row, original_run: Row) -> None:
+        """Raise StoreError if a run has recorded values of other names than the same run of the merged store.
+
+        ``original_run`` is the run with the numbers that it has in the store that is being added.
+        """
+        has_key = " AND ".join(f"{name} = ?" for name in RUN.key)
+        query = f"SELECT name FROM recorded WHERE {has_key}"
+        new_names = {name for (name,) in self._source.execute(query, [original_run[name] for name in RUN.key])}
+        old_names = {name for (name,) in self._connection.execute(query, [run[name] for name in RUN.key])}
+        if new_names != old_names:
+            self._raise_difference(RECORDED, run, "records", sorted(new_names), sorted(old_names))
 
     def _insert(self, table: Table, row: Row, otherwise: str = "") -> bool:
         """Insert a row; return whether it was added. With ``otherwise`` ``OR IGNORE``, a row whose key exists is not."""
@@ -256,40 +274,50 @@ class Merge:
 
     def _add_numbered(self, table: Table, row: Row) -> None:
         """Add a row under the table's next number."""
-        self._last[table.name] += 1
-        self._numbers[table.name][row["id"]] = self._last[table.name]
-        self._insert(table, {**row, "id": self._last[table.name]})
+        new_number = self._last_numbers[table.name] + 1
+        self._last_numbers[table.name] = new_number
+        self._new_numbers[table.name][row["id"]] = new_number
+        self._insert(table, {**row, "id": new_number})
 
     def _add_experiment(self, row: Row) -> None:
         """Add an experiment. If the merged store has an experiment of this name, unite both.
 
-        The two may differ in three things. If they have different numbers of environments, the larger one is kept. The
-        same holds for the number of runs in other realities. And one of the sweeps may have ended, the other not. Raises
-        StoreError if they differ in anything else.
+        The two may differ in the number of environments and in the number of runs in other realities; the larger number
+        is kept. They may also differ in whether their sweep has ended. Raises StoreError if they differ in anything else.
         """
         facts = json.loads(row["facts"])
-        self._ended.setdefault(row["id"], set()).add(facts.pop(ENDED, None))
+        run_count_at_end = facts.pop(ENDED, None)
+        self._run_counts_at_end.setdefault(row["id"], set()).add(run_count_at_end)
         (row["position"],) = self._connection.execute("SELECT count(*) FROM experiment").fetchone()
-        if self._insert(EXPERIMENT, row, "OR IGNORE"):
+        is_new = self._insert(EXPERIMENT, row, "OR IGNORE")
+        if is_new:
             return
         (existing,) = self._merged_rows(EXPERIMENT, "WHERE id = ?", row["id"])
-        existing_facts = json.loads(existing["facts"])
-        existing_facts.pop(ENDED, None)
-        reality_facts, existing_reality_facts = _taken_reality_facts(facts), _taken_reality_facts(existing_facts)
-        if reality_facts.get("realities", 0) <= existing_reality_facts.get("realities", 0):
-            reality_facts = existing_reality_facts
         for name in SAME_COLUMNS:
             if row[name] != existing[name]:
                 self._raise_difference(EXPERIMENT, row, name, row[name], existing[name])
-        for name in sorted(facts.keys() | existing_facts.keys()):
-            if facts.get(name) != existing_facts.get(name):
-                self._raise_difference(EXPERIMENT, row, name, facts.get(name), existing_facts.get(name))
+        existing_facts = json.loads(existing["facts"])
+        existing_facts.pop(ENDED, None)
         merged_row = {
             **existing,
             "environments": max(row["environments"], existing["environments"]),
-            "facts": json.dumps({**existing_facts, **reality_facts}),
+            "facts": json.dumps(self._united_facts(row, facts, existing_facts)),
         }
         self._insert(EXPERIMENT, merged_row, "OR REPLACE")
+
+    def _united_facts(self, row: Row, facts: dict[str, Any], existing_facts: dict[str, Any]) -> dict[str, Any]:
+        """Return the facts of an experiment that two stores have; ``row`` is its row in the store that is being added.
+
+        Of the facts on runs in other realities, those of the store with more of these runs are kept. Raises StoreError if
+        the other facts differ.
+        """
+        reality_facts = _taken_reality_facts(facts)
+        existing_reality_facts = _taken_reality_facts(existing_facts)
+        for name in sorted(facts.keys() | existing_facts.keys()):
+            if facts.get(name) != existing_facts.get(name):
+                self._raise_difference(EXPERIMENT, row, name, facts.get(name), existing_facts.get(name))
+        has_more_runs = reality_facts.get("realities", 0) > existing_reality_facts.get("realities", 0)
+        return {**existing_facts, **(reality_facts if has_more_runs else existing_reality_facts)}
 
     def _add_trial(self, path: Path, row: Row) -> None:
         """Add a trial with its log. If the merged store has a copy of the trial, with the same UUID, keep the newer one.
@@ -298,28 +326,19 @@ class Merge:
         StoreError if neither copy is newer and they differ.
         """
         if row["log"] is not None:
-            row["log"] = self._log(path, row)
+            row["log"] = self._log_copies.plan(path, row)
         copies = self._merged_rows(TRIAL, "WHERE uuid = ?", row["uuid"])
         if not copies:
             self._add_numbered(TRIAL, row)
             return
         (existing,) = copies
-        self._numbers[TRIAL.name][row["id"]] = existing["id"]
-        row = {**row, "id": existing["id"]}
-        # A copy that was imported from a table lacks some values. It takes them from the other copy.
-        for name in UNKNOWN_IF_IMPORTED:
-            if row[name] is None:
-                row[name] = existing[name]
-            existing[name] = row[name]
-        # The texts of such a copy may differ although they mean the same: a table may write a number in another way, and
-        # shortens spaces.
-        for name, meaning in (("design", json.loads), ("deviations", json.loads), ("note", str.split)):
-            if meaning(row[name]) == meaning(existing[name]):
-                row[name] = existing[name]
+        self._new_numbers[TRIAL.name][row["id"]] = existing["id"]
+        row["id"] = existing["id"]
+        _share_values(row, existing)
         of_trial = "WHERE trial_id = (SELECT id FROM trial WHERE uuid = ?)"
         corrections = _changes(read_rows(path, self._source, CORRECTION, of_trial, row["uuid"]))
         existing_corrections = _changes(self._corrections(existing["id"]))
-        # These are sets, and `<` says whether a set is a proper part of another one.
+        # `a < b` means that the set a is a part of b, and that b has more.
         is_newer = existing["ending"] == RUNNING or existing_corrections < corrections
         is_older = row["ending"] == RUNNING or corrections < existing_corrections
         if not is_newer and not is_older:
@@ -330,80 +349,49 @@ class Merge:
         """Return the merged store's corrections of a trial."""
         return self._merged_rows(CORRECTION, "WHERE trial_id = ?", trial)
 
-    def _log(self, path: Path, trial: Row) -> str:
-        """Plan to copy a trial's log into the folder of the merged store, and return the name of the copy.
-
-        If another log has its name, a part of the trial's UUID is added to the name. Raises StoreError if this name is
-        taken, too.
-        """
-        source, name = log_file(path, trial["log"]), trial["log"]
-        digest = sha256_of(source)
-        if digest is None:
-            # The log is missing, so there is nothing to copy.
-            return str(name)
-        logs_by_target = {target: log for log, target in self.logs.items()}
-        for candidate in (Path(name), Path(name).with_stem(f"{Path(name).stem}-{trial['uuid'][:8]}")):
-            target = log_file(self._merged, str(candidate))
-            # Another log may be planned for this name, or a file of this name may exist.
-            log_of_this_name = logs_by_target.get(target, target)
-            is_free_or_equal = sha256_of(log_of_this_name) in (None, digest)
-            if is_free_or_equal:
-                if not os.path.lexists(target):
-                    self.logs[source] = target
-                return str(candidate)
-        raise StoreError(f"{target}: already exists with other contents; move it away first")
-
     def end(self) -> None:
-        """Finish the merge: decide for each experiment whether its sweep has ended. Raises StoreError.
+        """Finish the merge: mark the experiments whose sweep has ended. Raises StoreError.
 
-        A sweep has stored how many runs it had at its end. If the merged experiment has as many runs as one of the sweeps
-        had, it is marked as ended.
+        When a sweep ends, it stores how many runs the experiment has. The runs of several stores together may be more
+        than that. The merged sweep has ended if the experiment has just as many runs as at the end of one of the sweeps.
         """
         for row in self._merged_rows(EXPERIMENT):
             facts = json.loads(row["facts"])
-            runs = sum(design_counts(self._merged, self._connection, row["id"]).runs)
-            if facts.pop(ENDED, None) == runs:
-                # The row says already, and correctly, that the sweep has ended.
+            run_count = sum(design_counts(self._merged, self._connection, row["id"]).runs)
+            marked_run_count = facts.pop(ENDED, None)
+            if marked_run_count == run_count:
                 continue
-            if runs in self._ended[row["id"]]:
-                facts[ENDED] = runs
+            if run_count in self._run_counts_at_end[row["id"]]:
+                facts[ENDED] = run_count
             self._insert(EXPERIMENT, {**row, "facts": json.dumps(facts)}, "OR REPLACE")
 
-    def _raise_difference(self, table: Table, row: Row, name: str, value: Any, before: Any) -> None:
-        """Raise a StoreError about a value that differs between the added store and earlier ones.
+    def _raise_difference(self, table: Table, row: Row, name: str, value: Any, earlier_value: Any) -> NoReturn:
+        """Raise a StoreError about a value that differs between the store that is being added and the earlier ones.
 
-        ``name`` is the name of the value in ``row`` of ``table``. It is ``value`` in the added store, and ``before`` in
-        the earlier ones.
+        ``name`` is the name of the value in ``row`` of ``table``. It is ``value`` in the added store.
         """
-        new, old = self._stores[-1], ", ".join(map(str, self._stores[:-1])) or self._merged
-        values = f"{name} is {self._shown(name, value)} in {new}, {self._shown(name, before)} in {old}"
-        if table in (EXPERIMENT, DESIGN):
-            experiment = row["id"] if table is EXPERIMENT else row["experiment"]
-            place = "" if table is EXPERIMENT else f"design {row['position'] + 1}: "
-            raise StoreError(
-                f'experiment "{experiment}": {place}{values}: give one of them another name and sweep it again'
-            )
-        if table is TRIAL:
-            # The row has the trial's number in the merged store; the message needs that in the added store.
-            number_in_source = {merged: number for number, merged in self._numbers[TRIAL.name].items()}
-            number = number_in_source[row["id"]]
-            raise StoreError(f"trial {number} of {new} ({row['uuid']}): {values}: correct one of them")
-        is_run = table in (RUN, RECORDED, REALITY_RUN)
-        shown_table = RUN if table is RECORDED else table
-        key = ", ".join(f"{column} {self._shown(column, row.get(column))}" for column in shown_table.key)
-        explanation = ": the same build gave two results, so one of them is not that build" if is_run else ""
-        raise StoreError(f"{shown_table.name} ({key}): {values}{explanation}")
+        added_store, earlier_stores = self._added_stores[-1], self._added_stores[:-1]
+        earlier_text = ", ".join(str(store) for store in earlier_stores) or str(self._merged)
+        value_text = shown_value(self._connection, name, value)
+        earlier_value_text = shown_value(self._connection, name, earlier_value)
+        values_text = f"{name} is {value_text} in {added_store}, {earlier_value_text} in {earlier_text}"
+        if table is EXPERIMENT:
+            start, end = f'experiment "{row["id"]}": ', ": give one of them another name and sweep it again"
+        elif table is DESIGN:
+            start = f'experiment "{row["experiment"]}": design {row["position"] + 1}: '
+            end = ": give one of them another name and sweep it again"
+        elif table is TRIAL:
+            number = self._number_in_added_store(TRIAL, row["id"])
+            start, end = f"trial {number} of {added_store} ({row['uuid']}): ", ": correct one of them"
+        else:
+            start, end = f"{key_with_values(self._connection, table, row)}: ", ""
+            if table in (RUN, RECORDED, REALITY_RUN):
+                end = ": the same build gave two results, so one of them is not that build"
+        raise StoreError(f"{start}{values_text}{end}")
 
-    def _shown(self, column: str, value: Any) -> str:
-        """Return a value of a column as text for a message.
-
-        A number of another row means nothing to a person. It is replaced by the name of a build, or by the first digits
-        of a hash.
-        """
-        referred = BY_NAME.get(column.removesuffix("_id")) if column.endswith("_id") else None
-        if value is not None and referred is not None and referred.unique:
-            length = MAX_SHOWN if referred is BUILD else HASH_DIGITS
-            query = f"SELECT substr({referred.unique}, 1, ?) FROM {referred.name} WHERE id = ?"
-            (value,) = self._connection.execute(query, (length, value)).fetchone()
-        text = value if isinstance(value, str) else json.dumps(value)
-        return text if len(text) <= MAX_SHOWN else f"{text[: MAX_SHOWN - 3]}…"
+    def _number_in_added_store(self, table: Table, new_number: int) -> int:
+        """Return the number that a row has in the store that is being added, by its number in the merged store."""
+        for number, merged_number in self._new_numbers[table.name].items():
+            if merged_number == new_number:
+                return number
+        raise KeyError(new_number)

@@ -54,26 +54,30 @@ def other_drives(store: Store, info: ExperimentInfo, trials: Sequence[Trial]) ->
     settings_of_trials = store.settings_of_trials()
     result = {}
     for trial in trials:
-        design_index = None
-        if trial.vehicle_type == info.vehicle_type:
-            design_index = index_of_design.get(frozenset(trial.design.items()))
+        settings = json.loads(settings_of_trials.get(trial.id, "{}"))
+        has_swept_type = trial.vehicle_type == info.vehicle_type
+        design_index = index_of_design.get(frozenset(trial.design.items())) if has_swept_type else None
         if design_index is None:
             # The design was not swept, so the trial is compared with the experiment's settings for all designs.
             expected = {SPEED: info.speed_m_s, YAW_RATE: info.yaw_rate_rad_s, TIME_LIMIT: info.timeout_s}
+            differences = list(_setting_differences(trial, settings, expected))
         else:
             expected = drives.value("settings", drives.settings[design_index])
-        settings = json.loads(settings_of_trials.get(trial.id, "{}"))
-        differences = list(_setting_differences(trial, settings, expected))
-        drive = store.trial_drive(trial.id)
-        if drive is not None and design_index is not None:
-            body = json.loads(drive.body)
+            differences = list(_setting_differences(trial, settings, expected))
             expected_body = drives.value("body", drives.bodies[design_index])
-            first_difference = next(_differences(body, expected_body), None)
-            if first_difference is not None:
-                differences.append(f"another body: {first_difference}")
+            differences += _body_differences(store, trial, expected_body)
         if differences:
             result[trial.id] = "; ".join(differences)
     return result
+
+
+def _body_differences(store: Store, trial: Trial, expected_body: Mapping[str, Any]) -> list[str]:
+    """Return the first difference between a trial's body and that of the runs, if there is one and the body is known."""
+    drive = store.trial_drive(trial.id)
+    if drive is None:
+        return []
+    first_difference = next(_differences(json.loads(drive.body), expected_body), None)
+    return [] if first_difference is None else [f"another body: {first_difference}"]
 
 
 def _setting_differences(trial: Trial, settings: Mapping[str, Any], expected: Mapping[str, Any]) -> Iterator[str]:
@@ -87,20 +91,32 @@ def _setting_differences(trial: Trial, settings: Mapping[str, Any], expected: Ma
             continue
         if not _equal(value, expected_value):
             yield f"{label} {value:g} {unit}, not {expected_value:g} {unit}"
-    expected_limit_s = expected[TIME_LIMIT]
+    limit_difference = _limit_difference(trial, settings, expected[TIME_LIMIT])
+    if limit_difference is not None:
+        yield limit_difference
+
+
+def _limit_difference(trial: Trial, settings: Mapping[str, Any], expected_limit_s: float) -> str | None:
+    """Return a text if the outcome of a trial may depend on its time limit differing from that of the runs, or None.
+
+    ``settings`` are those of the trial, and ``expected_limit_s`` is the time limit of the runs.
+    """
+    outcome, elapsed_s = trial.outcome, trial.elapsed_time_s
     limit_s = settings.get(TIME_LIMIT, expected_limit_s)
-    elapsed_s = trial.elapsed_time_s
-    # If a trial ended before both limits, the limits have no effect on its outcome.
     lower_limit_s = min(limit_s, expected_limit_s) + LIMIT_OVERRUN_S
-    stopped_before_both = elapsed_s is not None and elapsed_s <= lower_limit_s and trial.outcome != "timeout"
-    if not _equal(limit_s, expected_limit_s) and not stopped_before_both:
-        yield f"time limit {limit_s:g} s, not {expected_limit_s:g} s"
-    elif elapsed_s is not None:
-        if trial.outcome == "passed" and elapsed_s > lower_limit_s:
-            yield f"passed after {elapsed_s:g} s, above the time limit of {expected_limit_s:g} s"
-        # An imported trial has no settings. If it timed out, its time shows which limit it had.
-        elif trial.outcome == "timeout" and not settings and elapsed_s < expected_limit_s - STOPWATCH_ERROR_S:
-            yield f"timed out after {elapsed_s:g} s, below the time limit of {expected_limit_s:g} s"
+    # If a trial ended before both limits, the limits have no effect on its outcome.
+    ended_before_both = elapsed_s is not None and elapsed_s <= lower_limit_s and outcome != "timeout"
+    if not _equal(limit_s, expected_limit_s) and not ended_before_both:
+        return f"time limit {limit_s:g} s, not {expected_limit_s:g} s"
+    if elapsed_s is None:
+        return None
+    if outcome == "passed" and elapsed_s > lower_limit_s:
+        return f"passed after {elapsed_s:g} s, above the time limit of {expected_limit_s:g} s"
+    # An imported trial has no settings. If it timed out, its time shows which limit it had.
+    is_imported = not settings
+    if is_imported and outcome == "timeout" and elapsed_s < expected_limit_s - STOPWATCH_ERROR_S:
+        return f"timed out after {elapsed_s:g} s, below the time limit of {expected_limit_s:g} s"
+    return None
 
 
 def _differences(value: Any, expected: Any, place: str = "") -> Iterator[str]:

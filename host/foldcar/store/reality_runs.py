@@ -5,7 +5,7 @@ scenes and realities. Runs of other builds, designs, scenes or priors stay in th
 """
 
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
@@ -82,12 +82,13 @@ def reality_keys(store: ReadableStore, experiment: str) -> RealityKeys | None:
 
     Returns None if there is no such experiment, or if its last sweep planned no such runs.
     """
-    row = next(iter(store.rows(EXPERIMENT, "WHERE id = ?", experiment)), None)
+    row = _first_row(store, EXPERIMENT, "WHERE id = ?", experiment)
     if row is None:
         return None
     facts = json.loads(row["facts"])
-    # An experiment without such runs has no fingerprint of what its realities are drawn from.
-    spread_row = next(iter(store.rows(SPREAD, "WHERE fingerprint = ?", facts.get("reality_spread"))), None)
+    # The realities of a sweep are drawn from distributions, whose fingerprint the experiment has. An experiment without
+    # such runs has no fingerprint.
+    spread_row = _first_row(store, SPREAD, "WHERE fingerprint = ?", facts.get("reality_spread"))
     if spread_row is None:
         return None
     designs = store.rows(DESIGN, "WHERE experiment = ? ORDER BY position", experiment)
@@ -100,6 +101,13 @@ def reality_keys(store: ReadableStore, experiment: str) -> RealityKeys | None:
         designs=[(design["body_id"], design["settings_id"]) for design in designs],
         scenes={sample["sample"]: sample["scene_id"] for sample in samples},
     )
+
+
+def _first_row(store: ReadableStore, table: Table, condition: str, value: Any) -> Row | None:
+    """Return the first row of a table that meets the condition, or None."""
+    for row in store.rows(table, condition, value):
+        return row
+    return None
 
 
 class _StoredRun(NamedTuple):
@@ -115,15 +123,17 @@ class _StoredRun(NamedTuple):
 def read_reality_runs(store: ReadableStore, experiment: str) -> RealityRuns:
     """Return the stored runs of ``experiment`` in other realities; empty arrays if there are none. Raises StoreError.
 
+    In a *reality*, the parameters of the simulator, such as friction, have other values, which could be the true ones.
     If an earlier sweep made more runs than the last one planned, the additional runs are left out.
 
     Example: ``read_reality_runs(store, "1").passed.mean()``
     """
     keys = reality_keys(store, experiment)
     runs = [] if keys is None else sorted(_stored_runs(store, keys))
-    if len({len(run.scores) for run in runs}) > 1:
-        raise StoreError(f"{store.path}: reality_run is damaged: its rows have different numbers of scores")
+    # Each run has a score for each parameter of the simulator.
     parameter_count = len(runs[0].scores) if runs else 0
+    if any(len(run.scores) != parameter_count for run in runs):
+        raise StoreError(f"{store.path}: reality_run is damaged: its rows have different numbers of scores")
     return RealityRuns(
         scores=np.array([run.scores for run in runs], dtype=float).reshape(len(runs), parameter_count),
         design=np.array([run.design for run in runs], dtype=np.intp),
@@ -134,32 +144,42 @@ def read_reality_runs(store: ReadableStore, experiment: str) -> RealityRuns:
 
 
 def _stored_runs(store: ReadableStore, keys: RealityKeys) -> Iterator[_StoredRun]:
-    """Yield the stored runs of an experiment in other realities, in the order in which the table has them."""
-    # Several designs may have equal bodies and settings. Their runs have equal ids.
-    indices_by_ids: dict[tuple[int, int], list[int]] = {}
+    """Yield the stored runs of an experiment in other realities, in the order in which the table has them.
+
+    A run is stored with the ids of its body, its settings and its scene. Several designs may have equal bodies and
+    settings, and several samples may have equal scenes; then these ids are equal, too.
+    """
+    designs_by_ids: dict[tuple[int, int], list[int]] = {}
     for design_index, ids in enumerate(keys.designs):
-        indices_by_ids.setdefault(ids, []).append(design_index)
-    # Several samples may have equal scenes. Their runs belong to the first of them.
+        designs_by_ids.setdefault(ids, []).append(design_index)
+    # A run in one of several equal scenes belongs to the first of their samples.
     sample_by_scene: dict[int, int] = {}
     for sample, scene_id in keys.scenes.items():
         sample_by_scene.setdefault(scene_id, sample)
     where = "WHERE build_id = ? AND spread_id = ? AND number < ?"
     for row in store.rows(REALITY_RUN, where, keys.build_id, keys.spread_id, keys.planned):
-        equal_designs = indices_by_ids.get((row["body_id"], row["settings_id"]))
+        equal_designs = designs_by_ids.get((row["body_id"], row["settings_id"]))
         sample_of_run = sample_by_scene.get(row["scene_id"])
         if equal_designs is None or sample_of_run is None:
-            # The run has a design or a scene that the experiment no longer has.
+            # The experiment no longer has the design or the scene of the run.
             continue
-        # If several designs have these ids, they get the runs in turn: the first one gets a block of runs, the second
-        # one the next block, and so on. A block is not divided, because some of its runs must have the same design.
-        block = row["number"] // BLOCK
         yield _StoredRun(
             number=row["number"],
             sample=sample_of_run,
-            design=equal_designs[block % len(equal_designs)],
+            design=_design_of_run(row["number"], equal_designs),
             scores=json.loads(row["scores"]),
             passed=np.nan if row["passed"] is None else row["passed"],
         )
+
+
+def _design_of_run(number: int, equal_designs: Sequence[int]) -> int:
+    """Return to which of several equal designs the run with this number belongs.
+
+    The runs are numbered, and every BLOCK numbers belong to the next of the designs. A block is not divided, because
+    some of its runs must have the same design.
+    """
+    block = number // BLOCK
+    return equal_designs[block % len(equal_designs)]
 
 
 def stored_keys(store: ReadableStore, keys: RealityKeys) -> set[tuple[int, int, int, int]]:

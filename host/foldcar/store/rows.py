@@ -54,22 +54,37 @@ def read_row(path: Path, connection: Connection, table: Table, **key: Any) -> Ro
 
 
 def _check_row(path: Path, connection: Connection, table: Table, row: Row) -> None:
-    """Raise StoreError if a JSON text of the row does not have its hash, or not the shape that foldcar writes."""
+    """Raise StoreError if a text in the row is not as foldcar writes it.
+
+    A row of a table of JSON texts must have the hash of its text. In other tables, each JSON text must have the shape
+    that foldcar writes, and names must not have line breaks, because they are printed in sentences.
+    """
     if table.name in HASHED:
         if not _has_hash(connection, table, row):
             raise StoreError(f"{path}: {key_text(table, row)} is damaged: its json does not match its hash")
-    elif table.json_columns:
-        # Imported here, because pydantic takes time to import.
-        from foldcar.store.shapes import has_shape
+        return
+    damaged_column = _first_damaged_column(table, row)
+    if damaged_column is not None:
+        damage = f"foldcar does not write such a value of {damaged_column}"
+        raise StoreError(f"{path}: {key_text(table, row)} is damaged: {damage}")
 
-        # A required value is never None: SQLite has checked that.
-        texts = {column: row[column] for column in table.json_columns if row[column] is not None}
-        damaged_columns = [column for column, text in texts.items() if not has_shape(table, column, text)]
-        # Names are printed in sentences, whose lines they must not break.
-        damaged_columns += [column for column in PRINTED.get(table.name, ()) if breaks_line(row[column])]
-        if damaged_columns:
-            damage = f"foldcar does not write such a value of {damaged_columns[0]}"
-            raise StoreError(f"{path}: {key_text(table, row)} is damaged: {damage}")
+
+def _first_damaged_column(table: Table, row: Row) -> str | None:
+    """Return the first column of a row in which a JSON text has another shape, or a name has line breaks, or None."""
+    if not table.json_columns:
+        return None
+    # Imported here, because pydantic takes time to import.
+    from foldcar.store.shapes import has_shape
+
+    for column in table.json_columns:
+        text = row[column]
+        # Only an optional value is None: SQLite has checked that.
+        if text is not None and not has_shape(table, column, text):
+            return column
+    for column in PRINTED.get(table.name, ()):
+        if breaks_line(row[column]):
+            return column
+    return None
 
 
 def _has_hash(connection: Connection, table: Table, row: Row) -> bool:

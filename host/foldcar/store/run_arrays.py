@@ -1,13 +1,16 @@
 """A store's runs as arrays; commands that need no pandas table start sooner without importing pandas."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from foldcar.simulation.results import NUMBERS, OUTCOMES, REJECTED
 from foldcar.store.errors import StoreError
-from foldcar.store.reader import RUN_CELLS, Store
+from foldcar.store.reader import RUN_CELLS, RunBatch, Store
+
+INDEX_OF_OUTCOME = {outcome: index for index, outcome in enumerate(OUTCOMES)}
 
 
 @dataclass(frozen=True)
@@ -40,34 +43,50 @@ def run_arrays(store: Store, experiment: str) -> RunArrays:
     return store.once(("arrays", experiment), lambda: _read_runs(store, experiment))
 
 
+class _BatchArrays(NamedTuple):
+    """Some runs as arrays with one entry for each run; ``position`` is that of the run's design in the family."""
+
+    position: NDArray[np.int64]
+    sample: NDArray[np.int64]
+    outcome: NDArray[np.uint8]
+    metrics: NDArray[np.float64]
+
+
 def _read_runs(store: Store, name: str) -> RunArrays:
     """Read the runs of an experiment into arrays with an entry for each run. Raises StoreError if a design is missing."""
-    index_of_outcome = {outcome: index for index, outcome in enumerate(OUTCOMES)}
-    # Each list has an array for each batch of runs. The empty first arrays give an experiment without runs the right
-    # shapes.
-    positions_and_samples = [np.empty((0, 2), np.int64)]
-    outcomes = [np.empty(0, np.uint8)]
-    metrics = [np.empty((0, len(NUMBERS)))]
-    for batch_positions_and_samples, cells_of_runs in store.run_batches(name):
-        # The values of all runs of the batch, by column of the table of runs.
-        values_by_column = dict(zip(RUN_CELLS, zip(*cells_of_runs, strict=True), strict=True))
-        positions_and_samples.append(np.array(batch_positions_and_samples, dtype=np.int64))
-        batch_outcomes = (index_of_outcome[outcome] for outcome in values_by_column["outcome"])
-        outcomes.append(np.fromiter(batch_outcomes, np.uint8, len(cells_of_runs)))
-        # A missing number, None, becomes NaN.
-        batch_metrics = np.array([values_by_column[metric] for metric in NUMBERS], dtype=np.float64)
-        metrics.append(batch_metrics.T)
-    position_of_run, sample_of_run = np.concatenate(positions_and_samples).T
-    # Find the index of each run's design. In a damaged store designs may be missing.
+    # The empty first batch gives an experiment without runs arrays of the right types and shapes.
+    batches = [
+        _BatchArrays(
+            position=np.empty(0, np.int64),
+            sample=np.empty(0, np.int64),
+            outcome=np.empty(0, np.uint8),
+            metrics=np.empty((0, len(NUMBERS))),
+        )
+    ]
+    for batch in store.run_batches(name):
+        batches.append(_batch_arrays(batch))
+    position_of_run = np.concatenate([batch.position for batch in batches])
     design_positions = np.array(list(store.designs(name)), dtype=np.int64)
-    design_of_run = np.searchsorted(design_positions, position_of_run)
-    if len(position_of_run):
-        is_beyond_last = design_of_run.max() >= len(design_positions)
-        if is_beyond_last or (design_positions[design_of_run] != position_of_run).any():
-            raise StoreError(f"{store.path}: experiment {name} has runs of a design that is missing")
+    # In a damaged store designs may be missing.
+    if not np.isin(position_of_run, design_positions).all():
+        raise StoreError(f"{store.path}: experiment {name} has runs of a design that is missing")
     return RunArrays(
-        design=design_of_run,
-        sample=sample_of_run,
-        outcome=np.concatenate(outcomes),
-        metrics=np.concatenate(metrics),
+        design=np.searchsorted(design_positions, position_of_run),
+        sample=np.concatenate([batch.sample for batch in batches]),
+        outcome=np.concatenate([batch.outcome for batch in batches]),
+        metrics=np.concatenate([batch.metrics for batch in batches]),
+    )
+
+
+def _batch_arrays(batch: RunBatch) -> _BatchArrays:
+    """Return the runs of a batch as arrays."""
+    values_by_column = dict(zip(RUN_CELLS, zip(*batch.cells, strict=True), strict=True))
+    outcomes = [INDEX_OF_OUTCOME[outcome] for outcome in values_by_column["outcome"]]
+    # An array of floating-point numbers has NaN for a missing number (None).
+    metrics = np.array([values_by_column[metric] for metric in NUMBERS], dtype=np.float64)
+    return _BatchArrays(
+        position=np.array(batch.positions, dtype=np.int64),
+        sample=np.array(batch.samples, dtype=np.int64),
+        outcome=np.array(outcomes, dtype=np.uint8),
+        metrics=metrics.T,
     )

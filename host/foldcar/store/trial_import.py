@@ -5,15 +5,15 @@ their scenes, bodies and settings, corrections, photos and films, logs, and meas
 """
 
 import contextlib
-import shutil
 import sqlite3
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from foldcar.store.check import missing_references
+from foldcar.store.check import require_references
 from foldcar.store.connection import connect_reading, transaction, writing
 from foldcar.store.errors import StoreError, store_errors
+from foldcar.store.log_copies import LogCopies
 from foldcar.store.merge import Merge
 from foldcar.store.tables import (
     BY_NAME,
@@ -64,41 +64,40 @@ def take_trials(store: Path, other: Path) -> TakenTrials:
     store_existed = store.exists()
     if store_existed and store.samefile(other):
         raise StoreError(f"{store}: is the store itself; name another store")
-    # These files are deleted again if taking the trials fails.
-    new_files: list[Path] = [] if store_existed else [store]
+    log_copies = LogCopies(store)
     with contextlib.closing(connect_reading(other, OLDEST_TRIALS)) as source, _in_this_version(other, source) as trials:
-        # The first missing reference is enough for an error.
-        for missing in missing_references(trials):
-            raise StoreError(f"{other}: {missing}")
+        require_references(other, trials)
         (trial_count,) = trials.execute("SELECT count(*) FROM trial").fetchone()
         try:
             # With FULL, the trials survive a power cut after this transaction.
             with writing(store, synchronous="FULL") as connection, store_errors(store), transaction(connection):
-                uuids_before = {uuid for (uuid,) in connection.execute("SELECT uuid FROM trial")}
-                merge = Merge(connection, store)
+                earlier_numbers = _trial_numbers(connection)
+                merge = Merge(connection, store, log_copies)
                 merge.add(other, trials, [BY_NAME[name] for name in _ROWS_OF_TRIALS])
-                for log, target in merge.logs.items():
-                    target.parent.mkdir(parents=True, exist_ok=True)
-                    new_files.append(target)
-                    shutil.copyfile(log, target)
-                ids_and_uuids = connection.execute("SELECT id, uuid FROM trial ORDER BY id").fetchall()
+                log_copies.make()
+                # A trial that is in both stores keeps its number.
+                new_numbers = _trial_numbers(connection) - earlier_numbers
         except BaseException:
-            for file in new_files:
-                file.unlink(missing_ok=True)
+            log_copies.delete()
+            if not store_existed:
+                store.unlink(missing_ok=True)
             raise
-    new_trials = [trial_id for trial_id, uuid in ids_and_uuids if uuid not in uuids_before]
-    return TakenTrials(new=new_trials, known=trial_count - len(new_trials))
+    return TakenTrials(new=sorted(new_numbers), known=trial_count - len(new_numbers))
+
+
+def _trial_numbers(connection: sqlite3.Connection) -> set[int]:
+    """Return the numbers of the trials in a store."""
+    return {number for (number,) in connection.execute("SELECT id FROM trial")}
 
 
 @contextlib.contextmanager
 def _in_this_version(path: Path, source: sqlite3.Connection) -> Iterator[sqlite3.Connection]:
-    """Yield a database in memory with the trials of a store, in the tables of this version."""
+    """Yield a database in memory with the trials of the store ``source`` at ``path``, in the tables of this version."""
     with contextlib.closing(sqlite3.connect(":memory:", isolation_level=None)) as trials, store_errors(path):
         create_tables(trials)
         for table, condition in _ROWS_OF_TRIALS.items():
-            # PRAGMA table_info returns a row for each column, with its name in the second place.
-            source_columns = {column[1] for column in source.execute(f"PRAGMA table_info({table})")}
             # An earlier version may lack columns; they stay empty.
+            source_columns = _column_names(source, table)
             common_columns = [column for column in BY_NAME[table].names if column in source_columns]
             if not common_columns:
                 raise StoreError(f"{path}: is damaged: {table} is missing")
@@ -107,3 +106,9 @@ def _in_this_version(path: Path, source: sqlite3.Connection) -> Iterator[sqlite3
             rows = source.execute(f"SELECT {column_list} FROM {table} WHERE {condition}")
             trials.executemany(f"INSERT INTO {table} ({column_list}) VALUES ({placeholders})", rows)
         yield trials
+
+
+def _column_names(connection: sqlite3.Connection, table: str) -> set[str]:
+    """Return the names of a table's columns; none if the table does not exist."""
+    # SQLite describes each column by a row: its index, its name, its type, and more.
+    return {name for _index, name, *_further in connection.execute(f"PRAGMA table_info({table})")}

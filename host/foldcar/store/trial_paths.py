@@ -21,6 +21,7 @@ from foldcar.store.trial_records import LONGEST_S, Trial
 Rows = NDArray[numpy.float64]
 # Interval between the points of a drawn path.
 INTERVAL_S = 0.05
+ROUNDING_S = 1e-9
 # The column of headings in the rows of a path.
 HEADING_COLUMN = 4
 
@@ -66,35 +67,36 @@ def _reported_path(messages: list[Any], start_s: float) -> Rows | None:
 
     Returns None if a built car drove, because it does not know its position.
     """
-    pose_by_time = {}
+    states = [message for message in messages if message.get_type() == "FOLDCAR_TRUTH"]
     end_s = LONGEST_S
-    for message in messages:
-        if message.get_type() != "FOLDCAR_TRUTH":
-            continue
-        pose = (message.x, message.y, message.z, message.heading, message.pitch, message.roll)
-        time_s = message.time_usec / 1e6 - start_s
+    for state in states:
+        if state.outcome and math.isfinite(state.outcome_time):
+            end_s = min(end_s, float(state.outcome_time))
+    row_by_time: dict[float, tuple[float, ...]] = {}
+    for state in states:
+        time_s = state.time_usec / 1e6 - start_s
+        row = (time_s, state.x, state.y, state.z, state.heading, state.pitch, state.roll)
         # A damaged log may have any numbers.
-        if all(map(math.isfinite, pose)) and 0 <= time_s <= end_s:
-            pose_by_time[time_s] = pose
-        if message.outcome and math.isfinite(message.outcome_time):
-            end_s = min(end_s, float(message.outcome_time))
-    path = [(time_s, *pose) for time_s, pose in sorted(pose_by_time.items()) if time_s <= end_s]
-    if len(path) < 2:
+        if all(math.isfinite(value) for value in row) and 0 <= time_s <= end_s:
+            row_by_time[time_s] = row
+    if len(row_by_time) < 2:
         return None
-    rows = numpy.array(path)
-    # Without jumps of 2π, so that headings can be interpolated; they may exceed π.
+    rows = numpy.array([row for _, row in sorted(row_by_time.items())])
+    # Headings jump from π to -π. Without the jumps, so that they may exceed π, they can be interpolated.
     rows[:, HEADING_COLUMN] = numpy.unwrap(rows[:, HEADING_COLUMN])
     return rows
 
 
 def _resampled(rows: Rows) -> Rows:
     """Return the path, linearly interpolated, every INTERVAL_S from 0 s on, and at its end."""
-    row_times_s = rows[:, 0]
-    end_s = float(row_times_s[-1])
-    # A nanosecond less, so that the end does not appear twice after rounding.
-    times_s = numpy.append(numpy.arange(0, end_s - 1e-9, INTERVAL_S), end_s)
-    columns = [numpy.interp(times_s, row_times_s, column) for column in rows[:, 1:].T]
-    return numpy.column_stack([times_s, *columns])
+    times_s, columns = rows[:, 0], rows[:, 1:]
+    end_s = float(times_s[-1])
+    regular_times_s = numpy.arange(0, end_s, INTERVAL_S)
+    # The last regular time may be the end, except for rounding errors. It must not appear twice.
+    regular_times_s = regular_times_s[regular_times_s < end_s - ROUNDING_S]
+    new_times_s = numpy.append(regular_times_s, end_s)
+    new_columns = [numpy.interp(new_times_s, times_s, column) for column in columns.T]
+    return numpy.column_stack([new_times_s, *new_columns])
 
 
 def _attitudes(messages: list[Any], start_s: float) -> TrialPath:

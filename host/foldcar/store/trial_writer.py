@@ -15,13 +15,13 @@ from pathlib import Path
 from typing import Any
 
 from foldcar.shown_text import decoded, with_line_feeds
-from foldcar.store.connection import StoreConnection, writing
+from foldcar.store.connection import writing
 from foldcar.store.errors import StoreError
-from foldcar.store.info import listed_id
 from foldcar.store.log_files import reference, sha256_of
 from foldcar.store.other_drives import LIMIT_OVERRUN_S
 from foldcar.store.rows import Row
-from foldcar.store.tables import BY_NAME, CORRECTION, EXPERIMENT, MEDIA, SAMPLE, TRIAL
+from foldcar.store.tables import BY_NAME, CORRECTION, MEDIA, SAMPLE, TRIAL
+from foldcar.store.trial_import_writer import TrialImportWriter
 from foldcar.store.trial_records import (
     BUILT,
     CARS,
@@ -69,7 +69,7 @@ class CarFacts:
     name: str | None = None
 
 
-class TrialWriter(StoreConnection):
+class TrialWriter(TrialImportWriter):
     """A store opened for trials. Create it with :func:`write_trials`; all methods raise StoreError."""
 
     def begin(
@@ -253,9 +253,9 @@ class TrialWriter(StoreConnection):
     ) -> None:
         """Store the planned scene of a sample, with names and parameters of its ``objects``, if it is not stored yet.
 
-        After the program's files or foldcar have changed, foldcar recognises by this scene that a trial was driven in the
-        same environment, even if the trial's obstacles stood elsewhere than planned. Do not call it for a program that
-        runs beside the simulation.
+        A trial is stored with its scene as it was built, in which obstacles may stand elsewhere than planned. With the
+        planned scene, foldcar can recognise the trial's environment even if the fingerprint of the program has changed
+        since. Do not call this for a program that runs beside the simulation.
         """
         with self._transaction():
             row = {
@@ -284,116 +284,6 @@ class TrialWriter(StoreConnection):
             self._insert(MEDIA, [row], "OR REPLACE")
         return Media(trial=trial, kind=kind, file=name, sha256=digest)
 
-    def import_trials(self, trials: list[dict[str, Any]]) -> list[int]:
-        """Store the imported trials that are not stored yet. Return the numbers of the new trials.
-
-        Each of ``trials`` is a row of the table of trials, with its ``uuid``. A trial that another store has exported
-        also has ``environment_fingerprint``, ``settings`` (JSON) and ``corrections`` (rows of that table, oldest first).
-        Its other fields have their values after the corrections. If such a trial is stored already, only the corrections
-        are added that it lacks. Raises StoreError if a trial is stored with other contents; then nothing is
-        stored.
-        """
-        new_numbers = []
-        with self._transaction():
-            # The environment and the Scenic program of each experiment.
-            origin_by_experiment: dict[str, tuple[int | None, str | None]] = {}
-            for imported in trials:
-                trial = dict(imported)
-                corrections: list[Row] = trial.pop("corrections", [])
-                fingerprint = trial.pop("environment_fingerprint", None)
-                if fingerprint is not None:
-                    trial["environment_id"] = self._identify("environment", "fingerprint", fingerprint)
-                settings = trial.pop("settings", None)
-                if settings is not None:
-                    trial["settings_id"] = self._put_text("settings", settings)
-                stored_trials = self.rows(TRIAL, "WHERE uuid = ?", trial["uuid"])
-                if stored_trials:
-                    (stored_trial,) = stored_trials
-                    self._require_same(_uncorrected(trial, corrections), stored_trial)
-                    self._add_corrections(stored_trial, corrections)
-                    continue
-                experiment = trial["experiment"]
-                if experiment not in origin_by_experiment:
-                    origin_by_experiment[experiment] = self._environment_and_program(experiment)
-                environment_id, program = origin_by_experiment[experiment]
-                new_numbers.append(self._add_imported(trial, corrections, environment_id, program))
-        return new_numbers
-
-    def _add_imported(
-        self, trial: Mapping[str, Any], corrections: Iterable[Row], environment_id: int | None, program: str | None
-    ) -> int:
-        """Store an imported trial with its corrections, and return its number.
-
-        ``environment_id`` and ``program`` are those of the trial's experiment, if it was swept. A trial that names no
-        environment or no program gets these. Without a sample it gets no environment.
-        """
-        defaults = {
-            "deviations": "{}",
-            "ending": "imported",
-            "note": "",
-            "operator": "",
-            "withdrawn": 0,
-            "environment_id": environment_id if trial.get("sample") is not None else None,
-            "scenic_program": program,
-        }
-        row = {**defaults, **trial, "design": json.dumps(trial["design"])}
-        number = self._add(TRIAL, row)
-        for correction in corrections:
-            self._add(CORRECTION, {**correction, "trial_id": number})
-        return number
-
-    def _add_corrections(self, trial: Row, corrections: Iterable[Row]) -> None:
-        """Add the corrections that a stored trial lacks, and change its fields accordingly.
-
-        If a field was corrected several times, it gets the value of the latest correction.
-        """
-        stored_corrections = self.rows(CORRECTION, "WHERE trial_id = ? ORDER BY id", trial["id"])
-        for correction in corrections:
-            row = {**correction, "trial_id": trial["id"]}
-            # A stored correction has a number in addition to the fields of this one.
-            is_stored = any(row.items() <= stored.items() for stored in stored_corrections)
-            if is_stored:
-                continue
-            same_field = [stored for stored in stored_corrections if stored["field"] == row["field"]]
-            is_latest = all(stored["corrected_utc"] <= row["corrected_utc"] for stored in same_field)
-            if is_latest:
-                trial[row["field"]] = row["after"]
-            self._add(CORRECTION, row)
-        self._update(TRIAL, trial)
-
-    def _require_same(self, trial: Mapping[str, Any], stored: Row) -> None:
-        """Raise StoreError if an imported trial differs from the stored trial with the same UUID.
-
-        Both are compared as they were before any correction. ``trial`` has its uncorrected values.
-        ``stored`` has corrected ones, so its corrections are undone first.
-        """
-        corrections = self.rows(CORRECTION, "WHERE trial_id = ? ORDER BY id", stored["id"])
-        earlier_trial = _uncorrected(stored, corrections)
-        earlier_trial["design"] = json.loads(earlier_trial["design"])
-        for name in ("experiment", "vehicle_type", "design", "sample", "outcome"):
-            value, earlier_value = trial.get(name), earlier_trial[name]
-            if value == earlier_value:
-                continue
-            source = f'row of "{trial["source"]}"' if trial.get("source") else "trial of another store"
-            origin = f"trial {stored['id']} was imported from the same {source}"
-            difference = f"{name} was {earlier_value}, not {value}"
-            raise StoreError(f"{self.path}: {origin}, but {difference}: correct it, or give other rows another source")
-
-    def _environment_and_program(self, experiment: str) -> tuple[int | None, str | None]:
-        """Return environment id and Scenic program of a listed experiment's runs.
-
-        Returns (None, None) if it was not swept, or was swept in several environments.
-        """
-        program_by_environment = {}
-        for row in self.rows(EXPERIMENT):
-            facts = json.loads(row["facts"])
-            if facts.get("reality") is not None:
-                # A reality changes the environment; trials were driven in the listed one.
-                continue
-            if listed_id(row["id"], reality=None, engine=facts.get("engine", "")) == experiment:
-                program_by_environment[row["environment_id"]] = facts.get("scenic_program")
-        return next(iter(program_by_environment.items())) if len(program_by_environment) == 1 else (None, None)
-
 
 @contextlib.contextmanager
 def write_trials(path: Path) -> Iterator[TrialWriter]:
@@ -401,13 +291,6 @@ def write_trials(path: Path) -> Iterator[TrialWriter]:
     # A trial cannot be repeated, so each commit is written to the disk before the program continues.
     with writing(path, synchronous="FULL") as connection:
         yield TrialWriter(path, connection)
-
-
-def _uncorrected(trial: Mapping[str, Any], corrections: Sequence[Row]) -> Row:
-    """Return a trial as it was before its ``corrections``, which are ordered oldest first."""
-    # The first correction of a field comes last, and so its value counts.
-    earlier_values = {correction["field"]: correction["before"] for correction in reversed(corrections)}
-    return {**trial, **earlier_values}
 
 
 def now_utc() -> str:

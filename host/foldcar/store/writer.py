@@ -14,18 +14,22 @@ from sqlite3 import Connection
 from typing import Any
 
 from foldcar.simulation.results import NUMBERS, REJECTED, outcome_of
-from foldcar.store.connection import StoreConnection, writing
+from foldcar.store.connection import writing
 from foldcar.store.designs import DesignCounts, design_counts, designs_of
+from foldcar.store.errors import StoreError
 from foldcar.store.rows import scene_identity
+from foldcar.store.store_connection import StoreConnection
 from foldcar.store.tables import (
     BY_NAME,
     DESIGN,
+    DRAW,
     ENVIRONMENT,
     EXPERIMENT,
     REALITY_RUN,
     RECORDED,
     RESULT_JOIN,
     RUN,
+    SAMPLE,
     STUDY,
     Table,
 )
@@ -108,12 +112,8 @@ class StoreWriter(StoreConnection):
         designs have the same fingerprint, they are kept, and ``designs`` is not read.
         """
         with self._transaction():
-            kept_designs = None
-            if fingerprint is not None:
-                stored_designs = designs_of(self.path, self._connection, plan.id)
-                if stored_designs is not None and stored_designs.fingerprint == fingerprint:
-                    kept_designs = stored_designs
-            if kept_designs is None:
+            kept_count = self._count_designs_to_keep(plan.id, fingerprint)
+            if kept_count is None:
                 self._run("DELETE FROM design WHERE experiment = ?", plan.id)
             position_by_id = {row["id"]: row["position"] for row in self.rows(EXPERIMENT)}
             experiment = {
@@ -126,19 +126,30 @@ class StoreWriter(StoreConnection):
                 "vehicle": plan.vehicle,
                 "environment": plan.environment,
                 "facts": json.dumps(plan.facts),
-                "designs": None if kept_designs is None else len(kept_designs.parameters),
+                "designs": kept_count,
                 "designs_fingerprint": fingerprint,
             }
             # The designs refer to the experiment, so it is inserted before them.
             self._insert(EXPERIMENT, [experiment], "OR REPLACE")
-            if kept_designs is None:
-                for position, design in enumerate(designs):
-                    self._put_design(plan.id, position, design)
-                if fingerprint is not None:
-                    # The number of designs is stored when all designs are. A program that finds no number knows that the
-                    # designs are incomplete.
-                    (count,) = self._run("SELECT count(*) FROM design WHERE experiment = ?", plan.id).fetchone()
-                    self._update(EXPERIMENT, {**experiment, "designs": count})
+            if kept_count is not None:
+                return
+            design_count = 0
+            for position, design in enumerate(designs):
+                self._put_design(plan.id, position, design)
+                design_count += 1
+            if fingerprint is not None:
+                # The number of designs is stored when all designs are. A program that finds no number knows that the
+                # designs are incomplete.
+                self._update(EXPERIMENT, {**experiment, "designs": design_count})
+
+    def _count_designs_to_keep(self, experiment: str, fingerprint: str | None) -> int | None:
+        """Return the number of stored designs if they are complete and have this fingerprint, otherwise None."""
+        if fingerprint is None:
+            return None
+        stored_designs = designs_of(self.path, self._connection, experiment)
+        if stored_designs is None or stored_designs.fingerprint != fingerprint:
+            return None
+        return len(stored_designs.parameters)
 
     def add_design(self, experiment: str, position: int, design: PlannedDesign) -> None:
         """Store one more design of an experiment, at the position after its last."""
@@ -237,35 +248,32 @@ class StoreWriter(StoreConnection):
         """Store the scene of a sample, and names and parameters of its terrain ``objects``, if they are known.
 
         Equal scenes are stored once, unless the Scenic program is ``dynamic``. Such a program runs beside the simulation,
-        and may behave differently in samples with equal scenes.
+        and may behave differently in samples with equal scenes. If the sample is stored already, nothing changes.
         """
         fingerprint = self.row(ENVIRONMENT, id=environment_id)["fingerprint"]
         identity = scene_identity(fingerprint, sample) if dynamic else ""
-        row = {
-            "environment_id": environment_id,
-            "sample": sample,
-            "objects": None if objects is None else json.dumps(objects, allow_nan=False),
-        }
-        self._put_sampled("sample", row, "scene", scene, identity)
+        with self._transaction():
+            row = {
+                "environment_id": environment_id,
+                "sample": sample,
+                "scene_id": self._put_text("scene", canonical_json(scene), identity),
+                "objects": None if objects is None else json.dumps(objects, allow_nan=False),
+            }
+            self._insert(SAMPLE, [row], "OR IGNORE")
 
     def put_draw(self, spread_id: int, sample: int, variation: Mapping[str, Any], identity: str = "") -> None:
         """Store the variation of a sample: how its built cars differ from their designs.
 
-        Equal variations with different ``identity`` are stored separately.
-        """
-        self._put_sampled("draw", {"spread_id": spread_id, "sample": sample}, "variation", variation, identity)
-
-    def _put_sampled(
-        self, table: str, columns: dict[str, Any], content_table: str, value: Mapping[str, Any], identity: str
-    ) -> None:
-        """Store ``value`` as a JSON text in ``content_table``, and add a row to ``table`` that refers to it.
-
-        The row has the values of ``columns``, too. If a row with its key is stored, that row stays.
+        Equal variations with different ``identity`` are stored separately. If the variation of the sample is stored
+        already, nothing changes.
         """
         with self._transaction():
-            content_id = self._put_text(content_table, canonical_json(value), identity)
-            row = {**columns, f"{content_table}_id": content_id}
-            self._insert(BY_NAME[table], [row], "OR IGNORE")
+            row = {
+                "spread_id": spread_id,
+                "sample": sample,
+                "variation_id": self._put_text("variation", canonical_json(variation), identity),
+            }
+            self._insert(DRAW, [row], "OR IGNORE")
 
     def design_counts(self, experiment: str) -> DesignCounts:
         """Return how many runs of each of the experiment's designs are stored, and how many passed."""
@@ -286,9 +294,14 @@ class StoreWriter(StoreConnection):
         self.update_facts(plan.id, ended_runs=runs)
 
     def planned_runs(self, plan: PlannedExperiment, sample: int) -> Iterator[PlannedRun]:
-        """Yield the runs of all designs in one stored sample, in the order of designs, read in pages."""
+        """Yield the runs of all designs in one stored sample, in the order of designs.
+
+        At most PAGE_ROWS runs are read at once, so that the caller can store results between them.
+        """
         next_design = 0
         while True:
+            # For each design (d): the scene of the sample (s), the variation of the cars in it (w), and the run with
+            # these inputs (r), if it is stored.
             rows = self._run(
                 "SELECT d.position, s.sample, d.body_id, s.scene_id, d.settings_id, w.variation_id, "
                 "r.outcome FROM design d JOIN sample s ON s.environment_id = ? AND s.sample = ? "
@@ -301,7 +314,8 @@ class StoreWriter(StoreConnection):
             # The query's columns are in the order of the fields.
             runs = [PlannedRun(*row) for row in rows]
             yield from runs
-            if len(runs) < PAGE_ROWS:
+            is_last_page = len(runs) < PAGE_ROWS
+            if is_last_page:
                 return
             next_design = runs[-1].design + 1
 
@@ -314,9 +328,9 @@ class StoreWriter(StoreConnection):
         placeholders = ", ".join("?" for _ in ids)
         rows = self.rows(BY_NAME[table], f"WHERE id IN ({placeholders})", *ids)
         text_by_id = {row["id"]: str(row["json"]) for row in rows}
-        for missing_id in ids - text_by_id.keys():
-            # Raises StoreError, which names the missing row.
-            self.row(BY_NAME[table], id=missing_id)
+        missing_ids = ids - text_by_id.keys()
+        if missing_ids:
+            raise StoreError(f"{self.path}: {table} (id={min(missing_ids)}) is missing")
         return text_by_id
 
     def result(self, run: PlannedRun) -> dict[str, Any]:

@@ -26,7 +26,7 @@ from foldcar.belief.advice import steps
 from foldcar.belief.answers import Answers, believe
 from foldcar.belief.learning import SLOPE, Learned, NominalRuns, learn
 from foldcar.belief.priors import MAX_SCORE, MEASURABLE, NAMES, NOMINAL_SCORES, PARAMETERS, ScorePrior
-from foldcar.belief.weighing import Trials
+from foldcar.belief.trials import Trials
 from foldcar.errors import FoldcarError
 from foldcar.installation import usable_processors
 from foldcar.store.reader import Store

@@ -70,17 +70,18 @@ def steps(
 ) -> list[AdvisedStep]:
     """Return the possible steps, the greatest gain for an hour of work first.
 
-    ``build_min`` are the minutes to build a car, ``drive_min`` gives those of one trial of a design (by index).
-    ``measurable`` has the minutes and the precision (standard deviation of the score) of each measurement that was not
-    made yet, by the parameter's name. ``trials`` is the number of trials that a car drives.
+    A step is to build a car and drive it, to drive a car again, or to measure a parameter. ``build_min`` are the minutes
+    to build a car. ``drive_min`` returns the minutes of one trial of the design with the given index. ``measurable`` has
+    the measurements that were not made yet, by the parameter's name: the minutes of work, and the precision, which is the
+    standard deviation of the measured score. ``trials`` is the number of trials that a car drives.
     """
     valuation = _Valuation(answers)
     advised_steps = []
     for design in valuation.candidates.tolist():
         gain = valuation.gain(valuation.new_car_outcomes(design, trials))
         minutes = build_min + trials * drive_min(design)
-        second = design in valuation.driven_designs
-        advised_steps.append(AdvisedStep("build", gain, minutes, design=design, second=second))
+        was_driven = design in valuation.driven_designs
+        advised_steps.append(AdvisedStep("build", gain, minutes, design=design, second=was_driven))
     for car, outcomes in valuation.driven_car_outcomes(trials).items():
         design = int(answers.trials.design[car])
         minutes = trials * drive_min(design)
@@ -99,16 +100,15 @@ class _Valuation:
     """
 
     def __init__(self, answers: Answers) -> None:
+        """Choose the draws. ``answers`` has many draws with weights."""
         self._answers = answers
-        random = numpy.random.default_rng(RESAMPLING_SEED)
-        weights = answers.draws.weights
-        # Systematic resampling has less noise than independent choices.
-        positions = (numpy.arange(STEP_DRAWS) + random.random()) / STEP_DRAWS
-        self._draw_indices = numpy.searchsorted(numpy.cumsum(weights), positions).clip(max=len(weights) - 1)
+        self._draw_indices = _resampled(answers.draws.weights)
+        # For each chosen draw, the success rates of the designs (draws, d) and their log-odds.
         self._rates = answers.rates[self._draw_indices]
         self._log_odds = logit(self._rates.clip(MIN_RATE, 1 - MIN_RATE))
+        # The standard deviation of the log-odds of a design's cars (draws, 1).
         self._car_sd = answers.draws.car_sd[self._draw_indices][:, None]
-        # The expected rate of the recommended design as things are: a step with a single result, which is certain.
+        # The rate that is expected without any step, which is a step with a single result, which is certain.
         self._rate_now = self._expected_rate(numpy.ones((STEP_DRAWS, 1)))
         self.driven_designs = set(answers.trials.driven.tolist())
 
@@ -138,14 +138,15 @@ class _Valuation:
         # If the same draws chose a design and judged it, its rate would look too good. So the draws are divided into two
         # halves. Systematic resampling makes neighbouring draws alike, so every second draw represents all of them.
         even, odd = slice(0, None, 2), slice(1, None, 2)
-        # For each result and design, the sum over draws of the result's probability times the rate.
+        # For each result and design, the sum over draws of the result's probability times the rate: (results, d).
         even_rates = outcomes[even].T @ self._rates[even]
         odd_rates = outcomes[odd].T @ self._rates[odd]
-        # For each result, each half chooses the design with the highest rate, and the other half says how good it is.
-        results = numpy.arange(outcomes.shape[1])
-        chosen_by_odd = even_rates[results, odd_rates.argmax(axis=1)].sum()
-        chosen_by_even = odd_rates[results, even_rates.argmax(axis=1)].sum()
-        return float((chosen_by_odd + chosen_by_even) / len(self._rates))
+        total = 0.0
+        for even_rates_of_result, odd_rates_of_result in zip(even_rates, odd_rates, strict=True):
+            # Each half chooses the design with the highest rate, and the other half says how good it is.
+            total += even_rates_of_result[odd_rates_of_result.argmax()]
+            total += odd_rates_of_result[even_rates_of_result.argmax()]
+        return float(total / len(self._rates))
 
     def new_car_outcomes(self, design: int, trials: int) -> FloatArray:
         """Return the probabilities (draws, trials + 1) that a new car of the design passes 0, 1, … of ``trials``."""
@@ -161,32 +162,48 @@ class _Valuation:
         """
         if not self._answers.driven:
             return {}
-        log_likelihoods, car_log_odds = self._answers.draws.car_log_likelihood(self._answers.trials)
+        car_odds = self._answers.draws.car_odds(self._answers.trials)
+        # The car's own trials make some of its possible log-odds more probable than others.
+        probabilities = car_odds.probabilities()
         cars = self._answers.cars
         best_cars = sorted(range(len(cars)), key=lambda car: -cars[car].rate.value)[:MAX_CARS]
         outcomes = {}
         for car in best_cars:
-            # The car's own trials make some of its possible log-odds (draws, nodes) more probable than others.
-            logs = log_likelihoods[self._draw_indices, car]
-            weights = numpy.exp(logs - logs.max(axis=1, keepdims=True)) * NODE_WEIGHTS
-            weights = weights / weights.sum(axis=1, keepdims=True)
-            outcomes[car] = _pass_count_probabilities(car_log_odds[self._draw_indices, car], weights, trials)
+            outcomes[car] = _pass_count_probabilities(
+                log_odds=car_odds.log_odds[self._draw_indices, car],
+                weights=probabilities[self._draw_indices, car],
+                trials=trials,
+            )
         return outcomes
 
     def measurement_results(self, parameter: int, precision: float) -> FloatArray:
-        """Return how probable RESULTS possible results of a measurement are in each draw, as (draws, RESULTS).
+        """Return the probability of each possible result of a measurement in each draw: (draws, RESULTS).
 
-        ``parameter`` is the index of the measured parameter. ``precision`` is the standard deviation of the measured
-        score.
+        ``parameter`` is the index of the measured parameter. Its measured score is normally distributed around the true
+        score, with the standard deviation ``precision``. For the computation there are only RESULTS different results.
         """
         scores = self._answers.draws.scores[self._draw_indices, parameter]
         # The results are the midpoints of equally probable parts of the scores' distribution.
         results = numpy.quantile(scores, (numpy.arange(RESULTS) + 0.5) / RESULTS)
-        # A draw gives each result a probability that falls with its distance. The width of this bell curve is at least
-        # the distance of two results, because otherwise each draw would have only one possible result.
-        width = max(precision, float(numpy.ptp(results)) / RESULTS)
-        density = numpy.exp(-(((scores[:, None] - results) / width) ** 2) / 2)
+        # The standard deviation is at least the distance of two results. Otherwise each draw would have only one possible
+        # result.
+        sd = max(precision, float(numpy.ptp(results)) / RESULTS)
+        distances = (scores[:, None] - results) / sd
+        density = numpy.exp(-(distances**2) / 2)
         return numpy.asarray(density / density.sum(axis=1, keepdims=True))
+
+
+def _resampled(weights: FloatArray) -> NDArray[Any]:
+    """Choose STEP_DRAWS draws with probabilities ``weights`` (n,), and return their indices in ascending order.
+
+    This is systematic resampling: the draws are chosen at equal distances along the cumulated weights, from a random
+    start. It has less noise than independent choices.
+    """
+    random = numpy.random.default_rng(RESAMPLING_SEED)
+    positions = (numpy.arange(STEP_DRAWS) + random.random()) / STEP_DRAWS
+    indices = numpy.searchsorted(numpy.cumsum(weights), positions)
+    # Rounding can leave the last cumulated weight below 1.
+    return indices.clip(max=len(weights) - 1)
 
 
 def _pass_count_probabilities(log_odds: FloatArray, weights: FloatArray, trials: int) -> FloatArray:

@@ -12,12 +12,12 @@ from scipy.special import expit, gammaln
 
 from foldcar.belief.learning import Learned
 from foldcar.belief.priors import PARAMETERS, FloatArray, ScorePrior, UnknownParameter
+from foldcar.belief.trials import Trials
 from foldcar.belief.weighing import (
     CAR_SD,
     UNEXPLAINED,
     Draws,
     Prior,
-    Trials,
     centre_of_cars,
     effective_number,
     normalised,
@@ -42,6 +42,8 @@ MIN_EFFECTIVE_WITHOUT = 300
 SURPRISE_DRAWS = 4_000
 # Two thirds of a normal distribution lie within this many standard deviations.
 TWO_THIRDS_SD = 0.97
+# Standard deviations of scores, by which is divided, are raised to this.
+MIN_SD = 1e-9
 # The same random numbers each time, so that the same trials give the same answers.
 SURPRISE_SEED, REALITIES_SEED = 5, 3
 # Of more driven designs, those with most trials are compared with the others.
@@ -180,12 +182,14 @@ class Answers:
         scores_before, scores_after = self.before.scores[:, index], self.draws.scores[:, index]
         before = _median_estimate(scores_before, self.before.weights)
         after = _median_estimate(scores_after, self.draws.weights)
-        # This is not 0, because shift and narrowing are divided by it.
-        sd_before = max(_sd(scores_before, self.before.weights), 1e-9)
+        # Shift and narrowing are divided by the first of these, so it must not be 0.
+        sd_before = max(_sd(scores_before, self.before.weights), MIN_SD)
         sd_after = _sd(scores_after, self.draws.weights)
-        measured, chance_of_wrong_value = None, 0.0
+        measured = None
+        chance_of_wrong_value = 0.0
         if index in self.draws.prior.measured:
-            measured = float(parameter.value(self.draws.prior.known[index].mean))
+            measured_score = self.draws.prior.known[index].mean
+            measured = float(parameter.value(measured_score))
             chance_of_wrong_value = float(self.draws.weights @ self.draws.wrong[:, index])
         return Unknown(
             parameter,
@@ -203,7 +207,7 @@ class Answers:
         return UNEXPLAINED, _median_estimate(self.draws.size, self.draws.weights).value
 
     @property
-    def grown(self) -> bool:
+    def unexplained_has_grown(self) -> bool:
         """Whether the unexplained error had to grow: something is wrong that the list of unknowns does not have."""
         before, after = self.unexplained
         return after > GROWN * before
@@ -217,7 +221,8 @@ class Answers:
         """Return an interval (low, high): two thirds of the further cars of a design have a success rate within it."""
         log_odds = self.draws.log_odds(numpy.array([design]))[:, 0]
         median_log_odds = _median_estimate(log_odds, self.draws.weights).value
-        # The standard deviation of the log-odds of cars after the trials.
+        # By how much the log-odds of the cars differ, as known after the trials. The log-odds of the design belong to the
+        # mean rate of its cars, and are not quite the middle of the cars' log-odds.
         _, car_sd = self.car_sd
         centre = centre_of_cars(numpy.asarray(median_log_odds), car_sd)
         half_width = TWO_THIRDS_SD * car_sd
@@ -274,17 +279,16 @@ class Answers:
     def realities(self, number: int) -> tuple[FloatArray, FloatArray]:
         """Draw ``number`` realities by their weights, and return their values and the rates of the designs in them.
 
-        The values (number, parameters) are in the parameters' units. The simulator has two kinds of unexplained errors:
-        one varies slowly from design to design, the other is independent in each design. The rates (number, d) contain
-        only the first kind, so that curves over the designs are smooth.
+        The values (number, parameters) are in the parameters' units. The rates are (number, d). They do not contain the
+        errors that the simulator makes at each design independently, so that curves over the designs are smooth.
         """
         weights = self.draws.weights
-        chosen = numpy.random.default_rng(REALITIES_SEED).choice(len(weights), number, p=weights)
-        chosen_draws = replace(self.draws, normal=self.draws.normal[chosen], weights=weights[chosen])
-        scores = chosen_draws.scores
-        designs = numpy.arange(len(chosen_draws.prior.designs))
-        log_odds = chosen_draws.prior.log_odds(scores, designs) + chosen_draws.unexplained(designs)
-        values = [parameter.value(scores[:, index]) for index, parameter in enumerate(PARAMETERS)]
+        random = numpy.random.default_rng(REALITIES_SEED)
+        chosen = random.choice(len(weights), number, p=weights)
+        realities = replace(self.draws, normal=self.draws.normal[chosen], weights=weights[chosen])
+        designs = numpy.arange(len(realities.prior.designs))
+        log_odds = realities.prior.log_odds(realities.scores, designs) + realities.unexplained(designs)
+        values = [parameter.value(realities.scores[:, index]) for index, parameter in enumerate(PARAMETERS)]
         return numpy.column_stack(values), numpy.asarray(expit(log_odds))
 
 

@@ -20,6 +20,7 @@ The regression is solved by Newton's method in numpy: importing scikit-learn tak
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy
 from scipy.special import expit
@@ -77,21 +78,24 @@ class Learned:
 
         ``scores`` (n, K) are those of n realities, and ``designs`` (d, parameters) the parameters of d designs.
         """
-        scores = _shaped(scores)
-        quadratics = _quadratics(scores)
-        # The first coefficients belong to the squares and products of scores, whose effect is the same for all designs.
-        quadratic_coefficients = self.coefficients[: quadratics.shape[1]]
-        same_for_all_designs = quadratics @ quadratic_coefficients
-        # The others are a table: a row for the constant and for each score, a column for each feature of a design.
-        table = self.coefficients[quadratics.shape[1] :].reshape(1 + scores.shape[1], -1)
-        effects_on_designs = table @ self._design_features(designs).T
-        log_odds = same_for_all_designs[:, None] + _with_constant(scores) @ effects_on_designs
-        scene_variance = 0.0
-        if self.scene_offsets:
-            scene_variance = float(numpy.var(list(self.scene_offsets.values())))
-        # So far these are log-odds in the average scene. Over random scenes they are closer to 0.
-        log_odds /= numpy.sqrt(1 + SLOPE * scene_variance)
+        inputs = _regression_inputs(scores)
+        quadratics = _quadratics(inputs)
+        number = quadratics.shape[1]
+        # The file's head has the formula. The first term is the same for all designs.
+        first_term = quadratics @ self.coefficients[:number]
+        # The matrix G has a row for the constant and for each score, and a column for each feature of a design.
+        matrix = self.coefficients[number:].reshape(1 + inputs.shape[1], -1)
+        effects_on_designs = matrix @ self._design_features(designs).T
+        second_term = _with_constant(inputs) @ effects_on_designs
+        log_odds_in_average_scene = first_term[:, None] + second_term
+        # Over random scenes, log-odds are closer to 0.
+        log_odds = log_odds_in_average_scene / numpy.sqrt(1 + SLOPE * self._scene_variance)
         return numpy.asarray(numpy.clip(log_odds, -MAX_LOG_ODDS, MAX_LOG_ODDS))
+
+    @property
+    def _scene_variance(self) -> float:
+        """The variance of the scenes' offsets (log-odds); 0 if no offset is known."""
+        return float(numpy.var(list(self.scene_offsets.values()))) if self.scene_offsets else 0.0
 
     def unit(self, designs: FloatArray) -> FloatArray:
         """Return design parameters scaled to 0 to 1 over the family."""
@@ -119,9 +123,8 @@ def nominal_runs(variation: Collection[str], counts: DesignCounts) -> NominalRun
     scores = numpy.array(NOMINAL_SCORES)
     wheel_quantities = {name for name, quantity in workshop_spreads().items() if quantity.per == "wheel"}
     if wheel_quantities.intersection(variation):
-        # In these runs the wheels of a car differ from each other, as the variation "workshop" says. This is the median
-        # of the unknown WHEEL_SPREAD, so its score is 0. Without variation the wheels are all alike, which is another
-        # score.
+        # NOMINAL_SCORES are those of a car whose wheels are all alike. In these runs the wheels of a car differ by the
+        # usual amount, which is the median of the parameter WHEEL_SPREAD. The score of a median is 0.
         scores[NAMES.index(WHEEL_SPREAD)] = 0.0
     return NominalRuns(scores, numpy.array(counts.passed, float), numpy.array(counts.counted, float))
 
@@ -132,9 +135,9 @@ def learn(runs: RealityRuns, designs: FloatArray, nominal: NominalRuns | None = 
     ``runs`` are these runs. ``nominal`` are runs in nominal simulation, if there are any. ``designs`` (designs,
     parameters) are the parameters of the family's designs.
 
-    The first CHECK runs of every BLOCK runs are a check group: they are runs of one design in one reality. To measure the
-    error, the function is first learned without the check groups, and then compared with them. Raises FoldcarError if
-    there are no runs.
+    The first CHECK runs of every BLOCK runs are of one design in one reality. They are a check group: the fraction of
+    them that passed is nearly the success rate. To measure the error, the function is first learned without the check
+    groups, and then compared with them. Raises FoldcarError if there are no runs.
     """
     runs = runs.taken(numpy.isfinite(runs.passed))
     if not len(runs):
@@ -143,7 +146,8 @@ def learn(runs: RealityRuns, designs: FloatArray, nominal: NominalRuns | None = 
     # A parameter that does not vary must not divide by 0.
     span = numpy.where(span > 0, span, 1.0)
     centres = _distant_designs((designs - low) / span)
-    unlearned = Learned(low, span, centres, _mean_spacing(centres), numpy.zeros(0))
+    # All of the function but its coefficients.
+    unlearned = Learned(low, span, centres, length=_mean_spacing(centres), coefficients=numpy.zeros(0))
     error = None
     in_check_group = runs.number % BLOCK < CHECK
     if in_check_group.any() and not in_check_group.all():
@@ -157,16 +161,21 @@ def _design_offsets(learned: Learned, runs: RealityRuns, designs: FloatArray, no
     """Return by how much the log-odds of each design (designs,) differ from the smooth function that was learned.
 
     A smooth function of several parameters cannot follow every single design. Without these offsets, the designs that
-    look best would be those that the function overestimates. The offsets are the coefficients of a penalised logistic
-    regression with one coefficient for each design, after one step of Newton's method from 0.
+    look best would be those that the function overestimates. An offset is large if the design passed more runs than the
+    function says, and if it has many runs. ``nominal`` are runs in nominal simulation, which count less.
+
+    In other words, the offsets are the coefficients of a penalised logistic regression with one coefficient for each
+    design, after one step of Newton's method from 0: gradient / curvature of the penalised log-likelihood.
     """
+    number = len(designs)
     learned_rates = _rates_of_runs(learned, runs, designs)
-    gradient = numpy.bincount(runs.design, runs.passed - learned_rates, minlength=len(designs))
-    curvature = numpy.bincount(runs.design, learned_rates * (1 - learned_rates), minlength=len(designs))
+    gradient = numpy.bincount(runs.design, runs.passed - learned_rates, minlength=number)
+    curvature = numpy.bincount(runs.design, learned_rates * (1 - learned_rates), minlength=number)
     if nominal is not None:
-        rates = expit(learned.log_odds(nominal.scores[None], designs)[0])
-        gradient = gradient + NOMINAL_TRUST * (nominal.passed - nominal.counted * rates)
-        curvature = curvature + NOMINAL_TRUST * nominal.counted * rates * (1 - rates)
+        nominal_rates = expit(learned.log_odds(nominal.scores[None], designs)[0])
+        weights = NOMINAL_TRUST * nominal.counted
+        gradient = gradient + NOMINAL_TRUST * nominal.passed - weights * nominal_rates
+        curvature = curvature + weights * nominal_rates * (1 - nominal_rates)
     return numpy.asarray(gradient / (curvature + 1 / DESIGN_VARIANCE))
 
 
@@ -188,31 +197,52 @@ def _fit_coefficients(unlearned: Learned, runs: RealityRuns, designs: FloatArray
     for each run, with the features of the run's reality and design, and with a column for each scene.
     """
     design_features = unlearned._design_features(designs)
-    features = _features(_shaped(runs.scores), design_features[runs.design])
+    features = _features(_regression_inputs(runs.scores), design_features[runs.design])
+    number = features.shape[1]
     # The column of a scene is 1 for the runs in this scene.
     samples, scene_of_run = numpy.unique(runs.sample, return_inverse=True)
     is_in_scene = (scene_of_run[:, None] == numpy.arange(len(samples))).astype(float)
-    table = numpy.hstack([features, is_in_scene])
-    passed, counted = runs.passed, numpy.ones(len(runs))
+    rows = _Rows(numpy.hstack([features, is_in_scene]), passed=runs.passed, counted=numpy.ones(len(runs)))
     if nominal is not None:
-        # The nominal runs of a design are one row. They were simulated in all scenes, so no scene has a 1 in this row.
-        has_runs = nominal.counted > 0
-        scores = numpy.tile(nominal.scores, (int(has_runs.sum()), 1))
-        nominal_features = _features(_shaped(scores), design_features[has_runs])
-        no_scene = numpy.zeros((len(nominal_features), len(samples)))
-        table = numpy.vstack([table, numpy.hstack([nominal_features, no_scene])])
-        # Such a row counts as at most NOMINAL_RUNS runs.
-        weights = numpy.minimum(NOMINAL_RUNS, nominal.counted[has_runs])
-        rates = nominal.passed[has_runs] / nominal.counted[has_runs]
-        passed = numpy.concatenate([passed, weights * rates])
-        counted = numpy.concatenate([counted, weights])
-    number = features.shape[1]
+        rows = rows.with_rows(_rows_of_nominal_runs(nominal, design_features, len(samples)))
     variances = numpy.repeat([COEFFICIENT_VARIANCE, SCENE_VARIANCE], [number, len(samples)])
-    coefficients = penalised_logistic(table, passed, counted, variances)
-    offsets = coefficients[number:]
-    centred_offsets = offsets - offsets.mean()
-    scene_offsets = dict(zip(samples.tolist(), centred_offsets.tolist(), strict=True))
+    coefficients = penalised_logistic(rows.table, rows.passed, rows.counted, variances)
+    scene_coefficients = coefficients[number:]
+    offsets = scene_coefficients - scene_coefficients.mean()
+    scene_offsets = dict(zip(samples.tolist(), offsets.tolist(), strict=True))
     return replace(unlearned, coefficients=coefficients[:number], scene_offsets=scene_offsets, runs=len(runs))
+
+
+class _Rows(NamedTuple):
+    """The data of the regression: a row of ``table`` for ``counted`` runs, of which ``passed`` passed."""
+
+    table: FloatArray
+    passed: FloatArray
+    counted: FloatArray
+
+    def with_rows(self, other: "_Rows") -> "_Rows":
+        """Return these rows, followed by those of ``other``."""
+        return _Rows(
+            table=numpy.vstack([self.table, other.table]),
+            passed=numpy.concatenate([self.passed, other.passed]),
+            counted=numpy.concatenate([self.counted, other.counted]),
+        )
+
+
+def _rows_of_nominal_runs(nominal: NominalRuns, design_features: FloatArray, scenes: int) -> _Rows:
+    """Return a row of the regression for the nominal runs of each design that has such runs.
+
+    ``design_features`` (designs, features) are those of the designs. A row counts as at most NOMINAL_RUNS runs. The runs
+    were simulated in all scenes, so the columns of the ``scenes`` are 0.
+    """
+    has_runs = nominal.counted > 0
+    inputs = _regression_inputs(nominal.scores[None])
+    inputs_of_rows = numpy.repeat(inputs, int(has_runs.sum()), axis=0)
+    features = _features(inputs_of_rows, design_features[has_runs])
+    no_scene = numpy.zeros((len(features), scenes))
+    counted = numpy.minimum(NOMINAL_RUNS, nominal.counted[has_runs])
+    rates = nominal.passed[has_runs] / nominal.counted[has_runs]
+    return _Rows(numpy.hstack([features, no_scene]), passed=counted * rates, counted=counted)
 
 
 def penalised_logistic(
@@ -256,24 +286,28 @@ def _objective(
 def _check_error(learned: Learned, checks: RealityRuns, designs: FloatArray) -> float | None:
     """Return the root mean square error of the learned rate on check groups, or None if no group has several runs.
 
-    k of the n runs of a group passed. The difference between k/n and the learned rate has two causes: the error of the
-    learned rate, and chance, because n is small. The variance of chance is p (1 - p) / n for a true rate p. Its unbiased
-    estimate k/n (1 - k/n) / (n - 1) is subtracted from the squared difference.
+    The learned rate is compared with the fraction of the group's runs that passed. This fraction differs from the true
+    rate by chance, because the group has few runs. The variance of the chance is estimated and subtracted.
     """
     # A group consists of the runs of one block with the same design.
-    block_and_design = numpy.stack([checks.number // BLOCK, checks.design])
-    _, first_run, group = numpy.unique(block_and_design, axis=1, return_index=True, return_inverse=True)
-    counted = numpy.bincount(group.ravel()).astype(float)
-    passed_fractions = numpy.bincount(group.ravel(), checks.passed) / counted
-    has_several = counted > 1
-    if not has_several.any():
+    runs_of_groups: dict[tuple[int, int], list[int]] = {}
+    blocks = (checks.number // BLOCK).tolist()
+    for run, group in enumerate(zip(blocks, checks.design.tolist(), strict=True)):
+        runs_of_groups.setdefault(group, []).append(run)
+    learned_rates = _rates_of_runs(learned, checks, designs)
+    squared_errors = []
+    for runs in runs_of_groups.values():
+        if len(runs) < 2:
+            continue
+        passed_fraction = checks.passed[runs].mean()
+        # The unbiased estimate of p (1 - p) / n, where p is the true rate and n the number of runs.
+        variance_of_chance = passed_fraction * (1 - passed_fraction) / (len(runs) - 1)
+        # All runs of a group have the same learned rate.
+        difference = learned_rates[runs[0]] - passed_fraction
+        squared_errors.append(difference**2 - variance_of_chance)
+    if not squared_errors:
         return None
-    # All runs of a group have the same learned rate.
-    learned_rates = _rates_of_runs(learned, checks.taken(first_run), designs)
-    squared_differences = (learned_rates - passed_fractions)[has_several] ** 2
-    counting_variances = (passed_fractions * (1 - passed_fractions))[has_several] / (counted[has_several] - 1)
-    mean_square_error = (squared_differences - counting_variances).mean()
-    return float(numpy.sqrt(max(0.0, mean_square_error)))
+    return float(numpy.sqrt(max(0.0, numpy.mean(squared_errors))))
 
 
 def _features(scores: FloatArray, design_features: FloatArray) -> FloatArray:
@@ -282,20 +316,19 @@ def _features(scores: FloatArray, design_features: FloatArray) -> FloatArray:
     return numpy.hstack([_quadratics(scores), products.reshape(len(scores), -1)])
 
 
-def _shaped(scores: FloatArray) -> FloatArray:
-    """Return the inputs of the regression for scores (n, parameters), as an array of the same shape.
+def _regression_inputs(scores: FloatArray) -> FloatArray:
+    """Return the inputs of the regression for ``scores`` (n, parameters), as an array of the same shape.
 
-    For most parameters this is the score itself. Some parameters are spreads, such as the standard deviation of the
-    start. Their effect is proportional to the spread, so the input is the spread. It is shifted so that its mean is
-    nearly 0.
+    For most parameters the input is the score. Some parameters are standard deviations, such as that of the car's start.
+    Their effect is proportional to their value, not to their score, so the input is the value minus its mean.
     """
-    shaped_scores = numpy.array(scores, dtype=float)
+    inputs = numpy.array(scores, dtype=float)
     for index, parameter in enumerate(PARAMETERS):
         if parameter.prior == "half-normal":
-            shaped_scores[:, index] = parameter.value(shaped_scores[:, index]) / parameter.sd - HALF_NORMAL_MEAN
+            inputs[:, index] = parameter.value(scores[:, index]) / parameter.sd - HALF_NORMAL_MEAN
         elif parameter.name == WHEEL_SPREAD:
-            shaped_scores[:, index] = parameter.value(shaped_scores[:, index]) - WHEEL_SPREAD_MEAN
-    return shaped_scores
+            inputs[:, index] = parameter.value(scores[:, index]) - WHEEL_SPREAD_MEAN
+    return inputs
 
 
 def _with_constant(values: FloatArray) -> FloatArray:

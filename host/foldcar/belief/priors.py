@@ -218,9 +218,9 @@ def built_priors(vehicle_type: str, from_sheets: bool, supply_ratio: float | Non
     """Return the priors of unknown parameters about which more is known in built cars, by the parameter's index.
 
     Three things narrow a prior. If ``vehicle_type`` names the cells of the battery, their voltage is known. If the car
-    was built ``from_sheets``, its parts lie where they are drawn. If the battery's voltage was measured,
-    ``supply_ratio`` is the measured voltage divided by that of the design, and the servos' torque and speed are
-    proportional to it.
+    was built ``from_sheets``, its parts lie where they are drawn, so its centre of mass is known. If the battery's
+    voltage was measured, ``supply_ratio`` is the measured voltage divided by that of the design. The torque and the speed
+    of the servos are proportional to it.
 
     Example: ``built_priors("W_B_W+cells=nimh", from_sheets=True)``
     """
@@ -237,7 +237,7 @@ def built_priors(vehicle_type: str, from_sheets: bool, supply_ratio: float | Non
     priors = {}
     for narrowed in narrowed_parameters:
         index = NAMES.index(narrowed.name)
-        wide = PARAMETERS[index]
-        # A score counts in standard deviations of the usual, wider prior.
-        priors[index] = ScorePrior(wide.score(narrowed.middle), narrowed.sd / wide.sd, narrowed.source)
+        usual = PARAMETERS[index]
+        # A score is a number of standard deviations of the usual prior.
+        priors[index] = ScorePrior(mean=usual.score(narrowed.middle), sd=narrowed.sd / usual.sd, source=narrowed.source)
     return priors

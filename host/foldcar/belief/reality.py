@@ -44,9 +44,10 @@ def drawn_reality(
 ) -> dict[str, Any]:
     """Draw how car and ground differ from design and scene in one drive. Return it as ``reality`` of carsim's run line.
 
-    ``values`` are the unknown parameters of the reality, by name. ``listed`` are the standard deviations of the listing's
-    variation, by name. If ``values`` has a ``wheel_spread``, it replaces the listing's deviations of wheels. Drives with
-    the same ``seed`` and the same ``car`` have the same car; ``drive`` is the number that decides its start.
+    ``values`` are the simulator's unknown parameters in this reality, by name. ``listed`` are the standard deviations
+    between cars that the listing states, by the name of the quantity. If ``values`` has a ``wheel_spread``, it decides
+    the standard deviations of the wheels instead. Drives with the same ``seed`` and the same ``car`` have the same car.
+    ``drive`` is the number that decides where the car starts.
     """
     spread = dict(listed)
     if "wheel_spread" in values:
@@ -55,19 +56,20 @@ def drawn_reality(
                 spread[name] = values["wheel_spread"] * quantity.sd
     reality = draw(spread, seed, car)
     for name in ("servo_torque", "servo_speed"):
-        # ``values`` has a factor for all servos. A reality has a relative difference for each servo, where 0 stands for
-        # the value of the design.
-        differences_of_servos = reality.get(name, [0.0] * CHANNELS)
-        reality[name] = [values[name] * (1 + difference) - 1 for difference in differences_of_servos]
+        # A reality has the relative difference of each servo from the design, such as 0.1 for 10 % more. All servos are
+        # multiplied by the factor in ``values``.
+        differences = reality.get(name, [0.0] * CHANNELS)
+        reality[name] = [values[name] * (1 + difference) - 1 for difference in differences]
     reality["com_z_m"] = reality.get("com_z_m", 0.0) + values["com_height_m"]
     reality["track_m"] = values["track_m"]
     for name in REAL_ONLY.keys() & values.keys():
         # This is added to the difference that the listing's variation may have drawn.
         reality[name] = reality.get(name, 0.0) + values[name]
-    reality |= {name: values[name] for name in GROUND_FACTORS}
+    for name in GROUND_FACTORS:
+        reality[name] = values[name]
     for name, deviate in start_deviates(seed, drive).items():
-        sd = values["start_heading_sd_rad" if name == "start_heading_rad" else "start_position_sd_m"]
-        reality[name] = sd * deviate
+        sd_name = "start_heading_sd_rad" if name == "start_heading_rad" else "start_position_sd_m"
+        reality[name] = values[sd_name] * deviate
     return reality
 
 

@@ -14,10 +14,10 @@ these, step by step (sequential Monte Carlo: Del Moral et al. 2006, doi:10.1111/
 those of Cotter et al. 2013, doi:10.1214/13-STS421), so that there are always enough.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy
 from numpy.typing import NDArray
@@ -25,6 +25,7 @@ from scipy.special import chdtri, expit, ndtr, ndtri
 
 from foldcar.belief.learning import SLOPE, Learned
 from foldcar.belief.priors import MAX_SCORE, NOMINAL_SCORES, PARAMETERS, FloatArray, ScorePrior
+from foldcar.belief.trials import Trials
 
 # Number of draws; fewer for many designs or cars, so that no array has much more than MAX_NUMBERS numbers.
 MAX_DRAWS, MIN_DRAWS, MAX_NUMBERS = 30_000, 2_000, 10_000_000
@@ -58,66 +59,6 @@ NODE_WEIGHTS = NODE_WEIGHTS / NODE_WEIGHTS.sum()
 
 
 @dataclass(frozen=True)
-class Trials:
-    """Completed trials. The trials of one car in one scene form a group.
-
-    These have an entry for each group: ``car`` (groups,) is the index of its car. ``passed`` and ``counted`` (groups,)
-    are its numbers of passed trials and of all trials. ``scene_ease`` (groups,) is how much easier its scene is than an
-    average scene, in log-odds.
-
-    These have an entry for each car: ``design`` (cars,) is the index of its design among those of the belief. ``names``
-    is its name, None for a car without a name.
-    """
-
-    design: NDArray[Any]
-    names: tuple[str | None, ...]
-    car: NDArray[Any]
-    passed: FloatArray
-    counted: FloatArray
-    scene_ease: FloatArray
-
-    @classmethod
-    def of_counts(cls, counts: Sequence[tuple[int, int, int]]) -> "Trials":
-        """Return the trials of one car for each tuple (design, passed, counted), in average scenes."""
-        cars = len(counts)
-        return cls(
-            design=numpy.array([design for design, _, _ in counts], int),
-            names=(None,) * cars,
-            car=numpy.arange(cars),
-            passed=numpy.array([passed for _, passed, _ in counts], float),
-            counted=numpy.array([counted for _, _, counted in counts], float),
-            scene_ease=numpy.zeros(cars),
-        )
-
-    @property
-    def driven(self) -> NDArray[Any]:
-        """The indices of the driven designs, ascending."""
-        return numpy.unique(self.design)
-
-    def without(self, design: int) -> "Trials":
-        """Return the trials of all other designs. The remaining cars get new indices."""
-        keeps_car = self.design != design
-        keeps_group = keeps_car[self.car]
-        # A car's new index is the number of kept cars before it.
-        new_index_of_car = numpy.cumsum(keeps_car) - 1
-        return Trials(
-            design=self.design[keeps_car],
-            names=tuple(self.names[car] for car in numpy.flatnonzero(keeps_car)),
-            car=new_index_of_car[self.car[keeps_group]],
-            passed=self.passed[keeps_group],
-            counted=self.counted[keeps_group],
-            scene_ease=self.scene_ease[keeps_group],
-        )
-
-    def counts_of(self, design: int) -> tuple[int, int]:
-        """Return how many trials of a design passed, and how many there are."""
-        if not len(self.car):
-            return 0, 0
-        is_of_design = self.design[self.car] == design
-        return int(self.passed[is_of_design].sum()), int(self.counted[is_of_design].sum())
-
-
-@dataclass(frozen=True)
 class Prior:
     """What is believed before the trials.
 
@@ -142,36 +83,66 @@ class Prior:
         """The frequencies (parameters, WAVES / 2) of the waves whose sum is the smooth part of the unexplained error.
 
         The sum of cosines and sines with these frequencies and with normal amplitudes is approximately a Gaussian
-        process with a Matern covariance (Rahimi and Recht 2007). For this the frequencies must be spread over the
-        spectrum of this covariance.
+        process with a Matern covariance of smoothness 5/2, if the frequencies are distributed like the spectrum of this
+        covariance (Rahimi and Recht 2007). The spectrum is Student's t distribution with 5 degrees of freedom.
         """
         parameters = self.designs.shape[1]
-        # An additive recurrence gives points that are evenly spread over a cube of side 1: multiples of fixed steps,
-        # modulo 1. The best steps are the powers of the solution of root ** (parameters + 2) = root + 1, which is found
-        # by iteration.
-        root = 2.0
-        for _ in range(50):
-            root = (1 + root) ** (1 / (parameters + 2))
-        steps = root ** -numpy.arange(1.0, parameters + 2)
-        # The points (waves, 1 + parameters).
-        points = (0.5 + numpy.arange(1, WAVES // 2 + 1)[:, None] * steps) % 1
-        # The spectrum of the Matern covariance of smoothness 5/2 is Student's t distribution with 5 degrees of freedom:
-        # a normal variable divided by the root of a chi-square variable over 5.
-        normal, chi_square = ndtri(points[:, 1:]), chdtri(5, points[:, 0])
+        points = _evenly_spread_points(WAVES // 2, 1 + parameters)
+        # Student's t is a normal variable divided by the root of a chi-square variable over 5.
+        chi_square = chdtri(5, points[:, 0])
+        normal = ndtri(points[:, 1:])
         scale = numpy.sqrt(5 / chi_square) / (LENGTH * numpy.sqrt(max(parameters, 1)))
         return numpy.asarray(normal.T * scale)
 
     def smooth_columns(self, designs: FloatArray) -> FloatArray:
-        """Return the waves (WAVES, d) at designs (d, parameters)."""
+        """Return the waves (WAVES, d) of the smooth part of the unexplained error at designs (d, parameters)."""
         angles = self.learned.unit(designs) @ self.frequencies
         return numpy.asarray(numpy.sqrt(2 / WAVES) * numpy.hstack([numpy.cos(angles), numpy.sin(angles)]).T)
 
 
-# The columns of a draw. The own errors of the driven designs follow.
-_SCORES = slice(0, len(PARAMETERS))
-_WRONG = slice(_SCORES.stop, 2 * len(PARAMETERS))
-_NEAR, _CAR, _SIZE, _OWN_SIZE, _COMMON = range(_WRONG.stop, _WRONG.stop + 5)
-_SMOOTH = slice(_COMMON + 1, _COMMON + 1 + WAVES)
+def _evenly_spread_points(number: int, dimensions: int) -> FloatArray:
+    """Return points (number, dimensions) that are evenly spread over a cube of side 1, by an additive recurrence.
+
+    They are the multiples of fixed steps, modulo 1. The best steps are the powers of 1 / root, where root is the solution
+    of root ** (dimensions + 1) = root + 1.
+    """
+    root = 2.0
+    # 50 iterations are exact to rounding.
+    for _ in range(50):
+        root = (1 + root) ** (1 / (dimensions + 1))
+    steps = root ** -numpy.arange(1.0, dimensions + 1)
+    multiples = numpy.arange(1, number + 1)[:, None] * steps
+    return numpy.asarray((0.5 + multiples) % 1)
+
+
+class CarOdds(NamedTuple):
+    """Possible log-odds of each car that drove, and the log probability of the car's own trials with each of them.
+
+    A car's log-odds of passing are normally distributed around those of its design. This distribution is represented by
+    nodes: values with the probabilities NODE_WEIGHTS. Both arrays are (draws, cars, nodes).
+    """
+
+    log_odds: FloatArray
+    log_likelihood: FloatArray
+
+    def probabilities(self) -> FloatArray:
+        """Return how probable each node is (draws, cars, nodes), given the car's own trials."""
+        greatest = self.log_likelihood.max(axis=2, keepdims=True)
+        probabilities = numpy.exp(self.log_likelihood - greatest) * NODE_WEIGHTS
+        return numpy.asarray(probabilities / probabilities.sum(axis=2, keepdims=True))
+
+
+# The columns of a draw.
+_SCORE_COLUMNS = slice(0, len(PARAMETERS))
+_WRONG_COLUMNS = slice(len(PARAMETERS), 2 * len(PARAMETERS))
+_NEAR_COLUMN = 2 * len(PARAMETERS)
+_CAR_SD_COLUMN = _NEAR_COLUMN + 1
+_SIZE_COLUMN = _NEAR_COLUMN + 2
+_OWN_SIZE_COLUMN = _NEAR_COLUMN + 3
+_COMMON_COLUMN = _NEAR_COLUMN + 4
+_SMOOTH_COLUMNS = slice(_NEAR_COLUMN + 5, _NEAR_COLUMN + 5 + WAVES)
+# From here on, a column for each driven design.
+_FIRST_OWN_ERROR_COLUMN = _NEAR_COLUMN + 5 + WAVES
 
 
 @dataclass(frozen=True)
@@ -194,7 +165,7 @@ class Draws:
     @cached_property
     def wrong(self) -> NDArray[numpy.bool_]:
         """Whether the value measured of each parameter (n, parameters) is wrong; False where nothing was measured."""
-        is_wrong = numpy.asarray(ndtr(self.normal[:, _WRONG]) < WRONG)
+        is_wrong = numpy.asarray(ndtr(self.normal[:, _WRONG_COLUMNS]) < WRONG)
         for index in range(len(PARAMETERS)):
             if index not in self.prior.measured:
                 is_wrong[:, index] = False
@@ -202,39 +173,42 @@ class Draws:
 
     @cached_property
     def scores(self) -> FloatArray:
-        """The realities' scores (n, parameters): how many standard deviations each parameter is above its median."""
-        normal_scores = self.normal[:, _SCORES]
-        # Some realities, a fraction NOMINAL_CHANCE of all, are close to nominal simulation. A normal number decides
-        # which.
-        near_scores = NOMINAL_SCORES + NEAR * (normal_scores - NOMINAL_SCORES)
-        is_near_nominal = ndtr(self.normal[:, [_NEAR]]) < NOMINAL_CHANCE
-        scores = numpy.where(is_near_nominal, near_scores, normal_scores)
-        # What is known about a parameter, such as a measured value, narrows its scores. A wrong measurement does not.
+        """The realities' scores (n, parameters): how many standard deviations each parameter is above its median.
+
+        What is known about a parameter, such as a measured value, narrows its scores. A wrong measurement does not.
+        """
+        normal_scores = self.normal[:, _SCORE_COLUMNS]
+        # Some realities, a fraction NOMINAL_CHANCE of all, are close to nominal simulation. A normal number of the draw
+        # decides whether it is one of them.
+        close_scores = NOMINAL_SCORES + NEAR * (normal_scores - NOMINAL_SCORES)
+        is_close = ndtr(self.normal[:, [_NEAR_COLUMN]]) < NOMINAL_CHANCE
+        scores = numpy.where(is_close, close_scores, normal_scores)
         for index, prior in self.prior.known.items():
             narrowed = prior.mean + prior.sd * normal_scores[:, index]
-            scores[:, index] = numpy.where(self.wrong[:, index], scores[:, index], narrowed)
+            is_wrong = self.wrong[:, index]
+            scores[:, index] = numpy.where(is_wrong, scores[:, index], narrowed)
         return numpy.clip(scores, -MAX_SCORE, MAX_SCORE)
 
     @cached_property
     def size(self) -> FloatArray:
         """The size (n,) of the unexplained error, in log-odds."""
-        return UNEXPLAINED * numpy.exp(UNEXPLAINED_LOG_SD * self.normal[:, _SIZE])
+        return UNEXPLAINED * numpy.exp(UNEXPLAINED_LOG_SD * self.normal[:, _SIZE_COLUMN])
 
     @cached_property
     def car_sd(self) -> FloatArray:
         """The standard deviation (n,) of the log-odds of a design's cars."""
-        return CAR_SD * numpy.exp(CAR_SD_LOG_SD * self.normal[:, _CAR])
+        return CAR_SD * numpy.exp(CAR_SD_LOG_SD * self.normal[:, _CAR_SD_COLUMN])
 
     @cached_property
     def _own_size(self) -> FloatArray:
         """The standard deviation (n,) of the part of the unexplained error that each design has alone, in log-odds."""
-        own_size = UNEXPLAINED * numpy.exp(UNEXPLAINED_LOG_SD * self.normal[:, _OWN_SIZE])
+        own_size = UNEXPLAINED * numpy.exp(UNEXPLAINED_LOG_SD * self.normal[:, _OWN_SIZE_COLUMN])
         return numpy.asarray(numpy.sqrt(OWN) * own_size)
 
     def unexplained(self, designs: NDArray[Any]) -> FloatArray:
         """Return the unexplained error (n, d) of the designs with these indices, without the parts of each alone."""
-        smooth = self.normal[:, _SMOOTH] @ self.prior.smooth_columns(self.prior.designs[designs])
-        common = numpy.sqrt(COMMON) * self.normal[:, [_COMMON]]
+        smooth = self.normal[:, _SMOOTH_COLUMNS] @ self.prior.smooth_columns(self.prior.designs[designs])
+        common = numpy.sqrt(COMMON) * self.normal[:, [_COMMON_COLUMN]]
         return numpy.asarray(self.size[:, None] * (common + numpy.sqrt(SMOOTH) * smooth))
 
     def log_odds(self, designs: NDArray[Any]) -> FloatArray:
@@ -243,34 +217,31 @@ class Draws:
         ``designs`` (d,) are the indices of the designs.
         """
         log_odds = self.prior.log_odds(self.scores, designs) + self.unexplained(designs)
-        # Each design has an error of its own. A draw contains those of the driven designs; those of the others are
-        # random.
+        # The error of each design alone: a draw contains those of the driven designs, the others are drawn here.
         own_errors = numpy.random.default_rng(OWN_ERROR_SEED).standard_normal(log_odds.shape)
-        # The last columns of a draw are the errors of the driven designs.
-        errors_of_driven = self.normal[:, _SMOOTH.stop :]
         driven_designs = self.driven.tolist()
         for column, design in enumerate(designs.tolist()):
             if design in driven_designs:
-                own_errors[:, column] = errors_of_driven[:, driven_designs.index(design)]
+                column_of_draw = _FIRST_OWN_ERROR_COLUMN + driven_designs.index(design)
+                own_errors[:, column] = self.normal[:, column_of_draw]
         return log_odds + self._own_size[:, None] * own_errors
 
-    def car_log_likelihood(self, trials: Trials) -> tuple[FloatArray, FloatArray]:
-        """Return the log probability of each car's trials for certain log-odds of the car, and these log-odds.
-
-        Both have the shape (n, cars, nodes). A car's log-odds of passing are normally distributed around those of its
-        design. The nodes are values of this distribution, with the probabilities NODE_WEIGHTS.
-        """
+    def car_odds(self, trials: Trials) -> CarOdds:
+        """Return the possible log-odds of each car that drove, and how probable its own trials are with them."""
+        # The log-odds of each car's design (draws, cars).
         driven_index_of_car = numpy.searchsorted(self.driven, trials.design)
         design_log_odds = self.log_odds(self.driven)[:, driven_index_of_car]
-        centre = centre_of_cars(design_log_odds, self.car_sd[:, None])
-        car_log_odds = centre[:, :, None] + self.car_sd[:, None, None] * NODES
+        car_sd = self.car_sd[:, None]
+        centre = centre_of_cars(design_log_odds, car_sd)
+        # The nodes are a third axis.
+        car_log_odds = centre[:, :, None] + car_sd[:, :, None] * NODES
         log_likelihood = numpy.zeros(car_log_odds.shape)
         for group, car in enumerate(trials.car.tolist()):
             log_odds = car_log_odds[:, car] + float(trials.scene_ease[group])
             passed, counted = float(trials.passed[group]), float(trials.counted[group])
             # The log probability of passing is log_odds - log(1 + odds), that of failing is -log(1 + odds).
             log_likelihood[:, car] += passed * log_odds - counted * numpy.logaddexp(0, log_odds)
-        return log_likelihood, car_log_odds
+        return CarOdds(car_log_odds, log_likelihood)
 
     def log_likelihood(self, trials: Trials) -> FloatArray:
         """Return the log probability (n,) that each draw gives to the trials."""
@@ -278,36 +249,35 @@ class Draws:
 
     def log_likelihood_of_cars(self, trials: Trials) -> FloatArray:
         """Return the log probability (n, cars) that each draw gives to the trials of each car."""
-        by_node, _ = self.car_log_likelihood(trials)
+        by_node = self.car_odds(trials).log_likelihood
         # The greatest term is taken out of the sum, because exp of large negative numbers is 0.
         greatest = by_node.max(axis=2, keepdims=True)
         return numpy.asarray(greatest[..., 0] + numpy.log(numpy.exp(by_node - greatest) @ NODE_WEIGHTS))
 
     def car_rates(self, trials: Trials) -> FloatArray:
         """Draw the success rate (n, cars) of each car that drove, in each draw, given the car's own trials."""
-        log_likelihood, car_log_odds = self.car_log_likelihood(trials)
-        # A car's log-odds have the values of the nodes. This is the probability of each node.
-        probabilities = numpy.exp(log_likelihood - log_likelihood.max(axis=2, keepdims=True)) * NODE_WEIGHTS
-        cumulated = probabilities.cumsum(axis=2) / probabilities.sum(axis=2, keepdims=True)
-        # Choose a node for each draw and car at random, with these probabilities: the first one whose cumulated
-        # probability is not below a random number from 0 to 1.
+        car_odds = self.car_odds(trials)
+        cumulated = car_odds.probabilities().cumsum(axis=2)
+        # For each draw and car, the index of a node that is drawn with these probabilities (draws, cars, 1): of the first
+        # one whose cumulated probability is not below a random number from 0 to 1.
         thresholds = numpy.random.default_rng(CAR_SEED).random((*cumulated.shape[:2], 1))
-        nodes = (cumulated < thresholds).sum(axis=2).clip(max=len(NODES) - 1)
-        drawn_log_odds = numpy.take_along_axis(car_log_odds, nodes[:, :, None], axis=2)[..., 0]
-        return numpy.asarray(expit(drawn_log_odds))
+        nodes = (cumulated < thresholds).sum(axis=2, keepdims=True)
+        nodes = nodes.clip(max=len(NODES) - 1)
+        drawn_log_odds = numpy.take_along_axis(car_odds.log_odds, nodes, axis=2)
+        return numpy.asarray(expit(drawn_log_odds[:, :, 0]))
 
 
 def weigh(prior: Prior, trials: Trials, seed: int = 1) -> Draws:
     """Draw realities from the prior and weigh them by the trials. Equal input gives equal draws.
 
-    Without trials all draws have the same weight. If the trials leave weight to only a few draws, these are moved, so
-    that the answers do not rest on a handful of draws.
+    Without trials all draws have the same weight. If the trials leave weight to a few draws only, the answers would rest
+    on these few. Then other draws are returned, which are moved towards them and have equal weights.
     """
     random = numpy.random.default_rng(seed)
     # The largest arrays have this many numbers for each draw, so there are fewer draws if it is large.
     numbers_per_draw = max(1, len(prior.designs), len(NODES) * len(trials.design))
     draw_count = int(numpy.clip(MAX_NUMBERS // numbers_per_draw, MIN_DRAWS, MAX_DRAWS))
-    columns = _SMOOTH.stop + len(trials.driven)
+    columns = _FIRST_OWN_ERROR_COLUMN + len(trials.driven)
     normal = random.standard_normal((draw_count, columns))
     draws = Draws(prior, trials.driven, normal, _equal_weights(draw_count))
     if not len(trials.car):
@@ -349,7 +319,9 @@ def _moved(draws: Draws, trials: Trials, log_likelihood: FloatArray, random: num
     the draws are resampled, and then moved by a random walk, so that equal draws separate. ``log_likelihood`` (n,) is the
     log probability that each of the draws gives to the trials.
     """
-    number, power, stride = len(log_likelihood), 0.0, FIRST_STRIDE
+    number = len(log_likelihood)
+    walk = _RandomWalk(trials, random)
+    power = 0.0
     for _ in range(MAX_STEPS):
         step = _largest_step(log_likelihood, 1 - power)
         power += step
@@ -357,21 +329,34 @@ def _moved(draws: Draws, trials: Trials, log_likelihood: FloatArray, random: num
         draws = replace(draws, normal=draws.normal[chosen])
         log_likelihood = log_likelihood[chosen]
         for _ in range(MOVES):
-            # A random step to a new draw. Such steps leave the standard normal distribution, which is the prior,
-            # unchanged. So only the likelihood decides whether the new draw is accepted.
-            noise = random.standard_normal(draws.normal.shape)
-            proposed = replace(draws, normal=numpy.sqrt(1 - stride**2) * draws.normal + stride * noise)
-            proposed_log_likelihood = proposed.log_likelihood(trials)
-            log_ratio = power * (proposed_log_likelihood - log_likelihood)
-            is_accepted = numpy.log(random.random(number)) < log_ratio
-            draws = replace(draws, normal=numpy.where(is_accepted[:, None], proposed.normal, draws.normal))
-            log_likelihood = numpy.where(is_accepted, proposed_log_likelihood, log_likelihood)
-            # Draws separate fastest if about a quarter of the steps is accepted. A longer stride is accepted less often.
-            change = 1.2 if is_accepted.mean() > 0.25 else 0.8
-            stride = float(numpy.clip(stride * change, MIN_STRIDE, 1.0))
+            draws, log_likelihood = walk.moved(draws, log_likelihood, power)
         if power >= 1:
             break
     return draws
+
+
+class _RandomWalk:
+    """Moves draws at random so that they keep their distribution: the prior times a power of the trials' likelihood."""
+
+    def __init__(self, trials: Trials, random: numpy.random.Generator) -> None:
+        self._trials, self._random = trials, random
+        self._stride = FIRST_STRIDE
+
+    def moved(self, draws: Draws, log_likelihood: FloatArray, power: float) -> tuple[Draws, FloatArray]:
+        """Return the draws after a random step, and their log-likelihoods (n,). Some draws do not move."""
+        # Such a step leaves the standard normal distribution, which is the prior, unchanged. So only the likelihood
+        # decides whether the new draw is accepted.
+        noise = self._random.standard_normal(draws.normal.shape)
+        kept_part = numpy.sqrt(1 - self._stride**2) * draws.normal
+        proposed = replace(draws, normal=kept_part + self._stride * noise)
+        proposed_log_likelihood = proposed.log_likelihood(self._trials)
+        log_ratio = power * (proposed_log_likelihood - log_likelihood)
+        is_accepted = numpy.log(self._random.random(len(log_ratio))) < log_ratio
+        # Draws separate fastest if about a quarter of the steps is accepted. A longer stride is accepted less often.
+        change = 1.2 if is_accepted.mean() > 0.25 else 0.8
+        self._stride = float(numpy.clip(self._stride * change, MIN_STRIDE, 1.0))
+        normal = numpy.where(is_accepted[:, None], proposed.normal, draws.normal)
+        return replace(draws, normal=normal), numpy.where(is_accepted, proposed_log_likelihood, log_likelihood)
 
 
 def _largest_step(log_likelihood: FloatArray, limit: float) -> float:

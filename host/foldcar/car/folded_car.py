@@ -42,7 +42,10 @@ class Car(Component):
         super().__init__(design.values, parts=design.parts)
 
     def subcomponents(self) -> Sequence[Sub]:
-        """Return the modules from front to back."""
+        """Return the car's modules from front to back, each with its name, its kind and the values of its parameters.
+
+        The module with the electronics is of a kind of its own. A hinge takes no settings from the car.
+        """
         modules = []
         for index, module in enumerate(self.design.of_modules):
             kind: type[Component] = ElectronicsModule if index == self.design.electronics else module.kind

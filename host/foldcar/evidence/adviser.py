@@ -106,7 +106,8 @@ class Adviser:
         """Return the advice: which car to take, what to do to learn most, and the steps that a person can choose from.
 
         A *step* is to build a car and drive it, to drive a built car again, or to measure something. The *gain* of a
-        step is by how much the success rate of the recommended design is expected to rise (0 to 1).
+        step is by how much the success rate of the recommended design is expected to rise (0 to 1). If no step with
+        trials gains much, the trials are enough, and no step is advised.
         """
         belief = self.belief
         possible_steps = self._possible_steps()
@@ -116,20 +117,19 @@ class Adviser:
         measure_step = self._worthwhile_measurement(possible_steps, best_drive_step)
         gain = max((step.gain for step in drive_steps), default=0.0)
         enough = belief.driven and gain < MIN_GAIN
-        planned_steps: tuple[PlannedStep, ...] = ()
+        shown_steps = [] if enough else drive_steps[:SHOWN_STEPS]
+        if measure_step is not None and not enough:
+            shown_steps = [measure_step, *drive_steps][:SHOWN_STEPS]
         environments: tuple[int, ...] = ()
-        if not enough:
-            shown_steps = drive_steps if measure_step is None else [measure_step, *drive_steps]
-            planned_steps = tuple(self._planned(step) for step in shown_steps[:SHOWN_STEPS])
-            if best_drive_step is not None:
-                environments = self._environments(best_drive_step)
+        if best_drive_step is not None and not enough:
+            environments = self._environments(best_drive_step)
         return Selection(
             self.evidence.info,
             self.threshold,
             works=works(belief, self.evidence, self.threshold),
             learn=self._learn(best_drive_step, measure_step, gain, enough),
             grounds=grounds(self.evidence, self.threshold),
-            steps=planned_steps,
+            steps=tuple(self._planned(step) for step in shown_steps),
             environments=environments,
             enough=enough,
             leader=belief.designs[belief.answers.best].design,

@@ -15,7 +15,8 @@ from threadpoolctl import threadpool_limits
 from foldcar.belief.answers import MOVED, Answers, Estimate, Unknown, believe
 from foldcar.belief.learning import Learned, learn, nominal_runs
 from foldcar.belief.priors import NAMES, built_priors, measured_priors
-from foldcar.belief.weighing import SCENE_TRUST, Trials
+from foldcar.belief.trials import Trials
+from foldcar.belief.weighing import SCENE_TRUST
 from foldcar.evidence.design_evidence import Design, DesignEvidence, PairedTrial
 from foldcar.evidence.supply import measured_supply
 from foldcar.statistics.words import count, estimate_text, percent, points_text
@@ -93,6 +94,7 @@ class Belief:
         driven_cars, driven_designs = len(trials.design), len(trials.driven)
         if driven_cars == driven_designs:
             return []
+        # By how much cars of one design differ: what was assumed before the trials, and what the trials have taught.
         assumed_sd, learned_sd = self.answers.car_sd
         best = self.answers.best
         low, high = self.answers.single_cars(best)
@@ -140,7 +142,7 @@ def taught(answers: Answers) -> list[str]:
             )
         elif unknown.taught and unknown.measured is None:
             sentences.append(_change_text(unknown))
-    if answers.grown:
+    if answers.unexplained_has_grown:
         error_before, error_after = answers.unexplained
         sentences.append(
             f"No reality explains the trials well: the unexplained error had to grow from {error_before:.1f} to "
@@ -271,34 +273,37 @@ def _trials(designs: Sequence[DesignEvidence], learned: Learned) -> Trials:
 
     If there are more than MAX_CARS cars, only the trials of those with most trials are returned.
     """
-    drives: list[tuple[DrivenCar, PairedTrial]] = []
+    trials_by_car: dict[DrivenCar, list[PairedTrial]] = {}
     for design_index, design in enumerate(designs):
-        drives += [(DrivenCar(design_index, trial.car_name), trial) for trial in design.trials]
-    trials_of_car = Counter(car for car, _ in drives)
-    chosen_cars = {car for car, _ in trials_of_car.most_common(MAX_CARS)}
-    cars = [car for car in trials_of_car if car in chosen_cars]
-    index_by_car = {car: index for index, car in enumerate(cars)}
-    passed: Counter[TrialGroup] = Counter()
+        for trial in design.trials:
+            trials_by_car.setdefault(DrivenCar(design_index, trial.car_name), []).append(trial)
+    most_first = sorted(trials_by_car, key=lambda car: -len(trials_by_car[car]))
+    chosen_cars = set(most_first[:MAX_CARS])
+    cars = [car for car in trials_by_car if car in chosen_cars]
+    # The number of trials of each group, and how many of them passed.
     counted: Counter[TrialGroup] = Counter()
-    for car, trial in drives:
-        if car in chosen_cars:
-            group = TrialGroup(index_by_car[car], trial.sample)
-            passed[group] += trial.passed
+    passed: Counter[TrialGroup] = Counter()
+    for car_index, car in enumerate(cars):
+        for trial in trials_by_car[car]:
+            group = TrialGroup(car_index, trial.sample)
             counted[group] += 1
+            passed[group] += trial.passed
     groups = list(counted)
-    scene_ease = []
-    for group in groups:
-        # An unknown scene counts as an average one.
-        scene_offset = 0.0 if group.sample is None else learned.scene_offsets.get(group.sample, 0.0)
-        scene_ease.append(SCENE_TRUST * scene_offset)
     return Trials(
         design=numpy.array([car.design_index for car in cars], int),
         names=tuple(car.name for car in cars),
         car=numpy.array([group.car_index for group in groups], int),
         passed=numpy.array([passed[group] for group in groups], float),
         counted=numpy.array([counted[group] for group in groups], float),
-        scene_ease=numpy.array(scene_ease, float),
+        scene_ease=numpy.array([_scene_ease(group.sample, learned) for group in groups], float),
     )
+
+
+def _scene_ease(sample: int | None, learned: Learned) -> float:
+    """Return how much easier the scene of a sample is than an average scene, in log-odds; 0 if it is unknown."""
+    if sample is None:
+        return 0.0
+    return SCENE_TRUST * learned.scene_offsets.get(sample, 0.0)
 
 
 def why_no_belief(info: ExperimentInfo) -> str:

@@ -6,7 +6,7 @@ A gap is the rate of a further built car by all trials, minus the rate of the de
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy
@@ -209,30 +209,36 @@ def compare_evidence(evidence: Sequence[Evidence], unswept: Sequence[Trial] = ()
 
 def compare_experiment(evidence: Evidence, margin: float = MARGIN) -> ExperimentComparison:
     """Compare the trials of one experiment with its runs, as :func:`compare` does for all experiments of a store."""
-    info, remarks, belief = evidence.info, evidence.remarks, evidence.belief
-    driven_designs = evidence.driven
+    info, belief = evidence.info, evidence.belief
     if info.success_defined:
-        compared = tuple(_compare_design(design, belief, margin) for design in driven_designs)
+        compared = tuple(_compare_design(design, belief, margin) for design in evidence.driven)
     else:
         # Without a definition of success, runs have no rate. Only the rates of the trials are shown.
-        compared = tuple(DesignComparison(design, design.driven(CONFIDENCE)) for design in driven_designs)
+        compared = tuple(DesignComparison(design, design.driven(CONFIDENCE)) for design in evidence.driven)
+    comparison = ExperimentComparison(info, compared, sentence="", remarks=evidence.remarks)
     reason = _why_not_comparable(evidence)
     if reason is not None:
-        return ExperimentComparison(info, compared, sentence=f"Nothing to compare: {reason}", remarks=remarks)
-    with_runs = [design for design in driven_designs if design.runs]
-    ranks = rank_agreement(
-        [design.runs_passed / design.runs for design in with_runs],
-        [design.trials_passed / len(design.trials) for design in with_runs],
+        return replace(comparison, sentence=f"Nothing to compare: {reason}")
+    with_runs = [design for design in evidence.driven if design.runs]
+    comparison = replace(
+        comparison,
+        ranks=rank_agreement(
+            simulated=[design.runs_passed / design.runs for design in with_runs],
+            driven=[design.trials_passed / len(design.trials) for design in with_runs],
+        ),
     )
     designs_with_gap = [design.evidence for design in compared if design.gap is not None]
     if belief is None or not designs_with_gap:
-        sentence = f"{_counts_text(compared)} {why_no_belief(info)}"
-        return ExperimentComparison(info, compared, sentence=sentence, remarks=remarks, ranks=ranks)
+        # Without a belief about built cars, only the numbers of trials and runs that passed are stated.
+        return replace(comparison, sentence=f"{_counts_text(compared)} {why_no_belief(info)}")
     mean_gap = _gap(belief, designs_with_gap)
-    # The experiment as a whole has a verdict, with a sentence that explains it.
     verdict, sentence = _verdict(compared, mean_gap, margin, info.simulation)
-    return ExperimentComparison(
-        info, compared, sentence, remarks, ranks, mean_gap, verdict, unknowns=tuple(belief.answers.unknowns)
+    return replace(
+        comparison,
+        sentence=sentence,
+        mean_gap=mean_gap,
+        verdict=verdict,
+        unknowns=tuple(belief.answers.unknowns),
     )
 
 
@@ -315,23 +321,25 @@ def _verdict(compared: Sequence[DesignComparison], mean_gap: Gap, margin: float,
             labels_by_verdict.setdefault(design.verdict, []).append(design.label)
     subject = simulation[0].upper() + simulation[1:]
     average = _average_text(compared, mean_gap, simulation)
-    # TOO_FEW is a verdict and also the words "too few trials".
-    unsure = ""
+    # The verdict TOO_FEW is also the words "too few cars or trials".
+    undecided_designs = ""
     if TOO_FEW in labels_by_verdict:
-        unsure = f"; {TOO_FEW} to say at {listed(labels_by_verdict[TOO_FEW])}"
+        undecided_designs = f"; {TOO_FEW} to say at {listed(labels_by_verdict[TOO_FEW])}"
     contradictions = [verdict for verdict in (OPTIMISTIC, PESSIMISTIC) if verdict in labels_by_verdict]
     if contradictions:
         text = " and ".join(f"{verdict} at {listed(labels_by_verdict[verdict])}" for verdict in contradictions)
         verdict = contradictions[0] if len(contradictions) == 1 else "mixed"
-        return verdict, f"{subject} is {text}{unsure}; {average}."
+        return verdict, f"{subject} is {text}{undecided_designs}; {average}."
     mean_verdict = mean_gap.verdict(margin)
     if mean_verdict in (OPTIMISTIC, PESSIMISTIC):
         return mean_verdict, f"{subject} is {mean_verdict} {average}; no single design shows it."
     within = f"within {points_text(margin)}"
-    if AGREES in labels_by_verdict:
-        verdict = AGREES if mean_verdict == AGREES and TOO_FEW not in labels_by_verdict else TOO_FEW
-        return verdict, f"{subject} and trials agree {within} at {listed(labels_by_verdict[AGREES])}{unsure}; {average}."
-    return TOO_FEW, f"{TOO_FEW.capitalize()} to say whether {simulation} and trials agree {within}; {average}."
+    if AGREES not in labels_by_verdict:
+        return TOO_FEW, f"{TOO_FEW.capitalize()} to say whether {simulation} and trials agree {within}; {average}."
+    all_agree = mean_verdict == AGREES and TOO_FEW not in labels_by_verdict
+    agreeing_designs = listed(labels_by_verdict[AGREES])
+    sentence = f"{subject} and trials agree {within} at {agreeing_designs}{undecided_designs}; {average}."
+    return AGREES if all_agree else TOO_FEW, sentence
 
 
 def _average_text(compared: Sequence[DesignComparison], mean_gap: Gap, simulation: str) -> str:

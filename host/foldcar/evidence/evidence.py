@@ -218,7 +218,7 @@ def _evidence(
     trials = list(store.trials(info.listed_id)) if trials is None else trials
     other_programs = {} if resimulation is None else store.trials_in_other_environments(info)
     selected, _ = select_trials(trials, simulated_trials)
-    trials, sentences = _trials(info, trials, other_programs, simulated_trials)
+    trials, sentences = _comparable_trials(info, trials, other_programs, simulated_trials)
     if resimulation is not None:
         different = other_drives(store, info, trials)
         sentences += remarks.trials_driven_otherwise(different.values())
@@ -268,18 +268,13 @@ def _design_of(trials: Sequence[Trial]) -> tuple[str, Mapping[str, float]]:
 def _swept_designs(store: Store, info: ExperimentInfo, runs: RunArrays) -> list[DesignEvidence]:
     """Return the designs of the family that were swept, in their order, each with its runs."""
     designs = list(store.designs(info.id).values())
-    # Sort the runs by design, and divide them where the next design begins.
-    run_indices = numpy.argsort(runs.design, kind="stable")
-    first_runs = numpy.searchsorted(runs.design[run_indices], numpy.arange(1, len(designs)))
-    run_indices_by_design = numpy.split(run_indices, first_runs)
     elapsed_s = runs.metrics[:, NUMBERS.index("elapsed_time_s")]
-    # Rejected runs do not count in any rate.
     swept_designs = []
-    # If there are no designs, numpy.split still returns one part, so both may have different lengths.
-    for design, all_runs in zip(designs, run_indices_by_design, strict=False):
-        outcomes = runs.outcome[all_runs]
+    for design, runs_of_design in zip(designs, _indices_by_design(runs, len(designs)), strict=True):
+        outcomes = runs.outcome[runs_of_design]
+        # Rejected runs do not count in any rate.
         is_rejected = outcomes == OUTCOMES.index(REJECTED)
-        counted_runs, rejected_runs = all_runs[~is_rejected], all_runs[is_rejected]
+        counted_runs, rejected_runs = runs_of_design[~is_rejected], runs_of_design[is_rejected]
         times_s = elapsed_s[counted_runs]
         times_s = times_s[~numpy.isnan(times_s)]
         swept_designs.append(
@@ -297,6 +292,15 @@ def _swept_designs(store: Store, info: ExperimentInfo, runs: RunArrays) -> list[
             )
         )
     return swept_designs
+
+
+def _indices_by_design(runs: RunArrays, designs: int) -> list[NDArray[Any]]:
+    """Return the indices of the runs of each of so many ``designs``: an array for each design, in their order."""
+    # Sort the runs by design, and divide them where the next design begins.
+    run_indices = numpy.argsort(runs.design, kind="stable")
+    starts = numpy.searchsorted(runs.design[run_indices], numpy.arange(1, designs))
+    # Without designs, numpy.split returns one part.
+    return numpy.split(run_indices, starts)[:designs]
 
 
 def _simulated_design(
@@ -325,13 +329,14 @@ def _simulated_design(
     return design, reason
 
 
-def _trials(
+def _comparable_trials(
     info: ExperimentInfo, trials: Sequence[Trial], other_programs: Mapping[int, str | None], simulated_trials: bool
 ) -> tuple[list[Trial], list[str]]:
     """Choose the trials that are compared with the runs. Return them, and remarks on them and on those left out.
 
-    Aborted trials are among the chosen ones. ``other_programs`` has an entry for each trial that was driven in another
-    environment than the runs: the environment's Scenic program, by the trial's number.
+    Aborted trials are among the chosen ones. Trials in other environments than the runs are left out: ``other_programs``
+    has the Scenic program of the environment of each such trial, by the trial's number. ``simulated_trials`` is whether
+    trials of simulated cars are chosen, too.
     """
     selected_trials, left_out = select_trials(trials, simulated_trials)
     if info.is_over_realities:
@@ -339,9 +344,15 @@ def _trials(
     left_out_sentence = left_out_text(left_out)
     sentences = [] if left_out_sentence is None else [left_out_sentence]
     sentences += remarks.on_trials(info, selected_trials)
-    programs_elsewhere = [other_programs[trial.id] for trial in selected_trials if trial.id in other_programs]
-    sentences += remarks.trials_in_other_environments(programs_elsewhere, info)
-    return [trial for trial in selected_trials if trial.id not in other_programs], sentences
+    comparable_trials = []
+    programs_of_left_out = []
+    for trial in selected_trials:
+        if trial.id in other_programs:
+            programs_of_left_out.append(other_programs[trial.id])
+        else:
+            comparable_trials.append(trial)
+    sentences += remarks.trials_in_other_environments(programs_of_left_out, info)
+    return comparable_trials, sentences
 
 
 def _with_trials(
@@ -351,28 +362,30 @@ def _with_trials(
     ids_in_samples: Container[int],
     resimulation: Resimulation | None,
 ) -> DesignEvidence:
-    """Return the design with its trials. Each trial is paired with a run in the same environment, if there is one.
+    """Return the design with its completed trials, each paired with a run in the same environment, if there is one.
 
-    If everything was placed as planned, this is the stored run. Otherwise the trial is simulated now, as it was placed.
-    ``ids_in_samples`` are the ids of the trials that were driven in a sampled environment of the runs.
+    If car and obstacles were placed as planned, this is the stored run; a trial whose stored run was rejected has none.
+    Otherwise the trial is simulated now, as it was placed. ``ids_in_samples`` are the ids of the trials that were driven
+    in a sampled environment of the runs.
     """
     if not trials:
         return design
     passed_by_sample = dict(zip(design.samples.tolist(), design.passed.tolist(), strict=True))
-    completed_trials = [trial for trial in trials if trial.completed]
     paired_trials = []
-    for trial in completed_trials:
+    for trial in trials:
+        if not trial.completed:
+            continue
         sample = trial.sample if trial.id in ids_in_samples else None
-        as_planned = sample is not None and not trial.deviations
-        has_stored_run = as_planned and sample in passed_by_sample
-        has_rejected_run = as_planned and sample in design.rejected
-        # A trial has no partner if its stored run was rejected, or if it cannot be simulated now.
-        simulated, resimulated = None, False
-        if has_stored_run:
-            simulated = int(passed_by_sample[sample])
-        elif resimulation is not None and not has_rejected_run:
-            outcome = resimulation.trial(info, trial)
-            if outcome is not None:
-                simulated, resimulated = int(outcome == "passed"), True
-        paired_trials.append(PairedTrial(trial.outcome, sample, simulated, resimulated, trial.car_name))
-    return replace(design, trials=tuple(paired_trials), aborted=len(trials) - len(completed_trials))
+        unpaired = PairedTrial(trial.outcome, sample, simulated=None, resimulated=False, car_name=trial.car_name)
+        was_placed_as_planned = sample is not None and not trial.deviations
+        if was_placed_as_planned and sample in passed_by_sample:
+            paired_trials.append(replace(unpaired, simulated=int(passed_by_sample[sample])))
+        elif was_placed_as_planned and sample in design.rejected:
+            paired_trials.append(unpaired)
+        else:
+            outcome = None if resimulation is None else resimulation.trial(info, trial)
+            if outcome is None:
+                paired_trials.append(unpaired)
+            else:
+                paired_trials.append(replace(unpaired, simulated=int(outcome == "passed"), resimulated=True))
+    return replace(design, trials=tuple(paired_trials), aborted=len(trials) - len(paired_trials))

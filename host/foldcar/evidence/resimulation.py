@@ -148,21 +148,24 @@ class Resimulation:
 
         ``body`` and ``settings`` are JSON texts. Results of earlier runs are reused.
         """
-        keys, scenes, requests = [], {}, []
-        for case_index, case in enumerate(cases):
+        keys = []
+        scene_by_name, requests = {}, []
+        # The keys of the cases that were not simulated earlier, in the order of the requests.
+        new_keys = []
+        for index, case in enumerate(cases):
             reality = canonical_json(case.variation)
             inputs = [carsim.build, body, reality, settings, case.scene]
             key = hashlib.sha256("\0".join(inputs).encode()).digest()
             keys.append(key)
             if key not in _RESULTS:
-                scene_name = str(case_index)
-                scenes[scene_name] = case.scene
-                label = f"environment {case_index}"
-                requests.append(RunRequest("car", scene_name, settings, label, sample=case_index, reality=reality))
-        answers = carsim.run({"car": body}, scenes, requests) if requests else []
-        for request, answer in zip(requests, answers, strict=True):
-            # A request's sample is the index of its case.
-            _RESULTS[keys[request.sample]] = outcome_of(answer), answer.get("elapsed_time_s")
+                new_keys.append(key)
+                scene_name = str(index)
+                scene_by_name[scene_name] = case.scene
+                label = f"environment {index}"
+                requests.append(RunRequest("car", scene_name, settings, label, sample=index, reality=reality))
+        answers = carsim.run({"car": body}, scene_by_name, requests) if requests else []
+        for key, answer in zip(new_keys, answers, strict=True):
+            _RESULTS[key] = outcome_of(answer), answer.get("elapsed_time_s")
         return [_RESULTS[key] for key in keys]
 
     def _scenes(self, info: ExperimentInfo) -> dict[int, str]:

@@ -37,30 +37,28 @@ def select_evidence(evidence: Sequence[Evidence], threshold: float | None = None
     from them.
     """
     experiment_by_id = {experiment.info.id: experiment for experiment in evidence}
-    # The experiment in fresh environments, by the id of the search.
-    fresh_by_id: dict[str, Evidence] = {}
+    # The advice by the id of the experiment. That for a search with fresh runs is made afterwards.
+    selection_by_id: dict[str, Selection] = {}
+    fresh_by_search_id: dict[str, Evidence] = {}
     for experiment in evidence:
-        fresh_experiment_id = fresh_id(experiment.info.id)
-        if experiment.info.searched and fresh_experiment_id in experiment_by_id:
-            fresh_by_id[experiment.info.id] = experiment_by_id[fresh_experiment_id]
-    selection_by_id = {
-        experiment.info.id: _select_one(experiment, threshold)
-        for experiment in evidence
-        if experiment.info.id not in fresh_by_id
-    }
-    selections = []
-    for experiment in evidence:
-        if experiment.info.id not in fresh_by_id:
-            selections.append(selection_by_id[experiment.info.id])
-            continue
-        fresh = fresh_by_id[experiment.info.id]
-        # An earlier sweep may have simulated designs that the search has not tried.
-        simulated = f"{count(experiment.swept, 'design')} {'was' if experiment.swept == 1 else 'were'} simulated"
-        environments = count(fresh.info.environments, "fresh environment")
-        search_text = f"{simulated}; a search judged {len(fresh.designs):,} in {environments}, which count here."
-        selection = selection_by_id[fresh.info.id]
-        selections.append(replace(selection, info=experiment.info, works=f"{search_text} {selection.works}"))
-    return selections
+        fresh = experiment_by_id.get(fresh_id(experiment.info.id)) if experiment.info.searched else None
+        if fresh is None:
+            selection_by_id[experiment.info.id] = _select_one(experiment, threshold)
+        else:
+            fresh_by_search_id[experiment.info.id] = fresh
+    for search_id, fresh in fresh_by_search_id.items():
+        fresh_selection = selection_by_id[fresh.info.id]
+        selection_by_id[search_id] = _selection_of_search(experiment_by_id[search_id], fresh, fresh_selection)
+    return [selection_by_id[experiment.info.id] for experiment in evidence]
+
+
+def _selection_of_search(search: Evidence, fresh: Evidence, fresh_selection: Selection) -> Selection:
+    """Return the advice for a search: that for its runs in fresh environments, after a sentence that says so."""
+    # An earlier sweep may have simulated designs that the search has not tried.
+    simulated = f"{count(search.swept, 'design')} {'was' if search.swept == 1 else 'were'} simulated"
+    environments = count(fresh.info.environments, "fresh environment")
+    search_text = f"{simulated}; a search judged {len(fresh.designs):,} in {environments}, which count here."
+    return replace(fresh_selection, info=search.info, works=f"{search_text} {fresh_selection.works}")
 
 
 def _select_one(evidence: Evidence, threshold: float | None) -> Selection:

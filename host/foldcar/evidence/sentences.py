@@ -58,8 +58,12 @@ def car_to_take(belief: Belief) -> int | None:
 
 
 def reaching(belief: Belief, evidence: Evidence, threshold: float) -> str:
-    """Return which designs reach the threshold, in the words of REACHES and PROBABLY."""
-    chances, limit = belief.answers.chances(threshold), threshold_text(threshold)
+    """Return a sentence on which designs reach the threshold, and which ones probably do.
+
+    If none does, the sentence says so, or which design has the best chance.
+    """
+    chances = belief.answers.chances(threshold)
+    limit = threshold_text(threshold)
     does_reach = chances >= REACHES
     probably_reaches = (chances >= PROBABLY) & ~does_reach
     clauses = []
@@ -145,23 +149,28 @@ def _reaching_in_simulation(evidence: Evidence, threshold: float) -> str:
     reaches = is_simulated & (rates >= threshold)
     if not reaches.any():
         return _none_reaching(evidence, rates, threshold)
+    counted = _Counted(is_simulated, "designs with runs")
+    names = _family_names(evidence, reaches, counted)
+    text = f"{_with_verb(names, reaches, 'reach')} {threshold_text(threshold)}"
+    reaches_confidently = reaches & (_lower_limits(evidence) >= threshold)
+    if (reaches_confidently == reaches).all():
+        return f"{text} with 95 % confidence"
+    if reaches_confidently.any():
+        return f"{text}, {_family_names(evidence, reaches_confidently, counted)} with 95 % confidence each"
+    if len(evidence.family) == 1:
+        return f"{text}, but not with 95 % confidence"
+    return f"{text}, none with 95 % confidence"
+
+
+def _lower_limits(evidence: Evidence) -> NDArray[numpy.float64]:
+    """Return the lower end of the 95 % interval of each design's rate in simulation (family,); 0 without runs."""
     lower_limits = []
     for design in evidence.family:
         lower_limit = 0.0
         if design.runs:
             lower_limit, _ = rate_interval(design.runs_passed, design.runs, design.sequential)
         lower_limits.append(lower_limit)
-    surely_reaches = reaches & (numpy.array(lower_limits) >= threshold)
-    counted = _Counted(is_simulated, "designs with runs")
-    names = _family_names(evidence, reaches, counted)
-    text = f"{_with_verb(names, reaches, 'reach')} {threshold_text(threshold)}"
-    if (surely_reaches == reaches).all():
-        return f"{text} with 95 % confidence"
-    if surely_reaches.any():
-        return f"{text}, {_family_names(evidence, surely_reaches, counted)} with 95 % confidence each"
-    if len(evidence.family) == 1:
-        return f"{text}, but not with 95 % confidence"
-    return f"{text}, none with 95 % confidence"
+    return numpy.array(lower_limits)
 
 
 def _none_reaching(evidence: Evidence, rates: NDArray[numpy.float64], threshold: float) -> str:
@@ -218,21 +227,20 @@ def _with_verb(names: str, chosen: NDArray[numpy.bool_], verb: str) -> str:
 def _family_names(evidence: Evidence, chosen: NDArray[numpy.bool_], counted: _Counted) -> str:
     """Return a text that names some designs of the family, those for which ``chosen`` (n,) is True.
 
-    If one parameter varies, the text has ranges of its values, otherwise the number of designs. ``counted`` are the
-    designs among which these were chosen.
+    If one parameter varies, these are ranges of its values: "75 to 150 mm". If several vary, it is the name of a single
+    design, or a number: "3 of 6 designs". ``counted`` are the designs among which they were chosen.
     """
-    number, total = int(chosen.sum()), len(chosen)
-    # A family with one parameter is described by ranges of its values, unless all designs are meant.
-    one_parameter_varies = len(evidence.parameters) == 1
-    if total == 1:
+    if len(chosen) == 1:
         return "the design"
-    has_all_counted = number > 1 and number == counted.mask.sum()
-    if number == total or (has_all_counted and not one_parameter_varies):
+    if chosen.all():
         return f"each of {counted.count()}"
-    if one_parameter_varies:
+    if len(evidence.parameters) == 1:
         return _value_ranges(evidence, evidence.parameters[0], chosen)
+    number = int(chosen.sum())
     if number == 1:
         return evidence.family[int(chosen.argmax())].label
+    if number == counted.mask.sum():
+        return f"each of {counted.count()}"
     return counted.count(number)
 
 

@@ -45,6 +45,7 @@ SLIDERS = tuple(parameter for parameter in PARAMETERS if parameter.name != "whee
 MAX_SUPPLY_OHM = 0.6
 FNV_OFFSET, FNV_PRIME = 0x811C9DC5, 0x01000193
 
+# Compressed data of the page by name; see :func:`blob`.
 Blobs = dict[str, str]
 
 
@@ -102,14 +103,18 @@ class PageDrives:
         return {f"{key}-{name}": text for name, text in blobs.items()}
 
     def _scene_blobs(self, drives: StoredDrives, samples: Sequence[int], carsim: Carsim) -> Blobs:
-        """Return a blob for the scene of each sample, with its ground; equal scenes are computed once."""
+        """Return the scene of each sample, with the heights of its ground, as a blob for the page.
+
+        Samples with equal scenes share a scene in the store, whose heights are computed once.
+        """
         heights = carsim_heights(carsim)
-        scene_by_id = {drives.scenes[sample]: drives.value("scene", drives.scenes[sample]) for sample in samples}
-        calls = (partial(ground_data, scene, heights, len(scene_by_id)) for scene in scene_by_id.values())
+        scene_ids = dict.fromkeys(drives.scenes[sample] for sample in samples)
+        scenes = [drives.value("scene", scene_id) for scene_id in scene_ids]
+        calls = (partial(ground_data, scene, heights, len(scenes)) for scene in scenes)
         grounds = side_by_side(calls, self.jobs, carsim.stop)
         blob_by_id = {}
-        for scene_id, (head, content) in zip(scene_by_id, grounds, strict=True):
-            blob_by_id[scene_id] = blob(head, content)
+        for scene_id, (head, height_bytes) in zip(scene_ids, grounds, strict=True):
+            blob_by_id[scene_id] = blob(head, height_bytes)
         blobs = {}
         for sample in samples:
             blobs[f"scene-{sample}"] = blob_by_id[drives.scenes[sample]]
@@ -118,12 +123,16 @@ class PageDrives:
 
 
 def why_not(info: ExperimentInfo, drives: StoredDrives) -> str | None:
-    """Return why a page cannot simulate the runs of an experiment; None if it can."""
+    """Return why a page cannot simulate the runs of an experiment; None if it can.
+
+    A page cannot run a Scenic program that is dynamic, which means that it runs beside the simulation.
+    """
     if ENGINES[engine_of(info.engine)].environment == MUJOCO_ENVIRONMENT:
         return "MuJoCo does not run in a page; `foldcar view --run` shows its runs"
-    if drives.dynamic is not False:
-        beside = "runs beside the simulation" if drives.dynamic else "may run beside the simulation"
-        return f"{info.scenic_program} {beside}; `foldcar view --run` shows its runs"
+    if drives.dynamic is None:
+        return f"{info.scenic_program} may run beside the simulation; `foldcar view --run` shows its runs"
+    if drives.dynamic:
+        return f"{info.scenic_program} runs beside the simulation; `foldcar view --run` shows its runs"
     return None
 
 
@@ -131,7 +140,7 @@ def sliders() -> list[Slider]:
     """Return the parameters that a page can change, each with its range and its nominal value."""
     rows = []
     for parameter in SLIDERS:
-        # The range must contain the nominal value.
+        # The range is that of scores, which are standard deviations of the prior. It must contain the nominal value.
         low = min(float(parameter.value(-MAX_SCORE)), parameter.nominal)
         if parameter.prior == "half-normal":
             # This is a standard deviation, which may be 0.
@@ -191,8 +200,9 @@ def _shown_designs(swept: int, recommended: int | None) -> list[int]:
 def _inputs(info: ExperimentInfo, drives: StoredDrives, designs: Sequence[int], samples: Sequence[int]) -> str:
     """Return a blob with the inputs from which the page simulates a run of any of these designs in any of these samples.
 
-    It has the bodies and the settings, each once, and for each design its indices among them. For each sample it has the
-    reality and the random numbers that place the car at the start.
+    Designs may share a body or settings. So each of these is in the blob once, and each design has its indices among
+    them. Each sample has a reality, which is how its built car differs from the design, and the random numbers that place
+    the car at the start.
     """
     # The different bodies and settings of the designs, by the numbers of their rows in the store.
     body_ids = list(dict.fromkeys(drives.bodies[design] for design in designs))
@@ -202,17 +212,19 @@ def _inputs(info: ExperimentInfo, drives: StoredDrives, designs: Sequence[int], 
         body_index = body_ids.index(drives.bodies[design])
         settings_index = settings_ids.index(drives.settings[design])
         indices_of_design[design] = [body_index, settings_index]
-    realities = {}
+    realities, start_numbers = {}, {}
     for sample in samples:
         realities[sample] = drives.value("variation", drives.variations[sample]) if drives.varied else {}
-    head = {
-        "bodies": [drives.value("body", body_id) for body_id in body_ids],
-        "settings": [drives.value("settings", settings_id) for settings_id in settings_ids],
-        "designs": indices_of_design,
-        "realities": realities,
-        "deviates": {sample: start_deviates(info.variation_seed, sample) for sample in samples},
-    }
-    return blob(head)
+        start_numbers[sample] = start_deviates(info.variation_seed, sample)
+    return blob(
+        {
+            "bodies": [drives.value("body", body_id) for body_id in body_ids],
+            "settings": [drives.value("settings", settings_id) for settings_id in settings_ids],
+            "designs": indices_of_design,
+            "realities": realities,
+            "deviates": start_numbers,
+        }
+    )
 
 
 def _checks(runs: RunArrays) -> str:
@@ -245,12 +257,15 @@ def result_hashes(outcome: NDArray[Any], metrics: NDArray[Any]) -> NDArray[Any]:
 
 
 def _car_blobs(info: ExperimentInfo, drives: StoredDrives, designs: Sequence[int]) -> Blobs:
-    """Return a blob with what is drawn of each design, and a blob with the pieces that they share."""
+    """Return the shapes of each design's car for the page, and the pieces that cars share, as blobs.
+
+    A blob is a compressed text, which the page decodes when it is needed.
+    """
     shapes = SceneShapes()
     blobs = {}
     for design in designs:
         car = folded_columns(info.vehicle_type, drives.parameters[design])
-        # If this foldcar cannot fold the car, the page shows the boxes of its body instead of parts.
+        # If this version of foldcar cannot fold the car, the page shows the boxes of the body instead of parts.
         parts = None if car is None else shapes.add(car)
         body = drawn_body(drives.value("body", drives.bodies[design]))
         blobs[f"car-{design}"] = blob({"body": body, "parts": parts})
@@ -259,12 +274,15 @@ def _car_blobs(info: ExperimentInfo, drives: StoredDrives, designs: Sequence[int
 
 
 def _trial(store: Store, blobs: Blobs, trial: Trial) -> TrialReplay:
-    """Return what the page draws of a trial. If the trial has a path, add it to the ``blobs``."""
+    """Return what the page needs to show how a trial's car moved. The path itself is added to the ``blobs``.
+
+    ``moved`` is how many objects stood elsewhere than in the sampled environment. A trial whose log has no path may have
+    an ``attitude``, rows of the car's angles. ``missing`` says why a trial has neither.
+    """
     path = trial_path(store, trial)
     if path.rows is not None:
         blobs[f"trial-{trial.id}"] = blob(path.rows.round(4).tolist())
     return {
-        # The number of things that did not stand where the sample has them.
         "moved": len(trial.deviations),
         "path": path.rows is not None,
         "attitude": None if path.attitude is None else [list(row) for row in path.attitude],

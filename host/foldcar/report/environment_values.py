@@ -10,9 +10,7 @@ left minus right. Columns that are constant, or linear in a column before them, 
 
 import json
 import math
-import re
-from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -20,7 +18,13 @@ import numpy
 from numpy.typing import NDArray
 
 from foldcar.car.variation import SERVO_DIFFERENCES, workshop_spreads
-from foldcar.scenes.terrain_kinds import KIND_NAMES, KINDS
+from foldcar.report.environment_labels import (
+    column_label,
+    labels_of_objects,
+    object_columns,
+    piece_names,
+    prefixes_of_pieces,
+)
 from foldcar.statistics.words import label_and_unit
 from foldcar.store.info import ExperimentInfo
 from foldcar.store.reader import Store
@@ -34,8 +38,6 @@ MIN_RELATIVE_RANGE = 1e-9
 LEFT_OUT = ("seed",)
 # Units for readers, with the factor.
 READERS_UNITS = {"m": ("mm", 1000.0), "rad": ("°", 180 / math.pi)}
-# A column of a piece: the piece's kind and number, the property.
-PIECE = re.compile(rf"scene_((?:{'|'.join(KINDS)})_\d+)_(.+)")
 
 Read = TypeVar("Read")
 
@@ -80,44 +82,6 @@ def read_scenes(store: Store, info: ExperimentInfo) -> dict[int, Mapping[str, An
     return store.once(("read scenes", info.id), read)
 
 
-def objects_of_pieces(
-    objects: Sequence[tuple[str, int]], scenes: Iterable[Mapping[str, Any]]
-) -> list[tuple[str, list[int]]] | None:
-    """Return the name and the indices of the pieces of each terrain object, the same in all ``scenes``.
-
-    ``objects`` are ExperimentInfo's ``terrain_objects``. Where the store lacks them, each piece is an object. Returns
-    None if the scenes have different pieces.
-    """
-    kinds_of_scenes = {tuple(piece["kind"] for piece in scene.get("terrain", ())) for scene in scenes}
-    if len(kinds_of_scenes) != 1:
-        return None
-    # The kind of each piece, the same in all scenes.
-    kinds = kinds_of_scenes.pop()
-    if sum(count for _, count in objects) != len(kinds):
-        return [(_piece_label(name), [index]) for index, name in enumerate(_piece_names(kinds))]
-    # The pieces of an object follow each other.
-    pieces_of_objects = []
-    first = 0
-    for name, count in objects:
-        pieces_of_objects.append((name, list(range(first, first + count))))
-        first += count
-    return pieces_of_objects
-
-
-def _piece_names(kinds: Iterable[str]) -> Iterator[str]:
-    """Yield ``box_1``, ``ramp_1``, ``box_2``: each piece's kind and its number among those of its kind."""
-    seen = Counter[str]()
-    for kind in kinds:
-        seen[kind] += 1
-        yield f"{kind}_{seen[kind]}"
-
-
-def _piece_label(name: str) -> str:
-    """Return ``block 2`` of box_2."""
-    kind, _, number = name.rpartition("_")
-    return f"{KIND_NAMES.get(kind, kind)} {number}"
-
-
 def _object_parameters(store: Store, experiment: Any, samples: Iterable[int]) -> dict[int, list[Any]]:
     """Return names and parameters of the terrain objects by sample; {} if the store lacks those of one of ``samples``.
 
@@ -130,23 +94,6 @@ def _object_parameters(store: Store, experiment: Any, samples: Iterable[int]) ->
     return objects_by_sample if is_complete else {}
 
 
-def _object_columns(names: Sequence[str]) -> list[str]:
-    """Return for each object how the names of its columns begin, such as ``scene_kerb_2`` for the object ``kerb 2``.
-
-    No two objects get the same name.
-    """
-    counts = Counter[str]()
-    columns = []
-    for name in names:
-        column = name.replace(" ", "_")
-        counts[column] += 1
-        while counts[column] > 1:
-            column = f"{column}_{counts[column]}"
-            counts[column] += 1
-        columns.append(f"scene_{column}")
-    return columns
-
-
 def _read(store: Store, info: ExperimentInfo) -> EnvironmentValues:
     """Return a table with the random values of an experiment's environments and of the cars that drive in them.
 
@@ -155,72 +102,50 @@ def _read(store: Store, info: ExperimentInfo) -> EnvironmentValues:
     experiment = store.row(EXPERIMENT, id=info.id)
     scenes = read_scenes(store, info)
     objects_by_sample = _object_parameters(store, experiment, scenes)
-    first_design = store.row(DESIGN, experiment=info.id, position=0)
-    body = store.row(BY_NAME["body"], id=first_design["body_id"])
-    wheels = json.loads(body["json"]).get("wheels", ())
-    # The values by name of each scene and of each car, by sample.
     scene_values = {sample: _scene(scene, objects_by_sample.get(sample)) for sample, scene in scenes.items()}
-    car_values = _by_sample(store, experiment, _VARIATIONS, read=lambda drawn: _car(drawn, wheels))
-    samples_with_values = [*scene_values.items(), *car_values.items()]
-    # The columns are in the order in which their names occur first.
-    index_by_name: dict[str, int] = {}
-    for _, values_by_name in samples_with_values:
-        for name in values_by_name:
-            index_by_name.setdefault(name, len(index_by_name))
-    values = numpy.full((info.environments, len(index_by_name)), numpy.nan)
-    for sample, values_by_name in samples_with_values:
-        for name, value in values_by_name.items():
-            values[sample, index_by_name[name]] = value
-    names = list(index_by_name)
-    labels = _labels_of_objects(objects_by_sample)
-    prefixes = _prefixes_of_pieces(info, scenes)
+    wheels = _wheels_of_first_design(store, info)
+    car_values = _by_sample(store, experiment, _VARIATIONS, read=lambda variation: _car(variation, wheels))
+    names, values = _table([*scene_values.items(), *car_values.items()], info.environments)
+    labels = labels_of_objects(objects_by_sample)
+    prefixes = prefixes_of_pieces(info, scenes)
     informative = _informative(values)
     columns = tuple(_column(names[index], labels, prefixes) for index in informative)
     return EnvironmentValues(columns, values[:, informative])
 
 
-def _labels_of_objects(objects_by_sample: Mapping[int, Sequence[Any]]) -> dict[str, str]:
-    """Return the label of each column of an object's parameter, by the column's name."""
-    labels = {}
-    for objects in objects_by_sample.values():
-        columns = _object_columns([name for name, _ in objects])
-        for column, (name, parameters) in zip(columns, objects, strict=True):
-            for parameter in parameters:
-                label, _ = label_and_unit(parameter)
-                labels[f"{column}.{parameter}"] = f"{name} {label}"
-    return labels
+def _wheels_of_first_design(store: Store, info: ExperimentInfo) -> Sequence[Mapping[str, Any]]:
+    """Return the wheels of the body of the experiment's first design; none if the car has no wheels."""
+    first_design = store.row(DESIGN, experiment=info.id, position=0)
+    body = store.row(BY_NAME["body"], id=first_design["body_id"])
+    wheels: Sequence[Mapping[str, Any]] = json.loads(body["json"]).get("wheels", ())
+    return wheels
 
 
-def _prefixes_of_pieces(info: ExperimentInfo, scenes: Mapping[int, Mapping[str, Any]]) -> dict[str, str]:
-    """Return how the labels of a piece's columns begin, by the piece's name.
+def _table(
+    samples_with_values: Sequence[tuple[int, Mapping[str, float]]], samples: int
+) -> tuple[list[str], NDArray[Any]]:
+    """Return the names of all values, and a table (``samples``, names) of the values, NaN where a sample lacks one.
 
-    The piece ``box_2`` of the object ``kerb`` has the prefix "kerb ". If the object has several pieces, the prefix names
-    the piece, too, such as "stair, block 2: ".
+    ``samples_with_values`` are pairs of a sample and some of its values by name. The names are in the order in which they
+    occur first.
     """
-    objects = objects_of_pieces(info.terrain_objects, scenes.values())
-    if objects is None:
-        return {}
-    first_scene = next(iter(scenes.values()))
-    kinds = [piece["kind"] for piece in first_scene.get("terrain", ())]
-    piece_names = list(_piece_names(kinds))
-    prefixes = {}
-    for object_name, indices in objects:
-        if len(indices) == 1:
-            prefixes[piece_names[indices[0]]] = f"{object_name} "
-            continue
-        # Within an object, pieces are counted from 1.
-        names_in_object = _piece_names(kinds[index] for index in indices)
-        for index, name_in_object in zip(indices, names_in_object, strict=True):
-            prefixes[piece_names[index]] = f"{object_name}, {_piece_label(name_in_object)}: "
-    return prefixes
+    index_by_name: dict[str, int] = {}
+    for _, value_by_name in samples_with_values:
+        for name in value_by_name:
+            index_by_name.setdefault(name, len(index_by_name))
+    table = numpy.full((samples, len(index_by_name)), numpy.nan)
+    for sample, value_by_name in samples_with_values:
+        for name, value in value_by_name.items():
+            table[sample, index_by_name[name]] = value
+    return list(index_by_name), table
 
 
 @dataclass(frozen=True)
-class _Drawn:
-    """How the store keeps what is drawn for each sample.
+class _DrawnTables:
+    """Where the store keeps what is drawn at random for each sample: its scene, or the variation of its built car.
 
-    Each row of ``table`` names a row of ``content_table`` for a sample. The rows of an experiment have the experiment's
-    value in the column ``key``.
+    Each row of ``table`` refers to a row of ``content_table``, which has the content as JSON. The rows of an experiment
+    have the experiment's value in the column ``key``.
     """
 
     table: str
@@ -228,50 +153,62 @@ class _Drawn:
     content_table: str
 
 
-_SCENES = _Drawn(table="sample", key="environment_id", content_table="scene")
-_VARIATIONS = _Drawn(table="draw", key="spread_id", content_table="variation")
+_SCENES = _DrawnTables(table="sample", key="environment_id", content_table="scene")
+_VARIATIONS = _DrawnTables(table="draw", key="spread_id", content_table="variation")
 
 
-def _by_sample(store: Store, experiment: Any, drawn: _Drawn, read: Callable[[Any], Read]) -> dict[int, Read]:
-    """Return what ``read`` makes of the scene or the variation of each sample, by sample.
+def _by_sample(store: Store, experiment: Any, tables: _DrawnTables, read: Callable[[Any], Read]) -> dict[int, Read]:
+    """Return the result of ``read`` for the content of each sample, by sample.
 
-    ``experiment`` is the experiment's row. Samples may share a scene or a variation, which is then read once.
+    The contents are the scenes or the variations that are stored in ``tables``. ``experiment`` is the experiment's row.
+    Samples may share a content, which is then read once.
     """
-    content_id = f"{drawn.content_table}_id"
-    of_experiment = f"WHERE {drawn.key} = ?1 AND sample < ?2"
-    limits = experiment[drawn.key], experiment["environments"]
-    samples = store.rows(BY_NAME[drawn.table], of_experiment, *limits)
+    content_id = f"{tables.content_table}_id"
+    of_experiment = f"WHERE {tables.key} = ?1 AND sample < ?2"
+    parameters = experiment[tables.key], experiment["environments"]
+    samples = store.rows(BY_NAME[tables.table], of_experiment, *parameters)
     id_by_sample = {row["sample"]: row[content_id] for row in samples}
-    where = f"WHERE id IN (SELECT {content_id} FROM {drawn.table} {of_experiment})"
-    contents = store.rows(BY_NAME[drawn.content_table], where, *limits)
-    value_by_id = {row["id"]: read(json.loads(row["json"])) for row in contents}
-    return {sample: value_by_id[row_id] for sample, row_id in id_by_sample.items() if row_id in value_by_id}
+    of_samples = f"WHERE id IN (SELECT {content_id} FROM {tables.table} {of_experiment})"
+    contents = store.rows(BY_NAME[tables.content_table], of_samples, *parameters)
+    result_by_id = {row["id"]: read(json.loads(row["json"])) for row in contents}
+    return {sample: result_by_id[row_id] for sample, row_id in id_by_sample.items() if row_id in result_by_id}
 
 
 def _scene(scene: Mapping[str, Any], objects: Sequence[Any] | None) -> dict[str, float]:
     """Return the numbers of a scene by the name of their column.
 
     They are its friction, its start, its goal, its number of pieces, the height of its highest piece (m), and the numbers
-    of its terrain. The latter are the parameters of the ``objects``. If these are unknown, they are the numbers of each
-    piece.
+    of its terrain. The latter are the parameters of the terrain's ``objects``, or if these are unknown (None), the sizes
+    and places of its pieces.
     """
     values = _numbers("scene", {"friction": scene.get("friction")})
     for position in ("start", "goal"):
         values |= _numbers(f"scene_{position}", scene.get(position) or {})
     terrain = scene.get("terrain", ())
-    if objects is not None:
-        columns = _object_columns([name for name, _ in objects])
-        for column, (_, parameters) in zip(columns, objects, strict=True):
-            for key, value in parameters.items():
-                if key not in LEFT_OUT:
-                    values[f"{column}.{key}"] = float(value)
-    else:
-        piece_names = _piece_names(piece["kind"] for piece in terrain)
-        for piece_name, piece in zip(piece_names, terrain, strict=True):
-            values |= _numbers(f"scene_{piece_name}", piece)
+    values |= _numbers_of_pieces(terrain) if objects is None else _numbers_of_objects(objects)
     heights_m = [piece.get("height_m", 0.0) for piece in terrain]
     values["scene_pieces"] = len(heights_m)
     values["scene_highest_m"] = max(heights_m, default=0.0)
+    return values
+
+
+def _numbers_of_objects(objects: Sequence[Any]) -> dict[str, float]:
+    """Return the parameters of terrain objects by the name of their column. An object is [name, parameters]."""
+    values = {}
+    columns = object_columns([name for name, _ in objects])
+    for column, (_, parameters) in zip(columns, objects, strict=True):
+        for key, value in parameters.items():
+            if key not in LEFT_OUT:
+                values[f"{column}.{key}"] = float(value)
+    return values
+
+
+def _numbers_of_pieces(terrain: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """Return the numbers of each piece of a terrain by the name of their column, such as ``scene_box_2_height_m``."""
+    values: dict[str, float] = {}
+    names_in_scene = piece_names(piece["kind"] for piece in terrain)
+    for piece_name, piece in zip(names_in_scene, terrain, strict=True):
+        values |= _numbers(f"scene_{piece_name}", piece)
     return values
 
 
@@ -284,23 +221,24 @@ def _numbers(start: str, values: Mapping[str, Any]) -> dict[str, float]:
     }
 
 
-def _car(drawn: Mapping[str, Any], wheels: Any) -> dict[str, float]:
-    """Return the differences of a built car from its design, with the mean and the difference of sides for wheels.
+def _car(variation: Mapping[str, Any], wheels: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """Return how a built car differs from its design, by the name of the column, such as ``car_supply_v``.
 
-    ``drawn`` is a sample's stored variation, ``wheels`` are those of the body of the family's first design.
+    ``variation`` is a sample's stored variation: the difference of each quantity, or if each wheel has its own, a list
+    of differences. ``wheels`` are the wheels of the family's first design.
     """
     values = {}
-    for name, value in drawn.items():
+    for name, difference in variation.items():
         if name not in workshop_spreads():
             continue
-        if not isinstance(value, list):
-            values[f"car_{name}"] = float(value)
+        if not isinstance(difference, list):
+            values[f"car_{name}"] = float(difference)
         elif wheels:
-            values |= _wheel_values(name, value, wheels)
+            values |= _wheel_values(name, difference, wheels)
     return values
 
 
-def _wheel_values(name: str, value_by_channel: Sequence[float], wheels: Any) -> dict[str, float]:
+def _wheel_values(name: str, value_by_channel: Sequence[float], wheels: Sequence[Mapping[str, Any]]) -> dict[str, float]:
     """Return the mean of a quantity over a car's wheels, and if there are wheels on both sides, left minus right.
 
     ``value_by_channel`` has the value of each servo channel.
@@ -326,26 +264,40 @@ def _wheel_values(name: str, value_by_channel: Sequence[float], wheels: Any) -> 
 
 
 def _informative(values: NDArray[Any]) -> list[int]:
-    """Return the indices of the columns that vary and tell something that no column before them tells.
+    """Return the indices of the columns of ``values`` (samples, columns) that vary and are not repetitions.
 
-    A column tells nothing new if it is a linear function of an earlier one.
+    A column is a repetition if it is a linear function of an informative column before it.
     """
     informative: list[int] = []
     for index, column in enumerate(values.T):
-        is_known = ~numpy.isnan(column)
-        known_values = column[is_known]
-        if len(known_values) < 2 or numpy.ptp(known_values) <= MIN_RELATIVE_RANGE * abs(known_values).max():
+        if _is_constant(column):
             continue
-        is_repeated = False
-        for earlier in informative:
-            # Only columns that are known in the same samples can be compared.
-            if (~numpy.isnan(values[:, earlier]) == is_known).all():
-                correlation = numpy.corrcoef(values[is_known, earlier], known_values)[0, 1]
-                # If the correlation is NaN, this comparison is False, so the column counts as a repetition.
-                is_repeated = is_repeated or not abs(correlation) <= MAX_CORRELATION
-        if not is_repeated:
+        if not any(_is_repetition(column, values[:, earlier]) for earlier in informative):
             informative.append(index)
     return informative
+
+
+def _is_constant(column: NDArray[Any]) -> bool:
+    """Return whether all known values of a column are equal, apart from rounding. Unknown values are NaN."""
+    known_values = column[~numpy.isnan(column)]
+    if len(known_values) < 2:
+        return True
+    max_range = MIN_RELATIVE_RANGE * abs(known_values).max()
+    return bool(numpy.ptp(known_values) <= max_range)
+
+
+def _is_repetition(column: NDArray[Any], earlier: NDArray[Any]) -> bool:
+    """Return whether a column is a linear function of an earlier one.
+
+    Only columns that are known in the same samples can be compared. Others are no repetitions.
+    """
+    is_known = ~numpy.isnan(column)
+    is_known_earlier = ~numpy.isnan(earlier)
+    if (is_known != is_known_earlier).any():
+        return False
+    correlation = abs(numpy.corrcoef(earlier[is_known], column[is_known])[0, 1])
+    # The correlation is NaN if rounding leaves one of the columns without variance.
+    return bool(numpy.isnan(correlation) or correlation > MAX_CORRELATION)
 
 
 def _column(name: str, labels: Mapping[str, str], prefixes: Mapping[str, str]) -> EnvironmentColumn:
@@ -356,24 +308,5 @@ def _column(name: str, labels: Mapping[str, str], prefixes: Mapping[str, str]) -
     """
     _, si_unit = label_and_unit(name)
     unit, scale = READERS_UNITS.get(si_unit, (si_unit, 1.0))
-    label = labels.get(name) or _label(name, prefixes)
+    label = labels.get(name) or column_label(name, prefixes)
     return EnvironmentColumn(name, label, unit, scale)
-
-
-def _label(name: str, prefixes: Mapping[str, str]) -> str:
-    """Return the label of a column of a piece, of another part of the scene, or of the car.
-
-    That of ``scene_box_2_height_m`` is ``stair, block 2: height``, that of ``car_mean_neutral_us`` ``car, mean neutral``.
-    """
-    match = PIECE.fullmatch(name)
-    if match is not None:
-        piece_name, quantity = match[1], match[2]
-        prefix = prefixes.get(piece_name, f"{_piece_label(piece_name)} ")
-        quantity_label, _ = label_and_unit(quantity)
-        return f"{prefix}{quantity_label}"
-    label, _ = label_and_unit(name.removeprefix("scene_"))
-    if label == "highest":
-        return "highest obstacle"
-    if label == "pieces":
-        return "pieces of terrain"
-    return label.replace("car mean", "car, mean").replace("car left less right", "car, left less right")

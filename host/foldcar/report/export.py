@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from foldcar.outputs import atomic_file
-from foldcar.report.environment_values import environment_values
+from foldcar.report.environment_values import EnvironmentValues, environment_values
 from foldcar.shown_text import spreadsheet_cell
 from foldcar.simulation.results import METRICS, NUMBERS, Recorded, Result, has_passed
 from foldcar.store.reader import Store
@@ -49,13 +49,16 @@ SUFFIXES = ("mm", "deg", "m", "rad", "v", "us")
 
 
 def export_csv(store: Store, file: Path, failed: bool = False) -> int:
-    """Write the runs, or only the ``failed`` ones, as CSV atomically; return the number of rows.
+    """Write the runs of a store to a CSV file, and return the number of rows.
 
-    Numbers are read back exactly. Raises FoldcarError if the store cannot be read or the file cannot be written.
+    If ``failed`` is True, only the failed runs are written. The file appears only when it is complete. Its numbers have
+    so many digits that they are read back exactly. Raises FoldcarError if the store cannot be read or the file cannot be
+    written.
     """
     with atomic_file(file) as binary:
         text = io.TextIOWrapper(binary, encoding="utf-8", newline="")
         rows = write_csv(store, text, failed)
+        # Otherwise the wrapper would close the file, which atomic_file still needs.
         text.detach()
     return rows
 
@@ -83,26 +86,36 @@ def export_parquet(store: Store, file: Path, failed: bool = False) -> int:
     import pyarrow.parquet as pq
 
     table = _RunTable(store, failed)
-    # Recorded lists of one type become Parquet lists. Other recorded JSON remains JSON text.
-    list_types: dict[str, Any] = {}
+    list_types = _types_of_recorded_lists(store, table)
+    types = dict.fromkeys((*TEXT_COLUMNS, "outcome", "message"), pa.string())
+    types |= {"sample": pa.int64(), "passed": pa.bool_()}
+    type_of_kind = {"number": pa.float64(), "text": pa.string(), "truth": pa.bool_(), "json": pa.string()}
+    for name, kind in table.recorded.items():
+        types[f"{RECORDED_PREFIX}{name}"] = list_types.get(name, type_of_kind[kind])
+    # All other columns are numbers.
+    schema = pa.schema([_field(column, types.get(column, pa.float64())) for column in table.columns])
+    count = 0
+    rows = table.rows(list_types)
+    with atomic_file(file) as binary, pq.ParquetWriter(binary, schema) as writer:
+        while batch := list(itertools.islice(rows, BATCH_ROWS)):
+            columns = list(zip(*batch, strict=True))
+            writer.write_table(pa.table(columns, schema=schema))
+            count += len(batch)
+    return count
+
+
+def _types_of_recorded_lists(store: Store, table: "_RunTable") -> dict[str, Any]:
+    """Return pyarrow's type of each recorded name whose values become Parquet lists, because they have one list type.
+
+    Other values that are neither numbers, strings nor booleans remain JSON text.
+    """
+    list_types = {}
     for name, kind in table.recorded.items():
         if kind == "json":
             type_of_lists = list_type(result.recorded.get(name) for result in store.results())
             if type_of_lists is not None:
                 list_types[name] = type_of_lists
-    type_of_kind = {"number": pa.float64(), "text": pa.string(), "truth": pa.bool_(), "json": pa.string()}
-    # All other columns are numbers.
-    types = dict.fromkeys((*TEXT_COLUMNS, "outcome", "message"), pa.string())
-    types |= {"sample": pa.int64(), "passed": pa.bool_()}
-    for name, kind in table.recorded.items():
-        types[f"{RECORDED_PREFIX}{name}"] = list_types.get(name, type_of_kind[kind])
-    schema = pa.schema([_field(column, types.get(column, pa.float64())) for column in table.columns])
-    count, rows = 0, table.rows(list_types)
-    with atomic_file(file) as binary, pq.ParquetWriter(binary, schema) as writer:
-        while batch := list(itertools.islice(rows, BATCH_ROWS)):
-            writer.write_table(pa.table(list(zip(*batch, strict=True)), schema=schema))
-            count += len(batch)
-    return count
+    return list_types
 
 
 def export_trials(store: Store, file: Path, simulated_trials: bool) -> tuple[int, str | None]:
@@ -175,50 +188,65 @@ class _RunTable:
     """The runs of a store as rows of cells; ``recorded`` has each recorded name's kind, of RECORDED_KINDS or ``json``."""
 
     def __init__(self, store: Store, failed: bool) -> None:
+        """Read what the columns are. If ``failed`` is True, the table has the failed runs only."""
         self._store, self._failed = store, failed
-        self._design = store.design_columns()
+        self._design_names = store.design_columns()
         self.recorded = {name: _recorded_kind(types) for name, types in store.recorded_types().items()}
-        infos = store.info().experiments.values() if store.experiment_ids() else ()
-        self._sampled = {info.id: environment_values(store, info) for info in infos}
-        # The names of the sampled values of all experiments, in order of appearance.
-        sampled_names: dict[str, None] = {}
-        for table in self._sampled.values():
-            sampled_names |= dict.fromkeys(column.name for column in table.columns)
-        # For each experiment, the index in its table of each of these names; None if the table lacks it.
-        self._sampled_indices: dict[str, list[int | None]] = {}
-        for experiment, table in self._sampled.items():
-            index_by_name = {column.name: index for index, column in enumerate(table.columns)}
-            self._sampled_indices[experiment] = [index_by_name.get(name) for name in sampled_names]
+        # The sampled values of scene and car, a table for each experiment.
+        self._sampled_values: dict[str, EnvironmentValues] = {}
+        if store.experiment_ids():
+            for info in store.info().experiments.values():
+                self._sampled_values[info.id] = environment_values(store, info)
+        # Their names in all experiments, in order of appearance. A dictionary has each name once.
+        names: dict[str, None] = {}
+        for values in self._sampled_values.values():
+            names |= dict.fromkeys(column.name for column in values.columns)
+        self._sampled_names = list(names)
         recorded_columns = [f"{RECORDED_PREFIX}{name}" for name in self.recorded]
-        self.columns = [*RESULT_COLUMNS, *self._design, *recorded_columns, *sampled_names]
+        self.columns = [*RESULT_COLUMNS, *self._design_names, *recorded_columns, *self._sampled_names]
 
     def rows(self, lists: Collection[str] = ()) -> Iterator[list[Any]]:
-        """Yield the cells of each run; recorded values named in ``lists`` are lists."""
-        defined = self._store.judged_experiments()
+        """Yield a list of cells for each run. Recorded values whose name is in ``lists`` are lists, not JSON text."""
+        judged_experiments = self._store.judged_experiments()
         for result in self._store.results():
             if self._failed and result.outcome != "failed":
                 continue
-            passed = has_passed(result.outcome) if result.experiment in defined else None
-            cells = [result.experiment, result.vehicle, result.environment, result.sample, result.outcome, passed]
-            cells += [result.metrics[name] for name in NUMBERS]
-            cells.append(result.message)
-            cells += [result.design.get(column) for column in self._design]
-            for name, kind in self.recorded.items():
-                if name in lists:
-                    cells.append(list_cell(result.recorded.get(name)))
-                else:
-                    cells.append(_recorded_cell(result.recorded, name, kind))
-            cells += self._sampled_cells(result)
-            yield cells
+            is_judged = result.experiment in judged_experiments
+            yield [
+                # The columns of RESULT_COLUMNS.
+                result.experiment,
+                result.vehicle,
+                result.environment,
+                result.sample,
+                result.outcome,
+                has_passed(result.outcome) if is_judged else None,
+                *(result.metrics[name] for name in NUMBERS),
+                result.message,
+                *(result.design.get(name) for name in self._design_names),
+                *self._recorded_cells(result, lists),
+                *self._sampled_cells(result),
+            ]
+
+    def _recorded_cells(self, result: Result, lists: Collection[str]) -> Iterator[Any]:
+        """Yield a run's recorded values, in the order of ``recorded``; those whose name is in ``lists`` as lists."""
+        for name, kind in self.recorded.items():
+            if name in lists:
+                yield list_cell(result.recorded.get(name))
+            else:
+                yield _recorded_cell(result.recorded, name, kind)
 
     def _sampled_cells(self, result: Result) -> Iterator[float | None]:
-        """Yield a run's sampled values of scene and car; None for those that its environment lacks."""
-        values = self._sampled[result.experiment].values[result.sample].tolist()
-        for index in self._sampled_indices[result.experiment]:
-            if index is None or math.isnan(values[index]):
-                yield None
-            else:
-                yield values[index]
+        """Yield a run's sampled values of scene and car, in the order of the columns.
+
+        A value is None if the run's environment lacks it.
+        """
+        experiment_values = self._sampled_values[result.experiment]
+        values = experiment_values.values[result.sample].tolist()
+        names = (column.name for column in experiment_values.columns)
+        value_by_name = dict(zip(names, values, strict=True))
+        for name in self._sampled_names:
+            value = value_by_name.get(name, math.nan)
+            yield None if math.isnan(value) else value
 
 
 def _recorded_cell(recorded: Mapping[str, Recorded], name: str, kind: str) -> Any:
@@ -290,16 +318,22 @@ def _type_of(values: list[Any]) -> Any:
     import pyarrow as pa
 
     try:
-        kind = pa.array(values).type
+        arrow_type = pa.array(values).type
     except (pa.ArrowException, OverflowError):
         return None
-    depth = 0
-    while pa.types.is_list(kind):
-        kind, depth = kind.value_type, depth + 1
-    if pa.types.is_integer(kind) or pa.types.is_null(kind):
-        kind = pa.float64()
-    if not (pa.types.is_floating(kind) or pa.types.is_boolean(kind) or pa.types.is_string(kind)):
-        return None
-    for _ in range(depth):
-        kind = pa.list_(kind)
-    return kind
+    return _type_with_float_numbers(arrow_type)
+
+
+def _type_with_float_numbers(arrow_type: Any) -> Any:
+    """Return a type with double for integers and for unknown values, in lists too; None for a type that has no column."""
+    import pyarrow as pa
+    from pyarrow import types
+
+    if types.is_list(arrow_type):
+        element_type = _type_with_float_numbers(arrow_type.value_type)
+        return None if element_type is None else pa.list_(element_type)
+    if types.is_integer(arrow_type) or types.is_null(arrow_type):
+        return pa.float64()
+    if types.is_floating(arrow_type) or types.is_boolean(arrow_type) or types.is_string(arrow_type):
+        return arrow_type
+    return None

@@ -46,15 +46,19 @@ def page_data(
     :func:`read_experiments`, which is called if they are None. Raises FoldcarError if the store cannot be read.
     """
     study = store.info() if store.holds_study() else None
-    read = read_experiments(store) if experiments is None else experiments
-    # The matrices have some tens of rows: so few that several threads would only wait for each other.
+    if experiments is None:
+        experiments = read_experiments(store)
+    # The matrices of the statistics are so small that several threads would only wait for each other.
     with threadpool_limits(1):
-        shown = [_experiment(store, study, experiment, read, command) for experiment in read]
+        shown = [_experiment(store, study, experiment, experiments, command) for experiment in experiments]
     title, notes = _title(study)
+    if not title:
+        title = store.path.name if study is None else study.listing_name
+    warnings = [experiment.info.warning for experiment in experiments if experiment.info.warning]
     return {
-        "title": title or (study.listing_name if study is not None else store.path.name),
+        "title": title,
         "notes": notes,
-        "engine_notes": list(dict.fromkeys(experiment.info.warning for experiment in read if experiment.info.warning)),
+        "engine_notes": list(dict.fromkeys(warnings)),
         "experiments": shown,
     }
 
@@ -145,33 +149,53 @@ def _leader(experiment: ReportedExperiment) -> int | None:
 
 
 def _provenance(study: StudyInfo | None, info: ExperimentInfo, command: Sequence[str]) -> list[list[str]]:
-    """Return what somebody needs to know to simulate the experiment again: pairs of a label and a text."""
-    speed = "each car's full speed" if info.speed_m_s is None else f"{info.speed_m_s:g} m/s"
-    program = info.scenic_program + (f" with {_assigned(info.scenic_params)}" if info.scenic_params else "")
-    rows: list[tuple[str, str]] = [
-        ("vehicle", ": ".join(filter(None, (info.vehicle, info.vehicle_type)))),
-        ("environment", ": ".join(filter(None, (info.environment, program)))),
-        ("frozen", _frozen(info)),
-        ("built cars", f"seed {info.variation_seed}; spread: {_assigned(info.variation)}" if info.variation else ""),
-        ("sampled environments", f"{info.environments:,}, seed {info.seed}" if info.environments else ""),
-        ("time limit", f"{info.timeout_s:g} s" if info.environments else ""),
-        ("set-point", f"{speed}, turn rate {info.yaw_rate_rad_s:g} rad/s" if info.environments else ""),
-        ("rule", info.success_rule),
-        ("runs", f"{info.stored_runs:,} stored of {info.planned_runs:,} planned" if info.environments else ""),
-        ("simulated under", info.under or ""),
-        ("engine", info.engine),
-        ("carsim build", info.carsim_build),
-    ]
+    """Return what somebody needs to know to simulate the experiment again: pairs of a label and a text.
+
+    ``command`` is the command that writes the report. Texts that do not apply to the experiment are left out.
+    """
+    rows = _provenance_of_experiment(info)
     if study is not None:
-        rows += [
-            ("foldcar", study.foldcar_version),
-            ("Scenic", study.scenic_version),
-            ("swept (UTC)", study.created_utc),
-            ("command of the sweep", study.command),
-            ("command of the report", shlex.join(command)),
-            (f"listing {study.listing_name}", study.listing_text),
-        ]
-    return [[label, text] for label, text in rows if text]
+        rows |= {
+            "foldcar": study.foldcar_version,
+            "Scenic": study.scenic_version,
+            "swept (UTC)": study.created_utc,
+            "command of the sweep": study.command,
+            "command of the report": shlex.join(command),
+            f"listing {study.listing_name}": study.listing_text,
+        }
+    return [[label, text] for label, text in rows.items() if text]
+
+
+def _provenance_of_experiment(info: ExperimentInfo) -> dict[str, str]:
+    """Return how the runs of an experiment were made, as texts by their label; a text is "" if it does not apply."""
+    program = info.scenic_program
+    if info.scenic_params:
+        program += f" with {_assigned(info.scenic_params)}"
+    # An experiment without environments has no runs, only trials.
+    sampled = time_limit = set_point = runs = ""
+    if info.environments:
+        sampled = f"{info.environments:,}, seed {info.seed}"
+        time_limit = f"{info.timeout_s:g} s"
+        speed = "each car's full speed" if info.speed_m_s is None else f"{info.speed_m_s:g} m/s"
+        set_point = f"{speed}, turn rate {info.yaw_rate_rad_s:g} rad/s"
+        runs = f"{info.stored_runs:,} stored of {info.planned_runs:,} planned"
+    built_cars = ""
+    if info.variation:
+        built_cars = f"seed {info.variation_seed}; spread: {_assigned(info.variation)}"
+    return {
+        "vehicle": ": ".join(filter(None, (info.vehicle, info.vehicle_type))),
+        "environment": ": ".join(filter(None, (info.environment, program))),
+        "frozen": _frozen(info),
+        "built cars": built_cars,
+        "sampled environments": sampled,
+        "time limit": time_limit,
+        "set-point": set_point,
+        "rule": info.success_rule,
+        "runs": runs,
+        "simulated under": info.under or "",
+        "engine": info.engine,
+        "carsim build": info.carsim_build,
+    }
 
 
 def _assigned(values: Mapping[str, Any]) -> str:
@@ -193,13 +217,13 @@ def _frozen(info: ExperimentInfo) -> str:
 
 
 def _trial_rows(store: Store, experiment: ReportedExperiment) -> list[TrialRow]:
-    """Return a row for each trial, in their order.
+    """Return a row for each trial of an experiment, in their order.
 
-    ``environment`` is the number of the sample in which the trial was driven. It is None if the runs were not made in
-    this sample, or if the sample is unknown.
+    ``environment`` is the number of the sampled environment in which the trial was driven, so that the page can show it
+    beside the runs in the same environment. It is None if there are no such runs, or if it is unknown.
     """
     info, evidence = experiment.info, experiment.evidence
-    ids_in_samples = store.trials_in_environment(info) if evidence.swept else set()
+    trials_beside_runs = store.trials_in_environment(info) if evidence.swept else set()
     return [
         {
             "number": trial.id,
@@ -207,7 +231,7 @@ def _trial_rows(store: Store, experiment: ReportedExperiment) -> list[TrialRow]:
             "car": design_label(info, trial.vehicle_type, trial.design),
             "car_name": trial.car_name,
             "standing": trial.standing,
-            "environment": trial.sample if trial.id in ids_in_samples else None,
+            "environment": trial.sample if trial.id in trials_beside_runs else None,
             "passed": trial.outcome == "passed" if trial.completed else None,
             "outcome": trial.outcome.replace("_", " "),
             "time_s": trial.elapsed_time_s,

@@ -48,7 +48,11 @@ class DesignColumns:
         return rate.interval_name(self.evidence.info.until is not None)
 
     def intervals(self, counts: NDArray[Any], sequential: bool = False) -> list[Interval]:
-        """Return the interval of each rate of ``counts`` (designs, 2): passed and all."""
+        """Return the interval of each design's success rate; None for a design without runs.
+
+        ``counts`` (designs, 2) are the number of runs that passed and the number of all runs. ``sequential`` is whether a
+        stopping rule ended the runs.
+        """
         if not self.evidence.info.success_defined:
             return [None] * len(counts)
         intervals: list[Interval] = []
@@ -62,7 +66,10 @@ class DesignColumns:
 
     @property
     def simulation(self) -> list[Band]:
-        """The rate of success in simulation of each design, with its interval: (rate, low, high), None without runs."""
+        """The rate of success of each design in simulation, with its interval: (rate, low, high).
+
+        It is None for a design without runs.
+        """
         bands: list[Band] = []
         for interval, (passed, runs) in zip(self.run_intervals, self.evidence.run_counts.tolist(), strict=True):
             if interval is None:
@@ -74,12 +81,14 @@ class DesignColumns:
 
     @cached_property
     def built(self) -> list[Band]:
-        """The success of a further built car; None without a belief."""
+        """The success rate of a newly built car of each design, with its interval: (rate, low, high).
+
+        It is None for a design that does not belong to the belief, and for all designs if there is no belief.
+        """
         bands: list[Band] = [None] * len(self.names)
         belief = self.evidence.belief
         if belief is None:
             return bands
-        # The belief need not be about all designs.
         for index, estimate in zip(belief.design_indices.tolist(), belief.answers.built, strict=True):
             bands[index] = round(estimate.value, 6), round(estimate.low, 6), round(estimate.high, 6)
         return bands

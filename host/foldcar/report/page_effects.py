@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 
-import numpy
 from threadpoolctl import threadpool_limits
 
 from foldcar.errors import FoldcarError
@@ -20,35 +19,43 @@ DIGITS = 4
 def read_effects(evidence: Evidence) -> tuple[Effects | None, list[int]]:
     """Fit a smooth model of how the parameters change success.
 
-    Only parameters that have several values in the runs are in the model. Returns the model and the indices of these
-    parameters. The model is None if there are too few designs, or if success is undefined.
+    Only parameters that have several values in the runs are in the model. Returns the model, and the indices of these
+    parameters among those of ``evidence``. The model is None if there are too few designs, or if success is undefined.
     """
-    swept = [design for design in evidence.family if design.swept]
-    has_runs = numpy.array([design.runs > 0 for design in swept])
-    indices = []
+    designs_with_runs = [design for design in evidence.family if design.swept and design.runs]
+    indices, names = [], []
     for index, name in enumerate(evidence.values):
-        if len({design.design[name] for design in swept if design.runs}) > 1:
+        different_values = {design.design[name] for design in designs_with_runs}
+        if len(different_values) > 1:
             indices.append(index)
-    all_names = list(evidence.values)
-    names = [all_names[index] for index in indices]
-    # Fewer designs cannot separate the effects of so many parameters.
-    if not names or has_runs.sum() < 2 ** len(names) or not evidence.info.success_defined:
+            names.append(name)
+    if not names or not evidence.info.success_defined:
         return None, indices
+    # Fewer designs cannot separate the effects of so many parameters.
+    if len(designs_with_runs) < 2 ** len(names):
+        return None, indices
+    return _fit(evidence, names), indices
+
+
+def _fit(evidence: Evidence, names: Sequence[str]) -> Effects | None:
+    """Fit the smooth model of the parameters ``names`` to the runs; None if this is impossible."""
     runs = evidence.runs.counted
     has_passed = runs.outcome == OUTCOMES.index("passed")
-    parameters = [[float(design.design[name]) for name in names] for design in swept]
+    parameters = []
+    for design in evidence.family:
+        if design.swept:
+            parameters.append([float(design.design[name]) for name in names])
     try:
         with threadpool_limits(1):
-            effects = fit_effects(parameters, runs.design, runs.sample, has_passed)
+            return fit_effects(parameters, runs.design, runs.sample, has_passed)
     except FoldcarError:
-        return None, indices
-    return effects, indices
+        return None
 
 
 def effect_rows(effects: Effects, parameters: list[int]) -> list[ParameterEffect]:
     """Return a row for each parameter of the model: how the success rate changes with it.
 
-    ``parameters`` are the indices of the model's parameters among those of the family.
+    ``parameters`` are the indices of the model's parameters among all parameters of the family.
     """
     rows: list[ParameterEffect] = []
     for index, parameter in enumerate(parameters):
@@ -69,11 +76,14 @@ def effect_rows(effects: Effects, parameters: list[int]) -> list[ParameterEffect
 
 
 def combinations_text(effect: Effect, parameters: int) -> str:
-    """Say over which combinations of the other parameters an effect is averaged; "" if there are no others."""
+    """Return a text that says over which combinations of the other parameters an effect is averaged.
+
+    ``parameters`` is the number of parameters. With a single one there are no others, and the text is "".
+    """
     if parameters < 2:
         return ""
     combinations = f"{count(effect.combinations, 'combination')} of the other parameters"
-    if effect.run:
+    if effect.each_was_run:
         return f"mean over the same {combinations}, each of which was run at every value"
     return f"mean over the same {combinations} by the smooth model, because few of them were run at every value"
 

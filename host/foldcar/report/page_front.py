@@ -58,7 +58,7 @@ def search_front(evidence: Evidence, areas: Sequence[float | None], fresh: Evide
 
 
 def _runs_by_design(evidence: Evidence) -> list[list[RunRow]]:
-    """Return the runs that count of each design of the family."""
+    """Return a list of runs for each design of the family. Runs that the program rejected are left out."""
     runs = evidence.runs.counted
     designs, outcomes = runs.design.tolist(), runs.outcome.tolist()
     times_s = runs.metrics[:, NUMBERS.index("elapsed_time_s")].tolist()
@@ -81,8 +81,7 @@ def _point(
     """Return the point of a design: the values of its objectives with their intervals, in the units of the page.
 
     ``index`` is the design's index. ``rows`` are its runs, ``limit_s`` is their time limit, and ``area_cm2`` the area
-    of film of the car. ``fresh`` is whether the runs are in environments that the search has not used. Whether another
-    design is better (``beaten``) is computed when all points are known.
+    of film of the car. ``fresh`` is whether the runs are in environments that the search has not used.
     """
     values: list[float | None] = []
     lows: list[float | None] = []
@@ -90,15 +89,23 @@ def _point(
     for objective in objectives:
         if objective.value is None or objective.interval is None:
             # The only objective that does not depend on runs is the area, which is known exactly.
-            value = low = high = area_cm2
+            values.append(area_cm2)
+            lows.append(area_cm2)
+            highs.append(area_cm2)
         else:
-            low_end, high_end = objective.interval(rows, limit_s)
-            value = _page_number(objective, objective.value(rows, limit_s))
-            low, high = _page_number(objective, low_end), _page_number(objective, high_end)
-        values.append(value)
-        lows.append(low)
-        highs.append(high)
-    return {"design": index, "values": values, "low": lows, "high": highs, "fresh": fresh, "beaten": False}
+            low, high = objective.interval(rows, limit_s)
+            values.append(_page_number(objective, objective.value(rows, limit_s)))
+            lows.append(_page_number(objective, low))
+            highs.append(_page_number(objective, high))
+    return {
+        "design": index,
+        "values": values,
+        "low": lows,
+        "high": highs,
+        "fresh": fresh,
+        # Whether another design is better in all objectives is computed when all points are known.
+        "beaten": False,
+    }
 
 
 def _page_number(objective: Objective, value: float) -> float | None:

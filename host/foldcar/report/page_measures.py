@@ -30,34 +30,41 @@ def measures(store: Store, info: ExperimentInfo, designs: Sequence[Mapping[str, 
 
     ``designs`` begin with the stored designs of the experiment, in their order. Raises StoreError.
     """
-    number = len(designs)
     columns: list[Measure] = []
     if info.success_defined:
-        counted = runs.counted
-        passed = counted.outcome == OUTCOMES.index("passed")
-        time_s, energy_j = (counted.metrics[:, NUMBERS.index(name)] for name in ("elapsed_time_s", "consumed_energy_j"))
-        passing_s = numpy.where(passed, numpy.minimum(numpy.nan_to_num(time_s), info.timeout_s), 0.0)
-        # How many runs each design has, and how many of them passed.
-        total = numpy.bincount(counted.design, minlength=number)
-        passed_count = numpy.bincount(counted.design, passed, minlength=number)
-        passing_total_s = numpy.bincount(counted.design, passing_s, minlength=number)
-        # The energy of a failed run is unknown: it counts as the mean.
-        with_energy = numpy.bincount(counted.design, ~numpy.isnan(energy_j), minlength=number)
-        mean_energy_j = _ratio(numpy.bincount(counted.design, numpy.nan_to_num(energy_j), minlength=number), with_energy)
-        columns += [
-            _measure(
-                "time", "time, failures at the limit", "s",
-                _ratio(passing_total_s + (total - passed_count) * info.timeout_s, total),
-            ),
-            _measure("passing_time", "time of passing runs", "s", _ratio(passing_total_s, passed_count)),
-            _measure("energy", "energy per pass", "J", _ratio(mean_energy_j * total, passed_count)),
-        ]  # fmt: skip
-    columns.append(_measure("mass", "mass", "g", _masses_g(store, info, number)))
-    if number <= MAX_FOLDED:
-        columns.append(
-            _measure("sheet_area", "sheet area", "cm²", numpy.array([_area_cm2(info, design) for design in designs]))
-        )
+        columns += _measures_of_runs(runs.counted, len(designs), info.timeout_s)
+    columns.append(_measure("mass", "mass", "g", _masses_g(store, info, len(designs))))
+    if len(designs) <= MAX_FOLDED:
+        areas_cm2 = numpy.array([_area_cm2(info, design) for design in designs])
+        columns.append(_measure("sheet_area", "sheet area", "cm²", areas_cm2))
     return columns
+
+
+def _measures_of_runs(runs: RunArrays, designs: int, limit_s: float) -> list[Measure]:
+    """Return the measures that come from the runs of so many ``designs``: two mean times, and the energy.
+
+    ``limit_s`` is the time limit of a run.
+    """
+
+    def sum_by_design(values: NDArray[Any]) -> NDArray[Any]:
+        """Return the sum of the values of each design's runs; unknown values count as 0."""
+        return numpy.bincount(runs.design, numpy.nan_to_num(values), minlength=designs)
+
+    time_s = runs.metrics[:, NUMBERS.index("elapsed_time_s")]
+    energy_j = runs.metrics[:, NUMBERS.index("consumed_energy_j")]
+    has_passed = runs.outcome == OUTCOMES.index("passed")
+    total = sum_by_design(numpy.ones(len(has_passed)))
+    passed = sum_by_design(has_passed)
+    passing_time_s = sum_by_design(numpy.where(has_passed, numpy.minimum(time_s, limit_s), 0.0))
+    # A run that did not pass counts as the time limit.
+    time_with_failures_s = passing_time_s + (total - passed) * limit_s
+    # The energy of a run that failed with an error is unknown: it counts as the mean.
+    mean_energy_j = _ratio(sum_by_design(energy_j), sum_by_design(~numpy.isnan(energy_j)))
+    return [
+        _measure("time", "time, failures at the limit", "s", _ratio(time_with_failures_s, total)),
+        _measure("passing_time", "time of passing runs", "s", _ratio(passing_time_s, passed)),
+        _measure("energy", "energy per pass", "J", _ratio(mean_energy_j * total, passed)),
+    ]
 
 
 def _measure(key: str, label: str, unit: str, values: NDArray[Any]) -> Measure:

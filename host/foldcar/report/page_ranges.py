@@ -31,27 +31,28 @@ def range_sentences(evidence: Evidence, effects: Effects | None, indices: Sequen
 def _gap(effects: Effects, names: Sequence[str], threshold: float, simulation: str) -> list[str]:
     """Return a sentence on the gap between simulated values that most needs runs; an empty list if no gap needs any.
 
-    For a design in the middle of each gap, the model gives a probability that it reaches the threshold. The sentence is
-    about the gap where this is least certain. If it is even less certain for a design that was simulated, runs in a gap
-    are not what is needed most, and there is no sentence.
+    The model gives the probability that a design in the middle of a gap reaches the threshold. Runs are needed most in
+    the gap whose probability is nearest to 1/2. If that of a simulated design is even nearer, runs of this design are
+    needed more than runs in any gap, and there is no sentence.
     """
     simulated_designs = effects.parameters
     gaps = _gaps(simulated_designs, names)
     if not gaps:
         return []
+    number = len(simulated_designs)
     designs = numpy.vstack([simulated_designs, *(gap.design for gap in gaps)])
-    # The probability to reach the threshold, and the probability that the more probable answer is wrong.
+    # For each design the probability that it reaches the threshold, and how uncertain this is: 0 to 1/2.
     chances = (effects.rates(designs) >= threshold).mean(axis=0)
     doubts = numpy.minimum(chances, 1 - chances)
-    number = len(simulated_designs)
-    gap_index = int(doubts[number:].argmax())
-    if doubts[number + gap_index] < max(MIN_DOUBT, doubts[:number].max()):
+    doubts_of_simulated, doubts_of_gaps = doubts[:number], doubts[number:]
+    if doubts_of_gaps.max() < max(MIN_DOUBT, doubts_of_simulated.max()):
         return []
-    gap = gaps[gap_index]
+    gap_index = int(doubts_of_gaps.argmax())
+    gap, gap_chance = gaps[gap_index], chances[number + gap_index]
     label, _ = label_and_unit(gap.parameter)
     between = f"{label} {value_text(gap.parameter, gap.low)} and {value_text(gap.parameter, gap.high)}"
     car = design_text(dict(zip(names, gap.design.tolist(), strict=True)))
-    chance = f"a {percent(chances[number + gap_index])} chance to reach {threshold_text(threshold)} in {simulation}"
+    chance = f"a {percent(gap_chance)} chance to reach {threshold_text(threshold)} in {simulation}"
     return [f"Nothing was simulated between {between}; sweep there first: {car} has {chance}."]
 
 
@@ -65,23 +66,26 @@ class _Gap(NamedTuple):
 
 
 def _gaps(designs: NDArray[Any], names: Sequence[str]) -> list[_Gap]:
-    """Return the gaps between the values of each parameter in ``designs`` (d, parameters).
+    """Return the gaps between the values of each parameter, each with a design in its middle.
 
-    A gap is an interval between two successive values of a parameter that is much longer than usual. For each gap, the
-    result has all designs whose value is in the middle of the gap and whose other parameters are those of a neighbouring
-    design. Each of them is returned with the gap.
+    ``designs`` (d, parameters) are the parameters of the simulated designs. A gap lies between two successive values of a
+    parameter whose distance is much greater than usual. If designs at its ends have several combinations of the other
+    parameters, the gap is returned once for each combination.
     """
     gaps = []
     for index, name in enumerate(names):
         column = designs[:, index]
         values = numpy.unique(column)
-        is_whole = (values % 1 == 0).all()
+        are_whole = (values % 1 == 0).all()
         steps = numpy.diff(values)
         for place in numpy.flatnonzero(steps > MIN_GAP_FACTOR * numpy.median(steps)):
             low, high = values[place], values[place + 1]
-            middle_designs = designs[(column == low) | (column == high)].copy()
-            middle_designs[:, index] = (low + high) // 2 if is_whole else (low + high) / 2
-            gaps += [_Gap(name, low, high, design) for design in numpy.unique(middle_designs, axis=0)]
+            # The designs at both ends of the gap, moved into its middle.
+            middle = (low + high) // 2 if are_whole else (low + high) / 2
+            middle_designs = designs[(column == low) | (column == high)]
+            middle_designs[:, index] = middle
+            for design in numpy.unique(middle_designs, axis=0):
+                gaps.append(_Gap(name, low, high, design))
     return gaps
 
 
@@ -93,11 +97,13 @@ def _rising_ends(effects: Effects, names: Sequence[str]) -> list[str]:
         if len(effect.grid) < 3:
             continue
         label, _ = label_and_unit(name)
-        lower_rise, upper_rise = effect.rises
-        # The indices of an end and of its neighbour, and the probability that success rises towards the end.
-        for end_name, end, neighbour, probability in (("lower", 0, 1, lower_rise), ("upper", -1, -2, upper_rise)):
+        # The indices of an end and of its neighbour on the grid, and the probability that success rises towards the end.
+        lower_probability, upper_probability = effect.rises
+        ends = (("lower", 0, 1, lower_probability), ("upper", -1, -2, upper_probability))
+        for end_name, end, neighbour, probability in ends:
             rise = effect.mean[end] - effect.mean[neighbour]
-            if rise < MIN_RISE or effect.mean[end] < effect.mean.max() or probability <= MIN_RISE_PROBABILITY:
+            is_highest = effect.mean[end] >= effect.mean.max()
+            if rise < MIN_RISE or not is_highest or probability <= MIN_RISE_PROBABILITY:
                 continue
             value = float(effect.grid[end])
             if _extendable(name, value, upwards=end_name == "upper"):

@@ -30,7 +30,12 @@ def drawn_realities(evidence: Evidence) -> tuple[FloatArray, FloatArray] | None:
 
 
 def page_realities(evidence: Evidence) -> PageRealities | None:
-    """Return the realities that the page draws, and what the trials have taught; None without a belief."""
+    """Return the realities that the page draws, and what the trials have taught about reality.
+
+    A reality is a set of values of the simulator's unknown parameters, with the success rates of the designs at these
+    values. ``taught`` are sentences, and ``learned`` is the error of the fast approximation of these rates. Returns None
+    if there is no belief.
+    """
     belief, drawn = evidence.belief, drawn_realities(evidence)
     if belief is None or drawn is None:
         return None
@@ -55,7 +60,10 @@ def other_remarks(belief: Belief | None, remarks: list[str]) -> list[str]:
 
 
 def _unknown(unknown: Unknown) -> TaughtUnknown:
-    """Return what the trials have taught about a parameter of the simulator, for the page."""
+    """Return a row of the page about an unknown parameter of the simulator: its estimate before and after the trials.
+
+    ``measured`` is its measured value or None. ``taught`` is whether the trials have changed the estimate noticeably.
+    """
     return {
         "name": unknown.parameter.name,
         "unit": unknown.parameter.unit,

@@ -57,7 +57,10 @@ def _failures(store: Store, info: ExperimentInfo, failed: int) -> list[str]:
 
 
 def _undecided_text(info: ExperimentInfo) -> str:
-    """Return the end of the sentence "3 of 5 designs are decided": a part about the other 2, or "" if there are none."""
+    """Return the part of the sentence "3 of 5 designs are decided" about the other 2 designs; "" if all are decided.
+
+    While the sweep is not finished, they are not decided yet. Afterwards the part says how many environments they had.
+    """
     undecided = info.designs - info.decided
     if not undecided:
         return ""

@@ -14,7 +14,8 @@ from typing import Any, NamedTuple
 import numpy
 from numpy.typing import NDArray
 
-from foldcar.report.environment_values import objects_of_pieces, read_scenes
+from foldcar.report.environment_labels import objects_of_pieces
+from foldcar.report.environment_values import read_scenes
 from foldcar.report.page_types import ObstacleRange, RunEnds
 from foldcar.scenes.terrain_kinds import kind_of, reach_m
 from foldcar.simulation.results import NUMBERS, OUTCOMES
@@ -84,40 +85,63 @@ def read_run_ends(store: Store, info: ExperimentInfo, runs: RunArrays) -> RunEnd
 def run_ends(course: Course, extents: CarExtents, runs: RunArrays) -> RunEnds | None:
     """Count the runs that did not pass by the place where they ended. Return None if no such run has a place.
 
-    Places are bins along the way from start to goal. There is a count for each design, outcome, bin and obstacle that
-    occur together.
+    Places are bins along the way from start to goal. Runs of the same design that ended with the same outcome, in the
+    same bin and at the same obstacle are counted together.
     """
     # How far along the way to the goal each run came.
     progress_m = course.goal_m[runs.sample] - runs.metrics[:, NUMBERS.index("distance_to_target_m")]
-    failed = (runs.outcome != OUTCOMES.index("passed")) & ~numpy.isnan(progress_m)
-    if not failed.any():
+    has_failed = (runs.outcome != OUTCOMES.index("passed")) & ~numpy.isnan(progress_m)
+    if not has_failed.any():
         return None
-    place_m, design, sample, outcome = progress_m[failed], runs.design[failed], runs.sample[failed], runs.outcome[failed]
+    place_m = progress_m[has_failed]
+    design = runs.design[has_failed]
     # A car can only meet an obstacle that is not farther beside the way than the widest car reaches.
     course = course.within(float(extents.side_m.max()))
+    obstacle = met_obstacles(course, extents, place_m, design, runs.sample[has_failed])
     goal_m = float(numpy.nanmean(course.goal_m))
-    low_m, high_m = min(0.0, float(place_m.min())), max(goal_m, float(place_m.max()))
-    # The first bin begins at a multiple of the step, so there may be one bin more than the length divided by the step.
-    step_m = next((step for step in STEPS_M if (high_m - low_m) / step < MAX_BINS - 1), STEPS_M[-1])
-    bins = numpy.floor(place_m / step_m).astype(int)
-    first, last = math.floor(low_m / step_m), math.floor(high_m / step_m)
-    obstacles = met_obstacles(course, extents, place_m, design, sample)
-    # A row for each run; then one for each combination that occurs, with its number of runs.
-    run_rows = numpy.column_stack([design, outcome, bins - first, obstacles])
+    bins = _place_bins(place_m, goal_m)
+    # A row for each run; then a row for each combination that occurs, with its number of runs.
+    run_rows = numpy.column_stack([design, runs.outcome[has_failed], bins.bin_of(place_m), obstacle])
     combinations, counts = numpy.unique(run_rows, axis=0, return_counts=True)
-    designs, outcomes, run_bins, run_obstacles = combinations.T.tolist()
+    designs, outcomes, run_bins, obstacles = combinations.T.tolist()
     return {
-        "from_m": round(first * step_m, 6),
-        "step_m": step_m,
-        "bins": last - first + 1,
+        "from_m": round(bins.first * bins.step_m, 6),
+        "step_m": bins.step_m,
+        "bins": bins.number,
         "goal_m": round(goal_m, 4),
         "obstacles": _obstacle_rows(course),
         "design": designs,
         "outcome": outcomes,
         "bin": run_bins,
-        "obstacle": run_obstacles,
+        "obstacle": obstacles,
         "count": counts.tolist(),
     }
+
+
+class _PlaceBins(NamedTuple):
+    """Bins of places along the way: so many of the width ``step_m``, from the place ``first`` times ``step_m`` on."""
+
+    step_m: float
+    first: int
+    number: int
+
+    def bin_of(self, place_m: NDArray[Any]) -> NDArray[Any]:
+        """Return the index of the bin in which each place lies."""
+        return numpy.asarray(numpy.floor(place_m / self.step_m).astype(int) - self.first)
+
+
+def _place_bins(place_m: NDArray[Any], goal_m: float) -> _PlaceBins:
+    """Return bins that contain the start at 0, the goal at ``goal_m``, and all places."""
+    low_m = min(0.0, float(place_m.min()))
+    high_m = max(goal_m, float(place_m.max()))
+    step_m = STEPS_M[-1]
+    for step in STEPS_M:
+        # Bins begin at multiples of the step, so there may be one bin more than the length divided by the step.
+        if (high_m - low_m) / step < MAX_BINS - 1:
+            step_m = step
+            break
+    first, last = math.floor(low_m / step_m), math.floor(high_m / step_m)
+    return _PlaceBins(step_m, first, last - first + 1)
 
 
 def met_obstacles(
@@ -161,11 +185,11 @@ def _obstacle_rows(course: Course) -> list[ObstacleRange]:
 
 
 def read_course(objects: Sequence[tuple[str, int]], scenes: Mapping[int, Mapping[str, Any]], environments: int) -> Course:
-    """Return where start, goal and obstacles lie in each environment.
+    """Return where the goal and the obstacles lie along the way from the start, in each environment.
 
     ``scenes`` are the environments' scenes by sample. ``objects`` are the names of the terrain's objects, each with its
-    number of pieces. The course has no obstacles if the scenes consist of different pieces, or if there are more objects
-    than MAX_OBSTACLES.
+    number of pieces. An environment without a stored scene, or whose scene has no start or goal, has NaN. The course has
+    no obstacles if the scenes consist of different pieces, or if there are more objects than MAX_OBSTACLES.
     """
     obstacles = objects_of_pieces(objects, scenes.values()) or []
     if len(obstacles) > MAX_OBSTACLES:
@@ -179,12 +203,19 @@ def read_course(objects: Sequence[tuple[str, int]], scenes: Mapping[int, Mapping
         to_goal_x_m, to_goal_y_m = goal["x_m"] - start["x_m"], goal["y_m"] - start["y_m"]
         goal_m[sample] = math.hypot(to_goal_x_m, to_goal_y_m)
         way_rad = math.atan2(to_goal_y_m, to_goal_x_m)
-        for index, (_, indices) in enumerate(obstacles):
-            pieces = [scene["terrain"][piece] for piece in indices]
+        for index, obstacle in enumerate(obstacles):
+            pieces = [scene["terrain"][piece] for piece in obstacle.pieces]
             extent = _extent_along_way(pieces, start, way_rad)
-            first_m[sample, index], last_m[sample, index] = extent.first_m, extent.last_m
+            first_m[sample, index] = extent.first_m
+            last_m[sample, index] = extent.last_m
             gap_m[sample, index] = extent.gap_m
-    return Course(goal_m, [name for name, _ in obstacles], first_m, last_m, gap_m)
+    return Course(
+        goal_m=goal_m,
+        names=[obstacle.name for obstacle in obstacles],
+        first_m=first_m,
+        last_m=last_m,
+        gap_m=gap_m,
+    )
 
 
 class _ExtentAlongWay(NamedTuple):
@@ -200,27 +231,44 @@ def _extent_along_way(pieces: Sequence[Mapping[str, Any]], start: Mapping[str, f
 
     ``pieces`` are the object's pieces. The way is the straight line from the start in the direction ``way_rad``.
     """
-    cos, sin = math.cos(way_rad), math.sin(way_rad)
-    firsts_m, lasts_m, rights_m, lefts_m = [], [], [], []
-    for piece in pieces:
-        # A bell-shaped hill counts up to two standard deviations.
-        fraction = 0.5 if kind_of(piece).shape == "bell" else 1.0
-        length_reach_m, width_reach_m = reach_m(piece)
-        half_length_m, half_width_m = fraction * length_reach_m, fraction * width_reach_m
-        # Half the sides of the box around the turned piece, along and across the way.
-        turn_rad = piece.get("heading_rad", 0.0) - way_rad
-        turn_cos, turn_sin = abs(math.cos(turn_rad)), abs(math.sin(turn_rad))
-        along_m = half_length_m * turn_cos + half_width_m * turn_sin
-        across_m = half_length_m * turn_sin + half_width_m * turn_cos
-        x_m, y_m = piece["x_m"] - start["x_m"], piece["y_m"] - start["y_m"]
-        ahead_m, left_m = x_m * cos + y_m * sin, y_m * cos - x_m * sin
-        firsts_m.append(ahead_m - along_m)
-        lasts_m.append(ahead_m + along_m)
-        rights_m.append(left_m - across_m)
-        lefts_m.append(left_m + across_m)
+    boxes = [_box_around(piece, start, way_rad) for piece in pieces]
+    right_m = min(box.right_m for box in boxes)
+    left_m = max(box.left_m for box in boxes)
     # The way is at 0. An object on its left has a right side above 0; one on its right has a left side below 0.
-    gap_m = max(0.0, min(rights_m), -max(lefts_m))
-    return _ExtentAlongWay(min(firsts_m), max(lasts_m), gap_m)
+    gap_m = max(0.0, right_m, -left_m)
+    return _ExtentAlongWay(min(box.first_m for box in boxes), max(box.last_m for box in boxes), gap_m)
+
+
+class _BoxAlongWay(NamedTuple):
+    """A rectangle: from ``first_m`` to ``last_m`` along the way, from ``right_m`` to ``left_m`` across, left positive."""
+
+    first_m: float
+    last_m: float
+    right_m: float
+    left_m: float
+
+
+def _box_around(piece: Mapping[str, Any], start: Mapping[str, float], way_rad: float) -> _BoxAlongWay:
+    """Return the rectangle around a piece whose sides are parallel to the way. See :func:`_extent_along_way`."""
+    half_length_m, half_width_m = reach_m(piece)
+    # A bell-shaped hill reaches four standard deviations, of which it counts up to two.
+    if kind_of(piece).shape == "bell":
+        half_length_m, half_width_m = half_length_m / 2, half_width_m / 2
+    # Half the sides of the rectangle, along and across the way.
+    turn_rad = piece.get("heading_rad", 0.0) - way_rad
+    cos, sin = abs(math.cos(turn_rad)), abs(math.sin(turn_rad))
+    half_along_m = half_length_m * cos + half_width_m * sin
+    half_across_m = half_length_m * sin + half_width_m * cos
+    # The middle of the piece: how far ahead of the start, and how far left of the way.
+    x_m, y_m = piece["x_m"] - start["x_m"], piece["y_m"] - start["y_m"]
+    ahead_m = x_m * math.cos(way_rad) + y_m * math.sin(way_rad)
+    left_m = y_m * math.cos(way_rad) - x_m * math.sin(way_rad)
+    return _BoxAlongWay(
+        first_m=ahead_m - half_along_m,
+        last_m=ahead_m + half_along_m,
+        right_m=left_m - half_across_m,
+        left_m=left_m + half_across_m,
+    )
 
 
 def read_car_extents(store: Store, info: ExperimentInfo) -> CarExtents:

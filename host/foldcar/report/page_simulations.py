@@ -75,9 +75,10 @@ def _simulation_name(info: ExperimentInfo, other: ExperimentInfo) -> str:
 
 
 def _identity_of_drives(store: Store, info: ExperimentInfo) -> tuple[Any, ...]:
-    """Return a key that is equal for two experiments whose cars drive in the same samples and in the same way.
+    """Return a key that is equal for two experiments whose cars drive in the same environments and in the same way.
 
-    It does not contain the engine and the reality, nor the designs, which are compared one by one.
+    Their runs differ only by what simulates them. So the key contains neither the engine nor the reality. It does not
+    contain the designs either, because those that both experiments have can be compared.
     """
     return (
         info.listed_id,

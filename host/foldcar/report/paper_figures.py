@@ -215,17 +215,22 @@ def draw_success(designs: DesignColumns, thresholds: Sequence[float], figure: Fi
             axes.bar(axis.place[index], 100 * rate, 0.8 * axis.step, yerr=error_percent(rate, interval), **look)
     _draw_trials(axes, axis, designs, offset=0.2 * axis.step)
     _finish_success(axes, axis, thresholds, f"Mean success over all environments, {designs.interval_name} 95 % intervals")
+    drawn_handles, _ = axes.get_legend_handles_labels()
+    figure.legend(handles=[*_class_handles(thresholds), *drawn_handles], loc="outside lower center", ncols=5)
+    return figure
+
+
+def _class_handles(thresholds: Sequence[float]) -> list[Patch]:
+    """Return a coloured patch with a text, such as "50 to 75 %", for each class of success from the highest down."""
     limits = [f"{100 * threshold:g}" for threshold in thresholds]
     class_texts = [f"below {limits[0]} %"]
     class_texts += [f"{low} to {high} %" for low, high in pairwise(limits)]
     class_texts.append(f"above {limits[-1]} %")
-    colours = class_colours(thresholds)
-    handles = [Patch(color=colour, label=text) for colour, text in zip(colours, class_texts, strict=True)]
-    # The legend begins with the highest class.
+    handles = []
+    for colour, text in zip(class_colours(thresholds), class_texts, strict=True):
+        handles.append(Patch(color=colour, label=text))
     handles.reverse()
-    drawn_handles, _ = axes.get_legend_handles_labels()
-    figure.legend(handles=[*handles, *drawn_handles], loc="outside lower center", ncols=5)
-    return figure
+    return handles
 
 
 def error_percent(rate: float, ends: tuple[float, float]) -> list[list[float]]:
@@ -304,20 +309,22 @@ def draw_effects(
     """Draw how success changes with each parameter, in a panel of its own.
 
     A panel has the mean over the combinations of the other parameters, with a band, and a thin curve for each of some
-    combinations. ``indices`` are the indices of the parameters.
+    combinations. ``effects`` is a model of those of the designs' parameters that have these ``indices``.
     """
-    names = [list(designs.evidence.values)[parameter] for parameter in indices]
+    all_names = list(designs.evidence.values)
+    names = [all_names[parameter] for parameter in indices]
     rows = math.ceil(len(names) / COLUMNS)
     figure = figure or Figure(figsize=(WIDE_IN, PANEL_IN * rows + TITLE_IN), layout="constrained")
     grid = figure.subplots(rows, COLUMNS, squeeze=False, sharey=True)
-    for index, (name, axes) in enumerate(zip(names, grid.flat, strict=False)):
-        effect = effects.effect(index)
+    for index_in_model, (name, axes) in enumerate(zip(names, grid.flat, strict=False)):
+        effect = effects.effect(index_in_model)
         axes.plot(effect.grid, 100 * effect.curves.T, color=INK, linewidth=0.5, alpha=0.3)
         axes.fill_between(effect.grid, 100 * effect.low, 100 * effect.high, color=ACCENT, alpha=0.25, linewidth=0)
         axes.plot(effect.grid, 100 * effect.mean, "o-", color=ACCENT, linewidth=1.6, markersize=3.5)
         _mark_thresholds(axes, thresholds)
         axes.set_xlabel(axis_label(name))
         axes.set_title(f"{effect.combinations} combinations", fontsize=8, fontweight="normal")
+    # The last row may have more panels than are needed.
     for axes in list(grid.flat)[len(names) :]:
         axes.set_visible(False)
     for axes in grid[:, 0]:

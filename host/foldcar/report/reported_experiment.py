@@ -51,14 +51,16 @@ class ReportedExperiment:
 
     @cached_property
     def recommended(self) -> int | None:
-        """The index of the design whose car to take, as in :func:`works`, or else of that which passes most runs.
+        """The index of the design that the report recommends; None if there are neither a belief nor runs.
 
-        None without a belief and without a run that counts.
+        With a belief, it is the design whose car is expected to pass most often: a car that has driven, or a newly built
+        car. Without a belief, it is the design with the highest success rate in simulation.
         """
         belief = self.evidence.belief
         if belief is not None:
-            owned_car = car_to_take(belief)
-            design = belief.answers.best if owned_car is None else belief.answers.cars[owned_car].design
+            driven_car = car_to_take(belief)
+            # The index of the design among those of the belief.
+            design = belief.answers.best if driven_car is None else belief.answers.cars[driven_car].design
             return int(belief.design_indices[design])
         passed_runs, counted_runs = self.evidence.run_counts.T
         if not counted_runs.any():

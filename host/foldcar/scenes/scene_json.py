@@ -223,7 +223,10 @@ def _check_grid(piece: Mapping[str, Any], thing: Any) -> None:
 
 
 def _placed(part: dict[str, Any], place: Mapping[str, float]) -> dict[str, Any]:
-    """Return the piece ``part``, which is in its object's frame, in the world's frame; ``place`` is the object's pose."""
+    """Return a piece of terrain with its position and heading in the world's frame.
+
+    In ``part`` these are relative to the object to which the piece belongs; ``place`` is the pose of this object.
+    """
     cos, sin = math.cos(place["heading_rad"]), math.sin(place["heading_rad"])
     ahead_m, left_m = part["x_m"], part["y_m"]
     piece = {

@@ -82,11 +82,11 @@ def _approaches(program: Path, scenario: Any, has_goal: bool, lines: Collection[
 
     The target is the Goal. In a program without a Goal, it is a place. Only statements in these ``lines`` count.
     """
+    if not lines:
+        return []
     source = read_text(program)
     things = named_things(scenario)
     approaches: list[_Approach] = []
-    if not lines:
-        return approaches
     statements: list[Any] = list(ast.walk(parsed_program(source)))
     for statement in statements:
         is_ending = type(statement).__name__ in ("TerminateWhen", "TerminateSimulationWhen")

@@ -14,7 +14,7 @@ product of the gradients of their log-likelihood. If all runs were independent, 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy
 from numpy.typing import ArrayLike, NDArray
@@ -46,7 +46,8 @@ class Effect:
     ``mean`` (v,) is averaged over combinations of the other parameters, ``curves`` (c, v) are single combinations.
     ``low`` and ``high`` (v,) are the 95 % band of the mean curve's shape: its differences from the mean over all values.
     ``level`` is the 95 % interval of that mean. All values share the environments, so the shape is known better than the
-    level. ``combinations`` is the number of combinations averaged; ``run`` is whether all were run at every value.
+    level. ``combinations`` is the number of combinations averaged. ``each_was_run`` is whether each of them was run at
+    every value.
     ``rises`` are the probabilities that the first value, and the last, has a higher mean than its neighbour.
     """
 
@@ -57,7 +58,7 @@ class Effect:
     level: tuple[float, float]
     curves: NDArray[Any]
     combinations: int
-    run: bool
+    each_was_run: bool
     rises: tuple[float, float]
 
 
@@ -68,6 +69,13 @@ class Importance:
     share: float
     low: float
     high: float
+
+
+class _Combinations(NamedTuple):
+    """Designs (c, k), one for each combination of some parameters, and whether all combinations are complete."""
+
+    designs: NDArray[Any]
+    are_complete: bool
 
 
 @dataclass(frozen=True)
@@ -85,69 +93,65 @@ class Effects:
     designs_differ: bool = True
 
     def rates(self, parameters: NDArray[Any]) -> NDArray[Any]:
-        """Draw the success rates (draws, m) of m designs with parameters (m, k).
+        """Draw success rates of m designs with ``parameters`` (m, k) from the posterior of the model: (draws, m).
 
-        The parameters must be within the range of the designs that were run.
+        Each row is one possible set of rates of all these designs. Repeated calls return the same draws. The parameters
+        must be within the range of the designs that were run.
         """
         scaled = (parameters - self.model.low) / self.model.span
         random = numpy.random.default_rng(1)
         log_odds_of_candidates = []
         for candidate, drawn_factors in zip(self.model.candidates, self.factors, strict=True):
             functions = basis_functions(candidate.process, candidate.strength, scaled)
-            # The basis functions represent the process exactly at the inducing designs. Elsewhere a part of its variance,
-            # strength², is missing, and is added as noise. The first function is the constant.
-            residual_variance = candidate.strength**2 - (functions[:, 1:] ** 2).sum(axis=1)
-            residual_sd = numpy.sqrt(numpy.maximum(residual_variance, 0))
-            noise = random.standard_normal((len(drawn_factors), len(scaled)))
-            log_odds_of_candidates.append(drawn_factors @ functions.T + residual_sd * noise)
+            represented_log_odds = drawn_factors @ functions.T
+            # What the basis functions do not represent is drawn as noise.
+            noise = random.standard_normal(represented_log_odds.shape)
+            residual = numpy.sqrt(candidate.residual_variance(functions)) * noise
+            log_odds_of_candidates.append(represented_log_odds + residual)
         return logistic(numpy.concatenate(log_odds_of_candidates))
 
     def effect(self, parameter: int) -> Effect:
         """Return how success changes with the parameter of this index, averaged over the other parameters."""
-        combinations, are_complete = self._combinations([parameter])
+        combinations = self._combinations([parameter])
         grid = numpy.unique(self.parameters[:, parameter])
         if len(grid) > MAX_VALUES:
             grid = numpy.linspace(grid[0], grid[-1], MAX_VALUES)
         # Draws of the rates at each value, for each combination: (draws, combinations, values).
-        rates = self._rates_over(combinations, [parameter], grid[:, None])
+        rates = self._rates_over(combinations.designs, [parameter], grid[:, None])
+        # The mean over the combinations: a curve over the values for each draw.
         mean_curves = rates.mean(axis=1)
-        levels = mean_curves.mean(axis=1)
-        level_low, level_high = numpy.quantile(levels, INTERVAL_95).tolist()
-        # The band shows how uncertain the shape of the curve is, not its level. So all draws are shifted to one level.
-        shapes = mean_curves - levels[:, None]
-        low, high = levels.mean() + numpy.quantile(shapes, INTERVAL_95, axis=0)
-        shown_combinations = _evenly_spaced(len(combinations), MAX_CURVES)
+        level_low, level_high = numpy.quantile(mean_curves.mean(axis=1), INTERVAL_95).tolist()
+        low, high = _band_of_shape(mean_curves)
+        number = len(combinations.designs)
+        shown_rates = rates[:, _evenly_spaced(number, MAX_CURVES)]
+        rises_towards_first = mean_curves[:, 0] > mean_curves[:, 1]
+        rises_towards_last = mean_curves[:, -1] > mean_curves[:, -2]
         return Effect(
             grid,
             mean=mean_curves.mean(axis=0),
-            # Shifted draws may be below 0 or above 1.
-            low=low.clip(0, 1),
-            high=high.clip(0, 1),
+            low=low,
+            high=high,
             level=(level_low, level_high),
-            curves=numpy.median(rates[:, shown_combinations], axis=0),
-            combinations=len(combinations),
-            run=are_complete,
-            # The probabilities that success rises towards the lowest value, and towards the highest value.
-            rises=(
-                float((mean_curves[:, 0] > mean_curves[:, 1]).mean()),
-                float((mean_curves[:, -1] > mean_curves[:, -2]).mean()),
-            ),
+            curves=numpy.median(shown_rates, axis=0),
+            combinations=number,
+            each_was_run=combinations.are_complete,
+            rises=(float(rises_towards_first.mean()), float(rises_towards_last.mean())),
         )
 
     def standardised(
         self, indices: Sequence[int], values: ArrayLike, confidence: float = 0.95
     ) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-        """Return success rates with their bands at m combinations of values of some parameters: (rate, low, high).
+        """Return success as a function of the parameters at ``indices``, averaged over all other parameters.
 
-        ``values`` (m, k) are the values of the parameters with these ``indices``. A rate is averaged over combinations of
-        the other parameters, which are the same for all m. Raises FoldcarError if a value is outside the range of the
-        designs.
+        ``values`` (m, k) has the values of these k parameters at m places. Returns the rates at these places and the ends
+        of their bands, (rate, low, high), each (m,). All rates are averaged over the same combinations of the other
+        parameters. Raises FoldcarError if a value is outside the range of the designs.
         """
         check_confidence(confidence)
         # This result is not needed. But the call raises FoldcarError if a value is outside the range of the designs.
         self.model.scaled(values, indices)
-        combinations, _ = self._combinations(indices)
-        rates = self._rates_over(combinations, indices, numpy.asarray(values, dtype=float))
+        combinations = self._combinations(indices)
+        rates = self._rates_over(combinations.designs, indices, numpy.asarray(values, dtype=float))
         means = rates.mean(axis=1)
         low, high = numpy.quantile(means, [(1 - confidence) / 2, (1 + confidence) / 2], axis=0)
         return means.mean(axis=0), low, high
@@ -159,12 +163,12 @@ class Effects:
         designs[:, list(indices)] = numpy.tile(values, (len(combinations), 1))
         return self.rates(designs).reshape(-1, len(combinations), len(values))
 
-    def _combinations(self, indices: Sequence[int]) -> tuple[NDArray[Any], bool]:
-        """Return the combinations of all other parameters than those at ``indices``, and whether they are complete.
+    def _combinations(self, indices: Sequence[int]) -> _Combinations:
+        """Return the combinations of the other parameters, over which effects of those at ``indices`` are averaged.
 
-        A combination is complete if it was run with every value of the parameters at ``indices``. Only complete
-        combinations are returned, unless there are too few of them; then incomplete ones are returned, too. The result
-        (c, k) has a design for each combination, with arbitrary values of the parameters at ``indices``.
+        A combination is complete if it was run with every value of the parameters at ``indices``. Incomplete ones are
+        returned only if there are too few complete ones. A combination is returned as one of the designs that have it,
+        so its values of the parameters at ``indices`` are arbitrary.
         """
         other_parameters = numpy.delete(self.parameters, list(indices), axis=1)
         number_of_values = len(numpy.unique(self.parameters[:, list(indices)], axis=0))
@@ -176,21 +180,23 @@ class Effects:
         designs = numpy.sort(complete_designs if enough_complete else first_designs)
         if len(designs) > MAX_COMBINATIONS:
             designs = designs[_evenly_spaced(len(designs), MAX_COMBINATIONS)]
-        return self.parameters[designs].copy(), enough_complete
+        return _Combinations(self.parameters[designs], are_complete=bool(enough_complete))
 
     def importance(self) -> list[Importance]:
-        """Return the importance of each parameter: its share of the differences between the designs' rates.
+        """Return the importance of each parameter: the fraction of the variance of success that is due to it.
 
-        The list is empty if all designs have the same rate, because then there is no difference to share.
+        The list is empty if all designs have the same rate, because then there is no variance.
         """
         if not self.designs_differ:
             return []
+        # The variance between the designs' rates, for each draw.
         total_variance = self._design_draws.var(axis=1)
         if numpy.median(total_variance) < MIN_VARIANCE:
             return []
         low_end, high_end = INTERVAL_95
         importances = []
         for parameter in range(self.parameters.shape[1]):
+            # With several draws of the rates, there are several values of the fraction.
             fractions = self._variance_over(parameter) / total_variance
             low, median, high = numpy.quantile(fractions.clip(0, 1), (low_end, 0.5, high_end))
             importances.append(Importance(float(median), float(low), float(high)))
@@ -224,14 +230,29 @@ class Effects:
         return _variance_within_groups(self.rates(designs), group_of_design)
 
 
+def _band_of_shape(curves: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Return the 95 % band (low, high), each (values,), that shows how uncertain the shape of ``curves`` is.
+
+    ``curves`` (draws, values) are draws of one curve of rates. Their levels, the means over the values, differ too. So
+    they are shifted to the same level before the quantiles are taken.
+    """
+    levels = curves.mean(axis=1)
+    shapes = curves - levels[:, None]
+    low, high = levels.mean() + numpy.quantile(shapes, INTERVAL_95, axis=0)
+    # A shifted rate may be below 0 or above 1.
+    return low.clip(0, 1), high.clip(0, 1)
+
+
 def _variance_within_groups(rates: NDArray[Any], group: NDArray[Any]) -> NDArray[Any]:
-    """Return the variance (draws,) of ``rates`` (draws, m) within groups; ``group`` (m,) is the group of each column."""
-    sizes = numpy.bincount(group)
-    divisors = numpy.maximum(sizes, 1)
-    mean = numpy.array([numpy.bincount(group, row) for row in rates]) / divisors
-    mean_square = numpy.array([numpy.bincount(group, row) for row in rates**2]) / divisors
-    variance = mean_square - mean**2
-    return numpy.asarray((variance * sizes).sum(axis=1) / sizes.sum())
+    """Return the variance of each row of ``rates`` (draws, m) within groups of columns, averaged over the columns.
+
+    ``group`` (m,) has the number of the group to which each column belongs. The result is (draws,).
+    """
+    variances = numpy.empty_like(rates)
+    for number in numpy.unique(group):
+        is_member = group == number
+        variances[:, is_member] = rates[:, is_member].var(axis=1, keepdims=True)
+    return numpy.asarray(variances.mean(axis=1))
 
 
 def _evenly_spaced(number: int, max_number: int) -> NDArray[Any]:

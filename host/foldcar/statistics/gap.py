@@ -48,10 +48,11 @@ class RankAgreement:
 
 
 def rank_agreement(simulated: ArrayLike, driven: ArrayLike) -> RankAgreement:
-    """Compare the order of designs in simulation with their order in trials.
+    """Return how well the order of designs in simulation agrees with their order in trials.
 
-    ``simulated`` and ``driven`` (designs,) are their success rates in simulation and in trials. The result is explained
-    in RankAgreement; it has no violation if there are fewer than 2 designs.
+    ``simulated`` and ``driven`` (designs,) are their success rates in simulation and in trials. If simulation and trials
+    order a pair of designs differently, the pair is violated by the difference of the two rates in trials. The result has
+    the mean over the designs of each design's largest violation, or None if there are fewer than 2 designs.
     """
     simulated, driven = numpy.asarray(simulated, float), numpy.asarray(driven, float)
     if len(simulated) < 2:

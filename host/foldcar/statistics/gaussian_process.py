@@ -190,6 +190,14 @@ class Candidate:
     weight: float
     factors: Factors
 
+    def residual_variance(self, functions: NDArray[Any]) -> NDArray[Any]:
+        """Return the variance (m,) of the process that its basis ``functions`` (m, p + 1) do not represent.
+
+        They represent it exactly at the inducing designs only. The first function is the constant, not the process.
+        """
+        represented_variance = (functions[:, 1:] ** 2).sum(axis=1)
+        return numpy.asarray(numpy.maximum(self.strength**2 - represented_variance, 0))
+
 
 @dataclass(frozen=True)
 class SuccessModel:
@@ -209,18 +217,17 @@ class SuccessModel:
 
         check_confidence(confidence)
         scaled = self.scaled(parameters, range(len(self.low)))
-        # The model is a mixture of candidates, each with normal log-odds. It is treated as a normal distribution with the
-        # mean and the variance of the mixture.
-        mean, mean_square = numpy.zeros(len(scaled)), numpy.zeros(len(scaled))
+        # Each candidate has normally distributed log-odds. Their mixture is treated as a normal distribution that has the
+        # same mean and variance.
+        mean = numpy.zeros(len(scaled))
+        mean_square = numpy.zeros(len(scaled))
         for candidate in self.candidates:
             functions = basis_functions(candidate.process, candidate.strength, scaled)
-            log_odds = functions @ candidate.factors.mode
-            # The basis functions represent the process exactly at the inducing designs. Elsewhere this part of its
-            # variance, strength², is missing from them. The first function is the constant.
-            residual_variance = numpy.maximum(candidate.strength**2 - (functions[:, 1:] ** 2).sum(axis=1), 0)
-            variance = ((functions @ candidate.factors.root) ** 2).sum(axis=1) + residual_variance
-            mean += candidate.weight * log_odds
-            mean_square += candidate.weight * (log_odds**2 + variance)
+            candidate_mean = functions @ candidate.factors.mode
+            represented_variance = ((functions @ candidate.factors.root) ** 2).sum(axis=1)
+            candidate_variance = represented_variance + candidate.residual_variance(functions)
+            mean += candidate.weight * candidate_mean
+            mean_square += candidate.weight * (candidate_mean**2 + candidate_variance)
         sd = numpy.sqrt(numpy.maximum(mean_square - mean**2, 0))
         half_width = ndtri((1 + confidence) / 2) * sd
         return logistic(mean), logistic(mean - half_width), logistic(mean + half_width)
@@ -244,8 +251,9 @@ def logistic(log_odds: NDArray[Any]) -> NDArray[Any]:
 def success_model(parameters: ArrayLike, passed: ArrayLike, counted: ArrayLike) -> SuccessModel:
     """Fit a Gaussian process to the success rates of designs with ``parameters`` (d, k).
 
-    ``passed`` (d,) of the ``counted`` (d,) runs of each design passed. The model is fitted with several settings (lengths
-    and strength), and their fits are averaged with their evidence as weight. Raises FoldcarError if fewer than 4 designs
+    ``passed`` (d,) of the ``counted`` (d,) runs of each design passed. The process has a length for each parameter, over
+    which success changes, and a strength, by how much it changes. Several settings of these are fitted. The result is the
+    average of the fits, weighted by how probable each setting makes the runs. Raises FoldcarError if fewer than 4 designs
     have runs, or if a parameter does not vary.
     """
     designs = numpy.asarray(parameters, dtype=float)
@@ -272,7 +280,7 @@ def success_model(parameters: ArrayLike, passed: ArrayLike, counted: ArrayLike) 
 
     settings = _settings(scaled.shape[1], evidence)
     weights = evidence_weights([evidence(setting) for setting in settings])
-    weights = numpy.where(weights >= MIN_WEIGHT, weights, 0.0)
+    weights[weights < MIN_WEIGHT] = 0.0
     weights /= weights.sum()
     candidates = []
     for setting, weight in zip(settings, weights.tolist(), strict=True):
@@ -304,33 +312,45 @@ class Setting(NamedTuple):
     lengths: tuple[float, ...]
     strength: float
 
+    def with_length(self, parameter: int, length: float) -> "Setting":
+        """Return this setting with another length for one parameter."""
+        lengths = list(self.lengths)
+        lengths[parameter] = length
+        return Setting(tuple(lengths), self.strength)
+
 
 def _settings(parameters: int, evidence: Callable[[Setting], float]) -> list[Setting]:
-    """Return the settings (lengths and standard deviation) to fit. Their fits are weighted by their evidence afterwards.
+    """Return the settings with which to fit a model of so many ``parameters``.
 
-    For one or two parameters these are all combinations. For more parameters there are too many combinations. Then a
-    search looks for the setting of highest ``evidence`` by changing one number at a time. All settings that it has
-    tried are returned.
+    For one or two parameters these are all combinations of lengths and strengths. For more parameters there are too many
+    combinations, so a search chooses some; ``evidence`` returns the log evidence of a setting.
     """
     if parameters in LENGTHS:
         all_lengths = product(LENGTHS[parameters], repeat=parameters)
-        return [Setting(*setting) for setting in product(all_lengths, STRENGTHS)]
+        return [Setting(lengths, strength) for lengths, strength in product(all_lengths, STRENGTHS)]
+    return _searched_settings(parameters, evidence)
+
+
+def _searched_settings(parameters: int, evidence: Callable[[Setting], float]) -> list[Setting]:
+    """Search the setting of highest ``evidence``, and return all settings that were tried on the way.
+
+    The search changes one number at a time: the length of each parameter, then the strength. It ends when a round over
+    all numbers has changed nothing.
+    """
     best = Setting((LONG,) * parameters, STRENGTHS[0])
     # A dictionary keeps the order and has each setting once.
     tried = {best: None}
+
+    def best_of(alternatives: list[Setting]) -> Setting:
+        tried.update(dict.fromkeys(alternatives))
+        return max(alternatives, key=evidence)
+
     previous = None
     while best != previous:
         previous = best
         for parameter in range(parameters):
-            alternatives = []
-            for length in MANY_LENGTHS:
-                lengths = (*best.lengths[:parameter], length, *best.lengths[parameter + 1 :])
-                alternatives.append(best._replace(lengths=lengths))
-            tried.update(dict.fromkeys(alternatives))
-            best = max(alternatives, key=evidence)
-        alternatives = [best._replace(strength=strength) for strength in STRENGTHS]
-        tried.update(dict.fromkeys(alternatives))
-        best = max(alternatives, key=evidence)
+            best = best_of([best.with_length(parameter, length) for length in MANY_LENGTHS])
+        best = best_of([best._replace(strength=strength) for strength in STRENGTHS])
     return list(tried)
 
 

@@ -37,10 +37,10 @@ class Rate:
 
     @classmethod
     def from_counts(cls, passed: int, runs: int, what: str, stopped: bool = False, confidence: float = 0.95) -> "Rate":
-        """Estimate the rate: ``passed`` of ``runs``, with the interval of :func:`rate_interval`.
+        """Estimate a success rate from ``passed`` of ``runs``, with the interval of :func:`rate_interval`.
 
-        ``what`` names the runs for readers; ``stopped`` is whether a stopping rule ended them. Raises FoldcarError if the
-        counts are impossible.
+        ``what`` says for readers what the counts are from, such as "40 runs". ``stopped`` is whether a stopping rule
+        ended the runs. Raises FoldcarError if the counts are impossible.
         """
         low, high = rate_interval(passed, runs, stopped, confidence)
         return cls(passed / runs, low, high, confidence, f"{interval_name(stopped)} interval of {what}")
@@ -97,17 +97,17 @@ def clopper_pearson_interval(successes: ArrayLike, runs: ArrayLike, confidence: 
 def anytime_interval(
     successes: ArrayLike, runs: ArrayLike, confidence: float = 0.95
 ) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return an interval (low, high) of the success rate that stays valid when it is looked at after every run.
+    """Return an interval (low, high) of the success rate that stays valid if you look at it after every run.
 
-    ``successes`` and ``runs`` are arrays of one shape, and so are low and high, which are between 0 and 1. With a
-    probability of at least ``confidence``, the intervals after 1, 2, 3, ... runs all contain the true rate. Without runs
-    the interval is 0 to 1. After 100 runs, of which half passed, it reaches 15 percentage points to each side of the
-    rate; Wilson's interval reaches 10. Raises FoldcarError if the counts are impossible.
+    ``successes`` and ``runs`` are arrays of one shape. So are low and high, which are between 0 and 1. With a probability
+    of at least ``confidence``, the intervals after 1, 2, 3, ... runs all contain the true rate. For this it is wider than
+    Wilson's interval: after 100 runs, of which half passed, it reaches 15 percentage points to each side of the rate
+    instead of 10. Without runs it is 0 to 1. Raises FoldcarError if the counts are impossible.
 
-    Derivation: divide the likelihood of the runs under a mixture of rates, Beta(1/2, 1/2), by their likelihood under the
-    true rate. By Ville's inequality this ratio ever exceeds 1/alpha with a probability of at most alpha, where alpha is
-    1 - ``confidence``. The interval is the set of rates at which the ratio is at most 1/alpha (Robbins 1970,
-    doi:10.1214/aoms/1177696786; Howard et al. 2021, 1810.08240).
+    Derivation: let the ratio be the likelihood of the runs if their rate has the distribution Beta(1/2, 1/2), divided by
+    their likelihood at the true rate. Let alpha be 1 - ``confidence``. By Ville's inequality, the probability that the
+    ratio exceeds 1/alpha after any run is at most alpha. So the interval has all rates for which the ratio is at most
+    1/alpha (Robbins 1970, doi:10.1214/aoms/1177696786; Howard et al. 2021, 1810.08240).
     """
     passed, total = numpy.broadcast_arrays(numpy.asarray(successes, float), numpy.asarray(runs, float))
     if not numpy.all((passed >= 0) & (passed <= total)):
@@ -143,21 +143,32 @@ def limited_mean(
     failed = runs - crossed
     mean = (sum_s + failed * limit_s) / runs
     # In the bootstrap, the fraction of runs that cross and the mean time of these runs are independent. Each is
-    # represented by its quantiles at MIDPOINTS. Times are fractions of the limit.
+    # represented by its quantiles. So there is a mean time over all runs for each pair of such quantiles; in it, the runs
+    # that do not cross take the limit.
     crossed_fractions = betaincinv(crossed + 0.5, failed + 0.5, MIDPOINTS)
-    mean_time = sum_s / (crossed + 0.5) / limit_s
-    mean_square = sum_squares_s2 / (crossed + 0.5) / limit_s**2
-    variance = (mean_square - mean_time**2) / (crossed + 1.5)
-    crossing_times = numpy.zeros(1)
-    if variance > 0 and 0 < mean_time < 1:
-        # The beta distribution with this mean and variance has the parameters mean * strength and (1 - mean) * strength.
-        strength = mean_time * (1 - mean_time) / variance - 1
-        crossing_times = betaincinv(mean_time * strength, (1 - mean_time) * strength, MIDPOINTS)
-    # The mean time over all runs, for each pair of a fraction and a mean time of the runs that cross: the others take the
-    # limit.
+    crossing_times = _quantiles_of_mean_crossing_time(crossed, sum_s / limit_s, sum_squares_s2 / limit_s**2)
     mean_times_s = limit_s * (1 - numpy.outer(crossed_fractions, 1 - crossing_times))
     low, high = numpy.quantile(mean_times_s, [0.025, 0.975], method="hazen")
     return mean, min(float(low), mean), max(float(high), mean)
+
+
+def _quantiles_of_mean_crossing_time(crossed: int, sum_times: float, sum_squares: float) -> NDArray[Any]:
+    """Return the quantiles of the mean time of the runs that cross, in the bootstrap of :func:`limited_mean`.
+
+    Times are fractions of the limit. ``crossed`` runs crossed; ``sum_times`` and ``sum_squares`` are the sums of their
+    times and of the squares of their times. The pseudo-run at time 0 adds 1/2 to their number. The result is [0] if the
+    mean time has no variance.
+    """
+    from scipy.special import betaincinv
+
+    mean = sum_times / (crossed + 0.5)
+    mean_square = sum_squares / (crossed + 0.5)
+    variance = (mean_square - mean**2) / (crossed + 1.5)
+    if variance <= 0 or not 0 < mean < 1:
+        return numpy.zeros(1)
+    # The beta distribution with this mean and variance has the parameters mean * strength and (1 - mean) * strength.
+    strength = mean * (1 - mean) / variance - 1
+    return numpy.asarray(betaincinv(mean * strength, (1 - mean) * strength, MIDPOINTS))
 
 
 def check_counts(successes: float, runs: float) -> None:
@@ -177,19 +188,22 @@ def check_confidence(confidence: float) -> None:
 def _lowest_rate(passed: NDArray[Any], total: NDArray[Any], log_ratio_limit: float) -> NDArray[Any]:
     """Return the lower ends of the intervals of :func:`anytime_interval`, for ``passed`` of ``total`` runs (arrays).
 
-    The lower end is the lowest rate at which the log of the ratio (likelihood under the mixture of rates / likelihood at
-    this rate) is at most ``log_ratio_limit``. It is found by bisection.
+    There the log of the ratio, which is defined in that function, is equal to ``log_ratio_limit``. This rate is found by
+    bisection between 0 and the observed rate.
     """
     from scipy.special import betaln, xlog1py, xlogy
 
-    # The log likelihood of the runs under a mixture of rates with a beta distribution.
-    log_mixture = betaln(passed + MIXTURE, total - passed + MIXTURE) - betaln(MIXTURE, MIXTURE)
-    # The lowest rate lies between a rate below the interval and a rate within it.
-    rate_below, rate_within = numpy.zeros(passed.shape), passed / numpy.maximum(total, 1)
+    failed = total - passed
+    # The log likelihood of the runs if their rate has the distribution Beta(MIXTURE, MIXTURE).
+    log_mixture = betaln(passed + MIXTURE, failed + MIXTURE) - betaln(MIXTURE, MIXTURE)
+    rate_below = numpy.zeros(passed.shape)
+    rate_within = passed / numpy.maximum(total, 1)
     for _ in range(HALVINGS):
         middle = (rate_below + rate_within) / 2
-        log_ratio = log_mixture - xlogy(passed, middle) - xlog1py(total - passed, -middle)
+        # xlogy(a, b) is a log(b), and xlog1py(a, b) is a log(1 + b).
+        log_ratio = log_mixture - xlogy(passed, middle) - xlog1py(failed, -middle)
         is_within = log_ratio <= log_ratio_limit
         rate_below = numpy.where(is_within, rate_below, middle)
         rate_within = numpy.where(is_within, middle, rate_within)
+    # Without a passed run, the interval begins at 0.
     return numpy.where(passed > 0, rate_within, 0.0)

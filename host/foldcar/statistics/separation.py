@@ -29,6 +29,8 @@ MAX_ENVIRONMENTS = 2000
 PERMUTATIONS = 999
 # Somers' D is limited to this, because artanh of 1 is infinite.
 MAX_SHARE = 1 - 1e-9
+# Sums are not divided by a smaller standard deviation.
+MIN_DEVIATION = 1e-12
 
 
 @dataclass(frozen=True)
@@ -98,14 +100,17 @@ def separations(values: ArrayLike, design: ArrayLike, environment: ArrayLike, pa
 def _passed_failed_pairs(
     design_index: NDArray[Any], environment_index: NDArray[Any], has_passed: NDArray[Any], environments: int
 ) -> NDArray[Any]:
-    """Return how many designs passed in one environment (rows) and failed in another one (columns).
+    """Count, for each pair of environments, the designs that passed in the first and failed in the second.
 
-    ``design_index``, ``environment_index`` and ``has_passed`` are those of each run.
+    ``design_index``, ``environment_index`` and ``has_passed`` have an entry for each run. The result has a row for each
+    first environment and a column for each second one: (environments, environments).
     """
+    # The designs that occur are numbered again from 0.
     _, design_index = numpy.unique(design_index, return_inverse=True)
     shape = design_index.max() + 1, environments
-    # 1 where a design passed, and where it failed.
-    passed_in, failed_in = numpy.zeros(shape, numpy.float32), numpy.zeros(shape, numpy.float32)
+    # Matrices (designs, environments) with 1 where a design passed, and with 1 where it failed.
+    passed_in = numpy.zeros(shape, numpy.float32)
+    failed_in = numpy.zeros(shape, numpy.float32)
     passed_in[design_index[has_passed], environment_index[has_passed]] = 1
     failed_in[design_index[~has_passed], environment_index[~has_passed]] = 1
     return numpy.asarray(passed_in.T @ failed_in)
@@ -125,47 +130,56 @@ def _compare_column(
 ) -> _ComparedColumn | None:
     """Return Somers' D of a column, which says how well its values separate passed from failed runs.
 
-    ``values`` (environments,) are the values of the column, NaN if unknown. ``pairs`` (environments, environments) are
-    the numbers of pairs of a passed and a failed run. ``excess`` is A in the file's head. Returns None if the column is
-    left out, because it has too few environments, a single value or no pairs.
+    ``values`` (environments,) are the values of the column, NaN if unknown. ``pairs`` (environments, environments) is the
+    result of :func:`_passed_failed_pairs`, and ``excess`` is ``pairs`` minus its transpose. Returns None if the column
+    cannot be compared: it has too few values, all its values are equal, or there is no pair.
     """
     is_known = ~numpy.isnan(values)
-    number_of_pairs = float(is_known @ pairs @ is_known)
-    has_one_value = numpy.ptp(values[is_known]) == 0 if is_known.any() else True
-    if is_known.sum() < MIN_ENVIRONMENTS or has_one_value or not number_of_pairs:
+    known_values = values[is_known]
+    if len(known_values) < MIN_ENVIRONMENTS or numpy.ptp(known_values) == 0:
         return None
-    # The sign of the difference of each pair of values; 0 where a value is unknown.
-    _, ranks = numpy.unique(values, return_inverse=True)
-    ranks = ranks.astype(numpy.float32)
-    signs = numpy.sign(ranks[:, None] - ranks[None, :])
-    signs[~is_known] = 0
-    signs[:, ~is_known] = 0
+    number_of_pairs = float(is_known @ pairs @ is_known)
+    if not number_of_pairs:
+        return None
+    signs = _signs_of_differences(values)
     # The matrices have each pair of environments twice.
     sum_over_pairs = float((excess * signs).sum(dtype=float)) / 2
     difference = sum_over_pairs / number_of_pairs
     return _ComparedColumn(column, difference, number_of_pairs, signs.sum(axis=1, dtype=float))
 
 
-def _critical_values(scores: NDArray[Any], excess: NDArray[Any]) -> NDArray[Any]:
-    """Return the critical value of each column: its sum of A_ij S_ij over i < j exceeds this by chance in 5 % of cases.
+def _signs_of_differences(values: NDArray[Any]) -> NDArray[Any]:
+    """Return the sign of the difference of each pair of ``values`` (n,): a matrix (n, n), 0 where a value is NaN."""
+    _, ranks = numpy.unique(values, return_inverse=True)
+    ranks = ranks.astype(numpy.float32)
+    signs = numpy.sign(ranks[:, None] - ranks[None, :])
+    is_unknown = numpy.isnan(values)
+    signs[is_unknown] = 0
+    signs[:, is_unknown] = 0
+    return numpy.asarray(signs)
 
-    The file's head derives it, and defines these symbols. ``scores`` are s (environments, columns), and ``excess`` is A
-    (environments, environments).
+
+def _critical_values(scores: NDArray[Any], excess: NDArray[Any]) -> NDArray[Any]:
+    """Return how large the sum of each column over all pairs of environments may be by chance (columns,).
+
+    The sum is the numerator of Somers' D: the sum of A_ij S_ij over i < j, in the symbols of the file's head. ``excess``
+    (environments, environments) is A, and ``scores`` (environments, columns) are s, the sums of S_ij over j. If no column
+    had anything to do with success, a sum of any column would exceed its critical value with a probability of 5 %.
     """
     # The least-squares fit of A_ij = w_i - w_j, and its residual.
     weights = excess.mean(axis=1, dtype=float)
-    # Each pair is in A twice. With this factor, the sum of squares counts it once.
-    residual = (excess - weights[:, None] + weights[None, :]) / numpy.sqrt(2)
+    residual = excess - (weights[:, None] - weights[None, :])
     # The sums of each column if the environments are permuted at random: (permutations, columns).
     random = numpy.random.default_rng(0)
     orders = random.permuted(numpy.tile(numpy.arange(len(weights)), (PERMUTATIONS, 1)), axis=1)
     permuted_sums = weights[orders] @ scores
     deviations = numpy.sqrt((permuted_sums**2).mean(axis=0))
-    # Over all columns together, the largest sum in standard deviations, of which 95 % are below the quantile.
-    standardised = numpy.abs(permuted_sums) / numpy.maximum(deviations, 1e-12)
+    # The sums in standard deviations, and the largest one of all columns in each permutation.
+    standardised = numpy.abs(permuted_sums) / numpy.maximum(deviations, MIN_DEVIATION)
     max_standardised = standardised.max(axis=1)
     quantile = numpy.quantile(max_standardised, 0.95, method="higher")
-    residual_variance = (residual**2).sum(dtype=float) / 3
+    # The residual adds a third of its sum of squares over i < j; the matrix has each of these pairs twice.
+    residual_variance = (residual**2).sum(dtype=float) / 2 / 3
     return numpy.asarray(quantile * numpy.sqrt(deviations**2 + residual_variance))
 
 

@@ -42,25 +42,27 @@ class StoppingRule:
         return numpy.asarray(numpy.all(sides, axis=0))
 
     def chance(self, rates: ArrayLike, masses: ArrayLike, passed: int, runs: int, later_runs: int) -> float:
-        """Return the probability that a design is decided after ``later_runs`` runs, if ``passed`` of ``runs`` passed.
+        """Return the probability that a design is decided when it has ``later_runs`` runs.
 
-        Its success rate is one of ``rates`` with probabilities ``masses``, both (rates,).
+        So far it has ``runs`` runs, of which ``passed`` passed. Its success rate is unknown: it is each of ``rates`` (n,)
+        with the probability in ``masses`` (n,).
         """
         from scipy.stats import binom
 
-        new_runs = later_runs - runs
-        deciding = self._deciding_passes(passed, runs, later_runs)
-        probabilities = binom.pmf(deciding, new_runs, numpy.asarray(rates)[:, None])
-        return float(numpy.asarray(masses) @ probabilities.sum(axis=1))
+        new_passed = self._deciding_new_passed(passed, runs, later_runs)
+        # For each success rate and each of these numbers of passed runs, the probability of this number.
+        probabilities = binom.pmf(new_passed, later_runs - runs, numpy.asarray(rates)[:, None])
+        chance_at_rates = probabilities.sum(axis=1)
+        return float(numpy.asarray(masses) @ chance_at_rates)
 
-    def _deciding_passes(self, passed: int, runs: int, later_runs: int) -> NDArray[Any]:
-        """Return which numbers of passed runs, among the new ones, let the rule decide a design.
+    def _deciding_new_passed(self, passed: int, runs: int, later_runs: int) -> NDArray[Any]:
+        """Return how many of the new runs may pass so that the design is decided with them, such as [9, 10] of 10.
 
         So far ``passed`` of its ``runs`` passed. With the new runs it has ``later_runs`` runs.
         """
         new_passed = numpy.arange(later_runs - runs + 1)
-        is_decided = _decided(self, later_runs)[passed + new_passed]
-        return numpy.asarray(new_passed[is_decided])
+        is_decided = _decided(self, later_runs)
+        return numpy.asarray(new_passed[is_decided[passed + new_passed]])
 
     def hopeless(self, passed: int, runs: int, max_runs: int) -> bool:
         """Return whether the rule has little chance to decide a design, even with ``max_runs`` runs.
@@ -72,7 +74,9 @@ class StoppingRule:
             return False
         # A smaller number of runs is tried first: its chance is computed faster, and often it is already large enough.
         fewer_runs = min(max_runs, NEAR_HORIZON * (runs + 1))
-        return all(_later_chance(self, passed, runs, later_runs) < MIN_CHANCE for later_runs in (fewer_runs, max_runs))
+        if _later_chance(self, passed, runs, fewer_runs) >= MIN_CHANCE:
+            return False
+        return _later_chance(self, passed, runs, max_runs) < MIN_CHANCE
 
     @classmethod
     def from_facts(cls, facts: Mapping[str, Any]) -> "StoppingRule":
@@ -98,25 +102,26 @@ def _decided(rule: StoppingRule, runs: int) -> NDArray[Any]:
 
 @lru_cache(maxsize=4096)
 def _later_chance(rule: StoppingRule, passed: int, runs: int, later_runs: int) -> float:
-    """Return the probability that the rule has decided a design when it has ``later_runs`` runs.
+    """Return the probability that a design is decided when it has ``later_runs`` runs.
 
-    ``later_runs`` includes the ``runs`` so far, of which ``passed`` passed. The success rate has Jeffreys' prior.
+    So far it has ``runs`` runs, of which ``passed`` passed. Its success rate is unknown, with Jeffreys' prior.
     """
     from scipy.stats import betabinom
 
-    new_runs = later_runs - runs
-    deciding = rule._deciding_passes(passed, runs, later_runs)
-    # The posterior of the rate is a beta distribution; Jeffreys' prior adds half a run to each of its parameters.
-    return float(betabinom.pmf(deciding, new_runs, passed + 0.5, runs - passed + 0.5).sum())
+    new_passed = rule._deciding_new_passed(passed, runs, later_runs)
+    # The posterior of the rate is a beta distribution. Jeffreys' prior adds half a run to each of its parameters.
+    probabilities = betabinom.pmf(new_passed, later_runs - runs, passed + 0.5, runs - passed + 0.5)
+    return float(probabilities.sum())
 
 
 def evidence_of_worse(excess: ArrayLike, number: int, max_advantage: float) -> float:
-    """Return a score that is high if a design is worse than another one, judged by some of ``number`` environments.
+    """Return a score that is high if a design is worse than another one, after some of ``number`` environments.
 
-    ``excess`` (n,) is the loss of the design minus the loss of the other one, in the environments so far, in random
-    order. It is never below -``max_advantage``. If the design is not worse, which means that the sum over all
-    environments is 0 or less, the score ever reaches 1/risk with a probability of at most ``risk``. The score is
-    infinite if the remaining environments cannot bring the sum down to 0.
+    ``excess`` (n,) is the loss of the design minus the loss of the other one, in each environment so far. The order of
+    environments is random. No excess is below -``max_advantage``. The design is worse if the sum of the excess over all
+    environments is above 0. If it is not worse, the score may still be high by chance, but rarely: the probability that
+    it reaches 10 after any environment is at most 1/10, and so on. The score is infinite if the design is certainly
+    worse, because the remaining environments cannot bring the sum down to 0.
 
     Let x_i be the excess in environment i of N, and b ``max_advantage``. If the sum is at most 0, the mean of x_i given
     those before is at most μ_i = -(x_1 + … + x_(i-1)) / (N - i + 1). So Π (1 + c (x_i - μ_i) / (b + μ_i)) is a
@@ -125,12 +130,14 @@ def evidence_of_worse(excess: ArrayLike, number: int, max_advantage: float) -> f
     """
     x = numpy.asarray(excess, dtype=float)
     earlier_sum = numpy.cumsum(x) - x
-    max_mean = -earlier_sum / (number - numpy.arange(len(x)))
-    # b + μ_i. If it is 0, every remaining excess must be -b, or the sum is above 0.
+    environments_left = number - numpy.arange(len(x))
+    # μ_i and b + μ_i. If the latter is 0, every remaining excess must be -b, or the sum is above 0.
+    max_mean = -earlier_sum / environments_left
     denominators = max_advantage + max_mean
-    if ((denominators < ROUNDING) & (x - max_mean > ROUNDING)).any():
+    is_zero = denominators < ROUNDING
+    if (is_zero & (x - max_mean > ROUNDING)).any():
         return math.inf
-    gains = numpy.divide(x - max_mean, denominators, out=numpy.zeros(len(x)), where=denominators >= ROUNDING)
+    gains = numpy.divide(x - max_mean, denominators, out=numpy.zeros(len(x)), where=~is_zero)
     # There is a product over the environments for each stake. The score is the mean of these products.
     products = numpy.prod(1 + STAKES * gains, axis=1)
     return float(products.mean())

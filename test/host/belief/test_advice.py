@@ -6,7 +6,7 @@ import pytest
 from foldcar.belief import weighing
 from foldcar.belief.advice import FAILS, AdvisedStep, steps
 from foldcar.belief.answers import Answers, believe
-from foldcar.belief.weighing import Trials
+from foldcar.belief.trials import Trials
 from hand_learned import DESIGNS, hand_learned
 
 

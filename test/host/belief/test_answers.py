@@ -5,7 +5,7 @@ import pytest
 
 from foldcar.belief.answers import believe, estimates
 from foldcar.belief.priors import NAMES, ScorePrior
-from foldcar.belief.weighing import Trials
+from foldcar.belief.trials import Trials
 from hand_learned import DESIGNS, hand_learned
 
 
@@ -83,14 +83,14 @@ def test_the_unexplained_error_grows_where_no_reality_fits() -> None:
 
     answers = believe(hand_learned(2.0, friction=0.3), DESIGNS, Trials.of_counts(counts))
 
-    assert answers.grown
+    assert answers.unexplained_has_grown
 
 
 def test_trials_as_expected_surprise_nobody() -> None:
     answers = believe(hand_learned(1.0, friction=0.5), DESIGNS, Trials.of_counts([(0, 14, 20), (4, 15, 20)]))
 
     assert answers.surprises == []
-    assert not answers.grown
+    assert not answers.unexplained_has_grown
 
 
 def test_realities_are_drawn_by_their_weights() -> None:

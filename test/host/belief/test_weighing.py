@@ -6,7 +6,8 @@ from scipy.special import expit
 
 from foldcar.belief import weighing
 from foldcar.belief.priors import MAX_SCORE, NAMES, ScorePrior
-from foldcar.belief.weighing import Prior, Trials, weigh
+from foldcar.belief.trials import Trials
+from foldcar.belief.weighing import Prior, weigh
 from hand_learned import DESIGNS, hand_learned
 
 GRID = numpy.linspace(-6, 6, 4001)

@@ -10,7 +10,8 @@ import pytest
 from scipy.stats import mannwhitneyu
 
 from foldcar.car.variation import draw, spread_named
-from foldcar.report.environment_values import environment_values, objects_of_pieces, read_scenes
+from foldcar.report.environment_labels import objects_of_pieces
+from foldcar.report.environment_values import environment_values, read_scenes
 from foldcar.statistics.separation import binned, separations
 from foldcar.store.reader import Store
 from foldcar.store.tables import SAMPLE

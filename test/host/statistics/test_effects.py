@@ -61,7 +61,7 @@ def test_a_parameter_without_effect_is_flat_over_unequal_combinations() -> None:
     effect = effects.effect(2)
 
     assert raw[2] - raw[0] > 0.15  # what the average over the designs of each width would show
-    assert effect.run
+    assert effect.each_was_run
     assert effect.combinations == 8  # two radii go with all widths
     assert numpy.ptp(effect.mean) < 0.03
     assert effect.low.max() < effect.high.min()
@@ -109,7 +109,7 @@ def test_without_pairs_that_differ_in_one_parameter_the_model_makes_them() -> No
     effects = fitted(x, seed=1, environments=100)
     effect = effects.effect(0)
 
-    assert not effect.run
+    assert not effect.each_was_run
     assert effect.combinations == 60
     truth = [norm.cdf(score(numpy.insert(x[:, 1:], 0, value, axis=1))).mean() for value in effect.grid]
     assert effect.mean == pytest.approx(truth, abs=0.1)

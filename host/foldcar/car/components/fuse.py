@@ -83,9 +83,10 @@ def fuse(graph: Graph) -> dict[str, Fused]:
 
 
 def _poses_of_fused(graph: Graph) -> dict[str, dict[str, Pose]]:
-    """Return, for each fused face, the poses of its components' faces in the frame of the first of them, by path.
+    """Return the poses of all faces that are rigidly connected to each other, group by group.
 
-    The fused face itself is known by the path of that first face.
+    Such a group of faces becomes one flat *fused face*. A group is known by the path of its first face, and has the poses
+    of all its faces, by their paths, in the frame of the first face.
     """
     # The faces to which each face is rigidly linked, with their poses in its frame.
     neighbours: dict[str, list[tuple[str, Pose]]] = defaultdict(list)

@@ -3,12 +3,12 @@
 Input: a FoldedCar, and the CutCar of its sheets. Output: the page's text; it needs no other file.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
 from markupsafe import Markup
 
-from foldcar.car.folded.model import FoldedCar
+from foldcar.car.folded.model import FoldedCar, Piece
 from foldcar.car.proof.prove import service_steps
 from foldcar.fabrication.assembly.drawing import Drawing
 from foldcar.fabrication.assembly.facets import film_shape
@@ -47,6 +47,8 @@ ASLANT = camera(-55, 32)
 # Long pieces are turned along the picture's wider side.
 UPRIGHT = 1.3
 UNLISTED = ListedCar()
+# How far the folds of a picture are folded: 0 is flat, 1 is finished.
+HALF_FOLDED = 0.5
 
 
 def guide_page(
@@ -122,24 +124,39 @@ def cutting_step(cut: CutCar, machine: str) -> Step:
     return Step("Cut the pieces", lines, tuple(pictures), operations_of_sheets(cut))
 
 
+def _half_folded(part: Piece, cut: CutCar, numbers: Collection[int]) -> Drawing:
+    """Return a picture of a half folded part of a split piece, with the marks of the joins that have these numbers."""
+    place = np.eye(4)
+    marks = [mark for mark in join_marks(cut.car, part, place, HALF_FOLDED) if int(mark.text) in numbers]
+    text = f"{part.label}, half folded"
+    return Drawing(film_shape(part, place, HALF_FOLDED), ASLANT, text, marks, caption=text)
+
+
 def splice_steps(folded: FoldedCar, cut: CutCar) -> Iterator[Step]:
-    """Yield one step, which joins the parts of pieces that were split to fit the sheets; nothing if none was split."""
-    whole_numbers = {join.number for join in folded.joins}
+    """Yield one step of the guide, which joins the parts of pieces that were too large for a sheet.
+
+    ``folded`` is the car as it was designed, and ``cut`` is the same car after large pieces were split into parts. Yields
+    nothing if no piece was split.
+    """
     cut_names = {piece.name for piece in cut.car.pieces}
+    split_pieces = [piece for piece in folded.pieces if piece.name not in cut_names]
+    designed_joins = {join.number for join in folded.joins}
     lines, pictures = [], []
-    for piece in (piece for piece in folded.pieces if piece.name not in cut_names):
+    for piece in split_pieces:
         parts = [part for part in cut.car.pieces if part.name.startswith(f"{piece.name}, part ")]
-        names = {part.name for part in parts}
-        new = {join.number for join in cut.car.joins if join.piece_a in names and join.number not in whole_numbers}
+        part_names = {part.name for part in parts}
+        # The joins between the parts, which the designed car does not have.
+        new_joins = set()
+        for join in cut.car.joins:
+            if join.piece_a in part_names and join.number not in designed_joins:
+                new_joins.add(join.number)
+        parts_text = join_words([part.label for part in parts])
         times = f", {piece.count} times" if piece.count > 1 else ""
         lines.append(
-            f"The {piece.label} is cut as {join_words([part.label for part in parts])}{times}. Fold each tab and tape it "
-            "to the printed side of the panel with the same number, so that the tab lies inside the car: join "
-            f"{number_ranges(new)}. From now on it is one piece."
+            f"The {piece.label} is cut as {parts_text}{times}. Fold each tab and tape it to the printed side of the "
+            "panel with the same number, so that the tab lies inside the car: join "
+            f"{number_ranges(new_joins)}. From now on it is one piece."
         )
-        for part in parts:
-            marks = [mark for mark in join_marks(cut.car, part, np.eye(4), 0.5) if int(mark.text) in new]
-            text = f"{part.label}, half folded"
-            pictures.append(Drawing(film_shape(part, np.eye(4), 0.5), ASLANT, text, marks, caption=text))
+        pictures += [_half_folded(part, cut, new_joins) for part in parts]
     if lines:
         yield Step("Join the parts of pieces", tuple(lines), tuple(pictures), operations_of_splices(folded, cut))
